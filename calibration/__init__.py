@@ -1,0 +1,1 @@
+"""Gauge pictures → camera model with uncertainty: pixels become millimetres on a plane above the plate."""

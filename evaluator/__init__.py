@@ -1,0 +1,1 @@
+"""Video → marks → pose → turning → comparison → discrepancy → report; the command line."""

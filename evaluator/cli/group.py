@@ -1,0 +1,70 @@
+"""The command group: names and one-line helps without importing a single command."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+import click
+
+# name: (module with a click command of that name, dashes as underscores; one-line help). In the order of the work.
+COMMANDS = {
+    "demo": ("demo", "Run the whole pipeline on the shipped sample videos."),
+    "gauge": ("gauge", "Write a printable dot gauge in true scale."),
+    "calibrate": ("calibrate", "Solve the camera from gauge pictures."),
+    "check-camera": ("calibrate", "Tell whether a calibration still holds."),
+    "dots": ("calibrate", "Find and assign the dots of a picture, without a gauge file."),
+    "track": ("track", "Track the two marks of one recording."),
+    "analyze": ("analyze", "Track, reconstruct and fit every run of an experiment."),
+    "compare": ("analyze", "Set every run beside its simulated counterpart."),
+    "report": ("report", "Make the report of an experiment, computing what it needs."),
+    "diagnose": ("diagnose", "Name the missing effect that makes model and data disagree."),
+    "plan": ("diagnose", "Propose the runs of a good experiment."),
+    "simulate": ("simulate", "Simulate one run."),
+    "sweep": ("sweep", "Simulate grids and samples of runs."),
+    "slip-bench": ("slip_bench", "Turn bench torques into forces and a fitted slip law."),
+    "paper": ("paper", "Recompute every published figure and number."),
+    "render": ("render", "Draw the video a rig's camera would see, with exact truth."),
+    "new": ("new", "Lay out a fresh experiment."),
+    "check": ("new", "Validate all files of an experiment."),
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported when they run."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """All command names, in the order of the work."""
+        del ctx
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return one command; None where there is no such command."""
+        del ctx
+        if cmd_name not in COMMANDS:
+            return None
+        module = import_module(f"evaluator.cli.{COMMANDS[cmd_name][0]}")
+        command: click.Command = getattr(module, cmd_name.replace("-", "_"))
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Add the nearest command to the message for a misspelt one."""
+        if args and not args[0].startswith("-") and args[0] not in COMMANDS:
+            import difflib
+
+            near = difflib.get_close_matches(args[0], COMMANDS, n=1)
+            ctx.fail(f"no such command: {args[0]}" + (f"; did you mean {near[0]}?" if near else ""))
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the command list from the table, importing nothing."""
+        del ctx
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="turnscope")
+def turnscope() -> None:
+    """Measure how a microrobot turns, and find out why it does not turn as the model says."""

@@ -1,0 +1,1 @@
+"""Figures, page and overlay video."""

@@ -1,0 +1,111 @@
+"""experiment.toml: which robot, which camera, which runs."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from evaluator.errors import InputError
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class Table(BaseModel):
+    """A table of experiment.toml: unknown keys are errors, values never change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Run(Table):
+    """One recorded run: what was commanded and where its video or marks are."""
+
+    id: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
+    left_rpm: Finite
+    right_rpm: Finite
+    start_s: Finite = 0.0
+    stop_s: Finite | None = None
+    video: Path | None = None
+    marks: Path | None = None
+    group: str = ""  # wheel type, operator, …: runs of one group are drawn as one series
+    robot: str | None = None  # where it differs from the experiment's
+    camera: Path | None = None
+    notes: str = ""
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.video is None) == (self.marks is None):
+            raise ValueError(f"run {self.id} needs either video or marks")
+        if self.stop_s is not None and self.stop_s <= self.start_s:
+            raise ValueError(f"run {self.id}: stop_s = {self.stop_s} is not after start_s = {self.start_s}")
+        return self
+
+
+class Experiment(Table):
+    """An experiment: paths are absolute once loaded."""
+
+    format: Literal[1]
+    name: str
+    robot: str
+    camera: Path | None = None
+    tracking: Path | None = None  # tracking.toml: colours, mark size, region of interest, masks
+    run: tuple[Run, ...] = Field(min_length=1)
+    notes: str = ""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        ids = [run.id for run in self.run]
+        twice = sorted({name for name in ids if ids.count(name) > 1})
+        if twice:
+            raise ValueError(f"run id {', '.join(twice)} is used more than once")
+        blind = [run.id for run in self.run if run.video and not (run.camera or self.camera)]
+        if blind:
+            raise ValueError(
+                f'runs {", ".join(blind)} are videos: say camera = "camera.json" (from turnscope calibrate)'
+            )
+        return self
+
+
+def load_experiment(path: Path) -> Experiment:
+    """Read experiment.toml; paths in it are taken relative to it.
+
+    Raises OSError, tomllib.TOMLDecodeError, pydantic.ValidationError; InputError for files it names that are missing.
+    """
+    path = Path(path)
+    raw = Experiment.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    folder = path.resolve().parent
+
+    def absolute(value: Path | None) -> Path | None:
+        return None if value is None else folder / value
+
+    def robot(value: str | None) -> str | None:
+        return str(folder / value) if value is not None and value.endswith(".toml") else value
+
+    runs = tuple(
+        run.model_copy(
+            update={
+                "video": absolute(run.video),
+                "marks": absolute(run.marks),
+                "camera": absolute(run.camera or raw.camera),
+                "robot": robot(run.robot or raw.robot),
+            }
+        )
+        for run in raw.run
+    )
+    experiment = raw.model_copy(
+        update={
+            "run": runs,
+            "camera": absolute(raw.camera),
+            "robot": robot(raw.robot),
+            "tracking": absolute(raw.tracking),
+        }
+    )
+    wanted = {path for run in runs for path in (run.video, run.marks, run.camera) if path} | (
+        {experiment.tracking} if experiment.tracking else set()
+    )
+    missing = sorted(str(path) for path in wanted if not path.exists())
+    if missing:
+        raise InputError(f"{path}: names files that do not exist: {', '.join(missing)}")
+    return experiment

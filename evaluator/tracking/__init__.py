@@ -1,0 +1,1 @@
+"""Frames → sub-pixel centres of the green and the yellow mark with their uncertainty."""

@@ -1,0 +1,1 @@
+"""Poses → phases, turning circle and minimum turning radius, each with an interval."""

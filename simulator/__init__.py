@@ -1,0 +1,1 @@
+"""Robot, slip law and effects → motion; scene → video with exact truth."""

@@ -1,0 +1,1 @@
+"""Scene, optics and sensor → video with exact truth."""
