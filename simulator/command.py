@@ -1,0 +1,111 @@
+"""What the motors are told: rotational frequency of the left and right driving wheels as a function of time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from simulator.errors import SimulationError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Command:
+    """Piecewise linear commands with jumps.
+
+    time_s: (n,) knots, never decreasing; two knots at one time are a jump. left_rpm, right_rpm: (n,), negative drives
+    backward. Before the first knot the first value holds, after the last knot the last value; at a jump the later
+    value counts. Raises SimulationError for knots that are not finite, go back in time or differ in number.
+    """
+
+    time_s: Array
+    left_rpm: Array
+    right_rpm: Array
+
+    def __post_init__(self) -> None:
+        """Check the knots and make them read-only."""
+        for name in ("time_s", "left_rpm", "right_rpm"):
+            values = np.array(getattr(self, name), dtype=float)
+            if values.ndim != 1 or len(values) == 0 or not np.isfinite(values).all():
+                raise SimulationError(f"a command's {name} must be a list of finite numbers; found {values}")
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+        if not len(self.time_s) == len(self.left_rpm) == len(self.right_rpm):
+            raise SimulationError(
+                f"a command needs as many times as values; found {len(self.time_s)} times, "
+                f"{len(self.left_rpm)} left and {len(self.right_rpm)} right"
+            )
+        back = np.flatnonzero(np.diff(self.time_s) < 0)
+        if len(back):
+            raise SimulationError(
+                f"command times must not decrease; {self.time_s[back[0] + 1]} s comes after later ones"
+            )
+
+    @classmethod
+    def constant(cls, left_rpm: float, right_rpm: float, start_s: float = 0.0, stop_s: float | None = None) -> Command:
+        """Motors off, then on at start_s, then off again at stop_s where given."""
+        if stop_s is not None and stop_s <= start_s:
+            raise SimulationError(f"stop_s = {stop_s} is not after start_s = {start_s}")
+        end = [] if stop_s is None else [(stop_s, 0.0, 0.0)]
+        return cls.steps([(start_s, left_rpm, right_rpm), *end])
+
+    @classmethod
+    def steps(cls, values: Iterable[tuple[float, float, float]]) -> Command:
+        """A sequence of (time_s, left_rpm, right_rpm), each held until the next; motors off before the first."""
+        time, left, right = [], [], []
+        held = (0.0, 0.0)
+        for at, to_left, to_right in values:
+            time += [at, at]
+            left += [held[0], to_left]
+            right += [held[1], to_right]
+            held = (to_left, to_right)
+        return cls(np.array(time, dtype=float), np.array(left, dtype=float), np.array(right, dtype=float))
+
+    @classmethod
+    def ramp(cls, left_rpm: float, right_rpm: float, start_s: float, full_s: float) -> Command:
+        """Motors off, rising linearly from start_s to the given speeds at full_s, then held."""
+        return cls(np.array([start_s, full_s]), np.array([0.0, left_rpm]), np.array([0.0, right_rpm]))
+
+    @classmethod
+    def from_csv(cls, path: str | Path) -> Command:
+        """Read a command log with columns time_s, left_rpm, right_rpm; values are joined by straight lines.
+
+        Two rows at one time are a jump. Raises OSError, and SimulationError for a file that is not a command log.
+        """
+        import pandas as pd
+
+        try:
+            table = pd.read_csv(path)
+        except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+            raise SimulationError(f"{path}: not a CSV table ({str(error).strip()})") from error
+        names = ("time_s", "left_rpm", "right_rpm")
+        missing = [name for name in names if name not in table]
+        if missing:
+            raise SimulationError(
+                f"{path}: column {', '.join(missing)} is missing; a command log has {', '.join(names)}"
+            )
+        columns = [pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float) for name in names]
+        bad = np.flatnonzero(~np.isfinite(columns).all(axis=0))
+        if len(bad):
+            raise SimulationError(f"{path}: line {bad[0] + 2} holds a value that is not a finite number")
+        try:
+            return cls(*columns)
+        except SimulationError as error:
+            raise SimulationError(f"{path}: {error}") from error
+
+    def at(self, time_s: ArrayLike) -> tuple[Array, Array]:
+        """Left and right rpm at the given times, same shape as time_s; at a jump the later value."""
+        time = np.asarray(time_s, dtype=float)
+        last = len(self.time_s) - 1
+        after = np.clip(np.searchsorted(self.time_s, time, side="right"), 0, last)
+        before = np.maximum(np.searchsorted(self.time_s, time, side="right") - 1, 0)
+        span = self.time_s[after] - self.time_s[before]
+        share = np.where(span > 0, (time - self.time_s[before]) / np.where(span > 0, span, 1.0), 0.0)
+        return tuple(  # type: ignore[return-value]
+            values[before] + share * (values[after] - values[before]) for values in (self.left_rpm, self.right_rpm)
+        )

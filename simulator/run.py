@@ -1,0 +1,95 @@
+"""A simulated run: pose, velocity and wheel states over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulator.robot import WHEELS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class State:
+    """Pose of the robot's centre in the plate frame and its velocity in the body frame."""
+
+    x_mm: float = 0.0
+    y_mm: float = 0.0
+    heading_rad: float = 0.0
+    u_mm_s: float = 0.0
+    v_mm_s: float = 0.0
+    yaw_rate_rad_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class WheelStates:
+    """Slip and friction of the four wheels in the order of WHEELS, each (n, 4), in the frame of each wheel."""
+
+    slip_ratio: Array
+    slip_angle_rad: Array
+    longitudinal_force_mN: Array
+    lateral_force_mN: Array
+
+
+@dataclass(frozen=True)
+class Run:
+    """Motion of the robot's centre: plate frame pose, body frame velocity, wheel states; all at time_s (n,).
+
+    heading_rad is unwrapped. Wheel arrays are (n, 4), in the order of WHEELS. Arrays are read-only.
+    """
+
+    time_s: Array
+    x_mm: Array
+    y_mm: Array
+    heading_rad: Array
+    u_mm_s: Array
+    v_mm_s: Array
+    yaw_rate_rad_s: Array
+    wheels: WheelStates
+
+    @property
+    def slip_ratio(self) -> Array:
+        """Slip ratio of each wheel, Eq. (3); 0 for wheels that roll freely."""
+        return self.wheels.slip_ratio
+
+    @property
+    def slip_angle_rad(self) -> Array:
+        """Slip angle of each wheel, Eq. (3), with |u|."""
+        return self.wheels.slip_angle_rad
+
+    @property
+    def longitudinal_force_mN(self) -> Array:
+        """Friction on each wheel along it."""
+        return self.wheels.longitudinal_force_mN
+
+    @property
+    def lateral_force_mN(self) -> Array:
+        """Friction on each wheel to its left."""
+        return self.wheels.lateral_force_mN
+
+    def to_table(self) -> pd.DataFrame:
+        """The columns of a simulated run CSV."""
+        import pandas as pd
+
+        columns = {
+            "time_s": self.time_s,
+            "x_mm": self.x_mm,
+            "y_mm": self.y_mm,
+            "heading_deg": np.degrees(self.heading_rad),
+            "u_mm_s": self.u_mm_s,
+            "v_mm_s": self.v_mm_s,
+            "yaw_rate_deg_s": np.degrees(self.yaw_rate_rad_s),
+        }
+        for number, wheel in enumerate(WHEELS):
+            columns[f"{wheel}_slip_ratio"] = self.slip_ratio[:, number]
+            columns[f"{wheel}_slip_angle_deg"] = np.degrees(self.slip_angle_rad[:, number])
+            columns[f"{wheel}_longitudinal_force_mN"] = self.longitudinal_force_mN[:, number]
+            columns[f"{wheel}_lateral_force_mN"] = self.lateral_force_mN[:, number]
+        return pd.DataFrame(columns)
