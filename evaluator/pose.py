@@ -1,0 +1,254 @@
+"""Pose of the robot from its two marks: centre and heading with covariance, on the plane of the marks.
+
+Plate frame, mm; heading counter-clockwise from +x and unwrapped. The distance between the marks is rigid: it checks
+each frame (a frame whose distance stands out is absent with that reason) and the scale of the whole recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from calibration.camera import Camera
+from calibration.frames import plate_from_body
+from evaluator.errors import InputError
+
+Array = NDArray[np.float64]
+
+OK = "ok"
+# A rigid distance that stands out by more than this many robust standard deviations is no Gaussian accident: one frame
+# in 5e8 would. Correlation between frames does not change that share.
+SPACING_LIMIT_SIGMA = 6.0
+# Marks CSV carry six decimals of a millimetre: the rounding error of one coordinate, the least sigma a file can have.
+ROUNDING_SIGMA_MM = 1e-6 / np.sqrt(12)
+GAUSSIAN_SIGMA_PER_MAD = 1.4826
+
+
+@dataclass(frozen=True)
+class MarkGeometry:
+    """Where the two marks sit on the robot: body frame, mm; height_mm above the plate (needed with a camera only)."""
+
+    green_mm: tuple[float, float]
+    yellow_mm: tuple[float, float]
+    height_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse marks that coincide: they carry no heading."""
+        if not self.spacing_mm > 0:
+            raise InputError(
+                f"marks: green and yellow are both at {self.green_mm}; two different places give a heading"
+            )
+
+    @property
+    def spacing_mm(self) -> float:
+        """Distance between the marks."""
+        return float(np.hypot(self.green_mm[0] - self.yellow_mm[0], self.green_mm[1] - self.yellow_mm[1]))
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses of the robot's centre over time, plate frame; NaN where a frame has none, with the reason in `status`.
+
+    time_s, x_mm, y_mm, heading_rad: (n,). covariance: (n, 3, 3) of (x, y, heading), what is random from frame to frame.
+    sensitivity: (n, 3, p), derivative by the camera's parameters, and camera_covariance (p, p): together the systematic
+    part, common to all frames; None without a camera. spacing_mm: (n,) measured distance of the marks.
+    """
+
+    time_s: Array
+    x_mm: Array
+    y_mm: Array
+    heading_rad: Array
+    covariance: Array
+    status: NDArray[np.str_]
+    spacing_mm: Array = field(default_factory=lambda: np.empty(0))
+    geometry: MarkGeometry | None = None
+    sensitivity: Array | None = None
+    camera_covariance: Array | None = None
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        for name in ("time_s", "x_mm", "y_mm", "heading_rad", "covariance", "spacing_mm", "sensitivity"):
+            value = getattr(self, name)
+            if value is not None:
+                array = np.array(value, dtype=float)
+                array.setflags(write=False)
+                object.__setattr__(self, name, array)
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """Frames that have a pose, (n,)."""
+        return np.isfinite(self.x_mm) & np.isfinite(self.y_mm) & np.isfinite(self.heading_rad)
+
+    def spacing_ratio(self) -> tuple[float, float]:
+        """Measured over nominal distance of the marks and its standard error: the running check of scale.
+
+        NaN, NaN without geometry. The error is that of the middle half of the frames taken as independent: a floor.
+        """
+        spacing = self.spacing_mm[self.measured] if len(self.spacing_mm) == len(self.time_s) else np.empty(0)
+        if self.geometry is None or len(spacing) < 2:
+            return float("nan"), float("nan")
+        scatter = _robust_sigma(spacing)
+        nominal = self.geometry.spacing_mm
+        # 1.2533: the median of Gaussian values scatters sqrt(pi/2) times as much as their mean.
+        return float(np.median(spacing) / nominal), float(1.2533 * scatter / np.sqrt(len(spacing)) / nominal)
+
+
+def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera | None = None) -> Poses:
+    """Reconstruct centre and heading from a marks table (evaluator.marks), frame by frame.
+
+    Weighted least squares of a rigid body: heading from the direction between the marks, position from their weighted
+    mean. Uncertainties come from the sigma columns (`green_x_sigma_mm`, …, `green_xy_cov_mm2`) or, where the table has
+    none, from the scatter of the rigid distance itself. A frame with a missing mark is NaN with the mark's reason.
+    With a camera the poses also carry the sensitivity to its parameters (needs geometry.height_mm).
+    """
+    time = marks["time_s"].to_numpy(float)
+    green, yellow = (marks[[f"{m}_x_mm", f"{m}_y_mm"]].to_numpy(float) for m in ("green", "yellow"))
+    spacing = np.hypot(*(green - yellow).T)
+    status = _status(marks, green, yellow, spacing)
+    good = status == OK
+    covariances = _mark_covariances(marks, spacing, good)
+    weight = _green_weight(covariances, good)
+    green, yellow = (np.where(good[:, None], points, np.nan) for points in (green, yellow))
+    pose = _pose_of(green, yellow, geometry, weight)
+    pose[:, 2] = unwrapped_across_gaps(time, pose[:, 2])
+    jacobian = _pose_jacobian(green, yellow, pose[:, 2], geometry, weight)
+    covariance = np.einsum("nmia,nmab,nmjb->nij", jacobian, covariances, jacobian)
+    sensitivity = None if camera is None else _sensitivity(marks, green, yellow, jacobian, geometry, camera)
+    return Poses(
+        time_s=time,
+        x_mm=pose[:, 0],
+        y_mm=pose[:, 1],
+        heading_rad=pose[:, 2],
+        covariance=covariance,
+        status=status,
+        spacing_mm=spacing,
+        geometry=geometry,
+        sensitivity=sensitivity,
+        camera_covariance=None if camera is None else np.asarray(camera.covariance),
+    )
+
+
+def unwrapped_across_gaps(time_s: Array, heading_rad: Array) -> Array:
+    """Make a heading continuous: NaN stays, and turns made during a gap are counted from the yaw rate beside it."""
+    result = np.array(heading_rad, dtype=float)
+    there = np.flatnonzero(np.isfinite(result))
+    if len(there) < 2:
+        return result
+    steps, heading_steps = np.diff(time_s[there]), np.diff(result[there])
+    heading_steps -= 2 * np.pi * np.round(heading_steps / (2 * np.pi))
+    gaps = np.flatnonzero(steps > 1.5 * np.median(steps))
+    rates = heading_steps / steps
+    rates[gaps] = np.nan
+    for gap in gaps:
+        beside = rates[max(gap - 5, 0) : gap + 6]
+        if np.isfinite(beside).any():
+            expected = float(np.nanmedian(beside)) * steps[gap]
+            heading_steps[gap] += 2 * np.pi * np.round((expected - heading_steps[gap]) / (2 * np.pi))
+    result[there] = result[there[0]] + np.concatenate([[0.0], np.cumsum(heading_steps)])
+    return result
+
+
+def _status(marks: pd.DataFrame, green: Array, yellow: Array, spacing: Array) -> NDArray[np.str_]:
+    status = np.full(len(marks), OK, dtype=object)
+    for name, points in (("yellow", yellow), ("green", green)):
+        absent = ~np.isfinite(points).all(axis=1)
+        reason = marks[f"{name}_status"].to_numpy(str) if f"{name}_status" in marks else np.full(len(marks), "absent")
+        status[absent] = [f"{name}: {text if text not in ('nan', '', OK) else 'absent'}" for text in reason[absent]]
+    there = status == OK
+    if there.sum() >= 3:
+        usual = float(np.median(spacing[there]))
+        limit = SPACING_LIMIT_SIGMA * max(_robust_sigma(spacing[there]), np.sqrt(2) * ROUNDING_SIGMA_MM)
+        odd = there & (np.abs(spacing - usual) > limit)
+        status[odd] = [f"marks {d:.3f} mm apart, {usual:.3f} in the other frames" for d in spacing[odd]]
+    return status.astype(str)
+
+
+def _mark_covariances(marks: pd.DataFrame, spacing: Array, good: NDArray[np.bool_]) -> Array:
+    """Covariance of both marks, (n, 2, 2, 2), mm²: green first."""
+    result = np.zeros((len(marks), 2, 2, 2))
+    scatter = _robust_sigma(spacing[good]) if good.sum() >= 3 else 0.0
+    unknown = max(scatter / np.sqrt(2), ROUNDING_SIGMA_MM)  # the distance holds one coordinate of each mark
+    for index, name in enumerate(("green", "yellow")):
+        for axis, letter in enumerate("xy"):
+            column = f"{name}_{letter}_sigma_mm"
+            sigma = marks[column].to_numpy(float) if column in marks else np.full(len(marks), np.nan)
+            known = np.isfinite(sigma) & (sigma > 0)
+            sigma = np.where(known, sigma, np.median(sigma[known]) if known.any() else unknown)
+            result[:, index, axis, axis] = np.maximum(sigma, ROUNDING_SIGMA_MM) ** 2
+        column = f"{name}_xy_cov_mm2"
+        if column in marks:
+            both = np.nan_to_num(marks[column].to_numpy(float))
+            limit = 0.99 * np.sqrt(result[:, index, 0, 0] * result[:, index, 1, 1])
+            result[:, index, 0, 1] = result[:, index, 1, 0] = np.clip(both, -limit, limit)
+    return result
+
+
+def _green_weight(covariances: Array, good: NDArray[np.bool_]) -> float:
+    """Weight of the green mark in the position: one for the run, lest a wrong spacing make the centre jump."""
+    if not good.any():
+        return 0.5
+    green, yellow = np.median(np.trace(covariances[good], axis1=2, axis2=3), axis=0)
+    return float(yellow / (green + yellow))
+
+
+def _pose_of(green: Array, yellow: Array, geometry: MarkGeometry, weight: float) -> Array:
+    body_green, body_yellow = np.array(geometry.green_mm), np.array(geometry.yellow_mm)
+    across, body_across = green - yellow, body_green - body_yellow
+    heading = np.arctan2(across[:, 1], across[:, 0]) - np.arctan2(body_across[1], body_across[0])
+    mean = weight * green + (1 - weight) * yellow
+    body_mean = weight * body_green + (1 - weight) * body_yellow
+    center = mean - plate_from_body(body_mean, 0.0, 0.0, heading)
+    return np.column_stack([center, heading])
+
+
+def _pose_jacobian(green: Array, yellow: Array, heading: Array, geometry: MarkGeometry, weight: float) -> Array:
+    """Derivative of (x, y, heading) by green and by yellow: (n, 2, 3, 2)."""
+    across = green - yellow
+    by_green = np.stack([-across[:, 1], across[:, 0]], axis=1) / (across**2).sum(axis=1)[:, None]
+    body_mean = weight * np.array(geometry.green_mm) + (1 - weight) * np.array(geometry.yellow_mm)
+    lever = plate_from_body(np.array([-body_mean[1], body_mean[0]]), 0.0, 0.0, heading)  # d(R m)/d(heading)
+    result = np.empty((len(green), 2, 3, 2))
+    for index, (share, turn) in enumerate(((weight, by_green), (1 - weight, -by_green))):
+        result[:, index, :2] = share * np.eye(2) - lever[:, :, None] * turn[:, None, :]
+        result[:, index, 2] = turn
+    return result
+
+
+def _sensitivity(
+    marks: pd.DataFrame, green: Array, yellow: Array, jacobian: Array, geometry: MarkGeometry, camera: Camera
+) -> Array:
+    if geometry.height_mm is None:
+        raise InputError(
+            "marks: their height above the plate is needed to carry the camera's uncertainty; say height_mm"
+        )
+    height = geometry.height_mm
+    result: Array | float = 0.0
+    for index, (name, points) in enumerate((("green", green), ("yellow", yellow))):
+        place = _picture_points(marks, name, points, height, camera)
+        by_camera = _smooth(lambda at: camera.plate_sensitivity(at, height), place)
+        result = result + np.einsum("nia,nap->nip", jacobian[:, index], by_camera)
+    return np.asarray(result)
+
+
+def _picture_points(marks: pd.DataFrame, name: str, points: Array, height: float, camera: Camera) -> Array:
+    columns = [f"{name}_x_px", f"{name}_y_px"]
+    if all(column in marks for column in columns):
+        return np.where(np.isfinite(points), marks[columns].to_numpy(float), np.nan)
+    return camera.picture_from_plate(np.column_stack([points, np.full(len(points), height)]))
+
+
+def _smooth(function: Callable[[Array], Array], places: Array) -> Array:
+    """Evaluate a costly smooth function of picture points (n, 2); NaN where a point is NaN."""
+    there = np.isfinite(places).all(axis=1)
+    values = function(places[there]) if there.any() else np.empty((0, 2, 1))
+    result = np.full((len(places), *values.shape[1:]), np.nan)
+    result[there] = values
+    return result
+
+
+def _robust_sigma(values: Array) -> float:
+    return float(GAUSSIAN_SIGMA_PER_MAD * np.median(np.abs(values - np.median(values))))

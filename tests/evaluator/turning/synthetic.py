@@ -1,0 +1,42 @@
+"""Marks of a robot on a known path, with known noise: the oracle of these tests."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from calibration.frames import plate_from_body
+from evaluator.pose import MarkGeometry
+
+GEOMETRY = MarkGeometry(green_mm=(-1.55, 1.83), yellow_mm=(-1.55, -1.83), height_mm=6.5)
+FRAME_S = 1 / 60
+Array = NDArray[np.float64]
+
+
+def arc_poses(radius_mm: float, turned_deg: float, frames: int, slip_rad: float = 0.1) -> Array:
+    """Poses (n, 3) along a circle at constant speed, counter-clockwise for a positive radius; a body that slips."""
+    turned = np.radians(np.linspace(0, turned_deg, frames)) * np.sign(radius_mm)
+    return np.column_stack([radius_mm * np.sin(turned), radius_mm * (1 - np.cos(turned)), turned - slip_rad])
+
+
+def straight_poses(length_mm: float, frames: int) -> Array:
+    """Poses (n, 3) along +x at constant speed."""
+    return np.column_stack([np.linspace(0, length_mm, frames), np.zeros(frames), np.zeros(frames)])
+
+
+def resting(poses: Array, before: int = 0, after: int = 0) -> Array:
+    """The same poses with frames of rest before and after."""
+    return np.concatenate([np.repeat(poses[:1], before, axis=0), poses, np.repeat(poses[-1:], after, axis=0)])
+
+
+def marks_of(poses: Array, sigma_mm: float, rng: np.random.Generator, correlation: float = 0.0) -> pd.DataFrame:
+    """Marks table of poses with Gaussian noise that falls off by `correlation` per frame."""
+    table = {"time_s": np.arange(len(poses)) * FRAME_S}
+    for name, place in (("green", GEOMETRY.green_mm), ("yellow", GEOMETRY.yellow_mm)):
+        noise = rng.normal(size=(len(poses), 2))
+        for row in range(1, len(noise) if correlation else 0):
+            noise[row] = correlation * noise[row - 1] + np.sqrt(1 - correlation**2) * noise[row]
+        points = plate_from_body(np.broadcast_to(place, (len(poses), 2)), *poses.T) + sigma_mm * noise
+        table[f"{name}_x_mm"], table[f"{name}_y_mm"] = points.T
+    return pd.DataFrame(table)
