@@ -218,6 +218,9 @@ class Picture(Table):
 
     format: Literal[1]
     name: str = ""
+    rig: str | None = None  # a TOML with tables that scenes share; what stands in the scene itself counts more
+    output: Path | None = None  # where `turnscope render` writes when not told otherwise
+    truth: Path | None = None
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     camera: CameraTable = CameraTable()
     optics: Optics = Optics()
@@ -283,7 +286,7 @@ class GaugeScene(Picture):
 
 def scene_kind(path: Path) -> str:
     """Read the kind of a scene: "run" or "gauge"; SimulationError for any other."""
-    kind = tomllib.loads(Path(path).read_text(encoding="utf-8")).get("kind", "run")
+    kind = _content(path).get("kind", "run")
     if kind not in {"run", "gauge"}:
         raise SimulationError(f'{path}: kind = {kind!r}: a scene is of kind "run" or "gauge"')
     return str(kind)
@@ -294,30 +297,45 @@ def load_scene(path: Path) -> Scene | GaugeScene:
 
     Raises OSError, tomllib.TOMLDecodeError, pydantic.ValidationError; SimulationError for an unknown kind.
     """
-    folder = Path(path).resolve().parent
-    if scene_kind(path) == "gauge":
-        of_gauge = load_gauge_scene(path)
-        return of_gauge.model_copy(
-            update={"gauge": folder / of_gauge.gauge, "camera": _beside(folder, of_gauge.camera)}
-        )
-    scene = load_run_scene(path)
-    changes: dict[str, object] = {"camera": _beside(folder, scene.camera)}
-    if scene.robot.endswith(".toml"):
-        changes["robot"] = str(folder / scene.robot)
-    if isinstance(scene.motion, Given):
-        changes["motion"] = scene.motion.model_copy(update={"file": folder / scene.motion.file})
-    return scene.model_copy(update=changes)
+    return load_gauge_scene(path) if scene_kind(path) == "gauge" else load_run_scene(path)
 
 
 def load_run_scene(path: Path) -> Scene:
-    """Read a scene of kind "run", paths as they are written."""
-    return Scene.model_validate(tomllib.loads(Path(path).read_text(encoding="utf-8")))
+    """Read a scene of kind "run"."""
+    scene = Scene.model_validate(_content(path))
+    changes = _absolute(path, scene)
+    if scene.robot.endswith(".toml"):
+        changes["robot"] = str(Path(path).resolve().parent / scene.robot)
+    if isinstance(scene.motion, Given):
+        changes["motion"] = scene.motion.model_copy(update={"file": Path(path).resolve().parent / scene.motion.file})
+    return scene.model_copy(update=changes)
 
 
 def load_gauge_scene(path: Path) -> GaugeScene:
-    """Read a scene of kind "gauge", paths as they are written."""
-    return GaugeScene.model_validate(tomllib.loads(Path(path).read_text(encoding="utf-8")))
+    """Read a scene of kind "gauge"."""
+    scene = GaugeScene.model_validate(_content(path))
+    return scene.model_copy(update={**_absolute(path, scene), "gauge": Path(path).resolve().parent / scene.gauge})
 
 
-def _beside(folder: Path, camera: CameraTable) -> CameraTable:
-    return camera if camera.file is None else camera.model_copy(update={"file": folder / camera.file})
+def _content(path: Path) -> dict[str, Any]:
+    """Tables of a scene over those of the rig that it names."""
+    content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    rig = content.get("rig")
+    if not isinstance(rig, str):
+        return content
+    below = tomllib.loads((Path(path).parent / rig).read_text(encoding="utf-8"))
+    for key, value in content.items():
+        old = below.get(key)
+        below[key] = {**old, **value} if isinstance(old, dict) and isinstance(value, dict) else value
+    return below
+
+
+def _absolute(path: Path, scene: Picture) -> dict[str, Any]:
+    """Paths that every scene may name, made absolute."""
+    folder = Path(path).resolve().parent
+    changes: dict[str, Any] = {
+        name: folder / value for name in ("output", "truth") if (value := getattr(scene, name)) is not None
+    }
+    if scene.camera.file is not None:
+        changes["camera"] = scene.camera.model_copy(update={"file": folder / scene.camera.file})
+    return changes
