@@ -15,7 +15,7 @@ from evaluator.files import write_text
 from evaluator.report.figures.agreement import radius_agreement
 from evaluator.report.figures.radius import radius_against_difference, radius_against_ratio, radius_by_group
 from evaluator.report.figures.speed import straight_speed
-from evaluator.report.figures.trajectory import trajectories
+from evaluator.report.figures.trajectory import LEGEND, trajectories
 from evaluator.report.player import player_data
 from evaluator.report.runs import RunView, views_of
 from evaluator.report.style import THEME, Figure
@@ -56,6 +56,7 @@ class Page:
     faults: dict[str, str]
     sections: tuple[Section, ...]
     player: str
+    legend: tuple[tuple[str, str], ...]
     footer: str
     css: str
     script: str = field(repr=False)
@@ -80,6 +81,7 @@ def report_html(analysis: Analysis) -> str:
         faults=analysis.faults,
         sections=tuple(section for section in _sections(runs, robot) if section is not None),
         player=player_data(runs, robot),
+        legend=LEGEND,
         footer=_footer(provenance),
         css=_css(),
         script=_resource("page.js"),

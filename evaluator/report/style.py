@@ -50,7 +50,8 @@ class Series:
 
     def markers(self) -> dict[str, Any]:
         """Arguments for points."""
-        return {"color": self.color, "marker": self.marker, "mfc": self.color if self.filled else PAPER, "ls": "none"}
+        look: dict[str, Any] = {"color": self.color, "marker": self.marker, "ls": "none"}
+        return look if self.filled else {**look, "mfc": "none", "ms": 7.5, "zorder": 3}
 
 
 MEASURED = Series(BLUE, "o", "-")
@@ -95,14 +96,22 @@ STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class Figure:
-    """A finished figure: inline SVG, what to see in it, and the numbers behind it."""
+    """A finished figure: what to see in it, its panels as inline SVG, and the numbers behind it.
+
+    legend: entries (CSS class of the line, text) of a legend shared by all panels, drawn by the page.
+    """
 
     name: str
     title: str
     caption: str
-    svg: str
+    panels: tuple[str, ...]
     data: pd.DataFrame
-    wide: bool = False  # takes the whole width of the page
+    legend: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def wide(self) -> bool:
+        """Takes the whole width of the page."""
+        return len(self.panels) > 1
 
     @property
     def csv(self) -> str:

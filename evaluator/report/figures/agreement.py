@@ -43,7 +43,7 @@ def radius_agreement(runs: Sequence[RunView]) -> Figure | None:
         "Where model and robot disagree",
         "The bar is the measured radius with its 95 % interval, set to zero; the square is how far the simulation is "
         "off. Squares on one side point to a wrong parameter; a pattern by direction or speed, to a missing effect.",
-        canvas.svg,
+        (canvas.svg,),
         pd.DataFrame(
             {
                 "run": [run.id for run in chosen],

@@ -34,7 +34,7 @@ def radius_against_difference(runs: Sequence[RunView]) -> Figure | None:
         "Radius against difference of rotational frequency",
         "Each circle is a run, with its 95 % interval; the square at the same place is its simulation. Where a square "
         "lies outside the interval, model and robot disagree. (Figure 18 of the paper.)",
-        canvas.svg,
+        (canvas.svg,),
         _radius_data(turning),
     )
 
@@ -66,7 +66,7 @@ def radius_against_ratio(runs: Sequence[RunView]) -> Figure | None:
         "One curve for all speeds",
         "If only the ratio of the wheel speeds matters, all runs fall on one line. The dotted line is equation (11), "
         "the paper's simulation of its magnetic wheels. (Figure 14 of the paper.)",
-        canvas.svg,
+        (canvas.svg,),
         data,
     )
 
@@ -96,7 +96,7 @@ def radius_by_group(runs: Sequence[RunView]) -> Figure | None:
         "Forward and backward, group by group",
         "Filled marks are forward runs, open triangles backward runs. A pair that is apart by more than its intervals "
         "turns differently in the two directions. (Figure 22 of the paper.)",
-        canvas.svg,
+        (canvas.svg,),
         data,
     )
 

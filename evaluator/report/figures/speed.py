@@ -35,7 +35,7 @@ def straight_speed(runs: Sequence[RunView], wheel_radius_mm: float) -> Figure | 
         "Straight runs: speed against rotational frequency",
         "On the line the wheels roll without slip. Circle and cross apart from each other mean that the run was not "
         "straight; both below the line, that the wheels slip or turn slower than commanded. (Figure 17 of the paper.)",
-        canvas.svg,
+        (canvas.svg,),
         pd.DataFrame(
             {
                 "run": [run.id for run in straight],

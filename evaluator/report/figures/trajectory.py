@@ -13,6 +13,13 @@ from evaluator.report.runs import RunView
 from evaluator.report.style import BLUE, GREEN, INK, VERMILLION, YELLOW, Figure, drawing
 
 MOST_POINTS = 240  # of a drawn curve: below a tenth of a pixel of error on a turn that fills its panel
+LEGEND = (
+    ("green", "green mark"),
+    ("yellow dashed", "yellow mark"),
+    ("ink", "centre"),
+    ("vermillion dashed", "simulated centre"),
+    ("blue thin", "circle of minimum radius"),
+)
 MOST_PANELS = 12  # more runs than that are seen in the player; on paper they would be stamps
 
 
@@ -21,24 +28,20 @@ def trajectories(runs: Sequence[RunView]) -> Figure | None:
     chosen = representative(runs, MOST_PANELS)
     if not chosen:
         return None
-    columns = min(3, len(chosen))
-    rows = -(-len(chosen) // columns)
-    size = {"width": 3.1 * columns + 0.3, "height": 3.05 * rows + 0.35}
-    with drawing("trajectories", rows=rows, columns=columns, **size) as canvas:
-        for axes, run in zip(canvas.axes, chosen, strict=False):
-            _panel(axes, run)
-        for axes in canvas.axes[len(chosen) :]:
-            axes.set_axis_off()
-        handles, labels = canvas.axes[0].get_legend_handles_labels()
-        canvas.canvas.legend(handles, labels, loc="outside upper left", ncols=len(handles))
+    panels = []
+    for run in chosen:
+        with drawing(f"trajectory-{run.id}", width=3.3, height=3.3) as canvas:
+            _panel(canvas.axes[0], run)
+        panels.append(canvas.svg)
     return Figure(
         "trajectories",
         "Trajectories and circles of minimum radius",
-        "Green and yellow: the two marks; black: the centre of the robot; the dot is the start. The thin circle is the "
-        "minimum turning radius, the dashed line the simulated centre from the same start. (Figure 19 of the paper.)",
-        canvas.svg,
+        "The dot is the start. The thin circle is the minimum turning radius; where the dashed line leaves the black "
+        "one, the simulation leaves the robot. One run per command, forward and backward side by side; all are in the "
+        "player. (Figure 19 of the paper.)",
+        tuple(panels),
         pd.concat([_data(run) for run in chosen], ignore_index=True),
-        wide=True,
+        legend=LEGEND,
     )
 
 
@@ -66,10 +69,10 @@ def thinned(table: pd.DataFrame, most: int) -> pd.DataFrame:
 
 def _panel(axes: Axes, run: RunView) -> None:
     marks, poses, simulated = (thinned(table, MOST_POINTS) for table in (run.marks, run.poses, run.simulated))
-    axes.plot(marks["green_x_mm"], marks["green_y_mm"], color=GREEN, lw=1.0, label="green mark")
-    axes.plot(marks["yellow_x_mm"], marks["yellow_y_mm"], color=YELLOW, lw=1.0, ls="-.", label="yellow mark")
-    axes.plot(poses["x_mm"], poses["y_mm"], color=INK, lw=1.8, label="centre")
-    axes.plot(simulated["x_mm"], simulated["y_mm"], color=VERMILLION, lw=1.2, ls=(0, (4, 2)), label="simulated centre")
+    axes.plot(marks["green_x_mm"], marks["green_y_mm"], color=GREEN, lw=1.0)
+    axes.plot(marks["yellow_x_mm"], marks["yellow_y_mm"], color=YELLOW, lw=1.0, ls="-.")
+    axes.plot(poses["x_mm"], poses["y_mm"], color=INK, lw=1.8)
+    axes.plot(simulated["x_mm"], simulated["y_mm"], color=VERMILLION, lw=1.2, ls=(0, (4, 2)))
     first = poses.dropna(subset=["x_mm"]).iloc[:1]
     axes.plot(first["x_mm"], first["y_mm"], color=INK, marker="o", ms=4, ls="none")
     title = f"{run.id}: {run.command}"
@@ -79,16 +82,16 @@ def _panel(axes: Axes, run: RunView) -> None:
         axes.plot(*center, color=BLUE, marker="+", ms=5, ls="none")
         title += f"\nradius {run.value('radius_mm'):.3g} mm"
     axes.set_title(title)
-    _frame(axes, run, marks)
+    _frame(axes, run, marks, poses)
     axes.set_xlabel("x, mm")
     axes.set_ylabel("y, mm")
 
 
-def _frame(axes: Axes, run: RunView, marks: pd.DataFrame) -> None:
+def _frame(axes: Axes, run: RunView, marks: pd.DataFrame, poses: pd.DataFrame) -> None:
     """A square view of the trajectories; of the whole circle only where it is not much larger than they are."""
-    columns = [[f"{mark}_{axis}_mm" for mark in ("green", "yellow")] for axis in "xy"]
-    low = np.array([np.nanmin(marks[names].to_numpy()) for names in columns])
-    high = np.array([np.nanmax(marks[names].to_numpy()) for names in columns])
+    drawn = [[marks[f"green_{axis}_mm"], marks[f"yellow_{axis}_mm"], poses[f"{axis}_mm"]] for axis in "xy"]
+    low = np.array([min(curve.min() for curve in curves) for curves in drawn])
+    high = np.array([max(curve.max() for curve in curves) for curves in drawn])
     radius, center = run.value("radius_mm"), np.array([run.value("center_x_mm"), run.value("center_y_mm")])
     if np.isfinite(center).all() and radius < np.max(high - low):
         low, high = np.minimum(low, center - radius), np.maximum(high, center + radius)

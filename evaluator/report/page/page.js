@@ -3,9 +3,18 @@
 for (const link of document.querySelectorAll("a.svg")) {
   link.addEventListener("click", (event) => {
     event.preventDefault();
-    const svg = link.closest("figure").querySelector("svg").cloneNode(true);
-    svg.setAttribute("xmlns", "http://www.w3.org/2000/svg");
-    const text = svg.outerHTML.replace(/var\(--[a-z]+, (#[0-9a-f]{6})\)/g, "$1");
+    const panels = [...link.closest("figure").querySelectorAll(".drawing svg")];
+    const columns = Math.min(3, panels.length), { width, height } = panels[0].viewBox.baseVal;
+    const inside = panels.map((panel, index) => {
+      const copy = panel.cloneNode(true);
+      const place = { x: (index % columns) * width, y: Math.floor(index / columns) * height, width, height };
+      for (const [key, value] of Object.entries(place)) copy.setAttribute(key, value);
+      return copy.outerHTML;
+    });
+    const rows = Math.ceil(panels.length / columns);
+    const text = `<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" `
+      + `viewBox="0 0 ${columns * width} ${rows * height}">${inside.join("")}</svg>`
+        .replace(/var\(--[a-z]+, (#[0-9a-f]{6})\)/g, "$1");
     const place = URL.createObjectURL(new Blob([text], { type: "image/svg+xml" }));
     const saver = Object.assign(document.createElement("a"), { href: place, download: link.download });
     saver.click();
