@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from evaluator.cli.progress import Report
+    from evaluator.progress import Progress
     from simulator.rendering import GaugeScene, Scene
 
 PICTURES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
@@ -68,7 +68,7 @@ def _shown_from_here(path: Path | None) -> Path | None:
     return min(Path(os.path.relpath(path)), Path(os.path.normpath(path)), key=lambda form: len(str(form)))
 
 
-def _render_one(scene: Scene | GaugeScene, output: Path, truth: Path, report: Report) -> str:
+def _render_one(scene: Scene | GaugeScene, output: Path, truth: Path, report: Progress) -> str:
     """Render a scene to its files; returns what to say."""
     from evaluator.files import written_whole
     from simulator.rendering import GaugeScene, render_clip, render_gauge
