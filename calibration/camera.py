@@ -1,27 +1,27 @@
 """Camera model: points of the plate (at a height) to picture points and back, with sensitivity to its parameters.
 
 Frames: see frames.py. Camera frame: x right, y down, z along the optical axis (away from the camera), so the plate's
-z axis points roughly against the camera's. Lens: pinhole with radial distortion, r_d = r·(1 + k1 r² + k2 r⁴ + k3 r⁶)
-plus decentring (Brown 1971), or the equidistant series θ_d = θ·(1 + k1 θ² + …) (Kannala and Brandt 2006).
+z axis points roughly against the camera's. Lens: see lens.py.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Literal
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from calibration.lens import LensModel, distort, solve_2x2, undistort
+
 Array = NDArray[np.float64]
-LensModel = Literal["brown", "fisheye"]
 
 # Order of the parameter vector: pose first, then lens. One place, so that indices never appear elsewhere.
 PARAMETERS = (
     "rotation_x", "rotation_y", "rotation_z", "translation_x_mm", "translation_y_mm", "translation_z_mm",
     "focal_px", "aspect", "principal_x_px", "principal_y_px", "k1", "k2", "p1", "p2", "k3", "k4",
 )  # fmt: skip
+POSE, PINHOLE, DISTORTION = slice(0, 6), slice(6, 10), slice(10, 16)
 
 
 @dataclass(frozen=True)
@@ -30,13 +30,15 @@ class Camera:
 
     size_px: (width, height) of its pictures. parameters: (16,) in the order of PARAMETERS; the rotation vector and
     translation take plate coordinates to camera coordinates. covariance: (16, 16) of the parameters, zero rows for
-    those that are fixed. lens: "brown" (k1, k2, p1, p2, k3) or "fisheye" (k1 to k4).
+    those that are fixed. lens: "brown" (k1, k2, p1, p2, k3) or "fisheye" (k1 to k4). doubt: why its millimetres are
+    not to be trusted, empty where they are.
     """
 
     size_px: tuple[int, int]
     parameters: Array
     lens: LensModel = "brown"
     covariance: Array = field(default_factory=lambda: np.zeros((len(PARAMETERS), len(PARAMETERS))))
+    doubt: str = ""
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
@@ -49,78 +51,91 @@ class Camera:
         """One parameter by its name."""
         return float(self.parameters[PARAMETERS.index(name)])
 
+    def sigma(self, name: str) -> float:
+        """Standard uncertainty of one parameter; 0 where it is fixed."""
+        index = PARAMETERS.index(name)
+        return float(np.sqrt(self.covariance[index, index]))
+
     def picture_from_plate(self, points_mm: ArrayLike) -> Array:
         """Project points (..., 3) of the plate frame, mm; returns (..., 2) px, NaN behind the camera."""
         points = np.asarray(points_mm, dtype=float)
-        shape = points.shape[:-1]
-        rotation = cv2.Rodrigues(self.parameters[:3])[0]
-        in_camera = points.reshape(-1, 3) @ rotation.T + self.parameters[3:6]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            normalised = in_camera[:, :2] / in_camera[:, 2:]
-        normalised[in_camera[:, 2] <= 0] = np.nan
-        return self._picture_from_normalised(normalised).reshape(*shape, 2)
+        return project(points.reshape(-1, 3), self.parameters, self.lens)[0].reshape(*points.shape[:-1], 2)
 
     def plate_from_picture(self, points_px: ArrayLike, height_mm: float) -> Array:
-        """Place picture points (..., 2) px on the plane height_mm above the plate; returns (..., 2) mm."""
+        """Place picture points (..., 2) px on the plane height_mm above the plate; returns (..., 2) mm.
+
+        NaN where the line of sight misses the plane or the lens model has no inverse.
+        """
         points = np.asarray(points_px, dtype=float)
-        shape = points.shape[:-1]
-        normalised = self._normalised_from_picture(points.reshape(-1, 2))
+        flat = points.reshape(-1, 2)
+        focal, aspect, *principal = self.parameters[PINHOLE]
+        distorted = (flat - principal) / (focal, focal * aspect)
+        normalised = undistort(distorted, self.parameters[DISTORTION], self.lens)
         rotation = cv2.Rodrigues(self.parameters[:3])[0]
         origin = -rotation.T @ self.parameters[3:6]
         rays = np.column_stack([normalised, np.ones(len(normalised))]) @ rotation
-        distance = (height_mm - origin[2]) / rays[:, 2]
-        return np.asarray((origin[:2] + distance[:, None] * rays[:, :2]).reshape(*shape, 2))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            distance = (height_mm - origin[2]) / rays[:, 2]
+            distance[~(distance > 0)] = np.nan
+            placed = origin[:2] + distance[:, None] * rays[:, :2]
+        return np.asarray(placed.reshape(*points.shape[:-1], 2))
 
     def plate_jacobian(self, points_px: ArrayLike, height_mm: float) -> Array:
-        """Derivative of `plate_from_picture` by the picture point: (..., 2, 2), mm per px (central difference)."""
-        points, step = np.asarray(points_px, dtype=float), 0.05
-        columns = [
-            (self.plate_from_picture(points + shift, height_mm) - self.plate_from_picture(points - shift, height_mm))
-            / (2 * step)
-            for shift in (np.array([step, 0.0]), np.array([0.0, step]))
-        ]
-        return np.stack(columns, axis=-1)
+        """Derivative of `plate_from_picture` by the picture point: (..., 2, 2), mm per px."""
+        points = np.asarray(points_px, dtype=float)
+        by_point, _ = self._at(points.reshape(-1, 2), height_mm)
+        identity = np.broadcast_to(np.eye(2), by_point.shape)
+        return solve_2x2(by_point, identity).reshape(*points.shape[:-1], 2, 2)
 
     def plate_sensitivity(self, points_px: ArrayLike, height_mm: float) -> Array:
         """Derivative of `plate_from_picture` by the parameters: (..., 2, 16).
 
         With `covariance` it gives the systematic covariance between any points, J C Jᵀ: errors that no more frames
-        would average away.
+        would average away. From the implicit function: the picture point stays, so dX/dθ = -(du/dX)⁻¹ du/dθ.
         """
         points = np.asarray(points_px, dtype=float)
-        scale = np.maximum(np.abs(self.parameters), 1.0) * 1e-6
-        columns = []
-        for index, step in enumerate(scale):
-            shift = np.zeros(len(PARAMETERS))
-            shift[index] = step
-            ahead = replace(self, parameters=self.parameters + shift).plate_from_picture(points, height_mm)
-            behind = replace(self, parameters=self.parameters - shift).plate_from_picture(points, height_mm)
-            columns.append((ahead - behind) / (2 * step))
-        return np.stack(columns, axis=-1)
+        by_point, by_parameter = self._at(points.reshape(-1, 2), height_mm)
+        return -solve_2x2(by_point, by_parameter).reshape(*points.shape[:-1], 2, len(PARAMETERS))
 
-    def _matrix(self) -> Array:
-        focal, aspect, cx, cy = self.parameters[6:10]
-        return np.array([[focal, 0.0, cx], [0.0, focal * aspect, cy], [0.0, 0.0, 1.0]])
+    def plate_covariance(self, points_px: ArrayLike, height_mm: float) -> Array:
+        """Covariance (..., 2, 2) mm² of a placed point that follows from the calibration alone."""
+        sensitivity = self.plate_sensitivity(points_px, height_mm)
+        return np.asarray(sensitivity @ self.covariance @ np.swapaxes(sensitivity, -1, -2))
 
-    def _picture_from_normalised(self, normalised: Array) -> Array:
-        rays = np.column_stack([normalised, np.ones(len(normalised))])[:, None, :]
-        zero = np.zeros(3)
-        if len(rays) == 0:
-            return np.empty((0, 2))
-        if self.lens == "fisheye":
-            coefficients = self.parameters[[10, 11, 14, 15]]
-            return np.asarray(cv2.fisheye.distortPoints(normalised[:, None, :], self._matrix(), coefficients)[:, 0])
-        return np.asarray(cv2.projectPoints(rays, zero, zero, self._matrix(), self.parameters[10:15])[0][:, 0])
+    def _at(self, points_px: Array, height_mm: float) -> tuple[Array, Array]:
+        """Derivatives of the projection by plate x, y (n, 2, 2) and by the parameters (n, 2, 16) at picture points."""
+        placed = self.plate_from_picture(points_px, height_mm)
+        on_plane = np.column_stack([placed, np.full(len(placed), height_mm)])
+        _, by_point, by_parameter = project(on_plane, self.parameters, self.lens)
+        return by_point[:, :, :2], by_parameter
 
-    def _normalised_from_picture(self, points_px: Array) -> Array:
-        if len(points_px) == 0:
-            return np.empty((0, 2))
-        criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-13)
-        points, matrix = points_px[:, None, :], self._matrix()
-        if self.lens == "fisheye":
-            coefficients = self.parameters[[10, 11, 14, 15]]
-            return np.asarray(cv2.fisheye.undistortPoints(points, matrix, coefficients, criteria=criteria)[:, 0])
-        return np.asarray(cv2.undistortPoints(points, matrix, self.parameters[10:15], criteria=criteria)[:, 0])
+
+def project(points_mm: Array, parameters: Array, lens: LensModel) -> tuple[Array, Array, Array]:
+    """Project (n, 3) plate points: picture points (n, 2), derivatives by the point (n, 2, 3) and parameters (n, 2, 16).
+
+    NaN behind the camera.
+    """
+    rotation, by_vector = cv2.Rodrigues(np.ascontiguousarray(parameters[:3]))
+    in_camera = points_mm @ rotation.T + parameters[3:6]
+    depth = np.where(in_camera[:, 2] > 0, in_camera[:, 2], np.nan)
+    normalised = in_camera[:, :2] / depth[:, None]
+    distorted, by_normalised, by_coefficient = distort(normalised, parameters[DISTORTION], lens)
+    focal, aspect, *principal = parameters[PINHOLE]
+    scale = np.array([focal, focal * aspect])
+    by_camera = np.zeros((len(points_mm), 2, 3))
+    by_camera[:, 0, 0] = by_camera[:, 1, 1] = 1 / depth
+    by_camera[:, :, 2] = -normalised / depth[:, None]
+    by_camera = (scale[:, None] * by_normalised) @ by_camera
+    by_parameter = np.zeros((len(points_mm), 2, len(PARAMETERS)))
+    turned = np.einsum("nk,ijk->nji", points_mm, by_vector.reshape(3, 3, 3))  # dX/d(rotation vector)
+    by_parameter[:, :, :3] = by_camera @ turned
+    by_parameter[:, :, 3:6] = by_camera
+    by_parameter[:, 0, 6] = distorted[:, 0]
+    by_parameter[:, 1, 6] = aspect * distorted[:, 1]
+    by_parameter[:, 1, 7] = focal * distorted[:, 1]
+    by_parameter[:, 0, 8] = by_parameter[:, 1, 9] = 1.0
+    by_parameter[:, :, DISTORTION] = scale[:, None] * by_coefficient
+    return distorted * scale + principal, by_camera @ rotation, by_parameter
 
 
 def camera_above(

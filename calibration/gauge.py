@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class Table(BaseModel):
@@ -29,7 +30,7 @@ class Dots(Table):
     layout: Literal["square", "staggered"] = "square"
     color: str = "black"
     background: str = "white"
-    height_mm: float = 0.0
+    height_mm: Annotated[float, Field(allow_inf_nan=False)] = 0.0
 
 
 class Fiducial(Table):
@@ -41,6 +42,13 @@ class Fiducial(Table):
     color: str | None = None
 
 
+class Tolerance(Table):
+    """How well the plate itself is made: standard deviations."""
+
+    dot_mm: NotNegative = 0.0  # of each dot about its place, x and y alike
+    scale: NotNegative = 0.0  # relative, of the pitch as a whole
+
+
 class Gauge(Table):
     """A dot gauge as gauge.toml describes it."""
 
@@ -48,20 +56,54 @@ class Gauge(Table):
     name: str
     dots: Dots
     fiducial: tuple[Fiducial, ...] = ()
+    tolerance: Tolerance = Tolerance()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        dots, pitch = self.dots, self.pitch_mm
+        reach = min(pitch) if dots.layout == "square" else min(pitch[0], float(np.hypot(pitch[0] / 2, pitch[1])))
+        if dots.diameter_mm >= reach:
+            raise ValueError(f"dots of {dots.diameter_mm} mm touch each other: the nearest are {reach:g} mm apart")
+        outside = [f"({f.column}, {f.row})" for f in self.fiducial if f.column >= dots.columns or f.row >= dots.rows]
+        if outside:
+            raise ValueError(
+                f"fiducial {', '.join(outside)} lies outside the array of {dots.columns} columns and {dots.rows} rows"
+            )
+        return self
+
+    @property
+    def pitch_mm(self) -> tuple[float, float]:
+        """Distance of dots along columns and rows, mm."""
+        pitch = self.dots.pitch_mm
+        return pitch if isinstance(pitch, tuple) else (pitch, pitch)
 
     def positions_mm(self) -> NDArray[np.float64]:
-        """Dot centres in the gauge frame: (rows, columns, 2), mm, origin in the middle of the array.
+        """Dot centres in the gauge frame: (rows, columns, 2), mm.
 
-        Column index runs along +x, row index along -y (as read on a sheet: row 0 is the top row).
+        The column index runs along +x and the row index along -y (as read on a sheet: row 0 is the top row), with the
+        origin at the first fiducial. Without fiducials the origin is the middle of the array, and x runs along its
+        longer side: an array with longer columns than rows lies on its side.
         """
-        dots = self.dots
-        pitch_x, pitch_y = dots.pitch_mm if isinstance(dots.pitch_mm, tuple) else (dots.pitch_mm, dots.pitch_mm)
-        column, row = np.meshgrid(np.arange(dots.columns, dtype=float), np.arange(dots.rows, dtype=float))
-        if dots.layout == "staggered":
+        sheet = self.sheet_mm()
+        if self.fiducial:
+            return np.asarray(sheet - sheet[self.fiducial[0].row, self.fiducial[0].column])
+        span = np.ptp(sheet.reshape(-1, 2), axis=0)
+        return np.stack([-sheet[..., 1], sheet[..., 0]], axis=-1) if span[1] > span[0] * (1 + 1e-9) else sheet
+
+    def sheet_mm(self) -> NDArray[np.float64]:
+        """Dot centres as printed: (rows, columns, 2), mm, x right, y up, origin in the middle of the array."""
+        column, row = np.meshgrid(np.arange(self.dots.columns, dtype=float), np.arange(self.dots.rows, dtype=float))
+        if self.dots.layout == "staggered":
             column = column + 0.5 * (row % 2)
-        x = (column - (dots.columns - 1) / 2) * pitch_x
-        y = ((dots.rows - 1) / 2 - row) * pitch_y
-        return np.stack([x, y], axis=-1)
+        x, y = column * self.pitch_mm[0], -row * self.pitch_mm[1]
+        return np.stack([x - (x.max() + x.min()) / 2, y - (y.max() + y.min()) / 2], axis=-1)
+
+    def diameters_mm(self) -> NDArray[np.float64]:
+        """Diameter of every dot: (rows, columns), mm."""
+        diameters = np.full((self.dots.rows, self.dots.columns), self.dots.diameter_mm)
+        for fiducial in self.fiducial:
+            diameters[fiducial.row, fiducial.column] = fiducial.diameter_mm or self.dots.diameter_mm
+        return diameters
 
 
 def load_gauge(path: Path) -> Gauge:

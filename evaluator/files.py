@@ -9,11 +9,14 @@ import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar, get_args
+from typing import TYPE_CHECKING, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from evaluator.errors import InputError
+
+if TYPE_CHECKING:  # pandas takes long to import, and reading a TOML file does not need it
+    import pandas as pd
 
 Value = TypeVar("Value")
 
@@ -43,6 +46,12 @@ def write_text(path: Path, text: str) -> None:
     """Write a text file whole or not at all."""
     with written_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def write_table(table: pd.DataFrame, path: Path) -> None:
+    """Write a table as CSV, whole or not at all: nine significant digits, NaN as an empty cell."""
+    with written_whole(path) as temporary:
+        table.to_csv(temporary, index=False, float_format="%.9g")
 
 
 def read_with(load: Callable[[Path], Value], path: Path) -> Value:

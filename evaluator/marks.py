@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from evaluator.errors import InputError
-from evaluator.files import written_whole
+from evaluator.files import write_table
 
 MARKS = ("green", "yellow")
 COLUMNS = ("time_s", "green_x_mm", "green_y_mm", "yellow_x_mm", "yellow_y_mm")
@@ -45,5 +45,4 @@ def read_marks(path: Path) -> pd.DataFrame:
 
 def write_marks(table: pd.DataFrame, path: Path) -> None:
     """Write a marks table as CSV, whole or not at all; missing marks become empty cells."""
-    with written_whole(path) as temporary:
-        table.to_csv(temporary, index=False, float_format="%.6f")
+    write_table(table, path)

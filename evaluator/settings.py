@@ -71,7 +71,8 @@ class Experiment(Table):
 def load_experiment(path: Path) -> Experiment:
     """Read experiment.toml; paths in it are taken relative to it.
 
-    Raises OSError, tomllib.TOMLDecodeError, pydantic.ValidationError; InputError for files it names that are missing.
+    A missing recording is a fault of its run, found when the run is analysed, not of the experiment.
+    Raises OSError, tomllib.TOMLDecodeError, pydantic.ValidationError; InputError where tracking.toml is missing.
     """
     path = Path(path)
     raw = Experiment.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
@@ -102,10 +103,6 @@ def load_experiment(path: Path) -> Experiment:
             "tracking": absolute(raw.tracking),
         }
     )
-    wanted = {path for run in runs for path in (run.video, run.marks, run.camera) if path} | (
-        {experiment.tracking} if experiment.tracking else set()
-    )
-    missing = sorted(str(path) for path in wanted if not path.exists())
-    if missing:
-        raise InputError(f"{path}: names files that do not exist: {', '.join(missing)}")
+    if experiment.tracking and not experiment.tracking.exists():
+        raise InputError(f"{path}: tracking = {raw.tracking}: no such file")
     return experiment

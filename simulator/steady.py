@@ -14,6 +14,10 @@ from simulator.robot import Robot
 from simulator.run import WheelStates
 from simulator.wheels import wheel_states
 
+# Where Newton starts: yaw rate as a share of that without slip, and how far ahead of the centre the robot pivots as a
+# share of half the wheelbase. The first suits rear wheels that grip, the others rear wheels that slip (sharp turns).
+STARTS = ((0.3, 0.0), (0.9, 0.9), (0.9, 0.0), (0.1, 0.5))
+
 
 @dataclass(frozen=True)
 class SteadyTurn:
@@ -46,15 +50,27 @@ def steady_turn(robot: Robot, left_rpm: float, right_rpm: float) -> SteadyTurn:
     model = compile_robot(robot)[0]
     per_rpm = 2 * np.pi * robot.wheels.radius_mm / 60
     left, right = left_rpm * per_rpm, right_rpm * per_rpm
-    velocity = np.array([(left + right) / 2, 0.0, 0.3 * (right - left) / robot.wheels.track_mm])
+    for yaw_share, pivot_share in STARTS:
+        yaw_rate = yaw_share * (right - left) / robot.wheels.track_mm
+        lateral = -pivot_share * yaw_rate * robot.wheels.wheelbase_mm / 2
+        found = _balanced(model, np.array([(left + right) / 2, lateral, yaw_rate]), left, right)
+        if found is not None:
+            return _turn(model, *found, left, right)
+    raise SimulationError(f"no steady turn found at {left_rpm} / {right_rpm} rpm")
+
+
+def _balanced(
+    model: np.void, velocity: NDArray[np.float64], left: float, right: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Velocity at which the forces balance and the derivative there, by damped Newton steps; None where they stall."""
     derivative = np.empty((3, 3))
-    for _ in range(100):
+    for _ in range(60):
         u, v, r = velocity
         residual = np.array(accelerations(u, v, r, left, right, model))
         jacobian(u, v, r, left, right, model, derivative)
         step = np.array(solve3(derivative, *-residual))
         share = 1.0
-        while share > 1e-4:
+        while share > 1e-3:
             u, v, r = velocity + share * step
             trial = np.array(accelerations(u, v, r, left, right, model))
             if np.linalg.norm(trial) < np.linalg.norm(residual):
@@ -62,15 +78,15 @@ def steady_turn(robot: Robot, left_rpm: float, right_rpm: float) -> SteadyTurn:
             share /= 2
         velocity = velocity + share * step
         if np.abs(step).max() < 1e-11 * max(abs(left), abs(right), 1e-3):
-            break
-    else:
-        raise SimulationError(f"no steady turn found at {left_rpm} / {right_rpm} rpm")
-    return _turn(model, velocity, left, right, derivative)
+            return velocity, derivative
+    return None
 
 
-def _turn(model: np.void, velocity: NDArray[np.float64], left: float, right: float, derivative: object) -> SteadyTurn:
+def _turn(
+    model: np.void, velocity: NDArray[np.float64], derivative: NDArray[np.float64], left: float, right: float
+) -> SteadyTurn:
     u, v, r = (float(value) for value in velocity)
     direction = 1.0 if u >= 0 else -1.0
     wheels = wheel_states(model, velocity[None], np.array([[left, right]]))
-    stable = bool(np.linalg.eigvals(np.asarray(derivative)).real.max() < 0)
+    stable = bool(np.linalg.eigvals(derivative).real.max() < 0)
     return SteadyTurn(u, v, r, direction * r / np.hypot(u, v), stable, wheels)

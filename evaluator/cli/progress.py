@@ -3,34 +3,34 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
-Report = Callable[[int, int], None]
-"""Called with (done, total) as work advances; every long function of the library takes one, or None."""
+from evaluator.progress import Progress, no_progress
 
 
 @contextmanager
-def progress_bar(what: str, *, quiet: bool = False) -> Iterator[Report]:
+def progress_bar(what: str, *, quiet: bool = False) -> Iterator[Progress]:
     """Show a bar named what while the block runs; yields the function to call with (done, total).
 
     Silent (the yielded function does nothing) where standard error is not a terminal, or where quiet.
     """
     if quiet or not sys.stderr.isatty():
-        yield _silent
+        yield no_progress
         return
+    from rich import progress as bars
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(what, total=None)
+    columns = (
+        bars.TextColumn("{task.description}"),
+        bars.BarColumn(),
+        bars.MofNCompleteColumn(),
+        bars.TimeRemainingColumn(),
+    )
+    with bars.Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task(what, total=None)
 
         def report(done: int, total: int) -> None:
-            progress.update(task, completed=done, total=total)
+            shown.update(task, completed=done, total=total)
 
         yield report
-
-
-def _silent(done: int, total: int) -> None:
-    del done, total

@@ -1,1 +1,20 @@
 """Scene, optics and sensor → video with exact truth."""
+
+from simulator.rendering.clip import RenderedFrame, render_clip, render_frames, set_stage, truth_of
+from simulator.rendering.gauge_picture import GaugePose, gauge_truth, render_gauge, render_gauge_picture
+from simulator.rendering.scene import GaugeScene, Scene, load_scene
+
+__all__ = [
+    "GaugePose",
+    "GaugeScene",
+    "RenderedFrame",
+    "Scene",
+    "gauge_truth",
+    "load_scene",
+    "render_clip",
+    "render_frames",
+    "render_gauge",
+    "render_gauge_picture",
+    "set_stage",
+    "truth_of",
+]

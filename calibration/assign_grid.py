@@ -1,0 +1,108 @@
+"""Dot centres → lattice indices, with no count given in advance: holes, partial views and distractors are normal.
+
+Indices are of a right-handed reduced basis as seen in the picture (x right, y down): which dot of the gauge is which is
+`match_gauge.py`'s question.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.detect_dots import Dots
+from calibration.grow_grid import NEIGHBOURS, bucket, grow, seed_bases
+from calibration.neighbours import nearest
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+SEEDS = 12  # attempts: distractors may form small lattices of their own, a torn sheet several
+SMALLEST_LATTICE = 6  # dots; fewer make no lattice
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Dots that form one lattice.
+
+    dot: (m,) indices into the Dots. index: (m, 2) integer lattice coordinates (a, b), a unique pair per dot. others:
+    count of dots in further lattices of at least half this one's size: a second plate in view.
+    """
+
+    dot: Integers
+    index: Integers
+    others: int = 0
+
+    def __len__(self) -> int:
+        """Count of dots assigned."""
+        return len(self.dot)
+
+
+def assign_grid(dots: Dots) -> Lattice:
+    """Find the largest lattice among the dots; an empty one where there is none."""
+    points = np.ascontiguousarray(dots.centers_px)
+    empty = Lattice(np.empty(0, dtype=np.int64), np.empty((0, 2), dtype=np.int64))
+    if len(points) < SMALLEST_LATTICE:
+        return empty
+    distance, neighbours = nearest(points, NEIGHBOURS)
+    bases, mismatch = seed_bases(points, neighbours)
+    size = float(np.median(distance[:, 0]))
+    cells, following, origin = bucket(points, size)
+    taken = np.zeros(len(points), dtype=bool)
+    found: list[Lattice] = []
+    for seed in np.argsort(mismatch, kind="stable"):
+        if len(found) == SEEDS or not np.isfinite(mismatch[seed]):
+            break
+        if taken[seed]:
+            continue
+        index, member = grow(points, seed, bases[seed], taken, cells, following, size, origin)
+        dot = np.flatnonzero(member >= 0)
+        taken[dot] = True
+        if len(dot) >= SMALLEST_LATTICE:
+            found.append(Lattice(dot, index[dot]))
+        if (~taken).sum() <= max((len(lattice) for lattice in found), default=0) // 4:
+            break
+    if not found:
+        return empty
+    best = max(found, key=len)
+    others = sum(len(lattice) for lattice in found if lattice is not best and 2 * len(lattice) >= len(best))
+    return Lattice(best.dot, _reduced(points[best.dot], best.index), others)
+
+
+def _reduced(points: Array, index: Integers) -> Integers:
+    """Express indices in the shortest basis (Lagrange, Gauss): a seed beside a hole may have grown a skew one."""
+    affine = np.linalg.lstsq(np.column_stack([index, np.ones(len(index))]), points, rcond=None)[0]
+    u, v = affine[0], affine[1]
+    change = np.eye(2, dtype=np.int64)  # rows: new basis in terms of the old
+    for _ in range(20):
+        if u @ u > v @ v:
+            u, v, change = v, -u, np.stack([change[1], -change[0]])
+        shear = round(float(u @ v) / float(u @ u))
+        if shear == 0:
+            break
+        v, change = v - shear * u, np.stack([change[0], change[1] - shear * change[0]])
+    inverse = np.rint(np.linalg.inv(change)).astype(np.int64)
+    return np.asarray(index @ inverse)
+
+
+def rows_and_columns(lattice: Lattice) -> tuple[str, Integers]:
+    """Layout that fills its bounding box best, and (m, 2) column and row in it, counted from 0.
+
+    "square": column and row along the basis. "staggered": along its diagonals, odd rows shifted by half a pitch.
+    """
+    a, b = lattice.index.T
+    options = [("square", a, b)]
+    options += [("staggered", *pair) for pair in ((a - b, a + b), (a + b, b - a), (2 * a + b, b), (2 * b + a, a))]
+    best, most = options[0], 0.0
+    for layout, across, down in options:
+        columns, rows = np.ptp(across) + 1, np.ptp(down) + 1
+        if layout == "staggered":
+            columns = (columns + 1) // 2
+        # a view cut by the picture's rim fills no box well: the plain layout then stays unless the other is clearly
+        # fuller
+        fill = len(lattice) / float(columns * rows) - (0.1 if layout == "staggered" else 0.0)
+        if fill > most:
+            best, most = (layout, across, down), fill
+    layout, across, down = best
+    column = (across - across.min()) // (2 if layout == "staggered" else 1)
+    return layout, np.stack([column, down - down.min()], 1)

@@ -1,0 +1,116 @@
+"""Picture → sub-pixel centres of dots with a standard uncertainty each. Picture frame, px.
+
+The centre is that of the ellipse that fits the dot's blurred edge; `disc.py` says where that lies for a disc of the
+gauge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.candidates import Candidates, candidates_by_window
+from calibration.fit_dots import fit_dots
+from calibration.neighbours import nearest
+from calibration.picture import Plane, dark_dots
+from calibration.start_dots import start_values
+
+Array = NDArray[np.float64]
+
+# A dot whose pixels leave the model by more than this share of its contrast is no blurred disc: letters and corners
+# leave 0.15 and more, dots at SNR 10 on JPEG pictures 0.12.
+LARGEST_MISFIT = 0.14
+TRIALS = 100  # blobs fitted to judge a window: its share of dots to 5 %
+
+
+@dataclass(frozen=True)
+class Dots:
+    """Dots found in one picture, in no order.
+
+    size_px: (width, height) of the picture. centers_px: (n, 2). covariance_px2: (n, 2, 2). diameter_px: (n,) geometric
+    mean of the ellipse's axes. contrast: (n,) background minus dot, in picture units, positive. level: (n,) of the
+    dot itself. blur_px: (n,) standard deviation of the edge. noise: (n,) standard deviation of the residual. shape:
+    (n, 3) ellipse matrix A. color: (n, channels) mean inside the dot, in picture units.
+    """
+
+    size_px: tuple[int, int]
+    centers_px: Array
+    covariance_px2: Array
+    diameter_px: Array
+    contrast: Array
+    blur_px: Array
+    noise: Array
+    shape: Array
+    color: Array
+
+    def __len__(self) -> int:
+        """Count of dots."""
+        return len(self.centers_px)
+
+
+def detect_dots(picture: NDArray[np.generic], color: str | None = None, background: str | None = None) -> Dots:
+    """Find all dots of a picture.
+
+    picture: (h, w) or (h, w, 3) BGR, any number type. color, background: of dots and sheet, as in gauge.toml; without
+    them dots may be dark or bright, whichever shows more. No dots is a result, not an error.
+    """
+    plane = dark_dots(picture, color, background)
+    signs = (1.0,) if color is not None and background is not None else (1.0, -1.0)
+    voted = [(sign, *_best_window(np.float32(sign) * plane)) for sign in signs]
+    sign, _, candidates = max(voted, key=lambda vote: vote[1])
+    return _dots(picture, *_fit(np.float32(sign) * plane, candidates))
+
+
+def _best_window(plane: Plane) -> tuple[float, Candidates]:
+    """Candidates of the window that shows most dots, counted by their diameters: a dot outweighs many specks."""
+    votes, best = 0.0, Candidates(np.empty((0, 2)), np.empty((0, 3)), np.empty(0))
+    for candidates in candidates_by_window(plane):
+        every = max(1, len(candidates) // TRIALS)
+        fitted = _fit(plane, candidates.take(np.arange(0, len(candidates), every)))[0]
+        vote = every * float(np.sqrt(_area(fitted)).sum())
+        if vote > votes:
+            votes, best = vote, candidates
+        elif vote < 0.5 * votes:  # wider windows only lose dots to uneven light
+            break
+    return votes, best
+
+
+def _fit(plane: Plane, candidates: Candidates) -> tuple[Array, Array, Array]:
+    """Parameters (n, 10), covariance (n, 2, 2) and noise (n,) of the candidates that are dots."""
+    if len(candidates) == 0:
+        return np.empty((0, 10)), np.empty((0, 2, 2)), np.empty(0)
+    gap = np.full(len(candidates), np.inf)
+    if len(candidates) > 1:
+        gap = nearest(candidates.center_px, 1)[0][:, 0]
+    starts, reach, possible = start_values(plane, candidates.center_px, candidates.moments_px2, gap)
+    fitted, covariance, noise = fit_dots(plane, starts[possible], reach[possible])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        good = (noise < LARGEST_MISFIT * -fitted[:, 7]) & np.isfinite(noise)
+        # blur wider than the dot's radius: a smudge without an edge
+        good &= fitted[:, 5] < np.sqrt(_area(fitted) / np.pi)
+    return fitted[good], covariance[good], noise[good]
+
+
+def _area(fitted: Array) -> Array:
+    return np.asarray(np.pi / np.sqrt(np.maximum(fitted[:, 2] * fitted[:, 4] - fitted[:, 3] ** 2, 1e-12)))
+
+
+def _dots(picture: NDArray[np.generic], fitted: Array, covariance: Array, noise: Array) -> Dots:
+    height, width = picture.shape[:2]
+    column = np.clip(fitted[:, 0].round().astype(int), 1, width - 2)
+    row = np.clip(fitted[:, 1].round().astype(int), 1, height - 2)
+    channels = picture.reshape(height, width, -1)
+    color = np.mean([channels[row + i, column + j] for i in (-1, 0, 1) for j in (-1, 0, 1)], axis=0, dtype=float)
+    return Dots(
+        size_px=(width, height),
+        centers_px=fitted[:, :2],
+        covariance_px2=covariance,
+        diameter_px=2 * np.sqrt(_area(fitted) / np.pi),
+        contrast=-fitted[:, 7],
+        blur_px=fitted[:, 5],
+        noise=noise,
+        shape=fitted[:, 2:5],
+        color=color,
+    )

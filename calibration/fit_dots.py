@@ -1,0 +1,197 @@
+"""Least-squares fit of a blurred elliptical disc to the pixels around each candidate dot.
+
+Model of a pixel at x, with q² = (x-c)ᵀ A (x-c) and the distance to the edge taken to first order, d = (q-1)/|∇q| =
+(q²-q)/|A(x-c)|:
+
+    I(x) = (1 + g·(x-c)) · (b + a·Φ(-d/s))
+
+b: background, a: dot minus background, g: relative slope of the light, s: edge blur (lens and pixel together), Φ:
+normal distribution. The image of a disc under perspective is an ellipse; the centre c of a symmetric model is not
+touched by errors of the blur's form. Gauss-Newton on ten parameters; white noise makes it the maximum-likelihood
+estimate, and the inverse normal matrix times the residual variance its covariance.
+"""
+
+from __future__ import annotations
+
+from math import erfc, exp, pi, sqrt
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+PARAMETERS = 10  # cx, cy, A11, A12, A22, s, b, a, gx, gy
+ITERATIONS = 12
+
+
+@njit(cache=True, fastmath=True)
+def _accumulate(plane, x0, y0, half, reach, start, p, N, rhs):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202, C901, PLR0912, PLR0915
+    """Normal equations over the pixels within reach of the start ellipse; returns (sum of squares, count)."""
+    cx, cy, a11, a12, a22, s, b, a, gx, gy = p
+    N[:] = 0.0
+    rhs[:] = 0.0
+    row = np.empty(10)
+    total, count = 0.0, 0
+    top, bottom = max(0, y0 - half), min(plane.shape[0] - 1, y0 + half)
+    left, right = max(0, x0 - half), min(plane.shape[1] - 1, x0 + half)
+    for iy in range(top, bottom + 1):
+        for ix in range(left, right + 1):
+            # pixels are chosen by the start ellipse, so that every iteration sees the same ones
+            dx, dy = ix - start[0], iy - start[1]
+            ux, uy = start[2] * dx + start[3] * dy, start[3] * dx + start[4] * dy
+            q2 = dx * ux + dy * uy
+            if q2 > 1.0 and (q2 - sqrt(q2)) > reach * sqrt(ux * ux + uy * uy):
+                continue
+            dx, dy = ix - cx, iy - cy
+            ux, uy = a11 * dx + a12 * dy, a12 * dx + a22 * dy
+            q2 = dx * ux + dy * uy
+            q = sqrt(q2) + 1e-9
+            w = sqrt(ux * ux + uy * uy) + 1e-12
+            d = (q2 - q) / w
+            t = d / s
+            light = 1.0 + gx * dx + gy * dy
+            if t > 4.0:
+                cover, edge = 0.0, 0.0
+            elif t < -4.0:
+                cover, edge = 1.0, 0.0
+            else:
+                cover = 0.5 * erfc(t / sqrt(2.0))
+                edge = exp(-0.5 * t * t) / sqrt(2.0 * pi)
+            level = b + a * cover
+            residual = plane[iy, ix] - light * level
+            down = -light * a * edge / s  # dI/dd
+            along_q, along_w = down * (2.0 * q - 1.0) / w, -down * d / w
+            row[0] = -along_q * ux / q - along_w * (a11 * ux + a12 * uy) / w - gx * level
+            row[1] = -along_q * uy / q - along_w * (a12 * ux + a22 * uy) / w - gy * level
+            row[2] = along_q * dx * dx / (2 * q) + along_w * ux * dx / w
+            row[3] = along_q * dx * dy / q + along_w * (ux * dy + uy * dx) / w
+            row[4] = along_q * dy * dy / (2 * q) + along_w * uy * dy / w
+            row[5] = light * a * edge * t / s
+            row[6] = light
+            row[7] = light * cover
+            row[8] = level * dx
+            row[9] = level * dy
+            total += residual * residual
+            count += 1
+            if edge == 0.0:  # flat inside and outside: the edge parameters see nothing
+                for i in range(6, 10):
+                    rhs[i] += row[i] * residual
+                    for j in range(6, i + 1):
+                        N[i, j] += row[i] * row[j]
+                for i in range(2):
+                    rhs[i] += row[i] * residual
+                    for j in range(i + 1):
+                        N[i, j] += row[i] * row[j]
+                    for j in range(6, 10):
+                        N[j, i] += row[i] * row[j]
+            else:
+                for i in range(10):
+                    rhs[i] += row[i] * residual
+                    for j in range(i + 1):
+                        N[i, j] += row[i] * row[j]
+    return total, count
+
+
+@njit(cache=True, fastmath=True)
+def _factor(N, damping, scale, L):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Cholesky factor of the scaled, damped normal matrix; False where it is not positive."""
+    n = N.shape[0]
+    for i in range(n):
+        scale[i] = 1.0 / sqrt(N[i, i]) if N[i, i] > 0.0 else 0.0
+    for i in range(n):
+        for j in range(i + 1):
+            value = N[i, j] * scale[i] * scale[j]
+            if i == j:
+                value = 1.0 + damping
+            for k in range(j):
+                value -= L[i, k] * L[j, k]
+            if i == j:
+                if value <= 1e-12:
+                    return False
+                L[i, i] = sqrt(value)
+            else:
+                L[i, j] = value / L[j, j]
+    return True
+
+
+@njit(cache=True, fastmath=True)
+def _solve(L, scale, rhs, x):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    n = L.shape[0]
+    for i in range(n):
+        value = rhs[i] * scale[i]
+        for k in range(i):
+            value -= L[i, k] * x[k]
+        x[i] = value / L[i, i]
+    for i in range(n - 1, -1, -1):
+        value = x[i]
+        for k in range(i + 1, n):
+            value -= L[k, i] * x[k]
+        x[i] = value / L[i, i]
+    for i in range(n):
+        x[i] *= scale[i]
+
+
+@njit(cache=True, fastmath=True)
+def _fit_one(plane, start, reach, out, cov):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Fit one dot in place; returns the residual standard deviation, NaN where the fit failed."""
+    p = start.copy()
+    N, L = np.empty((10, 10)), np.zeros((10, 10))
+    rhs, scale, step = np.empty(10), np.empty(10), np.empty(10)
+    determinant = p[2] * p[4] - p[3] * p[3]
+    longest = sqrt(max(p[2], p[4]) / determinant)
+    half = int(longest + reach + 2.5)
+    x0, y0 = round(p[0]), round(p[1])
+    total, count = _accumulate(plane, x0, y0, half, reach, start, p, N, rhs)
+    damping, done = 1e-3, False
+    trial = np.empty(10)
+    for _ in range(ITERATIONS):
+        if count < 20 or not _factor(N, damping, scale, L):
+            return np.nan
+        _solve(L, scale, rhs, step)
+        for i in range(10):
+            trial[i] = p[i] + step[i]
+        good = trial[5] > 0.15 and trial[2] > 0 and trial[2] * trial[4] > trial[3] * trial[3]
+        good = good and abs(trial[0] - start[0]) < longest and abs(trial[1] - start[1]) < longest
+        if good:
+            before = total
+            total, count = _accumulate(plane, x0, y0, half, reach, start, trial, N, rhs)
+            good = total <= before * (1.0 + 1e-9)
+        if good:
+            p[:] = trial
+            damping *= 0.1
+            if abs(step[0]) + abs(step[1]) < 2e-4:
+                done = True
+                break
+        else:
+            damping = max(damping * 10.0, 1e-4)
+            total, count = _accumulate(plane, x0, y0, half, reach, start, p, N, rhs)
+            if abs(step[0]) + abs(step[1]) < 2e-3:  # no better value within what the pixels can tell
+                done = True
+                break
+    if not done or count <= 12 or not _factor(N, 0.0, scale, L):
+        return np.nan
+    variance = total / (count - 10)
+    for k in range(2):
+        rhs[:] = 0.0
+        rhs[k] = variance
+        _solve(L, scale, rhs, step)
+        cov[0, k] = step[0]
+        cov[1, k] = step[1]
+    out[:] = p
+    return sqrt(variance)
+
+
+@njit(cache=True, parallel=True)
+def fit_dots(plane, starts, reach):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """Fit all dots. plane: (h, w) float32; starts: (n, 10); reach: (n,) px beyond the edge to use.
+
+    Returns parameters (n, 10), covariance of the centre (n, 2, 2) px², residual standard deviation (n,), NaN where a
+    fit failed.
+    """
+    n = len(starts)
+    fitted = np.full((n, 10), np.nan)
+    covariance = np.full((n, 2, 2), np.nan)
+    noise = np.full(n, np.nan)
+    for i in prange(n):
+        noise[i] = _fit_one(plane, starts[i], reach[i], fitted[i], covariance[i])
+    return fitted, covariance, noise

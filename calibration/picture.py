@@ -1,0 +1,81 @@
+"""Pictures as the detector wants them: one plane, float32, dots dark.
+
+A colour picture is projected on the colour axis that separates dots from their background best, so that coloured dots
+need no code of their own: the axis the gauge file states, or else the principal axis of the picture's fine detail.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.errors import CalibrationError
+
+Plane = NDArray[np.float32]
+# The names gauge.toml may use beside "#rrggbb"; sRGB, as browsers define them.
+COLORS = {
+    "black": "#000000", "white": "#ffffff", "gray": "#808080", "grey": "#808080", "red": "#ff0000",
+    "green": "#008000", "lime": "#00ff00", "blue": "#0000ff", "yellow": "#ffff00", "cyan": "#00ffff",
+    "magenta": "#ff00ff", "orange": "#ffa500", "pink": "#ffc0cb", "purple": "#800080", "brown": "#a52a2a",
+}  # fmt: skip
+
+
+def read_picture(path: Path) -> NDArray[np.generic]:
+    """Read a picture file as it is: (height, width) or (height, width, 3) BGR, 8 or 16 bit.
+
+    Raises CalibrationError for a file that is missing or not a picture.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise CalibrationError(f"{path}: no such file")
+    raw = np.fromfile(path, dtype=np.uint8)
+    picture = None if raw.size == 0 else cv2.imdecode(raw, cv2.IMREAD_UNCHANGED)
+    if picture is None:
+        raise CalibrationError(f"{path}: not a picture that can be read; PNG, TIFF and JPEG are known to work")
+    if picture.ndim == 3 and picture.shape[2] == 2:
+        picture = picture[:, :, 0]
+    elif picture.ndim == 3 and picture.shape[2] == 4:
+        picture = picture[:, :, :3]
+    return np.ascontiguousarray(picture)
+
+
+def color_bgr(name: str) -> NDArray[np.float64]:
+    """Colour of a name or "#rrggbb" as (3,) BGR from 0 to 1. Raises CalibrationError for an unknown name."""
+    code = COLORS.get(name.strip().lower(), name.strip())
+    if re.fullmatch("#[0-9a-fA-F]{6}", code) is None:
+        raise CalibrationError(f'color = "{name}" is not known; say "#rrggbb" or one of {", ".join(COLORS)}')
+    return np.array([int(code[i : i + 2], 16) for i in (5, 3, 1)]) / 255
+
+
+def dark_dots(picture: NDArray[np.generic], color: str | None = None, background: str | None = None) -> Plane:
+    """Turn a picture into one plane in which dots are darker than their background.
+
+    picture: (h, w) or (h, w, 3) BGR of any number type. color, background: as in gauge.toml; without them the plane
+    is the principal axis of the fine detail, brighter toward white, and dots may turn out bright.
+    """
+    array = np.asarray(picture)
+    if array.ndim == 2 or array.shape[2] == 1:
+        plane = array.reshape(array.shape[:2]).astype(np.float32)
+        bright = color is not None and background is not None and color_bgr(color).sum() > color_bgr(background).sum()
+        return -plane if bright else plane
+    if color is not None and background is not None:
+        axis = color_bgr(background) - color_bgr(color)
+        if np.abs(axis).max() == 0:
+            raise CalibrationError(f'dots of color "{color}" on a background of the same color cannot be seen')
+    else:
+        axis = _detail_axis(array)
+    axis = axis / np.abs(axis).sum()
+    return np.asarray(cv2.transform(array.astype(np.float32), axis[None].astype(np.float32)), dtype=np.float32)
+
+
+def _detail_axis(picture: NDArray[np.generic]) -> NDArray[np.float64]:
+    """Unit BGR axis along which neighbouring pixels differ most."""
+    step = max(1, min(picture.shape[:2]) // 500)  # an axis needs no more samples than that
+    small = picture[::step, ::step].astype(np.float32)
+    detail = (small - cv2.blur(small, (31, 31))).reshape(-1, 3).astype(float)
+    axis = np.linalg.eigh(detail.T @ detail)[1][:, -1]
+    return np.asarray(axis if axis.sum() >= 0 else -axis)

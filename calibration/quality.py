@@ -1,0 +1,172 @@
+"""What a calibration is good for: conditioning, coverage, uncertainty above the plate, a verdict in words.
+
+A low residual says that the model fits the dots, not that the dots determine the model; the verdict therefore rests
+on the covariance, on how much each parameter was learned beyond its prior, and on where the dots lay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.camera import Camera
+from calibration.initial import rough_prior
+from calibration.solve import Calibration
+
+Array = NDArray[np.float64]
+Level = Literal["sound", "limited", "ill-conditioned"]
+
+MARK_HEIGHT_MM = 6.5  # of the marks of the robot this project was made for
+# Turning radii are to be good to 0.5 %; a scale that takes more than a fifth of that is worth a sentence.
+SCALE_TOLERANCE = 0.001
+# A parameter whose uncertainty the pictures did not even halve was not measured by them.
+LEARNED = 0.5
+SMALLEST_TILT_DEG = 5.0  # cos 5° = 0.996: foreshortening drowns in the scale of the pose
+SMALLEST_COVERAGE = 0.4
+CELLS = (12, 9)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """level: "sound", "limited" (good on some plane, with a stated doubt elsewhere) or "ill-conditioned".
+
+    reasons: why not sound. next_steps: what to do. notes: what was seen and needs no action.
+    scale_sigma: relative standard uncertainty of lengths, and so of turning radii, at mark height; plate_scale_sigma:
+    on the plate itself.
+    """
+
+    level: Level
+    reasons: tuple[str, ...]
+    next_steps: tuple[str, ...]
+    notes: tuple[str, ...]
+    mark_height_mm: float
+    scale_sigma: float
+    plate_scale_sigma: float
+    tilt_spread_deg: float
+    coverage: float
+
+    @property
+    def summary(self) -> str:
+        """The verdict in one sentence."""
+        doubt = (
+            f"lengths and turning radii at {self.mark_height_mm:g} mm are known to "
+            f"{100 * self.scale_sigma:.2g} % (1 sigma)"
+        )
+        if self.level == "sound":
+            return f"sound: {doubt}"
+        return f"{self.level}: {doubt}; " + "; ".join(self.reasons)
+
+
+def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> Verdict:
+    """Judge a calibration for a plane mark_height_mm above the plate."""
+    camera = calibration.camera
+    scale = scale_sigma(camera, mark_height_mm)
+    plate_scale = scale_sigma(camera, calibration.gauge.dots.height_mm)
+    spread = tilt_spread_deg(calibration)
+    covered = coverage(calibration)
+    reasons, steps, notes = [], [], _notes(calibration)
+    ill = False
+    if len(calibration.views) > 1:
+        ill, why = _ill_conditioned(calibration, spread)
+        reasons += why
+        if why:
+            steps.append("take five or more pictures with the gauge tilted by 10 to 30 degrees in different directions")
+    if covered < SMALLEST_COVERAGE:
+        reasons.append(f"dots cover {100 * covered:.0f} % of the picture: distortion is extrapolated over the rest")
+        steps.append("move the gauge so that dots reach every part of the picture that will be used")
+    if scale > SCALE_TOLERANCE:
+        reasons.append(_height_sentence(calibration, mark_height_mm, scale, plate_scale))
+        if not ill:
+            steps.append(
+                "to know the height correction add pictures with the gauge tilted by 10 to 30 degrees, or lay the "
+                "gauge on a spacer as high as the marks (dots.height_mm), or measure the distance of the lens "
+                "(--distance-mm VALUE SIGMA)"
+            )
+    level: Level = "ill-conditioned" if ill else "limited" if reasons else "sound"
+    return Verdict(
+        level, tuple(reasons), tuple(steps), tuple(notes), mark_height_mm, scale, plate_scale, spread, covered
+    )
+
+
+def scale_sigma(camera: Camera, height_mm: float) -> float:
+    """Relative standard uncertainty of lengths about the middle of the picture on a plane above the plate."""
+    width, height = camera.size_px
+    middle, arm = np.array([(width - 1) / 2, (height - 1) / 2]), 0.15 * min(width, height)
+    ends = middle + arm * np.array([[-1, 0], [1, 0], [0, -1], [0, 1]])
+    placed, sensitivity = camera.plate_from_picture(ends, height_mm), camera.plate_sensitivity(ends, height_mm)
+    total, slope = 0.0, np.zeros(sensitivity.shape[-1])
+    for a, b in ((0, 1), (2, 3)):
+        chord = placed[b] - placed[a]
+        length = float(np.hypot(*chord))
+        total += length
+        slope += chord / length @ (sensitivity[b] - sensitivity[a])
+    return float(np.sqrt(max(float(slope @ camera.covariance @ slope), 0.0)) / total)
+
+
+def tilt_spread_deg(calibration: Calibration) -> float:
+    """Largest angle between the normals of the gauge in any two pictures, and of each to the optical axis, degrees."""
+    normals = np.array([cv2.Rodrigues(np.ascontiguousarray(pose[:3]))[0][:, 2] for pose in calibration.fit.state.poses])
+    normals = np.vstack([normals, [0.0, 0.0, -1.0]])
+    cosine = np.clip(normals @ normals.T, -1, 1)
+    return float(np.degrees(np.arccos(cosine.min())))
+
+
+def coverage(calibration: Calibration) -> float:
+    """Share of the picture, in cells, within reach of a dot in any picture."""
+    width, height = calibration.camera.size_px
+    hit = np.zeros(CELLS[::-1], dtype=bool)
+    for view in calibration.views:
+        hull = cv2.convexHull(view.centers_px.astype(np.float32))
+        for row in range(CELLS[1]):
+            for column in range(CELLS[0]):
+                center = ((column + 0.5) * width / CELLS[0], (row + 0.5) * height / CELLS[1])
+                hit[row, column] |= cv2.pointPolygonTest(hull, center, measureDist=False) >= 0
+    return float(hit.mean())
+
+
+def _ill_conditioned(calibration: Calibration, spread: float) -> tuple[bool, list[str]]:
+    camera, why = calibration.camera, []
+    width, height = camera.size_px
+    prior = rough_prior(camera.size_px)
+    x, y = camera.value("principal_x_px"), camera.value("principal_y_px")
+    focal, sigma = camera.value("focal_px"), camera.sigma("focal_px")
+    if spread < SMALLEST_TILT_DEG:
+        why.append(
+            f"all pictures are parallel to within {spread:.1f} degrees, which cannot tell focal length from distance"
+        )
+    if sigma > 0.03 * focal:
+        why.append(f"focal length is known to {100 * sigma / focal:.0f} % only")
+    learned = max(camera.sigma("principal_x_px"), camera.sigma("principal_y_px")) / prior.sigma[2]
+    if learned > LEARNED:
+        why.append("the principal point is not determined by these pictures and was kept near the middle by assumption")
+    if not (0 <= x < width and 0 <= y < height):
+        why.append(f"the principal point ({x:.0f}, {y:.0f}) lies outside the picture")
+    return bool(why), why
+
+
+def _height_sentence(calibration: Calibration, height: float, scale: float, plate_scale: float) -> str:
+    one = "a single picture" if len(calibration.views) == 1 else "these pictures"
+    return (
+        f"{one} cannot give the height correction well: at {height:g} mm above the plate turning radii are in doubt by "
+        f"{100 * scale:.2g} % (1 sigma), on the plane of the gauge by {100 * plate_scale:.2g} %"
+    )
+
+
+def _notes(calibration: Calibration) -> list[str]:
+    notes = []
+    for sighting, rejected in zip(calibration.sightings, calibration.rejected, strict=True):
+        match = sighting.match
+        if rejected > 0.02 * len(match):
+            notes.append(f"{sighting.name}: {rejected} of {len(match)} dots left out because they contradict the rest")
+        if match.mirrored:
+            notes.append(f"{sighting.name}: the gauge is seen from behind")
+    if not calibration.sightings[0].match.certain:
+        notes.append(
+            f"{calibration.sightings[0].name}: part of the array is out of view and no fiducial tells which, so "
+            "the origin of the plate frame may be off by whole pitches (lengths and radii are not affected)"
+        )
+    return notes

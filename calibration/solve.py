@@ -1,0 +1,166 @@
+"""Gauge pictures → camera model with covariance and a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.assign_grid import Lattice, assign_grid
+from calibration.bundle import Fit, Prior, View, outliers, solve
+from calibration.camera import PARAMETERS, Camera
+from calibration.detect_dots import Dots, detect_dots
+from calibration.errors import CalibrationError
+from calibration.gauge import Gauge
+from calibration.initial import rough_prior, rough_start
+from calibration.match_gauge import Match, match_gauge
+from calibration.model_choice import Trial, choose_model
+
+Array = NDArray[np.float64]
+FEWEST_DOTS = 12  # six for the pose, twice over
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """The gauge found in one picture."""
+
+    name: str
+    dots: Dots
+    lattice: Lattice
+    match: Match
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A camera with all that speaks for and against it.
+
+    camera: in the frame of the plate picture. sightings: per picture. fit: solved bundle over the dots kept; views:
+    those dots. trials: lens models tried, best first. rejected: per picture, count of dots left out as outliers.
+    """
+
+    camera: Camera
+    gauge: Gauge
+    sightings: tuple[Sighting, ...]
+    views: tuple[View, ...]
+    fit: Fit
+    trials: tuple[Trial, ...]
+    rejected: tuple[int, ...]
+    plate_index: int = 0
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square of the residuals, per axis, px."""
+        return float(np.sqrt(np.mean(np.concatenate([r.ravel() for r in self.fit.residual_px]) ** 2)))
+
+
+def calibrate(
+    pictures: Sequence[NDArray[np.generic]],
+    gauge: Gauge,
+    plate_index: int = 0,
+    *,
+    names: Sequence[str] = (),
+    distance_mm: tuple[float, float] | None = None,
+) -> Calibration:
+    """Solve the camera from pictures of the gauge.
+
+    pictures: (h, w) or (h, w, 3) BGR each, all of one size. plate_index: the picture in which the gauge lies on the
+    plate; it defines the plate frame. names: of the pictures, for messages. distance_mm: measured height of the lens
+    above the plate and its standard uncertainty, where known. Raises CalibrationError where pictures and gauge do not
+    allow a camera.
+    """
+    if not pictures:
+        raise CalibrationError("no pictures given; calibration needs at least one picture of the gauge on the plate")
+    names = list(names) or [f"picture {k + 1}" for k in range(len(pictures))]
+    sizes = {picture.shape[:2] for picture in pictures}
+    if len(sizes) > 1:
+        listed = ", ".join(f"{name} {p.shape[1]}×{p.shape[0]}" for name, p in zip(names, pictures, strict=True))
+        raise CalibrationError(f"pictures differ in size: {listed}; a calibration holds for one camera mode")
+    sightings = [sight(picture, gauge, name) for picture, name in zip(pictures, names, strict=True)]
+    order = [plate_index, *(k for k in range(len(sightings)) if k != plate_index)]
+    views = [_view(sightings[k], gauge, on_plate=k == plate_index) for k in order]
+    size_px = sightings[0].dots.size_px
+    prior = replace(rough_prior(size_px), distance_mm=distance_mm)
+    rough = rough_start(views, size_px, prior)
+    if not rough:
+        raise CalibrationError(f"{names[0]}: no camera explains the dots; do all show the gauge {gauge.name!r}?")
+    fit, kept, trials = _solve_robustly(views, rough, prior)
+    camera = _camera(fit, size_px)
+    return Calibration(
+        camera=camera,
+        gauge=gauge,
+        sightings=tuple(sightings[k] for k in order),
+        views=tuple(kept),
+        fit=fit,
+        trials=tuple(trials),
+        rejected=tuple(len(view) - len(part) for view, part in zip(views, kept, strict=True)),
+        plate_index=plate_index,
+    )
+
+
+def sight(picture: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
+    """Find the gauge in one picture. Raises CalibrationError that names the picture."""
+    dots = detect_dots(picture, gauge.dots.color, gauge.dots.background)
+    if len(dots) < FEWEST_DOTS:
+        raise CalibrationError(
+            f"{name}: {len(dots)} dots of color {gauge.dots.color} found, at least {FEWEST_DOTS} are needed; "
+            "is it a sharp picture of the gauge?"
+        )
+    lattice = assign_grid(dots)
+    if len(lattice) < FEWEST_DOTS:
+        raise CalibrationError(
+            f"{name}: {len(dots)} dots found, but only {len(lattice)} of them form a regular array; is it the gauge?"
+        )
+    if lattice.others:
+        raise CalibrationError(
+            f"{name}: two dot arrays in view, of {len(lattice)} and {lattice.others} dots; show one gauge at a time"
+        )
+    try:
+        match = match_gauge(dots, lattice, gauge)
+    except CalibrationError as error:
+        raise CalibrationError(f"{name}: {error}") from None
+    return Sighting(name, dots, lattice, match)
+
+
+def _view(sighting: Sighting, gauge: Gauge, *, on_plate: bool) -> View:
+    match, dots = sighting.match, sighting.dots
+    points = gauge.positions_mm()[match.row, match.column]
+    height = gauge.dots.height_mm if on_plate else 0.0
+    return View(
+        centers_px=dots.centers_px[match.dot],
+        covariance_px2=dots.covariance_px2[match.dot],
+        points_mm=np.column_stack([points, np.full(len(points), height)]),
+        radius_mm=gauge.diameters_mm()[match.row, match.column] / 2,
+        site=match.row * gauge.dots.columns + match.column,
+        name=sighting.name,
+    )
+
+
+def _solve_robustly(views: list[View], rough: list[Fit], prior: Prior) -> tuple[Fit, list[View], list[Trial]]:
+    """Choose the lens model with outliers held back by the robust cost, then leave them out and solve again."""
+    trials = choose_model(views, rough, prior)
+    fit = trials[0].fit
+    kept = views
+    for _ in range(3):
+        keep = outliers(fit)
+        if all(part.all() for part in keep):
+            break
+        kept = [view.take(part) for view, part in zip(kept, keep, strict=True)]
+        short = next((view for view in kept if len(view) < FEWEST_DOTS // 2), None)
+        if short is not None:
+            raise CalibrationError(
+                f"{short.name}: its dots contradict the other pictures; leave it out or take it again"
+            )
+        fit = solve(kept, fit.state, prior)
+    return fit, kept, trials
+
+
+def _camera(fit: Fit, size_px: tuple[int, int]) -> Camera:
+    free = fit.state.free_index
+    count = len(free)
+    inverse = np.linalg.inv(fit.normal) * fit.variance
+    covariance = np.zeros((len(PARAMETERS), len(PARAMETERS)))
+    rows = np.concatenate([6 + free, np.arange(6)])
+    covariance[np.ix_(rows, rows)] = inverse[: count + 6, : count + 6]
+    return Camera(size_px=size_px, parameters=fit.state.parameters(0), lens=fit.state.model, covariance=covariance)

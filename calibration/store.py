@@ -1,0 +1,135 @@
+"""camera.json: the camera with its covariance and verdict, whole and readable by people.
+
+Parameters are named as in camera.py; `covariance` is their full matrix in that order. `verdict.level` other than
+"sound" says why in `verdict.reasons`, and travels with the camera as its `doubt`.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from calibration.camera import PARAMETERS, Camera
+from calibration.errors import CalibrationError
+from calibration.lens import LensModel
+from calibration.quality import Level, Verdict, assess
+from calibration.solve import Calibration
+
+
+class Table(BaseModel):
+    """A table of camera.json."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class StoredPicture(Table):
+    """One picture of the set: dots used and their residual."""
+
+    name: str
+    dots: int
+    left_out: int
+    rms_px: float
+
+
+class StoredVerdict(Table):
+    """The verdict of quality.py."""
+
+    level: Level
+    summary: str
+    reasons: tuple[str, ...]
+    next_steps: tuple[str, ...]
+    notes: tuple[str, ...]
+    mark_height_mm: float
+    scale_sigma: float
+    plate_scale_sigma: float
+    tilt_spread_deg: float
+    coverage: float
+
+
+class CameraFile(Table):
+    """camera.json."""
+
+    format: Literal[1]
+    kind: Literal["camera"] = "camera"
+    size_px: tuple[int, int] = Field(description="width, height")
+    lens: LensModel
+    parameters: dict[str, float]
+    sigma: dict[str, float]
+    free: tuple[str, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    gauge: str
+    pictures: tuple[StoredPicture, ...]
+    rms_px: float
+    verdict: StoredVerdict
+
+
+def camera_to_json(calibration: Calibration, verdict: Verdict | None = None) -> str:
+    """Text of camera.json."""
+    camera = calibration.camera
+    verdict = verdict or assess(calibration)
+    stored = CameraFile(
+        format=1,
+        size_px=camera.size_px,
+        lens=camera.lens,
+        parameters={name: camera.value(name) for name in PARAMETERS},
+        sigma={name: camera.sigma(name) for name in PARAMETERS},
+        free=calibration.fit.state.free,
+        covariance=tuple(tuple(row) for row in camera.covariance.tolist()),
+        gauge=calibration.gauge.name,
+        pictures=tuple(
+            StoredPicture(
+                name=sighting.name, dots=len(view), left_out=left_out, rms_px=float(np.sqrt(np.mean(residual**2)))
+            )
+            for sighting, view, left_out, residual in zip(
+                calibration.sightings, calibration.views, calibration.rejected, calibration.fit.residual_px, strict=True
+            )
+        ),
+        rms_px=calibration.rms_px,
+        verdict=StoredVerdict(
+            level=verdict.level,
+            summary=verdict.summary,
+            reasons=verdict.reasons,
+            next_steps=verdict.next_steps,
+            notes=verdict.notes,
+            mark_height_mm=verdict.mark_height_mm,
+            scale_sigma=verdict.scale_sigma,
+            plate_scale_sigma=verdict.plate_scale_sigma,
+            tilt_spread_deg=verdict.tilt_spread_deg,
+            coverage=verdict.coverage,
+        ),
+    )
+    return json.dumps(stored.model_dump(), indent=1) + "\n"
+
+
+def load_camera_file(path: Path) -> CameraFile:
+    """Read camera.json with all that it says. Raises OSError and CalibrationError."""
+    path = Path(path)
+    try:
+        stored = CameraFile.model_validate_json(path.read_text(encoding="utf-8"))
+    except UnicodeDecodeError as error:
+        raise CalibrationError(f"{path}: not a text file; a camera.json from turnscope calibrate is wanted") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise CalibrationError(
+            f"{path}: not a camera.json from turnscope calibrate ({place}: {first['msg'].lower()})"
+        ) from error
+    if set(stored.parameters) != set(PARAMETERS) or np.shape(stored.covariance) != (len(PARAMETERS),) * 2:
+        raise CalibrationError(f"{path}: parameters or covariance are incomplete; run turnscope calibrate again")
+    return stored
+
+
+def load_camera(path: Path) -> Camera:
+    """Read the camera of camera.json. Raises OSError and CalibrationError."""
+    stored = load_camera_file(path)
+    return Camera(
+        size_px=stored.size_px,
+        parameters=np.array([stored.parameters[name] for name in PARAMETERS]),
+        lens=stored.lens,
+        covariance=np.array(stored.covariance),
+        doubt="" if stored.verdict.level == "sound" else stored.verdict.summary,
+    )

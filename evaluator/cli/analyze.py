@@ -1,0 +1,150 @@
+"""turnscope analyze, turnscope compare: an experiment in, tables of runs out."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from evaluator.cli.options import batch_options
+from evaluator.cli.progress import progress_bar
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from evaluator.workflow import Analysis
+
+SOME_FAILED = 1  # exit status: results for the good runs, a reason for each of the others
+
+STATUS_NOTE = """\b
+Exit status: 0 every run was analysed; 1 some could not be (a reason for each on standard error, results for the
+others); 2 the input cannot be used at all."""
+
+
+@click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope analyze experiment.toml -o out/")
+@batch_options
+def analyze(
+    experiment: Path, out: Path, workers: int | None, as_json: bool, quiet: bool, verbose: bool, dry_run: bool
+) -> int:
+    """Track, reconstruct and fit every run of an experiment.
+
+    Writes turning.csv (a row per run), marks/RUN.csv and poses/RUN.csv. What is up to date is reused, so the same
+    command goes on after an interruption.
+    """
+    if dry_run:
+        return print_plan(experiment, out, simulate=False)
+    found = run_analysis(experiment, out, simulate=False, workers=workers, quiet=quiet)
+    if as_json:
+        print_json(found.turning)
+    elif not quiet:
+        click.echo(turning_text(found, verbose=verbose))
+        click.echo(f"\n{found.outputs.turning}")
+    return status_of(found)
+
+
+@click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope compare experiment.toml -o out/")
+@batch_options
+def compare(
+    experiment: Path, out: Path, workers: int | None, as_json: bool, quiet: bool, verbose: bool, dry_run: bool
+) -> int:
+    """Set every run beside its simulated counterpart.
+
+    Writes comparison.csv (a row per run) and simulated/RUN.csv beside what `turnscope analyze` writes, which is made
+    or reused. The counterpart has the same command, starts from the measured pose and is read by the same estimator.
+    """
+    if dry_run:
+        return print_plan(experiment, out, simulate=True)
+    found = run_analysis(experiment, out, simulate=True, workers=workers, quiet=quiet)
+    assert found.comparison is not None
+    if as_json:
+        print_json(found.comparison)
+    elif not quiet:
+        click.echo(comparison_text(found, verbose=verbose))
+        click.echo(f"\n{found.outputs.comparison}")
+    return status_of(found)
+
+
+def run_analysis(experiment: Path, out: Path, *, simulate: bool, workers: int | None, quiet: bool) -> Analysis:
+    """Analyse with a progress bar, and say on standard error why runs are missing."""
+    from evaluator.workflow import analyze as analyze_experiment
+
+    with progress_bar("runs", quiet=quiet) as progress:
+        found = analyze_experiment(
+            experiment, out, simulate=simulate, workers=workers, progress=progress, command_line=sys.argv[1:]
+        )
+    for run, fault in found.faults.items():
+        click.echo(f"{run}: {fault}", err=True)
+    return found
+
+
+def status_of(found: Analysis) -> int:
+    """Exit status of an analysis."""
+    return SOME_FAILED if found.faults else 0
+
+
+def print_plan(experiment: Path, out: Path, *, simulate: bool) -> int:
+    """Say what an analysis would compute."""
+    from evaluator.workflow import plan
+
+    steps = plan(experiment, out, simulate=simulate)
+    for run, stages in steps.items():
+        click.echo(f"{run}: {', '.join(stages) if stages else 'up to date'}")
+    count = sum(1 for stages in steps.values() if stages)
+    click.echo(f"{count} of {len(steps)} runs to compute, nothing was done (--dry-run)")
+    return 0
+
+
+def print_json(table: pd.DataFrame) -> None:
+    """Print a table of runs as a list of objects; unknown values are null."""
+    click.echo(json.dumps(json.loads(table.to_json(orient="records", double_precision=15)), indent=1))
+
+
+def turning_text(found: Analysis, *, verbose: bool) -> str:
+    """What was measured, for a terminal."""
+    from evaluator.cli.tables import text_table
+
+    rows = []
+    for row in found.turning.to_dict("records"):
+        if row["run"] in found.faults:
+            continue
+        radius = interval(row["radius_mm"], row["radius_low_mm"], row["radius_high_mm"])
+        cells = [row["run"], f"{row['left_rpm']:g} / {row['right_rpm']:g}", radius, f"{row['speed_mm_s']:.3f}"]
+        rows.append([*cells, str(row["radius_status"] or "")] if verbose else cells)
+    head = ["run", "rpm left / right", "radius, mm (95 %)", "speed, mm/s"]
+    return text_table([*head, "remark"] if verbose else head, rows)
+
+
+def comparison_text(found: Analysis, *, verbose: bool) -> str:
+    """Measured beside simulated, for a terminal."""
+    from evaluator.cli.tables import text_table
+
+    assert found.comparison is not None
+    rows = []
+    for row in found.comparison.to_dict("records"):
+        if row["run"] in found.faults:
+            continue
+        measured = interval(row["radius_mm"], row["radius_low_mm"], row["radius_high_mm"])
+        simulated = number(row["simulated_radius_mm"])
+        cells = [
+            row["run"],
+            f"{row['left_rpm']:g} / {row['right_rpm']:g}",
+            measured,
+            simulated,
+            f"{row['gap_rms_mm']:.3f}",
+        ]
+        rows.append([*cells, f"{row['heading_gap_end_deg']:.2f}"] if verbose else cells)
+    head = ["run", "rpm left / right", "radius, mm (95 %)", "simulated, mm", "gap RMS, mm"]
+    return text_table([*head, "heading gap, deg"] if verbose else head, rows)
+
+
+def interval(value: float, low: float, high: float) -> str:
+    """A value with its 95 % interval, or a dash where there is none."""
+    return "straight" if value != value else f"{value:.3f} ({low:.3f} to {high:.3f})"  # noqa: PLR0124 - NaN
+
+
+def number(value: float) -> str:
+    """A value, or a dash where there is none."""
+    return "straight" if value != value else f"{value:.3f}"  # noqa: PLR0124 - NaN

@@ -1,0 +1,104 @@
+"""turnscope calibrate, check-camera, dots."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+FILE = click.Path(path_type=Path, dir_okay=False)
+
+
+@click.command(
+    epilog="\b\nExample:\n  turnscope calibrate plate.png tilt1.png tilt2.png --gauge gauge.toml -o camera.json",
+)
+@click.argument("pictures", nargs=-1, required=True, type=FILE)
+@click.option("--gauge", "gauge_file", required=True, type=FILE, help="The gauge.toml that describes the dots.")
+@click.option(
+    "--plate",
+    type=FILE,
+    help="The picture with the gauge lying on the plate; it defines the plate frame.  [default: the first]",
+)
+@click.option("-o", "--out", type=FILE, default=Path("camera.json"), show_default=True)
+@click.option("--distance-mm", nargs=2, type=float, help="Measured height of the lens above the plate, and its sigma.")
+@click.option("--mark-height", "mark_height_mm", type=float, default=6.5, show_default=True, help="Of the marks, mm.")
+def calibrate(
+    pictures: tuple[Path, ...],
+    gauge_file: Path,
+    plate: Path | None,
+    out: Path,
+    distance_mm: tuple[float, float] | None,
+    mark_height_mm: float,
+) -> None:
+    """Solve the camera from gauge pictures.
+
+    Finds the dots, assigns the grid, chooses the lens model by cross-validation and writes the camera with its
+    covariance and a verdict.
+    """
+    from calibration.gauge import load_gauge
+    from calibration.picture import read_picture
+    from calibration.quality import assess
+    from calibration.solve import calibrate as solve
+    from calibration.store import camera_to_json
+    from evaluator.errors import InputError
+    from evaluator.files import read_with, write_text
+
+    gauge = read_with(load_gauge, gauge_file)
+    if plate is not None and plate not in pictures:
+        pictures = (plate, *pictures)
+    if distance_mm is not None and not (distance_mm[0] > 0 and distance_mm[1] > 0):
+        raise InputError(f"--distance-mm {distance_mm[0]} {distance_mm[1]}: distance and sigma must be positive")
+    found = solve(
+        [read_picture(path) for path in pictures],
+        gauge,
+        pictures.index(plate) if plate is not None else 0,
+        names=[str(path) for path in pictures],
+        distance_mm=distance_mm,
+    )
+    verdict = assess(found, mark_height_mm)
+    write_text(out, camera_to_json(found, verdict))
+    dots = sum(len(view) for view in found.views)
+    lens = ", ".join(name for name in found.fit.state.free if name[0] in "kp" and len(name) == 2) or "no distortion"
+    click.echo(
+        f"{len(found.views)} pictures, {dots} dots, residual {found.rms_px:.3f} px RMS, "
+        f"{found.fit.state.model} lens, {lens}"
+    )
+    click.echo(verdict.summary)
+    for step in verdict.next_steps:
+        click.echo(f"next: {step}")
+    for note in verdict.notes:
+        click.echo(f"note: {note}")
+    click.echo(f"written: {out}")
+
+
+@click.command(epilog="\b\nExample:\n  turnscope dots plate.png --annotate found/")
+@click.argument("pictures", nargs=-1, required=True, type=FILE)
+@click.option(
+    "--annotate", type=click.Path(path_type=Path, file_okay=False), help="Folder for annotated pictures (PNG)."
+)
+def dots(pictures: tuple[Path, ...], annotate: Path | None) -> None:
+    """Find and assign the dots of pictures, without a gauge file."""
+    import numpy as np
+
+    from calibration.assign_grid import assign_grid, rows_and_columns
+    from calibration.detect_dots import detect_dots
+    from calibration.picture import read_picture
+
+    for path in pictures:
+        picture = read_picture(path)
+        found = detect_dots(picture)
+        lattice = assign_grid(found)
+        if not len(lattice):
+            click.echo(f"{path}: {len(found)} dots found, 0 assigned: they form no regular array")
+            continue
+        layout, index = rows_and_columns(lattice)
+        columns, rows = index.max(axis=0) + 1
+        sigma = float(np.sqrt(np.trace(found.covariance_px2[lattice.dot], axis1=1, axis2=2) / 2).mean())
+        click.echo(
+            f"{path}: {len(found)} dots found, {len(lattice)} assigned to a {layout} array of {columns} × {rows}, "
+            f"diameter {np.median(found.diameter_px[lattice.dot]):.1f} px, centres to {sigma:.3f} px"
+        )
+        if annotate is not None:
+            from evaluator.report.calibration_page import write_annotated
+
+            write_annotated(picture, found, lattice, annotate / f"{path.stem}-dots.png")

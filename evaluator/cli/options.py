@@ -1,0 +1,33 @@
+"""Arguments and options that several commands share, so that they read the same everywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+PATH: click.Path = click.Path(path_type=Path)
+
+experiment_argument = click.argument("experiment", type=PATH, metavar="EXPERIMENT.toml")
+out_option = click.option(
+    "-o", "--out", type=PATH, default=Path("out"), show_default=True, metavar="DIR", help="Folder of the results."
+)
+workers_option = click.option(
+    "--workers", type=click.IntRange(min=1), metavar="N", help="Processes to work with. [default: one per core]"
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print the results as JSON, for programs.")
+quiet_option = click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+verbose_option = click.option("-v", "--verbose", is_flag=True, help="Say more about every run.")
+dry_run_option = click.option("--dry-run", is_flag=True, help="Say what would be computed, and compute nothing.")
+
+
+def batch_options(command: Command) -> Command:
+    """Add the options of every command that works through the runs of an experiment."""
+    options = (out_option, workers_option, json_option, quiet_option, verbose_option, dry_run_option)
+    for option in reversed((experiment_argument, *options)):
+        command = option(command)
+    return command

@@ -1,0 +1,103 @@
+"""Measured against simulated: the same command from the same start pose, read by the same estimator.
+
+Everything in the plate frame, mm and rad. The simulated run starts at rest at the measured start pose and is seen
+through simulated marks, so that an estimator's habits (a minimum over a trajectory, say) act on both sides alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.pose import MarkGeometry, Poses, poses_from_marks
+from evaluator.settings import Run
+from evaluator.turning import Turning, measure_turning
+from simulator.command import Command
+from simulator.integrate import simulate
+from simulator.observation import marks_of_run
+from simulator.robot import Robot
+from simulator.run import Run as Motion
+from simulator.run import State
+
+Array = NDArray[np.float64]
+
+START_SPAN_S = 0.25  # the start pose is read from this much of the recording: 15 frames at 60/s halve their noise twice
+
+STRAIGHT_MM = 1e6  # rounding bends a simulated straight line; over 100 mm of plate this circle departs by 1 nm
+
+
+@dataclass(frozen=True)
+class Counterpart:
+    """The simulated side of a run: motion at the measured times, and what the estimator makes of its marks."""
+
+    motion: Motion
+    turning: Turning
+
+
+def simulated_counterpart(robot: Robot, run: Run, poses: Poses) -> Counterpart:
+    """Simulate the command of a run from its measured start pose at the measured times."""
+    command = Command.constant(run.left_rpm, run.right_rpm, start_s=run.start_s, stop_s=run.stop_s)
+    x, y, heading = start_pose(poses, run.start_s)
+    motion = simulate(robot, command, poses.time_s, start=State(x_mm=x, y_mm=y, heading_rad=heading))
+    geometry = MarkGeometry(green_mm=robot.marks.green_mm, yellow_mm=robot.marks.yellow_mm)
+    seen = poses_from_marks(marks_of_run(robot, motion), geometry)
+    return Counterpart(motion, measure_turning(seen, start_s=run.start_s, stop_s=run.stop_s))
+
+
+def start_pose(poses: Poses, start_s: float) -> tuple[float, float, float]:
+    """Pose (x mm, y mm, heading rad) in which the run starts.
+
+    From the frames at rest before start_s, their mean; in a recording without such frames, from the first frames,
+    through which heading is drawn as a line and position as a parabola in time (a steady turn to second order).
+    """
+    known = np.isfinite(poses.heading_rad)
+    time = poses.time_s
+    resting = known & (time <= start_s)
+    if np.count_nonzero(resting) >= 3:
+        chosen, powers = resting, (0, 0, 0)
+    else:
+        first = time[known][0]
+        chosen = known & (time >= first) & (time <= first + START_SPAN_S)
+        few = np.count_nonzero(chosen) < 4
+        powers = (0, 0, 0) if few else (2, 2, 1)
+    at = max(start_s, float(time[chosen][0]))
+    since = time[chosen] - at
+    values = (poses.x_mm, poses.y_mm, poses.heading_rad)
+    x, y, heading = (
+        float(np.polynomial.polynomial.polyfit(since, value[chosen], power)[0])
+        for value, power in zip(values, powers, strict=True)
+    )
+    return x, y, heading
+
+
+def comparison_row(turning: dict[str, Any], poses: Poses, counterpart: Counterpart) -> dict[str, Any]:
+    """One row of comparison.csv from the row of turning.csv, the measured poses and the simulated counterpart."""
+    simulated = counterpart.turning.to_row()
+    if abs(counterpart.turning.curvature_per_mm) * STRAIGHT_MM < 1:
+        simulated |= {"radius_mm": float("nan"), "steady_radius_mm": float("nan")}
+    row: dict[str, Any] = {}
+    for name in ("radius_mm", "steady_radius_mm"):
+        stem = name.removesuffix("_mm")
+        row[name] = turning[name]
+        row[f"{stem}_low_mm"], row[f"{stem}_high_mm"] = turning[f"{stem}_low_mm"], turning[f"{stem}_high_mm"]
+        row[f"simulated_{name}"] = simulated[name]
+        row[f"{stem}_difference_percent"] = 100 * (simulated[name] / turning[name] - 1)
+    for name in ("speed_mm_s", "yaw_rate_deg_s", "green_speed_mm_s", "yellow_speed_mm_s"):
+        row[name], row[f"simulated_{name}"] = turning[name], simulated[name]
+    return {**row, **trajectory_gap(poses, counterpart.motion)}
+
+
+def trajectory_gap(poses: Poses, motion: Motion) -> dict[str, float]:
+    """How far the simulated trajectory runs from the measured one, over the frames where the pose is known."""
+    distance = np.hypot(motion.x_mm - poses.x_mm, motion.y_mm - poses.y_mm)
+    known = np.flatnonzero(np.isfinite(distance))
+    turn = np.degrees(motion.heading_rad - poses.heading_rad)[known]
+    turn -= 360 * np.round(turn[0] / 360) if len(known) else 0.0
+    return {
+        "gap_rms_mm": float(np.sqrt(np.mean(distance[known] ** 2))),
+        "gap_end_mm": float(distance[known[-1]]),
+        "heading_gap_end_deg": float(turn[-1]),
+    }

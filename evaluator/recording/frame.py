@@ -1,0 +1,72 @@
+"""One picture of a recording: views of the decoder's planes, no copies, no conversion to RGB.
+
+Picture frame: x right, y down, px, the centre of the top left pixel of the full picture is (0, 0).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+Plane = NDArray[np.unsignedinteger]
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A picture (or a field of one) as the viewer sees it: rotation is already applied to the planes.
+
+    index: counts the pictures of the recording from 0. time: exact presentation time, s. luma: (rows, columns) of 8 or
+    16 bit samples; row j lies at y = row_origin + row_step·j px of the full picture (a field has row_step 2). u, v: the
+    colour planes, subsampled by whole factors, or None for a grey recording. depth: bits of a sample. full_range: luma
+    spans the whole of its range rather than 16/256 to 235/256 of it. matrix: "bt601" or "bt709". owner: keeps the
+    decoder's buffer alive. The planes are views: copy what must outlive the frame's successor.
+    """
+
+    index: int
+    time: Fraction
+    luma: Plane
+    u: Plane | None
+    v: Plane | None
+    depth: int
+    full_range: bool
+    matrix: str
+    row_origin: int
+    row_step: int
+    owner: object
+
+    @property
+    def time_s(self) -> float:
+        """Presentation time in seconds."""
+        return float(self.time)
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """(width, height) of the full picture; a field's height is doubled."""
+        return self.luma.shape[1], self.luma.shape[0] * self.row_step
+
+    def to_rgb(self) -> NDArray[np.uint8]:
+        """Convert to (height, width, 3) RGB of 8 bits; a field's lines are doubled. For pictures people look at."""
+        scale = 2.0 ** (self.depth - 8)
+        luma = self.luma.astype(np.float32) / scale
+        if not self.full_range:
+            luma = (luma - 16.0) * (255.0 / 219.0)
+        rgb = np.repeat(luma[..., None], 3, axis=2)
+        if self.u is not None and self.v is not None:
+            gain = 1.0 if self.full_range else 255.0 / 224.0
+            u, v = (self._upsampled(plane, scale) * gain for plane in (self.u, self.v))
+            kr, kb = (0.2126, 0.0722) if self.matrix == "bt709" else (0.299, 0.114)
+            red, blue = 2.0 * (1.0 - kr) * v, 2.0 * (1.0 - kb) * u
+            rgb[..., 0] += red
+            rgb[..., 2] += blue
+            rgb[..., 1] -= (kr * red + kb * blue) / (1.0 - kr - kb)
+        picture = np.clip(np.rint(rgb), 0, 255).astype(np.uint8)
+        return np.repeat(picture, self.row_step, axis=0)
+
+    def _upsampled(self, plane: Plane, scale: float) -> NDArray[np.float32]:
+        rows, columns = self.luma.shape
+        across, down = -(-columns // plane.shape[1]), -(-rows // plane.shape[0])
+        centred = plane.astype(np.float32) / np.float32(scale) - np.float32(128.0)
+        return np.repeat(np.repeat(centred, down, axis=0), across, axis=1)[:rows, :columns]

@@ -1,0 +1,74 @@
+"""What the presentation times of a recording say: its rate, pictures dropped, pictures shown twice."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
+
+
+@dataclass(frozen=True)
+class TimingReport:
+    """Times of a recording, summed up.
+
+    frames: pictures decoded. first, last: presentation times, s. interval: the commonest time between pictures, s
+    (None below two pictures). dropped: (index of the picture after the gap, number missing). duplicates: indices of
+    pictures equal to the one before. variable: the intervals differ by more than the clock's rounding even outside
+    gaps. notes: sentences on everything unusual, for people.
+    """
+
+    frames: int
+    first: Fraction | None
+    last: Fraction | None
+    interval: Fraction | None
+    dropped: tuple[tuple[int, int], ...]
+    duplicates: tuple[int, ...]
+    variable: bool
+    notes: tuple[str, ...]
+
+    @property
+    def rate_hz(self) -> float:
+        """Pictures a second, from the commonest interval; NaN below two pictures."""
+        return float("nan") if not self.interval else float(1 / self.interval)
+
+
+def summarise(
+    times: Sequence[Fraction], duplicates: Sequence[int], tick: Fraction, notes: Sequence[str]
+) -> TimingReport:
+    """Find rate, gaps and repetitions.
+
+    times: of the pictures in order, s. tick: the unit of the recording's clock, s: intervals that differ by no more
+    than two ticks count as equal, because each of the two times is rounded to a tick.
+    """
+    steps = [after - before for before, after in pairwise(times)]
+    interval, variable, dropped = None, False, []
+    if steps:
+        common = Counter(steps).most_common(1)[0][0]
+        regular = [step for step in steps if abs(step - common) <= 2 * tick]
+        interval = sum(regular, Fraction(0)) / len(regular)
+        for index, step in enumerate(steps, start=1):
+            if step >= Fraction(3, 2) * interval:
+                dropped.append((index, max(1, round(step / interval) - 1)))
+        # A gap is a whole number of intervals; anything else is a clock that truly varies.
+        odd = [step for step in steps if abs(step - max(1, round(step / interval)) * interval) > 2 * tick]
+        variable = len(odd) > len(steps) // 20
+    said = list(notes)
+    if variable:
+        said.append("the frame rate varies; every picture keeps its own time")
+    elif dropped:
+        missing = sum(count for _, count in dropped)
+        said.append(f"{missing} pictures are missing in {len(dropped)} gaps, the first before picture {dropped[0][0]}")
+    if duplicates:
+        said.append(f"{len(duplicates)} pictures repeat the one before, the first is picture {duplicates[0]}")
+    return TimingReport(
+        frames=len(times),
+        first=times[0] if times else None,
+        last=times[-1] if times else None,
+        interval=interval,
+        dropped=() if variable else tuple(dropped),
+        duplicates=tuple(duplicates),
+        variable=variable,
+        notes=tuple(said),
+    )

@@ -1,0 +1,113 @@
+"""Trajectories of both marks and of the centre, with the circle of the minimum radius: the paper's Figure 19."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle
+
+from evaluator.report.runs import RunView
+from evaluator.report.style import BLUE, GREEN, INK, VERMILLION, YELLOW, Figure, drawing
+
+MOST_POINTS = 240  # of a drawn curve: below a tenth of a pixel of error on a turn that fills its panel
+LEGEND = (
+    ("green", "green mark"),
+    ("yellow dashed", "yellow mark"),
+    ("ink", "centre"),
+    ("vermillion dashed", "simulated centre"),
+    ("blue thin", "circle of minimum radius"),
+)
+MOST_PANELS = 12  # more runs than that are seen in the player; on paper they would be stamps
+
+
+def trajectories(runs: Sequence[RunView]) -> Figure | None:
+    """Figure 19: one panel per command, forward and backward beside each other."""
+    chosen = representative(runs, MOST_PANELS)
+    if not chosen:
+        return None
+    panels = []
+    for run in chosen:
+        with drawing(f"trajectory-{run.id}", width=3.3, height=3.3) as canvas:
+            _panel(canvas.axes[0], run)
+        panels.append(canvas.svg)
+    return Figure(
+        "trajectories",
+        "Trajectories and circles of minimum radius",
+        "The dot is the start. The thin circle is the minimum turning radius; where the dashed line leaves the black "
+        "one, the simulation leaves the robot. One run per command, forward and backward side by side; all are in the "
+        "player. (Figure 19 of the paper.)",
+        tuple(panels),
+        pd.concat([_data(run) for run in chosen], ignore_index=True),
+        legend=LEGEND,
+    )
+
+
+def representative(runs: Sequence[RunView], most: int) -> list[RunView]:
+    """One run per command, turning ones first, forward and backward of the same speeds side by side."""
+    by_command: dict[tuple[float, float, str], RunView] = {}
+    for run in runs:
+        by_command.setdefault((run.left_rpm, run.right_rpm, run.group), run)
+    order: dict[tuple[float, float, str], int] = {}
+    for left, right, group in by_command:
+        order.setdefault((abs(left), abs(right), group), len(order))
+
+    def rank(run: RunView) -> tuple[bool, int, bool]:
+        return not run.turns, order[abs(run.left_rpm), abs(run.right_rpm), run.group], run.backward
+
+    return sorted(by_command.values(), key=rank)[:most]
+
+
+def thinned(table: pd.DataFrame, most: int) -> pd.DataFrame:
+    """Rows at even steps, the last one kept."""
+    step = max(1, -(-len(table) // most))
+    rows = sorted({*range(0, len(table), step), len(table) - 1})
+    return table.iloc[rows]
+
+
+def _panel(axes: Axes, run: RunView) -> None:
+    marks, poses, simulated = (thinned(table, MOST_POINTS) for table in (run.marks, run.poses, run.simulated))
+    axes.plot(marks["green_x_mm"], marks["green_y_mm"], color=GREEN, lw=1.0)
+    axes.plot(marks["yellow_x_mm"], marks["yellow_y_mm"], color=YELLOW, lw=1.0, ls="-.")
+    axes.plot(poses["x_mm"], poses["y_mm"], color=INK, lw=1.8)
+    axes.plot(simulated["x_mm"], simulated["y_mm"], color=VERMILLION, lw=1.2, ls=(0, (4, 2)))
+    first = poses.dropna(subset=["x_mm"]).iloc[:1]
+    axes.plot(first["x_mm"], first["y_mm"], color=INK, marker="o", ms=4, ls="none")
+    title = f"{run.id}: {run.command}"
+    center = run.value("center_x_mm"), run.value("center_y_mm")
+    if run.turns and np.isfinite(center).all():
+        axes.add_patch(Circle(center, run.value("radius_mm"), fill=False, ec=BLUE, lw=0.8))
+        axes.plot(*center, color=BLUE, marker="+", ms=5, ls="none")
+        title += f"\nradius {run.value('radius_mm'):.3g} mm"
+    axes.set_title(title)
+    _frame(axes, run, marks, poses)
+    axes.set_xlabel("x, mm")
+    axes.set_ylabel("y, mm")
+
+
+def _frame(axes: Axes, run: RunView, marks: pd.DataFrame, poses: pd.DataFrame) -> None:
+    """A square view of the trajectories; of the whole circle only where it is not much larger than they are."""
+    drawn = [[marks[f"green_{axis}_mm"], marks[f"yellow_{axis}_mm"], poses[f"{axis}_mm"]] for axis in "xy"]
+    low = np.array([min(curve.min() for curve in curves) for curves in drawn])
+    high = np.array([max(curve.max() for curve in curves) for curves in drawn])
+    radius, center = run.value("radius_mm"), np.array([run.value("center_x_mm"), run.value("center_y_mm")])
+    if np.isfinite(center).all() and radius < np.max(high - low):
+        low, high = np.minimum(low, center - radius), np.maximum(high, center + radius)
+    middle, half = (low + high) / 2, 0.54 * np.max(high - low)
+    axes.set_xlim(middle[0] - half, middle[0] + half)
+    axes.set_ylim(middle[1] - half, middle[1] + half)
+    axes.set_aspect("equal")
+    axes.locator_params(nbins=5)
+
+
+def _data(run: RunView) -> pd.DataFrame:
+    table = run.poses.loc[:, ["time_s", "x_mm", "y_mm", "heading_deg"]].copy()
+    table.insert(0, "run", run.id)
+    for mark in ("green", "yellow"):
+        for axis in "xy":
+            table[f"{mark}_{axis}_mm"] = run.marks[f"{mark}_{axis}_mm"]
+    for axis in "xy":
+        table[f"simulated_{axis}_mm"] = run.simulated[f"{axis}_mm"]
+    return thinned(table, MOST_POINTS)

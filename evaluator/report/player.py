@@ -1,0 +1,83 @@
+"""Data of the trajectory player: curves thinned and rounded, pictures fitted to a budget: the page stays small."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+import pandas as pd
+
+from evaluator.report.figures.trajectory import thinned
+from evaluator.report.runs import RunView
+from simulator.robot import Robot
+
+PICTURE_BUDGET_BYTES = 1_800_000  # of JPEG; base64 makes a third more of it, and the page is to stay below 5 MB
+POINT_BUDGET = 20_000  # points of all runs together, each some 60 characters
+
+
+def player_data(runs: Sequence[RunView], robot: Robot) -> str:
+    """JSON that page.js reads; safe inside a script element."""
+    points = max(40, min(240, POINT_BUDGET // max(1, len(runs))))
+    pictures = _fitted([run.pictures for run in runs])
+    content = {
+        "robot": {
+            "length": robot.body.length_mm,
+            "width": robot.body.width_mm,
+            "green": robot.marks.green_mm,
+            "yellow": robot.marks.yellow_mm,
+            "mark": robot.marks.diameter_mm,
+        },
+        "runs": [_run(run, points, chosen) for run, chosen in zip(runs, pictures, strict=True)],
+    }
+    return json.dumps(content, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+
+
+def _run(run: RunView, points: int, pictures: list[tuple[float, str]]) -> dict[str, Any]:
+    marks, poses, simulated = (thinned(table, points) for table in (run.marks, run.poses, run.simulated))
+    circle = [run.value(name) for name in ("center_x_mm", "center_y_mm", "radius_mm")]
+    radius = f"radius {run.value('radius_mm'):.3g} mm." if run.turns else f"{run.turning['radius_status']}."
+    return {
+        "label": f"{run.id}: {run.command}" + (f" ({run.group})" if run.group else ""),
+        "note": f"{run.command}, {radius}",
+        "t": _rounded(poses["time_s"], 3),
+        "x": _rounded(poses["x_mm"], 2),
+        "y": _rounded(poses["y_mm"], 2),
+        "heading": _rounded(poses["heading_deg"], 1),
+        "gx": _rounded(marks["green_x_mm"], 2),
+        "gy": _rounded(marks["green_y_mm"], 2),
+        "yx": _rounded(marks["yellow_x_mm"], 2),
+        "yy": _rounded(marks["yellow_y_mm"], 2),
+        "sx": _rounded(simulated["x_mm"], 2),
+        "sy": _rounded(simulated["y_mm"], 2),
+        "circle": [round(value, 3) for value in circle] if np.isfinite(circle).all() else None,
+        "pictures": pictures,
+    }
+
+
+def _rounded(values: pd.Series[float], digits: int) -> list[float | None]:
+    return [round(float(value), digits) if np.isfinite(value) else None for value in values]
+
+
+def _fitted(pictures: Sequence[list[dict[str, Any]]]) -> list[list[tuple[float, str]]]:
+    """As many and as large pictures per run as the budget allows: fewer before smaller."""
+    total = sum(len(item["jpeg"]) * 3 // 4 for chosen in pictures for item in chosen)
+    every, scale = 1, 1.0
+    for every, scale in ((1, 1.0), (2, 1.0), (2, 0.75), (3, 0.75), (3, 0.5), (6, 0.5)):
+        if total / every * scale**1.6 <= PICTURE_BUDGET_BYTES:  # bytes grow a little slower than the area
+            break
+    return [
+        [(round(item["time_s"], 3), _scaled(item["jpeg"], scale)) for item in chosen[::every]] for chosen in pictures
+    ]
+
+
+def _scaled(jpeg: str, scale: float) -> str:
+    if scale == 1.0:
+        return jpeg
+    picture = cv2.imdecode(np.frombuffer(base64.b64decode(jpeg), np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None  # it was encoded by us
+    small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    return base64.b64encode(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 65])[1].tobytes()).decode()

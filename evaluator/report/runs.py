@@ -1,0 +1,113 @@
+"""What the report draws: the tables of an analysis and the curves of every run, read back from the output folder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from evaluator.marks import read_marks
+from evaluator.workflow import Analysis, Outputs
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RunView:
+    """One analysed run: its row of turning.csv and of comparison.csv, and its curves (read when asked for)."""
+
+    id: str
+    group: str
+    turning: dict[str, Any]
+    comparison: dict[str, Any]
+    outputs: Outputs
+
+    @property
+    def left_rpm(self) -> float:
+        """Command of the left driving wheel."""
+        return float(self.turning["left_rpm"])
+
+    @property
+    def right_rpm(self) -> float:
+        """Command of the right driving wheel."""
+        return float(self.turning["right_rpm"])
+
+    @property
+    def difference_rpm(self) -> float:
+        """Difference of rotational frequency, as on the paper's axes: of the sizes, never negative."""
+        return abs(self.left_rpm - self.right_rpm)
+
+    @property
+    def backward(self) -> bool:
+        """Driven backward."""
+        return self.left_rpm + self.right_rpm < 0
+
+    @property
+    def straight(self) -> bool:
+        """Both sides are commanded alike."""
+        return self.left_rpm == self.right_rpm
+
+    @property
+    def turns(self) -> bool:
+        """A turning radius was found."""
+        return bool(np.isfinite(self.value("radius_mm")))
+
+    @property
+    def command(self) -> str:
+        """The command as people write it, with a true minus sign."""
+        return f"{self.left_rpm:g} / {self.right_rpm:g} rpm".replace("-", "−")
+
+    def value(self, name: str, table: str = "turning") -> float:
+        """A number of the run's row; NaN where the table has none."""
+        value = getattr(self, table).get(name)
+        return float("nan") if value is None else float(value)
+
+    @cached_property
+    def marks(self) -> pd.DataFrame:
+        """Marks over time."""
+        return read_marks(self.outputs.marks(self.id))
+
+    @cached_property
+    def poses(self) -> pd.DataFrame:
+        """Poses over time."""
+        return pd.read_csv(self.outputs.poses(self.id))
+
+    @cached_property
+    def simulated(self) -> pd.DataFrame:
+        """The simulated counterpart over time."""
+        return pd.read_csv(self.outputs.simulated(self.id))
+
+    @cached_property
+    def pictures(self) -> list[dict[str, Any]]:
+        """Small pictures of the video (time_s, jpeg as base64), none for a run given as marks."""
+        path = self.outputs.pictures(self.id)
+        if not path.is_file():
+            return []
+        pictures: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
+        return pictures
+
+
+def views_of(analysis: Analysis) -> list[RunView]:
+    """Every run that could be analysed, in the order of the experiment."""
+    assert analysis.comparison is not None
+    comparison = {row["run"]: row for row in _records(analysis.comparison)}
+    return [
+        RunView(str(row["run"]), str(row["group"]), dict(row), dict(comparison[row["run"]]), analysis.outputs)
+        for row in _records(analysis.turning)
+        if row["run"] not in analysis.faults
+    ]
+
+
+def column(runs: Sequence[RunView], name: str, table: str = "turning") -> Array:
+    """A column over some runs."""
+    return np.array([run.value(name, table) for run in runs])
+
+
+def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]

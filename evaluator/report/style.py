@@ -1,0 +1,156 @@
+"""One look for every figure: colours that follow the page (light, dark, paper), markers and lines that survive grey.
+
+Colours are Okabe and Ito's (2008), told apart by every kind of colour vision; each series also has a marker and a line
+style of its own. In the SVG every colour is a CSS variable with the light colour as its fallback.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib as mpl
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+
+INK, SOFT, FAINT, PAPER = "#1b1f24", "#626a73", "#d9dde2", "#fefefe"
+BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, YELLOW = (
+    "#0072b2", "#d55e00", "#009e73", "#a8518a", "#e69f00", "#4a9fd0", "#b39700",
+)  # fmt: skip
+
+# Light colour: (CSS variable, colour in the dark).
+THEME = {
+    INK: ("--ink", "#e8eaed"),
+    SOFT: ("--soft", "#a2a9b1"),
+    FAINT: ("--faint", "#363c44"),
+    PAPER: ("--paper", "#16191d"),
+    BLUE: ("--blue", "#58b4e5"),
+    VERMILLION: ("--vermillion", "#ff8a4c"),
+    GREEN: ("--green", "#3cc9a0"),
+    PURPLE: ("--purple", "#d99ac2"),
+    ORANGE: ("--orange", "#f0b93c"),
+    SKY: ("--sky", "#8fd0f2"),
+    YELLOW: ("--yellow", "#e0c93a"),
+}
+
+
+@dataclass(frozen=True)
+class Series:
+    """How one series is drawn; filled markers are measured, open ones are not."""
+
+    color: str
+    marker: str
+    line: str
+    filled: bool = True
+
+    def markers(self) -> dict[str, Any]:
+        """Arguments for points."""
+        look: dict[str, Any] = {"color": self.color, "marker": self.marker, "ls": "none"}
+        return look if self.filled else {**look, "mfc": "none", "ms": 7.5, "zorder": 3}
+
+
+MEASURED = Series(BLUE, "o", "-")
+SIMULATED = Series(VERMILLION, "s", "--", filled=False)
+THEORY = Series(SOFT, "", ":")
+GROUPS = (
+    Series(BLUE, "o", "-"), Series(VERMILLION, "s", "--"), Series(GREEN, "^", "-."), Series(PURPLE, "D", ":"),
+    Series(ORANGE, "v", "-"), Series(SKY, "P", "--"),
+)  # fmt: skip
+
+STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",  # text stays text: it can be searched, and takes the font of the page
+    "font.family": "sans-serif",
+    "font.size": 9.0,
+    "text.color": INK,
+    "axes.edgecolor": SOFT,
+    "axes.labelcolor": INK,
+    "axes.facecolor": "none",
+    "axes.linewidth": 0.7,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlesize": 9.0,
+    "axes.titlelocation": "left",
+    "figure.facecolor": "none",
+    "grid.color": FAINT,
+    "grid.linewidth": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "lines.linewidth": 1.4,
+    "lines.markersize": 5.0,
+    "lines.markeredgewidth": 1.2,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+}
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A finished figure: what to see in it, its panels as inline SVG, and the numbers behind it.
+
+    legend: entries (CSS class of the line, text) of a legend shared by all panels, drawn by the page.
+    """
+
+    name: str
+    title: str
+    caption: str
+    panels: tuple[str, ...]
+    data: pd.DataFrame
+    legend: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def wide(self) -> bool:
+        """Takes the whole width of the page."""
+        return len(self.panels) > 1
+
+    @property
+    def csv(self) -> str:
+        """The data as CSV text."""
+        return self.data.to_csv(index=False, float_format="%.6g")
+
+
+class Drawing:
+    """A canvas while it is drawn on; `svg` holds the picture once the `drawing` block has ended."""
+
+    def __init__(self, canvas: Canvas, axes: list[Axes]) -> None:
+        """Start with an empty canvas."""
+        self.canvas = canvas
+        self.axes = axes
+        self.svg = ""
+
+
+@contextmanager
+def drawing(
+    name: str, *, width: float = 4.7, height: float = 3.4, rows: int = 1, columns: int = 1
+) -> Iterator[Drawing]:
+    """Draw in the style of the page; name makes the ids inside the SVG unique on it. Sizes in inches."""
+    with mpl.rc_context({**STYLE, "svg.hashsalt": name}):
+        canvas = Canvas(figsize=(width, height), layout="constrained")  # no pyplot: nothing global, nothing to close
+        axes = canvas.subplots(rows, columns, squeeze=False)
+        result = Drawing(canvas, list(axes.flat))
+        yield result
+        result.svg = _themed_svg(canvas)
+
+
+def _themed_svg(canvas: Canvas) -> str:
+    buffer = io.StringIO()
+    canvas.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", text, count=1)
+    text = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1)
+    text = re.sub(r"\n\s*", "\n", text)
+    for color, (variable, _) in THEME.items():
+        text = text.replace(color, f"var({variable}, {color})")
+    return text

@@ -1,0 +1,152 @@
+"""The report's first words: what turned how tightly, does the simulation agree, what is missing. Plain sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from evaluator.report.runs import RunView, column
+
+
+@dataclass(frozen=True)
+class Number:
+    """A headline number with its range in words."""
+
+    name: str
+    value: str
+    range: str
+
+
+def summary(runs: Sequence[RunView], faults: dict[str, str], diagnosis: dict[str, Any] | None) -> list[str]:
+    """Sentences, most important first."""
+    turning = [run for run in runs if run.turns]
+    sentences = [_tightest(turning)] if turning else ["No run turns: there is no turning radius to report."]
+    sentences += [_directions(turning), _agreement(turning), _speed(runs)]
+    if diagnosis is not None:
+        sentences.append(diagnosis_sentence(diagnosis))
+    if faults:
+        named = ", ".join(list(faults)[:5]) + (", …" if len(faults) > 5 else "")
+        sentences.append(f"{len(faults)} of {len(faults) + len(runs)} runs gave no result ({named}); reasons below.")
+    return [sentence for sentence in sentences if sentence]
+
+
+def headline(runs: Sequence[RunView]) -> list[Number]:
+    """A few numbers to carry away."""
+    turning = [run for run in runs if run.turns]
+    numbers = []
+    if turning:
+        best = min(turning, key=lambda run: run.value("radius_mm"))
+        numbers.append(
+            Number("tightest turn", f"{best.value('radius_mm'):.2f} mm", f"95 %: {_interval(best)}, run {best.id}")
+        )
+        off = np.abs(column(turning, "radius_difference_percent", "comparison"))
+        worst = turning[int(np.nanargmax(off))]
+        numbers.append(
+            Number(
+                "simulated radius",
+                f"{_percent(np.nanmedian(off))} off",
+                f"median; worst {_percent(np.nanmax(off))}, run {worst.id}",
+            )
+        )
+    share = 100 * column(runs, "share_used")
+    if np.isfinite(share).any():
+        numbers.append(
+            Number("frames used", f"{np.nanmedian(share):.1f} %", f"median; lowest {np.nanmin(share):.1f} %")
+        )
+    ratio = 100 * (column(runs, "mark_spacing_ratio") - 1)
+    if np.isfinite(ratio).any():
+        numbers.append(
+            Number(
+                "scale check",
+                f"{np.nanmedian(ratio):+.2f} %".replace("-", "−"),
+                "distance of the marks against robot.toml",
+            )
+        )
+    return numbers
+
+
+def diagnosis_sentence(diagnosis: dict[str, Any]) -> str:
+    """What `turnscope diagnose` found, in one sentence."""
+    names = " and ".join(f"{effect['name']} ({effect['id']})" for effect in diagnosis.get("effects", []))
+    verdicts = {
+        "none": "Diagnosis: the model explains the data within noise and tolerances; nothing is missing.",
+        "effect": f"Diagnosis: the missing effect is {names}; with it in the model the gap shrinks (see below).",
+        "unknown": "Diagnosis: a real disagreement that no known effect explains.",
+        "insufficient": "Diagnosis: these data cannot decide what is missing.",
+    }
+    return verdicts.get(str(diagnosis.get("verdict")), "")
+
+
+def _tightest(turning: Sequence[RunView]) -> str:
+    best = min(turning, key=lambda run: run.value("radius_mm"))
+    widest = max(turning, key=lambda run: run.value("radius_mm"))
+    text = (
+        f"The tightest turn has a radius of {best.value('radius_mm'):.2f} mm "
+        f"(95 %: {_interval(best)}; run {best.id}, {best.command})"
+    )
+    return text + (
+        f"; the widest {widest.value('radius_mm'):.1f} mm (run {widest.id}, {widest.command})."
+        if widest is not best
+        else "."
+    )
+
+
+def _directions(turning: Sequence[RunView]) -> str:
+    """Forward against backward at the same wheel speeds; a difference is only called one beyond its own scatter."""
+    changes = np.array(
+        [
+            100 * (other.value("radius_mm") / run.value("radius_mm") - 1)
+            for run in turning
+            for other in turning
+            if not run.backward
+            and (other.left_rpm, other.right_rpm, other.group) == (-run.left_rpm, -run.right_rpm, run.group)
+        ]
+    )
+    if len(changes) < 2:
+        return ""
+    mean, error = float(changes.mean()), float(changes.std(ddof=1) / np.sqrt(len(changes)))
+    pairs = f"over {len(changes)} pairs of runs at the same wheel speeds"
+    if abs(mean) < 2 * error:
+        return (
+            f"Forward and backward turns do not differ beyond their scatter ({mean:+.2g} ± {2 * error:.1g} % {pairs})."
+        )
+    way = "tighter" if mean < 0 else "wider"
+    return f"Backward turns are {_percent(abs(mean))} {way} than forward ones (± {2 * error:.1g} %, {pairs})."
+
+
+def _agreement(turning: Sequence[RunView]) -> str:
+    """Simulated radii against measured intervals."""
+    if not turning:
+        return ""
+    off = column(turning, "radius_difference_percent", "comparison")
+    simulated = column(turning, "simulated_radius_mm", "comparison")
+    low, high = column(turning, "radius_low_mm"), column(turning, "radius_high_mm")
+    inside = int(np.sum((simulated >= low) & (simulated <= high)))
+    worst = int(np.nanargmax(np.abs(off)))
+    text = f"The simulated radius lies inside the measured 95 % interval in {inside} of {len(turning)} turns"
+    way = "wider" if off[worst] > 0 else "tighter"
+    return f"{text}; at worst it is {_percent(abs(off[worst]))} {way} than measured (run {turning[worst].id})."
+
+
+def _speed(runs: Sequence[RunView]) -> str:
+    straight = [run for run in runs if run.straight and run.left_rpm]
+    if not straight:
+        return ""
+    measured, simulated = column(straight, "speed_mm_s"), column(straight, "simulated_speed_mm_s", "comparison")
+    off = 100 * (measured / simulated - 1)
+    worst = int(np.nanargmax(np.abs(off)))
+    furthest = f"run {straight[worst].id} is the furthest off"
+    return f"Straight runs are as fast as simulated to within {_percent(abs(off[worst]))} ({furthest})."
+
+
+def _interval(run: RunView) -> str:
+    high = run.value("radius_high_mm")
+    upper = f"{high:.2f}" if np.isfinite(high) else "straight"
+    return f"{run.value('radius_low_mm'):.2f} to {upper} mm"
+
+
+def _percent(value: float) -> str:
+    return f"{value:.2g} %" if abs(value) < 10 else f"{value:.0f} %"

@@ -1,0 +1,197 @@
+"""What a mark looks like: a disc blurred by lens and pixels, seen at a slant; its profile and its shape from pictures.
+
+Profile of a uniform disc of radius R blurred by a Gaussian of standard deviation s, on its radius r:
+dP/dr = -(R/s²)·exp(-(r-R)²/2s²)·i1e(rR/s²), the integral of the Gaussian's gradient along the edge (divergence
+theorem); P by integration from outside. A pixel adds a variance of 1/12 px² to s² (box of one pixel), which learning
+finds itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import i1e
+
+from evaluator.tracking import kernels
+
+Array = NDArray[np.float64]
+PER_PX = 32  # entries of the profile a pixel: linear interpolation is then exact to 1e-4 of the amplitude
+
+
+@dataclass(frozen=True)
+class Disc:
+    """Shape of a mark in the picture.
+
+    radius_px, blur_px: of the disc and its edge; e1, e2: slant, r² = (1+e1) dx² + 2 e2 dx dy + (1-e1) dy². amplitude,
+    base: luma of the mark above its surroundings, and of the surroundings. noise: luma variance at level 0, and per
+    level. profile, slope: of `tabulate`.
+    """
+
+    radius_px: float
+    blur_px: float
+    e1: float
+    e2: float
+    amplitude: float
+    base: float
+    noise: tuple[float, float]
+    profile: Array
+    slope: Array
+
+    @property
+    def outer_px(self) -> float:
+        """Radius of the pixels used: the edge and its blur, and a rim to know the base from.
+
+        Beyond 1.5 radii lies, on the paper's robot, the edge of its black top.
+        """
+        return self.radius_px + max(2.5 * self.blur_px, min(0.5 * self.radius_px, 4.0))
+
+    def numbers(self, smear_px: tuple[float, float] = (0.0, 0.0)) -> Array:
+        """The disc as `kernels.fit_disc` takes it."""
+        return np.array([self.radius_px, self.blur_px, self.e1, self.e2, self.outer_px, *smear_px])
+
+
+def tabulate(radius_px: float, blur_px: float) -> tuple[Array, Array]:
+    """Profile and slope of a blurred disc against radius, PER_PX entries a pixel, to 6 blurs beyond the edge."""
+    r = np.arange(0.0, radius_px + 6.0 * blur_px + 2.0, 1.0 / PER_PX)
+    s2 = blur_px**2
+    slope = -(radius_px / s2) * np.exp(-((r - radius_px) ** 2) / (2 * s2)) * i1e(r * radius_px / s2)
+    middle = np.concatenate([[0.0], np.cumsum((slope[1:] + slope[:-1]) / 2)]) / PER_PX
+    return np.ascontiguousarray(middle - middle[-1]), np.ascontiguousarray(slope)
+
+
+def make_disc(
+    radius_px: float, blur_px: float, slant: tuple[float, float], level: tuple[float, float], noise: tuple[float, float]
+) -> Disc:
+    """Build a disc with its tables. slant: e1, e2; level: amplitude, base; noise: variance at 0 and per level."""
+    profile, slope = tabulate(radius_px, blur_px)
+    return Disc(radius_px, blur_px, *slant, *level, noise, profile, slope)
+
+
+@dataclass(frozen=True)
+class Patch:
+    """Luma around a mark: x, y of its samples in the picture, and the values (all (n,)); the mark is near center_px."""
+
+    x: Array
+    y: Array
+    value: Array
+    center_px: tuple[float, float]
+
+
+def cut_patch(
+    luma: NDArray[np.unsignedinteger], rows: tuple[int, int], center_px: tuple[float, float], half: float
+) -> Patch:
+    """Copy the samples within half px of a point. rows: row origin and step of the luma."""
+    origin, step = rows
+    x, y = center_px
+    i = np.arange(max(int(np.ceil(x - half)), 0), min(int(x + half), luma.shape[1] - 1) + 1)
+    first, last = int(np.ceil((y - half - origin) / step)), int(np.floor((y + half - origin) / step))
+    j = np.arange(max(first, 0), min(last, luma.shape[0] - 1) + 1)
+    if len(i) == 0 or len(j) == 0:
+        return Patch(np.empty(0), np.empty(0), np.empty(0), center_px)
+    value = luma[j[0] : j[-1] + 1, i[0] : i[-1] + 1].astype(float)
+    grid_y, grid_x = np.meshgrid(origin + step * j.astype(float), i.astype(float), indexing="ij")
+    return Patch(grid_x.ravel(), grid_y.ravel(), value.ravel(), center_px)
+
+
+def learn_disc(patches: list[Patch], radius_px: float, blur_px: float = 1.0) -> tuple[Disc, float]:
+    """Learn radius, blur and slant common to all patches, with centre, amplitude and base free in each.
+
+    Variable projection by Levenberg and Marquardt: the own unknowns of each patch are eliminated (Schur complement).
+    Returns the disc and the residual standard deviation. Raises ValueError where no patch can be fitted.
+    """
+    shared = np.array([np.log(radius_px), np.log(blur_px), 0.0, 0.0])
+    own = [np.array([*patch.center_px, *_levels(patch, radius_px)]) for patch in patches]
+    damping, cost = 1e-3, np.inf
+    best, pixels = (shared, own), 1
+    for _ in range(40):
+        matrix, right, steps, total, count = _pooled(patches, shared, own)
+        if total < cost:
+            done = cost - total < 1e-5 * total
+            best, cost, damping, pixels = (shared, own), total, max(damping / 5, 1e-6), count
+            if done:
+                break
+            keep = matrix, right, steps
+        else:
+            damping *= 8
+            if damping > 1e6:
+                break
+            matrix, right, steps = keep
+        # Weak prior on the slant: 0.2 covers tilts to 35 degrees; without it small blurred marks leave it free.
+        prior = np.diag([0.0, 0.0, 1.0, 1.0]) * (cost / max(count, 1) / 0.2**2)
+        scaled = matrix + prior + damping * np.diag(np.diag(matrix) + 1e-9)
+        move = np.clip(np.linalg.solve(scaled, right - prior @ best[0]), -0.3, 0.3)
+        shared = best[0] + move
+        shared[1] = np.clip(shared[1], np.log(0.3), shared[0])
+        shared[2:] = np.clip(shared[2:], -0.5, 0.5)
+        own = [
+            mine + np.clip(first - cross @ move, -1e3, 1e3) for mine, (first, cross) in zip(best[1], steps, strict=True)
+        ]
+    shared, own = best
+    spread = float(np.sqrt(cost / max(pixels - 4 * len(patches) - 4, 1)))
+    amplitude, base = np.median([mine[2:] for mine in own], axis=0)
+    disc = make_disc(
+        float(np.exp(shared[0])),
+        float(np.exp(shared[1])),
+        (float(shared[2]), float(shared[3])),
+        (float(amplitude), float(base)),
+        (max(spread, 0.3) ** 2, 0.0),
+    )
+    return disc, spread
+
+
+def _levels(patch: Patch, radius_px: float) -> tuple[float, float]:
+    r = np.hypot(patch.x - patch.center_px[0], patch.y - patch.center_px[1])
+    inner, rim = patch.value[r < 0.6 * radius_px], patch.value[(r > 1.2 * radius_px)]
+    base = float(np.median(rim)) if len(rim) else float(np.median(patch.value))
+    return (float(np.median(inner)) if len(inner) else float(patch.value.max())) - base, base
+
+
+def _pooled(
+    patches: list[Patch], shared: Array, own: list[Array]
+) -> tuple[Array, Array, list[tuple[Array, Array]], float, int]:
+    """Normal equations of the shared unknowns; per patch the own step at no move and its derivative by the move."""
+    radius, blur = np.exp(shared[:2])
+    tables = [tabulate(radius, blur), tabulate(radius * 1.001, blur), tabulate(radius, blur * 1.001)]
+    matrix, right, steps, total, count = np.zeros((4, 4)), np.zeros(4), [], 0.0, 0
+    for patch, mine in zip(patches, own, strict=True):
+        dx, dy = patch.x - mine[0], patch.y - mine[1]
+        r = np.sqrt(np.maximum((1 + shared[2]) * dx**2 + 2 * shared[3] * dx * dy + (1 - shared[2]) * dy**2, 1e-12))
+        p, p_radius, p_blur = (_look_up(table[0], r) for table in tables)
+        g = mine[2] * _look_up(tables[0][1], r)
+        near = (r < radius + max(2.5 * blur, min(0.5 * radius, 4.0))).astype(float)
+        residual = (patch.value - mine[3] - mine[2] * p) * near
+        rx, ry = ((1 + shared[2]) * dx + shared[3] * dy) / r, (shared[3] * dx + (1 - shared[2]) * dy) / r
+        by_own = np.column_stack([-g * rx, -g * ry, p, np.ones_like(p)]) * near[:, None]
+        columns = [mine[2] * (p_radius - p) / 1e-3, mine[2] * (p_blur - p) / 1e-3]
+        by_shared = np.column_stack([*columns, g * (dx**2 - dy**2) / (2 * r), g * dx * dy / r]) * near[:, None]
+        inverse = np.linalg.inv(by_own.T @ by_own + 1e-9 * np.eye(4))
+        first, cross = inverse @ (by_own.T @ residual), inverse @ (by_own.T @ by_shared)
+        matrix += by_shared.T @ (by_shared - by_own @ cross)
+        right += by_shared.T @ (residual - by_own @ first)
+        steps.append((first, cross))
+        total += float(residual @ residual)
+        count += int(near.sum())
+    return matrix, right, steps, total, count
+
+
+def _look_up(table: Array, r: Array) -> Array:
+    place = np.minimum(r * PER_PX, len(table) - 1.001)
+    k = place.astype(int)
+    return np.asarray(table[k] + (place - k) * (table[k + 1] - table[k]))
+
+
+def fit(
+    luma: NDArray[np.unsignedinteger],
+    rows: tuple[int, int],
+    center_px: tuple[float, float],
+    disc: Disc,
+    smear_px: tuple[float, float] = (0.0, 0.0),
+) -> Array:
+    """Fit a disc once, from a start; returns the numbers of `kernels.fit_disc`."""
+    result = np.full(kernels.RESULTS, np.nan)
+    start = np.array([*center_px, disc.amplitude, disc.base])
+    noise = np.array([*disc.noise, 4.0])
+    kernels.fit_disc(luma, *rows, start, disc.numbers(smear_px), disc.profile, disc.slope, PER_PX, noise, result)
+    return result

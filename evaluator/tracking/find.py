@@ -1,0 +1,229 @@
+"""Find marks in a whole picture without knowing where they are: coloured blobs, their shape, the likeliest pair.
+
+Works on the colour planes at their own resolution. White balance: what most of the picture shows (plate, field) is
+taken as neutral, so that hues mean the same under any lamp.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.recording import Frame
+from evaluator.tracking.settings import Box, MarkSettings, TrackingSettings
+
+Array = NDArray[np.float64]
+LEAST_AREA_PX2 = 6.0  # a mark of 1.4 px radius: below that no shape can be told from noise
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A coloured blob. center_px: (x, y); radius_px: of the disc of equal area; chroma_uv: mean (u, v) of its core."""
+
+    mark: str
+    center_px: tuple[float, float]
+    radius_px: float
+    elongation: float
+    chroma: float
+    chroma_uv: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class ColorMap:
+    """A picture's colours at the resolution of its colour planes.
+
+    hue_deg: HSV hue against the neutral. chroma: largest minus smallest of the balanced R, G, B, levels of 8 bits.
+    floor: chroma that the picture's own noise and tints reach. neutral_uv: (u, v) of the plate. u, v: the planes,
+    levels of their own depth.
+    """
+
+    hue_deg: NDArray[np.float32]
+    chroma: NDArray[np.float32]
+    floor: float
+    neutral_uv: tuple[float, float]
+    u: NDArray[np.float32]
+    v: NDArray[np.float32]
+    cell_px: tuple[float, float]
+    origin_px: tuple[float, float]
+
+
+def cell_of(frame: Frame) -> tuple[int, int]:
+    """Luma samples across and down that one chroma sample covers."""
+    assert frame.u is not None
+    return -(-frame.luma.shape[1] // frame.u.shape[1]), -(-frame.luma.shape[0] // frame.u.shape[0])
+
+
+def color_map(frame: Frame, allowed: NDArray[np.bool_]) -> ColorMap:
+    """Balance a picture's colours. allowed: (rows, columns) of the colour planes, where to look."""
+    assert frame.u is not None
+    assert frame.v is not None
+    rows, columns = frame.u.shape
+    scale = np.float32(2.0 ** (8 - frame.depth))
+    across, down = cell_of(frame)
+    small = cv2.resize(np.ascontiguousarray(frame.luma), (columns, rows), interpolation=cv2.INTER_AREA)
+    luma = small.astype(np.float32) * scale
+    u, v = frame.u.astype(np.float32), frame.v.astype(np.float32)
+    du, dv = u * scale - np.float32(128), v * scale - np.float32(128)
+    if not frame.full_range:
+        luma = (luma - np.float32(16)) * np.float32(255 / 219)
+        du, dv = du * np.float32(255 / 224), dv * np.float32(255 / 224)
+    kr, kb = (0.2126, 0.0722) if frame.matrix == "bt709" else (0.299, 0.114)
+    red, blue = luma + np.float32(2 * (1 - kr)) * dv, luma + np.float32(2 * (1 - kb)) * du
+    green = (luma - np.float32(kr) * red - np.float32(kb) * blue) / np.float32(1 - kr - kb)
+    rgb = [red, green, blue]
+    middle = np.array([max(float(np.median(plane[allowed])), 1.0) for plane in rgb])
+    # Lamps from candle to blue sky stay within a factor of two between channels.
+    gain = np.clip(middle.mean() / middle, 0.6, 1.7)
+    balanced = [plane * np.float32(factor) for plane, factor in zip(rgb, gain, strict=True)]
+    hue, chroma = _hue_and_chroma(balanced)
+    typical = chroma[allowed]
+    spread = float(np.median(np.abs(typical - np.median(typical)))) * 1.4826
+    floor = max(float(np.median(typical)) + 6 * spread, 14.0)
+    neutral = float(np.median(u[allowed])), float(np.median(v[allowed]))
+    cell = float(across), float(down * frame.row_step)
+    origin = (across - 1) / 2, frame.row_origin + (down - 1) / 2 * frame.row_step
+    return ColorMap(hue, chroma, floor, neutral, u, v, cell, origin)
+
+
+def _hue_and_chroma(rgb: list[NDArray[np.float32]]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    red, green, blue = rgb
+    most, least = np.maximum(np.maximum(red, green), blue), np.minimum(np.minimum(red, green), blue)
+    chroma = most - least
+    safe = np.maximum(chroma, np.float32(1e-6))
+    hue = np.where(
+        most == red,
+        np.mod((green - blue) / safe, 6),
+        np.where(most == green, (blue - red) / safe + 2, (red - green) / safe + 4),
+    )
+    return np.asarray(hue * np.float32(60), np.float32), np.asarray(chroma, np.float32)
+
+
+def allowed_cells(frame: Frame, settings: TrackingSettings, mark: MarkSettings | None = None) -> NDArray[np.bool_]:
+    """Where colour may be sought: the regions, less the masks."""
+    assert frame.u is not None
+    across, down = cell_of(frame)
+    allowed = np.ones(frame.u.shape, bool)
+
+    def cells(box: Box) -> tuple[slice, slice]:
+        left, top, right, bottom = box
+        height = down * frame.row_step
+        return (
+            slice(max(int(np.floor(top / height)), 0), max(int(np.ceil(bottom / height)), 0)),
+            slice(max(int(np.floor(left / across)), 0), max(int(np.ceil(right / across)), 0)),
+        )
+
+    for region in (settings.region_px, mark.region_px if mark else None):
+        if region is not None:
+            inside = np.zeros_like(allowed)
+            inside[cells(region)] = True
+            allowed &= inside
+    for box in settings.mask_px:
+        allowed[cells(box)] = False
+    return allowed
+
+
+def candidates(frame: Frame, settings: TrackingSettings, names: list[str], limit: int = 12) -> list[Candidate]:
+    """All blobs that could be one of the named marks, the most colourful first, at most `limit` a mark."""
+    anywhere = allowed_cells(frame, settings)
+    if not anywhere.any():
+        return []
+    colors = color_map(frame, anywhere)
+    found = []
+    for name in names:
+        mark = settings.mark[name]
+        allowed = allowed_cells(frame, settings, mark)
+        low, high = mark.hue_range(name)
+        within = np.mod(colors.hue_deg - np.float32(low), 360) < np.mod(high - low, 360)
+        mask = (within & allowed & (colors.chroma > colors.floor)).astype(np.uint8)
+        blobs = [blob for blob in _blobs(name, colors, mask) if _fits(blob, mark)]
+        found += sorted(blobs, key=lambda blob: -blob.chroma * min(blob.radius_px, 3.0))[:limit]
+    return found
+
+
+def _fits(blob: Candidate, mark: MarkSettings) -> bool:
+    if mark.diameter_px is not None and not 0.6 < 2 * blob.radius_px / mark.diameter_px < 1.7:
+        return False
+    return blob.elongation < 3.0  # a disc smeared by twice its diameter; longer is a stripe
+
+
+def _blobs(name: str, colors: ColorMap, mask: NDArray[np.uint8]) -> list[Candidate]:
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    cell_area = colors.cell_px[0] * colors.cell_px[1]
+    blobs = []
+    for label in range(1, count):
+        left, top, width, height, area = stats[label]
+        if area * cell_area < LEAST_AREA_PX2:
+            continue
+        part = slice(top, top + height), slice(left, left + width)
+        own = labels[part] == label
+        chroma = np.where(own, colors.chroma[part], 0)
+        strong = own & (chroma > 0.5 * np.percentile(chroma[own], 90))  # the blob down to its half height
+        if strong.sum() * cell_area < LEAST_AREA_PX2:
+            continue
+        weight = np.where(strong, chroma, 0).astype(float)
+        y, x = np.nonzero(strong)
+        w = weight[y, x] / weight[y, x].sum()
+        cx, cy = float(w @ x), float(w @ y)
+        px, py = (x - cx) * colors.cell_px[0], (y - cy) * colors.cell_px[1]
+        spread = np.cov(np.stack([px, py])) + np.diag([colors.cell_px[0] ** 2, colors.cell_px[1] ** 2]) / 12
+        small, large = np.linalg.eigvalsh(spread)
+        core = strong & (chroma > 0.8 * np.percentile(chroma[strong], 90))
+        blobs.append(
+            Candidate(
+                mark=name,
+                center_px=(
+                    colors.origin_px[0] + colors.cell_px[0] * (left + cx),
+                    colors.origin_px[1] + colors.cell_px[1] * (top + cy),
+                ),
+                radius_px=float(np.sqrt(strong.sum() * cell_area / np.pi)),
+                elongation=float(np.sqrt(large / max(small, 1e-9))),
+                chroma=float(np.mean(chroma[core])),
+                chroma_uv=(float(colors.u[part][core].mean()), float(colors.v[part][core].mean())),
+            )
+        )
+    return blobs
+
+
+def choose(found: list[Candidate], settings: TrackingSettings) -> Mapping[str, Candidate]:
+    """Choose a candidate for each mark: the best pair where green and yellow are sought, else the best of each."""
+    by_mark = {name: [one for one in found if one.mark == name] for name in settings.mark}
+    chosen: dict[str, Candidate] = {}
+    strongest = max((one.chroma for one in found), default=1.0)
+    if set(settings.mark) == {"green", "yellow"} and by_mark["green"] and by_mark["yellow"]:
+        pairs = itertools.product(by_mark["green"], by_mark["yellow"])
+        green, yellow = max(pairs, key=lambda pair: _pair_score(pair[0], pair[1], settings, strongest))
+        return {"green": green, "yellow": yellow}
+    for name, ones in by_mark.items():
+        if ones:
+            chosen[name] = max(ones, key=lambda one: _own_score(one, settings.mark[name], strongest))
+    return chosen
+
+
+def _own_score(one: Candidate, mark: MarkSettings, strongest: float) -> float:
+    """Log-likelihood, up to a constant, of a blob being a mark; spreads are those of real marks."""
+    score = -0.5 * (np.log(one.elongation) / 0.3) ** 2 + 2.0 * np.log(one.chroma / strongest)
+    if mark.diameter_px is not None:
+        score -= 0.5 * (np.log(2 * one.radius_px / mark.diameter_px) / 0.15) ** 2
+    elif one.radius_px > 3:
+        return float(score)
+    else:
+        score -= 0.5 * ((3 - one.radius_px) / 1.0) ** 2
+    return float(score)
+
+
+def _pair_score(green: Candidate, yellow: Candidate, settings: TrackingSettings, strongest: float) -> float:
+    """Log-likelihood of two blobs being the two marks of one robot: equal size, the known distance in diameters."""
+    score = _own_score(green, settings.mark["green"], strongest) + _own_score(
+        yellow, settings.mark["yellow"], strongest
+    )
+    score -= 0.5 * (np.log(green.radius_px / yellow.radius_px) / 0.15) ** 2
+    if settings.distance_diameters is not None:
+        distance = float(np.hypot(*np.subtract(green.center_px, yellow.center_px)))
+        ratio = distance / (green.radius_px + yellow.radius_px) / settings.distance_diameters
+        score -= min(0.5 * (np.log(max(ratio, 1e-3)) / 0.2) ** 2, 20.0)  # bounded: other robots have other distances
+    return float(score)

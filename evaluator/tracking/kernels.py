@@ -1,0 +1,182 @@
+"""Compiled inner loops: where a colour is in a window, and where exactly a disc is in the luma.
+
+Picture frame, px. Luma row j lies at y = row_origin + row_step·j; a chroma sample covers across × down luma samples.
+Numbers only in and out; the meaning is in disc.py and follow.py.
+"""
+# mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
+# ruff: noqa: ANN001, ANN201 - numba infers the types
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+# Places of the numbers that `fit_disc` gives.
+X, Y, AMPLITUDE, BASE, VAR_X, VAR_Y, COV_XY, RESIDUAL, USED, INSIDE, STEPS = range(11)
+RESULTS = 11
+
+# Places of the numbers that `color_window` gives.
+COUNT, CENTER_X, CENTER_Y, OTHER, CLIPPED = range(5)
+
+
+@njit(cache=True, nogil=True)
+def color_window(u, v, across, down, row_origin, row_step, x, y, half, neutral, direction, wanted, found):
+    """Weigh the pixels of a colour in a square window around (x, y); fills found.
+
+    direction: unit vector of the colour from neutral in (u, v). wanted: (least length along it, tangent of the half
+    angle about it). found: number of pixels in luma px², their centre, number of strongly coloured pixels of another
+    colour, share of the window that lies outside the picture.
+    """
+    rows, columns = u.shape
+    cell_x, cell_y = float(across), float(down * row_step)
+    shift_x, shift_y = (across - 1) / 2.0, row_origin + (down - 1) / 2.0 * row_step
+    first_i, last_i = math.floor((x - half - shift_x) / cell_x), math.ceil((x + half - shift_x) / cell_x)
+    first_j, last_j = math.floor((y - half - shift_y) / cell_y), math.ceil((y + half - shift_y) / cell_y)
+    total = (last_i - first_i + 1) * (last_j - first_j + 1)
+    seen, count, sum_x, sum_y, other = 0, 0.0, 0.0, 0.0, 0.0
+    for j in range(max(first_j, 0), min(last_j, rows - 1) + 1):
+        for i in range(max(first_i, 0), min(last_i, columns - 1) + 1):
+            seen += 1
+            du, dv = u[j, i] - neutral[0], v[j, i] - neutral[1]
+            along = du * direction[0] + dv * direction[1]
+            aside = abs(dv * direction[0] - du * direction[1])
+            if along > wanted[0] and aside < wanted[1] * along:
+                weight = min(along, 2.0 * wanted[0]) - 0.5 * wanted[0]
+                count += 1.0
+                other += weight
+                sum_x += weight * (shift_x + cell_x * i)
+                sum_y += weight * (shift_y + cell_y * j)
+    found[COUNT] = count * cell_x * cell_y
+    found[CENTER_X] = sum_x / other if other > 0 else np.nan
+    found[CENTER_Y] = sum_y / other if other > 0 else np.nan
+    found[OTHER] = other
+    found[CLIPPED] = 1.0 - seen / total
+
+
+@njit(cache=True, nogil=True)
+def fit_disc(luma, row_origin, row_step, start, disc, profile, slope, per_px, noise, result):
+    """Fit centre, amplitude and base of a blurred disc to the luma by iteratively reweighted least squares.
+
+    start: x, y, amplitude, base. disc: radius, blur, e1, e2, outer radius of the pixels used, smear along x and y
+    (px during the exposure). profile, slope: of the disc against radius, per_px entries a pixel. noise: variance at
+    level 0, variance per level, softness of the outlier weights in sigmas (0: none). result: see the names at the top.
+    """
+    state, sums = start.copy(), np.empty(4)
+    normal, right, move = np.empty((4, 4)), np.empty(4), np.empty(4)
+    steps = 0
+    for iteration in range(12):
+        steps = iteration + 1
+        accumulate(luma, row_origin, row_step, state, disc, profile, slope, per_px, noise, normal, right, sums)
+        if sums[2] < 6.0 or not solve4(normal, right, move):
+            result[X] = result[Y] = result[RESIDUAL] = np.nan
+            return
+        # A step beyond the blurred edge leaves the range in which the slope means anything.
+        length = math.sqrt(move[0] * move[0] + move[1] * move[1])
+        shorten = min(1.0, (0.35 * disc[0] + disc[1]) / max(length, 1e-12))
+        state[0] += shorten * move[0]
+        state[1] += shorten * move[1]
+        state[2] += move[2]
+        state[3] += move[3]
+        if length < 2e-3 and iteration > 0:
+            break
+    invert_leading(normal, result)
+    result[X : BASE + 1] = state
+    result[RESIDUAL] = sums[0] / max(sums[1] - 4.0, 1.0)
+    result[USED] = sums[1] / max(sums[2], 1.0)
+    result[INSIDE] = sums[2] / max(sums[3], 1.0)
+    result[STEPS] = steps
+
+
+@njit(cache=True, nogil=True)
+def accumulate(luma, row_origin, row_step, state, disc, profile, slope, per_px, noise, normal, right, sums):
+    """Fill the upper triangle of the normal equations of `fit_disc` at a state.
+
+    sums: weighted squares, sum of outlier weights, pixels in the picture, pixels in the disc's surroundings.
+    """
+    rows, columns = luma.shape
+    x, y, amplitude, base = state[0], state[1], state[2], state[3]
+    radius, blur, e1, e2, outer = disc[0], disc[1], disc[2], disc[3], disc[4]
+    smeared = disc[5] * disc[5] + disc[6] * disc[6] > 0.5 * blur * blur
+    last, derivative = len(profile) - 2, np.ones(4)
+    normal[:, :], right[:], sums[:] = 0.0, 0.0, 0.0
+    reach = outer / math.sqrt(1.0 - math.sqrt(e1 * e1 + e2 * e2))
+    for j in range(math.ceil((y - reach - row_origin) / row_step), math.floor((y + reach - row_origin) / row_step) + 1):
+        dy = row_origin + row_step * j - y
+        for i in range(math.ceil(x - reach), math.floor(x + reach) + 1):
+            dx = i - x
+            square = (1.0 + e1) * dx * dx + 2.0 * e2 * dx * dy + (1.0 - e1) * dy * dy
+            if square > outer * outer:
+                continue
+            sums[3] += 1.0
+            if j < 0 or j >= rows or i < 0 or i >= columns:
+                continue
+            r = math.sqrt(max(square, 1e-12))
+            rx, ry = ((1.0 + e1) * dx + e2 * dy) / r, (e2 * dx + (1.0 - e1) * dy) / r
+            stretch = 1.0
+            if smeared:
+                along = disc[5] * rx + disc[6] * ry
+                stretch = blur / math.sqrt(blur * blur + along * along / 12.0)
+            place = max((radius + (r - radius) * stretch) * per_px, 0.0)
+            k = min(int(place), last)
+            part = min(place - k, 1.0)
+            p = profile[k] + part * (profile[k + 1] - profile[k])
+            pull = -amplitude * (slope[k] + part * (slope[k + 1] - slope[k])) * stretch
+            residual = luma[j, i] - base - amplitude * p
+            variance = noise[0] + noise[1] * max(base + amplitude * p, 0.0)
+            soft = 1.0
+            if noise[2] > 0.0:
+                beyond = residual * residual / (variance * noise[2] * noise[2])
+                soft = 1.0 / (1.0 + beyond * beyond)
+            derivative[0], derivative[1], derivative[2] = pull * rx, pull * ry, p
+            for m in range(4):
+                weighted = soft / variance * derivative[m]
+                right[m] += weighted * residual
+                for n in range(m, 4):
+                    normal[m, n] += weighted * derivative[n]
+            sums[0] += soft / variance * residual * residual
+            sums[1] += soft
+            sums[2] += 1.0
+
+
+@njit(cache=True, nogil=True)
+def solve4(normal, right, move):
+    """Solve the symmetric 4 × 4 system by Cholesky in place of normal's lower triangle; False where singular."""
+    for i in range(4):
+        for j in range(i + 1):
+            total = normal[j, i]
+            for k in range(j):
+                total -= normal[i, k] * normal[j, k]
+            if i == j:
+                if total <= 1e-12 * (abs(normal[i, i]) + 1e-300):
+                    return False
+                normal[i, i] = math.sqrt(total)
+            else:
+                normal[i, j] = total / normal[j, j]
+    for i in range(4):
+        total = right[i]
+        for k in range(i):
+            total -= normal[i, k] * move[k]
+        move[i] = total / normal[i, i]
+    for i in range(3, -1, -1):
+        total = move[i]
+        for k in range(i + 1, 4):
+            total -= normal[k, i] * move[k]
+        move[i] = total / normal[i, i]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def invert_leading(lower, result):
+    """Covariance of the first two unknowns from the Cholesky factor."""
+    columns = np.zeros((2, 4))
+    for c in range(2):
+        for i in range(4):
+            total = 1.0 if i == c else 0.0
+            for k in range(i):
+                total -= lower[i, k] * columns[c, k]
+            columns[c, i] = total / lower[i, i]
+    result[VAR_X] = np.sum(columns[0] * columns[0])
+    result[VAR_Y] = np.sum(columns[1] * columns[1])
+    result[COV_XY] = np.sum(columns[0] * columns[1])

@@ -1,0 +1,111 @@
+"""Is a result still up to date? By content: hashes of inputs, settings and code, never by dates.
+
+A record of a run holds, for every stage, the key of what the stage was made from, the hashes of the files it wrote and
+the values it found. A stage is reused only when its key is the same and its files are still what it wrote.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from evaluator.files import write_text
+
+PACKAGES = ("calibration", "simulator", "evaluator")
+LIBRARIES = ("numpy", "scipy", "pandas", "opencv-python-headless", "av", "numba")  # those that results depend on
+NOT_RESULTS = ("cli", "report")  # folders of the evaluator whose change leaves every number as it was
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file's content."""
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def key_of(inputs: Mapping[str, Any]) -> str:
+    """One hash of named inputs (anything JSON can say) and of the code that turns them into results."""
+    text = json.dumps({"inputs": inputs, "code": code_hash(), "libraries": library_versions()}, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+@cache
+def code_hash() -> str:
+    """Hash of the installed sources that results depend on."""
+    digest = hashlib.sha256()
+    root = Path(__file__).parents[2]
+    for path in sorted(path for package in PACKAGES for path in (root / package).rglob("*.py")):
+        parts = path.relative_to(root).parts
+        if parts[0] == "evaluator" and parts[1] in NOT_RESULTS:
+            continue
+        digest.update("/".join(parts).encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+@cache
+def library_versions() -> dict[str, str]:
+    """Versions of the libraries that results depend on."""
+    return {name: installed_version(name) for name in LIBRARIES}
+
+
+def installed_version(name: str) -> str:
+    """Version of an installed distribution, or a plain word where it is not installed as one."""
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+@dataclass
+class Record:
+    """What is known of the stages of one run; `load` it, ask `fresh`, `keep` new results (written at once)."""
+
+    path: Path
+    stages: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    @staticmethod
+    def load(path: Path) -> Record:
+        """Read a record; an absent or unreadable one is empty, so that its stages are computed anew."""
+        try:
+            stages = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return Record(path)
+        return Record(path, stages if isinstance(stages, dict) else {})
+
+    def fresh(self, stage: str, key: str) -> dict[str, Any] | None:
+        """Values of a stage that was made from exactly these inputs and whose files are untouched, else None."""
+        kept = self.stages.get(stage)
+        if not isinstance(kept, dict) or kept.get("key") != key:
+            return None
+        root = self.path.parents[1]
+        for name, expected in kept["files"].items():
+            if not (root / name).is_file() or file_hash(root / name) != expected:
+                return None
+        values: dict[str, Any] = kept["values"]
+        return values
+
+    def keep(self, stage: str, key: str, files: list[Path], values: Mapping[str, Any]) -> dict[str, Any]:
+        """Remember a finished stage; returns its values as a later reader will see them."""
+        root = self.path.parents[1]
+        self.stages[stage] = {
+            "key": key,
+            "files": {str(path.relative_to(root).as_posix()): file_hash(path) for path in files},
+            "values": json.loads(json.dumps(values)),
+        }
+        write_text(self.path, json.dumps(self.stages, indent=1) + "\n")
+        result: dict[str, Any] = self.stages[stage]["values"]
+        return result
+
+    def forget(self) -> None:
+        """Remove the record and every file it speaks of: results of an input that no longer yields any."""
+        root = self.path.parents[1]
+        for stage in self.stages.values():
+            for name in stage.get("files", {}):
+                (root / name).unlink(missing_ok=True)
+        self.path.unlink(missing_ok=True)

@@ -1,0 +1,61 @@
+"""A few small pictures of a recording, kept while it is tracked: the report shows them without decoding again."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import cv2
+import numpy as np
+
+from evaluator.recording import Frame, Recording
+
+PICTURES = 12  # per run: one every ten degrees or so of a usual turn
+WIDTH_PX = 320
+ASSUMED_FRAMES = 600  # where the container does not say how many there are: ten seconds of the usual 60/s
+
+
+class Glimpsed:
+    """A recording that keeps small copies of some of its frames as they pass by."""
+
+    def __init__(self, recording: Recording) -> None:
+        """Wrap a recording; nothing is decoded before the first iteration."""
+        self._recording = recording
+        self._step = max(1, (recording.expected_frames or ASSUMED_FRAMES) // (PICTURES - 1))
+        self._kept: list[tuple[float, bytes]] = []
+
+    def __getattr__(self, name: str) -> Any:
+        """Everything else is the recording's own."""
+        return getattr(self._recording, name)
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Frames of the recording."""
+        self._kept = []
+        for frame in self._recording:
+            if frame.index % self._step == 0:
+                self._kept.append((frame.time_s, small_jpeg(frame)))
+            yield frame
+
+    def to_json(self) -> str:
+        """The pictures kept in the last iteration, as the report reads them."""
+        thin = max(1, round(len(self._kept) / PICTURES))
+        chosen = self._kept[::thin]
+        return json.dumps([{"time_s": time, "jpeg": base64.b64encode(data).decode()} for time, data in chosen]) + "\n"
+
+
+def small_jpeg(frame: Frame) -> bytes:
+    """A frame as a JPEG of WIDTH_PX."""
+    width, height = frame.size_px
+    size = (WIDTH_PX, round(WIDTH_PX * height / width))
+    planes = {name: _resized(getattr(frame, name), size) for name in ("luma", "u", "v")}
+    rgb = replace(frame, **planes, row_origin=0, row_step=1).to_rgb()
+    done, data = cv2.imencode(".jpg", np.ascontiguousarray(rgb[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, 72])
+    assert done
+    return data.tobytes()
+
+
+def _resized(plane: Any, size: tuple[int, int]) -> Any:
+    return None if plane is None else cv2.resize(np.ascontiguousarray(plane), size, interpolation=cv2.INTER_AREA)

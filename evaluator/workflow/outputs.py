@@ -1,0 +1,58 @@
+"""Names of everything an analysis leaves in its output folder: one place, so that commands agree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """The files below an output folder."""
+
+    folder: Path
+
+    @property
+    def turning(self) -> Path:
+        """One row per run: what was measured."""
+        return self.folder / "turning.csv"
+
+    @property
+    def comparison(self) -> Path:
+        """One row per run: measured beside simulated."""
+        return self.folder / "comparison.csv"
+
+    @property
+    def provenance(self) -> Path:
+        """Versions, settings, hashes of inputs and the command line behind the results."""
+        return self.folder / "provenance.json"
+
+    @property
+    def report(self) -> Path:
+        """The page for people."""
+        return self.folder / "report.html"
+
+    @property
+    def diagnosis(self) -> Path:
+        """What `turnscope diagnose` found, where it has run."""
+        return self.folder / "diagnosis.json"
+
+    def marks(self, run: str) -> Path:
+        """Tracked marks of a run on the plane of the marks."""
+        return self.folder / "marks" / f"{run}.csv"
+
+    def poses(self, run: str) -> Path:
+        """Centre and heading of a run."""
+        return self.folder / "poses" / f"{run}.csv"
+
+    def simulated(self, run: str) -> Path:
+        """The simulated counterpart of a run."""
+        return self.folder / "simulated" / f"{run}.csv"
+
+    def pictures(self, run: str) -> Path:
+        """A few small pictures of a run's video, for the report."""
+        return self.folder / "pictures" / f"{run}.json"
+
+    def record(self, run: str) -> Path:
+        """What each stage of a run was made from, so that a later command can tell whether it still holds."""
+        return self.folder / "records" / f"{run}.json"

@@ -1,0 +1,39 @@
+"""What the results were made from: versions, settings, hashes of inputs, command line.
+
+Nothing that changes by itself (no clock, no host), so that the same input gives the same file.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import tomllib
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from evaluator.files import write_text
+from evaluator.workflow.freshness import code_hash, file_hash, installed_version, library_versions
+
+
+def write_provenance(path: Path, *, experiment_path: Path, inputs: Iterable[Path], command_line: Sequence[str]) -> None:
+    """Write provenance.json; paths in it are relative to the folder of the experiment file."""
+    folder = experiment_path.resolve().parent
+
+    def named(file: Path) -> str:
+        return Path(os.path.relpath(Path(file).resolve(), folder)).as_posix()
+
+    content = {
+        "format": 1,
+        "turnscope": installed_version("turnscope"),
+        "code_sha256": code_hash(),
+        "python": platform.python_version(),
+        "libraries": library_versions(),
+        "command_line": list(command_line),
+        "experiment": experiment_path.name,
+        "inputs_sha256": {
+            named(file): file_hash(file) for file in sorted({experiment_path, *inputs}) if file.is_file()
+        },
+        "settings": tomllib.loads(experiment_path.read_text(encoding="utf-8")),
+    }
+    write_text(path, json.dumps(content, indent=1, sort_keys=True, default=str) + "\n")

@@ -1,0 +1,160 @@
+"""Draws robot, marks and distractors over the backdrop, averaged over an exposure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.camera import Camera
+from calibration.frames import plate_from_body
+from simulator.rendering.coverage import Kernel, add_disc, add_polygon
+from simulator.rendering.plane import PlaneMap
+from simulator.rendering.scene import Distractor, MarksLook
+from simulator.robot import Robot
+
+Array = NDArray[np.float64]
+Box = tuple[int, int, int, int]
+SIDE = np.array([0.012, 0.012, 0.014])  # anodised black in its own shadow
+TOP = np.array([0.045, 0.045, 0.048])  # black top face, lit from above
+CLEARANCE_MM = 0.2  # the body hangs a little above the plate, on its wheels
+
+
+@dataclass(frozen=True)
+class Disc:
+    """A flat disc at one moment: centre on its plane, mm; color of its light."""
+
+    plane: PlaneMap
+    center_mm: tuple[float, float]
+    diameter_mm: float
+    rim_loss: float
+    color: Array
+
+    def box(self, margin: int) -> Box | None:
+        """Pixels that it can reach, within the picture; None if there are none."""
+        angle = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+        ring = np.array(self.center_mm) + 0.55 * self.diameter_mm * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        return box_about(self.plane.picture_from_plane(ring), margin, self.plane.camera.size_px)
+
+
+def box_about(points_px: Array, margin: int, size_px: tuple[int, int]) -> Box | None:
+    """Pixel box (left, top, right, bottom; right and bottom excluded) about points, cut to the picture."""
+    if not np.isfinite(points_px).all():
+        return None
+    left, top = np.floor(points_px.min(axis=0)).astype(int) - margin
+    right, bottom = np.ceil(points_px.max(axis=0)).astype(int) + margin + 1
+    box = max(int(left), 0), max(int(top), 0), min(int(right), size_px[0]), min(int(bottom), size_px[1])
+    return box if box[2] > box[0] and box[3] > box[1] else None
+
+
+def clockwise_hull(points_px: Array) -> Array:
+    """Convex hull of picture points, clockwise as seen (y down)."""
+    hull = cv2.convexHull(points_px.astype(np.float32))[:, 0].astype(float)
+    x, y = hull.T
+    area = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+    return np.ascontiguousarray(hull if area > 0 else hull[::-1])
+
+
+def disc_cover(disc: Disc, kernel: Kernel, box: Box, share: float, out: Array) -> None:
+    """Add a disc's coverage times share to out, which spans box."""
+    geometry = (*disc.center_mm, disc.diameter_mm / 2, disc.rim_loss)
+    plane = disc.plane
+    add_disc(plane.x_mm, plane.y_mm, plane.pad, box, geometry, kernel.parts, kernel.weights, share, out)
+
+
+@dataclass(frozen=True)
+class RobotLook:
+    """What is drawn of a robot: its box, and the marks on the plane of the marks."""
+
+    robot: Robot
+    marks: MarksLook
+    plane: PlaneMap
+    gain: float = 1.0
+
+    def faces_px(self, camera: Camera, pose: Array) -> tuple[Array, Array] | None:
+        """Outline of the whole body and of its top face for a pose (x_mm, y_mm, heading_rad); None behind it."""
+        body = self.robot.body
+        half = np.array([body.length_mm, body.width_mm]) / 2
+        corners = plate_from_body(np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * half, *pose)
+        edge = np.concatenate(
+            [corners + share * (np.roll(corners, -1, axis=0) - corners) for share in (0, 0.25, 0.5, 0.75)]
+        )
+        top, bottom = (
+            camera.picture_from_plate(np.column_stack([edge, np.full(len(edge), height)]))
+            for height in (body.height_mm, CLEARANCE_MM)
+        )
+        if not np.isfinite([top, bottom]).all():
+            return None
+        return clockwise_hull(np.concatenate([top, bottom])), clockwise_hull(top)
+
+    def discs(self, pose: Array) -> tuple[Disc, Disc]:
+        """The green and the yellow mark for a pose."""
+        marks = self.robot.marks
+        green, yellow = plate_from_body(np.array([marks.green_mm, marks.yellow_mm]), *pose)
+        colors = [self.gain * np.array(self.marks.green), self.gain * np.array(self.marks.yellow)]
+        if self.marks.swap_colors:
+            colors.reverse()
+        return tuple(  # type: ignore[return-value]
+            Disc(self.plane, (float(at[0]), float(at[1])), marks.diameter_mm, self.marks.rim_loss, color)
+            for at, color in zip((green, yellow), colors, strict=True)
+        )
+
+
+def paint_robot(
+    look: RobotLook, camera: Camera, kernel: Kernel, poses: Array, light: NDArray[np.float32]
+) -> Box | None:
+    """Draw the robot into the scene's light (h, w, 3), averaged over poses (k, 3); returns the box that changed."""
+    outlines = [faces for pose in poses if (faces := look.faces_px(camera, pose)) is not None]
+    if not outlines:
+        return None
+    reach = kernel.margin + 3
+    box = box_about(np.concatenate([hull for hull, _ in outlines]), reach, camera.size_px)
+    if box is None:
+        return None
+    left, top, right, bottom = box
+    share = 1 / len(poses)
+    body, face = (np.zeros((bottom - top, right - left)) for _ in range(2))
+    for hull, top_hull in outlines:
+        add_polygon(hull, kernel.blur_px, box, share, body)
+        add_polygon(top_hull, kernel.blur_px, box, share, face)
+    face = np.minimum(face, body)
+    region = light[top:bottom, left:right]
+    region *= (1 - body)[..., None].astype(np.float32)
+    region += (look.gain * ((body - face)[..., None] * SIDE + face[..., None] * TOP)).astype(np.float32)
+    for pair in zip(*(look.discs(pose) for pose in poses), strict=True):
+        paint_disc(pair, kernel, light)
+    return box
+
+
+def paint_disc(moments: Sequence[Disc], kernel: Kernel, light: NDArray[np.float32]) -> Box | None:
+    """Draw one disc over the scene's light, averaged over its moments; returns the box that changed."""
+    boxes = [box for disc in moments if (box := disc.box(kernel.margin + 1)) is not None]
+    if not boxes:
+        return None
+    left, top = min(box[0] for box in boxes), min(box[1] for box in boxes)
+    right, bottom = max(box[2] for box in boxes), max(box[3] for box in boxes)
+    cover = np.zeros((bottom - top, right - left))
+    for disc in moments:
+        disc_cover(disc, kernel, (left, top, right, bottom), 1 / len(moments), cover)
+    region = light[top:bottom, left:right]
+    region += (cover[..., None] * (moments[0].color - region)).astype(np.float32)
+    return left, top, right, bottom
+
+
+def distractor_disc(distractor: Distractor, plane: PlaneMap, time_s: float, gain: float = 1.0) -> Disc:
+    """Place a distractor at a time."""
+    x, y = (
+        at + speed * time_s
+        for at, speed in zip((distractor.x_mm, distractor.y_mm), distractor.velocity_mm_s, strict=True)
+    )
+    return Disc(plane, (x, y), distractor.diameter_mm, 0.0, gain * np.array(distractor.color))
+
+
+def moments_of_exposure(times_s: tuple[float, float], way_px: float) -> Array:
+    """Middles of equal parts of an exposure, enough that the picture moves a quarter pixel or less in each."""
+    count = int(min(max(math.ceil(4 * way_px), 1), 256))
+    return times_s[0] + (np.arange(count) + 0.5) / count * (times_s[1] - times_s[0])

@@ -1,0 +1,61 @@
+"""Planes as the camera sees them: the plane coordinates of every pixel, computed once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calibration.camera import Camera
+
+Array = NDArray[np.float64]
+NOWHERE_MM = 1e9  # where a pixel's ray misses the plane, or the lens model folds over: nothing lies there
+
+
+@dataclass(frozen=True)
+class PlaneMap:
+    """Plane coordinates at pixel centres, mm, with pad more pixels on each side than the picture; both read-only."""
+
+    camera: Camera
+    height_mm: float
+    pad: int
+    x_mm: Array
+    y_mm: Array
+
+    def picture_from_plane(self, points_mm: ArrayLike) -> Array:
+        """Project points (..., 2) of the plane; returns (..., 2) px, NaN behind the camera."""
+        points = np.asarray(points_mm, dtype=float)
+        return self.camera.picture_from_plate(
+            np.concatenate([points, np.full((*points.shape[:-1], 1), self.height_mm)], axis=-1)
+        )
+
+
+def plane_map(camera: Camera, height_mm: float, pad: int) -> PlaneMap:
+    """Map the plane height_mm above the camera's plate (or gauge) frame."""
+    width, height = camera.size_px
+    column, row = np.meshgrid(np.arange(-pad, width + pad), np.arange(-pad, height + pad))
+    pixels = np.stack([column, row], axis=-1).astype(float)
+    with np.errstate(all="ignore"):
+        points = camera.plate_from_picture(pixels, height_mm)
+        back = camera.picture_from_plate(np.concatenate([points, np.full((*points.shape[:-1], 1), height_mm)], axis=-1))
+        seen = np.abs(back - pixels).max(axis=-1) < 1e-3
+    points[~seen] = NOWHERE_MM
+    x_mm, y_mm = np.ascontiguousarray(points[..., 0]), np.ascontiguousarray(points[..., 1])
+    x_mm.setflags(write=False)
+    y_mm.setflags(write=False)
+    return PlaneMap(camera, height_mm, pad, x_mm, y_mm)
+
+
+def camera_from(camera: Camera, rotation_rad: ArrayLike, translation_mm: ArrayLike) -> Camera:
+    """The same camera described from another frame, whose pose on the plate is given.
+
+    rotation_rad: (3,) rotation vector and translation_mm: (3,) that take points of that frame to the plate frame.
+    """
+    to_plate = cv2.Rodrigues(np.asarray(rotation_rad, dtype=float))[0]
+    to_camera = cv2.Rodrigues(camera.parameters[:3])[0]
+    parameters = camera.parameters.copy()
+    parameters[:3] = cv2.Rodrigues(to_camera @ to_plate)[0][:, 0]
+    parameters[3:6] = to_camera @ np.asarray(translation_mm, dtype=float) + camera.parameters[3:6]
+    return replace(camera, parameters=parameters)

@@ -1,0 +1,67 @@
+"""When each picture is taken and when it is shown: frame rate, lost and repeated frames, jitter, fields."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal
+
+import numpy as np
+
+from simulator.errors import SimulationError
+from simulator.rendering.scene import Scene
+
+TICKS = 90_000  # per second: the clock that jittered times are rounded to, as in broadcast streams
+Rows = Literal["all", "even", "odd"]
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One exposure: rows of one frame of the file.
+
+    frame: index in the file; rows: of the picture that it fills ("even": 0, 2, 4, …); time_s: middle of the exposure;
+    shown_s: presentation time of the frame; seed: of its noise (equal for a frame written twice).
+    """
+
+    frame: int
+    rows: Rows
+    time_s: Fraction
+    shown_s: Fraction
+    seed: int
+
+
+def shots(scene: Scene, rng: np.random.Generator) -> list[Shot]:
+    """Plan the exposures of a scene, in time order; frame k is exposed about k / frame_rate."""
+    rate, timing = scene.frame_rate, scene.timing
+    slots = max(round(scene.duration_s * rate), 1)
+    late = [index for index in (*timing.dropped, *timing.repeated) if index >= slots]
+    if late:
+        raise SimulationError(f"timing names frame {late[0]}, but the scene has frames 0 to {slots - 1} only")
+    times = [Fraction(slot) / rate for slot in range(slots)]
+    if timing.jitter_s > 0:
+        reach = float(2 / (5 * rate))  # two neighbours stay a fifth of a frame apart
+        shifts = np.clip(rng.normal(0, timing.jitter_s, slots), -reach, reach)
+        shifts[0] = abs(shifts[0])
+        times = [time + Fraction(round(shift * TICKS), TICKS) for time, shift in zip(times, shifts, strict=True)]
+    plan: list[Shot] = []
+    frame = 0
+    for slot, shown in enumerate(times):
+        if slot in timing.dropped:
+            continue
+        source = slot - 1 if slot in timing.repeated else slot
+        plan.extend(
+            Shot(frame, rows, times[source] + delay, shown, 2 * source + index)
+            for index, (rows, delay) in enumerate(_fields(scene))
+        )
+        frame += 1
+    return plan
+
+
+def _fields(scene: Scene) -> list[tuple[Rows, Fraction]]:
+    """Rows and delay of the exposures within a frame."""
+    half = 1 / (2 * scene.frame_rate)
+    if scene.timing.interlaced == "top_first":
+        return [("even", Fraction(0)), ("odd", half)]
+    if scene.timing.interlaced == "bottom_first":
+        return [("odd", Fraction(0)), ("even", half)]
+    return [("all", Fraction(0))]

@@ -1,0 +1,87 @@
+"""Frames → video file, with exact presentation times."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from fractions import Fraction
+from pathlib import Path
+from typing import cast
+
+import av
+import numpy as np
+from av.video.stream import VideoStream
+from numpy.typing import NDArray
+
+from simulator.errors import SimulationError
+from simulator.rendering.scene import Encoding, Scene
+from simulator.rendering.shots import TICKS
+
+CONTAINERS = {
+    "h264": ("mp4", "mov", "mkv", "avi"),
+    "lossless": ("mp4", "mov", "mkv"),
+    "ffv1": ("mp4", "mkv", "avi", "nut"),
+    "mjpeg": ("mp4", "mov", "avi", "mkv"),
+}
+
+
+def encode(
+    frames: Iterable[tuple[Fraction, NDArray[np.uint8] | NDArray[np.uint16]]],
+    scene: Scene,
+    size_px: tuple[int, int],
+    path: Path,
+) -> None:
+    """Write frames (presentation time, picture) to path.
+
+    Raises SimulationError where codec, container, bits and size do not go together.
+    """
+    codec, pixel_format, options = _codec(scene.encoding, scene)
+    ending = path.suffix.lstrip(".").lower()
+    if ending not in CONTAINERS[scene.encoding.codec]:
+        fit = ", ".join(f".{name}" for name in CONTAINERS[scene.encoding.codec])
+        raise SimulationError(f'{path.name}: codec "{scene.encoding.codec}" goes into {fit}; name the video so')
+    clock = Fraction(1, TICKS) if scene.timing.jitter_s > 0 else 1 / scene.frame_rate
+    if pixel_format.startswith("yuv420") and (size_px[0] % 2 or size_px[1] % 2):
+        raise SimulationError(
+            f"a picture of {size_px[0]} × {size_px[1]} px has no halves for 4:2:0 colour; "
+            f'say chroma = "444" or codec = "lossless" under [encoding]'
+        )
+    with av.open(str(path), "w") as container:
+        stream = cast("VideoStream", container.add_stream(codec, rate=scene.frame_rate, options=options))
+        stream.width, stream.height = size_px
+        stream.pix_fmt = pixel_format
+        context = stream.codec_context
+        context.time_base = clock
+        for shown, picture in frames:
+            frame = av.VideoFrame.from_ndarray(_shifted(picture, scene.sensor.bits), format=_given_format(picture))
+            frame.pts, frame.time_base = round(shown / clock), clock
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+
+
+def _codec(encoding: Encoding, scene: Scene) -> tuple[str, str, dict[str, str]]:
+    """Codec name, pixel format and options of FFmpeg."""
+    deep, color = scene.sensor.bits > 8, scene.sensor.color
+    interlaced = {"flags": "+ildct+ilme"} if scene.timing.interlaced != "no" else {}
+    if encoding.codec == "lossless":
+        if deep:
+            raise SimulationError('codec "lossless" keeps 8 bits; for more say codec = "ffv1"')
+        return "libx264rgb", "rgb24", {"qp": "0", "preset": encoding.preset}
+    if encoding.codec == "ffv1":
+        if color:
+            return "ffv1", "gbrp16le" if deep else "bgr0", {"level": "3"}
+        return "ffv1", "gray16le" if deep else "gray", {"level": "3"}
+    if encoding.codec == "mjpeg":
+        return "mjpeg", f"yuvj{encoding.chroma}p", {"qmin": str(encoding.quality), "qmax": str(encoding.quality)}
+    pixel_format = f"yuv{encoding.chroma}p" + ("10le" if deep else "")
+    return "libx264", pixel_format, {"crf": f"{encoding.crf:g}", "preset": encoding.preset, **interlaced}
+
+
+def _given_format(picture: NDArray[np.uint8] | NDArray[np.uint16]) -> str:
+    if picture.ndim == 2:
+        return "gray" if picture.dtype == np.uint8 else "gray16le"
+    return "rgb24" if picture.dtype == np.uint8 else "rgb48le"
+
+
+def _shifted(picture: NDArray[np.uint8] | NDArray[np.uint16], bits: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """Numbers of 10 and 12 bits, moved to the top of 16 as FFmpeg's formats have it."""
+    return picture if bits == 8 else np.asarray(picture << (16 - bits), dtype=np.uint16)

@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+import pytest
+
+from evaluator.report.build import report_html
+from evaluator.report.style import THEME
+from evaluator.workflow import analyze
+from tests.evaluator.synthetic import circling_marks, three_runs, write_experiment
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> str:
+    folder = tmp_path_factory.mktemp("report")
+    return report_html(analyze(three_runs(folder), folder / "out", simulate=True, workers=1))
+
+
+class Links(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.addresses: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        for name, value in attrs:
+            if name in ("href", "src", "xlink:href") and value and tag != "use":
+                self.addresses.append(value)
+
+
+def test_the_page_needs_nothing_from_elsewhere(page: str) -> None:
+    links = Links()
+    links.feed(page)
+    assert links.addresses
+    assert all(address.startswith(("data:", "#")) for address in links.addresses)
+    assert "url(http" not in page
+    assert "@import" not in page
+
+
+def test_every_figure_carries_the_numbers_behind_it(page: str) -> None:
+    assert page.count("<figure") == page.count('href="data:text/csv') >= 4
+    (data,) = re.findall(r'download="radius-difference.csv" href="data:text/csv;charset=utf-8,([^"]*)"', page)
+    lines = unquote(data).strip().splitlines()
+    assert lines[0].startswith("run,left_rpm,right_rpm,radius_mm")
+    assert [line.split(",")[0] for line in lines[1:]] == ["r01", "r02"]
+
+
+def test_no_color_of_a_figure_is_out_of_reach_of_the_dark_page(page: str) -> None:
+    drawings = " ".join(re.findall(r"<svg xmlns.*?</svg>", page, flags=re.DOTALL))
+    plain = re.sub(r"var\(--[a-z]+, #[0-9a-f]{6}\)", "", drawings)
+    assert drawings
+    assert re.findall(r"#[0-9a-f]{6}\b", plain) == []
+    assert all(variable in page for variable, _ in THEME.values())
+
+
+def test_ids_inside_the_page_are_unique(page: str) -> None:
+    ids = [name for name in re.findall(r'\sid="([^"]+)"', page) if re.fullmatch(r"[mp][0-9a-f]{6,}", name)]
+    assert ids
+    assert len(ids) == len(set(ids))
+
+
+def test_the_player_has_every_run_with_gaps_as_null(page: str) -> None:
+    (text,) = re.findall(r'id="player-data">(.*?)</script>', page, flags=re.DOTALL)
+    runs = json.loads(text)["runs"]
+    assert [run["label"].split(":")[0] for run in runs] == ["r01", "r02", "r03"]
+    assert len({len(runs[0][name]) for name in ("t", "x", "y", "heading", "gx", "sy")}) == 1
+
+
+def test_the_summary_names_the_tightest_turn(page: str) -> None:
+    assert "The tightest turn has a radius of 3.50 mm" in page
+
+
+def test_the_same_results_give_the_same_page(tmp_path: Path) -> None:
+    analysis = analyze(three_runs(tmp_path), tmp_path / "out", simulate=True, workers=1)
+    assert report_html(analysis) == report_html(analysis)
+
+
+def test_a_name_that_looks_like_markup_is_shown_not_run(tmp_path: Path) -> None:
+    experiment = write_experiment(tmp_path, [("r01", 14.4, 33.3, circling_marks(6.0))])
+    text = experiment.read_text(encoding="utf-8").replace("circles", "<script>alert(1)</script>")
+    experiment.write_text(text, encoding="utf-8")
+    html = report_html(analyze(experiment, tmp_path / "out", simulate=True, workers=1))
+    assert "<script>alert" not in html
+    assert "&lt;script&gt;alert" in html
+
+
+def test_straight_runs_alone_make_a_report_without_a_radius(tmp_path: Path) -> None:
+    experiment = write_experiment(tmp_path, [("r01", 30.0, 30.0, circling_marks(np.inf))])
+    html = report_html(analyze(experiment, tmp_path / "out", simulate=True, workers=1))
+    assert "No run turns" in html

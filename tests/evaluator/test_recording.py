@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evaluator.errors import InputError
+from evaluator.recording import open_recording
+from tests.evaluator.tracking.synthetic import write_video
+
+
+def noise_pictures(count: int, size: tuple[int, int] = (64, 48)) -> list[np.ndarray]:
+    rng = np.random.default_rng(1)
+    return [rng.integers(0, 255, (size[1], size[0], 3)).astype(np.uint8) for _ in range(count)]
+
+
+def test_times_are_the_exact_presentation_times_of_a_59_94_recording(tmp_path: Path) -> None:
+    video = write_video(
+        tmp_path / "v.mov", noise_pictures(8), codec="mjpeg", pixels="yuvj420p", rate=Fraction(60000, 1001)
+    )
+    times = [frame.time for frame in open_recording(video)]
+    assert times == [Fraction(1001 * k, 60000) for k in range(8)]
+
+
+def test_dropped_pictures_are_reported_with_their_place(tmp_path: Path) -> None:
+    video = write_video(tmp_path / "v.mkv", noise_pictures(8), pts=[0, 1, 2, 3, 6, 7, 8, 9])
+    recording = open_recording(video)
+    assert len(list(recording)) == 8
+    assert recording.report().dropped == ((4, 2),)
+
+
+def test_repeated_pictures_are_reported(tmp_path: Path) -> None:
+    pictures = noise_pictures(6)
+    pictures[3] = pictures[2]
+    recording = open_recording(write_video(tmp_path / "v.mkv", pictures))
+    list(recording)
+    assert recording.report().duplicates == (3,)
+
+
+@pytest.mark.parametrize(
+    ("codec", "pixels"),
+    [
+        ("ffv1", "yuv420p"),
+        ("ffv1", "gray"),
+        ("ffv1", "yuv420p10le"),
+        ("ffv1", "yuv422p"),
+        ("ffv1", "bgr0"),
+        ("mjpeg", "yuvj420p"),
+    ],
+)
+def test_planes_convert_back_to_the_picture_in_every_pixel_format(tmp_path: Path, codec: str, pixels: str) -> None:
+    y, x = np.mgrid[:46, :70]
+    smooth = np.stack([60 + x, 80 + 2 * y, 120 + 0 * x], axis=-1).astype(np.uint8)
+    options = {"qscale": "1"} if codec == "mjpeg" else {}
+    video = write_video(tmp_path / "v.mkv", [smooth] * 2, codec=codec, pixels=pixels, options=options)
+    frame = next(iter(open_recording(video)))
+    expected = smooth
+    if pixels == "gray":
+        grey = np.rint(smooth @ [0.299, 0.587, 0.114])
+        expected = np.repeat(grey[..., None], 3, axis=2)
+    assert np.abs(frame.to_rgb().astype(float) - expected).mean() < 3.0
+
+
+def test_odd_sizes_are_read_whole(tmp_path: Path) -> None:
+    video = write_video(tmp_path / "v.mkv", noise_pictures(2, (65, 47)), pixels="yuv420p")
+    frame = next(iter(open_recording(video)))
+    assert frame.luma.shape == (47, 65)
+    assert frame.to_rgb().shape == (47, 65, 3)
+
+
+def test_a_video_cut_in_the_middle_gives_its_good_pictures_and_says_so(tmp_path: Path) -> None:
+    video = write_video(tmp_path / "v.mkv", noise_pictures(30))
+    video.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
+    recording = open_recording(video)
+    assert 5 < len(list(recording)) < 30
+
+
+@pytest.mark.parametrize(("content", "said"), [(b"", "empty"), (b"hello, this is text\n" * 40, "not a video")])
+def test_what_is_no_video_is_one_clear_sentence(tmp_path: Path, content: bytes, said: str) -> None:
+    path = tmp_path / "v.mp4"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=said):
+        open_recording(path)
+
+
+def test_a_missing_video_is_named() -> None:
+    with pytest.raises(InputError, match=r"nowhere\.mp4: no such file"):
+        open_recording("nowhere.mp4")

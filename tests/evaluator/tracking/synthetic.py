@@ -1,0 +1,91 @@
+"""Synthetic clips with exact truth: blurred fluorescent discs on a black top on a grey plate, supersampled."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+GREEN, YELLOW, BLACK, PLATE = (60, 225, 80), (235, 230, 50), (25, 25, 27), (130, 128, 125)
+
+
+def coverage(size: tuple[int, int], center: tuple[float, float], radius: float, blur: float, fine: int = 8) -> Array:
+    """Share of each pixel that a blurred disc covers; (height, width)."""
+    width, height = size
+    reach = int(np.ceil(radius + 6 * blur + 2))
+    left, top = int(center[0]) - reach, int(center[1]) - reach
+    side = 2 * reach + 1
+    k = (np.arange(side * fine) + 0.5) / fine - 0.5
+    x, y = np.meshgrid(k + left - center[0], k + top - center[1])
+    inside = np.clip((radius - np.hypot(x, y)) * fine + 0.5, 0, 1)
+    soft = cv2.GaussianBlur(inside, (0, 0), blur * fine)
+    small = soft.reshape(side, fine, side, fine).mean(axis=(1, 3))
+    whole = np.zeros((height, width))
+    x0, y0, x1, y1 = max(left, 0), max(top, 0), min(left + side, width), min(top + side, height)
+    if x0 < x1 and y0 < y1:
+        whole[y0:y1, x0:x1] = small[y0 - top : y1 - top, x0 - left : x1 - left]
+    return whole
+
+
+def turning_marks(frames: int, center: tuple[float, float], turn: float, scale: float, step: float) -> dict[str, Array]:
+    """Truth of a robot on a circle: px of both marks, (frames, 2). scale px/mm; step: heading per frame, rad."""
+    heading = step * np.arange(frames) + 0.3
+    x = center[0] + turn * np.sin(heading)
+    y = center[1] + turn * np.cos(heading)
+    marks = {}
+    for name, (bx, by) in {"green": (-1.55, 1.83), "yellow": (-1.55, -1.83)}.items():
+        cos, sin = np.cos(heading), np.sin(heading)
+        marks[name] = np.stack([x + scale * (cos * bx - sin * by), y - scale * (sin * bx + cos * by)], axis=-1)
+    return marks
+
+
+def draw(
+    rng: np.random.Generator,
+    size: tuple[int, int],
+    marks: dict[str, tuple[float, float]],
+    radius: float,
+    blur: float,
+    noise: float,
+) -> NDArray[np.uint8]:
+    """One RGB picture."""
+    picture = np.empty((size[1], size[0], 3))
+    picture[:] = PLATE
+    if marks:
+        middle = np.mean(list(marks.values()), axis=0)
+        y, x = np.mgrid[: size[1], : size[0]]
+        picture[np.hypot(x - middle[0], y - middle[1]) < 10 * radius] = BLACK
+    for name, center in marks.items():
+        share = coverage(size, center, radius, blur)[..., None]
+        picture = picture * (1 - share) + share * np.array(GREEN if name.startswith("green") else YELLOW)
+    picture += rng.normal(0, noise, picture.shape)
+    return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+
+
+def write_video(
+    path: Path,
+    pictures: list[NDArray[np.uint8]],
+    *,
+    codec: str = "ffv1",
+    pixels: str = "bgr0",
+    rate: Fraction = Fraction(60),
+    pts: list[int] | None = None,
+    options: dict[str, str] | None = None,
+) -> Path:
+    """Encode RGB (or grey) pictures; pts in units of 1/rate."""
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream(codec, rate=rate, options=options or {})
+        stream.height, stream.width = pictures[0].shape[:2]
+        stream.pix_fmt = pixels
+        stream.codec_context.time_base = 1 / rate
+        for index, picture in enumerate(pictures):
+            frame = av.VideoFrame.from_ndarray(picture, format="rgb24" if picture.ndim == 3 else "gray")
+            frame.pts = pts[index] if pts else index
+            frame.time_base = 1 / rate
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    return path

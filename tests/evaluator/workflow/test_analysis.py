@@ -1,0 +1,112 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evaluator.errors import InputError
+from evaluator.workflow import Analysis, analyze, plan
+from tests.evaluator.synthetic import circling_marks, three_runs, write_experiment
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+@pytest.fixture(scope="module")
+def analysed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Analysis]:
+    folder = tmp_path_factory.mktemp("experiment")
+    experiment = three_runs(folder)
+    return experiment, analyze(experiment, folder / "out", simulate=True, workers=1)
+
+
+def test_every_run_has_a_row_with_the_radius_of_its_circle(analysed: tuple[Path, Analysis]) -> None:
+    table = pd.read_csv(analysed[1].outputs.turning).set_index("run")
+    assert list(table.index) == ["r01", "r02", "r03"]
+    assert table.loc["r01", "radius_mm"] == pytest.approx(6.0, rel=2e-3)
+    assert table.loc["r02", "radius_mm"] == pytest.approx(3.5, rel=2e-3)
+    assert np.isnan(table.loc["r03", "radius_mm"])
+    assert "straight" in table.loc["r03", "radius_status"]
+
+
+def test_results_do_not_depend_on_the_number_of_workers(analysed: tuple[Path, Analysis], tmp_path: Path) -> None:
+    experiment, one = analysed
+    many = analyze(experiment, tmp_path / "out", simulate=True, workers=2)
+    assert contents(many.outputs.folder) == contents(one.outputs.folder)
+
+
+def test_a_second_analysis_reuses_everything_and_changes_nothing(analysed: tuple[Path, Analysis]) -> None:
+    experiment, first = analysed
+    before = contents(first.outputs.folder)
+    second = analyze(experiment, first.outputs.folder, simulate=True, workers=1)
+    assert second.reused == 3
+    assert contents(second.outputs.folder) == before
+
+
+def test_only_what_a_changed_file_touches_is_computed_again(tmp_path: Path) -> None:
+    experiment = three_runs(tmp_path)
+    out = tmp_path / "out"
+    analyze(experiment, out, simulate=True, workers=1)
+    circling_marks(7.0, seed=9).to_csv(tmp_path / "r01.csv", index=False)
+    text = experiment.read_text(encoding="utf-8").replace("left_rpm = 5.0", "left_rpm = 6.0")
+    experiment.write_text(text, encoding="utf-8")
+    (out / "simulated" / "r03.csv").unlink()
+    stages = plan(experiment, out, simulate=True)
+    assert stages == {"r01": ["track", "turn", "simulate"], "r02": ["turn", "simulate"], "r03": ["simulate"]}
+
+
+def test_an_interrupted_analysis_ends_as_an_uninterrupted_one(analysed: tuple[Path, Analysis], tmp_path: Path) -> None:
+    experiment, whole = analysed
+    out = tmp_path / "out"
+
+    class KilledError(Exception):
+        pass
+
+    def kill_after_one(done: int, total: int) -> None:
+        assert total == 3
+        if done == 1:
+            raise KilledError
+
+    with pytest.raises(KilledError):
+        analyze(experiment, out, simulate=True, workers=1, progress=kill_after_one)
+    assert not (out / "turning.csv").exists()
+    rest = analyze(experiment, out, simulate=True, workers=1)
+    assert rest.reused == 1
+    assert contents(out) == contents(whole.outputs.folder)
+
+
+def test_a_bad_recording_does_not_stop_the_others(tmp_path: Path) -> None:
+    experiment = three_runs(tmp_path)
+    (tmp_path / "r02.csv").write_text("time_s,green_x_mm\n0,1\n", encoding="utf-8")
+    found = analyze(experiment, tmp_path / "out", workers=1)
+    assert list(found.faults) == ["r02"]
+    assert "yellow_x_mm" in found.faults["r02"]
+    assert found.turning["radius_mm"].notna().tolist() == [True, False, False]
+    assert found.turning["radius_status"][1] == found.faults["r02"]
+    assert not (tmp_path / "out" / "marks" / "r02.csv").exists()
+
+
+def test_results_of_an_input_that_has_become_bad_do_not_stay(tmp_path: Path) -> None:
+    experiment = three_runs(tmp_path)
+    analyze(experiment, tmp_path / "out", workers=1)
+    (tmp_path / "r02.csv").write_text("", encoding="utf-8")
+    analyze(experiment, tmp_path / "out", workers=1)
+    assert not (tmp_path / "out" / "poses" / "r02.csv").exists()
+
+
+def test_an_experiment_without_one_good_run_is_an_error_and_leaves_nothing(tmp_path: Path) -> None:
+    experiment = write_experiment(tmp_path, [("r01", 1.0, 2.0, circling_marks(6.0))])
+    (tmp_path / "r01.csv").unlink()
+    with pytest.raises(InputError, match=r"r01\.csv"):
+        analyze(experiment, tmp_path / "out", workers=1)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_simulated_counterpart_starts_where_the_robot_did(analysed: tuple[Path, Analysis]) -> None:
+    _, found = analysed
+    for run in ("r01", "r02", "r03"):
+        poses, simulated = pd.read_csv(found.outputs.poses(run)), pd.read_csv(found.outputs.simulated(run))
+        assert np.hypot(simulated["x_mm"][0] - poses["x_mm"][0], simulated["y_mm"][0] - poses["y_mm"][0]) < 0.02
+        assert simulated["heading_deg"][0] == pytest.approx(poses["heading_deg"][0], abs=0.5)

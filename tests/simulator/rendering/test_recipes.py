@@ -1,0 +1,59 @@
+"""The committed samples are what their recipes make."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+from simulator.rendering import GaugeScene, Scene, load_scene, render_gauge, set_stage, truth_of
+from simulator.rendering.clip import frames_of
+
+SAMPLES = Path(__file__).parents[3] / "sample_videos"
+RECIPES = sorted((SAMPLES / "recipes").glob("*.toml"))
+RUNS = [path for path in RECIPES if not path.stem.startswith("gauge")]
+GAUGES = [path for path in RECIPES if path.stem.startswith("gauge")]
+
+
+@pytest.mark.parametrize("recipe", RUNS, ids=lambda path: path.stem)
+def test_recipe_moves_as_the_committed_truth(recipe: Path) -> None:
+    scene = load_scene(recipe)
+    assert isinstance(scene, Scene)
+    assert scene.truth is not None
+    committed = pd.read_csv(scene.truth)
+    pd.testing.assert_frame_equal(truth_of(set_stage(scene)), committed, atol=1e-3, rtol=0)
+
+
+@pytest.mark.parametrize("recipe", GAUGES[:2], ids=lambda path: path.stem)
+def test_recipe_draws_the_committed_gauge_picture(recipe: Path) -> None:
+    scene = load_scene(recipe)
+    assert isinstance(scene, GaugeScene)
+    assert scene.truth is not None
+    picture, truth = render_gauge(scene)
+    pd.testing.assert_frame_equal(truth, pd.read_csv(scene.truth), atol=1e-6, rtol=0)
+    assert truth["visible"].all()
+    stored = cv2.imread(str(scene.output))[..., ::-1]
+    assert np.abs(stored.astype(int) - picture).max() <= 1
+
+
+def test_recipe_draws_the_committed_clip() -> None:
+    recipe = SAMPLES / "recipes" / "straight-60.toml"
+    scene = load_scene(recipe)
+    assert isinstance(scene, Scene)
+    stage = set_stage(scene)
+    with av.open(str(scene.output)) as container:
+        for frame, drawn in zip(container.decode(video=0), frames_of(stage), strict=False):
+            assert frame.pts * frame.time_base == drawn.presentation_s
+            difference = frame.to_ndarray(format="rgb24").astype(float) - drawn.picture
+            assert abs(difference.mean()) < 1.0
+            assert difference.std() < 6.0  # compression takes most of the noise away
+            if drawn.index == 60:
+                break
+
+
+def test_samples_stay_small() -> None:
+    assert sum(path.stat().st_size for path in SAMPLES.rglob("*") if path.is_file()) < 10e6
