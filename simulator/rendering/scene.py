@@ -13,7 +13,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from calibration.camera import Camera, LensModel, camera_above
+from calibration.camera import Camera, camera_above
+from calibration.lens import LensModel
 from simulator.errors import SimulationError
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]

@@ -45,7 +45,13 @@ def encode(
             f"a picture of {size_px[0]} × {size_px[1]} px has no halves for 4:2:0 colour; "
             f'say chroma = "444" or codec = "lossless" under [encoding]'
         )
-    with av.open(str(path), "w") as container:
+    # The edit list of an mp4 counts in a clock of its own, 1 ms if not told: too coarse for a first frame after 0.
+    muxing = (
+        {"movie_timescale": str(clock.denominator * max(1, 1_000_000 // clock.denominator))}
+        if ending in {"mp4", "mov"}
+        else {}
+    )
+    with av.open(str(path), "w", options=muxing) as container:
         stream = cast("VideoStream", container.add_stream(codec, rate=scene.frame_rate, options=options))
         stream.width, stream.height = size_px
         stream.pix_fmt = pixel_format
