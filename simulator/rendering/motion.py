@@ -71,7 +71,7 @@ def _given(motion: Given, times_s: Array) -> Array:
     values = table[list(COLUMNS)].apply(pd.to_numeric, errors="coerce").to_numpy(dtype=float)
     if len(values) < 2 or not np.isfinite(values).all() or not (np.diff(values[:, 0]) > 0).all():
         raise SimulationError(f"{motion.file}: poses need two rows or more, numbers only, and time_s that increases")
-    path = values[:, 1:]
+    path = values[:, 1:].copy()
     path[:, 2] = np.unwrap(np.radians(path[:, 2]))
     inside = np.clip(times_s, values[0, 0], values[-1, 0])  # at rest before the first row and after the last
     return np.asarray(PchipInterpolator(values[:, 0], path, axis=0)(inside))

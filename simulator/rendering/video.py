@@ -45,7 +45,13 @@ def encode(
             f"a picture of {size_px[0]} × {size_px[1]} px has no halves for 4:2:0 colour; "
             f'say chroma = "444" or codec = "lossless" under [encoding]'
         )
-    with av.open(str(path), "w") as container:
+    # The edit list of an mp4 counts in a clock of its own, 1 ms if not told: too coarse for a first frame after 0.
+    muxing = (
+        {"movie_timescale": str(clock.denominator * max(1, 1_000_000 // clock.denominator))}
+        if ending in {"mp4", "mov"}
+        else {}
+    )
+    with av.open(str(path), "w", options=muxing) as container:
         stream = cast("VideoStream", container.add_stream(codec, rate=scene.frame_rate, options=options))
         stream.width, stream.height = size_px
         stream.pix_fmt = pixel_format
@@ -65,7 +71,7 @@ def _codec(encoding: Encoding, scene: Scene) -> tuple[str, str, dict[str, str]]:
     if encoding.codec == "lossless":
         if deep:
             raise SimulationError('codec "lossless" keeps 8 bits; for more say codec = "ffv1"')
-        return "libx264rgb", "rgb24", {"qp": "0", "preset": encoding.preset}
+        return "libx264rgb", "rgb24", {"qp": "0", "preset": encoding.preset or "ultrafast"}
     if encoding.codec == "ffv1":
         if color:
             return "ffv1", "gbrp16le" if deep else "bgr0", {"level": "3"}
@@ -73,7 +79,7 @@ def _codec(encoding: Encoding, scene: Scene) -> tuple[str, str, dict[str, str]]:
     if encoding.codec == "mjpeg":
         return "mjpeg", f"yuvj{encoding.chroma}p", {"qmin": str(encoding.quality), "qmax": str(encoding.quality)}
     pixel_format = f"yuv{encoding.chroma}p" + ("10le" if deep else "")
-    return "libx264", pixel_format, {"crf": f"{encoding.crf:g}", "preset": encoding.preset, **interlaced}
+    return "libx264", pixel_format, {"crf": f"{encoding.crf:g}", "preset": encoding.preset or "veryfast", **interlaced}
 
 
 def _given_format(picture: NDArray[np.uint8] | NDArray[np.uint16]) -> str:
