@@ -101,9 +101,9 @@ def _split_pixel(
         - map_y[row - 1, column + 1]
         + map_y[row - 1, column - 1]
     )
-    scale = math.sqrt(abs(xu * yv - xv * yu))  # mm per px
+    reach = 0.51 * (math.hypot(xu, yu) + math.hypot(xv, yv))  # mm from a pixel's centre to its corners, at most
     rho = math.hypot(xc, yc)
-    if rho > radius + 2 * scale or (rho < radius - 2 * scale and shading == 0.0):
+    if rho > radius + reach or (rho < radius - reach and shading == 0.0):
         out[:] = 0.0 if rho > radius else 1.0
         return
     half = 0.5 / parts

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import tomllib
 from fractions import Fraction
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -15,6 +14,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from calibration.camera import Camera, camera_above
 from calibration.lens import LensModel
+from calibration.store import load_camera
 from simulator.errors import SimulationError
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -61,8 +61,7 @@ class CameraTable(Table):
     def camera(self) -> Camera:
         """Build the camera."""
         if self.file is not None:
-            camera: Camera = import_module("calibration.store").load_camera(self.file)
-            return camera
+            return load_camera(self.file)
         return camera_above(**self.model_dump(exclude={"file"}))
 
 
@@ -167,12 +166,15 @@ class Line(Table):
 Motion = Annotated[Simulated | Given | Circle | Line, Field(discriminator="kind")]
 
 
+Preset = Literal["ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "slow", "slower"]
+
+
 class Encoding(Table):
     """How the video is stored. "lossless" is H.264 in RGB at quantiser 0; ffv1 keeps 10 and 16 bits too."""
 
     codec: Literal["h264", "lossless", "ffv1", "mjpeg"] = "h264"
     crf: Annotated[float, Field(ge=0, le=51)] = 18.0
-    preset: Literal["ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "slow", "slower"] = "veryfast"
+    preset: Preset | None = None  # of H.264; veryfast if not told, ultrafast where lossless
     quality: Annotated[int, Field(ge=1, le=31)] = 3
     chroma: Literal["420", "422", "444"] = "420"
 

@@ -71,7 +71,7 @@ def _codec(encoding: Encoding, scene: Scene) -> tuple[str, str, dict[str, str]]:
     if encoding.codec == "lossless":
         if deep:
             raise SimulationError('codec "lossless" keeps 8 bits; for more say codec = "ffv1"')
-        return "libx264rgb", "rgb24", {"qp": "0", "preset": encoding.preset}
+        return "libx264rgb", "rgb24", {"qp": "0", "preset": encoding.preset or "ultrafast"}
     if encoding.codec == "ffv1":
         if color:
             return "ffv1", "gbrp16le" if deep else "bgr0", {"level": "3"}
@@ -79,7 +79,7 @@ def _codec(encoding: Encoding, scene: Scene) -> tuple[str, str, dict[str, str]]:
     if encoding.codec == "mjpeg":
         return "mjpeg", f"yuvj{encoding.chroma}p", {"qmin": str(encoding.quality), "qmax": str(encoding.quality)}
     pixel_format = f"yuv{encoding.chroma}p" + ("10le" if deep else "")
-    return "libx264", pixel_format, {"crf": f"{encoding.crf:g}", "preset": encoding.preset, **interlaced}
+    return "libx264", pixel_format, {"crf": f"{encoding.crf:g}", "preset": encoding.preset or "veryfast", **interlaced}
 
 
 def _given_format(picture: NDArray[np.uint8] | NDArray[np.uint16]) -> str:
