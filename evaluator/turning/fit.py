@@ -103,7 +103,7 @@ def fit_turn(time_s: Array, scaled: Scaled) -> TurnFit:
         used = kept
         weight = np.swapaxes(whitening, 1, 2) @ whitening * used[:, None, None]
         weight = weight / np.mean(np.trace(weight[used], axis1=1, axis2=2))
-        motion = fit_steady_motion(scaled.pose, scaled.length_mm, weight)
+        motion = fit_steady_motion(scaled.pose, scaled.length_mm, weight, near=motion)
         if settled and attempt > 0:
             break
     whitening = _whitening(motion, scaled.covariance)
@@ -111,7 +111,7 @@ def fit_turn(time_s: Array, scaled: Scaled) -> TurnFit:
     interval = float(np.median(np.diff(time_s)))
     residual = np.einsum("nij,nj->ni", whitening, motion.residual_mm)[used]
     design = (whitening @ motion.design)[used]
-    averaged = averaged_least_squares(time_s[used] / interval, residual, design)
+    averaged = averaged_least_squares(time_s[used] / interval, scaled.pose[used, 2], residual, design)
     return TurnFit(motion, scaled.offset_mm, used, whitening, averaged)
 
 

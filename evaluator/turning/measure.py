@@ -115,7 +115,10 @@ def _filled(seen: Turning, fit: TurnFit, time: Array, poses: Poses, total: int) 
     interval = float(np.median(np.diff(time)))
     ticks = (time[fit.used] - time[fit.used].mean()) / interval
     clock = averaged_least_squares(
-        ticks, motion.along_mm[fit.used, None] * forwards, np.stack([np.ones_like(ticks), ticks], 1)[:, None]
+        ticks,
+        np.zeros_like(ticks),
+        motion.along_mm[fit.used, None] * forwards,
+        np.stack([np.ones_like(ticks), ticks], 1)[:, None],
     )
     rate = float(clock.mean()[1]) / interval  # path parameter per second
     speeds = [_speed(fit, place, rate * forwards) for place in _places(poses)]
@@ -144,7 +147,7 @@ def _filled(seen: Turning, fit: TurnFit, time: Array, poses: Poses, total: int) 
         body_slip_angle_deg=_slip_angle_deg(center_twist),
         turned_deg=float(np.degrees(motion.turn_rad)),
         share_used=float(fit.used.sum() / total),
-        noise_correlation=float(fit.averaged.weight @ fit.averaged.correlation),
+        noise_correlation=fit.averaged.correlation(),
         residual_rms_mm=float(np.sqrt((motion.residual_mm[fit.used] ** 2).mean())),
     )
 

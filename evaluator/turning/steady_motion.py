@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+CONVERGED = 1e-10  # squared step in units of its own variance: a hundred-thousandth of the standard error
+
 
 @dataclass(frozen=True)
 class SteadyMotion:
@@ -43,15 +45,20 @@ class SteadyMotion:
         return float(np.ptp(self.along_mm) * abs(self.twist[2]) / self.length_mm)
 
 
-def fit_steady_motion(pose: Array, length_mm: float, weight: Array, iterations: int = 30) -> SteadyMotion:
+def fit_steady_motion(
+    pose: Array, length_mm: float, weight: Array, near: SteadyMotion | None = None, iterations: int = 30
+) -> SteadyMotion:
     """Fit the motion by Gauss-Newton least squares.
 
     pose: (n, 3) of x, y in mm and unwrapped heading in rad, no NaN. weight: (n, 2, 2) inverse covariance of the
-    deviation across the motion (any scale); frames of weight zero are only predicted.
+    deviation across the motion (any scale); frames of weight zero are only predicted. near: where to begin.
     """
     scaled = pose * np.array([1.0, 1.0, length_mm])
-    start, twist = _first_guess(scaled, length_mm, weight[:, 0, 0] > 0)
-    along = _first_along(scaled, start, twist, length_mm)
+    if near is None:
+        start, twist = _first_guess(scaled, length_mm, weight[:, 0, 0] > 0)
+        along = _first_along(scaled, start, twist, length_mm)
+    else:
+        start, twist, along = near.start, near.twist, near.along_mm
     for _ in range(iterations):
         motion = _linearised(scaled, start, twist, along, length_mm)
         normal = np.einsum("nip,nij,njq->pq", motion.design, weight, motion.design)
@@ -59,7 +66,8 @@ def fit_steady_motion(pose: Array, length_mm: float, weight: Array, iterations: 
         step = _solved(normal, right)
         start, twist = moved(motion, step)
         along = motion.along_mm
-        if np.all(np.abs(step) < 1e-12 * np.array([1.0, 1.0, 1e-2, 1e-2])):
+        misfit = np.einsum("ni,nij,nj->", motion.residual_mm, weight, motion.residual_mm)
+        if step @ normal @ step < CONVERGED * misfit / len(pose) or np.all(np.abs(step) < 1e-12):
             break
     return _linearised(scaled, start, twist, along, length_mm)
 
