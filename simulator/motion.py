@@ -14,13 +14,17 @@ from typing import Any
 import numpy as np
 
 from simulator.compiled import compiled
+from simulator.implicit import euler_pair
 from simulator.rosenbrock import attempt, between, invert3, linearize, moved, rates
 from simulator.segments import BEGIN, END, STEADY, command_segments
+from simulator.stability import growth_rate, is_stable
 
 LEVER_MM = 10.0  # an error of heading counts as the displacement it makes at this distance
 # The linear formula for the end of a relaxation errs by the square of this share of the velocity.
 STEADY_SHARE = 1e-4
 MOST_STEPS = 20000
+MOST_TRIES = 4  # rejections in a row mean that a wheel sticks or turns over
+SHORTEST_STEP_S = 2e-6  # a fraction of the shortest relaxation of rolling wheels
 LONGEST_TURN_RAD = 1.0  # within one step, where the series for the twist is exact to 1e-9
 DONE, FAILED = 0, 1
 
@@ -28,19 +32,7 @@ DONE, FAILED = 0, 1
 @compiled()
 def workspace() -> Any:
     """Scratch for one run: states and stages, linearization, solver matrices, step ends."""
-    return np.zeros((32, 6)), np.zeros((3, 3, 3))
-
-
-@compiled()
-def is_stable(work: Any) -> bool:
-    """Whether all eigenvalues of the derivative by velocity have negative real parts (Routh and Hurwitz)."""
-    a, b, c = work[1], work[2], work[3]
-    trace = a[0] + b[1] + c[2]
-    minors = a[0] * b[1] - a[1] * b[0] + a[0] * c[2] - a[2] * c[0] + b[1] * c[2] - b[2] * c[1]
-    determinant = (
-        a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0])
-    )
-    return bool(trace < 0.0 and determinant < 0.0 and -trace * minors > -determinant)
+    return np.zeros((40, 6)), np.zeros((3, 3, 3))
 
 
 @compiled()
@@ -88,7 +80,7 @@ def settle(pose: Any, segment: Any, time: float, y: Any, model: Any, work: Any, 
 
 
 @compiled()
-def error_norm(step: float, y: Any, end: Any, tolerance: float) -> float:
+def error_norm(step: float, y: Any, end: Any, tolerance: float, rest_speed: float) -> float:
     """Error of a step over the tolerance, as displacement in mm: of the pose, and of the velocity over the step."""
     norm, size = 0.0, 0.0
     for item in range(3):
@@ -96,8 +88,8 @@ def error_norm(step: float, y: Any, end: Any, tolerance: float) -> float:
     for item in range(3):
         lever = LEVER_MM if item == 2 else 1.0
         displaced = lever * max(abs(end[1, item]), step * abs(end[1, 3 + item])) / tolerance
-        # A velocity error that moves nothing yet must still not spoil the relaxation: 2 % of the velocity at most.
-        norm = max(norm, displaced, abs(end[1, 3 + item]) / (0.02 * size + 1e-3))
+        # A velocity error that moves nothing yet must still not spoil the relaxation, nor how a wheel breaks loose.
+        norm = max(norm, displaced, abs(end[1, 3 + item]) / (0.02 * size + rest_speed))
     return float(max(norm, abs(end[0, 2]) / LONGEST_TURN_RAD))
 
 
@@ -170,26 +162,23 @@ def integrate_run(
             if step == 0.0:
                 step = first_step(work, tolerance, remaining)
             planned = replay and used < len(plan) and int(plan[used, 0]) == number
-            if planned:
-                step = plan[used, 1]
-            tried, wanted = _accepted(
-                pose,
-                segment,
-                time,
-                min(step, remaining),
-                y,
-                model,
-                tolerance,
-                planned,
-                work,
-                solver,
-                stages,
-                end,
-            )
+            sticking = planned and plan[used, 1] < 0.0
+            step = abs(plan[used, 1]) if planned else min(step, 1.0 / (growth_rate(work) + 1e-30))
+            tried, wanted = 0.0, 0.0
+            if not sticking:
+                tried, wanted = smooth_step(
+                    pose, segment, time, min(step, remaining), y, model, tolerance, planned, work, solver, stages, end
+                )
+            if tried == 0.0:
+                sticking = True
+                step = abs(plan[used, 1]) if planned else max(step, SHORTEST_STEP_S)
+                tried, wanted = sticking_step(
+                    pose, segment, time, min(step, remaining), y, model, tolerance, planned, work, solver, stages, end
+                )
             if tried == 0.0 or used >= MOST_STEPS:
                 return FAILED, used
             if not replay and used < len(plan):
-                plan[used, 0], plan[used, 1] = number, tried
+                plan[used, 0], plan[used, 1] = number, -tried if sticking else tried
             used += 1
             following = segment[END] if tried >= remaining else time + tried
             row = _write_step(
@@ -204,7 +193,7 @@ def integrate_run(
 
 
 @compiled()
-def _accepted(
+def smooth_step(
     pose: Any,
     segment: Any,
     time: float,
@@ -218,13 +207,44 @@ def _accepted(
     stages: Any,
     end: Any,
 ) -> tuple[float, float]:
-    """Size of the step that was accepted, 0 where none was, and of the step wanted next."""
-    for _ in range(60):
+    """Take a Rosenbrock step: the size accepted, 0 where friction bends too sharply, and the size wanted next."""
+    for _ in range(MOST_TRIES):
         taken = attempt(pose, segment, time, step, y, model, work, solver, stages, end)
-        norm = error_norm(step, y, end, tolerance) if taken else 1e6
         if planned and taken:
             return step, step
+        norm = error_norm(step, y, end, tolerance, 0.1 * model.rest_speed) if taken else 1e6
         factor = min(6.0, max(0.15, 0.9 * (norm + 1e-12) ** -0.25))
+        if norm <= 1.0:
+            return step, step * factor
+        step *= min(factor, 0.7)
+        if step < SHORTEST_STEP_S:
+            break
+    return 0.0, 0.0
+
+
+@compiled()
+def sticking_step(
+    pose: Any,
+    segment: Any,
+    time: float,
+    step: float,
+    y: Any,
+    model: Any,
+    tolerance: float,
+    planned: bool,
+    work: Any,
+    solver: Any,
+    stages: Any,
+    end: Any,
+) -> tuple[float, float]:
+    """Take a pair of implicit Euler steps: the size accepted, 0 where none was, and the size wanted next."""
+    stages[:] = 0.0  # outputs within the step are on the straight line
+    for _ in range(60):
+        taken = euler_pair(pose, segment, time, step, y, model, work, solver, end)
+        if planned and taken:
+            return step, step
+        norm = error_norm(step, y, end, tolerance, 0.1 * model.rest_speed) if taken else 1e6
+        factor = min(4.0, max(0.2, 0.9 * (norm + 1e-12) ** -0.5))
         if norm <= 1.0:
             return step, step * factor
         step *= min(factor, 0.7)

@@ -69,8 +69,9 @@ def _solved_from(
 ) -> bool:
     """Whether Newton's method finds the balance from a start of STARTS; the root into velocity (3)."""
     yaw_share, pivot_share = start
-    yaw_rate = yaw_share * model.speed[0] * (right - left) / robot.wheels.track_mm
-    velocity[:] = model.speed[0] * (left + right) / 2, -pivot_share * yaw_rate * robot.wheels.wheelbase_mm / 2, yaw_rate
+    per_rpm = 2 * np.pi * robot.wheels.radius_mm / 60
+    yaw_rate = yaw_share * per_rpm * (right - left) / robot.wheels.track_mm
+    velocity[:] = per_rpm * (left + right) / 2, -pivot_share * yaw_rate * robot.wheels.wheelbase_mm / 2, yaw_rate
     return bool(solve_balance(model, left, right, velocity, derivative))
 
 

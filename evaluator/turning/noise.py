@@ -28,8 +28,8 @@ WHITE_SHARES = {0.0: 0.8, 0.5: 0.1, 0.85: 0.1}
 # that it is the same thing as other parameters: systematic, like the camera's own errors, which are propagated apart.
 SEEN_CORRELATION_TIMES = {0.0: 4.0, 0.5: 10.0, 0.85: 10.0}
 # Noise fixed to the picture turns against the body. Within a quarter of this angle, the longest correlation time that
-# shows, cos(1.5 / 4) = 0.93: shorter arcs cannot tell.
-TURN_THAT_TELLS_RAD = 1.5
+# shows, cos(2 / 4) = 0.88: shorter arcs cannot tell.
+TURN_THAT_TELLS_RAD = 2.0
 NEGLIGIBLE = 1e-4  # weight below which a component of the mixture cannot move a 95 % bound
 
 
@@ -96,35 +96,76 @@ class Averaged:
         return np.array([_mixture_quantile(level, self.weight, center, width, self.freedom) for level in levels])
 
 
-def averaged_least_squares(time: Array, heading_rad: Array, residual: Array, design: Array) -> Averaged:
-    """Solve residual ≈ design · parameters for noise of unknown scale and correlation.
+@dataclass(frozen=True)
+class Block:
+    """One stretch of data with parameters of its own.
 
     time: (n,) in frame intervals. heading_rad: (n,) unwrapped. residual: (n, c) channels of unit relative variance.
-    design: (n, c, p). Raises ValueError where there are no more data than parameters.
+    design: (n, c, p), their derivative by the parameters.
     """
-    n, channels, parameters = design.shape
-    freedom = n * channels - parameters
+
+    time: Array
+    heading_rad: Array
+    residual: Array
+    design: Array
+
+    @property
+    def freedom(self) -> int:
+        """Values less parameters."""
+        n, channels, parameters = self.design.shape
+        return int(n * channels - parameters)
+
+
+def averaged_least_squares(block: Block) -> Averaged:
+    """Solve residual ≈ design · parameters for noise of unknown scale and correlation."""
+    return averaged_over_blocks((block,))[0]
+
+
+def averaged_over_blocks(blocks: tuple[Block, ...]) -> tuple[Averaged, ...]:
+    """Solve blocks that share the noise, its scale included, and nothing else.
+
+    Raises ValueError where there are no more data than parameters.
+    """
+    freedom = sum(block.freedom for block in blocks)
     if freedom < 1:
         raise ValueError("more parameters than data")
-    orthonormal, triangle = np.linalg.qr(design.reshape(n * channels, parameters))
-    data: Array = np.concatenate([orthonormal.reshape(design.shape), residual[:, :, None]], axis=2)
-    models = noise_models(float(np.ptp(heading_rad)), float(time[-1] - time[0]))
-    moments, logs = _moments(time, heading_rad, data, models)
+    turned = max(float(np.ptp(block.heading_rad)) for block in blocks)
+    models = noise_models(turned, max(float(block.time[-1] - block.time[0]) for block in blocks))
+    solved = [_solved(block, models) for block in blocks]
+    squares = np.maximum(sum(part.squares for part in solved), 1e-300)
+    log = sum(part.log for part in solved) - freedom / 2 * np.log(squares) + _log_prior(models)
+    weight = np.exp(log - log.max())
+    weight /= weight.sum()
+    scale = np.sqrt(squares / freedom)
+    return tuple(
+        Averaged(models, weight, part.estimate, part.unscaled * (scale**2)[:, None, None], scale, float(freedom))
+        for part in solved
+    )
+
+
+@dataclass(frozen=True)
+class _Solved:
+    estimate: Array
+    unscaled: Array
+    squares: Array
+    log: Array
+
+
+def _solved(block: Block, models: tuple[NoiseModel, ...]) -> _Solved:
+    """Least squares under each model, and the part of the restricted likelihood that does not hold the scale."""
+    n, channels, parameters = block.design.shape
+    orthonormal, triangle = np.linalg.qr(block.design.reshape(n * channels, parameters))
+    data: Array = np.concatenate([orthonormal.reshape(block.design.shape), block.residual[:, :, None]], axis=2)
+    moments, logs = _moments(block.time, block.heading_rad, data, models)
     cross, within = moments[:, :parameters, parameters], moments[:, :parameters, :parameters]
     inverse = np.linalg.inv(within)
     estimate = np.einsum("mij,mj->mi", inverse, cross)
-    squares = np.maximum(moments[:, parameters, parameters] - np.einsum("mi,mi->m", estimate, cross), 1e-300)
-    log = -logs - 0.5 * np.linalg.slogdet(within)[1] - freedom / 2 * np.log(squares) + _log_prior(models)
-    weight = np.exp(log - log.max())
     back = np.linalg.pinv(triangle, rcond=1e-12)
-    covariance = back @ (inverse * (squares / freedom)[:, None, None]) @ back.T
-    return Averaged(
-        models=models,
-        weight=weight / weight.sum(),
+    return _Solved(
         estimate=estimate @ back.T,
-        covariance=covariance,
-        scale=np.sqrt(squares / freedom),
-        freedom=float(freedom),
+        unscaled=back @ inverse @ back.T,
+        squares=moments[:, parameters, parameters] - np.einsum("mi,mi->m", estimate, cross),
+        log=-logs - 0.5 * np.linalg.slogdet(within)[1],
     )
 
 
