@@ -162,7 +162,7 @@ def _prototype_checks() -> list[Check]:
 
 def _skid_checks(forward: SteadyTurn) -> list[Check]:
     """The words of Section 6.1 on Figure 20: a turn to the left."""
-    slip, angle = forward.wheels.slip_ratio[0], np.degrees(forward.wheels.slip_angle_rad[0])
+    slip, angle = forward.wheels.slip_ratio, np.degrees(forward.wheels.slip_angle_rad)
     return [
         statement(
             "Fig. 20",

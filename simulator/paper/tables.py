@@ -116,9 +116,9 @@ def wheel_state_table(turn: SteadyTurn) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "wheel": WHEELS,
-            "slip_ratio": wheels.slip_ratio[0],
-            "slip_angle_deg": np.degrees(wheels.slip_angle_rad[0]),
-            "longitudinal_force_mN": wheels.longitudinal_force_mN[0],
-            "lateral_force_mN": wheels.lateral_force_mN[0],
+            "slip_ratio": wheels.slip_ratio,
+            "slip_angle_deg": np.degrees(wheels.slip_angle_rad),
+            "longitudinal_force_mN": wheels.longitudinal_force_mN,
+            "lateral_force_mN": wheels.lateral_force_mN,
         }
     )

@@ -24,13 +24,13 @@ def wheel_states_figure(name: str, title: str, robot: Robot, turn: SteadyTurn) -
     """Wheels with slip ratio and angle, their velocities, and friction arrows to one scale; the turn's centre."""
     place = robot.wheel_positions_mm()
     wheels = turn.wheels
-    along, across = wheels.longitudinal_force_mN[0], wheels.lateral_force_mN[0]
+    along, across = wheels.longitudinal_force_mN, wheels.lateral_force_mN
     velocity = np.array([turn.u_mm_s, turn.v_mm_s]) + turn.yaw_rate_rad_s * np.stack([-place[:, 1], place[:, 0]], 1)
     table = pd.DataFrame(
         {
             "wheel": WHEELS,
-            "slip_ratio": wheels.slip_ratio[0] + 0.0,
-            "slip_angle_deg": np.degrees(wheels.slip_angle_rad[0]),
+            "slip_ratio": wheels.slip_ratio + 0.0,
+            "slip_angle_deg": np.degrees(wheels.slip_angle_rad),
             "velocity_forward_mm_s": velocity[:, 0],
             "velocity_left_mm_s": velocity[:, 1],
             "longitudinal_force_mN": along + 0.0,
