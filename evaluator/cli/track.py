@@ -23,6 +23,7 @@ def track(video: Path, output: Path, settings: Path | None, camera: Path | None,
 
     Without --camera the table is in px; with it, in mm on the plane of the marks as well.
     """
+    from evaluator.cli.progress import progress_bar
     from evaluator.errors import InputError
     from evaluator.files import read_with
     from evaluator.marks import write_marks
@@ -37,7 +38,8 @@ def track(video: Path, output: Path, settings: Path | None, camera: Path | None,
 
         seen_by = read_with(load_camera, camera)
     recording = open_recording(video)
-    table = track_recording(recording, wanted)
+    with progress_bar(f"tracking {video.name}") as progress:
+        table = track_recording(recording, wanted, progress)
     for note in recording.report().notes:
         click.echo(f"note: {video}: {note}", err=True)
     counts = {name: int((table[f"{name}_status"] == "ok").sum()) for name in wanted.mark}

@@ -18,15 +18,17 @@ Plane = NDArray[np.unsignedinteger]
 class Frame:
     """A picture (or a field of one) as the viewer sees it: rotation is already applied to the planes.
 
-    index: counts the pictures of the recording from 0. time: exact presentation time, s. luma: (rows, columns) of 8 or
-    16 bit samples; row j lies at y = row_origin + row_step·j px of the full picture (a field has row_step 2). u, v: the
-    colour planes, subsampled by whole factors, or None for a grey recording. depth: bits of a sample. full_range: luma
-    spans the whole of its range rather than 16/256 to 235/256 of it. matrix: "bt601" or "bt709". owner: keeps the
-    decoder's buffer alive. The planes are views: copy what must outlive the frame's successor.
+    index: counts the pictures of the recording from 0. ticks, tick: presentation time in ticks of the clock,
+    and the tick in s. luma: (rows, columns) of 8 or 16 bit samples; row j lies at y = row_origin + row_step·j px of the
+    full picture (a field has row_step 2). u, v: the colour planes, subsampled by whole factors, or None for a grey
+    recording. depth: bits of a sample. full_range: luma spans the whole of its range rather than 16/256 to 235/256 of
+    it. matrix: "bt601" or "bt709". kind: "I", "P" or "B" where the codec says how it stored the picture, else "".
+    owner: keeps the decoder's buffer alive. The planes are views: copy what must outlive the frame.
     """
 
     index: int
-    time: Fraction
+    ticks: int
+    tick: Fraction
     luma: Plane
     u: Plane | None
     v: Plane | None
@@ -35,12 +37,18 @@ class Frame:
     matrix: str
     row_origin: int
     row_step: int
+    kind: str
     owner: object
 
     @property
+    def time(self) -> Fraction:
+        """Exact presentation time in seconds."""
+        return self.ticks * self.tick
+
+    @property
     def time_s(self) -> float:
-        """Presentation time in seconds."""
-        return float(self.time)
+        """Presentation time in seconds, rounded once."""
+        return self.ticks * self.tick.numerator / self.tick.denominator
 
     @property
     def size_px(self) -> tuple[int, int]:

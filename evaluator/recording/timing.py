@@ -34,25 +34,23 @@ class TimingReport:
         return float("nan") if not self.interval else float(1 / self.interval)
 
 
-def summarise(
-    times: Sequence[Fraction], duplicates: Sequence[int], tick: Fraction, notes: Sequence[str]
-) -> TimingReport:
+def summarise(ticks: Sequence[int], tick: Fraction, duplicates: Sequence[int], notes: Sequence[str]) -> TimingReport:
     """Find rate, gaps and repetitions.
 
-    times: of the pictures in order, s. tick: the unit of the recording's clock, s: intervals that differ by no more
-    than two ticks count as equal, because each of the two times is rounded to a tick.
+    ticks: presentation times of the pictures in order, in ticks of the clock. tick: s; intervals that differ
+    by no more than two ticks count as equal, because each of the two times is rounded to a tick.
     """
-    steps = [after - before for before, after in pairwise(times)]
+    steps = [after - before for before, after in pairwise(ticks)]
     interval, variable, dropped = None, False, []
     if steps:
         common = Counter(steps).most_common(1)[0][0]
-        regular = [step for step in steps if abs(step - common) <= 2 * tick]
-        interval = sum(regular, Fraction(0)) / len(regular)
+        regular = [step for step in steps if abs(step - common) <= (2 if common > 8 else 0)]
+        interval = Fraction(sum(regular), len(regular))
         for index, step in enumerate(steps, start=1):
             if step >= Fraction(3, 2) * interval:
                 dropped.append((index, max(1, round(step / interval) - 1)))
         # A gap is a whole number of intervals; anything else is a clock that truly varies.
-        odd = [step for step in steps if abs(step - max(1, round(step / interval)) * interval) > 2 * tick]
+        odd = [step for step in steps if abs(step - max(1, round(step / interval)) * interval) > 2]
         variable = len(odd) > len(steps) // 20
     said = list(notes)
     if variable:
@@ -63,10 +61,10 @@ def summarise(
     if duplicates:
         said.append(f"{len(duplicates)} pictures repeat the one before, the first is picture {duplicates[0]}")
     return TimingReport(
-        frames=len(times),
-        first=times[0] if times else None,
-        last=times[-1] if times else None,
-        interval=interval,
+        frames=len(ticks),
+        first=ticks[0] * tick if ticks else None,
+        last=ticks[-1] * tick if ticks else None,
+        interval=interval * tick if interval else None,
         dropped=() if variable else tuple(dropped),
         duplicates=tuple(duplicates),
         variable=variable,

@@ -1,9 +1,9 @@
-"""What is learnt of a mark from the pictures it was first found in: its colour against the plate, its disc."""
+"""What is learnt of a mark from the pictures it was found in: its colour against the plate, its disc."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,61 +19,50 @@ Array = NDArray[np.float64]
 class Appearance:
     """Colour and shape of one mark.
 
-    neutral: (u, v) of what is grey in this recording. direction: unit vector from it to the mark's colour. wanted:
-    least chroma along the direction, and the tangent of the half angle about it, for a pixel to count. area_px2: how
-    many pixels count on the whole mark. disc: its shape in the luma.
+    color: as `kernels.is_color` takes it. area_px2: area of the pixels that have the colour when the whole mark shows.
+    disc: its shape in the luma.
     """
 
-    neutral: Array
-    direction: Array
-    wanted: Array
+    color: Array
     area_px2: float
     disc: Disc
 
 
-def learn(
-    sightings: Sequence[tuple[Frame, Candidate]], others_uv: Sequence[Array], neutral: Array
-) -> Appearance | None:
-    """Learn a mark from the pictures where it was found; None where its luma shows no disc.
+def learn_color(candidate: Candidate, others_uv: Sequence[tuple[float, float]], neutral: tuple[float, float]) -> Array:
+    """Direction and extent of a mark's colour in (u, v), as `kernels.is_color` takes it.
 
     others_uv: mean colours of the other marks; the half angle ends midway to the nearest of them.
     """
-    colors = np.array([candidate.chroma_uv for _, candidate in sightings])
-    color = np.median(colors, axis=0) - neutral
-    length = float(np.hypot(*color))
-    if length < 2.0:  # two levels: below that, rounding alone turns the direction by tens of degrees
-        return None
+    color = np.subtract(candidate.chroma_uv, neutral)
+    length = max(float(np.hypot(*color)), 1e-9)
     direction = color / length
     half_angle = np.radians(40.0)
     for other in others_uv:
-        away = other - neutral
+        away = np.subtract(other, neutral)
         cosine = float(away @ direction / max(np.hypot(*away), 1e-9))
         half_angle = min(half_angle, 0.5 * float(np.arccos(np.clip(cosine, -1, 1))))
-    disc = _disc(sightings)
-    if disc is None:
-        return None
-    area = float(np.median([np.pi * candidate.radius_px**2 for _, candidate in sightings]))
-    return Appearance(
-        neutral=neutral,
-        direction=direction,
-        wanted=np.array([0.45 * length, np.tan(max(half_angle, np.radians(8.0)))]),
-        area_px2=area,
-        disc=disc,
-    )
+    tangent = np.tan(max(half_angle, np.radians(8.0)))
+    return np.array([*neutral, *direction, 0.45 * length, tangent])
 
 
-def _disc(sightings: Sequence[tuple[Frame, Candidate]]) -> Disc | None:
-    patches: list[Patch] = []
-    radius = float(np.median([candidate.radius_px for _, candidate in sightings]))
-    for frame, candidate in sightings:
-        patch = cut_patch(frame.luma, (frame.row_origin, frame.row_step), candidate.center_px, 1.3 * radius + 4.0)
-        if len(patch.value) > 30:
-            patches.append(patch)
-    if not patches:
+def patch_of(frame: Frame, center_px: tuple[float, float], radius_px: float) -> Patch:
+    """Luma around a mark, with the rim that learning needs."""
+    return cut_patch(frame.luma, (frame.row_origin, frame.row_step), center_px, 1.3 * radius_px + 4.0)
+
+
+def learn_shape(patches: Sequence[Patch], radius_px: float) -> Disc | None:
+    """Learn the disc from patches around the mark; None where there is none of about that radius."""
+    whole = [patch for patch in patches if len(patch.value) > 30]
+    if not whole:
         return None
     try:
-        disc, spread = learn_disc(patches, radius)
+        disc, spread = learn_disc(whole, radius_px)
     except np.linalg.LinAlgError:
         return None
-    plausible = 0.4 < disc.radius_px / radius < 2.0
-    return disc if plausible and abs(disc.amplitude) > spread else None
+    plausible = 0.4 < disc.radius_px / radius_px < 2.0
+    return disc if plausible and abs(disc.amplitude) > 2 * spread else None
+
+
+def with_disc(look: Appearance, disc: Disc) -> Appearance:
+    """The same mark with a better known shape."""
+    return replace(look, disc=disc)

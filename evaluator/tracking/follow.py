@@ -12,10 +12,15 @@ from evaluator.recording import Frame
 from evaluator.tracking import kernels
 from evaluator.tracking.appearance import Appearance
 from evaluator.tracking.disc import PER_PX
-from evaluator.tracking.find import Candidate, cell_of
+from evaluator.tracking.shading import interior_px
 
 Array = NDArray[np.float64]
+Point = tuple[float, float]
 OK = "ok"
+
+# Sigmas beyond which a pixel is taken for something else than mark or background. Noise loses nothing (weights fall as
+# 1/(1 + (r/5)⁴): 0.4 % of the information), a wire or a glint loses its pull.
+SOFTNESS = 5.0
 
 
 class Sighting(NamedTuple):
@@ -29,104 +34,144 @@ class Sighting(NamedTuple):
     status: str
 
 
-def absent(reason: str) -> Sighting:
-    """A mark that could not be measured."""
-    nan = float("nan")
-    return Sighting(nan, nan, nan, nan, nan, reason)
+NAN = float("nan")
+ABSENT = {
+    reason: Sighting(NAN, NAN, NAN, NAN, NAN, reason)
+    for reason in (
+        "not seen",  # its colour is nowhere that it could be
+        "outside the picture",  # partly or wholly beyond the border
+        "partly hidden",  # too little of it shows
+        "no disc",  # its colour is there but no disc of its size and brightness
+        "ambiguous",  # something else of its colour is beside it or in its place
+        "wrong distance",  # it and its partner lie farther apart or nearer than the robot allows
+        "repeated picture",  # the recording shows the picture before once more
+    )
+}
 
 
 @dataclass
 class Follower:
-    """Where one mark was last and how it moves. position: None while lost. missed: pictures since it was measured."""
+    """Where one mark was last and how it moves.
+
+    look: what it looks like. exposure: share of the interval that the shutter is open. position, velocity: px and px/s
+    at time_s, None while never seen. missed: pictures since it was measured.
+    """
 
     look: Appearance
     exposure: float
-    position: tuple[float, float] | None = None
-    velocity: tuple[float, float] = (0.0, 0.0)
+    position: Point | None = None
+    velocity: Point = (0.0, 0.0)
     time_s: float = 0.0
     missed: int = 0
 
     def __post_init__(self) -> None:
-        """Make the arrays the kernels fill."""
-        disc = self.look.disc
-        self._found, self._result = np.zeros(5), np.zeros(kernels.RESULTS)
-        self._start, self._disc = np.zeros(4), disc.numbers()
-        self._noise = np.array([*disc.noise, 4.0])
-        self._levels = [disc.amplitude, disc.base]
+        """Make the arrays the kernels read and fill."""
+        self._found, self._result, self._start = np.zeros(5), np.zeros(kernels.RESULTS), np.zeros(4)
+        self._slope_places: list[Point] = []
+        self._slopes: list[Point] = []
+        self._slope = np.zeros(2)
+        self.black = 0.0
+        self.take_look(self.look)
 
-    def predicted(self, time_s: float) -> tuple[float, float] | None:
+    def take_look(self, look: Appearance) -> None:
+        """Change what the mark looks like."""
+        disc = look.disc
+        self.look = look
+        self._disc, self._profile, self._profile_slope = disc.numbers(), disc.profile, disc.slope
+        self._noise = np.array([*disc.noise, SOFTNESS])
+        self._amplitude, self._base = disc.amplitude, disc.base
+        self._radius = disc.radius_px
+        self._interior = interior_px(disc)
+        self.color = look.color.copy()
+
+    def predicted(self, time_s: float) -> Point | None:
         """Where the mark should be at a time, at constant velocity."""
         if self.position is None:
             return None
         lapse = time_s - self.time_s
         return self.position[0] + self.velocity[0] * lapse, self.position[1] + self.velocity[1] * lapse
 
-    def look_at(self, frame: Frame, place: tuple[float, float], reach_px: float, interval_s: float) -> Sighting:
-        """Measure the mark near a place of the picture; reach_px: how far from it the mark may be."""
-        look, found = self.look, self._found
-        radius = look.disc.radius_px
-        across, down = cell_of(frame)
-        origin, step = frame.row_origin, frame.row_step
-        half = radius + reach_px
-        kernels.color_window(
-            frame.u, frame.v, across, down, origin, step, place[0], place[1], half,
-            look.neutral, look.direction, look.wanted, found,
-        )  # fmt: skip
-        share = found[kernels.COUNT] / look.area_px2
-        if share < 0.35:
-            return absent("outside the picture" if found[kernels.CLIPPED] > 0.3 else "not seen")
-        x, y = found[kernels.CENTER_X], found[kernels.CENTER_Y]
-        start, result = self._start, self._result
-        start[0], start[1], start[2], start[3] = x, y, *self._levels
-        lapse = self.exposure * interval_s
-        self._disc[5], self._disc[6] = self.velocity[0] * lapse, self.velocity[1] * lapse
-        kernels.fit_disc(
-            frame.luma, origin, step, start, self._disc, look.disc.profile, look.disc.slope, PER_PX, self._noise, result
-        )
-        return self._judge((x, y))
+    def look_at(self, frame: Frame, cell: Array, place: Point, reach_px: float, interval_s: float) -> Sighting:
+        """Measure the mark near a place of the picture; reach_px: how far from it the mark may be.
 
-    def _judge(self, seen: tuple[float, float]) -> Sighting:
-        result, disc = self._result, self.look.disc
-        x, y = float(result[kernels.X]), float(result[kernels.Y])
-        if not np.isfinite(x):
-            return absent("no fit")
-        # Colour tells the centre to about a colour pixel; a disc found farther off is something else.
-        if np.hypot(x - seen[0], y - seen[1]) > 0.5 * disc.radius_px + 2.0:
-            return absent("color and disc disagree")
-        if result[kernels.INSIDE] < 0.9:
-            return absent("outside the picture")
-        if not 0.3 < result[kernels.AMPLITUDE] / disc.amplitude < 3.0:
-            return absent("brightness")
-        if result[kernels.USED] < 0.7:
-            return absent("partly hidden")
-        scale = max(float(result[kernels.RESIDUAL]), 0.5)
-        return Sighting(
-            x,
-            y,
-            scale * float(result[kernels.VAR_X]),
-            scale * float(result[kernels.VAR_Y]),
-            scale * float(result[kernels.COV_XY]),
-            OK,
-        )
+        cell: of the chroma samples, as `kernels.color_window` takes it.
+        """
+        found, radius = self._found, self._radius
+        kernels.color_window(frame.u, frame.v, cell, place[0], place[1], radius + reach_px, self.color, found)
+        area = self.look.area_px2
+        if found[0] < 0.35 * area:
+            return ABSENT["outside the picture" if found[4] > 0.2 else "not seen"]
+        seen = (found[1], found[2])
+        crowded = found[0] > 1.5 * area
+        start, disc = self._start, self._disc
+        # The colour's centre is good to a chroma sample, the prediction usually to a tenth: take it unless they differ.
+        near = abs(seen[0] - place[0]) + abs(seen[1] - place[1]) < 0.4 * radius + 1.0
+        start[0], start[1] = place if near or crowded else seen
+        start[2], start[3] = self._amplitude, self._base
+        lapse = self.exposure * interval_s
+        smear_x, smear_y = self.velocity[0] * lapse, self.velocity[1] * lapse
+        # Smear beyond a diameter is a wrong velocity sooner than a fast mark.
+        keep = min(1.0, 2.0 * radius / (abs(smear_x) + abs(smear_y) + 1e-9))
+        disc[5], disc[6] = smear_x * keep, smear_y * keep
+        kernels.fit_disc(
+            frame.luma, frame.row_origin, frame.row_step, start, disc, self._profile, self._profile_slope, PER_PX,
+            self._noise, self._result,
+        )  # fmt: skip
+        return self._judged(frame, cell, seen, place, reach_px, crowded=crowded)
+
+    def _judged(
+        self, frame: Frame, cell: Array, seen: Point, place: Point, reach_px: float, *, crowded: bool
+    ) -> Sighting:
+        x, y, amplitude, _, var_x, var_y, cov_xy, residual, used, inside, _ = self._result.tolist()
+        reach, slack = reach_px + 0.5 * self._radius + 1.0, 0.5 * self._radius + 1.0
+        reason = ""
+        if x != x:  # noqa: PLR0124 - NaN: no fit
+            reason = "no disc"
+        elif inside < 0.9:
+            reason = "outside the picture"
+        elif abs(x - place[0]) > reach or abs(y - place[1]) > reach or not 0.25 < amplitude / self._amplitude < 4.0:
+            reason = "no disc"
+        elif used < 0.75:
+            reason = "partly hidden"
+        elif crowded or abs(x - seen[0]) + abs(y - seen[1]) > slack:
+            found, area = self._found, self.look.area_px2
+            kernels.color_window(frame.u, frame.v, cell, x, y, self._radius, self.color, found)
+            if found[0] < 0.5 * area:
+                reason = "partly hidden"
+            elif found[0] > 1.8 * area or abs(found[1] - x) + abs(found[2] - y) > slack:
+                reason = "ambiguous"
+        if reason:
+            return ABSENT[reason]
+        # Residuals above the learnt noise (codec, wire, texture) widen the uncertainty; a chance calm keeps it.
+        scale = max(1.0, residual)
+        return Sighting(x, y, scale * var_x, scale * var_y, scale * cov_xy, OK)
+
+    def note_shading(self, frame: Frame) -> None:
+        """Measure how unevenly the mark is lit where it was just seen, for `slopes`."""
+        if self._interior == 0.0 or self.missed or self.position is None:
+            return
+        x, y = self.position
+        kernels.interior_slope(frame.luma, frame.row_origin, frame.row_step, x, y, self._interior, self._slope)
+        self.black = 0.0 if frame.full_range else 16.0 * 2 ** (frame.depth - 8)
+        self._slope_places.append((x, y))
+        self._slopes.append((float(self._slope[0]), float(self._slope[1])))
+
+    def slopes(self) -> tuple[Array, Array]:
+        """Places, px, and slopes of the luma inside the mark, levels a px, noted so far; (m, 2) each."""
+        return np.array(self._slope_places).reshape(-1, 2), np.array(self._slopes).reshape(-1, 2)
 
     def accept(self, sighting: Sighting, time_s: float) -> None:
         """Take over a measurement, or count a miss."""
         if sighting.status != OK:
             self.missed += 1
             return
-        here = (sighting.x, sighting.y)
         lapse = time_s - self.time_s
-        if self.position is not None and lapse > 0 and self.missed < 10:
-            self.velocity = ((here[0] - self.position[0]) / lapse, (here[1] - self.position[1]) / lapse)
-        else:
+        if self.position is not None and self.missed == 0 and lapse > 0:
+            self.velocity = (sighting.x - self.position[0]) / lapse, (sighting.y - self.position[1]) / lapse
+        elif self.missed > 3:
             self.velocity = (0.0, 0.0)
-        self.position, self.time_s, self.missed = here, time_s, 0
-        self._levels = [float(self._result[kernels.AMPLITUDE]), float(self._result[kernels.BASE])]
-
-    def resembles(self, candidate: Candidate) -> bool:
-        """Whether a blob found in the whole picture has about this mark's size and colour."""
-        size = np.pi * candidate.radius_px**2 / self.look.area_px2
-        away = np.array(candidate.chroma_uv) - self.look.neutral
-        along = float(away @ self.look.direction)
-        aside = abs(float(away[1] * self.look.direction[0] - away[0] * self.look.direction[1]))
-        return bool(0.4 < size < 2.0 and along > self.look.wanted[0] and aside < self.look.wanted[1] * along)
+        self.position, self.time_s, self.missed = (sighting.x, sighting.y), time_s, 0
+        # Lights change slowly or at once; a tenth a picture follows either and ignores a glint.
+        self._amplitude += 0.1 * (self._result[kernels.AMPLITUDE] - self._amplitude)
+        self._base += 0.1 * (self._result[kernels.BASE] - self._base)
+        self.color[4] += 0.1 * (0.5 * self._found[kernels.STRENGTH] - self.color[4])

@@ -18,41 +18,68 @@ X, Y, AMPLITUDE, BASE, VAR_X, VAR_Y, COV_XY, RESIDUAL, USED, INSIDE, STEPS = ran
 RESULTS = 11
 
 # Places of the numbers that `color_window` gives.
-COUNT, CENTER_X, CENTER_Y, OTHER, CLIPPED = range(5)
+AREA, CENTER_X, CENTER_Y, STRENGTH, CLIPPED = range(5)
 
 
 @njit(cache=True, nogil=True)
-def color_window(u, v, across, down, row_origin, row_step, x, y, half, neutral, direction, wanted, found):
+def color_window(u, v, cell, x, y, half, color, found):
     """Weigh the pixels of a colour in a square window around (x, y); fills found.
 
-    direction: unit vector of the colour from neutral in (u, v). wanted: (least length along it, tangent of the half
-    angle about it). found: number of pixels in luma px², their centre, number of strongly coloured pixels of another
-    colour, share of the window that lies outside the picture.
+    cell: width and height in px that a chroma sample covers, and where the first one's centre lies (x, y). color: see
+    `is_color`. found: area of the pixels that have the colour, px²; their centre; their mean chroma; share of the
+    window that lies outside the picture.
     """
     rows, columns = u.shape
-    cell_x, cell_y = float(across), float(down * row_step)
-    shift_x, shift_y = (across - 1) / 2.0, row_origin + (down - 1) / 2.0 * row_step
-    first_i, last_i = math.floor((x - half - shift_x) / cell_x), math.ceil((x + half - shift_x) / cell_x)
-    first_j, last_j = math.floor((y - half - shift_y) / cell_y), math.ceil((y + half - shift_y) / cell_y)
-    total = (last_i - first_i + 1) * (last_j - first_j + 1)
-    seen, count, sum_x, sum_y, other = 0, 0.0, 0.0, 0.0, 0.0
+    first_i, last_i = math.floor((x - half - cell[2]) / cell[0]), math.ceil((x + half - cell[2]) / cell[0])
+    first_j, last_j = math.floor((y - half - cell[3]) / cell[1]), math.ceil((y + half - cell[3]) / cell[1])
+    seen, count, weights, sum_x, sum_y = 0, 0, 0.0, 0.0, 0.0
     for j in range(max(first_j, 0), min(last_j, rows - 1) + 1):
         for i in range(max(first_i, 0), min(last_i, columns - 1) + 1):
             seen += 1
-            du, dv = u[j, i] - neutral[0], v[j, i] - neutral[1]
-            along = du * direction[0] + dv * direction[1]
-            aside = abs(dv * direction[0] - du * direction[1])
-            if along > wanted[0] and aside < wanted[1] * along:
-                weight = min(along, 2.0 * wanted[0]) - 0.5 * wanted[0]
-                count += 1.0
-                other += weight
-                sum_x += weight * (shift_x + cell_x * i)
-                sum_y += weight * (shift_y + cell_y * j)
-    found[COUNT] = count * cell_x * cell_y
-    found[CENTER_X] = sum_x / other if other > 0 else np.nan
-    found[CENTER_Y] = sum_y / other if other > 0 else np.nan
-    found[OTHER] = other
-    found[CLIPPED] = 1.0 - seen / total
+            along = is_color(u[j, i], v[j, i], color)
+            if along > 0.0:
+                count += 1
+                weights += along
+                sum_x += along * i
+                sum_y += along * j
+    found[AREA] = count * cell[0] * cell[1]
+    found[CENTER_X] = cell[2] + cell[0] * sum_x / weights if count else np.nan
+    found[CENTER_Y] = cell[3] + cell[1] * sum_y / weights if count else np.nan
+    found[STRENGTH] = weights / count if count else 0.0
+    found[CLIPPED] = 1.0 - seen / ((last_i - first_i + 1) * (last_j - first_j + 1))
+
+
+@njit(cache=True, nogil=True, inline="always")
+def is_color(u, v, color):
+    """Chroma along a colour's direction if (u, v) is of that colour, else 0.
+
+    color: neutral u, v; unit vector of the colour from it; least chroma; tangent of the half angle about the direction.
+    """
+    du, dv = u - color[0], v - color[1]
+    along = du * color[2] + dv * color[3]
+    if along > color[4] and abs(dv * color[2] - du * color[3]) < color[5] * along:
+        return along
+    return 0.0
+
+
+@njit(cache=True, nogil=True)
+def color_scan(u, v, allowed, color, least, mask):
+    """Mark all allowed pixels of a colour in mask; returns their number and bounds (rows, then columns, inclusive).
+
+    least: the chroma asked for in place of color's own.
+    """
+    rows, columns = u.shape
+    count, top, bottom, left, right = 0, rows, -1, columns, -1
+    wanted = color.copy()
+    wanted[4] = least
+    for j in range(rows):
+        for i in range(columns):
+            mask[j, i] = 0
+            if allowed[j, i] and is_color(u[j, i], v[j, i], wanted) > 0.0:
+                mask[j, i] = 1
+                count += 1
+                top, bottom, left, right = min(top, j), max(bottom, j), min(left, i), max(right, i)
+    return count, top, bottom, left, right
 
 
 @njit(cache=True, nogil=True)
@@ -79,7 +106,8 @@ def fit_disc(luma, row_origin, row_step, start, disc, profile, slope, per_px, no
         state[1] += shorten * move[1]
         state[2] += move[2]
         state[3] += move[3]
-        if length < 2e-3 and iteration > 0:
+        # The next step would be shorter by the error of the slope across this one, 1/20 or less.
+        if length < 0.02:
             break
     invert_leading(normal, result)
     result[X : BASE + 1] = state
@@ -100,6 +128,8 @@ def accumulate(luma, row_origin, row_step, state, disc, profile, slope, per_px, 
     radius, blur, e1, e2, outer = disc[0], disc[1], disc[2], disc[3], disc[4]
     smeared = disc[5] * disc[5] + disc[6] * disc[6] > 0.5 * blur * blur
     last, derivative = len(profile) - 2, np.ones(4)
+    edge = 3.5 * math.sqrt(blur * blur + (disc[5] * disc[5] + disc[6] * disc[6]) / 12.0)
+    flat_in, flat_out = max(radius - edge, 0.0) ** 2, (radius + edge) ** 2
     normal[:, :], right[:], sums[:] = 0.0, 0.0, 0.0
     reach = outer / math.sqrt(1.0 - math.sqrt(e1 * e1 + e2 * e2))
     for j in range(math.ceil((y - reach - row_origin) / row_step), math.floor((y + reach - row_origin) / row_step) + 1):
@@ -108,6 +138,9 @@ def accumulate(luma, row_origin, row_step, state, disc, profile, slope, per_px, 
             dx = i - x
             square = (1.0 + e1) * dx * dx + 2.0 * e2 * dx * dy + (1.0 - e1) * dy * dy
             if square > outer * outer:
+                continue
+            # Flat parts tell only amplitude and base: a quarter of their pixels is plenty.
+            if (square < flat_in or square > flat_out) and (i + j) & 1 | (i & 1):
                 continue
             sums[3] += 1.0
             if j < 0 or j >= rows or i < 0 or i >= columns:
@@ -180,3 +213,33 @@ def invert_leading(lower, result):
     result[VAR_X] = np.sum(columns[0] * columns[0])
     result[VAR_Y] = np.sum(columns[1] * columns[1])
     result[COV_XY] = np.sum(columns[0] * columns[1])
+
+
+@njit(cache=True, nogil=True)
+def interior_slope(luma, row_origin, row_step, x, y, radius, slope):
+    """Fit a plane to the luma within a radius of (x, y); fills slope with its slopes along x and y, levels a px."""
+    rows, columns = luma.shape
+    normal, right, move = np.zeros((4, 4)), np.zeros(4), np.zeros(4)
+    normal[3, 3] = 1.0
+    for j in range(
+        math.ceil((y - radius - row_origin) / row_step), math.floor((y + radius - row_origin) / row_step) + 1
+    ):
+        dy = row_origin + row_step * j - y
+        for i in range(math.ceil(x - radius), math.floor(x + radius) + 1):
+            dx = i - x
+            if dx * dx + dy * dy > radius * radius or j < 0 or j >= rows or i < 0 or i >= columns:
+                continue
+            value = float(luma[j, i])
+            normal[0, 0] += 1.0
+            normal[0, 1] += dx
+            normal[0, 2] += dy
+            normal[1, 1] += dx * dx
+            normal[1, 2] += dx * dy
+            normal[2, 2] += dy * dy
+            right[0] += value
+            right[1] += dx * value
+            right[2] += dy * value
+    if normal[0, 0] < 12.0 or not solve4(normal, right, move):
+        slope[0] = slope[1] = np.nan
+        return
+    slope[0], slope[1] = move[1], move[2]

@@ -1,0 +1,73 @@
+"""How a decoded picture's planes lie in memory, worked out once and used for all pictures of a recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Self
+
+import numpy as np
+
+from evaluator.recording.frame import Frame, Plane
+
+# Planar formats whose planes are used as they are: names without the depth suffix.
+PLANAR = ("yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "yuv440p", "yuv411p", "yuv410p")
+KINDS = {1: "I", 2: "P", 3: "B"}
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What `frame` needs to know of all pictures alike.
+
+    name, width, height: of the decoder's pictures. target: format to convert to first, where the planes cannot be used
+    as they are. depth: bits of a sample after that. turns: quarter turns that make the picture upright.
+    """
+
+    name: str
+    width: int
+    height: int
+    target: str | None
+    depth: int
+    turns: int
+    full_range: bool
+    matrix: str
+
+    @classmethod
+    def of(cls, picture: Any) -> Self:
+        """Work out the layout of a decoded picture."""
+        name = picture.format.name
+        depth = picture.format.components[0].bits
+        base = name.split("p1")[0] + "p" if depth > 8 else name
+        grey = name.startswith(("gray", "mono"))
+        target = None
+        if not (base in PLANAR or (grey and depth in (8, 10, 12, 16))) or name.endswith("be"):
+            # RGB, palettes, packed and big-endian formats: full range and no subsampling, so that nothing is lost.
+            target = ("gray16le" if depth > 8 else "gray") if grey else ("yuv444p16le" if depth > 8 else "yuvj444p")
+            depth = 16 if depth > 8 else 8
+        full = target is not None or grey or name.startswith("yuvj") or picture.color_range == 2
+        matrix = "bt709" if picture.colorspace == 1 and target is None else "bt601"
+        turns = round(picture.rotation / 90) % 4
+        return cls(name, picture.width, picture.height, target, depth, turns, full, matrix)
+
+    def fits(self, picture: Any) -> bool:
+        """Whether a picture is laid out like the one this was made from."""
+        return bool(picture.width == self.width and picture.height == self.height and picture.format.name == self.name)
+
+    def frame(self, picture: Any, index: int, ticks: int, tick: Fraction) -> Frame:
+        """Take a picture's planes as views, upright, without copying where the format allows."""
+        kind = KINDS.get(picture.pict_type, "")
+        if self.target is not None:
+            picture = picture.reformat(format=self.target, dst_color_range="JPEG")
+        planes = [self._view(plane) for plane in picture.planes]
+        u, v = (planes[1], planes[2]) if len(planes) >= 3 else (None, None)
+        return Frame(
+            index, ticks, tick, planes[0], u, v, self.depth, self.full_range, self.matrix, 0, 1, kind, picture
+        )  # fmt: skip
+
+    def _view(self, plane: Any) -> Plane:
+        height, line = plane.height, plane.line_size
+        flat: Plane = np.frombuffer(plane, np.uint8)
+        if self.depth > 8:
+            flat, line = flat.view(np.uint16), line // 2
+        view = flat[: height * line].reshape(height, line)[:, : plane.width]
+        return np.rot90(view, self.turns) if self.turns else view
