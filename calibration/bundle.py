@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,21 +25,25 @@ STEPS = 60
 HUBER = 3.0
 # After the fit, those beyond this are left out: of 10 000 sound dots 0.04 are.
 OUTLIER = 5.0
+DISC_ROUNDS = 4
+DISC_REST_PX = 1e-5  # a hundredth of the best centre's uncertainty
 
 
 @dataclass(frozen=True)
 class View:
     """Dots of one picture: where they are seen and which places of the gauge they are.
 
-    centers_px: (n, 2). covariance_px2: (n, 2, 2). points_mm: (n, 3) on the gauge, z = its height. radius_mm: (n,).
-    site: (n,) number of the place on the gauge. name: of the picture, for messages.
+    centers_px: (n, 2). whitening: (n, 2, 2) lower triangles that turn a residual into standard deviations. points_mm:
+    (n, 3) on the gauge, z = its height. radius_mm: (n,). site: (n,) number of the place on the gauge. name: of the
+    picture, for messages. offset_px: (n, 2) from the image of a disc's centre to the centre of its image.
     """
 
     centers_px: Array
-    covariance_px2: Array
+    whitening: Array
     points_mm: Array
     radius_mm: Array
     site: NDArray[np.int64]
+    offset_px: Array
     name: str = ""
 
     def take(self, keep: NDArray[np.bool_]) -> View:
@@ -46,15 +51,25 @@ class View:
         return replace(
             self,
             centers_px=self.centers_px[keep],
-            covariance_px2=self.covariance_px2[keep],
+            whitening=self.whitening[keep],
             points_mm=self.points_mm[keep],
             radius_mm=self.radius_mm[keep],
             site=self.site[keep],
+            offset_px=self.offset_px[keep],
         )
 
     def __len__(self) -> int:
         """Count of dots."""
         return len(self.site)
+
+
+def whitening(covariance_px2: Array) -> Array:
+    """Inverse Cholesky factors (n, 2, 2) of covariances (n, 2, 2)."""
+    factor = np.linalg.cholesky(covariance_px2)
+    inverse = np.zeros_like(factor)
+    inverse[:, 0, 0], inverse[:, 1, 1] = 1 / factor[:, 0, 0], 1 / factor[:, 1, 1]
+    inverse[:, 1, 0] = -factor[:, 1, 0] * inverse[:, 0, 0] * inverse[:, 1, 1]
+    return inverse
 
 
 @dataclass(frozen=True)
@@ -100,46 +115,62 @@ class Fit:
     variance: float = 1.0
 
 
-def whiten(view: View, residual: Array) -> Array:
-    """Residuals (n, 2, ...) in standard deviations, uncorrelated."""
-    factor = np.linalg.cholesky(view.covariance_px2)
-    flat = residual.reshape(len(residual), 2, -1)
-    first = flat[:, 0] / factor[:, 0, 0, None]
-    second = (flat[:, 1] - factor[:, 1, 0, None] * first) / factor[:, 1, 1, None]
-    return np.stack([first, second], axis=1).reshape(residual.shape)
+def solve_discs(views: list[View], start: State, prior: Prior) -> tuple[Fit, list[View]]:
+    """Solve with the offsets of the discs' centres renewed until they rest; returns the views with them."""
+    fit: Fit | None = None
+    for _ in range(DISC_ROUNDS):
+        state = start if fit is None else fit.state
+        fresh = with_disc_offsets(views, state)
+        change = max(float(np.abs(new.offset_px - old.offset_px).max()) for new, old in zip(fresh, views, strict=True))
+        if fit is not None and change < DISC_REST_PX:
+            break
+        views = fresh
+        fit = solve(views, state, prior)
+    assert fit is not None
+    return fit, views
 
 
-def solve(views: list[View], start: State, prior: Prior, *, discs: bool = True, steps: int = STEPS) -> Fit:
-    """Minimise from a start; always returns the best state met, whose cost says how good it is.
+def with_disc_offsets(views: list[View], state: State) -> list[View]:
+    """The views with the offsets that a state implies; they vary slowly, so a solve may hold them fixed."""
+    renewed = []
+    for k, view in enumerate(views):
+        parameters = state.parameters(k)
+        center = project(view.points_mm, parameters, state.model)[0]
+        offset = fitted_centers(view.points_mm, view.radius_mm, parameters, state.model) - center
+        renewed.append(replace(view, offset_px=np.where(np.isfinite(offset), offset, 0.0)))
+    return renewed
 
-    discs: predict the centre of the disc's imaged ellipse; without it the image of the centre (for rough starts).
-    """
+
+def solve(views: list[View], start: State, prior: Prior, *, steps: int = STEPS) -> Fit:
+    """Minimise from a start; always returns the best state met, whose cost says how good it is."""
     state, damping = start, 1e-4
-    scale = 1.0
-    normal, gradient, cost, whitened, residual = _normal(views, state, prior, discs, scale)
-    scale = robust_scale(whitened)
-    normal, gradient, cost, whitened, residual = _normal(views, state, prior, discs, scale)
+    now = _normal(views, state, prior, 1.0)
+    scale = robust_scale(now.whitened)
+    now = _normal(views, state, prior, scale)
     for _ in range(steps):
-        diagonal = np.maximum(np.diag(normal), 1e-12)
-        root = 1 / np.sqrt(diagonal)
-        step = root * np.linalg.solve(normal * root[:, None] * root + damping * np.eye(len(root)), root * gradient)
+        root = 1 / np.sqrt(np.maximum(np.diag(now.matrix), 1e-12))
+        damped = now.matrix * root[:, None] * root + damping * np.eye(len(root))
+        step = root * np.linalg.solve(damped, root * now.gradient)
         trial = _moved(state, step)
-        result = _normal(views, trial, prior, discs, scale)
-        if result[2] < cost:
-            small = float(step @ (normal @ step)) < 1e-10 * max(1.0, cost) or cost - result[2] < 1e-9 * cost
-            state, damping = trial, max(damping * 0.1, 1e-12)
-            normal, gradient, cost, whitened, residual = result
-            if small:
+        then = _normal(views, trial, prior, scale)
+        if then.cost < now.cost:
+            rests = now.cost - then.cost < 1e-9 * now.cost
+            state, now, damping = trial, then, max(damping * 0.1, 1e-12)
+            if rests:
                 break
-            fresh = robust_scale(whitened)
+            fresh = robust_scale(now.whitened)
             if abs(np.log(fresh / scale)) > 0.1:
                 scale = fresh
-                normal, gradient, cost, whitened, residual = _normal(views, state, prior, discs, scale)
+                now = _normal(views, state, prior, scale)
         else:
+            # no better value within a thousandth of the step's own uncertainty: this is the bottom
+            if float(step @ now.matrix @ step) < 1e-6:
+                break
             damping = max(damping * 10, 1e-8)
             if damping > 1e8:
                 break
-    return Fit(state, cost * scale**2, residual, whitened, normal * scale**2, _variance(whitened, len(gradient)))
+    variance = _variance(now.whitened, len(now.gradient))
+    return Fit(state, now.cost * scale**2, now.residual, now.whitened, now.matrix * scale**2, variance)
 
 
 def robust_scale(whitened: list[Array]) -> float:
@@ -169,66 +200,77 @@ def _moved(state: State, step: Array) -> State:
     return replace(state, lens=lens, poses=poses)
 
 
-def _normal(
-    views: list[View], state: State, prior: Prior, discs: bool, scale: float
-) -> tuple[Array, Array, float, list[Array], list[Array]]:
-    """Normal matrix, gradient (downhill), robust cost, whitened and plain residuals at a state."""
-    free, count = state.free_index, len(state.free)
-    size = count + POSE_COUNT * len(views)
-    normal, gradient, cost = np.zeros((size, size)), np.zeros(size), 0.0
+@dataclass(frozen=True)
+class _Normal:
+    """Normal matrix, downhill gradient and robust cost at a state, with whitened and plain residuals per view."""
+
+    matrix: Array
+    gradient: Array
+    cost: float
+    whitened: list[Array]
+    residual: list[Array]
+
+
+def view_rows(view: View, state: State, k: int) -> tuple[Array, Array, Array]:
+    """Plain (n, 2) and whitened (n, 2) residuals and whitened derivatives (n, 2, free + 6) of one view."""
+    predicted, _, by_parameter = project(view.points_mm, state.parameters(k), state.model)
+    residual = view.centers_px - view.offset_px - predicted
+    columns = np.concatenate([6 + state.free_index, np.arange(POSE_COUNT)])
+    return residual, (view.whitening @ residual[..., None])[..., 0], view.whitening @ by_parameter[:, :, columns]
+
+
+def places_of_view(state: State, k: int) -> NDArray[np.int64]:
+    """Where the columns of `view_rows` stand in the normal matrix."""
+    count = len(state.free)
+    return np.concatenate([np.arange(count), count + POSE_COUNT * k + np.arange(POSE_COUNT)])
+
+
+def _normal(views: list[View], state: State, prior: Prior, scale: float) -> _Normal:
+    size = len(state.free) + POSE_COUNT * len(views)
+    matrix, gradient, cost = np.zeros((size, size)), np.zeros(size), 0.0
     whitened, residuals = [], []
     for k, view in enumerate(views):
-        parameters = state.parameters(k)
-        predicted, _, by_parameter = project(view.points_mm, parameters, state.model)
-        if discs:
-            predicted = fitted_centers(view.points_mm, view.radius_mm, parameters, state.model)
-        residual = view.centers_px - predicted
-        white = whiten(view, residual)
+        residual, white, rows = view_rows(view, state, k)
         if not np.isfinite(white).all():  # a dot behind the camera: no valid state
-            return normal, gradient, np.inf, [], []
+            return _Normal(matrix, gradient, np.inf, [], [])
         size_ = np.hypot(white[:, 0], white[:, 1]) / scale
-        weight = np.where(size_ > HUBER, HUBER / np.maximum(size_, HUBER), 1.0) / scale**2
-        cost += float(np.where(size_ > HUBER, 2 * HUBER * size_ - HUBER**2, size_**2).sum())
-        rows = whiten(view, by_parameter[:, :, np.concatenate([6 + free, np.arange(POSE_COUNT)])])
-        weighted = rows * weight[:, None, None]
-        block = np.einsum("nci,ncj->ij", weighted, rows, optimize=True)
-        right = np.einsum("nci,nc->i", weighted, white, optimize=True)
-        place = np.concatenate([np.arange(count), count + POSE_COUNT * k + np.arange(POSE_COUNT)])
-        normal[np.ix_(place, place)] += block
-        gradient[place] += right
+        far = size_ > HUBER
+        weight = np.where(far, HUBER / np.maximum(size_, HUBER), 1.0) / scale**2
+        cost += float(np.where(far, 2 * HUBER * size_ - HUBER**2, size_**2).sum())
+        place = places_of_view(state, k)
+        flat = rows.reshape(-1, len(place))
+        weighted = (rows * weight[:, None, None]).reshape(-1, len(place))
+        matrix[np.ix_(place, place)] += weighted.T @ flat
+        gradient[place] += weighted.T @ white.ravel()
         whitened.append(white)
         residuals.append(residual)
-    difference = prior.mean[free] - state.lens[free]
-    normal[np.arange(count), np.arange(count)] += prior.sigma[free] ** -2
-    gradient[:count] += difference * prior.sigma[free] ** -2
-    cost += float(((difference / prior.sigma[free]) ** 2).sum())
+    cost += _add_prior(matrix, gradient, state, prior)
+    return _Normal(matrix, gradient, cost, whitened, residuals)
+
+
+def _add_prior(matrix: Array, gradient: Array, state: State, prior: Prior) -> float:
+    """Add the priors to a normal matrix and gradient in place; returns their cost."""
+    free, count = state.free_index, len(state.free)
+    difference, weight = prior.mean[free] - state.lens[free], prior.sigma[free] ** -2
+    matrix[np.arange(count), np.arange(count)] += weight
+    gradient[:count] += difference * weight
+    cost = float((difference**2 * weight).sum())
     if prior.distance_mm is not None:
         mean, sigma = prior.distance_mm
         value, slope = camera_height(state.poses[0])
         place = count + np.arange(POSE_COUNT)
-        normal[np.ix_(place, place)] += np.outer(slope, slope) / sigma**2
+        matrix[np.ix_(place, place)] += np.outer(slope, slope) / sigma**2
         gradient[place] += slope * (mean - value) / sigma**2
         cost += ((mean - value) / sigma) ** 2
-    return normal, gradient, cost, whitened, residuals
+    return cost
 
 
 def camera_height(pose: Array) -> tuple[float, Array]:
     """Height of the lens above the plane z = 0 of a pose, mm, and its derivative by the pose (6,)."""
 
     def height(p: Array) -> float:
-        import cv2
-
         return float(-(cv2.Rodrigues(np.ascontiguousarray(p[:3]))[0].T @ p[3:6])[2])
 
     step = 1e-6
     slope = [(height(pose + d) - height(pose - d)) / (2 * step) for d in step * np.eye(POSE_COUNT)]
     return height(pose), np.array(slope)
-
-
-def fitted_only(views: list[View], state: State) -> list[Array]:
-    """Whitened residuals (n, 2) per view at a state, nothing fitted."""
-    whitened = []
-    for k, view in enumerate(views):
-        predicted = fitted_centers(view.points_mm, view.radius_mm, state.parameters(k), state.model)
-        whitened.append(whiten(view, view.centers_px - predicted))
-    return whitened

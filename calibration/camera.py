@@ -21,6 +21,7 @@ PARAMETERS = (
     "rotation_x", "rotation_y", "rotation_z", "translation_x_mm", "translation_y_mm", "translation_z_mm",
     "focal_px", "aspect", "principal_x_px", "principal_y_px", "k1", "k2", "p1", "p2", "k3", "k4",
 )  # fmt: skip
+__all__ = ["PARAMETERS", "Camera", "LensModel", "camera_above", "project"]
 POSE, PINHOLE, DISTORTION = slice(0, 6), slice(6, 10), slice(10, 16)
 
 

@@ -14,8 +14,9 @@ Array = NDArray[np.float64]
 Plane = NDArray[np.float32]
 
 # Windows for the local mean. A window must hold a dot and some background; each serves dots of about a tenth to half of
-# its width, so a step of two leaves no gap.
-WINDOWS = (15, 31, 63, 127, 255, 511)
+# its width, so a step of two leaves no gap. The smallest
+# comes last: it is for dots that stand closer than ten pixels.
+WINDOWS = (31, 63, 127, 255, 511, 15)
 SMALLEST_AREA_PX = 9  # below 3 × 3 pixels ten parameters cannot be fitted
 # For a filled ellipse area = 4π√det(second moments). A square gives 0.955, an L-shaped letter below 0.8; pixel steps
 # and noise move small ellipses by some percent. The fit judges what passes here.
@@ -61,13 +62,12 @@ def _sums(labels, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN20
     return sums
 
 
-def candidates_by_window(plane: Plane) -> Iterator[Candidates]:
+def candidates_by_window(plane: Plane) -> Iterator[tuple[int, Candidates]]:
     """Dark blobs of about elliptical shape, for each window in turn."""
     noise = noise_of(plane)
     for window in WINDOWS:
-        if window > 2 * min(plane.shape):
-            return
-        yield _at_window(plane, window, noise)
+        if window <= 2 * min(plane.shape):
+            yield window, _at_window(plane, window, noise)
 
 
 def noise_of(plane: Plane) -> float:

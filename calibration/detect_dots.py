@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.candidates import Candidates, candidates_by_window
+from calibration.candidates import WINDOWS, Candidates, candidates_by_window
 from calibration.fit_dots import fit_dots
 from calibration.neighbours import nearest
 from calibration.picture import Plane, dark_dots
@@ -22,7 +22,9 @@ Array = NDArray[np.float64]
 # A dot whose pixels leave the model by more than this share of its contrast is no blurred disc: letters and corners
 # leave 0.15 and more, dots at SNR 10 on JPEG pictures 0.12.
 LARGEST_MISFIT = 0.14
-TRIALS = 100  # blobs fitted to judge a window: its share of dots to 5 %
+TRIALS = 50  # blobs fitted to judge a window: its share of dots to 7 %
+# So many dots, and so large a share of the blobs, and no dot wider than half the window: no other window can do better.
+PLENTY = (25, 0.8)
 
 
 @dataclass(frozen=True)
@@ -66,13 +68,17 @@ def detect_dots(picture: NDArray[np.generic], color: str | None = None, backgrou
 def _best_window(plane: Plane) -> tuple[float, Candidates]:
     """Candidates of the window that shows most dots, counted by their diameters: a dot outweighs many specks."""
     votes, best = 0.0, Candidates(np.empty((0, 2)), np.empty((0, 3)), np.empty(0))
-    for candidates in candidates_by_window(plane):
+    for window, candidates in candidates_by_window(plane):
         every = max(1, len(candidates) // TRIALS)
-        fitted = _fit(plane, candidates.take(np.arange(0, len(candidates), every)))[0]
-        vote = every * float(np.sqrt(_area(fitted)).sum())
+        tried = candidates.take(np.arange(0, len(candidates), every))
+        area = _area(_fit(plane, tried)[0])
+        vote = every * float(np.sqrt(area).sum())
         if vote > votes:
             votes, best = vote, candidates
-        elif vote < 0.5 * votes:  # wider windows only lose dots to uneven light
+        plenty = len(area) >= max(PLENTY[0], PLENTY[1] * len(tried))
+        if plenty and 2 * np.sqrt(np.median(area) / np.pi) < 0.5 * window:
+            break
+        if vote < 0.5 * votes and window > WINDOWS[0]:  # wider windows only lose dots to uneven light
             break
     return votes, best
 

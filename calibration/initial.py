@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.bundle import Fit, Prior, State, View, solve
-from calibration.lens import LensModel
+from calibration.camera import Camera
+from calibration.lens import LensModel, undistort
 
 Array = NDArray[np.float64]
 # Focal lengths in widths of the picture, from fisheye to long lens. The basin of the solve is wider than a step.
@@ -39,10 +42,22 @@ def rough_start(views: list[View], size_px: tuple[int, int], prior: Prior) -> li
         lens[0] = widths * size_px[0]
         poses = np.stack([_pose(view, lens, size_px) for view in few])
         start = State(poses, lens, model, ("focal_px", "k1"))
-        fit = solve(few, start, prior, discs=False, steps=30)
+        fit = solve(few, start, prior, steps=30)
         if np.isfinite(fit.cost) and fit.whitened:
             fits.append(fit)
     return sorted(fits, key=lambda fit: fit.cost)
+
+
+def rough_pose(view: View, camera: Camera) -> Array:
+    """Pose (6,) of the gauge in one picture of a known camera."""
+    return _pose(replace(view, centers_px=_undistorted(view.centers_px, camera)), camera.parameters[6:], camera.size_px)
+
+
+def _undistorted(points_px: Array, camera: Camera) -> Array:
+    """Picture points as the same camera without distortion would see them."""
+    scale = camera.value("focal_px") * np.array([1.0, camera.value("aspect")])
+    principal = camera.parameters[8:10]
+    return undistort((points_px - principal) / scale, camera.parameters[10:], camera.lens) * scale + principal
 
 
 def _spread(view: View, size_px: tuple[int, int]) -> View:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.bundle import Fit, Prior, View, fitted_only, robust_scale, solve
+from calibration.bundle import OUTLIER, Fit, Prior, View, places_of_view, robust_scale, solve, view_rows
 from calibration.lens import LensModel
 
 Array = NDArray[np.float64]
@@ -56,24 +56,38 @@ def choose_model(views: list[View], rough: list[Fit], prior: Prior) -> list[Tria
         if "k1" not in free:
             lens[4] = 0.0
         fit = solve(views, replace(start, lens=lens, free=free), prior)
-        trials.append(Trial(model, free, fit, _held_out(views, fit, prior)))
+        trials.append(Trial(model, free, fit, _held_out(views, fit)))
     return sorted(trials, key=lambda trial: trial.held_out)
 
 
-def _held_out(views: list[View], fit: Fit, prior: Prior) -> float:
-    """Mean over dots of the squared held-out error, each capped as an outlier is."""
+def _held_out(views: list[View], fit: Fit) -> float:
+    """Mean over dots of the squared held-out error, each capped as an outlier is.
+
+    Near the minimum the problem is linear, and the fit without a fold lies one Newton step away: with the fold's rows
+    A and residuals r, (N - AᵀA)⁻¹ Aᵀ r. No fold is fitted again.
+    """
     if not np.isfinite(fit.cost) or not fit.whitened:
         return np.inf
-    scale = robust_scale(fit.whitened)
+    cap = (OUTLIER * robust_scale(fit.whitened)) ** 2
+    size = len(fit.normal)
+    rows = [view_rows(view, fit.state, k)[1:] for k, view in enumerate(views)]
+    folds = [_fold(view) for view in views]
     errors = []
     for fold in range(FOLDS):
-        held = [_fold(view) == fold for view in views]
-        if any((~part).sum() < 6 for part in held):
-            continue
-        trained = solve([view.take(~part) for view, part in zip(views, held, strict=True)], fit.state, prior, steps=8)
-        tested = fitted_only([view.take(part) for view, part in zip(views, held, strict=True)], trained.state)
-        errors += [np.minimum((part**2).sum(axis=1), (5 * scale) ** 2) for part in tested if len(part)]
-    return float(np.mean(np.concatenate(errors))) if errors else np.inf
+        without, right = fit.normal.copy(), np.zeros(size)
+        for k, ((white, by), of) in enumerate(zip(rows, folds, strict=True)):
+            place = places_of_view(fit.state, k)
+            sound = (of == fold) & ((white**2).sum(axis=1) < cap)
+            block = by[sound].reshape(-1, len(place))
+            without[np.ix_(place, place)] -= block.T @ block
+            right[place] += block.T @ white[sound].ravel()
+        root = 1 / np.sqrt(np.maximum(np.diag(without), 1e-12))
+        step = root * np.linalg.lstsq(without * root[:, None] * root, root * right, rcond=1e-12)[0]
+        for k, ((white, by), of) in enumerate(zip(rows, folds, strict=True)):
+            held = of == fold
+            error = white[held] + by[held] @ step[places_of_view(fit.state, k)]
+            errors.append(np.minimum((error**2).sum(axis=1), cap))
+    return float(np.mean(np.concatenate(errors)))
 
 
 def _fold(view: View) -> NDArray[np.int64]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.assign_grid import Lattice, assign_grid
-from calibration.bundle import Fit, Prior, View, outliers, solve
+from calibration.bundle import Fit, Prior, View, outliers, solve_discs, whitening, with_disc_offsets
 from calibration.camera import PARAMETERS, Camera
 from calibration.detect_dots import Dots, detect_dots
 from calibration.errors import CalibrationError
@@ -79,7 +79,7 @@ def calibrate(
         raise CalibrationError(f"pictures differ in size: {listed}; a calibration holds for one camera mode")
     sightings = [sight(picture, gauge, name) for picture, name in zip(pictures, names, strict=True)]
     order = [plate_index, *(k for k in range(len(sightings)) if k != plate_index)]
-    views = [_view(sightings[k], gauge, on_plate=k == plate_index) for k in order]
+    views = [view_of(sightings[k], gauge, on_plate=k == plate_index) for k in order]
     size_px = sightings[0].dots.size_px
     prior = replace(rough_prior(size_px), distance_mm=distance_mm)
     rough = rough_start(views, size_px, prior)
@@ -123,25 +123,27 @@ def sight(picture: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
     return Sighting(name, dots, lattice, match)
 
 
-def _view(sighting: Sighting, gauge: Gauge, *, on_plate: bool) -> View:
+def view_of(sighting: Sighting, gauge: Gauge, *, on_plate: bool) -> View:
+    """Dots of one picture with their places, at the gauge's height where it lies on the plate."""
     match, dots = sighting.match, sighting.dots
     points = gauge.positions_mm()[match.row, match.column]
     height = gauge.dots.height_mm if on_plate else 0.0
     return View(
         centers_px=dots.centers_px[match.dot],
-        covariance_px2=dots.covariance_px2[match.dot],
+        whitening=whitening(dots.covariance_px2[match.dot]),
         points_mm=np.column_stack([points, np.full(len(points), height)]),
         radius_mm=gauge.diameters_mm()[match.row, match.column] / 2,
         site=match.row * gauge.dots.columns + match.column,
+        offset_px=np.zeros((len(points), 2)),
         name=sighting.name,
     )
 
 
 def _solve_robustly(views: list[View], rough: list[Fit], prior: Prior) -> tuple[Fit, list[View], list[Trial]]:
     """Choose the lens model with outliers held back by the robust cost, then leave them out and solve again."""
-    trials = choose_model(views, rough, prior)
-    fit = trials[0].fit
-    kept = views
+    kept = with_disc_offsets(views, rough[0].state)
+    trials = choose_model(kept, rough, prior)
+    fit, kept = solve_discs(kept, trials[0].fit.state, prior)
     for _ in range(3):
         keep = outliers(fit)
         if all(part.all() for part in keep):
@@ -152,7 +154,7 @@ def _solve_robustly(views: list[View], rough: list[Fit], prior: Prior) -> tuple[
             raise CalibrationError(
                 f"{short.name}: its dots contradict the other pictures; leave it out or take it again"
             )
-        fit = solve(kept, fit.state, prior)
+        fit, kept = solve_discs(kept, fit.state, prior)
     return fit, kept, trials
 
 

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from calibration.camera import PARAMETERS, Camera
 from calibration.errors import CalibrationError
+from calibration.gauge import Gauge
 from calibration.lens import LensModel
 from calibration.quality import Level, Verdict, assess
 from calibration.solve import Calibration
@@ -61,10 +62,21 @@ class CameraFile(Table):
     sigma: dict[str, float]
     free: tuple[str, ...]
     covariance: tuple[tuple[float, ...], ...]
-    gauge: str
+    gauge: Gauge
+    variance: float = Field(description="of unit weight: scatter of the residuals over the stated uncertainty, squared")
     pictures: tuple[StoredPicture, ...]
     rms_px: float
     verdict: StoredVerdict
+
+    def camera(self) -> Camera:
+        """The camera, with the verdict as its doubt where it is not sound."""
+        return Camera(
+            size_px=self.size_px,
+            parameters=np.array([self.parameters[name] for name in PARAMETERS]),
+            lens=self.lens,
+            covariance=np.array(self.covariance),
+            doubt="" if self.verdict.level == "sound" else self.verdict.summary,
+        )
 
 
 def camera_to_json(calibration: Calibration, verdict: Verdict | None = None) -> str:
@@ -79,7 +91,8 @@ def camera_to_json(calibration: Calibration, verdict: Verdict | None = None) -> 
         sigma={name: camera.sigma(name) for name in PARAMETERS},
         free=calibration.fit.state.free,
         covariance=tuple(tuple(row) for row in camera.covariance.tolist()),
-        gauge=calibration.gauge.name,
+        gauge=calibration.gauge,
+        variance=calibration.fit.variance,
         pictures=tuple(
             StoredPicture(
                 name=sighting.name, dots=len(view), left_out=left_out, rms_px=float(np.sqrt(np.mean(residual**2)))
@@ -102,7 +115,7 @@ def camera_to_json(calibration: Calibration, verdict: Verdict | None = None) -> 
             coverage=verdict.coverage,
         ),
     )
-    return json.dumps(stored.model_dump(), indent=1) + "\n"
+    return json.dumps(stored.model_dump(mode="json"), indent=1) + "\n"
 
 
 def load_camera_file(path: Path) -> CameraFile:
@@ -125,11 +138,4 @@ def load_camera_file(path: Path) -> CameraFile:
 
 def load_camera(path: Path) -> Camera:
     """Read the camera of camera.json. Raises OSError and CalibrationError."""
-    stored = load_camera_file(path)
-    return Camera(
-        size_px=stored.size_px,
-        parameters=np.array([stored.parameters[name] for name in PARAMETERS]),
-        lens=stored.lens,
-        covariance=np.array(stored.covariance),
-        doubt="" if stored.verdict.level == "sound" else stored.verdict.summary,
-    )
+    return load_camera_file(path).camera()

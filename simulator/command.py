@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,11 @@ class Command:
             raise SimulationError(
                 f"command times must not decrease; {self.time_s[back[0] + 1]} s comes after later ones"
             )
+
+    @cached_property
+    def knots(self) -> Array:
+        """(n, 3) time_s, left_rpm, right_rpm, as the kernels read them."""
+        return np.stack([self.time_s, self.left_rpm, self.right_rpm], axis=1)
 
     @classmethod
     def constant(cls, left_rpm: float, right_rpm: float, start_s: float = 0.0, stop_s: float | None = None) -> Command:

@@ -1,61 +1,136 @@
-"""Motion from command: first version, a stiff integrator over every segment between command jumps."""
+"""Motion from command: one run, or a batch over robots, commands and starts.
+
+The full dynamics are integrated, starts and reversals included; see simulator.motion for how.
+"""
 
 from __future__ import annotations
 
-from itertools import pairwise
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from simulator.command import Command
-from simulator.dynamics import accelerations
 from simulator.errors import SimulationError
-from simulator.model import compile_robot
+from simulator.many import TOLERANCE_MM, integrate_many
+from simulator.model import MODEL, compile_robot
+from simulator.motion import DONE, integrate_run
 from simulator.robot import Robot
 from simulator.run import Run, State
 from simulator.wheels import wheel_states
 
+Array = NDArray[np.float64]
+_NO_PLAN = np.zeros((0, 2))
 
-def simulate(robot: Robot, command: Command, times_s: ArrayLike, start: State | None = None) -> Run:
+
+def simulate(
+    robot: Robot | NDArray[np.void],
+    command: Command,
+    times_s: ArrayLike,
+    start: State | None = None,
+    run_index: int = 0,
+    tolerance_mm: float = TOLERANCE_MM,
+) -> Run:
     """Integrate the full dynamics from start at times_s[0]; outputs at times_s (n,), increasing.
 
-    Raises SimulationError for times that do not increase or are not finite.
+    robot: a Robot, with its effects, or its record from compile_robot. run_index: number of the run within its session,
+    from 0. tolerance_mm: local error of a step. Raises SimulationError for times that do not increase or are not
+    finite, and where the motion cannot be followed.
     """
-    from scipy.integrate import solve_ivp
-
     times = _checked_times(times_s)
-    begin = start or State()
-    model = compile_robot(robot)[0]
-    circumference = 2 * np.pi * robot.wheels.radius_mm / 60
-
-    def rhs(time: float, y: Any) -> list[float]:
-        left, right = command.at(time)
-        u, v, r = y[3:]
-        cos, sin = np.cos(y[2]), np.sin(y[2])
-        rates = accelerations(u, v, r, float(left) * circumference, float(right) * circumference, model)
-        return [cos * u - sin * v, sin * u + cos * v, r, *rates]
-
-    y = np.array([begin.x_mm, begin.y_mm, begin.heading_rad, begin.u_mm_s, begin.v_mm_s, begin.yaw_rate_rad_s])
+    model: Any = (compile_robot(robot, run_index) if isinstance(robot, Robot) else robot)[0]
     states = np.empty((len(times), 6))
-    states[0] = y
-    knots = command.time_s[(command.time_s > times[0]) & (command.time_s < times[-1])]
-    edges = np.unique(np.concatenate([[times[0]], knots, [times[-1]]]))
-    for t0, t1 in pairwise(edges):
-        inside = (times > t0) & (times <= t1)
-        end = np.nextafter(t1, t0)
-        asked = np.append(np.minimum(times[inside], end), end)
-        found = solve_ivp(rhs, (t0, end), y, "LSODA", np.unique(asked), rtol=1e-8, atol=1e-10)
-        y = found.y[:, -1]
-        states[inside] = found.y.T[: inside.sum()]
-    left, right = command.at(times)
-    wheels = wheel_states(model, states[:, 3:], np.stack([left, right], axis=1) * circumference)
+    state = (start or State()).to_array()
+    done, steps = integrate_run(model, command.knots, state, times, states, tolerance_mm, _NO_PLAN, replay=False)
+    if done != DONE:
+        raise SimulationError(
+            f"the motion cannot be followed beyond {steps} steps; are the effects of a sensible size?"
+        )
     states.setflags(write=False)
-    x, y_mm, heading, u, v, yaw_rate = states.T
-    return Run(times, x, y_mm, heading, u, v, yaw_rate, wheels)
+    x, y, heading, u, v, yaw_rate = states.T
+    return Run(times, x, y, heading, u, v, yaw_rate, lambda: wheel_states(model, command.knots, times, states))
 
 
-def _checked_times(times_s: ArrayLike) -> Any:
+@dataclass(frozen=True)
+class Batch:
+    """Runs of a batch: states (n, t, 6) as x, y, heading, u, v, yaw rate in mm, rad, s; NaN for a run that failed.
+
+    Where only summaries were asked for, t is 2: start and end.
+    """
+
+    time_s: Array
+    states: Array
+
+    @property
+    def final(self) -> Array:
+        """States at the end, (n, 6)."""
+        return self.states[:, -1]
+
+    @property
+    def curvature_per_mm(self) -> Array:
+        """Curvature of the path at the end, (n,), positive for a centre to the robot's left; NaN at rest."""
+        u, v, yaw_rate = self.final[:, 3:].T
+        speed = np.hypot(u, v)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(speed > 0, np.where(u < 0, -1.0, 1.0) * yaw_rate / speed, np.nan)
+
+
+def simulate_batch(
+    robots: Sequence[Robot] | NDArray[np.void],
+    commands: Sequence[Command],
+    times_s: ArrayLike,
+    starts: ArrayLike | None = None,
+    *,
+    summary: bool = False,
+    tolerance_mm: float = TOLERANCE_MM,
+) -> Batch:
+    """Simulate n runs in parallel; robots, commands and starts each hold n entries, or one that all runs share.
+
+    robots: Robots or records (n,) of dtype MODEL; starts: (n, 6), (6,) or None for rest at the origin. summary: keep
+    start and end only, so that memory does not grow with the number of times. A run that cannot be followed is NaN.
+    """
+    times = _checked_times(times_s)
+    kept = times[[0, -1]] if summary else times
+    models = robots if isinstance(robots, np.ndarray) else _records(robots)
+    begin = np.zeros((1, 6)) if starts is None else np.atleast_2d(np.asarray(starts, dtype=float))
+    runs = max(len(models), len(commands), len(begin))
+    for name, count in (("robots", len(models)), ("commands", len(commands)), ("starts", len(begin))):
+        if count not in (1, runs):
+            raise SimulationError(f"a batch of {runs} runs needs {runs} {name} or one; found {count}")
+    states = np.empty((runs, len(kept), 6))
+    integrate_many(
+        models,
+        _shared(len(models), runs),
+        np.concatenate([command.knots for command in commands]),
+        np.cumsum([0, *(len(command.time_s) for command in commands)]),
+        _shared(len(commands), runs),
+        np.array(np.broadcast_to(begin, (runs, 6))),
+        np.tile(kept, runs),
+        np.arange(runs + 1) * len(kept),
+        states.reshape(-1, 6),
+        tolerance_mm,
+        np.zeros((runs, 0, 2)),
+        np.zeros(runs, dtype=np.int64),
+        replay=False,
+    )
+    states.setflags(write=False)
+    return Batch(kept, states)
+
+
+def _records(robots: Sequence[Robot]) -> NDArray[np.void]:
+    models = np.empty(len(robots), MODEL)
+    for number, robot in enumerate(robots):
+        models[number] = compile_robot(robot)[0]
+    return models
+
+
+def _shared(count: int, runs: int) -> NDArray[np.int64]:
+    return np.arange(runs) if count == runs else np.zeros(runs, dtype=np.int64)
+
+
+def _checked_times(times_s: ArrayLike) -> Array:
     times = np.array(times_s, dtype=float)
     if times.ndim != 1 or len(times) < 2 or not np.isfinite(times).all() or not (np.diff(times) > 0).all():
         raise SimulationError("times of a simulation must be at least two finite numbers that increase")

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from simulator.effects.catalogue import view_of
 from simulator.robot import Robot
 from simulator.run import Run
 
@@ -14,12 +13,20 @@ if TYPE_CHECKING:
 
 
 def marks_of_run(robot: Robot, run: Run) -> pd.DataFrame:
-    """Marks of a run: time_s, green_x_mm, green_y_mm, yellow_x_mm, yellow_y_mm in the plate frame, a row per time."""
+    """Marks of a run: time_s, green_x_mm, green_y_mm, yellow_x_mm, yellow_y_mm in the plate frame, a row per time.
+
+    Observation effects of the robot are applied, to places and to times.
+    """
     import pandas as pd
 
-    cos, sin = np.cos(run.heading_rad), np.sin(run.heading_rad)
-    columns = {"time_s": run.time_s}
-    for mark, (x, y) in (("green", robot.marks.green_mm), ("yellow", robot.marks.yellow_mm)):
-        columns[f"{mark}_x_mm"] = run.x_mm + cos * x - sin * y
-        columns[f"{mark}_y_mm"] = run.y_mm + sin * x + cos * y
-    return pd.DataFrame(columns)
+    view = view_of(robot)
+    green, yellow = view.marks(run.x_mm, run.y_mm, run.heading_rad)
+    return pd.DataFrame(
+        {
+            "time_s": run.time_s * view.time_factor,
+            "green_x_mm": green[:, 0],
+            "green_y_mm": green[:, 1],
+            "yellow_x_mm": yellow[:, 0],
+            "yellow_y_mm": yellow[:, 1],
+        }
+    )

@@ -8,11 +8,11 @@ from __future__ import annotations
 import tomllib
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from simulator.errors import SimulationError
 
@@ -95,6 +95,16 @@ class Robot(Table):
     marks: Marks = Marks()
     tolerance: dict[str, NotNegative] = Field(default_factory=dict)
     effect: tuple[Effect, ...] = ()
+
+    @model_validator(mode="after")
+    def _known_effects(self) -> Self:
+        if self.effect:
+            from simulator.effects.catalogue import faults_of_effects
+
+            faults = faults_of_effects(self.effect)
+            if faults:
+                raise ValueError("; ".join(faults))
+        return self
 
     @property
     def weight_uN(self) -> float:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +29,10 @@ class State:
     v_mm_s: float = 0.0
     yaw_rate_rad_s: float = 0.0
 
+    def to_array(self) -> Array:
+        """(6,) in the order of the fields."""
+        return np.array([self.x_mm, self.y_mm, self.heading_rad, self.u_mm_s, self.v_mm_s, self.yaw_rate_rad_s])
+
 
 @dataclass(frozen=True)
 class WheelStates:
@@ -42,7 +48,8 @@ class WheelStates:
 class Run:
     """Motion of the robot's centre: plate frame pose, body frame velocity, wheel states; all at time_s (n,).
 
-    heading_rad is unwrapped. Wheel arrays are (n, 4), in the order of WHEELS. Arrays are read-only.
+    heading_rad is unwrapped. Wheel arrays are (n, 4), in the order of WHEELS. Arrays are read-only. Wheel states are
+    worked out when they are first asked for, by wheels_of; NaN where a motion is given without it.
     """
 
     time_s: Array
@@ -52,7 +59,12 @@ class Run:
     u_mm_s: Array
     v_mm_s: Array
     yaw_rate_rad_s: Array
-    wheels: WheelStates
+    wheels_of: Callable[[], WheelStates] | None = None
+
+    @cached_property
+    def wheels(self) -> WheelStates:
+        """Slip and friction of every wheel."""
+        return self.wheels_of() if self.wheels_of else WheelStates(*np.full((4, len(self.time_s), 4), np.nan))
 
     @property
     def slip_ratio(self) -> Array:

@@ -102,3 +102,36 @@ def dots(pictures: tuple[Path, ...], annotate: Path | None) -> None:
             from evaluator.report.calibration_page import write_annotated
 
             write_annotated(picture, found, lattice, annotate / f"{path.stem}-dots.png")
+
+
+@click.command(epilog="\b\nExample:\n  turnscope check-camera camera.json today.png")
+@click.argument("camera_file", type=FILE)
+@click.argument("picture", type=FILE)
+@click.option("--gauge", "gauge_file", type=FILE, help="Another gauge than the one the camera was calibrated with.")
+@click.pass_context
+def check_camera(context: click.Context, camera_file: Path, picture: Path, gauge_file: Path | None) -> None:
+    """Tell whether a calibration still holds, from one new picture of the gauge on the plate.
+
+    The verdict is in sigmas. The exit status is 0 where the calibration holds and 1 where it does not.
+    """
+    from calibration.check import check_camera as check
+    from calibration.gauge import load_gauge
+    from calibration.picture import read_picture
+    from calibration.store import load_camera_file
+    from evaluator.files import read_with
+
+    stored = read_with(load_camera_file, camera_file)
+    gauge = stored.gauge if gauge_file is None else read_with(load_gauge, gauge_file)
+    found = check(
+        stored.camera(),
+        gauge,
+        read_picture(picture),
+        name=str(picture),
+        variance=stored.variance,
+        height_mm=stored.verdict.mark_height_mm,
+    )
+    click.echo(f"{picture}: {found.dots} dots, residual {found.rms_px:.3f} px RMS, gauge moved {found.shift_mm:.2f} mm")
+    click.echo(found.summary)
+    if stored.verdict.level != "sound":
+        click.echo(f"note: the calibration itself is {stored.verdict.summary}")
+    context.exit(1 if found.outcome == "no longer holds" else 0)

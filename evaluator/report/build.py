@@ -4,62 +4,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
 
 from evaluator.files import write_text
 from evaluator.report.figures.agreement import radius_agreement
 from evaluator.report.figures.radius import radius_against_difference, radius_against_ratio, radius_by_group
 from evaluator.report.figures.speed import straight_speed
 from evaluator.report.figures.trajectory import LEGEND, trajectories
+from evaluator.report.pages import Page, Section, Table, page_html
 from evaluator.report.player import player_data
 from evaluator.report.runs import RunView, views_of
-from evaluator.report.style import THEME, Figure
-from evaluator.report.summary import Number, headline, summary
+from evaluator.report.style import Figure
+from evaluator.report.summary import headline, summary
 from evaluator.workflow import Analysis, Outputs
 from simulator.robot import Robot, load_robot
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of the page; cells are text."""
-
-    caption: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-
-
-@dataclass(frozen=True)
-class Section:
-    """A section of the page."""
-
-    name: str
-    title: str
-    text: tuple[str, ...] = ()
-    figures: tuple[Figure, ...] = ()
-    tables: tuple[Table, ...] = ()
-    html: str = ""
-
-
-@dataclass(frozen=True)
-class Page:
-    """Everything the template shows."""
-
-    title: str
-    facts: tuple[str, ...]
-    summary: tuple[str, ...]
-    numbers: tuple[Number, ...]
-    faults: dict[str, str]
-    sections: tuple[Section, ...]
-    player: str
-    legend: tuple[tuple[str, str], ...]
-    footer: str
-    css: str
-    script: str = field(repr=False)
 
 
 def write_report(analysis: Analysis) -> None:
@@ -74,6 +34,7 @@ def report_html(analysis: Analysis) -> str:
     diagnosis = _diagnosis(analysis.outputs)
     provenance = json.loads(analysis.outputs.provenance.read_text(encoding="utf-8"))
     page = Page(
+        kind="turning report",
         title=analysis.experiment.name,
         facts=_facts(analysis, runs, robot),
         summary=tuple(summary(runs, analysis.faults, diagnosis)),
@@ -83,11 +44,8 @@ def report_html(analysis: Analysis) -> str:
         player=player_data(runs, robot),
         legend=LEGEND,
         footer=_footer(provenance),
-        css=_css(),
-        script=_resource("page.js"),
     )
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string(_resource("page.html")).render(page=page)
+    return page_html(page)
 
 
 def _sections(runs: Sequence[RunView], robot: Robot) -> list[Section | None]:
@@ -166,13 +124,3 @@ def _diagnosis(outputs: Outputs) -> dict[str, Any] | None:
         return None
     found: dict[str, Any] = json.loads(outputs.diagnosis.read_text(encoding="utf-8"))
     return found
-
-
-def _css() -> str:
-    light = " ".join(f"{variable}: {color};" for color, (variable, _) in THEME.items())
-    dark = " ".join(f"{variable}: {color};" for variable, color in THEME.values())
-    return _resource("page.css").replace("{{ light }}", light).replace("{{ dark }}", dark)
-
-
-def _resource(name: str) -> str:
-    return (files("evaluator.report.page") / name).read_text(encoding="utf-8")

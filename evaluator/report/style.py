@@ -154,3 +154,10 @@ def _themed_svg(canvas: Canvas) -> str:
     for color, (variable, _) in THEME.items():
         text = text.replace(color, f"var({variable}, {color})")
     return text
+
+
+def plain_svg(svg: str) -> str:
+    """The picture with plain colours on white, for programs that do not know the variables of the page."""
+    text = re.sub(r"var\(--[a-z]+, (#[0-9a-f]{6})\)", r"\1", svg)
+    text = re.sub(r"(<svg[^>]*>)", r'\1\n<rect width="100%" height="100%" fill="white"/>', text, count=1)
+    return '<?xml version="1.0" encoding="utf-8"?>\n' + text

@@ -14,31 +14,40 @@ from numpy.typing import NDArray
 
 from evaluator.errors import InputError
 from evaluator.pose import Poses
-from evaluator.turning.fit import FEWEST_FRAMES, Scaled, TurnFit, fit_turn, scaled_poses
-from evaluator.turning.noise import averaged_least_squares
+from evaluator.turning.fit import FEWEST_FRAMES, TurnFit, fit_turn, part, scaled_poses
+from evaluator.turning.noise import Block, averaged_least_squares
 from evaluator.turning.phases import find_phases
+from evaluator.turning.sustained import Sustained, sustained_turn
 
 Array = NDArray[np.float64]
 NAN = float("nan")
-COVERED = (0.025, 0.975)
 
 
 @dataclass(frozen=True)
 class Turning:
     """One run's row of turning.csv; NaN where a quantity is unknown, with the reason in `radius_status`.
 
-    radius_mm: smallest sustained turning radius of the centre, with 95 % bounds; steady_radius_mm: of the steady turn
-    as a whole. Both are NaN where the interval of the curvature reaches straight: the curvature itself then says how
-    straight.
+    radius_mm: smallest turning radius of the centre that is sustained for a quarter turn (sustained.py), with 95 %
+    bounds; steady_radius_mm: of the steady turn as a whole. Both are NaN where the interval of the curvature reaches
+    straight: the curvature itself then says how straight. The two are equal unless radius_varies; radius_variation is
+    then the relative standard deviation of the curvature from quarter turn to quarter turn, noise taken off.
+    radius_random_mm and radius_systematic_mm are standard uncertainties: by noise, which more frames would reduce, and
+    by the camera, which only a better calibration would; the bounds hold both. Speeds are positive forward.
     """
 
     radius_mm: float = NAN
     radius_low_mm: float = NAN
     radius_high_mm: float = NAN
     radius_status: str = "ok"
+    radius_random_mm: float = NAN
+    radius_systematic_mm: float = NAN
     steady_radius_mm: float = NAN
     steady_radius_low_mm: float = NAN
     steady_radius_high_mm: float = NAN
+    radius_varies: bool = False
+    radius_variation: float = NAN
+    sustained_from_s: float = NAN
+    sustained_to_s: float = NAN
     speed_mm_s: float = NAN
     green_speed_mm_s: float = NAN
     yellow_speed_mm_s: float = NAN
@@ -61,7 +70,7 @@ class Turning:
     mark_spacing_ratio: float = NAN
     mark_spacing_ratio_sigma: float = NAN
 
-    def to_row(self) -> dict[str, float | str]:
+    def to_row(self) -> dict[str, float | str | bool]:
         """Columns of turning.csv in order, to follow run, left_rpm and right_rpm."""
         return {item.name: getattr(self, item.name) for item in fields(self)}
 
@@ -81,7 +90,8 @@ def measure_turning(poses: Poses, start_s: float | None = None, stop_s: float | 
         return replace(seen, radius_status=f"{int(there.sum())} frames with a pose; {FEWEST_FRAMES} are needed")
     time = poses.time_s[there]
     pose = np.column_stack([poses.x_mm, poses.y_mm, poses.heading_rad])[there]
-    scaled = scaled_poses(pose, poses.covariance[there])
+    systematic = None if poses.systematic is None else poses.systematic[there]
+    scaled = scaled_poses(pose, poses.covariance[there], systematic)
     stretched = scaled.pose * np.array([1.0, 1.0, scaled.length_mm])
     phases = find_phases(time, stretched, scaled.sigma_mm, start_s, stop_s)
     seen = replace(
@@ -94,98 +104,78 @@ def measure_turning(poses: Poses, start_s: float | None = None, stop_s: float | 
     )
     if phases.reason:
         return replace(seen, radius_status=phases.reason)
-    steady = phases.names(time) == "steady"
+    names = phases.names(time)
+    steady = names == "steady"
     if steady.sum() < FEWEST_FRAMES:
         return replace(seen, radius_status=f"steady turn of {int(steady.sum())} frames; {FEWEST_FRAMES} are needed")
-    fit = fit_turn(time[steady], _part(scaled, steady))
+    fit = fit_turn(time[steady], part(scaled, steady))
+    regions = [names == name for name in ("transient", "steady", "stop")]
+    sustained = sustained_turn(time, scaled, regions, fit)
     total = int(((poses.time_s >= phases.steady_start_s) & (poses.time_s <= phases.steady_stop_s)).sum())
-    return _filled(seen, fit, time[steady], poses, total)
+    seen = replace(seen, share_used=float(fit.used.sum() / total))
+    return _with_speeds(_with_radii(seen, fit, sustained), fit, time[steady], poses)
 
 
-def _part(scaled: Scaled, where: NDArray[np.bool_]) -> Scaled:
-    return replace(scaled, pose=scaled.pose[where], covariance=scaled.covariance[where])
-
-
-def _filled(seen: Turning, fit: TurnFit, time: Array, poses: Poses, total: int) -> Turning:
-    motion = fit.motion
-    forwards = 1.0 if np.median(np.diff(motion.along_mm[fit.used]) / np.diff(time[fit.used])) >= 0 else -1.0
-    curvature, low, high = _curvature(fit, forwards)
-    radius = _radius(curvature, low, high)
-    center_twist = fit.body_twist(fit.averaged.mean()[None], np.zeros(2))[0] * forwards
-    interval = float(np.median(np.diff(time)))
-    ticks = (time[fit.used] - time[fit.used].mean()) / interval
-    clock = averaged_least_squares(
-        ticks, motion.along_mm[fit.used, None] * forwards, np.stack([np.ones_like(ticks), ticks], 1)[:, None]
-    )
-    rate = float(clock.mean()[1]) / interval  # path parameter per second
-    speeds = [_speed(fit, place, rate * forwards) for place in _places(poses)]
+def _with_radii(seen: Turning, fit: TurnFit, sustained: Sustained) -> Turning:
+    curvature = fit.curvature()
+    center = fit.body_twist(np.zeros(2))
     status = "ok"
-    if low < 0 < high:
-        status = f"straight: curvature {curvature:.3g} 1/mm, 95 % from {low:.3g} to {high:.3g}"
-    center = _circle_center(fit, center_twist)
+    if curvature.straight:
+        status = (
+            f"straight: curvature {curvature.value:.3g} 1/mm,"
+            f" 95 % from {curvature.low:.3g} to {curvature.high:.3g} 1/mm"
+        )
+    radius = sustained.tightest.radius_mm() if status == "ok" else (NAN, NAN, NAN)
+    steady = sustained.mean.radius_mm() if status == "ok" else (NAN, NAN, NAN)
+    place = _circle_center(fit, center) if status == "ok" else (NAN, NAN)
     return replace(
         seen,
         radius_mm=radius[0],
         radius_low_mm=radius[1],
         radius_high_mm=radius[2],
         radius_status=status,
-        steady_radius_mm=radius[0],
-        steady_radius_low_mm=radius[1],
-        steady_radius_high_mm=radius[2],
-        speed_mm_s=speeds[0],
-        green_speed_mm_s=speeds[1],
-        yellow_speed_mm_s=speeds[2],
-        yaw_rate_deg_s=float(np.degrees(center_twist[2] * rate)),
-        curvature_per_mm=curvature,
-        curvature_low_per_mm=low,
-        curvature_high_per_mm=high,
-        center_x_mm=center[0] if status == "ok" else NAN,
-        center_y_mm=center[1] if status == "ok" else NAN,
-        body_slip_angle_deg=_slip_angle_deg(center_twist),
-        turned_deg=float(np.degrees(motion.turn_rad)),
-        share_used=float(fit.used.sum() / total),
-        noise_correlation=float(fit.averaged.weight @ fit.averaged.correlation),
-        residual_rms_mm=float(np.sqrt((motion.residual_mm[fit.used] ** 2).mean())),
+        radius_random_mm=radius[0] ** 2 * sustained.tightest.sigma,
+        radius_systematic_mm=radius[0] ** 2 * sustained.tightest.systematic,
+        steady_radius_mm=steady[0],
+        steady_radius_low_mm=steady[1],
+        steady_radius_high_mm=steady[2],
+        radius_varies=sustained.varies,
+        radius_variation=abs(sustained.spread_per_mm / sustained.mean.value) if sustained.varies else 0.0,
+        sustained_from_s=sustained.from_s,
+        sustained_to_s=sustained.to_s,
+        curvature_per_mm=curvature.value,
+        curvature_low_per_mm=curvature.low,
+        curvature_high_per_mm=curvature.high,
+        center_x_mm=place[0],
+        center_y_mm=place[1],
+        body_slip_angle_deg=_slip_angle_deg(center),
+        turned_deg=float(np.degrees(fit.motion.turn_rad)),
+        noise_correlation=fit.averaged.correlation(),
+        residual_rms_mm=float(np.sqrt((fit.motion.residual_mm[fit.used] ** 2).mean())),
     )
 
 
-def _bend(fit: TurnFit, step: Array, forwards: float) -> float:
-    """Angle whose tangent is length × curvature of the centre: finite for a straight run and for a turn on the spot."""
-    twist = fit.body_twist(np.asarray(step)[None], np.zeros(2))[0] * forwards
-    return float(np.arctan2(fit.motion.length_mm * twist[2], np.hypot(twist[0], twist[1])))
-
-
-def _curvature(fit: TurnFit, forwards: float) -> tuple[float, float, float]:
-    """Curvature of the centre's path with its 95 % bounds, 1/mm."""
-    zero = np.zeros(4)
-    delta = 1e-5
-    gradient = np.array(
-        [(_bend(fit, axis * delta, forwards) - _bend(fit, -axis * delta, forwards)) / (2 * delta) for axis in np.eye(4)]
+def _with_speeds(seen: Turning, fit: TurnFit, time: Array, poses: Poses) -> Turning:
+    interval = float(np.median(np.diff(time)))
+    ticks = (time[fit.used] - time[fit.used].mean()) / interval
+    along = fit.ahead * fit.motion.along_mm[fit.used, None]
+    clock = averaged_least_squares(
+        Block(ticks, np.zeros_like(ticks), along, np.stack([np.ones_like(ticks), ticks], axis=1)[:, None])
     )
-    bend = _bend(fit, zero, forwards)
-    best = bend + float(fit.averaged.mean() @ gradient)
-    low, high = bend + fit.averaged.quantiles(gradient, COVERED)
-    half = np.pi / 2
-    curves = [float(np.tan(np.clip(angle, -half, half)) / fit.motion.length_mm) for angle in (best, low, high)]
-    return curves[0], curves[1], curves[2]
-
-
-def _radius(curvature: float, low: float, high: float) -> tuple[float, float, float]:
-    if low < 0 < high:
-        return NAN, NAN, NAN
-    return abs(1 / curvature), min(abs(1 / low), abs(1 / high)), max(abs(1 / low), abs(1 / high))
-
-
-def _places(poses: Poses) -> list[Array]:
-    """Body places of the centre and, where known, both marks."""
-    if poses.geometry is None:
-        return [np.zeros(2), np.full(2, np.nan), np.full(2, np.nan)]
-    return [np.zeros(2), np.array(poses.geometry.green_mm), np.array(poses.geometry.yellow_mm)]
+    rate = float(clock.mean()[1]) / interval  # path parameter per second
+    marks = poses.geometry
+    return replace(
+        seen,
+        speed_mm_s=_speed(fit, np.zeros(2), rate),
+        green_speed_mm_s=_speed(fit, np.array(marks.green_mm), rate) if marks else NAN,
+        yellow_speed_mm_s=_speed(fit, np.array(marks.yellow_mm), rate) if marks else NAN,
+        yaw_rate_deg_s=float(np.degrees(fit.body_twist(np.zeros(2))[2] * rate)),
+    )
 
 
 def _speed(fit: TurnFit, place: Array, rate: float) -> float:
     """Speed of a body point, positive where it moves forward in the body frame."""
-    twist = fit.body_twist(fit.averaged.mean()[None], place)[0] * rate
+    twist = fit.body_twist(place) * rate
     return float(np.copysign(np.hypot(twist[0], twist[1]), twist[0]))
 
 

@@ -10,16 +10,22 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from scipy.signal import savgol_filter
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+NAN = float("nan")
 
-# A turn whose speed and yaw rate stay within this share of their final values counts as steady; a smaller departure
-# changes the radius by less than the share itself, and the fit's residuals report it.
+# A turn whose speed and yaw rate stay within this share of their usual values counts as steady; what variation of the
+# radius is left within it is measured, not assumed away.
 STEADY_SHARE = 0.05
-# A robot moves when it is faster than this share of its usual speed; half would be the midpoint of a linear ramp.
+# A robot moves when it is faster than this share of its usual speed.
 MOVING_SHARE = 0.2
-# Scatter of a displacement at rest stays below this many of its standard deviations (1 frame in 30,000).
+# Scatter at rest stays below this many standard deviations (1 frame in 16,000); a slope too.
 REST_SIGMA = 4.0
+# Relative precision wanted of a local speed: a fifth of the least departure that matters.
+SLOPE_SHARE = STEADY_SHARE / 5
 
 
 @dataclass(frozen=True)
@@ -30,23 +36,32 @@ class Phases:
     after stop_s it rests. delay_s: start_s minus the commanded start. reason: why there is no motion, else "".
     """
 
-    start_s: float
-    steady_start_s: float
-    steady_stop_s: float
-    stop_s: float
-    delay_s: float = float("nan")
+    start_s: float = NAN
+    steady_start_s: float = NAN
+    steady_stop_s: float = NAN
+    stop_s: float = NAN
+    delay_s: float = NAN
     reason: str = ""
 
     def names(self, time_s: Array) -> NDArray[np.str_]:
-        """Phase of every frame: rest, transient, steady or stop."""
+        """Phase of every frame: rest, transient, steady or stop (slowing down)."""
         if self.reason:
             return np.full(len(time_s), "rest")
         after = self.stop_s if np.isfinite(self.stop_s) else np.inf
         before = self.start_s if np.isfinite(self.start_s) else -np.inf
         moving = (time_s >= before) & (time_s <= after)
-        steady = (time_s >= self.steady_start_s) & (time_s <= self.steady_stop_s)
+        steady = moving & (time_s >= self.steady_start_s) & (time_s <= self.steady_stop_s)
         late = moving & (time_s > self.steady_stop_s)
         return np.select([steady, late, moving], ["steady", "stop", "transient"], default="rest")
+
+
+@dataclass(frozen=True)
+class _Rates:
+    """Local velocities: (m, 3) in mm/s, of the scaled poses; their sigma and the half-width of the window in frames."""
+
+    value: Array
+    sigma: float
+    half_width: int
 
 
 def find_phases(
@@ -55,81 +70,106 @@ def find_phases(
     """Find the phases of a run.
 
     time_s: (n,). scaled: (n, 3) of x, y, length · heading, mm, without NaN, each of noise sigma_mm. start_s, stop_s:
-    times of the commands, where known. Frames outside them are rest and stop.
+    times of the commands, where known: the robot is not looked for outside them, but may still roll out after stop_s.
     """
-    missing = float("nan")
-    rate_time, rate, rate_sigma = _local_rates(time_s, scaled, sigma_mm)
-    speed = np.linalg.norm(rate, axis=1)
-    inside = (rate_time >= (-np.inf if start_s is None else start_s)) & (
-        rate_time <= (np.inf if stop_s is None else stop_s)
-    )
-    if inside.sum() < 3:
-        return Phases(missing, missing, missing, missing, reason="no frames between the commanded start and stop")
+    begin, end = -np.inf if start_s is None else start_s, np.inf if stop_s is None else stop_s
+    inside = (time_s >= begin) & (time_s <= end)
+    if inside.sum() < 5:
+        return Phases(reason="no motion is recorded between the commanded start and stop")
+    reach = _reach(scaled[inside])
+    if reach < REST_SIGMA * sigma_mm:
+        return Phases(reason=f"at rest: moves less than {max(reach, sigma_mm):.2g} mm")
+    smooth = median_filter(scaled, size=(5, 1), mode="nearest")  # single wild frames say nothing of the speed
+    rates = _local_rates(time_s, smooth, sigma_mm, inside)
+    speed = np.linalg.norm(rates.value, axis=1)
     usual = _usual(speed[inside])
-    reach = float(np.linalg.norm(scaled - np.median(scaled, axis=0), axis=1).max())
-    if reach < 2 * REST_SIGMA * sigma_mm or usual == 0:
-        return Phases(missing, missing, missing, missing, reason=f"at rest: moves less than {reach:.4f} mm")
-    first, last = _longest(inside & (speed > MOVING_SHARE * usual))
-    begin = _onset(time_s, scaled, sigma_mm, rate_time[first], usual)
-    ending = _onset(-time_s[::-1], scaled[::-1], sigma_mm, -rate_time[last], usual)
-    stop = -ending if np.isfinite(ending) else missing
-    steady_first, steady_last = _steady(rate[first : last + 1], rate_sigma)
-    steady_start, steady_stop = rate_time[first + steady_first], rate_time[first + steady_last]
-    if not np.isfinite(begin) and steady_first == 0:
-        steady_start = max(time_s[0], -np.inf if start_s is None else start_s)
-    if not np.isfinite(stop) and steady_last == last - first:
-        steady_stop = min(time_s[-1], np.inf if stop_s is None else stop_s)
-    delay = begin - start_s if start_s is not None else missing
-    return Phases(float(begin), float(steady_start), float(steady_stop), float(stop), float(delay))
+    moving = (speed > max(MOVING_SHARE * usual, REST_SIGMA * rates.sigma)) & inside
+    if usual < 2 * REST_SIGMA * rates.sigma or not moving.any():
+        moving = inside  # too slow for its phases to stand out of the noise: the whole is taken
+    first, last = _longest(moving, rates.half_width)
+    onset = _left_rest(time_s, smooth, sigma_mm, first, rates.half_width)
+    ending = _left_rest(-time_s[::-1], smooth[::-1], sigma_mm, len(time_s) - 1 - last, rates.half_width)
+    steady_first, steady_last = _steady(rates, first, last)
+    low, high = np.fmax(onset, time_s[steady_first]), np.fmin(-ending, time_s[steady_last])
+    return Phases(onset, float(low), float(high), -ending, onset - begin if start_s is not None else NAN)
 
 
-def _local_rates(time_s: Array, scaled: Array, sigma_mm: float) -> tuple[Array, Array, float]:
-    """Velocity (m, 3) over lags just long enough to stand out of the noise, at most a tenth of the run; its sigma."""
-    n = len(time_s)
-    path = np.linalg.norm(np.diff(scaled[:: max(n // 100, 1)], axis=0), axis=1)
-    per_frame = np.median(path) / max(n // 100, 1)
-    needed = int(np.ceil(20 * sigma_mm / max(per_frame, 1e-12)))
-    lag = int(np.clip(needed, 2, max(n // 10, 2)))
-    step = (time_s[lag:] - time_s[:-lag])[:, None]
-    rate = (scaled[lag:] - scaled[:-lag]) / step
-    return (time_s[lag:] + time_s[:-lag]) / 2, rate, float(np.sqrt(2) * sigma_mm / np.median(step))
+def _reach(scaled: Array) -> float:
+    """Greatest distance between medians of tenths of the run: wild frames and noise hardly move it."""
+    blocks = np.array([np.median(part, axis=0) for part in np.array_split(scaled, min(10, len(scaled) // 2))])
+    return float(np.linalg.norm(blocks[:, None] - blocks[None], axis=2).max())
+
+
+def _local_rates(time_s: Array, scaled: Array, sigma_mm: float, inside: Flags) -> _Rates:
+    """Slopes over windows just long enough for their precision, at most a tenth of the run on either side."""
+    interval = float(np.median(np.diff(time_s)))
+    longest = max(int(inside.sum()) // 10, 2)
+    half = 2
+    while True:
+        width = 2 * half + 1
+        value = savgol_filter(scaled, width, 1, deriv=1, axis=0, mode="interp") / _local_interval(time_s, width)
+        # Variance of a slope over w equal steps: 12 sigma² / (w³ - w).
+        sigma = sigma_mm * np.sqrt(12 / (width**3 - width)) / interval
+        usual = _usual(np.linalg.norm(value[inside], axis=1))
+        if sigma <= SLOPE_SHARE * usual or half >= longest:
+            return _Rates(value, sigma, half)
+        half = min(max(int(half * min((sigma / (SLOPE_SHARE * max(usual, sigma))) ** (2 / 3), 3)), half + 1), longest)
+
+
+def _local_interval(time_s: Array, width: int) -> Array:
+    """Frame interval around every frame, (n, 1), so that slopes stay slopes in time across gaps."""
+    return np.asarray(savgol_filter(time_s, width, 1, deriv=1, mode="interp"))[:, None]
 
 
 def _usual(speed: Array) -> float:
-    top = np.percentile(speed, 95)
-    return float(np.median(speed[speed >= top / 2]))
+    """Speed that a robot has while it moves, whatever share of the run it rests."""
+    return float(np.median(speed[speed >= np.percentile(speed, 95) / 2]))
 
 
-def _longest(flags: NDArray[np.bool_]) -> tuple[int, int]:
-    """First and last index of the longest stretch of true flags."""
+def _longest(flags: Flags, bridge: int) -> tuple[int, int]:
+    """First and last index of the longest stretch of true flags, holes up to `bridge` frames filled."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     starts, stops = edges[::2], edges[1::2]
+    apart = starts[1:] - stops[:-1] > bridge
+    starts, stops = starts[np.r_[True, apart]], stops[np.r_[apart, True]]
     longest = int(np.argmax(stops - starts))
     return int(starts[longest]), int(stops[longest] - 1)
 
 
-def _onset(time_s: Array, scaled: Array, sigma_mm: float, coarse_s: float, speed: float) -> float:
-    """When the robot left its rest pose, from the rest before coarse_s; NaN where no rest was seen."""
-    step = float(np.median(np.diff(time_s)))
-    resting = time_s < coarse_s - 2 * REST_SIGMA * sigma_mm / speed - step
-    if resting.sum() < 3:
-        return float("nan")
-    rest = np.median(scaled[resting][-min(int(resting.sum()), 60) :], axis=0)
-    distance = np.linalg.norm(scaled - rest, axis=1)
-    within = np.flatnonzero((distance < REST_SIGMA * sigma_mm) & (time_s < coarse_s + 1.0))
-    return float(time_s[within[-1]]) if len(within) else float("nan")
+def _left_rest(time_s: Array, scaled: Array, sigma_mm: float, first: int, window: int) -> float:
+    """When the robot left the rest pose it had before frame `first`; NaN where it was not seen at rest.
+
+    window: frames by which `first` may be early or late.
+    """
+    before = scaled[max(first - window - 60, 0) : max(first - window, min(first, 4))]
+    if len(before) < 4:
+        return NAN
+    halves = [np.median(part, axis=0) for part in np.array_split(before, 2)]
+    if np.linalg.norm(halves[1] - halves[0]) > REST_SIGMA * sigma_mm:
+        return NAN
+    rest = np.median(before, axis=0)
+    near = np.linalg.norm(scaled[: first + window + 1] - rest, axis=1) < REST_SIGMA * sigma_mm
+    return float(time_s[np.flatnonzero(near)[-1]]) if near.any() else NAN
 
 
-def _steady(rate: Array, sigma: float) -> tuple[int, int]:
-    """Indices between which path speed and yaw rate stay near their usual values."""
-    speed, yaw = np.linalg.norm(rate[:, :2], axis=1), rate[:, 2]
-    middle = slice(len(speed) // 4, max(3 * len(speed) // 4, len(speed) // 4 + 1))
+def _steady(rates: _Rates, first: int, last: int) -> tuple[int, int]:
+    """Frames between which speed and yaw rate stay near their usual values; disturbances in between do not end it."""
+    speed, yaw = np.linalg.norm(rates.value[:, :2], axis=1), rates.value[:, 2]
+    middle = slice(first + (last - first) // 4, last - (last - first) // 4 + 1)
     level = np.array([np.median(speed[middle]), np.median(yaw[middle])])
-    scatter = 1.4826 * np.array([np.median(np.abs(v[middle] - l)) for v, l in zip((speed, yaw), level, strict=True)])
-    limit = np.maximum(STEADY_SHARE * np.linalg.norm(level), REST_SIGMA * np.maximum(scatter, sigma) + sigma)
-    away = (np.abs(speed - level[0]) > limit[0]) | (np.abs(yaw - level[1]) > limit[1])
-    half = len(away) // 2
-    early, late = np.flatnonzero(away[:half]), np.flatnonzero(away[half:])
-    first = int(early[-1] + 1) if len(early) and early[-1] + 1 < half else 0
-    last = int(half + late[0] - 1) if len(late) and late[0] > 0 else len(away) - 1
-    return first, last
+    spread = 1.4826 * np.array([np.median(np.abs(v[middle] - l)) for v, l in zip((speed, yaw), level, strict=True)])
+    # Half the usual scatter of a ripple is part of a steady turn, and so is noise.
+    limit = np.maximum(STEADY_SHARE * np.linalg.norm(level), REST_SIGMA * np.maximum(spread, rates.sigma))
+    near = (np.abs(speed - level[0]) <= limit[0]) & (np.abs(yaw - level[1]) <= limit[1])
+    return _settled(near, first, last, rates.half_width), len(near) - 1 - _settled(
+        near[::-1], len(near) - 1 - last, len(near) - 1 - first, rates.half_width
+    )
+
+
+def _settled(near: Flags, first: int, last: int, hold: int) -> int:
+    """First frame from which the rates stay near for as long as their window; the middle at the latest."""
+    middle = (first + last) // 2
+    for frame in range(first, middle):
+        if near[frame : frame + hold + 1].all():
+            return frame
+    return middle

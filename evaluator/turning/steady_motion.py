@@ -17,7 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.turning.subgroup import composed, linearise
+
 Array = NDArray[np.float64]
+
+CONVERGED = 1e-10  # squared step in units of its own variance: a hundred-thousandth of the standard error
 
 
 @dataclass(frozen=True)
@@ -43,23 +47,30 @@ class SteadyMotion:
         return float(np.ptp(self.along_mm) * abs(self.twist[2]) / self.length_mm)
 
 
-def fit_steady_motion(pose: Array, length_mm: float, weight: Array, iterations: int = 30) -> SteadyMotion:
+def fit_steady_motion(
+    pose: Array, length_mm: float, weight: Array, near: SteadyMotion | None = None, iterations: int = 30
+) -> SteadyMotion:
     """Fit the motion by Gauss-Newton least squares.
 
     pose: (n, 3) of x, y in mm and unwrapped heading in rad, no NaN. weight: (n, 2, 2) inverse covariance of the
-    deviation across the motion (any scale); frames of weight zero are only predicted.
+    deviation across the motion (any scale); frames of weight zero are only predicted. near: where to begin.
     """
     scaled = pose * np.array([1.0, 1.0, length_mm])
-    start, twist = _first_guess(scaled, length_mm, weight[:, 0, 0] > 0)
-    along = _first_along(scaled, start, twist, length_mm)
+    if near is None:
+        start, twist = _first_guess(scaled, length_mm, weight[:, 0, 0] > 0)
+        along = _first_along(scaled, start, twist, length_mm)
+    else:
+        start, twist, along = near.start, near.twist, near.along_mm
     for _ in range(iterations):
         motion = _linearised(scaled, start, twist, along, length_mm)
-        normal = np.einsum("nip,nij,njq->pq", motion.design, weight, motion.design)
-        right = np.einsum("nip,nij,nj->p", motion.design, weight, motion.residual_mm)
+        design, residual = motion.design.reshape(-1, 4), motion.residual_mm.reshape(-1)
+        weighted = (weight @ motion.design).reshape(-1, 4)
+        normal, right = weighted.T @ design, weighted.T @ residual
         step = _solved(normal, right)
         start, twist = moved(motion, step)
         along = motion.along_mm
-        if np.all(np.abs(step) < 1e-12 * np.array([1.0, 1.0, 1e-2, 1e-2])):
+        misfit = residual @ (weight @ motion.residual_mm[:, :, None]).reshape(-1)
+        if step @ normal @ step < CONVERGED * misfit / len(pose) or np.all(np.abs(step) < 1e-12):
             break
     return _linearised(scaled, start, twist, along, length_mm)
 
@@ -120,67 +131,14 @@ def _first_along(scaled: Array, start: Array, twist: Array, length: float) -> Ar
 
 def _linearised(scaled: Array, start: Array, twist: Array, along: Array, length: float) -> SteadyMotion:
     """Closest points on the motion, residuals across it, and their derivatives."""
-    for _ in range(3):
-        error = _error(scaled, start, twist, along, length)
-        along = along + error @ twist
-    error = _error(scaled, start, twist, along, length)
     across = _complement(twist)
-    adjoint, integral = _adjoint(twist, along, length)
-    design = np.concatenate(
-        [np.einsum("ai,nab,bj->nij", across, matrix, across) for matrix in (adjoint, integral)], axis=2
-    )
-    return SteadyMotion(length, start, twist, along, error @ across, design, across)
+    along, residual, design = linearise(scaled, start, twist, along, across, length)
+    return SteadyMotion(length, start, twist, along, residual, design, across)
 
 
-def _error(scaled: Array, start: Array, twist: Array, along: Array, length: float) -> Array:
-    """Measured minus predicted pose in the predicted body frame, (n, 3)."""
-    predicted = _composed(start, along[:, None] * twist, length)
-    difference = scaled - predicted
-    angle = predicted[:, 2] / length
-    cos, sin = np.cos(angle), np.sin(angle)
-    return np.stack(
-        [
-            cos * difference[:, 0] + sin * difference[:, 1],
-            -sin * difference[:, 0] + cos * difference[:, 1],
-            difference[:, 2],
-        ],
-        axis=1,
-    )
-
-
-def _composed(start: Array, twists: Array, length: float) -> Array:
-    """Pose start · exp(twist), twists (..., 3)."""
-    turn = twists[..., 2] / length
-    sinc, cosc = _sinc(turn), _cosc(turn)
-    x = sinc * twists[..., 0] - cosc * twists[..., 1]
-    y = cosc * twists[..., 0] + sinc * twists[..., 1]
-    cos, sin = np.cos(start[2] / length), np.sin(start[2] / length)
-    return np.stack([start[0] + cos * x - sin * y, start[1] + sin * x + cos * y, start[2] + twists[..., 2]], axis=-1)
-
-
-def _adjoint(twist: Array, along: Array, length: float) -> tuple[Array, Array]:
-    """Ad of exp(-along · twist), and its integral over along from 0: both (n, 3, 3)."""
-    vx, vy = twist[0], twist[1]
-    turn = along * twist[2] / length
-    cos, sin, sinc, cosc = np.cos(turn), np.sin(turn), _sinc(turn), _cosc(turn)
-    cos2, sin2 = _cosc_over(turn), _sinc_rest(turn)
-    zero, one = np.zeros_like(along), np.ones_like(along)
-    lever = along / length
-    adjoint = np.array(
-        [
-            [cos, sin, lever * (cosc * vx - sinc * vy)],
-            [-sin, cos, lever * (sinc * vx + cosc * vy)],
-            [zero, zero, one],
-        ]
-    )
-    integral = along * np.array(
-        [
-            [sinc, cosc, lever * (sin2 * vx - cos2 * vy)],
-            [-cosc, sinc, lever * (cos2 * vx + sin2 * vy)],
-            [zero, zero, one],
-        ]
-    )
-    return np.moveaxis(adjoint, -1, 0), np.moveaxis(integral, -1, 0)
+def _composed(start: Array, twist: Array, length: float) -> Array:
+    """Pose start · exp(twist), both (3,)."""
+    return np.asarray(composed(start, twist[0], twist[1], twist[2], length))
 
 
 def _complement(twist: Array) -> Array:
@@ -189,24 +147,3 @@ def _complement(twist: Array) -> Array:
     norm = np.linalg.norm(left)
     left = left / norm if norm > 1e-9 else np.array([0.0, 1.0, 0.0])
     return np.stack([left, np.cross(twist, left)], axis=1)
-
-
-def _sinc(angle: Array) -> Array:
-    return np.asarray(np.sinc(angle / np.pi))
-
-
-def _cosc(angle: Array) -> Array:
-    """(1 − cos a)/a."""
-    return np.asarray(0.5 * angle * _sinc(angle / 2) ** 2)
-
-
-def _cosc_over(angle: Array) -> Array:
-    """(1 − cos a)/a²."""
-    return np.asarray(0.5 * _sinc(angle / 2) ** 2)
-
-
-def _sinc_rest(angle: Array) -> Array:
-    """(a − sin a)/a²; below 0.05 rad by its series, whose next term is under 1e-9 of it."""
-    small = np.abs(angle) < 0.05
-    safe = np.where(small, 1.0, angle)
-    return np.where(small, angle / 6 * (1 - angle**2 / 20), (safe - np.sin(safe)) / safe**2)

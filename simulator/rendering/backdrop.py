@@ -10,9 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
+from scipy.special import ndtr
 
 from simulator.rendering.plane import NOWHERE_MM, PlaneMap
-from simulator.rendering.scene import Glare, Lighting, Optics, Picture, Plate, Wire
+from simulator.rendering.scene import Picture
+from simulator.rendering.tables import Glare, Lighting, Optics, Plate, Wire
 
 Picture32 = NDArray[np.float32]
 STEEL = np.array([0.98, 1.0, 1.01], dtype=np.float32)  # brushed steel is nearly grey, a little cool
@@ -107,7 +109,7 @@ def _wires(
     covered, light = np.zeros(points.shape[:2]), np.zeros((*points.shape[:2], 3))
     soft = max(math.hypot(blur_px, math.sqrt(1 / 12)), 1e-3)
     for wire in wires:
-        share = 1 / (1 + np.exp(-1.702 * (wire.width_px / 2 - _distance_px(wire, points)) / soft))
+        share = ndtr((wire.width_px / 2 - _distance_px(wire, points)) / soft)
         light = light * (1 - share[..., None]) + share[..., None] * np.asarray(wire.color)
         covered = 1 - (1 - covered) * (1 - share)
     return covered, light

@@ -107,16 +107,17 @@ def _draw(scene: GaugeScene, gauge: Gauge, camera: Camera, pose: GaugePose) -> N
     plane = plane_map(seen_from_gauge, 0.0, kernel.margin + 2)
     fiducials = {(fiducial.column, fiducial.row): fiducial for fiducial in gauge.fiducial}
     absent = _absent(scene, gauge)
-    for (row, column), _ in np.ndenumerate(np.empty(gauge.positions_mm().shape[:2])):
+    positions = gauge.positions_mm()
+    for row, column in np.ndindex(positions.shape[:2]):
         if (column, row) in absent:
             continue
-        x, y = gauge.positions_mm()[row, column]
+        x, y = positions[row, column]
         fiducial = fiducials.get((column, row))
         color = (fiducial.color if fiducial else None) or gauge.dots.color
         diameter = (fiducial.diameter_mm if fiducial else None) or gauge.dots.diameter_mm
         paint_disc([Disc(plane, (x, y), diameter, 0.0, ink(color) * scene.paper)], kernel, light)
     for _ in range(scene.dirt_spots):
-        place = rng.uniform(-0.5, 0.5, 2) * np.ptp(gauge.positions_mm(), axis=(0, 1))
+        place = rng.uniform(-0.5, 0.5, 2) * np.ptp(positions, axis=(0, 1))
         size = gauge.dots.diameter_mm * rng.uniform(0.1, 0.6)
         paint_disc([Disc(plane, tuple(place), size, 0.0, rng.uniform(0.05, 0.5) * np.ones(3))], kernel, light)
     light *= np.float32(scene.exposure.gain)

@@ -13,8 +13,8 @@ from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
 from simulator.errors import SimulationError
-from simulator.rendering.scene import Encoding, Scene
-from simulator.rendering.shots import TICKS
+from simulator.rendering.scene import Scene
+from simulator.rendering.tables import Encoding
 
 CONTAINERS = {
     "h264": ("mp4", "mov", "mkv", "avi"),
@@ -27,10 +27,11 @@ CONTAINERS = {
 def encode(
     frames: Iterable[tuple[Fraction, NDArray[np.uint8] | NDArray[np.uint16]]],
     scene: Scene,
+    clock: Fraction,
     size_px: tuple[int, int],
     path: Path,
 ) -> None:
-    """Write frames (presentation time, picture) to path.
+    """Write frames (presentation time, picture) to path; clock: what presentation times are multiples of.
 
     Raises SimulationError where codec, container, bits and size do not go together.
     """
@@ -39,13 +40,18 @@ def encode(
     if ending not in CONTAINERS[scene.encoding.codec]:
         fit = ", ".join(f".{name}" for name in CONTAINERS[scene.encoding.codec])
         raise SimulationError(f'{path.name}: codec "{scene.encoding.codec}" goes into {fit}; name the video so')
-    clock = Fraction(1, TICKS) if scene.timing.jitter_s > 0 else 1 / scene.frame_rate
     if pixel_format.startswith("yuv420") and (size_px[0] % 2 or size_px[1] % 2):
         raise SimulationError(
             f"a picture of {size_px[0]} × {size_px[1]} px has no halves for 4:2:0 colour; "
             f'say chroma = "444" or codec = "lossless" under [encoding]'
         )
-    with av.open(str(path), "w") as container:
+    # The edit list of an mp4 counts in a clock of its own, 1 ms if not told: too coarse for a first frame after 0.
+    muxing = (
+        {"movie_timescale": str(clock.denominator * max(1, 1_000_000 // clock.denominator))}
+        if ending in {"mp4", "mov"}
+        else {}
+    )
+    with av.open(str(path), "w", options=muxing) as container:
         stream = cast("VideoStream", container.add_stream(codec, rate=scene.frame_rate, options=options))
         stream.width, stream.height = size_px
         stream.pix_fmt = pixel_format
@@ -65,7 +71,7 @@ def _codec(encoding: Encoding, scene: Scene) -> tuple[str, str, dict[str, str]]:
     if encoding.codec == "lossless":
         if deep:
             raise SimulationError('codec "lossless" keeps 8 bits; for more say codec = "ffv1"')
-        return "libx264rgb", "rgb24", {"qp": "0", "preset": encoding.preset}
+        return "libx264rgb", "rgb24", {"qp": "0", "preset": encoding.preset or "ultrafast"}
     if encoding.codec == "ffv1":
         if color:
             return "ffv1", "gbrp16le" if deep else "bgr0", {"level": "3"}
@@ -73,7 +79,7 @@ def _codec(encoding: Encoding, scene: Scene) -> tuple[str, str, dict[str, str]]:
     if encoding.codec == "mjpeg":
         return "mjpeg", f"yuvj{encoding.chroma}p", {"qmin": str(encoding.quality), "qmax": str(encoding.quality)}
     pixel_format = f"yuv{encoding.chroma}p" + ("10le" if deep else "")
-    return "libx264", pixel_format, {"crf": f"{encoding.crf:g}", "preset": encoding.preset, **interlaced}
+    return "libx264", pixel_format, {"crf": f"{encoding.crf:g}", "preset": encoding.preset or "veryfast", **interlaced}
 
 
 def _given_format(picture: NDArray[np.uint8] | NDArray[np.uint16]) -> str:

@@ -40,3 +40,13 @@ def marks_of(poses: Array, sigma_mm: float, rng: np.random.Generator, correlatio
         points = plate_from_body(np.broadcast_to(place, (len(poses), 2)), *poses.T) + sigma_mm * noise
         table[f"{name}_x_mm"], table[f"{name}_y_mm"] = points.T
     return pd.DataFrame(table)
+
+
+def winding_poses(curvature_per_mm: Array, step_mm: float, slip_rad: float = 0.1) -> Array:
+    """Poses (n, 3) along a path of given curvature, (n,), at constant speed: exact for piecewise constant curvature."""
+    turned = np.concatenate([[0.0], np.cumsum(curvature_per_mm[:-1] * step_mm)])
+    middle = turned + np.asarray(curvature_per_mm) * step_mm / 2
+    chord = step_mm * np.sinc(np.asarray(curvature_per_mm) * step_mm / 2 / np.pi)
+    x = np.concatenate([[0.0], np.cumsum(chord * np.cos(middle))[:-1]])
+    y = np.concatenate([[0.0], np.cumsum(chord * np.sin(middle))[:-1]])
+    return np.column_stack([x, y, turned - slip_rad])

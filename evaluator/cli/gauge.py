@@ -1,0 +1,65 @@
+"""turnscope gauge."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+FILE = click.Path(path_type=Path, dir_okay=False)
+
+
+@click.command(
+    epilog="\b\nExamples:\n  turnscope gauge gauge.toml -o sheet.pdf\n"
+    "  turnscope gauge --columns 17 --rows 13 --pitch-mm 3 --diameter-mm 1 -o sheet.pdf",
+)
+@click.argument("gauge_file", metavar="[GAUGE.TOML]", required=False, type=FILE)
+@click.option("--columns", type=click.IntRange(2), help="Dots along x; with the next three, instead of a file.")
+@click.option("--rows", type=click.IntRange(2))
+@click.option("--pitch-mm", type=float, help="From dot to dot.")
+@click.option("--diameter-mm", type=float)
+@click.option(
+    "-o", "--out", type=FILE, default=Path("gauge.pdf"), show_default=True, help="PDF; an SVG is written beside it."
+)
+def gauge(
+    gauge_file: Path | None,
+    columns: int | None,
+    rows: int | None,
+    pitch_mm: float | None,
+    diameter_mm: float | None,
+    out: Path,
+) -> None:
+    """Write a printable dot gauge in true scale.
+
+    From a gauge.toml, or from four numbers, in which case the gauge.toml that calibrate needs is written beside the
+    sheet.
+    """
+    from calibration.gauge import load_gauge
+    from calibration.print_gauge import gauge_sheet, pdf, svg
+    from evaluator.errors import InputError
+    from evaluator.files import read_with, write_text, written_whole
+
+    numbers = (columns, rows, pitch_mm, diameter_mm)
+    if (gauge_file is None) == (None in numbers):
+        raise InputError(
+            "turnscope gauge needs either a gauge.toml or all of --columns, --rows, --pitch-mm, --diameter-mm"
+        )
+    written = [out.with_suffix(".pdf"), out.with_suffix(".svg")]
+    if gauge_file is None:
+        gauge_file = out.with_suffix(".toml")
+        name = f"dot plate, {columns} by {rows}"
+        write_text(gauge_file, _toml(name, *numbers))
+        written.append(gauge_file)
+    sheet = gauge_sheet(read_with(load_gauge, gauge_file))
+    with written_whole(written[0]) as temporary:
+        temporary.write_bytes(pdf(sheet))
+    write_text(written[1], svg(sheet))
+    click.echo(f"{sheet.width:.0f} mm × {sheet.height:.0f} mm: " + ", ".join(str(path) for path in written))
+
+
+def _toml(name: str, columns: int | None, rows: int | None, pitch_mm: float | None, diameter_mm: float | None) -> str:
+    return (
+        f'format = 1\nname = "{name}"\n\n[dots]\ncolumns = {columns}\nrows = {rows}\npitch_mm = {pitch_mm}\n'
+        f'diameter_mm = {diameter_mm}\nlayout = "square"\ncolor = "black"\nbackground = "white"\n'
+        "height_mm = 0.0                     # of the dots above the plate: thickness of the sheet, spacer\n"
+    )

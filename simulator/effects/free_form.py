@@ -1,0 +1,89 @@
+"""Physics without a name: one term of the grammar as an [[effect]] of robot.toml.
+
+    [[effect]]
+    id = "free-form"
+    channel = "force_forward"       # where it acts, see simulator.terms.CHANNELS
+    basis = "sign_u"                # what it depends on, see simulator.terms.BASES
+    coefficient = -0.4              # mN, µN·mm for moment, deg for steer, else a relative change; per unit of the basis
+    pattern = "common"              # over the wheels, see simulator.terms.PATTERNS
+    point_mm = [0.0, 0.0]           # for the bases toward_x and toward_y
+
+The entry may be repeated; terms add up.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Collection, Iterator, Mapping
+from typing import Any
+
+from simulator.terms import (
+    BASES,
+    CHANNELS,
+    COS_ANGLE,
+    DRAG,
+    FORCE_FORWARD,
+    FORCE_LEFT,
+    FORCE_PLATE_X,
+    FORCE_PLATE_Y,
+    PATTERNS,
+    SIN_ANGLE,
+    SLIDE_COS2,
+    SLIDE_SIN2,
+    SPEED,
+    STEER,
+    Term,
+)
+
+ID = "free-form"
+UN_PER_MN = 1000.0
+_CHOICES: dict[str, Collection[str]] = {"channel": CHANNELS, "basis": BASES, "pattern": PATTERNS}
+_OF_WHEELS = (COS_ANGLE, SIN_ANGLE, SLIDE_COS2, SLIDE_SIN2)
+
+
+def scale_of_channel(channel: int) -> float:
+    """Kernel units (µN, µN·mm, rad, 1) per file unit (mN, µN·mm, deg, 1) of a channel's coefficient."""
+    if channel in (FORCE_FORWARD, FORCE_LEFT, FORCE_PLATE_X, FORCE_PLATE_Y, DRAG):
+        return UN_PER_MN
+    return math.radians(1.0) if channel == STEER else 1.0
+
+
+def term_of(given: Mapping[str, Any]) -> Term:
+    """The term of an entry that is free of faults."""
+    channel = CHANNELS[given["channel"]]
+    x, y = given.get("point_mm", (0.0, 0.0))
+    return Term(
+        channel,
+        BASES[given["basis"]],
+        float(given["coefficient"]) * scale_of_channel(channel),
+        PATTERNS[given.get("pattern", "common")],
+        (float(x), float(y)),
+    )
+
+
+def faults(given: Mapping[str, Any]) -> Iterator[str]:
+    """What is wrong with an entry, a phrase each."""
+    known = [*_CHOICES, "coefficient", "point_mm"]
+    for name in given:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
+            yield f"effect {ID} has no parameter {name}" + (f"; did you mean {near[0]}?" if near else "")
+    for name, choices in _CHOICES.items():
+        value = given.get(name, "common" if name == "pattern" else None)
+        if not isinstance(value, str) or value not in choices:
+            near = difflib.get_close_matches(str(value), choices, n=1, cutoff=0.4)
+            hint = f"did you mean {near[0]}?" if near else f"it is one of {', '.join(choices)}"
+            yield f"effect {ID}: {name} = {value!r}; {hint}"
+    if not _is_number(given.get("coefficient")):
+        yield f"effect {ID}: coefficient = {given.get('coefficient')!r} is not a finite number"
+    point = given.get("point_mm", (0.0, 0.0))
+    if not (isinstance(point, list | tuple) and len(point) == 2 and all(_is_number(value) for value in point)):
+        yield f"effect {ID}: point_mm = {point!r} must be two numbers"
+    basis, channel = BASES.get(str(given.get("basis"))), CHANNELS.get(str(given.get("channel")))
+    if basis in _OF_WHEELS and channel is not None and channel < SPEED:
+        yield f"effect {ID}: basis {given['basis']} belongs to wheels, channel {given['channel']} to the body"
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

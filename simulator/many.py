@@ -1,0 +1,138 @@
+"""Many runs at once: the kernel under single runs, batches and fits, in parallel over runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import prange
+from numpy.typing import NDArray
+
+from simulator.command import Command
+from simulator.compiled import compiled
+from simulator.errors import SimulationError
+from simulator.motion import DONE, integrate_run
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+TOLERANCE_MM = 1e-7  # local error of a step, as displacement; a run of 10 s ends within about ten of them
+MOST_PLANNED = 400
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Steps that a set of runs took: replayed, results are smooth functions of models and starts.
+
+    steps: (n, m, 2) segment and size of each; count: (n,) how many are meant.
+    """
+
+    steps: Array
+    count: Index
+
+
+class Trials:
+    """Runs to be simulated again and again with changing models and starts, as fits do.
+
+    commands: one per run; times_s: one increasing array per run, the first time is that of the start. Results are
+    stacked over runs: rows edges[k]:edges[k + 1] belong to run k.
+    """
+
+    def __init__(self, commands: Sequence[Command], times_s: Sequence[Array]) -> None:
+        """Pack commands and times for the kernel. Raises SimulationError where they differ in number."""
+        if len(commands) != len(times_s) or not commands:
+            raise SimulationError(f"{len(commands)} commands for {len(times_s)} runs")
+        self.edges: Index = np.cumsum([0, *(len(times) for times in times_s)])
+        self._times = np.concatenate([np.asarray(times, dtype=float) for times in times_s])
+        self._knots = np.concatenate([command.knots for command in commands])
+        self._knot_edges: Index = np.cumsum([0, *(len(command.time_s) for command in commands)])
+
+    def __len__(self) -> int:
+        """Number of runs."""
+        return len(self.edges) - 1
+
+    def plan(self, models: NDArray[np.void], starts: Array, tolerance_mm: float = TOLERANCE_MM) -> Plan:
+        """Steps for runs from starts (n, 6), each with its model (n,), or all with one (1,)."""
+        steps = np.zeros((len(self), MOST_PLANNED, 2))
+        _, count = self._run(models, starts, tolerance_mm, steps, np.zeros(len(self), dtype=np.int64), replay=False)
+        return Plan(steps, np.minimum(count, MOST_PLANNED))
+
+    def states(
+        self, models: NDArray[np.void], starts: Array, plan: Plan | None = None, tolerance_mm: float = TOLERANCE_MM
+    ) -> Array:
+        """States (edges[-1], 6) of all runs: x, y, heading in the plate frame, u, v, yaw rate; mm, rad, s.
+
+        starts: (n, 6) or (6,). With a plan, its steps are taken and results vary smoothly. A run that fails is NaN.
+        """
+        if plan is None:
+            steps, count = np.zeros((len(self), 0, 2)), np.zeros(len(self), dtype=np.int64)
+            return self._run(models, starts, tolerance_mm, steps, count, replay=False)[0]
+        return self._run(models, starts, tolerance_mm, plan.steps, plan.count, replay=True)[0]
+
+    def _run(
+        self, models: NDArray[np.void], starts: Array, tolerance: float, steps: Array, count: Index, *, replay: bool
+    ) -> tuple[Array, Index]:
+        runs = len(self)
+        out = np.empty((len(self._times), 6))
+        state = np.array(np.broadcast_to(starts, (runs, 6)), dtype=float)
+        model_of = np.arange(runs) if len(models) == runs else np.zeros(runs, dtype=np.int64)
+        used = integrate_many(
+            models,
+            model_of,
+            self._knots,
+            self._knot_edges,
+            np.arange(runs),
+            state,
+            self._times,
+            self.edges,
+            out,
+            tolerance,
+            steps,
+            count,
+            replay,
+        )
+        return out, used
+
+
+@compiled(parallel=True)
+def integrate_many(
+    models: Any,
+    model_of: Any,
+    knots: Any,
+    knot_edges: Any,
+    command_of: Any,
+    states: Any,
+    times: Any,
+    edges: Any,
+    out: Any,
+    tolerance: float,
+    steps: Any,
+    count: Any,
+    replay: bool,
+) -> Any:
+    """Run k: models[model_of[k]] under command command_of[k] from states[k]; times and outputs edges[k]:edges[k + 1].
+
+    steps, count: the plan to replay or to fill, steps (n, 0, 2) for none. Returns the number of steps taken; failed
+    runs are NaN in out and states.
+    """
+    used = np.zeros(len(states), dtype=np.int64)
+    for run in prange(len(states)):
+        command = command_of[run]
+        own = out[edges[run] : edges[run + 1]]
+        plan = steps[run, : count[run]] if replay else steps[run]
+        done, taken = integrate_run(
+            models[model_of[run]],
+            knots[knot_edges[command] : knot_edges[command + 1]],
+            states[run],
+            times[edges[run] : edges[run + 1]],
+            own,
+            tolerance,
+            plan,
+            replay,
+        )
+        used[run] = taken
+        if done != DONE:
+            own[:] = np.nan
+            states[run] = np.nan
+    return used

@@ -1,0 +1,276 @@
+"""A whole run in one kernel: Rosenbrock steps through starts, stops and reversals, circles once the turn is steady.
+
+After every break of the command the velocity relaxes onto a slow manifold within milliseconds; adaptive steps follow it
+there. Where the command is constant and no force varies with place, heading or time, the manifold is one point: the
+steady turn. The run then ends in a circular arc, exact for the full dynamics, and what is left of the relaxation is
+integrated in closed form. Where forces vary, the steps grow to what the variation of the velocity asks for.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from simulator.compiled import compiled
+from simulator.implicit import euler_pair
+from simulator.rosenbrock import attempt, between, invert3, linearize, moved, rates
+from simulator.segments import BEGIN, END, STEADY, command_segments
+from simulator.stability import growth_rate, is_stable
+
+LEVER_MM = 10.0  # an error of heading counts as the displacement it makes at this distance
+# The linear formula for the end of a relaxation errs by the square of this share of the velocity.
+STEADY_SHARE = 1e-4
+MOST_STEPS = 20000
+MOST_TRIES = 4  # rejections in a row mean that a wheel sticks or turns over
+SHORTEST_STEP_S = 2e-6  # a fraction of the shortest relaxation of rolling wheels
+LONGEST_TURN_RAD = 1.0  # within one step, where the series for the twist is exact to 1e-9
+DONE, FAILED = 0, 1
+
+
+@compiled()
+def workspace() -> Any:
+    """Scratch for one run: states and stages, linearization, solver matrices, step ends."""
+    return np.zeros((40, 6)), np.zeros((3, 3, 3))
+
+
+@compiled()
+def settle(pose: Any, segment: Any, time: float, y: Any, model: Any, work: Any, solver: Any) -> bool:
+    """Where y (6) is close to a stable steady turn, move it there and return True.
+
+    y enters linearized in work and with twist 0; it leaves with the velocity of the steady turn and the twist that the
+    rest of the relaxation, velocity' = J·(velocity - steady velocity), will have made: -J⁻¹·(velocity - steady).
+    """
+    inverse = solver[0]
+    if not is_stable(work) or not invert3(work[1:4, :3], inverse):
+        return False
+    size, distance = 0.0, 0.0
+    for row in range(3):
+        lever = LEVER_MM if row == 2 else 1.0
+        size = max(size, lever * abs(y[3 + row]))
+        to_go = inverse[row, 0] * work[0, 3] + inverse[row, 1] * work[0, 4] + inverse[row, 2] * work[0, 5]
+        distance = max(distance, lever * abs(to_go))
+    if distance > max(STEADY_SHARE * size, model.rest_speed):
+        return False
+    steady, residual, start = work[10], work[11], work[12]
+    start[:] = y
+    steady[:] = y
+    residual[:] = work[0]
+    change, moved_by = 1.0, 0.0
+    for _ in range(8):  # the first Jacobian is good to the share above, so that each pass gains digits
+        change = 0.0
+        for row in range(3):
+            step = inverse[row, 0] * residual[3] + inverse[row, 1] * residual[4] + inverse[row, 2] * residual[5]
+            steady[3 + row] -= step
+            change = max(change, (LEVER_MM if row == 2 else 1.0) * abs(step))
+        moved_by += change
+        if change <= 1e-13 * size + 1e-16 or moved_by > 2 * distance:
+            break
+        rates(pose, segment, time, steady, model, residual)
+    if not (change <= 1e-10 * size + 1e-15 and moved_by <= 2 * distance):
+        return False  # forces bend within the distance: not close after all
+    for row in range(3):
+        y[row] = 0.0
+        for column in range(3):
+            y[row] -= inverse[row, column] * (start[3 + column] - steady[3 + column])
+    for row in range(3):
+        y[3 + row] = steady[3 + row]
+    return True
+
+
+@compiled()
+def error_norm(step: float, y: Any, end: Any, tolerance: float, rest_speed: float) -> float:
+    """Error of a step over the tolerance, as displacement in mm: of the pose, and of the velocity over the step."""
+    norm, size = 0.0, 0.0
+    for item in range(3):
+        size = max(size, abs(y[3 + item]), abs(end[0, 3 + item]))
+    for item in range(3):
+        lever = LEVER_MM if item == 2 else 1.0
+        displaced = lever * max(abs(end[1, item]), step * abs(end[1, 3 + item])) / tolerance
+        # A velocity error that moves nothing yet must still not spoil the relaxation, nor how a wheel breaks loose.
+        norm = max(norm, displaced, abs(end[1, 3 + item]) / (0.02 * size + rest_speed))
+    return float(max(norm, abs(end[0, 2]) / LONGEST_TURN_RAD))
+
+
+@compiled()
+def first_step(work: Any, tolerance: float, length: float) -> float:
+    """A step over which the acceleration, or its growth, moves the robot by a hundred tolerances."""
+    rate = math.sqrt(work[0, 3] ** 2 + work[0, 4] ** 2 + (LEVER_MM * work[0, 5]) ** 2)
+    growth = math.sqrt(work[7, 3] ** 2 + work[7, 4] ** 2 + (LEVER_MM * work[7, 5]) ** 2)
+    moving = math.sqrt(200.0 * tolerance / (rate + 1e-30))
+    starting = (600.0 * tolerance / (growth + 1e-30)) ** (1 / 3)
+    return float(min(length, moving, starting))
+
+
+@compiled()
+def write_arc(
+    out: Any, times: Any, row: int, until: float, last: bool, time: float, pose: Any, y: Any, step: float
+) -> int:
+    """Outputs on the arc that starts at time: a twist y[:3] at once, then constant velocity y[3:]."""
+    x, at_y, heading = moved(pose, y[0], y[1], y[2])
+    u, v, r = y[3], y[4], y[5]
+    cos, sin = math.cos(heading), math.sin(heading)
+    while row < len(times) and (times[row] < until or (last and times[row] <= until)):
+        since = times[row] - time
+        angle = r * since
+        if abs(angle) < 1e-4:
+            straight, aside = since * (1.0 - angle * angle / 6.0), since * angle / 2.0
+        else:
+            straight, aside = math.sin(angle) / r, (1.0 - math.cos(angle)) / r
+        ahead, left = straight * u - aside * v, aside * u + straight * v
+        out[row, 0], out[row, 1], out[row, 2] = (
+            x + cos * ahead - sin * left,
+            at_y + sin * ahead + cos * left,
+            heading + angle,
+        )
+        out[row, 3], out[row, 4], out[row, 5] = u, v, r
+        row += 1
+    pose[0], pose[1], pose[2] = x, at_y, heading
+    pose[0], pose[1], pose[2] = moved(pose, u * step, v * step, r * step)
+    return row
+
+
+@compiled()
+def integrate_run(
+    model: Any, knots: Any, state: Any, times: Any, out: Any, tolerance: float, plan: Any, replay: bool
+) -> tuple[int, int]:
+    """Integrate from state (6: pose, velocity) at times[0] to times[-1]; outputs (n, 6) into out; state is moved on.
+
+    plan: (m, 2) of segment and step. It is filled with the accepted steps; with replay it prescribes them, so that the
+    result is a smooth function of model and state. Returns DONE or FAILED and the number of steps of the plan.
+    """
+    scratch, solver = workspace()
+    pose, y, end, stages, work = state[:3], scratch[0], scratch[1:3], scratch[3:9], scratch[9:]
+    segments = command_segments(knots, times[0], times[-1], model)
+    y[:3] = 0.0
+    y[3:] = state[3:]
+    out[0] = state
+    row, used = 1, 0
+    for number in range(len(segments)):
+        segment = segments[number]
+        time, step, last = segment[BEGIN], 0.0, number == len(segments) - 1
+        while time < segment[END]:
+            remaining = segment[END] - time
+            linearize(pose, segment, time, y, model, work)
+            if segment[STEADY] == 1.0 and model.varies == 0:
+                closing = replay and (used >= len(plan) or int(plan[used, 0]) != number)
+                if (closing or not replay) and settle(pose, segment, time, y, model, work, solver):
+                    row = write_arc(out, times, row, segment[END], last, time, pose, y, remaining)
+                    y[:3] = 0.0
+                    break
+            if step == 0.0:
+                step = first_step(work, tolerance, remaining)
+            planned = replay and used < len(plan) and int(plan[used, 0]) == number
+            sticking = planned and plan[used, 1] < 0.0
+            step = abs(plan[used, 1]) if planned else min(step, 1.0 / (growth_rate(work) + 1e-30))
+            tried, wanted = 0.0, 0.0
+            if not sticking:
+                tried, wanted = smooth_step(
+                    pose, segment, time, min(step, remaining), y, model, tolerance, planned, work, solver, stages, end
+                )
+            if tried == 0.0:
+                sticking = True
+                step = abs(plan[used, 1]) if planned else max(step, SHORTEST_STEP_S)
+                tried, wanted = sticking_step(
+                    pose, segment, time, min(step, remaining), y, model, tolerance, planned, work, solver, stages, end
+                )
+            if tried == 0.0 or used >= MOST_STEPS:
+                return FAILED, used
+            if not replay and used < len(plan):
+                plan[used, 0], plan[used, 1] = number, -tried if sticking else tried
+            used += 1
+            following = segment[END] if tried >= remaining else time + tried
+            row = _write_step(
+                out, times, row, following, last and tried >= remaining, time, tried, pose, y, stages, end, work
+            )
+            pose[0], pose[1], pose[2] = moved(pose, end[0, 0], end[0, 1], end[0, 2])
+            y[:3] = 0.0
+            y[3:] = end[0, 3:]
+            time, step = following, wanted
+    state[3:] = y[3:]
+    return DONE, used
+
+
+@compiled()
+def smooth_step(
+    pose: Any,
+    segment: Any,
+    time: float,
+    step: float,
+    y: Any,
+    model: Any,
+    tolerance: float,
+    planned: bool,
+    work: Any,
+    solver: Any,
+    stages: Any,
+    end: Any,
+) -> tuple[float, float]:
+    """Take a Rosenbrock step: the size accepted, 0 where friction bends too sharply, and the size wanted next."""
+    for _ in range(MOST_TRIES):
+        taken = attempt(pose, segment, time, step, y, model, work, solver, stages, end)
+        if planned and taken:
+            return step, step
+        norm = error_norm(step, y, end, tolerance, 0.1 * model.rest_speed) if taken else 1e6
+        factor = min(6.0, max(0.15, 0.9 * (norm + 1e-12) ** -0.25))
+        if norm <= 1.0:
+            return step, step * factor
+        step *= min(factor, 0.7)
+        if step < SHORTEST_STEP_S:
+            break
+    return 0.0, 0.0
+
+
+@compiled()
+def sticking_step(
+    pose: Any,
+    segment: Any,
+    time: float,
+    step: float,
+    y: Any,
+    model: Any,
+    tolerance: float,
+    planned: bool,
+    work: Any,
+    solver: Any,
+    stages: Any,
+    end: Any,
+) -> tuple[float, float]:
+    """Take a pair of implicit Euler steps: the size accepted, 0 where none was, and the size wanted next."""
+    stages[:] = 0.0  # outputs within the step are on the straight line
+    for _ in range(60):
+        taken = euler_pair(pose, segment, time, step, y, model, work, solver, end)
+        if planned and taken:
+            return step, step
+        norm = error_norm(step, y, end, tolerance, 0.1 * model.rest_speed) if taken else 1e6
+        factor = min(4.0, max(0.2, 0.9 * (norm + 1e-12) ** -0.5))
+        if norm <= 1.0:
+            return step, step * factor
+        step *= min(factor, 0.7)
+    return 0.0, 0.0
+
+
+@compiled()
+def _write_step(
+    out: Any,
+    times: Any,
+    row: int,
+    until: float,
+    last: bool,
+    time: float,
+    step: float,
+    pose: Any,
+    y: Any,
+    stages: Any,
+    end: Any,
+    work: Any,
+) -> int:
+    """Outputs inside the step just taken."""
+    at = work[10]
+    while row < len(times) and (times[row] < until or (last and times[row] <= until)):
+        between((times[row] - time) / step, y, stages, end, at)
+        out[row, 0], out[row, 1], out[row, 2] = moved(pose, at[0], at[1], at[2])
+        out[row, 3], out[row, 4], out[row, 5] = at[3], at[4], at[5]
+        row += 1
+    return row

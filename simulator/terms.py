@@ -1,0 +1,90 @@
+"""The grammar of added physics: a term is coefficient × basis of the state, added to a channel with a wheel pattern.
+
+{where it acts: channel} × {what it depends on: basis} × {common, left-right, front-rear: pattern over the wheels}.
+Units: mm, s, g, µN, rad. Body channels take the state of the robot's centre, wheel channels that of each wheel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+# Channels. Body: force in the body frame, moment, force in the plate frame (µN, µN·mm). Wheel: relative change of
+# surface speed, load, stiffness and friction coefficient; toe angle (rad); force along the wheel (µN).
+FORCE_FORWARD, FORCE_LEFT, MOMENT, FORCE_PLATE_X, FORCE_PLATE_Y = range(5)
+SPEED, STEER, LOAD, STIFFNESS, DRAG, FRICTION = range(5, 11)
+CHANNELS = {
+    "force_forward": FORCE_FORWARD,
+    "force_left": FORCE_LEFT,
+    "moment": MOMENT,
+    "force_plate_x": FORCE_PLATE_X,
+    "force_plate_y": FORCE_PLATE_Y,
+    "speed": SPEED,
+    "steer": STEER,
+    "load": LOAD,
+    "stiffness": STIFFNESS,
+    "drag": DRAG,
+    "friction": FRICTION,
+}
+
+# Bases. From COS on they change along a steady turn, so that no circle closes the motion.
+ONE, U, V, YAW, U_ABS, V_ABS, YAW_ABS, ABS_U, ABS_YAW, SIGN_U, SIGN_V, SIGN_YAW = range(12)
+COS, SIN, COS2, SIN2, X, Y, TIME, COS_ANGLE, SIN_ANGLE, TOWARD_X, TOWARD_Y, SLIDE_COS2, SLIDE_SIN2 = range(12, 25)
+BASES = {
+    "one": ONE,
+    "u": U,
+    "v": V,
+    "yaw_rate": YAW,
+    "u_abs_u": U_ABS,
+    "v_abs_v": V_ABS,
+    "yaw_rate_abs": YAW_ABS,
+    "abs_u": ABS_U,
+    "abs_yaw_rate": ABS_YAW,
+    "sign_u": SIGN_U,
+    "sign_v": SIGN_V,
+    "sign_yaw_rate": SIGN_YAW,
+    "cos_heading": COS,
+    "sin_heading": SIN,
+    "cos_2_heading": COS2,
+    "sin_2_heading": SIN2,
+    "x": X,
+    "y": Y,
+    "time": TIME,
+    "cos_wheel_angle": COS_ANGLE,
+    "sin_wheel_angle": SIN_ANGLE,
+    "toward_x": TOWARD_X,  # components of the unit vector toward a point of the plate
+    "toward_y": TOWARD_Y,
+    "cos_2_slide": SLIDE_COS2,  # of the direction in which the contact slides over the plate
+    "sin_2_slide": SLIDE_SIN2,
+}
+PATTERNS = {
+    "common": (1.0, 1.0, 1.0, 1.0),
+    "left-right": (1.0, -1.0, 1.0, -1.0),
+    "front-rear": (1.0, 1.0, -1.0, -1.0),
+    "driving": (1.0, 1.0, 0.0, 0.0),
+    "driving-left-right": (1.0, -1.0, 0.0, 0.0),
+    "driven": (0.0, 0.0, 1.0, 1.0),
+}
+
+
+@dataclass(frozen=True)
+class Term:
+    """One term: channel and basis of this module, coefficient in the channel's unit per unit of the basis.
+
+    pattern: weight of each wheel, for wheel channels; point_mm: for the bases toward_x and toward_y.
+    """
+
+    channel: int
+    basis: int
+    coefficient: float
+    pattern: tuple[float, ...] = PATTERNS["common"]
+    point_mm: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def acts_on_wheels(self) -> bool:
+        """Whether the term is evaluated at every wheel."""
+        return self.channel >= SPEED
+
+    @property
+    def varies(self) -> bool:
+        """Whether the term changes along a steady turn."""
+        return self.basis >= COS or self.channel in (FORCE_PLATE_X, FORCE_PLATE_Y)

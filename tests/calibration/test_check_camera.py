@@ -1,0 +1,55 @@
+"""A calibration holds until camera or lens change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from calibration.camera import PARAMETERS, Camera, camera_above
+from calibration.check import check_camera
+from calibration.gauge import Gauge
+from calibration.solve import Calibration, calibrate
+from tests.calibration.drawing import draw_gauge, posed, random_poses
+
+GAUGE = Gauge.model_validate(
+    {"format": 1, "name": "test", "dots": {"columns": 13, "rows": 9, "pitch_mm": 3.0, "diameter_mm": 1.2}}
+)
+CAMERA = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=120, tilt_deg=3, k1=-0.3)
+
+
+@pytest.fixture(scope="module")
+def calibrated() -> Calibration:
+    rng = np.random.default_rng(4)
+    views = random_poses(CAMERA, 5, rng, tilt_deg=25, shift_mm=3)
+    return calibrate([draw_gauge(view, GAUGE, rng=rng, snr=50) for view in views], GAUGE)
+
+
+def _with(**values: float) -> Camera:
+    parameters = CAMERA.parameters.copy()
+    for name, value in values.items():
+        parameters[PARAMETERS.index(name)] = value
+    return replace(CAMERA, parameters=parameters)
+
+
+def _outcome(calibrated: Calibration, camera: Camera, seed: int) -> str:
+    picture = draw_gauge(camera, GAUGE, rng=np.random.default_rng(seed), snr=50)
+    return check_camera(calibrated.camera, GAUGE, picture, variance=calibrated.fit.variance).outcome
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_unchanged_camera_holds_wherever_the_gauge_lies(calibrated: Calibration, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    turn = cv2.Rodrigues(np.array([0.0, 0.0, rng.uniform(-0.3, 0.3)]))[0]
+    assert _outcome(calibrated, posed(CAMERA, turn, np.array([*rng.uniform(-2, 2, 2), 0.0])), seed) == "holds"
+
+
+def test_camera_pushed_nearer_no_longer_holds(calibrated: Calibration) -> None:
+    assert _outcome(calibrated, posed(CAMERA, np.eye(3), np.array([0.0, 0.0, 0.5])), 5) == "no longer holds"
+
+
+def test_refocused_lens_no_longer_holds_at_equal_scale(calibrated: Calibration) -> None:
+    changed = _with(focal_px=1200 * 1.03, translation_z_mm=CAMERA.value("translation_z_mm") * 1.03, k1=-0.33)
+    assert _outcome(calibrated, changed, 6) == "no longer holds"
