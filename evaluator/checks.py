@@ -58,7 +58,7 @@ def _robot(folder: Path, name: str, experiment: Path) -> Iterator[str]:
 
 
 def _camera(folder: Path, name: str, experiment: Path) -> Iterator[str]:
-    from calibration.store import load_camera  # type: ignore[import-not-found,unused-ignore]
+    from calibration.store import load_camera
 
     if not (folder / name).exists():
         yield f"{experiment}: camera {name} does not exist; turnscope calibrate makes it from pictures of the gauge"

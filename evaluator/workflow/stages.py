@@ -61,7 +61,7 @@ class _Stages:
     def camera(self) -> Camera | None:
         if self.run.camera is None:
             return None
-        from calibration.store import load_camera  # type: ignore[import-not-found,unused-ignore]
+        from calibration.store import load_camera
 
         camera: Camera = read_with(load_camera, self.run.camera)
         return camera
@@ -83,7 +83,9 @@ class _Stages:
             return [path], {}
         assert self.run.video is not None  # either, says the model of the file
         assert self.camera is not None
-        recording = Glimpsed(open_recording(self.run.video))
+        source = open_recording(self.run.video)
+        source.threads = 1  # the other cores have runs of their own
+        recording = Glimpsed(source)
         settings = read_with(load_settings, self.job.tracking) if self.job.tracking else None
         table = track(recording, settings)
         report = recording.report()
