@@ -26,6 +26,7 @@ SPACING_LIMIT_SIGMA = 6.0
 # Marks CSV carry six decimals of a millimetre: the rounding error of one coordinate, the least sigma a file can have.
 ROUNDING_SIGMA_MM = 1e-6 / np.sqrt(12)
 GAUSSIAN_SIGMA_PER_MAD = 1.4826
+SUPPORTS = 120  # points where the camera's sensitivity is computed; a lens is smooth, and a cubic joins them to 1e-3
 
 
 @dataclass(frozen=True)
@@ -54,8 +55,8 @@ class Poses:
     """Poses of the robot's centre over time, plate frame; NaN where a frame has none, with the reason in `status`.
 
     time_s, x_mm, y_mm, heading_rad: (n,). covariance: (n, 3, 3) of (x, y, heading), what is random from frame to frame.
-    sensitivity: (n, 3, p), derivative by the camera's parameters, and camera_covariance (p, p): together the systematic
-    part, common to all frames; None without a camera. spacing_mm: (n,) measured distance of the marks.
+    systematic: (n, 3, k), shift of every pose by one standard deviation of each of k independent errors of the camera,
+    common to all frames; None without a camera. spacing_mm: (n,) measured distance of the marks.
     """
 
     time_s: Array
@@ -66,12 +67,11 @@ class Poses:
     status: NDArray[np.str_]
     spacing_mm: Array = field(default_factory=lambda: np.empty(0))
     geometry: MarkGeometry | None = None
-    sensitivity: Array | None = None
-    camera_covariance: Array | None = None
+    systematic: Array | None = None
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
-        for name in ("time_s", "x_mm", "y_mm", "heading_rad", "covariance", "spacing_mm", "sensitivity"):
+        for name in ("time_s", "x_mm", "y_mm", "heading_rad", "covariance", "spacing_mm", "systematic"):
             value = getattr(self, name)
             if value is not None:
                 array = np.array(value, dtype=float)
@@ -103,7 +103,7 @@ def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera
     Weighted least squares of a rigid body: heading from the direction between the marks, position from their weighted
     mean. Uncertainties come from the sigma columns (`green_x_sigma_mm`, …, `green_xy_cov_mm2`) or, where the table has
     none, from the scatter of the rigid distance itself. A frame with a missing mark is NaN with the mark's reason.
-    With a camera the poses also carry the sensitivity to its parameters (needs geometry.height_mm).
+    With a camera the poses also carry what its uncertainty does to them (needs geometry.height_mm).
     """
     time = marks["time_s"].to_numpy(float)
     green, yellow = (marks[[f"{m}_x_mm", f"{m}_y_mm"]].to_numpy(float) for m in ("green", "yellow"))
@@ -117,7 +117,7 @@ def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera
     pose[:, 2] = unwrapped_across_gaps(time, pose[:, 2])
     jacobian = _pose_jacobian(green, yellow, pose[:, 2], geometry, weight)
     covariance = np.einsum("nmia,nmab,nmjb->nij", jacobian, covariances, jacobian)
-    sensitivity = None if camera is None else _sensitivity(marks, green, yellow, jacobian, geometry, camera)
+    systematic = None if camera is None else _systematic(marks, green, yellow, jacobian, geometry, camera)
     return Poses(
         time_s=time,
         x_mm=pose[:, 0],
@@ -127,8 +127,7 @@ def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera
         status=status,
         spacing_mm=spacing,
         geometry=geometry,
-        sensitivity=sensitivity,
-        camera_covariance=None if camera is None else np.asarray(camera.covariance),
+        systematic=systematic,
     )
 
 
@@ -218,20 +217,29 @@ def _pose_jacobian(green: Array, yellow: Array, heading: Array, geometry: MarkGe
     return result
 
 
-def _sensitivity(
+def _systematic(
     marks: pd.DataFrame, green: Array, yellow: Array, jacobian: Array, geometry: MarkGeometry, camera: Camera
 ) -> Array:
     if geometry.height_mm is None:
         raise InputError(
             "marks: their height above the plate is needed to carry the camera's uncertainty; say height_mm"
         )
-    height = geometry.height_mm
-    result: Array | float = 0.0
+    height, errors = geometry.height_mm, _independent_errors(camera)
+    result = np.zeros((len(green), 3, errors.shape[1]))
     for index, (name, points) in enumerate((("green", green), ("yellow", yellow))):
         place = _picture_points(marks, name, points, height, camera)
-        by_camera = _smooth(lambda at: camera.plate_sensitivity(at, height), place)
-        result = result + np.einsum("nia,nap->nip", jacobian[:, index], by_camera)
-    return np.asarray(result)
+        shift = _smoothly(lambda at: camera.plate_sensitivity(at, height) @ errors, place)
+        result += jacobian[:, index] @ shift
+    return result
+
+
+def _independent_errors(camera: Camera) -> Array:
+    """Parameter changes (p, k), one standard deviation each, whose outer products add up to the covariance."""
+    sigma = np.sqrt(np.diag(camera.covariance))
+    unit = np.where(sigma > 0, sigma, 1.0)
+    values, vectors = np.linalg.eigh(camera.covariance / np.outer(unit, unit))
+    kept = values > 1e-12 * max(float(values.max()), 1e-300)
+    return np.asarray(unit[:, None] * vectors[:, kept] * np.sqrt(values[kept]))
 
 
 def _picture_points(marks: pd.DataFrame, name: str, points: Array, height: float, camera: Camera) -> Array:
@@ -241,12 +249,27 @@ def _picture_points(marks: pd.DataFrame, name: str, points: Array, height: float
     return camera.picture_from_plate(np.column_stack([points, np.full(len(points), height)]))
 
 
-def _smooth(function: Callable[[Array], Array], places: Array) -> Array:
-    """Evaluate a costly smooth function of picture points (n, 2); NaN where a point is NaN."""
-    there = np.isfinite(places).all(axis=1)
-    values = function(places[there]) if there.any() else np.empty((0, 2, 1))
+def _smoothly(function: Callable[[Array], Array], places: Array) -> Array:
+    """Values (n, …) of a costly smooth function of picture points (n, 2): computed at SUPPORTS of them, then a cubic.
+
+    Places without a point are NaN.
+    """
+    there = np.flatnonzero(np.isfinite(places).all(axis=1))
+    chosen = there[np.unique(np.linspace(0, len(there) - 1, min(len(there), SUPPORTS)).astype(int))]
+    values = function(places[chosen])
     result = np.full((len(places), *values.shape[1:]), np.nan)
-    result[there] = values
+    if len(there) <= SUPPORTS:
+        result[chosen] = values
+        return result
+    center, reach = places[there].mean(axis=0), np.ptp(places[there], axis=0).max() / 2 + 1e-9
+    powers = [(i, j) for i in range(4) for j in range(4 - i)]
+
+    def terms(at: Array) -> Array:
+        x, y = ((at - center) / reach).T
+        return np.stack([x**i * y**j for i, j in powers], axis=1)
+
+    coefficients = np.linalg.lstsq(terms(places[chosen]), values.reshape(len(chosen), -1), rcond=1e-10)[0]
+    result[there] = (terms(places[there]) @ coefficients).reshape(len(there), *values.shape[1:])
     return result
 
 

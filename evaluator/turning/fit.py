@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from evaluator.turning.noise import Averaged, Block, averaged_least_squares, averaged_over_blocks
+from evaluator.turning.noise import Averaged, Block, averaged_least_squares, averaged_over_blocks, responses
 from evaluator.turning.steady_motion import SteadyMotion, fit_steady_motion
 
 Array = NDArray[np.float64]
@@ -21,17 +21,34 @@ MEDIAN_SQUARED = 1.386  # median of chi-squared with two degrees of freedom
 NEIGHBOURS = 31
 FEWEST_FRAMES = 8
 COVERED = (0.025, 0.975)
+COVERED_SIGMAS = 1.96
 HALF_TURN = np.pi / 2
 
 
 @dataclass(frozen=True)
 class Curvature:
-    """Curvature of the path of the robot's centre with 95 % bounds, 1/mm; positive counter-clockwise."""
+    """Curvature of the path of the robot's centre with 95 % bounds, 1/mm; positive counter-clockwise.
+
+    sigma: standard uncertainty by noise, which more frames would reduce; systematic: by the camera's own uncertainty,
+    which only a better calibration would. The bounds hold both.
+    """
 
     value: float
     low: float
     high: float
     sigma: float
+    systematic: float = 0.0
+
+    def with_systematic(self, systematic: float) -> Curvature:
+        """Bounds widened by a systematic standard uncertainty; independent errors add in quadrature."""
+        reach = COVERED_SIGMAS * systematic
+        return Curvature(
+            self.value,
+            self.value - float(np.hypot(self.value - self.low, reach)),
+            self.value + float(np.hypot(self.high - self.value, reach)),
+            self.sigma,
+            float(np.hypot(self.systematic, systematic)),
+        )
 
     @property
     def straight(self) -> bool:
@@ -52,7 +69,8 @@ class TurnFit:
 
     offset_mm: (2,) body-frame place of the point whose position and heading noise are uncorrelated (between the marks);
     the motion is that of this point. used: (n,) frames that took part. averaged: steps of the four parameters about
-    `motion` with their uncertainty. ahead: 1 where the path parameter grows with time, else -1.
+    `motion` with their uncertainty; systematic: (4, k) their shifts by independent errors of the camera. ahead: 1 where
+    the path parameter grows with time, else -1.
     """
 
     motion: SteadyMotion
@@ -60,6 +78,7 @@ class TurnFit:
     used: Flags
     averaged: Averaged
     ahead: float
+    systematic: Array
 
     def body_twists(self, steps: Array, place_mm: Array) -> Array:
         """Velocity (v_x, v_y) and yaw rate of a body point per path parameter: (m, 3) for steps (m, 4)."""
@@ -91,18 +110,20 @@ class TurnFit:
         best = base + float(self.averaged.mean() @ gradient)
         low, high = base + self.averaged.quantiles(gradient, COVERED)
         value, below, above = (float(np.tan(np.clip(a, -HALF_TURN, HALF_TURN)) / length) for a in (best, low, high))
-        sigma = np.sqrt(gradient @ self.averaged.spread() @ gradient) * (1 + (value * length) ** 2) / length
-        return Curvature(value, below, above, float(sigma))
+        per_bend = (1 + (value * length) ** 2) / length
+        sigma = float(np.sqrt(gradient @ self.averaged.spread() @ gradient) * per_bend)
+        systematic = float(np.linalg.norm(gradient @ self.systematic) * per_bend)
+        return Curvature(value, below, above, sigma).with_systematic(systematic)
 
 
-def body_covariance(covariance: Array, heading_rad: Array) -> Array:
-    """Turn plate-frame covariances (n, 3, 3) of (x, y, heading) into the body frame."""
+def _body_from_plate(heading_rad: Array) -> Array:
+    """Rotations (n, 3, 3) that take plate-frame changes of (x, y, heading) into the body frame."""
     rotation = np.zeros((len(heading_rad), 3, 3))
     rotation[:, 0, 0] = rotation[:, 1, 1] = np.cos(heading_rad)
     rotation[:, 0, 1] = np.sin(heading_rad)
     rotation[:, 1, 0] = -rotation[:, 0, 1]
     rotation[:, 2, 2] = 1.0
-    return np.asarray(rotation @ covariance @ np.swapaxes(rotation, 1, 2))
+    return rotation
 
 
 @dataclass(frozen=True)
@@ -114,11 +135,13 @@ class Scaled:
     offset_mm: Array
     length_mm: float
     sigma_mm: float
+    systematic: Array | None = None  # (n, 3, k) body frame, mm: shifts by independent errors common to all frames
 
 
-def scaled_poses(pose: Array, covariance: Array) -> Scaled:
+def scaled_poses(pose: Array, covariance: Array, systematic: Array | None = None) -> Scaled:
     """Move poses (n, 3) to the point whose position noise is uncorrelated with the heading's, and find the length."""
-    in_body = body_covariance(covariance, pose[:, 2])
+    rotation = _body_from_plate(pose[:, 2])
+    in_body = rotation @ covariance @ np.swapaxes(rotation, 1, 2)
     mean = np.median(in_body, axis=0)
     offset = np.array([-mean[1, 2], mean[0, 2]]) / mean[2, 2]
     cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
@@ -130,13 +153,19 @@ def scaled_poses(pose: Array, covariance: Array) -> Scaled:
     length = float(np.sqrt(position / np.median(at_point[:, 2, 2])))
     stretch = np.diag([1.0, 1.0, length])
     return Scaled(
-        np.column_stack([place, pose[:, 2]]), stretch @ at_point @ stretch, offset, length, float(np.sqrt(position))
+        pose=np.column_stack([place, pose[:, 2]]),
+        covariance=stretch @ at_point @ stretch,
+        offset_mm=offset,
+        length_mm=length,
+        sigma_mm=float(np.sqrt(position)),
+        systematic=None if systematic is None else stretch @ shift @ rotation @ systematic,
     )
 
 
 def part(scaled: Scaled, where: Flags) -> Scaled:
     """Some frames of scaled poses."""
-    return replace(scaled, pose=scaled.pose[where], covariance=scaled.covariance[where])
+    systematic = None if scaled.systematic is None else scaled.systematic[where]
+    return replace(scaled, pose=scaled.pose[where], covariance=scaled.covariance[where], systematic=systematic)
 
 
 def fit_turn(time_s: Array, scaled: Scaled) -> TurnFit:
@@ -147,8 +176,13 @@ def fit_turn(time_s: Array, scaled: Scaled) -> TurnFit:
     """
     motion, used = _robust_motion(scaled)
     channel = _channel_factor([_standard(motion, scaled)[used]])
-    averaged = averaged_least_squares(_block(time_s, scaled, motion, used, channel))
-    return _turn_fit(motion, scaled, used, averaged)
+    block = _block(time_s, scaled, motion, used, channel)
+    averaged = averaged_least_squares(block)
+    shift = np.zeros((4, 0))
+    if scaled.systematic is not None:
+        across = channel @ _whitening(motion, scaled.covariance) @ motion.across.T @ scaled.systematic
+        shift = responses(averaged, block, across[used])
+    return _turn_fit(motion, scaled, used, averaged, shift)
 
 
 def fit_turns(time_s: Array, scaled: Scaled, stretches: list[Flags]) -> list[TurnFit]:
@@ -166,10 +200,14 @@ def fit_turns(time_s: Array, scaled: Scaled, stretches: list[Flags]) -> list[Tur
     ]
 
 
-def _turn_fit(motion: SteadyMotion, scaled: Scaled, used: Flags, averaged: Averaged) -> TurnFit:
+def _turn_fit(
+    motion: SteadyMotion, scaled: Scaled, used: Flags, averaged: Averaged, systematic: Array | None = None
+) -> TurnFit:
     along = motion.along_mm[used]
     ahead = 1.0 if np.median(np.sign(np.diff(along))) >= 0 else -1.0
-    return TurnFit(motion, scaled.offset_mm, used, averaged, ahead)
+    return TurnFit(
+        motion, scaled.offset_mm, used, averaged, ahead, np.zeros((4, 0)) if systematic is None else systematic
+    )
 
 
 def _robust_motion(scaled: Scaled) -> tuple[SteadyMotion, Flags]:

@@ -30,14 +30,17 @@ class Turning:
     radius_mm: smallest turning radius of the centre that is sustained for a quarter turn (sustained.py), with 95 %
     bounds; steady_radius_mm: of the steady turn as a whole. Both are NaN where the interval of the curvature reaches
     straight: the curvature itself then says how straight. The two are equal unless radius_varies; radius_variation is
-    then the relative standard deviation of the curvature from quarter turn to quarter turn, noise taken off. Speeds are
-    positive forward.
+    then the relative standard deviation of the curvature from quarter turn to quarter turn, noise taken off.
+    radius_random_mm and radius_systematic_mm are standard uncertainties: by noise, which more frames would reduce, and
+    by the camera, which only a better calibration would; the bounds hold both. Speeds are positive forward.
     """
 
     radius_mm: float = NAN
     radius_low_mm: float = NAN
     radius_high_mm: float = NAN
     radius_status: str = "ok"
+    radius_random_mm: float = NAN
+    radius_systematic_mm: float = NAN
     steady_radius_mm: float = NAN
     steady_radius_low_mm: float = NAN
     steady_radius_high_mm: float = NAN
@@ -87,7 +90,8 @@ def measure_turning(poses: Poses, start_s: float | None = None, stop_s: float | 
         return replace(seen, radius_status=f"{int(there.sum())} frames with a pose; {FEWEST_FRAMES} are needed")
     time = poses.time_s[there]
     pose = np.column_stack([poses.x_mm, poses.y_mm, poses.heading_rad])[there]
-    scaled = scaled_poses(pose, poses.covariance[there])
+    systematic = None if poses.systematic is None else poses.systematic[there]
+    scaled = scaled_poses(pose, poses.covariance[there], systematic)
     stretched = scaled.pose * np.array([1.0, 1.0, scaled.length_mm])
     phases = find_phases(time, stretched, scaled.sigma_mm, start_s, stop_s)
     seen = replace(
@@ -130,6 +134,8 @@ def _with_radii(seen: Turning, fit: TurnFit, sustained: Sustained) -> Turning:
         radius_low_mm=radius[1],
         radius_high_mm=radius[2],
         radius_status=status,
+        radius_random_mm=radius[0] ** 2 * sustained.tightest.sigma,
+        radius_systematic_mm=radius[0] ** 2 * sustained.tightest.systematic,
         steady_radius_mm=steady[0],
         steady_radius_low_mm=steady[1],
         steady_radius_high_mm=steady[2],

@@ -185,6 +185,17 @@ def _log_prior(models: tuple[NoiseModel, ...]) -> Array:
     return np.array([np.log(WHITE_SHARES[key[0]] / keys.count(key)) for key in keys])
 
 
+def responses(averaged: Averaged, block: Block, columns: Array) -> Array:
+    """What the most probable estimator answers to given deviations (n, c, k) instead of the residual: (p, k)."""
+    parameters = block.design.shape[2]
+    model = averaged.models[averaged.best]
+    data: Array = np.concatenate([block.design, columns], axis=2)
+    moments = _moments(block.time, block.heading_rad, data, (model,))[0][0]
+    within, cross = moments[:parameters, :parameters], moments[:parameters, parameters:]
+    scale = np.sqrt(np.maximum(np.diag(within), 1e-300))[:, None]
+    return np.asarray(np.linalg.pinv(within / (scale @ scale.T), rcond=1e-12) @ (cross / scale) / scale)
+
+
 def _mixture_quantile(level: float, weight: Array, center: Array, width: Array, freedom: float) -> float:
     """Quantile of a mixture of Student distributions by bisection."""
     keep = weight > NEGLIGIBLE * weight.max()

@@ -69,6 +69,10 @@ def sustained_turn(time_s: Array, scaled: Scaled, regions: list[Flags], whole: T
     windows = first + shifted
     curvatures += [fit.curvature() for fit in fit_turns(time_s, scaled, shifted)] if shifted else []
     shrunk = [_shrunk(curvature, center, between) for curvature in curvatures]
+    # The camera's error is common to the whole run: a share of the curvature, whichever stretch it is of.
+    share = abs(steady.systematic / steady.value) if steady.value else 0.0
+    shrunk = [curvature.with_systematic(share * abs(curvature.value)) for curvature in shrunk]
+    center = center.with_systematic(share * abs(center.value))
     sense = np.sign(center.value) or 1.0
     best = int(np.argmax([sense * curvature.value for curvature in shrunk]))
     when = time_s[windows[best]]

@@ -13,8 +13,8 @@ from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
 from simulator.errors import SimulationError
-from simulator.rendering.scene import Encoding, Scene
-from simulator.rendering.shots import TICKS
+from simulator.rendering.scene import Scene
+from simulator.rendering.tables import Encoding
 
 CONTAINERS = {
     "h264": ("mp4", "mov", "mkv", "avi"),
@@ -27,10 +27,11 @@ CONTAINERS = {
 def encode(
     frames: Iterable[tuple[Fraction, NDArray[np.uint8] | NDArray[np.uint16]]],
     scene: Scene,
+    clock: Fraction,
     size_px: tuple[int, int],
     path: Path,
 ) -> None:
-    """Write frames (presentation time, picture) to path.
+    """Write frames (presentation time, picture) to path; clock: what presentation times are multiples of.
 
     Raises SimulationError where codec, container, bits and size do not go together.
     """
@@ -39,7 +40,6 @@ def encode(
     if ending not in CONTAINERS[scene.encoding.codec]:
         fit = ", ".join(f".{name}" for name in CONTAINERS[scene.encoding.codec])
         raise SimulationError(f'{path.name}: codec "{scene.encoding.codec}" goes into {fit}; name the video so')
-    clock = Fraction(1, TICKS) if scene.timing.jitter_s > 0 else 1 / scene.frame_rate
     if pixel_format.startswith("yuv420") and (size_px[0] % 2 or size_px[1] % 2):
         raise SimulationError(
             f"a picture of {size_px[0]} × {size_px[1]} px has no halves for 4:2:0 colour; "

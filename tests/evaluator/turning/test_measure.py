@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from calibration.camera import PARAMETERS, Camera, camera_above
 from evaluator.pose import Poses, poses_from_marks
 from evaluator.turning import measure_turning
 
@@ -98,3 +99,46 @@ def test_row_has_the_columns_of_turning_csv() -> None:
         *("center_x_mm", "center_y_mm", "share_used"),
     }
     assert wanted <= set(row)
+
+
+def test_camera_error_moves_the_radius_as_far_as_the_systematic_part_says() -> None:
+    """Each parameter is moved by its standard deviation, and the whole measurement repeated."""
+    exact = camera_above(size_px=(640, 480), focal_px=2400, distance_mm=150, tilt_deg=4, k1=-0.1)
+    sigma = {"focal_px": 3.0, "translation_z_mm": 0.1, "rotation_x": 2e-4, "k1": 0.01, "principal_x_px": 2.0}
+    covariance = np.zeros((len(PARAMETERS), len(PARAMETERS)))
+    for name, value in sigma.items():
+        covariance[PARAMETERS.index(name), PARAMETERS.index(name)] = value**2
+    camera = Camera(exact.size_px, exact.parameters, covariance=covariance)
+    marks = marks_of(arc_poses(5.0, 300, 300), 0.005, np.random.default_rng(6))
+    turning = measure_turning(poses_from_marks(marks, GEOMETRY, camera))
+    shifts = []
+    for name, value in sigma.items():
+        changed = np.array(camera.parameters)
+        changed[PARAMETERS.index(name)] += value
+        moved = marks.copy()
+        for mark in ("green", "yellow"):
+            columns = [f"{mark}_x_mm", f"{mark}_y_mm"]
+            places = np.column_stack([marks[columns], np.full(len(marks), 6.5)])
+            moved[columns] = Camera(exact.size_px, changed).plate_from_picture(camera.picture_from_plate(places), 6.5)
+        shifts.append(measure_turning(poses_from_marks(moved, GEOMETRY)).radius_mm - turning.radius_mm)
+    assert turning.radius_systematic_mm == pytest.approx(np.linalg.norm(shifts), rel=0.03)
+    assert turning.radius_high_mm - turning.radius_low_mm == pytest.approx(
+        2 * 1.96 * np.hypot(turning.radius_random_mm, turning.radius_systematic_mm), rel=0.05
+    )
+
+
+def test_more_frames_reduce_the_random_part_only() -> None:
+    camera = camera_above(size_px=(640, 480), focal_px=2400, distance_mm=150)
+    covariance = np.zeros((len(PARAMETERS), len(PARAMETERS)))
+    covariance[PARAMETERS.index("focal_px"), PARAMETERS.index("focal_px")] = 3.0**2
+    camera = Camera(camera.size_px, camera.parameters, covariance=covariance)
+    few, many = (
+        measure_turning(
+            poses_from_marks(marks_of(arc_poses(5.0, 300, frames), 0.005, np.random.default_rng(7)), GEOMETRY, camera)
+        )
+        for frames in (150, 1200)
+    )
+    assert many.radius_random_mm == pytest.approx(few.radius_random_mm / np.sqrt(8), rel=0.15)
+    assert many.radius_systematic_mm == pytest.approx(few.radius_systematic_mm, rel=0.02)
+    # The circle of the marks scales with the camera; the 1.55 mm from there to the centre do not.
+    assert many.radius_systematic_mm == pytest.approx(5.0 * 3.0 / 2400, rel=0.05)

@@ -152,3 +152,32 @@ def test_poses_from_a_file_are_followed(tmp_path: Path) -> None:
     table = truth(motion={"kind": "poses", "file": tmp_path / "poses.csv"}, duration_s=1.0)
     assert np.abs(table["x_mm"] - 3 * table["time_s"]).max() < 1e-3
     assert np.abs(table["heading_deg"] - 170 - 40 * table["time_s"]).max() < 1e-3
+
+
+def test_marks_are_drawn_where_an_observation_effect_moves_them() -> None:
+    moved = truth(effect=[{"id": "mark-offset", "x_mm": 0.3, "y_mm": 0.0, "angle_deg": 0.0}])
+    assert moved["green_x_mm"].iloc[0] == pytest.approx(truth()["green_x_mm"].iloc[0] + 0.3)
+    assert moved["x_mm"].iloc[0] == truth()["x_mm"].iloc[0]
+    x, y = (round(moved[f"green_{axis}_px"].iloc[0]) for axis in "xy")
+    shifted = first_picture(effect=[{"id": "mark-offset", "x_mm": 0.3}])
+    assert shifted[y, x] == pytest.approx(at_mark(first_picture()), abs=3)
+
+
+def test_recorder_with_a_wrong_clock_says_wrong_times(tmp_path: Path) -> None:
+    clip = Scene.model_validate(SMALL | {"effect": [{"id": "time-base", "factor": 1.01}]})
+    table = render_clip(clip, tmp_path / "clip.mp4")
+    with av.open(str(tmp_path / "clip.mp4")) as container:
+        shown = [float(frame.pts * frame.time_base) for frame in container.decode(video=0)]
+    assert shown == pytest.approx(list(1.01 * table["time_s"]), abs=1e-5)
+
+
+def test_physics_of_the_scene_moves_the_robot() -> None:
+    motion = {"kind": "simulate", "left_rpm": 33.3, "right_rpm": 14.4}
+    effect = [{"id": "drive-speed-scale", "factor": 1.1}]
+    nominal, faster = (truth(motion=motion, duration_s=1.0, effect=added).iloc[-1] for added in ([], effect))
+    assert faster["heading_deg"] / nominal["heading_deg"] == pytest.approx(1.1, abs=0.01)
+
+
+def test_misspelt_effect_is_explained() -> None:
+    with pytest.raises(ValueError, match="did you mean plate-tilt"):
+        Scene.model_validate(SMALL | {"effect": [{"id": "plate-tild", "angle_deg": 1.0}]})
