@@ -42,6 +42,7 @@ class Recording:
         self.expected_frames: int = stream.frames  # 0 where the container does not say
         self.tick: Fraction = stream.time_base
         self._opened: Any = container
+        self.threads = 0  # of the decoder; 0: one per core
         self._reset()
 
     def _reset(self) -> None:
@@ -66,7 +67,7 @@ class Recording:
         return container
 
     def __iter__(self) -> Iterator[Frame]:
-        """Decode with all threads; each frame's planes are views that live as long as the frame."""
+        """Decode; each frame's planes are views that live as long as the frame."""
         self._reset()
         order = self.fields
         if order == "auto":
@@ -94,6 +95,7 @@ class Recording:
             stream = container.streams.video[0]
             # Frame threads are fastest but hold back a picture a thread; a live source must not wait for them.
             stream.thread_type = "SLICE" if self.live else "AUTO"
+            stream.codec_context.thread_count = self.threads
             layout: Layout | None = None
             origin = None if container.format.name in STREAMED or self.live else 0
             frame: Frame | None = None
