@@ -154,8 +154,8 @@ def _summary(paper: Paper) -> tuple[str, ...]:
     unmet = [check for check in paper.checks if check.verdict not in (AGREES, HOLDS)]
     best = min(zip(paper.readings["largest_deviation_percent"], paper.readings["reading"], strict=True))
     met = (
-        f"All five radii of Figures 9 and 10 are met within {best[0]:.2f} % in one reading: {best[1]}. The shipped tire "
-        "keeps Eq. (5) as printed."
+        f"All five radii of Figures 9 and 10 are met within {best[0]:.2f} % in one reading: {best[1]}. The shipped "
+        "tire keeps Eq. (5) as printed."
     )
     return (
         f"{len(paper.checks) - len(unmet)} of {len(paper.checks)} published numbers and statements are met.",

@@ -31,6 +31,10 @@ class View:
         seen = []
         for ahead, left in (self.green_mm, self.yellow_mm):
             true = np.stack([x + cos * ahead - sin * left, y + sin * ahead + cos * left], axis=-1)
-            tilt = true[..., 0] * self.keystone_per_mm[0] + true[..., 1] * self.keystone_per_mm[1]
-            seen.append(self.scale * (1 + tilt)[..., None] * true)
+            seen.append(self.place(true))
         return seen[0], seen[1]
+
+    def place(self, points_mm: Array) -> Array:
+        """Where points (..., 2) on the plane of the marks are measured to be, mm."""
+        tilt = points_mm[..., 0] * self.keystone_per_mm[0] + points_mm[..., 1] * self.keystone_per_mm[1]
+        return np.asarray(self.scale * (1 + tilt)[..., None] * points_mm)

@@ -13,7 +13,8 @@ from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
 from simulator.rendering.plane import NOWHERE_MM, PlaneMap
-from simulator.rendering.scene import Glare, Lighting, Optics, Picture, Plate, Wire
+from simulator.rendering.scene import Picture
+from simulator.rendering.tables import Glare, Lighting, Optics, Plate, Wire
 
 Picture32 = NDArray[np.float32]
 STEEL = np.array([0.98, 1.0, 1.01], dtype=np.float32)  # brushed steel is nearly grey, a little cool

@@ -16,7 +16,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from calibration.camera import Camera
-from calibration.frames import plate_from_body
+from simulator.effects.catalogue import view_of
+from simulator.effects.view import View
 from simulator.rendering.backdrop import Overlay, brushed_plate, overlay, wire_cover
 from simulator.rendering.coverage import Kernel, blur_kernel
 from simulator.rendering.motion import poses_at
@@ -24,7 +25,7 @@ from simulator.rendering.painter import Box, RobotLook, distractor_disc, moments
 from simulator.rendering.plane import PlaneMap, plane_map
 from simulator.rendering.scene import Scene
 from simulator.rendering.sensor import digitised
-from simulator.rendering.shots import Shot, shots
+from simulator.rendering.shots import Shot, clock_of, shots
 from simulator.rendering.video import encode
 from simulator.robot import Robot, load_robot
 
@@ -50,6 +51,7 @@ class Stage:
 
     scene: Scene
     robot: Robot
+    view: View
     camera: Camera
     kernel: Kernel
     plan: tuple[Shot, ...]
@@ -59,11 +61,13 @@ class Stage:
 def set_stage(scene: Scene) -> Stage:
     """Load what the scene names and work out where the robot is in every exposure."""
     robot, camera = load_robot(scene.robot), scene.camera.camera()
-    plan = tuple(shots(scene, np.random.default_rng([scene.seed, 1])))
+    robot = robot.model_copy(update={"effect": robot.effect + scene.effect})
+    view = view_of(robot)
+    plan = tuple(shots(scene, np.random.default_rng([scene.seed, 1]), Fraction(str(view.time_factor))))
     middle = np.array([float(shot.time_s) for shot in plan])
     times = middle[:, None] + np.array([-0.5, 0.0, 0.5]) * scene.exposure.time_s
     poses = poses_at(scene.motion, robot, times.ravel()).reshape(len(plan), 3, 3)
-    return Stage(scene, robot, camera, blur_kernel(scene.optics.blur_px), plan, poses)
+    return Stage(scene, robot, view, camera, blur_kernel(scene.optics.blur_px), plan, poses)
 
 
 def render_frames(scene: Scene) -> Iterator[RenderedFrame]:
@@ -107,7 +111,7 @@ class _Easel:
         self.clean = self.light.copy()
         self.planes: dict[float, PlaneMap] = {0.0: ground}
         marks_plane = self._plane(stage.robot.marks.height_mm)
-        self.look = RobotLook(stage.robot, scene.marks, marks_plane, scene.exposure.gain)
+        self.look = RobotLook(stage.robot, stage.view, scene.marks, marks_plane, scene.exposure.gain)
 
     def _plane(self, height_mm: float) -> PlaneMap:
         if height_mm not in self.planes:
@@ -149,13 +153,9 @@ class _Easel:
 def _through(stage: Stage, place: int) -> Array:
     """Poses at the parts of an exposure, (k, 3): the parabola through its begin, middle and end."""
     begin, middle, end = stage.poses[place]
-    marks = np.array([stage.robot.marks.green_mm, stage.robot.marks.yellow_mm])
-    ways = []
-    for first, last in ((begin, middle), (middle, end)):
-        ends = [plate_from_body(marks, *pose) for pose in (first, last)]
-        points = np.concatenate([np.stack(ends), np.full((2, 2, 1), stage.robot.marks.height_mm)], axis=-1)
-        ways.append(np.linalg.norm(np.diff(stage.camera.picture_from_plate(points), axis=0), axis=-1).max())
-    way_px = float(np.nan_to_num(sum(ways)))
+    marks_px = _project(stage, np.stack(stage.view.marks(*stage.poses[place].T), axis=1))
+    ways = np.linalg.norm(np.diff(marks_px, axis=0), axis=-1)
+    way_px = float(np.nan_to_num(ways.max(axis=1).sum()))
     s = moments_of_exposure((-1.0, 1.0), way_px)[:, None]
     return np.asarray(middle + s * (end - begin) / 2 + s**2 * (end + begin - 2 * middle) / 2)
 
@@ -175,7 +175,8 @@ def render_clip(scene: Scene, video_path: Path, progress: Callable[[int, int], N
             if progress is not None:
                 progress(frame.index + 1, total)
 
-    encode(((frame.presentation_s, frame.picture) for frame in counted()), scene, stage.camera.size_px, video_path)
+    pictures = ((frame.presentation_s, frame.picture) for frame in counted())
+    encode(pictures, scene, clock_of(stage.plan, scene.frame_rate), stage.camera.size_px, video_path)
     return truth_of(stage)
 
 
@@ -183,10 +184,11 @@ def truth_of(stage: Stage) -> pd.DataFrame:
     """Exact truth, a row per exposure.
 
     frame; field (only when interlaced: "top" or "bottom"); time_s, the middle of the exposure; presentation_s; x_mm,
-    y_mm, heading_deg of the robot's centre; per mark x_mm, y_mm in the plate frame, on the plane of the marks; x_px,
-    y_px, the picture of the mark's centre; visible, the share of the mark in the picture and before no wire.
+    y_mm, heading_deg of the robot's centre; per mark x_mm, y_mm in the plate frame, on the plane of the marks, and as
+    observation effects have it where the scene has such; x_px, y_px, the picture of the mark's centre; visible, the
+    share of the mark in the picture and before no wire.
     """
-    scene, marks = stage.scene, stage.robot.marks
+    scene = stage.scene
     x, y, heading = stage.poses[:, 1].T
     columns: dict[str, object] = {"frame": [shot.frame for shot in stage.plan]}
     if scene.timing.interlaced != "no":
@@ -194,8 +196,7 @@ def truth_of(stage: Stage) -> pd.DataFrame:
     columns["time_s"] = [float(shot.time_s) for shot in stage.plan]
     columns["presentation_s"] = [float(shot.shown_s) for shot in stage.plan]
     columns |= {"x_mm": x, "y_mm": y, "heading_deg": np.degrees(heading)}
-    for name, at in (("green", marks.green_mm), ("yellow", marks.yellow_mm)):
-        center = plate_from_body(np.array(at), x, y, heading)
+    for name, center in zip(("green", "yellow"), stage.view.marks(x, y, heading), strict=True):
         center_px = _project(stage, center)
         columns |= {f"{name}_x_mm": center[:, 0], f"{name}_y_mm": center[:, 1]}
         columns |= {f"{name}_x_px": center_px[:, 0], f"{name}_y_px": center_px[:, 1]}

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from simulator.errors import SimulationError
-from simulator.rendering.scene import Circle, Given, Line, Motion, Simulated
+from simulator.rendering.tables import Circle, Given, Line, Motion, Simulated
 from simulator.robot import Robot
 
 Array = NDArray[np.float64]
@@ -54,9 +54,10 @@ def _simulated(motion: Simulated, robot: Robot, times_s: Array) -> Array:
     from simulator.run import State
 
     times, places = np.unique(np.concatenate([[0.0], np.maximum(times_s, 0.0)]), return_inverse=True)
-    command = Command.constant(motion.left_rpm, motion.right_rpm, start_s=motion.start_s, stop_s=motion.stop_s)
+    stop = [] if motion.stop_s is None else [(motion.stop_s, 0.0, 0.0)]
+    command = Command.steps([(motion.start_s, motion.left_rpm, motion.right_rpm), *motion.steps, *stop])
     start = State(motion.x_mm, motion.y_mm, float(np.radians(motion.heading_deg)))
-    run = simulate(robot, command, times, start=start)
+    run = simulate(robot, command, times, start=start, run_index=motion.run_index)
     return np.stack([run.x_mm, run.y_mm, run.heading_rad], axis=-1)[places[1:]]
 
 

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from calibration.camera import Camera
 from calibration.frames import plate_from_body
+from simulator.effects.view import View
 from simulator.rendering.coverage import Kernel, add_disc, add_polygon
 from simulator.rendering.plane import PlaneMap
-from simulator.rendering.scene import Distractor, MarksLook
+from simulator.rendering.tables import Distractor, MarksLook
 from simulator.robot import Robot
 
 Array = NDArray[np.float64]
@@ -71,6 +72,7 @@ class RobotLook:
     """What is drawn of a robot: its box, and the marks on the plane of the marks."""
 
     robot: Robot
+    view: View  # with observation effects: an untrue camera sees the robot where it measures it to be
     marks: MarksLook
     plane: PlaneMap
     gain: float = 1.0
@@ -79,7 +81,7 @@ class RobotLook:
         """Outline of the whole body and of its top face for a pose (x_mm, y_mm, heading_rad); None behind it."""
         body = self.robot.body
         half = np.array([body.length_mm, body.width_mm]) / 2
-        corners = plate_from_body(np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * half, *pose)
+        corners = self.view.place(plate_from_body(np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * half, *pose))
         edge = np.concatenate(
             [corners + share * (np.roll(corners, -1, axis=0) - corners) for share in (0, 0.25, 0.5, 0.75)]
         )
@@ -93,14 +95,13 @@ class RobotLook:
 
     def discs(self, pose: Array) -> tuple[Disc, Disc]:
         """The green and the yellow mark for a pose."""
-        marks = self.robot.marks
-        green, yellow = plate_from_body(np.array([marks.green_mm, marks.yellow_mm]), *pose)
+        diameter_mm = self.view.scale * self.robot.marks.diameter_mm
         colors = [self.gain * np.array(self.marks.green), self.gain * np.array(self.marks.yellow)]
         if self.marks.swap_colors:
             colors.reverse()
         return tuple(  # type: ignore[return-value]
-            Disc(self.plane, (float(at[0]), float(at[1])), marks.diameter_mm, self.marks.rim_loss, color)
-            for at, color in zip((green, yellow), colors, strict=True)
+            Disc(self.plane, (float(at[0]), float(at[1])), diameter_mm, self.marks.rim_loss, color)
+            for at, color in zip(self.view.marks(*pose), colors, strict=True)
         )
 
 
@@ -126,12 +127,17 @@ def paint_robot(
     region *= (1 - body)[..., None].astype(np.float32)
     region += (look.gain * ((body - face)[..., None] * SIDE + face[..., None] * TOP)).astype(np.float32)
     for pair in zip(*(look.discs(pose) for pose in poses), strict=True):
-        paint_disc(pair, kernel, light)
+        paint_disc(pair, kernel, light, look.gain * TOP)
     return box
 
 
-def paint_disc(moments: Sequence[Disc], kernel: Kernel, light: NDArray[np.float32]) -> Box | None:
-    """Draw one disc over the scene's light, averaged over its moments; returns the box that changed."""
+def paint_disc(
+    moments: Sequence[Disc], kernel: Kernel, light: NDArray[np.float32], under: Array | None = None
+) -> Box | None:
+    """Draw one disc over the scene's light, averaged over its moments; returns the box that changed.
+
+    under: light of the ground that the disc moves along with, (3,), where it rides on something; else what is there.
+    """
     boxes = [box for disc in moments if (box := disc.box(kernel.margin + 1)) is not None]
     if not boxes:
         return None
@@ -141,7 +147,7 @@ def paint_disc(moments: Sequence[Disc], kernel: Kernel, light: NDArray[np.float3
     for disc in moments:
         disc_cover(disc, kernel, (left, top, right, bottom), 1 / len(moments), cover)
     region = light[top:bottom, left:right]
-    region += (cover[..., None] * (moments[0].color - region)).astype(np.float32)
+    region += (cover[..., None] * (moments[0].color - (region if under is None else under))).astype(np.float32)
     return left, top, right, bottom
 
 

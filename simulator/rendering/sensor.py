@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from simulator.rendering.scene import Sensor
+from simulator.rendering.tables import Sensor
 
 # Normal quantiles at the middles of 65,536 equal shares: a 16-bit random number looks its value up (±4.2 sigma).
 NORMAL = ndtri((np.arange(65536) + 0.5) / 65536).astype(np.float32)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
@@ -30,8 +31,11 @@ class Shot:
     seed: int
 
 
-def shots(scene: Scene, rng: np.random.Generator) -> list[Shot]:
-    """Plan the exposures of a scene, in time order; frame k is exposed about k / frame_rate."""
+def shots(scene: Scene, rng: np.random.Generator, clock_factor: Fraction = Fraction(1)) -> list[Shot]:
+    """Plan the exposures of a scene, in time order; frame k is exposed about k / frame_rate.
+
+    clock_factor: presentation times are the true ones times this, where the recorder's clock is off.
+    """
     rate, timing = scene.frame_rate, scene.timing
     slots = max(round(scene.duration_s * rate), 1)
     late = [index for index in (*timing.dropped, *timing.repeated) if index >= slots]
@@ -50,11 +54,22 @@ def shots(scene: Scene, rng: np.random.Generator) -> list[Shot]:
             continue
         source = slot - 1 if slot in timing.repeated else slot
         plan.extend(
-            Shot(frame, rows, times[source] + delay, shown, 2 * source + index)
+            Shot(frame, rows, times[source] + delay, _ticked(shown, clock_factor), 2 * source + index)
             for index, (rows, delay) in enumerate(_fields(scene))
         )
         frame += 1
     return plan
+
+
+def clock_of(plan: Sequence[Shot], frame_rate: Fraction) -> Fraction:
+    """The longest tick that holds every presentation time exactly: a frame where possible."""
+    regular = all((shot.shown_s * frame_rate).denominator == 1 for shot in plan)
+    return 1 / frame_rate if regular else Fraction(1, TICKS)
+
+
+def _ticked(time: Fraction, factor: Fraction) -> Fraction:
+    """A time by a clock that is off, in its ticks; itself where the clock is true."""
+    return time if factor == 1 else Fraction(round(time * factor * TICKS), TICKS)
 
 
 def _fields(scene: Scene) -> list[tuple[Rows, Fraction]]:

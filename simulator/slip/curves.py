@@ -5,6 +5,7 @@ Signs follow the figures: a braking force (positive slip ratio) and a force agai
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -51,14 +52,16 @@ def normalized_forces(
     return along.reshape(ratio.shape), across.reshape(ratio.shape)
 
 
-def slip_curves(slip: Slip) -> pd.DataFrame:
+def slip_curves(slip: Slip, angles_deg: Sequence[float] = BENCH_ANGLES_DEG, driving: bool = False) -> pd.DataFrame:
     """Data of Figures 3, 7, 8: rows of slip_ratio, slip_angle_deg, longitudinal, lateral (forces over f_z).
 
-    The curves of panel (a) at the bench's slip angles, then those of panel (b) at slip ratios from 0 to 1.
+    The curves of panel (a) at slip angles angles_deg, then those of panel (b) at slip ratios from 0 to 1. Panel (a)
+    runs from slip ratio 0 as in the figures, or from -1 where driving slips are wanted too.
     """
     import pandas as pd
 
-    ratio_a, angle_a = np.meshgrid(SLIP_RATIOS, BENCH_ANGLES_DEG)
+    ratios = np.linspace(-1.0, 1.0, 201) if driving else SLIP_RATIOS
+    ratio_a, angle_a = np.meshgrid(ratios, angles_deg)
     ratio_b, angle_b = np.meshgrid(CURVE_RATIOS, SLIP_ANGLES_DEG, indexing="ij")
     ratio = np.concatenate([ratio_a.ravel(), ratio_b.ravel()])
     angle = np.concatenate([angle_a.ravel(), angle_b.ravel()])

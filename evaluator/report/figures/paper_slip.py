@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
 from evaluator.report.style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILLION, YELLOW, Figure, drawing
+from simulator.slip.curves import CURVE_RATIOS
 
 COLORS = (INK, BLUE, SKY, GREEN, YELLOW, ORANGE, VERMILLION, PURPLE)
 LINES = ("-", "--", "-.", ":", "-", "--", "-.", ":")
@@ -33,7 +35,7 @@ def slip_figures(
             axes = canvas.axes[0]
             _curves(axes, chosen, x, y, by, label)
             if points is not None:
-                _bench_points(axes, points, x, y)
+                _bench_points(axes, points, panel, x, y)
             axes.set_xlabel(x.replace("_", " ").replace(" deg", ", degrees"))
             axes.set_ylabel(f"{y} force / vertical force")
             axes.legend(title=by.split("_deg")[0].replace("_", " "), loc="upper left", bbox_to_anchor=(1.0, 1.02))
@@ -46,13 +48,17 @@ def slip_figures(
 
 def _curves(axes: Axes, curves: pd.DataFrame, x: str, y: str, by: str, label: str) -> None:
     for number, (value, curve) in enumerate(curves.groupby(by)):
-        look: dict[str, Any] = {"color": COLORS[number], "ls": LINES[number]}
+        look: dict[str, Any] = {"color": COLORS[number % 8], "ls": LINES[number % 8]}
         axes.plot(curve[x], curve[y], **look, label=label.format(value))
 
 
-def _bench_points(axes: Axes, points: pd.DataFrame, x: str, y: str) -> None:
-    """Measured forces with two sigmas; forces that the bench could not measure are left out."""
-    for number, (_, group) in enumerate(points.groupby("slip_angle_deg")):
-        known = group[group[y].notna()]
-        look: dict[str, Any] = {"color": COLORS[number % 8], "marker": MARKERS[number % 8], "ms": 3.5, "ls": "none"}
-        axes.errorbar(known[x], known[y], 2 * known[f"{y}_sigma"], elinewidth=0.8, **look)
+def _bench_points(axes: Axes, points: pd.DataFrame, panel: str, x: str, y: str) -> None:
+    """Measured forces with two sigmas, in the colour of the nearest curve; unknown forces are left out."""
+    if panel == "a":
+        key = points["slip_angle_deg"].rank(method="dense").astype(int) - 1
+    else:
+        distance = np.abs(points["slip_ratio"].abs().to_numpy()[:, None] - np.array(CURVE_RATIOS))
+        key = pd.Series(distance.argmin(axis=1), index=points.index)
+    for number, group in points[points[y].notna()].groupby(key):
+        look: dict[str, Any] = {"color": COLORS[int(str(number)) % 8], "marker": MARKERS[int(str(number)) % 8]}
+        axes.errorbar(group[x], group[y], 2 * group[f"{y}_sigma"], ms=3.0, ls="none", elinewidth=0.8, **look)

@@ -1,0 +1,213 @@
+"""The tables of scene.toml: camera, optics, sensor, plate, light, motion, faults of the recording, encoding."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from calibration.camera import Camera, camera_above
+from calibration.lens import LensModel
+from calibration.store import load_camera
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Point = tuple[Finite, Finite]
+Light = tuple[NotNegative, NotNegative, NotNegative]
+
+
+def _fraction(value: Any) -> Any:
+    """Frame rates are exact: 60, "60000/1001"; a decimal is taken as it is written."""
+    try:
+        return Fraction(str(value))
+    except (ValueError, ZeroDivisionError) as error:
+        raise ValueError('a frame rate is a number or a fraction such as "60000/1001"') from error
+
+
+Rate = Annotated[Fraction, BeforeValidator(_fraction), Field(gt=0, le=100_000)]
+
+
+class Table(BaseModel):
+    """A table of scene.toml: unknown keys are errors, values never change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+
+class CameraTable(Table):
+    """Where the camera stands: the arguments of calibration.camera.camera_above, or a camera.json."""
+
+    file: Path | None = None
+    size_px: tuple[Annotated[int, Field(ge=16, le=16384)], Annotated[int, Field(ge=16, le=16384)]] = (640, 480)
+    focal_px: Positive = 2250.0
+    distance_mm: Positive = 150.0
+    tilt_deg: Annotated[float, Field(gt=-80, lt=80)] = 0.0
+    tilt_azimuth_deg: Finite = 0.0
+    turn_deg: Finite = 0.0
+    center_mm: Point = (0.0, 0.0)
+    k1: Finite = 0.0
+    k2: Finite = 0.0
+    lens: LensModel = "brown"
+    principal_offset_px: Point = (0.0, 0.0)
+
+    def camera(self) -> Camera:
+        """Build the camera."""
+        if self.file is not None:
+            return load_camera(self.file)
+        return camera_above(**self.model_dump(exclude={"file"}))
+
+
+class Optics(Table):
+    """Lens blur as the standard deviation of a Gaussian; vignetting: share of the light lost in the corners."""
+
+    blur_px: Annotated[float, Field(ge=0, le=30)] = 0.8
+    vignetting: Share = 0.15
+
+
+class Exposure(Table):
+    """How long each frame collects light, and the gain on it (1: white paper just below full scale)."""
+
+    time_s: NotNegative = 0.004
+    gain: Positive = 1.0
+
+
+class Sensor(Table):
+    """Photon noise by the electrons of a full pixel (0: none), read noise, pedestal and bits of a number."""
+
+    full_well_e: NotNegative = 12000.0
+    read_noise_e: NotNegative = 20.0
+    black_level: Share = 0.02
+    bits: Literal[8, 10, 12, 16] = 8
+    color: bool = True
+
+
+class Plate(Table):
+    """Brushed metal: mean reflectance, contrast of the brush marks, their direction and width; an even sheen."""
+
+    brightness: Share = 0.34
+    contrast: Share = 0.14
+    brush_direction_deg: Finite = 12.0
+    grain_mm: Positive = 0.09
+    sheen: Share = 0.25
+
+
+class MarksLook(Table):
+    """Light of the marks (red, green, blue; 1 is full scale), loss of light at their rim, and whether colours swap."""
+
+    green: Light = (0.16, 0.86, 0.26)
+    yellow: Light = (0.92, 0.82, 0.12)
+    rim_loss: Share = 0.08
+    swap_colors: bool = False
+
+
+class Lighting(Table):
+    """Uneven light: a linear change across the picture, and a moment before which the light is at another level."""
+
+    gradient: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    gradient_direction_deg: Finite = 0.0
+    switched_at_s: Finite | None = None
+    level_before: NotNegative = 0.25
+
+
+class Simulated(Table):
+    """Motion by the simulator: the robot's physics under a command."""
+
+    kind: Literal["simulate"]
+    left_rpm: Finite
+    right_rpm: Finite
+    start_s: Finite = 0.0
+    stop_s: Finite | None = None
+    x_mm: Finite = 0.0
+    y_mm: Finite = 0.0
+    heading_deg: Finite = 0.0
+    run_index: Annotated[int, Field(ge=0)] = 0  # number of the run within its session, for effects that drift
+    steps: tuple[tuple[Finite, Finite, Finite], ...] = ()  # further (time_s, left_rpm, right_rpm), each until the next
+
+
+class Given(Table):
+    """Motion from a CSV of time_s, x_mm, y_mm, heading_deg; between its rows a monotone cubic."""
+
+    kind: Literal["poses"]
+    file: Path
+
+
+class Circle(Table):
+    """Steady turn: the pose at time 0, a signed speed and a radius, left or right; at rest outside start and stop."""
+
+    kind: Literal["circle"]
+    radius_mm: Positive
+    speed_mm_s: Finite
+    side: Literal["left", "right"] = "left"
+    x_mm: Finite = 0.0
+    y_mm: Finite = 0.0
+    heading_deg: Finite = 0.0
+    start_s: Finite = 0.0
+    stop_s: Finite | None = None
+
+
+class Line(Table):
+    """Straight run at a signed speed; at rest outside start and stop."""
+
+    kind: Literal["line"]
+    speed_mm_s: Finite
+    x_mm: Finite = 0.0
+    y_mm: Finite = 0.0
+    heading_deg: Finite = 0.0
+    start_s: Finite = 0.0
+    stop_s: Finite | None = None
+
+
+Motion = Annotated[Simulated | Given | Circle | Line, Field(discriminator="kind")]
+
+
+Preset = Literal["ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "slow", "slower"]
+
+
+class Encoding(Table):
+    """How the video is stored. "lossless" is H.264 in RGB at quantiser 0; ffv1 keeps 10 and 16 bits too."""
+
+    codec: Literal["h264", "lossless", "ffv1", "mjpeg"] = "h264"
+    crf: Annotated[float, Field(ge=0, le=51)] = 18.0
+    preset: Preset | None = None  # of H.264; veryfast if not told, ultrafast where lossless
+    quality: Annotated[int, Field(ge=1, le=31)] = 3
+    chroma: Literal["420", "422", "444"] = "420"
+
+
+class Timing(Table):
+    """Faults of a recorder: frames lost, frames written twice, jitter of the exposure times, interlaced fields."""
+
+    dropped: tuple[Annotated[int, Field(ge=0)], ...] = ()
+    repeated: tuple[Annotated[int, Field(ge=1)], ...] = ()
+    jitter_s: NotNegative = 0.0
+    interlaced: Literal["no", "top_first", "bottom_first"] = "no"
+
+
+class Glare(Table):
+    """A reflection that adds light: Gaussian about a picture point, radius as its standard deviation."""
+
+    x_px: Finite
+    y_px: Finite
+    radius_px: Positive
+    strength: Positive = 0.6
+
+
+class Wire(Table):
+    """A wire in front of everything, straight between picture points."""
+
+    points_px: Annotated[tuple[Point, ...], Field(min_length=2)]
+    width_px: Positive = 3.0
+    color: Light = (0.05, 0.05, 0.05)
+
+
+class Distractor(Table):
+    """A coloured disc that is no mark, at rest or moving over the plate."""
+
+    x_mm: Finite
+    y_mm: Finite
+    diameter_mm: Positive = 1.0
+    height_mm: NotNegative = 0.0
+    color: Light = (0.2, 0.85, 0.3)
+    velocity_mm_s: Point = (0.0, 0.0)
