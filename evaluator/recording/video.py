@@ -32,6 +32,7 @@ class Recording:
             self.nominal_rate: Fraction | None = stream.average_rate or stream.guessed_rate
             self.expected_frames: int = stream.frames  # 0 where the container does not say
             self.tick: Fraction = stream.time_base
+        self.threads = 0  # of the decoder; 0: one per core
         self._reset()
 
     def _reset(self) -> None:
@@ -54,11 +55,12 @@ class Recording:
         return container
 
     def __iter__(self) -> Iterator[Frame]:
-        """Decode with all threads; each frame's planes are views that live as long as the frame."""
+        """Decode; each frame's planes are views that live as long as the frame."""
         self._reset()
         with self._open() as container:
             stream = container.streams.video[0]
             stream.thread_type = "AUTO"
+            stream.codec_context.thread_count = self.threads
             layout: Layout | None = None
             origin = None if container.format.name in STREAMED else 0
             sample: bytes = b""

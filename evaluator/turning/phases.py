@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
-from scipy.signal import savgol_filter
+from scipy.ndimage import correlate1d, median_filter
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -107,7 +106,7 @@ def _local_rates(time_s: Array, scaled: Array, sigma_mm: float, inside: Flags) -
     half = 2
     while True:
         width = 2 * half + 1
-        value = savgol_filter(scaled, width, 1, deriv=1, axis=0, mode="interp") / _local_interval(time_s, width)
+        value = _slopes(scaled, half) / _local_interval(time_s, half)
         # Variance of a slope over w equal steps: 12 sigma² / (w³ - w).
         sigma = sigma_mm * np.sqrt(12 / (width**3 - width)) / interval
         usual = _usual(np.linalg.norm(value[inside], axis=1))
@@ -116,9 +115,17 @@ def _local_rates(time_s: Array, scaled: Array, sigma_mm: float, inside: Flags) -
         half = min(max(int(half * min((sigma / (SLOPE_SHARE * max(usual, sigma))) ** (2 / 3), 3)), half + 1), longest)
 
 
-def _local_interval(time_s: Array, width: int) -> Array:
+def _slopes(values: Array, half: int) -> Array:
+    """Slope per frame of the line through the 2·half + 1 frames around every frame, along the first axis; (n, k)."""
+    steps = np.arange(-half, half + 1.0)
+    slopes = np.asarray(correlate1d(values, steps / (steps @ steps), axis=0))
+    slopes[:half], slopes[len(slopes) - half :] = slopes[half], slopes[len(slopes) - half - 1]  # the line at either end
+    return slopes
+
+
+def _local_interval(time_s: Array, half: int) -> Array:
     """Frame interval around every frame, (n, 1), so that slopes stay slopes in time across gaps."""
-    return np.asarray(savgol_filter(time_s, width, 1, deriv=1, mode="interp"))[:, None]
+    return _slopes(time_s[:, None], half)
 
 
 def _usual(speed: Array) -> float:
