@@ -149,8 +149,8 @@ def _ill_conditioned(calibration: Calibration, spread: float) -> list[str]:
         )
     if sigma > FOCAL_TOLERANCE * focal:
         why.append(
-            f"the focal length is known to {100 * sigma / focal:.2g} % only: a long lens ({focal / width:.1f} widths) with "
-            "too little tilt shows too little perspective"
+            f"the focal length is known to {100 * sigma / focal:.2g} % only: a long lens ({focal / width:.1f} widths) "
+            "with too little tilt shows too little perspective"
         )
     if not (0 <= x < width and 0 <= y < height):
         why.append(f"the principal point ({x:.0f}, {y:.0f}) lies outside the picture")

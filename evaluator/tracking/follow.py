@@ -31,6 +31,9 @@ HOPELESS = 8.0  # residual at which a disc is no longer what is seen
 # 1/(1 + (r/5)⁴): 0.4 % of the information), a wire or a glint loses its pull.
 SOFTNESS = 5.0
 
+NOISE_STEP = 1.03
+NOISE_RANGE = 30.0  # least and most noise of a recording, compressed or not, in variance
+
 VIEW_EVERY = 10
 RELEARN_AT = (60, 240)  # pictures in which a mark was seen: a second and four seconds of most recordings
 
@@ -94,6 +97,7 @@ class Follower:
         self.look = look
         self._disc, self._profile, self._profile_slope = disc.numbers(), disc.profile, disc.slope
         self._noise = np.array([*disc.noise, SOFTNESS])
+        self._least_noise = 0.5 * disc.noise[0]
         self._amplitude, self._base = disc.amplitude, disc.base
         self.radius_px = disc.radius_px
         self._interior = interior_px(disc)
@@ -105,6 +109,10 @@ class Follower:
             return None
         lapse = time_s - self.time_s
         return self.position[0] + self.velocity[0] * lapse, self.position[1] + self.velocity[1] * lapse
+
+    def step_px(self, interval_s: float) -> float:
+        """How far the mark moves in an interval, along both axes together."""
+        return (abs(self.velocity[0]) + abs(self.velocity[1])) * interval_s
 
     def look_at(self, frame: Frame, cell: Array, place: Point, reach_px: float, interval_s: float) -> Sighting:
         """Measure the mark near a place of the picture; reach_px: how far from it the mark may be.
@@ -211,4 +219,8 @@ class Follower:
         # Lights change slowly or at once; a tenth a picture follows either and ignores a glint.
         self._amplitude += 0.1 * (self._result[kernels.AMPLITUDE] - self._amplitude)
         self._base += 0.1 * (self._result[kernels.BASE] - self._base)
+        # Noise is what residuals usually are: a codec leaves more of it on a moving mark than on one at rest. Steps of
+        # equal size toward either side follow the median, which a passing disturbance does not move.
+        step = NOISE_STEP if self._result[kernels.RESIDUAL] > 1.0 else 1.0 / NOISE_STEP
+        self._noise[0] = min(max(self._noise[0] * step, self._least_noise), NOISE_RANGE * self._least_noise)
         self.color[4] += 0.1 * (0.5 * self._found[kernels.STRENGTH] - self.color[4])

@@ -20,7 +20,8 @@ SHADING_MASK = 1  # light is measured in every second picture
 UNEQUAL = 0.08  # radii of equal marks differ by less: halation of a brighter mark, learning from noisy pictures
 UNEQUAL_NOISE = 4.0  # and so does their noise: light and codec treat them alike
 PATIENCE = 30  # pictures to wait for both marks of a pair before following one alone
-NOT_SEEN = ABSENT["not seen"]
+STILL_PX = 0.3  # a mark that moves less a picture rests, and a codec may well repeat its picture
+NOT_SEEN, REPEATED = ABSENT["not seen"], ABSENT["repeated picture"]
 
 
 class Tracker:
@@ -69,6 +70,9 @@ class Tracker:
         if frame.luma.shape != self._shape:
             self._prepare(frame)
         followers = self.followers
+        if frame.repeated and any(f.step_px(self.interval_s) > STILL_PX for f in followers.values()):
+            # The recorder filled a gap with the picture before: it shows where the marks were, not where they are.
+            return [REPEATED] * len(self.names)
         if len(followers) < len(self.names):
             self._discover(frame)
         sightings = []
@@ -110,9 +114,8 @@ class Tracker:
         place = follower.predicted(time_s)
         if place is None or follower.missed > 8:
             return NOT_SEEN
-        speed = abs(follower.velocity[0]) + abs(follower.velocity[1])
         # An acceleration may change the step by half of itself from one picture to the next; every miss adds to that.
-        reach = (2.0 + 0.5 * speed * self.interval_s) * (1 + follower.missed)
+        reach = (2.0 + 0.5 * follower.step_px(self.interval_s)) * (1 + follower.missed)
         return follower.look_at(frame, self.cell, place, reach, self.interval_s)
 
     def _found_again(self, name: str, frame: Frame, miss: Sighting) -> Sighting:

@@ -209,8 +209,9 @@ def coverage(cameras: int, first: int, verbose: bool) -> None:
         if verbose:
             print(
                 f"{seed:4d} {truth.lens:8s} f {truth.value('focal_px'):6.0f} k1 {truth.value('k1'):6.3f} "
-                f"field {field:5.0f} -> {found.camera.lens:8s} {'+'.join(found.fit.state.free):60s} z {spread[-1]:6.2f} "
-                f"scale {result.scale_z:6.2f} rms {result.rms_um:7.2f} um var {found.fit.variance:.3f} out {sum(found.rejected)}"
+                f"field {field:5.0f} -> {found.camera.lens:8s} {'+'.join(found.fit.state.free):60s} "
+                f"z {spread[-1]:6.2f} scale {result.scale_z:6.2f} rms {result.rms_um:7.2f} um "
+                f"var {found.fit.variance:.3f} out {sum(found.rejected)}"
             )
     print(
         f"{cameras} cameras, {failed} not solved: {100 * np.mean(inside):.1f} % of the coordinates and "
@@ -267,12 +268,9 @@ def _opencv(pictures: list[NDArray[np.uint8]], gauge: Gauge) -> tuple[int, Camer
         good, centers = cv2.findCirclesGrid(picture, shape, flags=cv2.CALIB_CB_SYMMETRIC_GRID)
         if good:
             # the grid may come back turned by half a turn; the plate's first dot is at the top left
-            ordered = (
-                centers[::-1]
-                if centers[0, 0, 0] + centers[0, 0, 1] > centers[-1, 0, 0] + centers[-1, 0, 1]
-                else centers
-            )
-            found.append((k, np.ascontiguousarray(ordered)))
+            row_major = centers.reshape(-1, 2)
+            ordered = row_major[::-1] if row_major[0].sum() > row_major[-1].sum() else row_major
+            found.append((k, np.ascontiguousarray(ordered[:, None], dtype=np.float32)))
     if not found or found[0][0] != 0:
         return len(found), None
     _, matrix, bent, turns, shifts = cv2.calibrateCamera(
@@ -306,7 +304,8 @@ def speed() -> None:
         peer = _findcircles_time(picture, columns, rows) if size == SIZE_PX else "minutes, not run"
         print(
             f"{size[0]}×{size[1]}, {len(lattice)} of {columns * rows} dots {spacing:.0f} px apart: "
-            f"{1e3 * min(times):.0f} ms, {1e3 * min(work):.0f} ms of processor time (asked {1e3 * limit:.0f} ms); OpenCV findCirclesGrid: {peer}"
+            f"{1e3 * min(times):.0f} ms, {1e3 * min(work):.0f} ms of processor time "
+            f"(asked {1e3 * limit:.0f} ms); OpenCV findCirclesGrid: {peer}"
         )
 
 
