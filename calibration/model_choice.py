@@ -43,7 +43,7 @@ class Trial:
 
 
 def choose_model(views: list[View], rough: list[Fit], prior: Prior) -> list[Trial]:
-    """Trials of all lens models, best first."""
+    """Trials of all lens models: first the simplest of those that predict as well as the best."""
     trials: list[Trial] = []
     for model, free in MODELS:
         start = next((fit.state for fit in rough if fit.state.model == model), None)
@@ -57,7 +57,13 @@ def choose_model(views: list[View], rough: list[Fit], prior: Prior) -> list[Tria
             lens[4] = 0.0
         fit = solve(views, replace(start, lens=lens, free=free), prior)
         trials.append(Trial(model, free, fit, _held_out(views, fit)))
-    return sorted(trials, key=lambda trial: trial.held_out)
+    return sorted(trials, key=lambda trial: (trial.held_out > _near(trials, views), len(trial.free), trial.held_out))
+
+
+def _near(trials: list[Trial], views: list[View]) -> float:
+    """Held-out error that is as good as the best: a term must gain more than it costs by chance (two σ²)."""
+    best = min(trials, key=lambda trial: trial.held_out)
+    return best.held_out + 2 * best.fit.variance / max(sum(len(view) for view in views), 1)
 
 
 def _held_out(views: list[View], fit: Fit) -> float:

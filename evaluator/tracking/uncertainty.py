@@ -49,6 +49,9 @@ def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: N
     A slow mark rests in the codec's memory for some pictures, so that neighbours share their error: neighbours farther
     away tell more. variances: mean of the axes (n,), NaN where absent. kinds: of `codec_variance`.
     """
+    # Pictures where something was in the way have an uncertainty of their own, and tell nothing of the codec.
+    calm = variances < 3.0 * np.nanmedian(variances) if np.isfinite(variances).any() else np.zeros(len(variances), bool)
+    centers_px, variances = np.where(calm[:, None], centers_px, np.nan), np.where(calm, variances, np.nan)
     extra = codec_variance(course_error(time_s, centers_px), variances, kinds)
     steps = np.hypot(*np.diff(centers_px, axis=0).T)
     speed = float(np.nanmedian(steps)) if np.isfinite(steps).any() else 0.0
@@ -84,7 +87,11 @@ def codec_variance(errors: Array, variances: Array, kinds: NDArray[np.str_]) -> 
         right[k] = _robust_square(errors[rows[mine]]) - known[mine].mean()
         for m, other in enumerate(usable):
             matrix[k, m] = (k == m) + ((kinds[around[mine]] == other) @ WEIGHTS**2).mean()
-    solution = _non_negative(matrix, right)
+    # What all kinds have in common is well known, what tells them apart is not: no kind gets less than a third of it.
+    share = np.array([(kinds[rows] == name).mean() for name in usable])
+    common = max(float(share @ right / (share @ matrix.sum(axis=1))), 0.0)
+    least = np.full(len(usable), common / 3)
+    solution = least + _non_negative(matrix, right - matrix @ least)
     for name, value in zip(usable, solution, strict=True):
         extra[kinds == name] = value
     # Kinds too rare to tell (the few I pictures) get the mean of the others: never less than is known of them.
