@@ -7,7 +7,6 @@ on the covariance, on how much each parameter was learned beyond its prior, and 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import cv2
 import numpy as np
@@ -16,9 +15,9 @@ from numpy.typing import NDArray
 from calibration.camera import Camera
 from calibration.initial import rough_prior
 from calibration.solve import Calibration
+from calibration.store import Level
 
 Array = NDArray[np.float64]
-Level = Literal["sound", "limited", "ill-conditioned"]
 
 MARK_HEIGHT_MM = 6.5  # of the marks of the robot this project was made for
 # Turning radii are to be good to 0.5 %; a scale that takes more than a fifth of that is worth a sentence.

@@ -51,11 +51,13 @@ class Experiment(Table):
     robot: str
     camera: Path | None = None
     tracking: Path | None = None  # tracking.toml: colours, mark size, region of interest, masks
-    run: tuple[Run, ...] = Field(min_length=1)
+    run: tuple[Run, ...] = ()
     notes: str = ""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        if not self.run:
+            raise ValueError("there is no [[run]]; an experiment needs at least one")
         ids = [run.id for run in self.run]
         twice = sorted({name for name in ids if ids.count(name) > 1})
         if twice:

@@ -34,7 +34,7 @@ def track(video: Path, output: Path, settings: Path | None, camera: Path | None,
     wanted = read_with(load_settings, settings) if settings else TrackingSettings()
     seen_by = None
     if camera is not None:
-        from calibration.store import load_camera  # type: ignore[import-not-found,unused-ignore]
+        from calibration.store import load_camera
 
         seen_by = read_with(load_camera, camera)
     recording = open_recording(video)
