@@ -13,11 +13,12 @@ from calibration.bundle import Fit, Prior, View, outliers, solve_discs, whitenin
 from calibration.camera import PARAMETERS, Camera
 from calibration.detect_dots import Dots, detect_dots
 from calibration.errors import CalibrationError
-from calibration.gauge import Gauge
+from calibration.gauge import Gauge, Tolerance
 from calibration.initial import rough_prior, rough_start
 from calibration.match_gauge import Match, match_gauge
 from calibration.model_choice import Trial, choose_model
 from calibration.neighbours import nearest
+from calibration.tolerance import covariance_with_tolerance, with_tolerance
 
 Array = NDArray[np.float64]
 FEWEST_DOTS = 12  # six for the pose, twice over
@@ -92,9 +93,10 @@ def calibrate(
     rough = rough_start(views, size_px, prior)
     if not rough:
         raise CalibrationError(f"{names[0]}: no camera explains the dots; do all show the gauge {gauge.name!r}?")
+    views = with_tolerance(views, rough[0].state, gauge.tolerance)
     fit, kept, trials = _solve_robustly(views, rough, prior)
     _check_pitch(fit, kept, gauge)
-    camera = _camera(fit, size_px)
+    camera = _camera(fit, kept, gauge.tolerance, size_px)
     return Calibration(
         camera=camera,
         gauge=gauge,
@@ -191,11 +193,11 @@ def _solve_robustly(views: list[View], rough: list[Fit], prior: Prior) -> tuple[
     return fit, kept, trials
 
 
-def _camera(fit: Fit, size_px: tuple[int, int]) -> Camera:
+def _camera(fit: Fit, views: list[View], tolerance: Tolerance, size_px: tuple[int, int]) -> Camera:
     free = fit.state.free_index
     count = len(free)
-    inverse = np.linalg.inv(fit.normal) * fit.variance
+    joint = covariance_with_tolerance(views, fit, tolerance)
     covariance = np.zeros((len(PARAMETERS), len(PARAMETERS)))
     rows = np.concatenate([6 + free, np.arange(6)])
-    covariance[np.ix_(rows, rows)] = inverse[: count + 6, : count + 6]
+    covariance[np.ix_(rows, rows)] = joint[: count + 6, : count + 6]
     return Camera(size_px=size_px, parameters=fit.state.parameters(0), lens=fit.state.model, covariance=covariance)
