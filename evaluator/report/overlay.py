@@ -117,7 +117,7 @@ def draw_frame(frame: Frame, table: pd.DataFrame, row: int, drawing: Drawing) ->
         if (status := str(table[f"{name}_status"].iloc[row])) not in {"ok", "corrected"}
     ]
     for k, text in enumerate(lines):
-        _write(picture, text, (8, 20 + 20 * k), size, INK if k == 0 else WARNING)
+        _write(picture, text, (round(8 * size), round((20 + 22 * k) * size)), size, INK if k == 0 else WARNING)
     return picture
 
 
@@ -214,6 +214,9 @@ def _fixed(point: Array) -> tuple[int, int]:
 
 
 def _write(picture: Picture, text: str, place: tuple[int, int], size: float, color: Color) -> None:
-    at = round(place[0] * size), round(place[1] * size) if size != 0.9 else place[1]
-    for ink, thick in (((0, 0, 0), 3), (color, 1)):
-        cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.45 * size, ink, thick, cv2.LINE_AA)
+    """Text on a darkened strip, so that it reads on any picture."""
+    (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.45 * size, 1)
+    left, bottom = place
+    strip = picture[max(bottom - height - 3, 0) : bottom + below + 2, max(left - 4, 0) : left + width + 4]
+    strip[:] = strip // 3
+    cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45 * size, color, 1, cv2.LINE_AA)
