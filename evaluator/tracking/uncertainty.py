@@ -21,6 +21,7 @@ OFFSETS = np.array([-5, -4, -3, -2, -1, 1, 2, 3, 4, 5])
 WEIGHTS = np.linalg.pinv(np.vander(OFFSETS, 5, increasing=True))[0]
 REACH = 5
 LEAST = 24  # differences that a variance is estimated from: its own relative uncertainty is then below 0.3
+MOVING_PX = 0.1  # a step that codecs still take for rest, give or take their own error
 STRIDES = (1, 2, 4, 8)
 STRAIGHT_PX = 6.0  # path over which the centre of a mark follows a quartic to 0.01 px on turns of 20 px radius
 
@@ -52,7 +53,12 @@ def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: N
     # Pictures where something was in the way have an uncertainty of their own, and tell nothing of the codec.
     calm = variances < 3.0 * np.nanmedian(variances) if np.isfinite(variances).any() else np.zeros(len(variances), bool)
     centers_px, variances = np.where(calm[:, None], centers_px, np.nan), np.where(calm, variances, np.nan)
-    extra = codec_variance(course_error(time_s, centers_px), variances, kinds)
+    errors = course_error(time_s, centers_px)
+    moving = _moving(centers_px)
+    extra = codec_variance(np.where(moving[:, None], errors, np.nan), variances, kinds)
+    # At rest a codec keeps one error for long, which nothing shows: it is smaller than in motion, by a third at most.
+    rest = codec_variance(np.where(moving[:, None], np.nan, errors), variances, kinds)
+    extra = np.where(moving, extra, np.maximum(rest, extra / 3))
     steps = np.hypot(*np.diff(centers_px, axis=0).T)
     speed = float(np.nanmedian(steps)) if np.isfinite(steps).any() else 0.0
     own = float(np.nanmean(variances)) if np.isfinite(variances).any() else 0.0
@@ -65,6 +71,14 @@ def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: N
         if len(errors) >= LEAST * stride:
             most = max(most, _robust_square(errors) / (1 + WEIGHTS @ WEIGHTS) - own)
     return extra + (most - typical)
+
+
+def _moving(centers_px: Array) -> NDArray[np.bool_]:
+    """Pictures in which the mark moves by more than MOVING_PX a picture, over three pictures to either side."""
+    if len(centers_px) < 7:
+        return np.ones(len(centers_px), bool)
+    step = np.hypot(*(centers_px[6:] - centers_px[:-6]).T) / 6
+    return np.pad(np.nan_to_num(step, nan=np.inf) > MOVING_PX, 3, mode="edge")
 
 
 def codec_variance(errors: Array, variances: Array, kinds: NDArray[np.str_]) -> Array:
