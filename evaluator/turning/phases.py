@@ -55,7 +55,7 @@ class Phases:
 
 
 @dataclass(frozen=True)
-class _Rates:
+class Rates:
     """Local velocities: (m, 3) in mm/s, of the scaled poses; their sigma and the half-width of the window in frames."""
 
     value: Array
@@ -79,7 +79,7 @@ def find_phases(
     if reach < REST_SIGMA * sigma_mm:
         return Phases(reason=f"at rest: moves less than {max(reach, sigma_mm):.2g} mm")
     smooth = median_filter(scaled, size=(5, 1), mode="nearest")  # single wild frames say nothing of the speed
-    rates = _local_rates(time_s, smooth, sigma_mm, inside)
+    rates = local_rates(time_s, smooth, sigma_mm, inside)
     speed = np.linalg.norm(rates.value, axis=1)
     usual = _usual(speed[inside])
     moving = (speed > max(MOVING_SHARE * usual, REST_SIGMA * rates.sigma)) & inside
@@ -99,7 +99,7 @@ def _reach(scaled: Array) -> float:
     return float(np.linalg.norm(blocks[:, None] - blocks[None], axis=2).max())
 
 
-def _local_rates(time_s: Array, scaled: Array, sigma_mm: float, inside: Flags) -> _Rates:
+def local_rates(time_s: Array, scaled: Array, sigma_mm: float, inside: Flags) -> Rates:
     """Slopes over windows just long enough for their precision, at most a tenth of the run on either side."""
     interval = float(np.median(np.diff(time_s)))
     longest = max(int(inside.sum()) // 10, 2)
@@ -111,7 +111,7 @@ def _local_rates(time_s: Array, scaled: Array, sigma_mm: float, inside: Flags) -
         sigma = sigma_mm * np.sqrt(12 / (width**3 - width)) / interval
         usual = _usual(np.linalg.norm(value[inside], axis=1))
         if sigma <= SLOPE_SHARE * usual or half >= longest:
-            return _Rates(value, sigma, half)
+            return Rates(value, sigma, half)
         half = min(max(int(half * min((sigma / (SLOPE_SHARE * max(usual, sigma))) ** (2 / 3), 3)), half + 1), longest)
 
 
@@ -159,7 +159,7 @@ def _left_rest(time_s: Array, scaled: Array, sigma_mm: float, first: int, window
     return float(time_s[np.flatnonzero(near)[-1]]) if near.any() else NAN
 
 
-def _steady(rates: _Rates, first: int, last: int) -> tuple[int, int]:
+def _steady(rates: Rates, first: int, last: int) -> tuple[int, int]:
     """Frames between which speed and yaw rate stay near their usual values; disturbances in between do not end it."""
     speed, yaw = np.linalg.norm(rates.value[:, :2], axis=1), rates.value[:, 2]
     middle = slice(first + (last - first) // 4, last - (last - first) // 4 + 1)

@@ -35,7 +35,8 @@ class Sustained:
 
     tightest: curvature of the tightest sustained stretch; mean: of all. varies: whether they differ beyond their
     uncertainties; spread_per_mm: standard deviation of the curvature between them, noise taken off. p_value of one
-    radius. from_s, to_s: the tightest stretch.
+    radius. from_s, to_s: the tightest stretch. wander_mm: how far the centre of rotation strays between quarter turns,
+    noise taken off.
     """
 
     tightest: Curvature
@@ -45,6 +46,7 @@ class Sustained:
     p_value: float
     from_s: float
     to_s: float
+    wander_mm: float = float("nan")
 
 
 def sustained_turn(time_s: Array, scaled: Scaled, regions: list[Flags], whole: TurnFit) -> Sustained:
@@ -58,7 +60,9 @@ def sustained_turn(time_s: Array, scaled: Scaled, regions: list[Flags], whole: T
     same = Sustained(steady, steady, varies=False, spread_per_mm=0.0, p_value=1.0, from_s=time_s[0], to_s=time_s[-1])
     if len(first) < 2:
         return same
-    curvatures = [fit.curvature() for fit in fit_turns(time_s, scaled, first)]
+    fits = fit_turns(time_s, scaled, first)
+    same = replace(same, wander_mm=_wander(fits))
+    curvatures = [fit.curvature() for fit in fits]
     values, sigmas = np.array([c.value for c in curvatures]), np.array([c.sigma for c in curvatures])
     p_value = float(special.chdtrc(len(values) - 1, _cochran(values, sigmas, 0.0)))
     if p_value > FALSE_ALARM:
@@ -84,6 +88,7 @@ def sustained_turn(time_s: Array, scaled: Scaled, regions: list[Flags], whole: T
         p_value=p_value,
         from_s=float(when[0]),
         to_s=float(when[-1]),
+        wander_mm=same.wander_mm,
     )
 
 
@@ -107,6 +112,15 @@ def _quarter_turns(heading_rad: Array, region: Flags, shift: float) -> list[Flag
         if window.sum() >= FEWEST_FRAMES:
             windows.append(window)
     return windows
+
+
+def _wander(fits: list[TurnFit]) -> float:
+    """RMS distance of the quarter turns' centres of rotation from their mean, what noise explains taken off."""
+    centers, covariances = zip(*(fit.center_mm() for fit in fits), strict=True)
+    places = np.array(centers)
+    spread = float(((places - places.mean(axis=0)) ** 2).sum() / (len(places) - 1))
+    noise = float(np.mean([np.trace(covariance) for covariance in covariances]))
+    return float(np.sqrt(max(spread - noise, 0.0)))
 
 
 def _cochran(values: Array, sigmas: Array, between: float) -> float:

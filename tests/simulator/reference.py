@@ -32,34 +32,32 @@ def plain_rates(robot: Robot, left_rpm: float, right_rpm: float, rest_speed: flo
         stiffness = slip.lateral_stiffness * (load if slip.stiffness_basis == "load" else weight)
         rpm = (left_rpm, right_rpm)[number] if driving else None
         surface = None if rpm is None else 2 * math.pi * robot.wheels.radius_mm * rpm / 60
-        wheels.append((x, y, load, stiffness, surface))
+        grips = (slip.longitudinal_friction * load, slip.lateral_friction * load)
+        wheels.append((x, y, *grips, stiffness / grips[0], stiffness / grips[1], surface))
+
+    sqrt, sin, atan, shape_x, shape_y = math.sqrt, math.sin, math.atan, slip.longitudinal_shape, slip.lateral_shape
+    decrease, rest = slip.friction_decrease, rest_speed * rest_speed
 
     def rates(_time: float, state: Array) -> list[float]:
-        heading, u, v, r = (float(value) for value in state[2:])
+        _, _, heading, u, v, r = state.tolist()
         along = across = moment = 0.0
-        for x, y, load, stiffness, surface in wheels:
+        for x, y, grip_x, grip_y, steep_x, steep_y, surface in wheels:
             wheel_u, wheel_v = u - r * y, v + r * x
-            forward = math.sqrt(wheel_u**2 + rest_speed**2)
-            angle = math.atan2(wheel_v, forward)
-            s = 0.0 if surface is None else (wheel_u - surface) / max(forward, abs(surface))
-            pull = ratio * s * math.cos(angle)
-            sigma = math.sqrt(math.sin(angle) ** 2 + pull**2)
-            if sigma == 0.0:
-                continue
-            forces = []
-            for share, friction, shape in (
-                (pull, slip.longitudinal_friction, slip.longitudinal_shape),
-                (math.sin(angle), slip.lateral_friction, slip.lateral_shape),
-            ):
-                level = friction * (1 - slip.friction_decrease * sigma) * load
-                curve = math.sin(shape * math.atan(stiffness / (friction * load) * sigma))
-                forces.append(-share / sigma * level * curve)
-            along += forces[0]
-            across += forces[1]
-            moment += x * forces[1] - y * forces[0]
-        cos, sin = math.cos(heading), math.sin(heading)
+            forward = sqrt(wheel_u * wheel_u + rest)
+            speed = sqrt(forward * forward + wheel_v * wheel_v)
+            side, pull = wheel_v / speed, 0.0
+            if surface is not None:
+                pull = ratio * (wheel_u - surface) / max(forward, abs(surface)) * forward / speed
+            sigma = sqrt(side * side + pull * pull) or 1e-300
+            level = (1 - decrease * sigma) / sigma
+            force_x = -pull * level * grip_x * sin(shape_x * atan(steep_x * sigma)) if pull else 0.0
+            force_y = -side * level * grip_y * sin(shape_y * atan(steep_y * sigma))
+            along += force_x
+            across += force_y
+            moment += x * force_y - y * force_x
+        cos, sine = math.cos(heading), sin(heading)
         turning = [along / mass + r * v, across / mass - r * u, moment / inertia]
-        return [cos * u - sin * v, sin * u + cos * v, r, *turning]
+        return [cos * u - sine * v, sine * u + cos * v, r, *turning]
 
     return rates
 

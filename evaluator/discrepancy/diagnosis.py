@@ -1,0 +1,211 @@
+"""From runs to a verdict: noise, recalibration, search, confirmation on runs kept aside, and the right to abstain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.discrepancy.adequacy import Adequacy, adequacy
+from evaluator.discrepancy.experiment import Session, held_out_runs, shortcomings
+from evaluator.discrepancy.fit import Fit, place_runs
+from evaluator.discrepancy.free import free_terms
+from evaluator.discrepancy.gap import Gap, noise_floor, run_gaps
+from evaluator.discrepancy.problem import Point, Problem, build_problem, with_noise_of
+from evaluator.discrepancy.rivals import Set, Standing, is_free, predictive_score, separations, standing
+from evaluator.discrepancy.search import Screen, Search, fit_set, run_search, screen
+from evaluator.discrepancy.simulated import Simulated
+from evaluator.discrepancy.terms import Term, named_terms
+
+Floats = NDArray[np.float64]
+Verdict = Literal["none", "effect", "unknown", "insufficient"]
+Progress = Callable[[str, float], None]
+
+# An effect stays in the model where leaving it out costs this much of the log posterior: odds of 20 to 1.
+KEEP = 3.0
+# A free-form term speaks against the named effects where it wins by this much (odds of 400 to 1): the price of a false
+# "unknown" is paid by every user whose effect has a name.
+ABSTAIN = 6.0
+# Left-overs above noise: mean square and its standard errors. The noise of slow modes is carried over from fast ones,
+# which is good to some ten per cent; beyond, motion is left.
+EXCESS = 1.25
+EXCESS_SIGMA = 6.0
+SETTLED_NOISE = 0.9  # a search is repeated where its best model lowers the noise below this share
+RIVALS_KEPT = 6
+FREE_REFITTED = 4
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Everything that a diagnosis found out; what is not applicable is None or empty."""
+
+    verdict: Verdict
+    reason: str
+    session: Session
+    held_out: tuple[int, ...] = ()
+    problem: Problem | None = None
+    search: Search | None = None  # over all runs
+    fit_search: Search | None = None  # without the runs kept aside
+    standing: Standing | None = None
+    chosen: Set = frozenset()
+    named: Set = frozenset()  # the best set of named effects
+    separation: Mapping[str, Mapping[str, float]] | None = None
+    leftover: Adequacy | None = None
+    gap: Gap | None = None
+    confirmation: float = float("nan")  # gain in log density of the runs kept aside
+    terms: Mapping[str, Term] | None = None
+
+    @property
+    def fit(self) -> Fit:
+        """The fit of the chosen set on all runs."""
+        assert self.search is not None
+        return self.search.fits[self.chosen]
+
+
+def diagnose(session: Session, progress: Progress) -> Diagnosis:
+    """Find out what is missing in the model of these runs."""
+    reasons = shortcomings(session.data)
+    if reasons:
+        return Diagnosis("insufficient", "; ".join(reasons), session)
+    data = session.data
+    given = {entry.id for entry in session.robots[0].effect}
+    every = named_terms(_reach(session), _levels(session))
+    named = {effect: term for effect, term in every.items() if effect not in given}
+    free = free_terms()
+    terms: dict[str, Term] = {**named, **free}
+    progress("noise", 0.0)
+    problem, start = build_problem(data, Simulated(session.robots, data, terms))
+    held_out = held_out_runs(data)
+    fitted = tuple(run for run in range(len(data)) if run not in held_out)
+    part = Search(problem, named, session.tolerance, fitted)
+    run_search(part, start, progress)
+    part = _with_settled_noise(part, progress)
+    problem = part.problem
+    everything = _on_all_runs(part, terms)
+    _challenge(everything, free, progress)
+    table = standing(everything, len(free))
+    best_named = _kept(everything, table)
+    chosen, verdict, reason = _decide(everything, table, best_named)
+    problem_runs = range(len(data))
+    left = adequacy(everything.fits[chosen], data)
+    if verdict != "unknown" and left.excess > EXCESS and left.excess_sigma > EXCESS_SIGMA:
+        verdict, reason = (
+            "unknown",
+            f"left-overs are {left.excess:.2f} times the tracking noise ({left.excess_sigma:.0f} sigmas)",
+        )
+    progress("confirmation", 0.9)
+    fit = everything.fits[chosen]
+    before = Point(fit.point.own)
+    gap_fit = part.fits.get(chosen) or _refit_on(part, everything, chosen)
+    gap = Gap(
+        run_gaps(problem, before, problem_runs, fit.posterior.scatter),
+        run_gaps(problem, replace(gap_fit.point, own=fit.point.own), problem_runs, fit.posterior.scatter),
+        noise_floor(problem, problem_runs),
+    )
+    gain = float("nan")
+    if held_out and chosen:
+        gain = predictive_score(part, gap_fit, held_out) - predictive_score(part, part.null, held_out)
+    apart = separations(everything, best_named) if best_named else {}
+    return Diagnosis(
+        verdict,
+        reason,
+        session,
+        held_out,
+        problem,
+        everything,
+        part,
+        table,
+        chosen,
+        best_named,
+        apart,
+        left,
+        gap,
+        gain,
+        terms,
+    )
+
+
+def _reach(session: Session) -> float:
+    return float(np.nanmax([np.nanmax(np.abs(run.marks_mm)) for run in session.data]))
+
+
+def _levels(session: Session) -> tuple[float, ...]:
+    return tuple(sorted({abs(rpm) for run in session.data for rpm in run.command}))
+
+
+def _with_settled_noise(part: Search, progress: Progress) -> Search:
+    """The search with the noise that its best model leaves; repeated where a misfit had been taken for noise."""
+    for _ in range(2):
+        best = part.fits[part.ranked()[0]]
+        point = place_runs(part.problem, best.point, range(len(part.problem.data)), best.posterior.scatter)
+        problem = with_noise_of(part.problem, point)
+        pairs = zip(problem.noise, part.problem.noise, strict=True)
+        if np.median([new[0].sigma_mm / old[0].sigma_mm for new, old in pairs]) > SETTLED_NOISE:
+            break
+        part = Search(problem, part.terms, part.tolerance, part.runs)
+        run_search(part, Point(point.own), progress)
+    return part
+
+
+def _on_all_runs(part: Search, terms: Mapping[str, Term]) -> Search:
+    """The best sets of a search fitted again, on all runs."""
+    whole = Search(part.problem, terms, part.tolerance, tuple(range(len(part.problem.data))))
+    leading = part.ranked()[:RIVALS_KEPT]
+    wanted = {frozenset[str](), *leading}
+    wanted |= {ids - {effect} for ids in leading[:2] for effect in ids}  # for the drop-one tests
+    for ids in sorted(wanted, key=lambda ids: (len(ids), sorted(ids))):
+        origin = part.fits.get(ids) or part.null
+        fit_set(whole, ids, {effect: origin.point.terms.get(effect, terms[effect].neutral) for effect in ids}, origin)
+    return whole
+
+
+def _refit_on(part: Search, whole: Search, ids: Set) -> Fit:
+    """A set fitted on the runs of part, from its fit on all runs."""
+    source = whole.fits[ids]
+    wider = Search(part.problem, whole.terms, part.tolerance, part.runs)
+    return fit_set(wider, ids, dict(source.point.terms), source) or source
+
+
+def _challenge(search: Search, free: Mapping[str, Term], progress: Progress) -> None:
+    """Let free-form terms compete: instead of the named effects, and beside them."""
+    progress("free-form terms", 0.85)
+    ranked = sorted(search.fits, key=lambda ids: -search.fits[ids].posterior.log_evidence)
+    for ids in dict.fromkeys([frozenset[str](), ranked[0]]):
+        fit = search.fits[ids]
+        inside = [effect for effect in sorted(ids) if not search.terms[effect].leaps]
+        view = screen(search, fit.point, inside, free.values())
+        base = view.model.posterior(view.base).log_evidence
+        gains = sorted(((view.evidence(offer) - base, offer) for offer in view.offers), reverse=True)
+        for gain, (effect, extra) in gains[:FREE_REFITTED]:
+            if gain > ABSTAIN:
+                fit_set(search, ids | {effect}, {effect: view.start_of((effect, extra))}, fit)
+
+
+def _kept(search: Search, table: Standing) -> Set:
+    """The best set of named effects of which each pays for itself."""
+    for ids in table.sets:
+        if any(is_free(effect) for effect in ids):
+            continue
+        without = [ids - {effect} for effect in ids]
+        if all(rest in search.fits and table.of(ids) - table.of(rest) > KEEP for rest in without):
+            return ids
+    return frozenset()
+
+
+def _decide(search: Search, table: Standing, named: Set) -> tuple[Set, Verdict, str]:
+    """Verdict between the best named set and everything free-form."""
+    top = next((ids for ids in table.sets if any(is_free(effect) for effect in ids)), None)
+    if top is not None and table.of(top) - table.of(named) > ABSTAIN:
+        return top, "unknown", "a free-form term explains the runs better than any named effect"
+    del search
+    if named:
+        return named, "effect", "each effect pays for itself, and nothing is left that a free-form term could explain"
+    return named, "none", "the model explains the data within noise and tolerances"
+
+
+def unused(view: Screen) -> int:
+    """Number of candidates a screen offers."""
+    return len({effect for effect, _ in view.offers})

@@ -1,0 +1,59 @@
+"""What the diagnosis asks of a simulator: the marks of a run for given parameters, many at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Values = Mapping[str, tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class RunData:
+    """One recorded run, whatever its source.
+
+    time_s: (n,) presentation times. marks_mm: (n, 4) green x, y, yellow x, y in the plate frame, NaN where a mark is
+    missing. order: its place in the session, from 0.
+    """
+
+    id: str
+    left_rpm: float
+    right_rpm: float
+    start_s: float
+    stop_s: float | None
+    time_s: Floats
+    marks_mm: Floats
+    order: int
+
+    @property
+    def command(self) -> tuple[float, float]:
+        """Left and right rpm."""
+        return self.left_rpm, self.right_rpm
+
+
+@dataclass(frozen=True)
+class Task:
+    """One run to predict: which, and at which parameters.
+
+    nominal: relative deviations of nominal values, by dotted key of robot.toml. terms: coordinates of candidate effects
+    by id. own: the run's start x, y (mm), heading (rad) of the robot's centre, then its relative deviations of
+    friction, left and right wheel speed.
+    """
+
+    run: int
+    own: tuple[float, float, float, float, float, float]
+    nominal: Mapping[str, float] = field(default_factory=dict)
+    terms: Values = field(default_factory=dict)
+
+
+class Forward(Protocol):
+    """A simulator of an experiment."""
+
+    def marks(self, tasks: Sequence[Task]) -> list[Floats]:
+        """Marks (n, 4) in mm at the frame times of each task's run; NaN where the simulation fails."""
+        ...

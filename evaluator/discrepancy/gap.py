@@ -1,0 +1,45 @@
+"""The gap between simulation and measurement in millimetres, on fitted runs and on runs kept aside.
+
+The gap of a run is the RMS distance between the measured and the simulated midpoint of the marks, once start pose and
+the run's own friction and gains are fitted within the run-to-run scatter. Its floor is what tracking noise alone
+leaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.discrepancy.fit import place_runs
+from evaluator.discrepancy.problem import Point, Problem
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """RMS gap by run, mm, before and after the effect is added, and the noise floor of each run."""
+
+    before_mm: Floats
+    after_mm: Floats
+    floor_mm: Floats
+
+
+def run_gaps(problem: Problem, point: Point, runs: Sequence[int], scatter: Floats) -> Floats:
+    """RMS distance of the midpoint by run, mm, with each run's own numbers fitted within the scatter."""
+    placed = place_runs(problem, point, runs, scatter)
+    residuals = problem.residuals([placed.task(run) for run in runs])
+    return np.array([np.sqrt(np.nanmean(np.sum(item[:, :2] ** 2, axis=1))) for item in residuals])
+
+
+def noise_floor(problem: Problem, runs: Sequence[int]) -> Floats:
+    """RMS distance of the midpoint that tracking noise alone makes, by run, mm."""
+    return np.array([np.hypot(problem.noise[run][0].sigma_mm, problem.noise[run][1].sigma_mm) for run in runs])
+
+
+def rms(values: Floats, runs: Sequence[int]) -> float:
+    """RMS over some runs; NaN over none."""
+    return float(np.sqrt(np.mean(values[list(runs)] ** 2))) if len(runs) else float("nan")

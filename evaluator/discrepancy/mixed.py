@@ -1,0 +1,175 @@
+"""Linear mixed model of an experiment: common parameters, run-to-run scatter, tracking noise; its evidence.
+
+Whitened features of run i are z_i = J_i θ + F_i a_i + B_i b_i + ε, ε ~ N(0, 1): θ are common parameters (nominal values
+within their tolerances, effects), a_i is the start pose (nothing known beforehand), b_i ~ N(0, diag τ²) the run's own
+friction and wheel gains. Start poses are projected out; τ is summed over a grid, so that the uncertainty of the scatter
+enters every probability and interval, as Student's t does for a mean. Effects carry a unit-information prior counted in
+runs: what repeats itself in every frame of a run is one piece of evidence, not six hundred.
+Sources: Laird & Ware (1982), Biometrics 38, 963; Kass & Wasserman (1995), JASA 90, 928.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+FLAT = 3  # start x, y, heading
+SCATTER = ("friction", "left_gain", "right_gain")  # relative, per run
+FRICTION_SCATTER = np.geomspace(5e-4, 0.3, 15)  # a polished plate to a dirty one
+GAIN_SCATTER = np.geomspace(1e-4, 0.1, 16)  # quartz-driven steppers to poor DC motors
+
+
+@dataclass(frozen=True)
+class Linearized:
+    """One run near a point: z = J θ + F a + B b + ε in whitened features, θ measured from its neutral value."""
+
+    response: Floats  # (d,)
+    common: Floats  # (d, p)
+    start: Floats  # (d, 3)
+    scatter: Floats  # (d, 3)
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """What the mixed model needs of every run once start poses are projected out."""
+
+    s: Floats  # (n,)
+    g: Floats  # (n, p)
+    G: Floats  # (n, p, p)
+    c: Floats  # (n, 3)
+    C: Floats  # (n, 3, p)
+    A: Floats  # (n, 3, 3)
+    size: NDArray[np.int64]  # (n,) features left per run
+
+    def of_runs(self, keep: Sequence[int] | NDArray[np.int64]) -> Reduced:
+        """The same for some of the runs."""
+        return Reduced(*(np.asarray(getattr(self, name))[np.asarray(keep)] for name in self.__dataclass_fields__))
+
+    def of_columns(self, keep: NDArray[np.bool_], fixed: Floats) -> Reduced:
+        """The same with only some common parameters free; the others stand at the values of fixed (p,)."""
+        return Reduced(
+            self.s - 2 * self.g @ fixed + np.einsum("p,npq,q->n", fixed, self.G, fixed),
+            (self.g - self.G @ fixed)[:, keep],
+            self.G[:, keep][:, :, keep],
+            self.c - self.C @ fixed,
+            self.C[:, :, keep],
+            self.A,
+            self.size,
+        )
+
+
+def reduce_runs(runs: Sequence[Linearized]) -> Reduced:
+    """Project start poses out of every run and form the inner products of what is left."""
+    parts = []
+    for run in runs:
+        basis = np.linalg.qr(run.start)[0]
+        block = np.column_stack([run.response, run.common, run.scatter])
+        block = block - basis @ (basis.T @ block)
+        gram = block.T @ block
+        p = run.common.shape[1]
+        parts.append(
+            (
+                gram[0, 0],
+                gram[1 : p + 1, 0],
+                gram[1 : p + 1, 1 : p + 1],
+                gram[p + 1 :, 0],
+                gram[p + 1 :, 1 : p + 1],
+                gram[p + 1 :, p + 1 :],
+                len(run.response) - FLAT,
+            )
+        )
+    return Reduced(*(np.asarray(column) for column in zip(*parts, strict=True)))
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Common parameters of one model given the data: log evidence, mean, covariance, scatter, fit."""
+
+    log_evidence: float
+    mean: Floats  # (k,)
+    covariance: Floats  # (k, k)
+    scatter: Floats  # (3,) posterior mean of τ
+    misfit: float  # -2 log likelihood at the best scatter, without parameter-count terms
+    best: int  # index of the best scatter on the grid
+
+
+class MixedModel:
+    """Inner products of an experiment at every scatter of the grid; models are subsets of its columns."""
+
+    def __init__(self, reduced: Reduced, prior_precision: Floats) -> None:
+        """reduced: the runs. prior_precision: (p,) 1/σ² of columns with a prior, 0 for effects."""
+        friction, gain = np.meshgrid(FRICTION_SCATTER, GAIN_SCATTER, indexing="ij")
+        self.tau = np.column_stack([friction.ravel(), gain.ravel(), gain.ravel()])
+        self.runs = len(reduced.s)
+        self.prior = prior_precision
+        grid, p = len(self.tau), reduced.g.shape[1]
+        self.s = np.full(grid, float(reduced.s.sum()))
+        self.g = np.tile(reduced.g.sum(axis=0), (grid, 1))
+        self.G = np.tile(reduced.G.sum(axis=0), (grid, 1, 1))
+        self.logdet = np.zeros(grid)
+        inverse = self.tau**-2.0
+        for c, C, A in zip(reduced.c, reduced.C, reduced.A, strict=True):
+            precision = A[None] + inverse[:, :, None] * np.eye(3)[None]
+            M = np.linalg.inv(precision)
+            Mc = M @ c
+            MC = (M.reshape(-1, 3) @ C).reshape(grid, 3, p)
+            self.s -= Mc @ c
+            self.g -= Mc @ C
+            self.G -= (C.T @ MC.transpose(1, 0, 2).reshape(3, -1)).reshape(p, grid, p).transpose(1, 0, 2)
+            self.logdet += np.linalg.slogdet(precision)[1] - np.log(inverse).sum(axis=1)
+
+    def posterior(self, columns: Sequence[int], at: NDArray[np.int64] | None = None) -> Posterior:
+        """Evidence and parameters of the model with these columns; at: grid points to use (default: all)."""
+        keep = np.asarray(columns, dtype=np.int64)
+        at = np.arange(len(self.tau)) if at is None else at
+        G = self.G[np.ix_(at, keep, keep)]
+        g = self.g[np.ix_(at, keep)]
+        prior = self.prior[keep]
+        free = prior == 0
+        H = (
+            G
+            + np.diag(prior)
+            + 1e-12
+            * np.eye(len(keep))
+            * np.maximum(np.trace(G, axis1=1, axis2=2), 1e-30)[:, None, None]
+            / max(len(keep), 1)
+        )
+        mean = np.linalg.solve(H, g[..., None])[..., 0]
+        misfit = self.s[at] - np.einsum("tk,tk->t", g, mean) + self.logdet[at]
+        occam = np.linalg.slogdet(H)[1] - np.log(prior[~free]).sum()
+        if free.any():
+            occam = occam - np.linalg.slogdet(H[:, free][:, :, free])[1] + free.sum() * np.log(self.runs)
+        score = -0.5 * (misfit + occam)
+        top = int(np.argmax(score))
+        weight = np.exp(score - score[top])
+        weight /= weight.sum()
+        center = weight @ mean
+        spread = mean - center
+        covariance = np.einsum("t,tij->ij", weight, np.linalg.inv(H)) + np.einsum("t,ti,tj->ij", weight, spread, spread)
+        evidence = float(score[top] + np.log(np.mean(np.exp(score - score[top]))))
+        return Posterior(
+            evidence, center, covariance, weight @ self.tau[at], float(misfit.min()), int(at[int(np.argmin(misfit))])
+        )
+
+
+def solve_at(reduced: Reduced, prior_precision: Floats, tau: Floats) -> Floats:
+    """Most probable common parameters (p,) at one scatter."""
+    weight = np.linalg.inv(reduced.A + np.diag(tau**-2.0))
+    weighted = np.einsum("nij,njp->nip", weight, reduced.C)
+    normal = reduced.G.sum(axis=0) - np.einsum("nip,niq->pq", reduced.C, weighted) + np.diag(prior_precision)
+    right = reduced.g.sum(axis=0) - np.einsum("nip,ni->p", weighted, reduced.c)
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    solution: Floats = np.linalg.lstsq(normal / np.outer(scale, scale), right / scale, rcond=1e-11)[0] / scale
+    return solution
+
+
+def run_effects(reduced: Reduced, theta: Floats, tau: Floats) -> tuple[Floats, Floats]:
+    """Each run's own friction and gains given the common parameters: means (n, 3) and covariances (n, 3, 3)."""
+    covariance = np.linalg.inv(reduced.A + np.diag(tau**-2.0))
+    mean = np.einsum("nij,nj->ni", covariance, reduced.c - reduced.C @ theta)
+    return np.asarray(mean, dtype=np.float64), np.asarray(covariance, dtype=np.float64)

@@ -1,0 +1,136 @@
+"""Tracking noise of marks: its size and its correlation in time, from what no motion of the robot can make.
+
+The residual of a run is split into cosine modes. Slow modes hold the misfit of the model, fast ones only noise. A white
+part plus a first-order autoregressive part is fitted to the fast modes and carried over to the slow ones, so a model
+that is wrong does not pass its own misfit off as noise. Source: Whittle (1953), Ark. Mat. 2, 423.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+from scipy.fft import dct
+from scipy.optimize import minimize
+
+Floats = NDArray[np.float64]
+
+SLOWEST_HZ = 0.6  # the misfit of a model lives below: a robot needs seconds to cross the plate or to turn
+FEWEST_MODES = 24  # below this a spectrum of three parameters is not worth fitting; the noise is taken as white
+# What trackers show: correlation over a few frames up to half a second. Fast modes alone leave longer ones undecided.
+USUAL_CORRELATION_S = 0.1
+CORRELATION_SPREAD = 1.0  # of its logarithm
+QUANTIZATION_MM = 1e-5  # marks files carry six decimals at most: noise below this is not noise of a camera
+
+
+@dataclass(frozen=True)
+class Noise:
+    """White noise plus exponentially correlated noise of one channel, mm and s."""
+
+    white_mm: float
+    slow_mm: float
+    correlation_s: float
+
+    def covariance(self, time_s: Floats) -> Floats:
+        """Covariance between samples at time_s, (n, n), mm²."""
+        lag = np.abs(time_s[:, None] - time_s[None, :])
+        kernel: Floats = self.slow_mm**2 * np.exp(-lag / self.correlation_s)
+        kernel[np.diag_indices(len(time_s))] += self.white_mm**2
+        return kernel
+
+    @property
+    def sigma_mm(self) -> float:
+        """Standard deviation of one sample, mm."""
+        return float(np.hypot(self.white_mm, self.slow_mm))
+
+    def scaled(self, factor: float) -> Noise:
+        """The same correlation with all amplitudes multiplied by factor."""
+        return Noise(self.white_mm * factor, self.slow_mm * factor, self.correlation_s)
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Cosine-mode powers of one channel of one run: frequencies, Hz, and squared orthonormal coefficients, mm²."""
+
+    frequency_hz: Floats
+    power_mm2: Floats
+    step_s: float
+
+
+def spectrum(time_s: Floats, residual_mm: Floats) -> Spectrum:
+    """Cosine modes of a residual freed of its smooth part, a polynomial in time.
+
+    Missing samples (NaN) are bridged by straight lines before, which adds no fast power. Without the polynomial the
+    ends of a drifting residual would leak into the fast modes.
+    """
+    good = np.isfinite(residual_mm)
+    step_s = float(np.median(np.diff(time_s)))
+    grid = np.arange(time_s[0], time_s[-1] + step_s / 2, step_s)
+    bridged = np.interp(grid, time_s[good], residual_mm[good])
+    degree = int(np.clip(SLOWEST_HZ * (grid[-1] - grid[0]), 1, 12))  # less than half a wave per SLOWEST_HZ: noise stays
+    bridged = bridged - Polynomial.fit(grid, bridged, degree)(grid)
+    coefficients = np.asarray(dct(bridged, type=2, norm="ortho"))
+    frequency = np.arange(len(grid)) / (2 * len(grid) * step_s)
+    return Spectrum(frequency[1:], coefficients[1:] ** 2 * good.size / max(good.sum(), 1), step_s)
+
+
+def fit_noise(spectra: list[Spectrum]) -> Noise:
+    """Fit one noise to the fast modes of all spectra (Whittle likelihood, lines of narrow band held down)."""
+    frequency = np.concatenate([item.frequency_hz for item in spectra])
+    power = np.concatenate([item.power_mm2 for item in spectra])
+    step_s = float(np.median([item.step_s for item in spectra]))
+    fast = frequency >= SLOWEST_HZ
+    if fast.sum() < FEWEST_MODES:
+        sigma = float(np.sqrt(np.mean(power))) if len(power) else QUANTIZATION_MM
+        return Noise(max(sigma, QUANTIZATION_MM), 0.0, step_s)
+    modes = int(fast.sum())
+    frequency, power = _banded(frequency[fast], power[fast])
+    per_band = modes / len(power)
+
+    def misfit(free: Floats) -> float:
+        model = _density(frequency, free, step_s)
+        usual = (np.log(_correlation_s(free[2], step_s) / USUAL_CORRELATION_S) / CORRELATION_SPREAD) ** 2
+        return float(per_band * np.sum(np.log(model) + power / model) + usual)
+
+    level = np.log(np.median(power) + QUANTIZATION_MM**2)
+    starts = [np.array([level, level - 2.0 + lift, shape]) for lift in (0.0, 2.0) for shape in (0.4, 2.0)]
+    fits = [minimize(misfit, start, method="Nelder-Mead", options={"maxiter": 400}) for start in starts]
+    best = min(fits, key=lambda fit: float(fit.fun)).x
+    decay = _decay(best[2])
+    return Noise(
+        float(np.exp(best[0] / 2)),
+        float(np.exp(best[1] / 2) / np.sqrt(1 - decay**2)),
+        _correlation_s(best[2], step_s),
+    )
+
+
+def _decay(logit: float) -> float:
+    """Correlation of neighbouring samples."""
+    return float(1.0 / (1.0 + np.exp(-np.clip(logit, -20.0, 6.0))))
+
+
+def _correlation_s(logit: float, step_s: float) -> float:
+    return float(-step_s / np.log(_decay(logit)))
+
+
+def _density(frequency_hz: Floats, free: Floats, step_s: float) -> Floats:
+    """Expected mode power: white + innovations / |1 - decay·exp(-iω)|²."""
+    decay = _decay(free[2])
+    angle = 2 * np.pi * frequency_hz * step_s
+    colored = np.exp(free[1]) / (1 - 2 * decay * np.cos(angle) + decay**2)
+    density: Floats = np.exp(free[0]) + colored + QUANTIZATION_MM**2
+    return density
+
+
+def _banded(frequency_hz: Floats, power: Floats, bands: int = 60) -> tuple[Floats, Floats]:
+    """Mean power per frequency band, from the median: a line (a wheel's run-out) does not lift its band.
+
+    The median of a chi-square variable with one degree of freedom is 0.4549 of its mean.
+    """
+    order = np.argsort(frequency_hz)
+    groups = np.array_split(order, min(bands, max(len(order) // 8, 1)))
+    centers = np.array([np.mean(frequency_hz[group]) for group in groups])
+    levels = np.array([np.median(power[group]) / 0.4549 for group in groups])
+    return centers, levels

@@ -1,0 +1,184 @@
+"""The measured runs, the simulator and the noise put together: linearizations of an experiment at any point.
+
+A point holds everything that the prediction of every run depends on. Derivatives are differences of simulations: with
+tens of microseconds a run they cost less than any cleverness.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.discrepancy.features import (
+    Compression,
+    channel_noise,
+    channel_residual,
+    channels_of,
+    compression,
+    residual_spectra,
+)
+from evaluator.discrepancy.forward import Forward, RunData, Task
+from evaluator.discrepancy.mixed import Linearized
+from evaluator.discrepancy.noise import Noise
+from evaluator.discrepancy.terms import Term
+
+Floats = NDArray[np.float64]
+
+OWN_STEPS = (1e-3, 1e-3, 1e-4, 2e-3, 1e-3, 1e-3)  # mm, mm, rad, relative: far above rounding, far below curvature
+NOMINAL_STEP = 2e-3
+SETTLING_S = 0.4  # motors that lag by more would be seen as an effect first
+
+
+@dataclass(frozen=True)
+class Column:
+    """A common parameter: a nominal value (term is None) or one coordinate of a term, seen from start values."""
+
+    key: str
+    coordinate: int = 0
+    term: Term | None = None
+    start: tuple[float, ...] | None = None
+    leap: float | None = None  # for an effect without a derivative: the whole change to be tried
+
+    @property
+    def step(self) -> float:
+        """Size of the difference that makes the derivative."""
+        if self.leap is not None:
+            return self.leap
+        return NOMINAL_STEP if self.term is None else self.term.coordinates[self.coordinate].step
+
+    @property
+    def neutral(self) -> float:
+        """Value where nothing is changed."""
+        return 0.0 if self.term is None else self.term.coordinates[self.coordinate].neutral
+
+
+@dataclass(frozen=True)
+class Point:
+    """Nominal deviations, term coordinates, and every run's own six numbers (n, 6) as in Task."""
+
+    own: Floats
+    nominal: Mapping[str, float] = field(default_factory=dict)
+    terms: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+
+    def moved(self, column: Column, amount: float) -> Point:
+        """The point with one common parameter changed."""
+        if column.term is None:
+            return replace(self, nominal={**self.nominal, column.key: self.nominal.get(column.key, 0.0) + amount})
+        values = list(self.terms.get(column.key, column.start or column.term.neutral))
+        values[column.coordinate] += amount
+        return replace(self, terms={**self.terms, column.key: tuple(values)})
+
+    def value(self, column: Column) -> float:
+        """Value of a common parameter measured from neutral."""
+        if column.term is None:
+            return self.nominal.get(column.key, 0.0)
+        values = self.terms.get(column.key)
+        return 0.0 if values is None else values[column.coordinate] - column.neutral
+
+    def task(self, run: int, own_shift: Floats | None = None) -> Task:
+        """What to simulate for one run."""
+        own = self.own[run] if own_shift is None else self.own[run] + own_shift
+        return Task(run, tuple(own), self.nominal, self.terms)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """An experiment ready for fitting."""
+
+    data: tuple[RunData, ...]
+    forward: Forward
+    channels: tuple[Floats, ...]
+    compressions: tuple[Compression, ...]
+    noise: tuple[tuple[Noise, ...], ...]
+    half_distance_mm: float
+
+    def residuals(self, tasks: Sequence[Task]) -> list[Floats]:
+        """Channel residuals (n, 4) in mm of every task."""
+        return [
+            channel_residual(self.channels[task.run], channels_of(marks), self.half_distance_mm)
+            for task, marks in zip(tasks, self.forward.marks(tasks), strict=True)
+        ]
+
+    def linearized(
+        self,
+        point: Point,
+        columns: Sequence[Column],
+        runs: Sequence[int] | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> list[Linearized]:
+        """Response and derivatives of the runs at a point; FloatingPointError where the simulation fails there."""
+        chosen = range(len(self.data)) if runs is None else runs
+        result = []
+        for done, run in enumerate(chosen):
+            tasks = [point.task(run)]
+            bases: dict[tuple[str, tuple[float, ...]], int] = {}
+            for column in columns:  # a term seen from its own starting place has its own base
+                if column.start is not None and (column.key, column.start) not in bases:
+                    bases[column.key, column.start] = len(tasks)
+                    tasks.append(replace(point, terms={**point.terms, column.key: column.start}).task(run))
+            tasks += [point.moved(column, column.step).task(run) for column in columns]
+            tasks += [point.task(run, step) for step in np.diag(OWN_STEPS)]
+            residuals = np.array(self.residuals(tasks))[:, self.compressions[run].used]
+            sound: NDArray[np.bool_] = np.asarray(np.isfinite(residuals).all(axis=(1, 2)))
+            if not (sound[0] and sound[-6:].all()):
+                raise FloatingPointError(f"run {self.data[run].id} cannot be simulated at this point")
+            residuals[~sound] = 0.0
+            features = self.compressions[run].features(residuals)
+            base = features[0]
+            common = np.zeros((len(base), len(columns)))
+            for i, column in enumerate(columns):
+                before = bases.get((column.key, column.start), 0) if column.start is not None else 0
+                after = len(tasks) - 6 - len(columns) + i
+                if sound[before] and sound[after]:  # a candidate that cannot be simulated offers nothing
+                    common[:, i] = (features[before] - features[after]) / column.step
+            own = ((base - features[-6:]) / np.array(OWN_STEPS)[:, None]).T
+            theta = np.array([0.0 if c.start is not None else point.value(c) for c in columns])
+            response = base + common @ theta + own[:, 3:] @ point.own[run, 3:]
+            result.append(Linearized(response, common, own[:, :3], own[:, 3:]))
+            if progress is not None:
+                progress((done + 1) / len(chosen))
+        return result
+
+
+def build_problem(data: Sequence[RunData], forward: Forward) -> tuple[Problem, Point]:
+    """Estimate the tracking noise and compress every run; also gives the nominal point with aligned starts."""
+    channels = tuple(channels_of(run.marks_mm) for run in data)
+    half = float(np.nanmedian(np.concatenate([item[:, 3] for item in channels]))) / 2
+    bare = Problem(tuple(data), forward, channels, (), (), half)
+    point = Point(aligned_starts(data, forward))
+    return with_noise_of(bare, point), point
+
+
+def with_noise_of(problem: Problem, point: Point) -> Problem:
+    """The problem with its noise estimated from what a point leaves over, and every run compressed accordingly."""
+    residuals = problem.residuals([point.task(run) for run in range(len(problem.data))])
+    noise = channel_noise(
+        [
+            residual_spectra(run.time_s, item, run.start_s + SETTLING_S)
+            for run, item in zip(problem.data, residuals, strict=True)
+        ]
+    )
+    compressions = tuple(
+        compression(run.time_s, np.asarray(np.isfinite(item).all(axis=1)), parts)
+        for run, item, parts in zip(problem.data, problem.channels, noise, strict=True)
+    )
+    return replace(problem, compressions=compressions, noise=tuple(noise))
+
+
+def aligned_starts(data: Sequence[RunData], forward: Forward) -> Floats:
+    """Start poses that lay the nominal prediction on the first part of every run, (n, 6) with zero scatter."""
+    own = np.zeros((len(data), 6))
+    predicted = forward.marks([Task(run, (0.0,) * 6) for run in range(len(data))])
+    for run, (item, marks) in enumerate(zip(data, predicted, strict=True)):
+        seen = np.flatnonzero(np.isfinite(item.marks_mm).all(axis=1))
+        early = seen[: max(len(seen) // 8, 5)]
+        measured = item.marks_mm[early].reshape(-1, 2)
+        model = marks[early].reshape(-1, 2)
+        measured_z, model_z = (a[:, 0] + 1j * a[:, 1] for a in (measured, model))
+        turn = np.angle(np.sum((measured_z - measured_z.mean()) * np.conj(model_z - model_z.mean())))
+        shift = measured_z.mean() - np.exp(1j * turn) * model_z.mean()
+        own[run, :3] = shift.real, shift.imag, turn
+    return own
