@@ -83,9 +83,8 @@ class _Stages:
             return [path], {}
         assert self.run.video is not None  # either, says the model of the file
         assert self.camera is not None
-        source = open_recording(self.run.video)
-        source.threads = 1  # the other cores have runs of their own
-        recording = Glimpsed(source)
+        # One decoder thread: the other cores have runs of their own.
+        recording = Glimpsed(open_recording(self.run.video, rate_hz=self.run.rate_hz, threads=1))
         settings = read_with(load_settings, self.job.tracking) if self.job.tracking else None
         table = track(recording, settings)
         report = recording.report()
