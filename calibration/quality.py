@@ -189,8 +189,6 @@ def _notes(calibration: Calibration) -> list[str]:
         match = sighting.match
         if rejected > 0.02 * len(match):
             notes.append(f"{sighting.name}: {rejected} of {len(match)} dots left out because they contradict the rest")
-        if match.mirrored:
-            notes.append(f"{sighting.name}: the gauge is seen from behind")
     if not calibration.sightings[0].match.certain:
         notes.append(
             f"{calibration.sightings[0].name}: part of the array is out of view and no fiducial tells which, so "
