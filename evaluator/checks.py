@@ -77,14 +77,18 @@ def _video(folder: Path, name: str, experiment: Path) -> Iterator[str]:
     from evaluator.recording import open_recording
 
     del experiment
-    yield from _fault(open_recording, folder / name)
+    if not (folder / name).is_dir():  # a folder of pictures is opened with the rate of its run
+        yield from _fault(open_recording, folder / name)
 
 
 def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+    from evaluator.interchange import program_of
     from evaluator.marks import read_marks
 
     del experiment
-    yield from _fault(read_marks, folder / name)
+    path = folder / name
+    foreign = path.is_file() and program_of(path) != "turnscope"
+    yield from () if foreign else _fault(read_marks, path)
 
 
 def _fault(load: Callable[[Path], Any], path: Path) -> Iterator[str]:

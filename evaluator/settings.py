@@ -9,6 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from evaluator.errors import InputError
+from evaluator.interchange import Tracks
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -52,6 +53,7 @@ class Experiment(Table):
     robot: str
     camera: Path | None = None
     tracking: Path | None = None  # tracking.toml: colours, mark size, region of interest, masks
+    tracks: Tracks | None = None  # how marks files of other programs are read
     run: tuple[Run, ...] = ()
     notes: str = ""
 

@@ -101,7 +101,9 @@ def print_plan(experiment: Path, out: Path, *, simulate: bool) -> int:
 
 def print_json(table: pd.DataFrame) -> None:
     """Print a table of runs as a list of objects; unknown values are null."""
-    click.echo(json.dumps(json.loads(table.to_json(orient="records", double_precision=15)), indent=1))
+    from evaluator.export import records
+
+    click.echo(json.dumps(records(table), indent=1))
 
 
 def turning_text(found: Analysis, *, verbose: bool) -> str:

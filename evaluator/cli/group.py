@@ -18,6 +18,7 @@ COMMANDS = {
     "analyze": ("analyze", "Track, reconstruct and fit every run of an experiment."),
     "compare": ("analyze", "Set every run beside its simulated counterpart."),
     "report": ("report", "Make the report of an experiment, computing what it needs."),
+    "export": ("export", "Write the results as JSON and netCDF, with provenance."),
     "diagnose": ("diagnose", "Name the missing effect that makes model and data disagree."),
     "plan": ("diagnose", "Propose the runs of a good experiment."),
     "simulate": ("simulate", "Simulate one run."),

@@ -89,10 +89,8 @@ def jobs_of(experiment: Experiment, outputs: Outputs, *, simulate: bool) -> list
         name = run.robot or experiment.robot
         if name not in robots:
             robots[name] = read_with(load_robot, Path(name))
-    return [
-        Job(run, robots[run.robot or experiment.robot], experiment.tracking, outputs.folder, simulate)
-        for run in experiment.run
-    ]
+    shared = (experiment.tracking, experiment.tracks, outputs.folder, simulate)
+    return [Job(run, robots[run.robot or experiment.robot], *shared) for run in experiment.run]
 
 
 def input_files(experiment: Experiment) -> list[Path]:

@@ -12,6 +12,7 @@ from typing import Any
 
 from calibration.errors import CalibrationError
 from evaluator.errors import InputError
+from evaluator.interchange import Tracks, program_of
 from evaluator.settings import Run
 from evaluator.workflow.freshness import Record, file_hash, key_of
 from evaluator.workflow.outputs import Outputs
@@ -26,6 +27,7 @@ class Job:
     run: Run
     robot: Robot
     tracking: Path | None
+    tracks: Tracks | None
     out: Path
     simulate: bool
 
@@ -33,6 +35,15 @@ class Job:
     def stages(self) -> tuple[str, ...]:
         """Stages asked for, in their order."""
         return ("track", "turn", "simulate") if self.simulate else ("track", "turn")
+
+    @property
+    def camera(self) -> Path | None:
+        """The camera that places the marks; marks given in mm need none."""
+        if self.run.marks is not None:
+            unit = self.tracks.unit if self.tracks else None
+            if unit not in (None, "px") or program_of(self.run.marks) == "turnscope":
+                return None
+        return self.run.camera
 
     def record(self) -> Record:
         """What is known of earlier results."""
@@ -48,8 +59,10 @@ class Job:
         track = key_of(
             {
                 "source": file_hash(source),
-                "camera": file_hash(self.run.camera) if self.run.camera else None,
+                "camera": file_hash(self.camera) if self.camera else None,
+                "rate_hz": self.run.rate_hz,
                 "tracking": file_hash(self.tracking) if self.tracking and self.run.video else None,
+                "tracks": self.tracks.model_dump() if self.tracks and self.run.marks else None,
                 "marks": self.robot.marks.model_dump(),
             }
         )

@@ -17,6 +17,7 @@ from calibration.camera import Camera
 from evaluator.comparison import comparison_row, simulated_counterpart
 from evaluator.errors import InputError
 from evaluator.files import read_with, write_table, write_text
+from evaluator.interchange import read_any_marks
 from evaluator.marks import MARKS, read_marks, write_marks
 from evaluator.pose import MarkGeometry, Poses, poses_from_marks
 from evaluator.recording import TimingReport, open_recording
@@ -59,11 +60,11 @@ class _Stages:
 
     @cached_property
     def camera(self) -> Camera | None:
-        if self.run.camera is None:
+        if self.job.camera is None:
             return None
         from calibration.store import load_camera
 
-        camera: Camera = read_with(load_camera, self.run.camera)
+        camera: Camera = read_with(load_camera, self.job.camera)
         return camera
 
     @cached_property
@@ -79,7 +80,8 @@ class _Stages:
     def _track(self) -> tuple[list[Path], dict[str, Any]]:
         path, pictures = self.out.marks(self.run.id), self.out.pictures(self.run.id)
         if self.run.marks is not None:
-            write_marks(read_marks(self.run.marks), path)
+            height_mm = self.job.robot.marks.height_mm
+            write_marks(read_any_marks(self.run.marks, self.job.tracks, self.camera, height_mm), path)
             return [path], {}
         assert self.run.video is not None  # either, says the model of the file
         assert self.camera is not None

@@ -123,6 +123,30 @@ def _split_pixel(
 
 
 @njit(cache=True, fastmath=True)
+def _add_filtered(fine: Array, parts: int, weights: Array, share: float, out: Array) -> None:
+    """Filter parts of pixels along both axes and add the result, times share, to the pixels of out."""
+    tall, wide = out.shape
+    smooth = np.zeros((tall, fine.shape[1]))
+    for row in range(fine.shape[0]):
+        first, last = 0, fine.shape[1]
+        while first < last and fine[row, first] == 0.0:
+            first += 1
+        while last > first and fine[row, last - 1] == 0.0:
+            last -= 1
+        # The filter of picture row r spans the parts from r·parts on.
+        for r in range(max(0, (row - len(weights)) // parts + 1), min(tall, row // parts + 1)):
+            weight = share * weights[row - r * parts]
+            for column in range(first, last):
+                smooth[r, column] += weight * fine[row, column]
+    for row in range(tall):
+        for column in range(wide):
+            total = 0.0
+            for k in range(len(weights)):
+                total += weights[k] * smooth[row, column * parts + k]
+            out[row, column] += total
+
+
+@njit(cache=True, fastmath=True)
 def add_disc(
     map_x: Array,
     map_y: Array,
@@ -156,24 +180,7 @@ def add_disc(
                 parts,
                 fine[row * parts : (row + 1) * parts, column * parts : (column + 1) * parts],
             )
-    smooth = np.zeros((bottom - top, wide * parts))
-    for row in range(tall * parts):
-        first, last = 0, wide * parts
-        while first < last and fine[row, first] == 0.0:
-            first += 1
-        while last > first and fine[row, last - 1] == 0.0:
-            last -= 1
-        # The filter of picture row r spans the parts from r·parts on.
-        for r in range(max(0, (row - len(weights)) // parts + 1), min(bottom - top, row // parts + 1)):
-            weight = share * weights[row - r * parts]
-            for column in range(first, last):
-                smooth[r, column] += weight * fine[row, column]
-    for row in range(bottom - top):
-        for column in range(right - left):
-            total = 0.0
-            for k in range(len(weights)):
-                total += weights[k] * smooth[row, column * parts + k]
-            out[row, column] += total
+    _add_filtered(fine, parts, weights, share, out)
 
 
 @njit(cache=True)
