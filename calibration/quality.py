@@ -86,7 +86,8 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
     if covered < SMALLEST_COVERAGE:
         reasons.append(f"dots cover {100 * covered:.0f} % of the picture: distortion is extrapolated over the rest")
         steps.append("move the gauge so that dots reach every part of the picture that will be used")
-    if scale > SCALE_TOLERANCE and scale > 1.5 * plate_scale:
+    alone = len(calibration.views) == 1 and scale > 1.5 * plate_scale
+    if alone or (scale > SCALE_TOLERANCE and scale > 1.5 * plate_scale):
         reasons.append(_height_sentence(calibration, mark_height_mm, scale, plate_scale))
         if not ill:
             steps.append(
@@ -176,10 +177,19 @@ def _misfit(calibration: Calibration) -> list[str]:
 
 
 def _height_sentence(calibration: Calibration, height: float, scale: float, plate_scale: float) -> str:
-    one = "a single picture" if len(calibration.views) == 1 else "these pictures"
+    doubt = f"{100 * scale:.2g} % (1 sigma), on the plane of the gauge by {100 * plate_scale:.2g} %"
+    if len(calibration.views) > 1:
+        return (
+            f"these pictures leave the height correction open: at {height:g} mm turning radii are in doubt by {doubt}"
+        )
+    if scale > SCALE_TOLERANCE:
+        return (
+            "a single picture without tilt cannot give the height correction: "
+            f"at {height:g} mm turning radii are in doubt by {doubt}"
+        )
     return (
-        f"{one} cannot give the height correction well: at {height:g} mm above the plate turning radii are in doubt by "
-        f"{100 * scale:.2g} % (1 sigma), on the plane of the gauge by {100 * plate_scale:.2g} %"
+        "the height correction rests on the perspective of a single picture, which nothing checks: "
+        f"at {height:g} mm turning radii are in doubt by {doubt}, if the lens model is exact"
     )
 
 
@@ -189,8 +199,6 @@ def _notes(calibration: Calibration) -> list[str]:
         match = sighting.match
         if rejected > 0.02 * len(match):
             notes.append(f"{sighting.name}: {rejected} of {len(match)} dots left out because they contradict the rest")
-        if match.mirrored:
-            notes.append(f"{sighting.name}: the gauge is seen from behind")
     if not calibration.sightings[0].match.certain:
         notes.append(
             f"{calibration.sightings[0].name}: part of the array is out of view and no fiducial tells which, so "

@@ -8,17 +8,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from simulator.balance import follow, newton, settled, solve_map
+from simulator.balance import newton
+from simulator.branch import follow
 from simulator.errors import SimulationError
+from simulator.many import TOLERANCE_MM
 from simulator.model import compile_robot
+from simulator.motion import DONE, integrate_run
 from simulator.robot import Robot
 from simulator.run import WheelStates
+from simulator.stability import is_stable
 from simulator.wheels import wheel_states
 
 Array = NDArray[np.float64]
 # Where Newton starts to look for every balance, as shares: forward speed of the mean surface speed, yaw rate of that
 # without slip, and distance of the pivot ahead of the centre of half the wheelbase.
 STARTS = [(u, r, p) for u in (1.0, 0.5, 0.0, -0.5) for r in (0.9, 0.5, 0.3, 0.1, 0.0, -0.3) for p in (0.0, 0.5, 0.9)]
+SETTLING_S = np.array([0.0, 2.0])  # relaxations last milliseconds, those from a near standstill tenths of a second
+NO_PLAN = np.zeros((0, 2))
 SAME = 1e-6  # balances closer than this share of the largest surface speed are one
 
 
@@ -109,14 +115,21 @@ def steady_turns(robot: Robot, left_rpm: float, right_rpm: float) -> list[Steady
 
 
 def steady_map(robot: Robot, left_rpm: ArrayLike, ratios: ArrayLike) -> SteadyMap:
-    """Steady turns for every left rpm (n,) and ratio right/left (m,), in parallel over left rpm.
+    """Steady turns for left rpm (n,) and ratios right/left (m,); negative ratios set the wheels against each other.
 
-    Ratios in order let each turn be followed from its neighbour. Negative ratios set the wheels against each other.
+    Ratios in order let each turn be followed from its neighbour; where that fails, the robot starts from rest.
     """
     left, ratio = np.atleast_1d(np.asarray(left_rpm, dtype=float)), np.atleast_1d(np.asarray(ratios, dtype=float))
-    velocity, stable = np.empty((len(left), len(ratio), 3)), np.zeros((len(left), len(ratio)), dtype=bool)
-    solve_map(_frozen(robot), left, ratio, velocity, stable)
-    u, v, yaw_rate = np.moveaxis(velocity, -1, 0)
+    found, model = np.full((len(left), len(ratio), 3), np.nan), _frozen(robot)[0]
+    linear = np.zeros((4, 3))
+    for row, rpm in enumerate(left):
+        velocity, known = np.zeros(3), False
+        for column, right in enumerate(ratio * rpm):
+            known = known and bool(newton(model, rpm, right, velocity, linear)) and bool(is_stable(linear))
+            known = known or settled(model, rpm, right, velocity, linear)
+            if known:
+                found[row, column] = velocity
+    u, v, yaw_rate = np.moveaxis(found, -1, 0)
     return SteadyMap(left, ratio, u, v, yaw_rate, _curvature(u, v, yaw_rate))
 
 
@@ -127,13 +140,21 @@ def steady_branch(
 
     step: arc length in ratio and velocity over the largest surface speed. The branch ends where it leaves the interval.
     """
-    out = np.empty((5000, 5))
     velocity = np.array([turn.u_mm_s, turn.v_mm_s, turn.yaw_rate_rad_s])
-    low, high = min(ratio, to_ratio), max(ratio, to_ratio)
-    signed = step if to_ratio >= ratio else -step
-    count = follow(_frozen(robot)[0], left_rpm, ratio, low - 1e-12, high + 1e-12, velocity, signed, out)
-    ratios, u, v, yaw_rate, stable = out[:count].T
+    ratios, u, v, yaw_rate, stable = follow(_frozen(robot)[0], left_rpm, ratio, to_ratio, velocity, step).T
     return Branch(ratios, u, v, yaw_rate, _curvature(u, v, yaw_rate), stable > 0.5)
+
+
+def settled(model: Any, left: float, right: float, velocity: Array, linear: Array) -> bool:
+    """Start from rest, and polish the velocity (3) the robot settles on; False where it does not settle.
+
+    model: a record whose varies is 0; linear: (4, 3), takes the derivative by velocity in rows 1 to 3.
+    """
+    state, out = np.zeros(6), np.empty((2, 6))
+    knots = np.array([[0.0, left, right]])
+    done, _ = integrate_run(model, knots, state, SETTLING_S, out, TOLERANCE_MM, NO_PLAN, replay=False)
+    velocity[:] = state[3:]
+    return bool(done == DONE and newton(model, left, right, velocity, linear) and is_stable(linear))
 
 
 def _frozen(robot: Robot) -> NDArray[np.void]:

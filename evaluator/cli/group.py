@@ -14,6 +14,7 @@ COMMANDS = {
     "check-camera": ("calibrate", "Tell whether a calibration still holds."),
     "dots": ("calibrate", "Find and assign the dots of a picture, without a gauge file."),
     "track": ("track", "Track the two marks of one recording."),
+    "turning": ("turning", "Measure how a robot turns from a table of its marks."),
     "analyze": ("analyze", "Track, reconstruct and fit every run of an experiment."),
     "compare": ("analyze", "Set every run beside its simulated counterpart."),
     "report": ("report", "Make the report of an experiment, computing what it needs."),

@@ -7,4 +7,6 @@ from evaluator.recording.open import open_recording
 from evaluator.recording.timing import TimingReport
 from evaluator.recording.video import Recording
 
-__all__ = ["Fields", "Frame", "ImageSequence", "Recording", "TimingReport", "open_recording"]
+Source = Recording | ImageSequence
+
+__all__ = ["Fields", "Frame", "ImageSequence", "Recording", "Source", "TimingReport", "open_recording"]

@@ -28,13 +28,20 @@ class Recording:
     """
 
     def __init__(
-        self, name: str, *, live: bool = False, format_name: str | None = None, fields: Fields = "auto"
+        self,
+        name: str,
+        *,
+        live: bool = False,
+        format_name: str | None = None,
+        fields: Fields = "auto",
+        threads: int = 0,
     ) -> None:
         """Open once to see that there is a video in it.
 
         name: a path, or an address FFmpeg understands. live: give each picture at once, and expect no second iteration.
+        threads: of the decoder; 0: one per core.
         """
-        self.name, self.live, self.fields = name, live, fields
+        self.name, self.live, self.fields, self._threads = name, live, fields, threads
         self._format = format_name
         container = self._open()
         stream = container.streams.video[0]
@@ -42,7 +49,6 @@ class Recording:
         self.expected_frames: int = stream.frames  # 0 where the container does not say
         self.tick: Fraction = stream.time_base
         self._opened: Any = container
-        self.threads = 0  # of the decoder; 0: one per core
         self._reset()
 
     def _reset(self) -> None:
@@ -95,7 +101,7 @@ class Recording:
             stream = container.streams.video[0]
             # Frame threads are fastest but hold back a picture a thread; a live source must not wait for them.
             stream.thread_type = "SLICE" if self.live else "AUTO"
-            stream.codec_context.thread_count = self.threads
+            stream.codec_context.thread_count = self._threads
             layout: Layout | None = None
             origin = None if container.format.name in STREAMED or self.live else 0
             frame: Frame | None = None

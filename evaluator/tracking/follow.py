@@ -31,6 +31,7 @@ HOPELESS = 8.0  # residual at which a disc is no longer what is seen
 # 1/(1 + (r/5)⁴): 0.4 % of the information), a wire or a glint loses its pull.
 SOFTNESS = 5.0
 
+BRIGHTER = 1.2  # amplitude over what it was, from which the light has changed rather than flickered
 NOISE_STEP = 1.03
 NOISE_RANGE = 30.0  # least and most noise of a recording, compressed or not, in variance
 
@@ -138,6 +139,12 @@ class Follower:
         disc[5], disc[6] = smear_x * keep, smear_y * keep
         self._fit(frame, start)
         result = self._result
+        brighter = result[kernels.AMPLITUDE] / self._amplitude
+        if result[kernels.RESIDUAL] > DISTURBED and BRIGHTER < brighter < 4.0:
+            # The lights went on: photon noise grows with the light, gain noise with its square.
+            self._noise[0] = min(self._noise[0] * brighter**2, NOISE_RANGE * self._least_noise)
+            start[2], start[3] = result[kernels.AMPLITUDE], result[kernels.BASE]
+            self._fit(frame, start)
         if result[kernels.RESIDUAL] > DISTURBED:
             self._sloped[:4] = result[: kernels.BASE + 1]
             self._sloped[4:] = 0.0
@@ -203,7 +210,7 @@ class Follower:
         if found[0] < 0.5 * area:
             return "partly hidden"
         beside = abs(found[1] - place[0]) + abs(found[2] - place[1]) > slack
-        return "ambiguous" if beside or found[0] > 1.8 * area else ""
+        return "ambiguous" if beside else ""
 
     def accept(self, sighting: Sighting, time_s: float) -> None:
         """Take over a measurement, or count a miss."""
@@ -216,9 +223,11 @@ class Follower:
         elif self.missed > 3:
             self.velocity = (0.0, 0.0)
         self.position, self.time_s, self.missed = (sighting.x, sighting.y), time_s, 0
-        # Lights change slowly or at once; a tenth a picture follows either and ignores a glint.
-        self._amplitude += 0.1 * (self._result[kernels.AMPLITUDE] - self._amplitude)
-        self._base += 0.1 * (self._result[kernels.BASE] - self._base)
+        # Lights change slowly, or at once.
+        amplitude = float(self._result[kernels.AMPLITUDE])
+        rate = 0.1 if 1 / BRIGHTER < amplitude / self._amplitude < BRIGHTER else 1.0
+        self._amplitude += rate * (amplitude - self._amplitude)
+        self._base += rate * (float(self._result[kernels.BASE]) - self._base)
         # Noise is what residuals usually are: a codec leaves more of it on a moving mark than on one at rest. Steps of
         # equal size toward either side follow the median, which a passing disturbance does not move.
         step = NOISE_STEP if self._result[kernels.RESIDUAL] > 1.0 else 1.0 / NOISE_STEP

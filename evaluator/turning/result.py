@@ -78,6 +78,16 @@ class Turning:
     mark_spacing_ratio: float = NAN
     mark_spacing_ratio_sigma: float = NAN
 
+    def summary(self) -> str:
+        """One line for people."""
+        if self.radius_status != "ok":
+            return self.radius_status
+        steady = f"; varies, {self.steady_radius_mm:.4g} mm on average" if self.radius_varies else ""
+        return (
+            f"radius {self.radius_mm:.4f} mm, 95 % from {self.radius_low_mm:.4f} to {self.radius_high_mm:.4f}{steady};"
+            f" {self.turned_deg:.0f} degrees at {self.speed_mm_s:.3g} mm/s, {self.yaw_rate_deg_s:.3g} degrees/s"
+        )
+
     def to_row(self) -> dict[str, float | str | bool]:
         """Columns of turning.csv in order, to follow run, left_rpm and right_rpm."""
         return {item.name: getattr(self, item.name) for item in fields(self)}

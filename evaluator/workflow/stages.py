@@ -20,7 +20,7 @@ from evaluator.files import read_with, write_table, write_text
 from evaluator.interchange import read_any_marks
 from evaluator.marks import MARKS, read_marks, write_marks
 from evaluator.pose import MarkGeometry, Poses, poses_from_marks
-from evaluator.recording import Recording, TimingReport, open_recording
+from evaluator.recording import TimingReport, open_recording
 from evaluator.tracking import load_settings, place_on_plate, track
 from evaluator.turning import Turning, measure_turning
 from evaluator.workflow.glimpses import Glimpsed
@@ -85,10 +85,8 @@ class _Stages:
             return [path], {}
         assert self.run.video is not None  # either, says the model of the file
         assert self.camera is not None
-        source = open_recording(self.run.video, rate_hz=self.run.rate_hz)
-        if isinstance(source, Recording):
-            source.threads = 1  # the other cores have runs of their own
-        recording = Glimpsed(source)
+        # One decoder thread: the other cores have runs of their own.
+        recording = Glimpsed(open_recording(self.run.video, rate_hz=self.run.rate_hz, threads=1))
         settings = read_with(load_settings, self.job.tracking) if self.job.tracking else None
         table = track(recording, settings)
         report = recording.report()

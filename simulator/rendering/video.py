@@ -85,7 +85,7 @@ def _codec(encoding: Encoding, scene: Scene) -> tuple[str, str, dict[str, str]]:
     if encoding.codec == "mjpeg":
         return "mjpeg", f"yuvj{encoding.chroma}p", {"qmin": str(encoding.quality), "qmax": str(encoding.quality)}
     pixel_format = f"yuv{encoding.chroma}p" + ("10le" if deep else "")
-    return "libx264", pixel_format, {"crf": f"{encoding.crf:g}", "preset": encoding.preset or "veryfast", **interlaced}
+    return "libx264", pixel_format, {"crf": f"{encoding.crf:g}", "preset": encoding.preset or "fast", **interlaced}
 
 
 def _field_converter(

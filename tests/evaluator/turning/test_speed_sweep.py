@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,11 @@ def test_run_that_does_not_turn_has_no_sweep() -> None:
         radius_against_speed(poses)
 
 
+@lru_cache
+def car_sweep(floor: str) -> pd.DataFrame:
+    return radius_against_speed(car_poses(REAL / f"{floor}_steer_left.csv.gz"))
+
+
 @needs_real
 @pytest.mark.parametrize(
     ("floor", "slow", "fast"),
@@ -74,7 +80,7 @@ def test_run_that_does_not_turn_has_no_sweep() -> None:
 def test_car_has_the_radii_its_makers_measured(
     floor: str, slow: tuple[float, float], fast: tuple[float, float]
 ) -> None:
-    table = radius_against_speed(car_poses(REAL / f"{floor}_steer_left.csv.gz"))
+    table = car_sweep(floor)
     for speed, radius in (slow, fast):
         near = table[np.abs(table["speed_mm_s"] - speed) < 60]
         # Within 4 %: theirs is wheel-encoder speed by yaw rate, ours is the path of the tracked point.
@@ -85,7 +91,7 @@ def test_car_has_the_radii_its_makers_measured(
 def test_tape_loses_kinematic_turning_at_a_lower_speed_than_rubber() -> None:
     limits = {}
     for floor in ("rubber", "tape"):
-        table = radius_against_speed(car_poses(REAL / f"{floor}_steer_left.csv.gz"))
+        table = car_sweep(floor)
         limits[floor] = kinematic_limit(
             table["speed_mm_s"], table["radius_mm"], 540.0, np.random.default_rng(2), share=0.1
         )
