@@ -1,1 +1,55 @@
-"""Gauge pictures → camera model with uncertainty: pixels become millimetres on a plane above the plate."""
+"""Gauge pictures → camera model with uncertainty: pixels become millimetres on a plane above the plate.
+
+The public names below are imported when they are first used, so that `import calibration` costs nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from calibration.camera import Camera, camera_above
+    from calibration.detect_dots import Dots
+    from calibration.errors import CalibrationError
+    from calibration.gauge import Gauge, load_gauge
+    from calibration.picture import read_picture
+    from calibration.quality import Verdict, assess
+    from calibration.solve import Calibration, calibrate
+    from calibration.store import camera_to_json, load_camera
+
+__all__ = [
+    "Calibration",
+    "CalibrationError",
+    "Camera",
+    "Dots",
+    "Gauge",
+    "Verdict",
+    "assess",
+    "calibrate",
+    "camera_above",
+    "camera_to_json",
+    "load_camera",
+    "load_gauge",
+    "read_picture",
+]
+
+_HOMES = {
+    "calibration.camera": ("Camera", "camera_above"),
+    "calibration.detect_dots": ("Dots",),
+    "calibration.errors": ("CalibrationError",),
+    "calibration.gauge": ("Gauge", "load_gauge"),
+    "calibration.picture": ("read_picture",),
+    "calibration.quality": ("Verdict", "assess"),
+    "calibration.solve": ("Calibration", "calibrate"),
+    "calibration.store": ("camera_to_json", "load_camera"),
+}
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name from its home (PEP 562)."""
+    from importlib import import_module
+
+    for home, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(home), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

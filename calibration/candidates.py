@@ -21,6 +21,7 @@ SMALLEST_AREA_PX = 9  # below 3 × 3 pixels ten parameters cannot be fitted
 # For a filled ellipse area = 4π√det(second moments). A square gives 0.955, an L-shaped letter below 0.8; pixel steps
 # and noise move small ellipses by some percent. The fit judges what passes here.
 FILLED = (0.85, 1.12)
+NOISE_SAMPLES = 50_000  # pixels that tell the noise to half a percent
 LONGEST_AXIS_RATIO = 4.0  # a circle seen at 75 degrees
 
 
@@ -72,7 +73,7 @@ def candidates_by_window(plane: Plane) -> Iterator[tuple[int, Candidates]]:
 
 def noise_of(plane: Plane) -> float:
     """Standard deviation of white noise, from the median second difference along rows (flat ground prevails)."""
-    step = max(1, plane.shape[0] // 300)
+    step = max(1, plane.size // NOISE_SAMPLES)
     rows = plane[::step]
     second = rows[:, 2:] - 2 * rows[:, 1:-1] + rows[:, :-2]
     return float(np.median(np.abs(second)) / 0.6745 / np.sqrt(6.0))

@@ -22,16 +22,22 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 PARAMETERS = 10  # cx, cy, A11, A12, A22, s, b, a, gx, gy
 ITERATIONS = 12
+ROOT_HALF, ROOT_TWO_PI = sqrt(0.5), 1 / sqrt(2 * pi)
+# A step this short leaves an error a hundred times smaller, since the residuals are small against the contrast.
+RESTS_PX = 5e-4
 
 
 @njit(cache=True, fastmath=True)
-def _accumulate(plane, x0, y0, half, reach, start, p, N, rhs):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202, C901, PLR0912, PLR0915
-    """Normal equations over the pixels within reach of the start ellipse; returns (sum of squares, count)."""
+def _accumulate(plane, x0, y0, half, reach, start, p, rows, N, rhs):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Normal equations over the pixels within reach of the start ellipse; returns (sum of squares, count).
+
+    rows: (11, pixels) work space for derivatives and residual of the pixels on the edge.
+    """
     cx, cy, a11, a12, a22, s, b, a, gx, gy = p
     N[:] = 0.0
     rhs[:] = 0.0
-    row = np.empty(10)
-    total, count = 0.0, 0
+    flat = np.empty(4)
+    total, count, m = 0.0, 0, 0
     top, bottom = max(0, y0 - half), min(plane.shape[0] - 1, y0 + half)
     left, right = max(0, x0 - half), min(plane.shape[1] - 1, x0 + half)
     for iy in range(top, bottom + 1):
@@ -50,46 +56,52 @@ def _accumulate(plane, x0, y0, half, reach, start, p, N, rhs):  # type: ignore[n
             d = (q2 - q) / w
             t = d / s
             light = 1.0 + gx * dx + gy * dy
-            if t > 4.0:
-                cover, edge = 0.0, 0.0
-            elif t < -4.0:
-                cover, edge = 1.0, 0.0
-            else:
-                cover = 0.5 * erfc(t / sqrt(2.0))
-                edge = exp(-0.5 * t * t) / sqrt(2.0 * pi)
-            level = b + a * cover
-            residual = plane[iy, ix] - light * level
-            down = -light * a * edge / s  # dI/dd
-            along_q, along_w = down * (2.0 * q - 1.0) / w, -down * d / w
-            row[0] = -along_q * ux / q - along_w * (a11 * ux + a12 * uy) / w - gx * level
-            row[1] = -along_q * uy / q - along_w * (a12 * ux + a22 * uy) / w - gy * level
-            row[2] = along_q * dx * dx / (2 * q) + along_w * ux * dx / w
-            row[3] = along_q * dx * dy / q + along_w * (ux * dy + uy * dx) / w
-            row[4] = along_q * dy * dy / (2 * q) + along_w * uy * dy / w
-            row[5] = light * a * edge * t / s
-            row[6] = light
-            row[7] = light * cover
-            row[8] = level * dx
-            row[9] = level * dy
-            total += residual * residual
             count += 1
-            if edge == 0.0:  # flat inside and outside: the edge parameters see nothing
-                for i in range(6, 10):
-                    rhs[i] += row[i] * residual
-                    for j in range(6, i + 1):
-                        N[i, j] += row[i] * row[j]
-                for i in range(2):
-                    rhs[i] += row[i] * residual
+            if t > 4.0 or t < -4.0:  # flat inside and outside: only levels and slope of the light
+                cover = 0.0 if t > 0.0 else 1.0
+                level = b + a * cover
+                residual = plane[iy, ix] - light * level
+                flat[0], flat[1], flat[2], flat[3] = light, light * cover, level * dx, level * dy
+                for i in range(4):
+                    rhs[6 + i] += flat[i] * residual
                     for j in range(i + 1):
-                        N[i, j] += row[i] * row[j]
-                    for j in range(6, 10):
-                        N[j, i] += row[i] * row[j]
-            else:
-                for i in range(10):
-                    rhs[i] += row[i] * residual
-                    for j in range(i + 1):
-                        N[i, j] += row[i] * row[j]
-    return total, count
+                        N[6 + i, 6 + j] += flat[i] * flat[j]
+                total += residual * residual
+                continue
+            cover = 0.5 * erfc(t * ROOT_HALF)
+            edge = exp(-0.5 * t * t) * ROOT_TWO_PI
+            level = b + a * cover
+            down = -light * a * edge / s  # dI/dd
+            along_q, along_w = down * (2.0 * q - 1.0) / (w * q), -down * d / (w * w)
+            rows[0, m] = -along_q * ux - along_w * (a11 * ux + a12 * uy) - gx * level
+            rows[1, m] = -along_q * uy - along_w * (a12 * ux + a22 * uy) - gy * level
+            rows[2, m] = 0.5 * along_q * dx * dx + along_w * ux * dx
+            rows[3, m] = along_q * dx * dy + along_w * (ux * dy + uy * dx)
+            rows[4, m] = 0.5 * along_q * dy * dy + along_w * uy * dy
+            rows[5, m] = light * a * edge * t / s
+            rows[6, m], rows[7, m], rows[8, m], rows[9, m] = light, light * cover, level * dx, level * dy
+            rows[10, m] = plane[iy, ix] - light * level
+            m += 1
+    return total + _add_products(rows, m, N, rhs), count
+
+
+@njit(cache=True, fastmath=True)
+def _add_products(rows, m, N, rhs):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Add the products of the first m columns; returns the sum of squared residuals."""
+    for i in range(10):
+        for j in range(i + 1):
+            value = 0.0
+            for k in range(m):
+                value += rows[i, k] * rows[j, k]
+            N[i, j] += value
+        value = 0.0
+        for k in range(m):
+            value += rows[i, k] * rows[10, k]
+        rhs[i] += value
+    value = 0.0
+    for k in range(m):
+        value += rows[10, k] * rows[10, k]
+    return value
 
 
 @njit(cache=True, fastmath=True)
@@ -141,7 +153,8 @@ def _fit_one(plane, start, reach, out, cov):  # type: ignore[no-untyped-def]  # 
     longest = sqrt(max(p[2], p[4]) / determinant)
     half = int(longest + reach + 2.5)
     x0, y0 = round(p[0]), round(p[1])
-    total, count = _accumulate(plane, x0, y0, half, reach, start, p, N, rhs)
+    rows = np.empty((11, (2 * half + 1) ** 2))
+    total, count = _accumulate(plane, x0, y0, half, reach, start, p, rows, N, rhs)
     damping, done = 1e-3, False
     trial = np.empty(10)
     for _ in range(ITERATIONS):
@@ -154,17 +167,17 @@ def _fit_one(plane, start, reach, out, cov):  # type: ignore[no-untyped-def]  # 
         good = good and abs(trial[0] - start[0]) < longest and abs(trial[1] - start[1]) < longest
         if good:
             before = total
-            total, count = _accumulate(plane, x0, y0, half, reach, start, trial, N, rhs)
+            total, count = _accumulate(plane, x0, y0, half, reach, start, trial, rows, N, rhs)
             good = total <= before * (1.0 + 1e-9)
         if good:
             p[:] = trial
             damping *= 0.1
-            if abs(step[0]) + abs(step[1]) < 2e-4:
+            if abs(step[0]) + abs(step[1]) < RESTS_PX:
                 done = True
                 break
         else:
             damping = max(damping * 10.0, 1e-4)
-            total, count = _accumulate(plane, x0, y0, half, reach, start, p, N, rhs)
+            total, count = _accumulate(plane, x0, y0, half, reach, start, p, rows, N, rhs)
             if abs(step[0]) + abs(step[1]) < 2e-3:  # no better value within what the pixels can tell
                 done = True
                 break

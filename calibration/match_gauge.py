@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
-from calibration.assign_grid import Lattice
+from calibration.assign_grid import Lattice, rows_and_columns
 from calibration.detect_dots import Dots
 from calibration.errors import CalibrationError
+from calibration.fiducials import features_promised, features_seen, of_equal_size
 from calibration.gauge import Gauge
-from calibration.neighbours import nearest
-from calibration.picture import color_bgr
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -28,8 +27,8 @@ Integers = NDArray[np.int64]
 LARGEST_STRETCH = 2.5
 # Share of a lattice that may fall outside the gauge: glare and dirt add a few dots, a wrong gauge file whole rows.
 FOREIGN = 0.1
-# Standard deviation of ln(diameter) among equal dots under uneven light and blur (measured: 0.01 to 0.05).
-SIZE_SIGMA = 0.06
+# Share of the places around an array that must be seen empty for its whole extent to be in view.
+ISOLATED = 0.8
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class Match:
     """Dots of one picture and the places of the gauge they are.
 
     dot: (m,) indices into the Dots. column, row: (m,) of the gauge. certain: the placement is the only one, so that
-    origin and direction are those of the gauge. mirrored: the gauge is seen from behind. unseen: places of the gauge
+    origin and direction are those of the gauge. unseen: places of the gauge
     that lie in view but show no dot. foreign: dots of the lattice that no place of the gauge explains.
     """
 
@@ -45,7 +44,6 @@ class Match:
     column: Integers
     row: Integers
     certain: bool
-    mirrored: bool = False
     unseen: int = 0
     foreign: int = 0
 
@@ -56,19 +54,59 @@ class Match:
 
 def match_gauge(dots: Dots, lattice: Lattice, gauge: Gauge) -> Match:
     """Lay the gauge on the lattice. Raises CalibrationError where it does not fit."""
-    lattice = _of_equal_size(dots, lattice, gauge)
+    lattice = of_equal_size(dots, lattice, gauge)
     sites = _gauge_lattice(gauge)
     empty = _seen_empty(dots, lattice)
     affine = np.column_stack([lattice.index, np.ones(len(lattice))])
     basis = np.asarray(np.linalg.lstsq(affine, dots.centers_px[lattice.dot], rcond=None)[0][:2].T, dtype=float)
-    features = _features(dots, lattice, gauge)
+    features = features_seen(dots, lattice, gauge)
+    promised = features_promised(gauge, len(features))
     placements = []
     for turn in _turns(gauge, basis):
-        placements += _placements(turn, lattice, empty, sites, features, _expected(gauge, len(features)))
+        placements += _placements(turn, lattice, empty, sites, features, promised)
     if not placements:
         raise CalibrationError(_does_not_fit(lattice, gauge))
     best = _choose(placements, bool(gauge.fiducial))
-    return _matched(best, placements, lattice, gauge)
+    match = _matched(best, placements, lattice, gauge)
+    objection = _objection(best, match, lattice, empty, gauge, promised)
+    if objection:
+        raise CalibrationError(objection)
+    return match
+
+
+def _objection(
+    best: _Placement, match: Match, lattice: Lattice, empty: Integers, gauge: Gauge, promised: Array
+) -> str | None:
+    """Why a placement that fits is still not the gauge of the file lying face up."""
+    if _is_front(best) is False:
+        return (
+            "the gauge is seen from behind or in a mirror: its fiducials fit only the mirrored array; "
+            "turn the plate over, or undo the mirroring of the picture"
+        )
+    in_view = promised[:, match.row, match.column]
+    if np.any(in_view) and best.likeness <= 0:
+        return (
+            f'the fiducial dots that the gauge "{gauge.name}" promises are not seen where they should be; '
+            "is it the gauge of this picture?"
+        )
+    place = _place_of(empty @ best.turn.T + best.shift, gauge)
+    low = np.array([match.column.min(), match.row.min()])
+    high = np.array([match.column.max(), match.row.max()])
+    if np.array_equal(high - low + 1, (gauge.dots.columns, gauge.dots.rows)):
+        return None
+    # every side of the array seen must show empty places beyond it, else it may go on outside the picture
+    for axis in (0, 1):
+        along = place[(place[:, 1 - axis] >= low[1 - axis]) & (place[:, 1 - axis] <= high[1 - axis])]
+        for side in (low[axis] - 1, high[axis] + 1):
+            if (along[:, axis] == side).sum() < ISOLATED * (high[1 - axis] - low[1 - axis] + 1):
+                return None
+    return _does_not_fit(lattice, gauge)
+
+
+def _place_of(sites: Integers, gauge: Gauge) -> Integers:
+    """Column and row of lattice sites, also beyond the array: the inverse of `_gauge_lattice`."""
+    column = sites[:, 0] + (sites[:, 1] // 2 if gauge.dots.layout == "staggered" else 0)
+    return np.stack([column, sites[:, 1]], axis=1)
 
 
 @dataclass(frozen=True)
@@ -223,7 +261,6 @@ def _matched(best: _Placement, placements: list[_Placement], lattice: Lattice, g
         column=np.array(columns, dtype=np.int64),
         row=np.array(rows, dtype=np.int64),
         certain=not rivals and len(opposite) <= 1,
-        mirrored=not _is_front(best),
         unseen=best.empty_inside,
         foreign=foreign,
     )
@@ -239,8 +276,6 @@ def _places(gauge: Gauge) -> dict[tuple[int, int], tuple[int, int]]:
 
 
 def _does_not_fit(lattice: Lattice, gauge: Gauge) -> str:
-    from calibration.assign_grid import rows_and_columns
-
     layout, index = rows_and_columns(lattice)
     columns, rows = index.max(axis=0) + 1
     return (
@@ -248,51 +283,6 @@ def _does_not_fit(lattice: Lattice, gauge: Gauge) -> str:
         f'fit the gauge "{gauge.name}", {gauge.dots.layout}, {gauge.dots.columns} × {gauge.dots.rows}; '
         "is it the gauge of this picture?"
     )
-
-
-def _of_equal_size(dots: Dots, lattice: Lattice, gauge: Gauge) -> Lattice:
-    """Leave out lattice members of no size the gauge has: specks and reflections that happen to lie on a place."""
-    size = _relative_size(dots, lattice)
-    smallest = float(np.log(gauge.diameters_mm().min() / gauge.dots.diameter_mm))
-    largest = float(np.log(gauge.diameters_mm().max() / gauge.dots.diameter_mm))
-    keep = (size > smallest - 0.35) & (size < largest + 0.35)  # a factor 1.4: closer sizes may be dirt on a true dot
-    return Lattice(lattice.dot[keep], lattice.index[keep], lattice.others)
-
-
-def _relative_size(dots: Dots, lattice: Lattice) -> Array:
-    """Logarithm of diameter over the median of the neighbours' diameters, (m,)."""
-    points = dots.centers_px[lattice.dot]
-    size = np.log(dots.diameter_px[lattice.dot])
-    _, neighbours = nearest(points, 12)
-    return np.asarray(size - np.median(size[neighbours], axis=1))
-
-
-def _features(dots: Dots, lattice: Lattice, gauge: Gauge) -> Array:
-    """What tells fiducials apart, in sigmas: relative size, then difference of colour from the neighbours. (4, m)."""
-    features = np.zeros((4, len(lattice)))
-    features[0] = _relative_size(dots, lattice) / SIZE_SIGMA
-    if any(fiducial.color for fiducial in gauge.fiducial):
-        points = dots.centers_px[lattice.dot]
-        _, neighbours = nearest(points, 12)
-        color = dots.color[lattice.dot]
-        color = np.broadcast_to(color, (len(color), 3)) if color.shape[1] == 1 else color[:, :3]
-        difference = color - np.median(color[neighbours], axis=1)
-        # in units of a tenth of the step between dot and background
-        features[1:] = (difference / (0.1 * np.median(dots.contrast))).T
-    return features
-
-
-def _expected(gauge: Gauge, count: int) -> Array:
-    """The same features as the gauge file promises them: (count, rows, columns)."""
-    expected = np.zeros((count, gauge.dots.rows, gauge.dots.columns))
-    expected[0] = np.log(gauge.diameters_mm() / gauge.dots.diameter_mm) / SIZE_SIGMA
-    plain, background = color_bgr(gauge.dots.color), color_bgr(gauge.dots.background)
-    step = float(np.abs(background - plain).sum()) or 1.0
-    step = float(((background - plain) ** 2).sum()) / step or 1.0  # along the axis of `dark_dots`
-    for fiducial in gauge.fiducial:
-        if fiducial.color:
-            expected[1:4, fiducial.row, fiducial.column] = (color_bgr(fiducial.color) - plain) / (0.1 * step)
-    return expected
 
 
 def _seen_empty(dots: Dots, lattice: Lattice) -> Integers:

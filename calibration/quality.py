@@ -7,7 +7,6 @@ on the covariance, on how much each parameter was learned beyond its prior, and 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import cv2
 import numpy as np
@@ -16,15 +15,20 @@ from numpy.typing import NDArray
 from calibration.camera import Camera
 from calibration.initial import rough_prior
 from calibration.solve import Calibration
+from calibration.store import Level
 
 Array = NDArray[np.float64]
-Level = Literal["sound", "limited", "ill-conditioned"]
 
 MARK_HEIGHT_MM = 6.5  # of the marks of the robot this project was made for
 # Turning radii are to be good to 0.5 %; a scale that takes more than a fifth of that is worth a sentence.
 SCALE_TOLERANCE = 0.001
-# A parameter whose uncertainty the pictures did not even halve was not measured by them.
-LEARNED = 0.5
+# A parameter whose uncertainty is more than a quarter of its prior's was hardly measured by these pictures.
+LEARNED = 0.25
+FOCAL_TOLERANCE = 0.01  # 1 % of 4 % height correction is 0.04 % of a radius; sound sets reach 0.02 %
+IMPLAUSIBLE = 3.0  # prior sigmas
+# Compression and interpolation correlate neighbouring pixels, which doubles residuals against white noise; beyond three
+# it is something else.
+MISFIT = 3.0
 SMALLEST_TILT_DEG = 5.0  # cos 5° = 0.996: foreshortening drowns in the scale of the pose
 SMALLEST_COVERAGE = 0.4
 CELLS = (12, 9)
@@ -69,16 +73,21 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
     spread = tilt_spread_deg(calibration)
     covered = coverage(calibration)
     reasons, steps, notes = [], [], _notes(calibration)
-    ill = False
-    if len(calibration.views) > 1:
-        ill, why = _ill_conditioned(calibration, spread)
+    ill = len(calibration.views) > 1 and bool(why := _ill_conditioned(calibration, spread))
+    if ill:
         reasons += why
-        if why:
-            steps.append("take five or more pictures with the gauge tilted by 10 to 30 degrees in different directions")
+        steps.append(
+            "take five or more pictures with the gauge tilted by 20 to 40 degrees in different directions, near "
+            "enough to fill the picture"
+        )
+    if misfit := _misfit(calibration):
+        reasons += misfit
+        steps.append("use a flat, rigid gauge, check pitch and layout in gauge.toml, and state its [tolerance]")
     if covered < SMALLEST_COVERAGE:
         reasons.append(f"dots cover {100 * covered:.0f} % of the picture: distortion is extrapolated over the rest")
         steps.append("move the gauge so that dots reach every part of the picture that will be used")
-    if scale > SCALE_TOLERANCE:
+    alone = len(calibration.views) == 1 and scale > 1.5 * plate_scale
+    if alone or (scale > SCALE_TOLERANCE and scale > 1.5 * plate_scale):
         reasons.append(_height_sentence(calibration, mark_height_mm, scale, plate_scale))
         if not ill:
             steps.append(
@@ -128,7 +137,8 @@ def coverage(calibration: Calibration) -> float:
     return float(hit.mean())
 
 
-def _ill_conditioned(calibration: Calibration, spread: float) -> tuple[bool, list[str]]:
+def _ill_conditioned(calibration: Calibration, spread: float) -> list[str]:
+    """Why several pictures do not determine the camera; empty where they do."""
     camera, why = calibration.camera, []
     width, height = camera.size_px
     prior = rough_prior(camera.size_px)
@@ -136,23 +146,50 @@ def _ill_conditioned(calibration: Calibration, spread: float) -> tuple[bool, lis
     focal, sigma = camera.value("focal_px"), camera.sigma("focal_px")
     if spread < SMALLEST_TILT_DEG:
         why.append(
-            f"all pictures are parallel to within {spread:.1f} degrees, which cannot tell focal length from distance"
+            f"all pictures are parallel to within {spread:.1f} degrees, which leaves focal length and distance open"
         )
-    if sigma > 0.03 * focal:
-        why.append(f"focal length is known to {100 * sigma / focal:.0f} % only")
-    learned = max(camera.sigma("principal_x_px"), camera.sigma("principal_y_px")) / prior.sigma[2]
-    if learned > LEARNED:
-        why.append("the principal point is not determined by these pictures and was kept near the middle by assumption")
+    if sigma > FOCAL_TOLERANCE * focal:
+        why.append(
+            f"the focal length is known to {100 * sigma / focal:.2g} % only: a long lens ({focal / width:.1f} widths) "
+            "with too little tilt shows too little perspective"
+        )
     if not (0 <= x < width and 0 <= y < height):
         why.append(f"the principal point ({x:.0f}, {y:.0f}) lies outside the picture")
-    return bool(why), why
+    elif max(abs(x - prior.mean[2]), abs(y - prior.mean[3])) > IMPLAUSIBLE * prior.sigma[2]:
+        why.append(f"the principal point ({x:.0f}, {y:.0f}) lies implausibly far from the middle of the picture")
+    if max(camera.sigma("principal_x_px"), camera.sigma("principal_y_px")) > LEARNED * prior.sigma[2]:
+        why.append("the principal point is not determined by these pictures and stays near the middle by assumption")
+    if abs(camera.value("aspect") - 1) > IMPLAUSIBLE * prior.sigma[1]:
+        why.append(f"pixels would be {camera.value('aspect'):.4f} times as high as wide, which no camera has")
+    return why
+
+
+def _misfit(calibration: Calibration) -> list[str]:
+    """Residuals far beyond what the dots' own sharpness promises: then the model or the gauge file is wrong."""
+    excess = float(np.sqrt(calibration.fit.variance))
+    if excess < MISFIT:
+        return []
+    sentence = (
+        f"residuals of {calibration.rms_px:.2g} px are {excess:.0f} times what the sharpness of the dots promises: the "
+        "gauge is not flat or not as its file says, or the lens is of another kind"
+    )
+    return [sentence]
 
 
 def _height_sentence(calibration: Calibration, height: float, scale: float, plate_scale: float) -> str:
-    one = "a single picture" if len(calibration.views) == 1 else "these pictures"
+    doubt = f"{100 * scale:.2g} % (1 sigma), on the plane of the gauge by {100 * plate_scale:.2g} %"
+    if len(calibration.views) > 1:
+        return (
+            f"these pictures leave the height correction open: at {height:g} mm turning radii are in doubt by {doubt}"
+        )
+    if scale > SCALE_TOLERANCE:
+        return (
+            "a single picture without tilt cannot give the height correction: "
+            f"at {height:g} mm turning radii are in doubt by {doubt}"
+        )
     return (
-        f"{one} cannot give the height correction well: at {height:g} mm above the plate turning radii are in doubt by "
-        f"{100 * scale:.2g} % (1 sigma), on the plane of the gauge by {100 * plate_scale:.2g} %"
+        "the height correction rests on the perspective of a single picture, which nothing checks: "
+        f"at {height:g} mm turning radii are in doubt by {doubt}, if the lens model is exact"
     )
 
 
@@ -162,8 +199,6 @@ def _notes(calibration: Calibration) -> list[str]:
         match = sighting.match
         if rejected > 0.02 * len(match):
             notes.append(f"{sighting.name}: {rejected} of {len(match)} dots left out because they contradict the rest")
-        if match.mirrored:
-            notes.append(f"{sighting.name}: the gauge is seen from behind")
     if not calibration.sightings[0].match.certain:
         notes.append(
             f"{calibration.sightings[0].name}: part of the array is out of view and no fiducial tells which, so "

@@ -13,13 +13,21 @@ from calibration.bundle import Fit, Prior, View, outliers, solve_discs, whitenin
 from calibration.camera import PARAMETERS, Camera
 from calibration.detect_dots import Dots, detect_dots
 from calibration.errors import CalibrationError
-from calibration.gauge import Gauge
+from calibration.gauge import Gauge, Tolerance
 from calibration.initial import rough_prior, rough_start
 from calibration.match_gauge import Match, match_gauge
 from calibration.model_choice import Trial, choose_model
+from calibration.neighbours import nearest
+from calibration.tolerance import covariance_with_tolerance, with_tolerance
 
 Array = NDArray[np.float64]
 FEWEST_DOTS = 12  # six for the pose, twice over
+# A dot blurred beyond its own size looks like a normal distribution, which the disc model fits with an edge of 0.6
+# radii on too wide a disc. Up to there centres are still good; from there on neighbours run into each other.
+SMUDGE = (0.5, 1.2)
+# Residuals of this share of the pitch are no lens: with the right gauge file the worst real set (a bent sheet of
+# paper) has 0.7 %, a wrong pitch ratio or layout 5 %.
+FOREIGN_PITCH = 0.02
 
 
 @dataclass(frozen=True)
@@ -85,8 +93,10 @@ def calibrate(
     rough = rough_start(views, size_px, prior)
     if not rough:
         raise CalibrationError(f"{names[0]}: no camera explains the dots; do all show the gauge {gauge.name!r}?")
+    views = with_tolerance(views, rough[0].state, gauge.tolerance)
     fit, kept, trials = _solve_robustly(views, rough, prior)
-    camera = _camera(fit, size_px)
+    _check_pitch(fit, kept, gauge)
+    camera = _camera(fit, kept, gauge.tolerance, size_px)
     return Calibration(
         camera=camera,
         gauge=gauge,
@@ -97,6 +107,18 @@ def calibrate(
         rejected=tuple(len(view) - len(part) for view, part in zip(views, kept, strict=True)),
         plate_index=plate_index,
     )
+
+
+def _check_pitch(fit: Fit, views: list[View], gauge: Gauge) -> None:
+    """Raise where the dots leave the model by more than any lens or sheet explains: then it is another gauge."""
+    for residual, view in zip(fit.residual_px, views, strict=True):
+        pitch_px = float(np.median(nearest(view.centers_px, 1)[0]))
+        rms = float(np.sqrt(np.mean(residual**2)))
+        if rms > FOREIGN_PITCH * pitch_px:
+            raise CalibrationError(
+                f"{view.name}: the dots lie {rms:.1f} px RMS ({100 * rms / pitch_px:.0f} % of their distance) from "
+                f'where the gauge "{gauge.name}" has them; are pitch_mm and layout in its file those of this plate?'
+            )
 
 
 def sight(picture: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
@@ -116,11 +138,24 @@ def sight(picture: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
         raise CalibrationError(
             f"{name}: two dot arrays in view, of {len(lattice)} and {lattice.others} dots; show one gauge at a time"
         )
+    blur = float(np.median(2 * dots.blur_px / dots.diameter_px))
+    swollen = float(np.median(dots.diameter_px[lattice.dot])) / _expected_diameter_px(dots, lattice, gauge)
+    if blur > SMUDGE[0] and swollen > SMUDGE[1]:
+        raise CalibrationError(
+            f"{name}: blurred beyond use, dots are smeared to {swollen:.1f} times their size; focus the lens"
+        )
     try:
         match = match_gauge(dots, lattice, gauge)
     except CalibrationError as error:
         raise CalibrationError(f"{name}: {error}") from None
     return Sighting(name, dots, lattice, match)
+
+
+def _expected_diameter_px(dots: Dots, lattice: Lattice, gauge: Gauge) -> float:
+    """Diameter of the gauge's dots at the scale of their distances in the picture, px."""
+    along, down = gauge.pitch_mm
+    next_mm = min(along, down if gauge.dots.layout == "square" else float(np.hypot(along / 2, down)))
+    return gauge.dots.diameter_mm / next_mm * float(np.median(nearest(dots.centers_px[lattice.dot], 1)[0]))
 
 
 def view_of(sighting: Sighting, gauge: Gauge, *, on_plate: bool) -> View:
@@ -158,11 +193,11 @@ def _solve_robustly(views: list[View], rough: list[Fit], prior: Prior) -> tuple[
     return fit, kept, trials
 
 
-def _camera(fit: Fit, size_px: tuple[int, int]) -> Camera:
+def _camera(fit: Fit, views: list[View], tolerance: Tolerance, size_px: tuple[int, int]) -> Camera:
     free = fit.state.free_index
     count = len(free)
-    inverse = np.linalg.inv(fit.normal) * fit.variance
+    joint = covariance_with_tolerance(views, fit, tolerance)
     covariance = np.zeros((len(PARAMETERS), len(PARAMETERS)))
     rows = np.concatenate([6 + free, np.arange(6)])
-    covariance[np.ix_(rows, rows)] = inverse[: count + 6, : count + 6]
+    covariance[np.ix_(rows, rows)] = joint[: count + 6, : count + 6]
     return Camera(size_px=size_px, parameters=fit.state.parameters(0), lens=fit.state.model, covariance=covariance)

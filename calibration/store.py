@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -17,8 +17,12 @@ from calibration.camera import PARAMETERS, Camera
 from calibration.errors import CalibrationError
 from calibration.gauge import Gauge
 from calibration.lens import LensModel
-from calibration.quality import Level, Verdict, assess
-from calibration.solve import Calibration
+
+if TYPE_CHECKING:  # a camera is read far more often than solved: reading one must not wait for the solver's libraries
+    from calibration.quality import Verdict
+    from calibration.solve import Calibration
+
+Level = Literal["sound", "limited", "ill-conditioned"]
 
 
 class Table(BaseModel):
@@ -81,6 +85,8 @@ class CameraFile(Table):
 
 def camera_to_json(calibration: Calibration, verdict: Verdict | None = None) -> str:
     """Text of camera.json."""
+    from calibration.quality import assess
+
     camera = calibration.camera
     verdict = verdict or assess(calibration)
     stored = CameraFile(

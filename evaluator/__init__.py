@@ -1,1 +1,60 @@
-"""Video → marks → pose → turning → comparison → discrepancy → report; the command line."""
+"""Video → marks → pose → turning → comparison → discrepancy → report; the command line.
+
+The public names below are imported when they are first used, so that `import evaluator` costs nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from evaluator.errors import InputError
+    from evaluator.marks import read_marks, write_marks
+    from evaluator.pose import MarkGeometry, Poses, poses_from_marks
+    from evaluator.recording import open_recording
+    from evaluator.report.build import write_report
+    from evaluator.settings import Experiment, load_experiment
+    from evaluator.tracking import place_on_plate, track
+    from evaluator.turning import Turning, measure_turning
+    from evaluator.workflow import Analysis, analyze
+
+__all__ = [
+    "Analysis",
+    "Experiment",
+    "InputError",
+    "MarkGeometry",
+    "Poses",
+    "Turning",
+    "analyze",
+    "load_experiment",
+    "measure_turning",
+    "open_recording",
+    "place_on_plate",
+    "poses_from_marks",
+    "read_marks",
+    "track",
+    "write_marks",
+    "write_report",
+]
+
+_HOMES = {
+    "evaluator.errors": ("InputError",),
+    "evaluator.marks": ("read_marks", "write_marks"),
+    "evaluator.pose": ("MarkGeometry", "Poses", "poses_from_marks"),
+    "evaluator.recording": ("open_recording",),
+    "evaluator.report.build": ("write_report",),
+    "evaluator.settings": ("Experiment", "load_experiment"),
+    "evaluator.tracking": ("place_on_plate", "track"),
+    "evaluator.turning": ("Turning", "measure_turning"),
+    "evaluator.workflow": ("Analysis", "analyze"),
+}
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name from its home (PEP 562)."""
+    from importlib import import_module
+
+    for home, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(home), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -6,10 +6,10 @@ import difflib
 import os
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -78,33 +78,55 @@ def explain(error: ValidationError, load: Callable[[Path], object]) -> str:
     model = load.__annotations__.get("return")
     if isinstance(model, str):
         model = getattr(load, "__globals__", {}).get(model)
-    faults = [_fault(item["loc"], item["type"], item["msg"], item.get("input"), model) for item in error.errors()]
-    return "; ".join(fault for fault in faults if fault)
+    items = error.errors()
+    told = [item for item in items if item["type"] != "too_short" or not _inner_fault(item["loc"], items)]
+    return "; ".join(_fault(item["loc"], item["type"], item["msg"], item.get("input"), model) for item in told)
+
+
+def _inner_fault(place: tuple[int | str, ...], items: Sequence[Mapping[str, Any]]) -> bool:
+    """Tell whether entries of a list have faults of their own: they are then counted out of it, which is no news."""
+    return any(item["loc"] != place and item["loc"][: len(place)] == place for item in items)
 
 
 def _fault(place: tuple[int | str, ...], kind: str, message: str, found: object, model: object) -> str:
-    dotted = "".join(f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in place).lstrip(".")
+    keys, models = _resolved(model, place[:-1])
+    keys += place[-1:]
+    dotted = "".join(f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in keys).lstrip(".")
     if kind == "extra_forbidden":
-        near = difflib.get_close_matches(str(place[-1]), _keys_at(model, place[:-1]), n=1, cutoff=0.5)
+        near = difflib.get_close_matches(str(place[-1]), _keys_of(models), n=1, cutoff=0.5)
         return f"unknown key {dotted}" + (f"; did you mean {near[0]}?" if near else "")
     if kind == "missing":
         return f"{dotted} is missing"
-    if kind == "too_short" and found:
-        return ""  # entries that failed are counted out of their list; their own faults are said already
     text = (message[0].lower() + message[1:]).removeprefix("value error, ")
     return text if isinstance(found, dict) or not dotted else f"{dotted} = {found!r}: {text}"
 
 
-def _keys_at(model: object, place: tuple[int | str, ...]) -> list[str]:
-    """Valid keys of the table at a place of a model."""
+def _resolved(model: object, place: tuple[int | str, ...]) -> tuple[tuple[int | str, ...], list[type[BaseModel]]]:
+    """Keys of a place as the file has them, and the models that may stand there.
+
+    A place within one of several models names which one it is, by a tag that is no key of the file: it is left out.
+    """
+    keys: tuple[int | str, ...] = ()
+    models = [model] if isinstance(model, type) and issubclass(model, BaseModel) else []
     for part in place:
-        if isinstance(part, str) and isinstance(model, type) and issubclass(model, BaseModel):
-            if part not in model.model_fields:
-                return []
-            model = next(_models_in(model.model_fields[part].annotation), None)
-    if isinstance(model, type) and issubclass(model, BaseModel):
-        return [field.alias or name for name, field in model.model_fields.items()]
-    return []
+        tagged = [each for each in models if _has_tag(each, part)] if len(models) > 1 else []
+        if tagged:
+            models = tagged[:1]
+            continue
+        keys += (part,)
+        if isinstance(part, str):
+            fields = [each.model_fields[part].annotation for each in models if part in each.model_fields]
+            models = [inner for annotation in fields for inner in _models_in(annotation)]
+    return keys, models
+
+
+def _has_tag(model: type[BaseModel], part: int | str) -> bool:
+    return any(part in get_args(field.annotation) for field in model.model_fields.values())
+
+
+def _keys_of(models: Sequence[type[BaseModel]]) -> list[str]:
+    """Valid keys of a table that one of some models describes."""
+    return [field.alias or name for model in models for name, field in model.model_fields.items()]
 
 
 def _models_in(annotation: object) -> Iterator[type[BaseModel]]:

@@ -26,6 +26,7 @@ SPACING_LIMIT_SIGMA = 6.0
 # Marks CSV carry six decimals of a millimetre: the rounding error of one coordinate, the least sigma a file can have.
 ROUNDING_SIGMA_MM = 1e-6 / np.sqrt(12)
 GAUSSIAN_SIGMA_PER_MAD = 1.4826
+NEIGHBOURS = 31  # frames whose common heading tells that one of them, or up to fifteen, is turned about
 SUPPORTS = 120  # points where the camera's sensitivity is computed; a lens is smooth, and a cubic joins them to 1e-3
 
 
@@ -114,6 +115,9 @@ def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera
     weight = _green_weight(covariances, good)
     green, yellow = (np.where(good[:, None], points, np.nan) for points in (green, yellow))
     pose = _pose_of(green, yellow, geometry, weight)
+    jump = _heading_jumps(time, pose[:, 2])
+    status[jump] = "heading turned about for a moment: marks exchanged?"
+    pose[jump] = np.nan
     pose[:, 2] = unwrapped_across_gaps(time, pose[:, 2])
     jacobian = _pose_jacobian(green, yellow, pose[:, 2], geometry, weight)
     covariance = np.einsum("nmia,nmab,nmjb->nij", jacobian, covariances, jacobian)
@@ -124,7 +128,7 @@ def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera
         y_mm=pose[:, 1],
         heading_rad=pose[:, 2],
         covariance=covariance,
-        status=status,
+        status=status.astype(str),
         spacing_mm=spacing,
         geometry=geometry,
         systematic=systematic,
@@ -151,7 +155,7 @@ def unwrapped_across_gaps(time_s: Array, heading_rad: Array) -> Array:
     return result
 
 
-def _status(marks: pd.DataFrame, green: Array, yellow: Array, spacing: Array) -> NDArray[np.str_]:
+def _status(marks: pd.DataFrame, green: Array, yellow: Array, spacing: Array) -> NDArray[np.object_]:
     status = np.full(len(marks), OK, dtype=object)
     for name, points in (("yellow", yellow), ("green", green)):
         absent = ~np.isfinite(points).all(axis=1)
@@ -163,7 +167,21 @@ def _status(marks: pd.DataFrame, green: Array, yellow: Array, spacing: Array) ->
         limit = SPACING_LIMIT_SIGMA * max(_robust_sigma(spacing[there]), np.sqrt(2) * ROUNDING_SIGMA_MM)
         odd = there & (np.abs(spacing - usual) > limit)
         status[odd] = [f"marks {d:.3f} mm apart, {usual:.3f} in the other frames" for d in spacing[odd]]
-    return status.astype(str)
+    return status
+
+
+def _heading_jumps(time: Array, heading: Array) -> NDArray[np.bool_]:
+    """Frames whose heading points away from that of their neighbours: no robot turns about for a few frames."""
+    there = np.flatnonzero(np.isfinite(heading))
+    result = np.zeros(len(heading), dtype=bool)
+    if len(there) < NEIGHBOURS:
+        return result
+    steps = np.angle(np.exp(1j * np.diff(heading[there])))
+    usual = float(np.median(steps / np.diff(time[there])))
+    pointing = np.exp(1j * (heading[there] - usual * time[there]))
+    around = np.convolve(pointing, np.ones(NEIGHBOURS), mode="same")
+    result[there] = (pointing * around.conj()).real < 0
+    return result
 
 
 def _mark_covariances(marks: pd.DataFrame, spacing: Array, good: NDArray[np.bool_]) -> Array:

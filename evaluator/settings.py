@@ -9,6 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from evaluator.errors import InputError
+from evaluator.interchange import Tracks
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -29,6 +30,7 @@ class Run(Table):
     stop_s: Finite | None = None
     video: Path | None = None
     marks: Path | None = None
+    rate_hz: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None  # where the video is a folder of pictures
     group: str = ""  # wheel type, operator, …: runs of one group are drawn as one series
     robot: str | None = None  # where it differs from the experiment's
     camera: Path | None = None
@@ -51,11 +53,14 @@ class Experiment(Table):
     robot: str
     camera: Path | None = None
     tracking: Path | None = None  # tracking.toml: colours, mark size, region of interest, masks
-    run: tuple[Run, ...] = Field(min_length=1)
+    tracks: Tracks | None = None  # how marks files of other programs are read
+    run: tuple[Run, ...] = ()
     notes: str = ""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        if not self.run:
+            raise ValueError("there is no [[run]]; an experiment needs at least one")
         ids = [run.id for run in self.run]
         twice = sorted({name for name in ids if ids.count(name) > 1})
         if twice:

@@ -109,10 +109,9 @@ def drooping_speed(
         slip = slip_ratio(u, speed + step, model.rest_speed)
         beyond = speed + step - free + model.droop * law(u, v, slip, load, friction, stiffness, wheel, model)[0]
         newton = speed - excess * step / (beyond - excess)
-        following = newton if low < newton < high else (low + high) / 2
-        if abs(following - speed) <= 1e-13 * max(abs(free), 1e-3):
-            return float(following)
-        speed = following
+        if abs(newton - speed) <= 1e-11 * max(abs(free), 1e-3):  # then the next digits are right too
+            return float(newton)
+        speed = newton if low < newton < high else (low + high) / 2
     return float(speed)
 
 
@@ -260,10 +259,11 @@ def accelerations(
     model: Any,
 ) -> Triple:
     """Rate of change of (u, v, r): forces and moment less the inertia of the turning frame, over the mass matrix."""
+    along, across, moment = body_terms(u, v, r, x, y, cos, sin, time, model)
     if model.general == 0:
-        along, across, moment = nominal_forces(u, v, r, left, right, model)
+        friction = nominal_forces(u, v, r, left, right, model)
+        along, across, moment = along + friction[0], across + friction[1], moment + friction[2]
     else:
-        along, across, moment = body_terms(u, v, r, x, y, cos, sin, time, model)
         for wheel in range(4):
             rpm, angle = 0.0, 0.0
             if wheel == 0:
@@ -278,6 +278,12 @@ def accelerations(
     along += mass * r * (v + r * ahead)
     across -= mass * r * (u - r * aside)
     moment -= mass * r * (ahead * u + aside * v)
+    return accelerated(along, across, moment, model)
+
+
+@compiled()
+def accelerated(along: float, across: float, moment: float, model: Any) -> Triple:
+    """Accelerations that forces and a moment give."""
     inverse = model.inverse_mass
     return (
         inverse[0, 0] * along + inverse[0, 1] * across + inverse[0, 2] * moment,

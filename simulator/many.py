@@ -18,18 +18,19 @@ from simulator.motion import DONE, integrate_run
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 TOLERANCE_MM = 1e-7  # local error of a step, as displacement; a run of 10 s ends within about ten of them
-MOST_PLANNED = 400
+MOST_PLANNED = 1000
 
 
 @dataclass(frozen=True)
 class Plan:
     """Steps that a set of runs took: replayed, results are smooth functions of models and starts.
 
-    steps: (n, m, 2) segment and size of each; count: (n,) how many are meant.
+    steps: (n, m, 2) segment and size of each; count: (n,) how many are meant; tolerance_mm: for which they were taken.
     """
 
     steps: Array
     count: Index
+    tolerance_mm: float
 
 
 class Trials:
@@ -56,7 +57,7 @@ class Trials:
         """Steps for runs from starts (n, 6), each with its model (n,), or all with one (1,)."""
         steps = np.zeros((len(self), MOST_PLANNED, 2))
         _, count = self._run(models, starts, tolerance_mm, steps, np.zeros(len(self), dtype=np.int64), replay=False)
-        return Plan(steps, np.minimum(count, MOST_PLANNED))
+        return Plan(steps, np.minimum(count, MOST_PLANNED), tolerance_mm)
 
     def states(
         self, models: NDArray[np.void], starts: Array, plan: Plan | None = None, tolerance_mm: float = TOLERANCE_MM
@@ -68,7 +69,7 @@ class Trials:
         if plan is None:
             steps, count = np.zeros((len(self), 0, 2)), np.zeros(len(self), dtype=np.int64)
             return self._run(models, starts, tolerance_mm, steps, count, replay=False)[0]
-        return self._run(models, starts, tolerance_mm, plan.steps, plan.count, replay=True)[0]
+        return self._run(models, starts, plan.tolerance_mm, plan.steps, plan.count, replay=True)[0]
 
     def _run(
         self, models: NDArray[np.void], starts: Array, tolerance: float, steps: Array, count: Index, *, replay: bool

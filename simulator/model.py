@@ -49,8 +49,9 @@ MODEL = np.dtype(
         ("compliance", float),  # rad per µN
         ("steer", float, 4),
         ("stiffness_follows_load", float),  # 1 or 0
-        ("general", np.int64),  # 0: the nominal kernel is all that is needed
+        ("general", np.int64),  # 0: friction of the wheels is nominal
         ("varies", np.int64),  # 1: forces change along a steady turn
+        ("wheels_vary", np.int64),  # 1: friction does
         ("body_terms", np.int64),  # the first so many terms act on the body, the next on the wheels
         ("wheel_terms", np.int64),
         ("channel", np.int64, MOST_TERMS),
@@ -121,9 +122,7 @@ class Draft:
         _fill_wheels(row, self)
         row["rest_speed"] = rest_speed_mm_s
         _fill_terms(row, self.terms)
-        row["general"] = bool(
-            row["body_terms"] or row["wheel_terms"] or row["droop"] or row["compliance"] or self.toe_rad.any()
-        )
+        row["general"] = bool(row["wheel_terms"] or row["droop"] or row["compliance"] or self.toe_rad.any())
         return model
 
 
@@ -183,6 +182,7 @@ def _fill_terms(row: Any, terms: list[Term]) -> None:
     row["body_terms"] = sum(not term.acts_on_wheels for term in ordered)
     row["wheel_terms"] = sum(term.acts_on_wheels for term in ordered)
     row["varies"] = any(term.varies for term in ordered)
+    row["wheels_vary"] = any(term.varies and term.acts_on_wheels for term in ordered)
     for number, term in enumerate(ordered):
         row["channel"][number], row["basis"][number] = term.channel, term.basis
         row["coefficient"][number], row["pattern"][number] = term.coefficient, term.pattern

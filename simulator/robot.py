@@ -5,6 +5,7 @@ Body frame: x forward, y left, origin midway between the axles (ISO 8855). The f
 
 from __future__ import annotations
 
+import difflib
 import tomllib
 from importlib.resources import files
 from pathlib import Path
@@ -134,13 +135,22 @@ def load_robot(name_or_path: str | Path) -> Robot:
     Raises SimulationError for an unknown name, else OSError, tomllib.TOMLDecodeError, pydantic.ValidationError.
     """
     text = str(name_or_path)
-    if text in shipped_robots():
-        content = (_folder() / f"{text}.toml").read_text(encoding="utf-8")
-    elif text.endswith(".toml") or Path(text).exists():
+    if text not in shipped_robots() and (text.endswith(".toml") or Path(text).exists()):
         content = Path(text).read_text(encoding="utf-8")
     else:
-        raise SimulationError(f"{text}: no such robot; shipped are {', '.join(shipped_robots())}, or give a .toml file")
+        content = shipped_robot_text(text)
     return Robot.model_validate(tomllib.loads(content))
+
+
+def shipped_robot_text(name: str) -> str:
+    """The robot.toml of a shipped robot, with its comments. Raises SimulationError for an unknown name."""
+    if name not in shipped_robots():
+        near = difflib.get_close_matches(name, shipped_robots(), n=1)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise SimulationError(
+            f"{name}: no such robot; {hint}shipped are {', '.join(shipped_robots())}, or give a .toml file"
+        )
+    return (_folder() / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def _folder() -> Path:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from simulator.compiled import compiled
-from simulator.dynamics import accelerations
+from simulator.dynamics import accelerated, accelerations, body_terms
 from simulator.segments import STEADY, drive_at
 
 STAGES = 6
@@ -87,8 +87,8 @@ def rates(pose: Any, segment: Any, time: float, y: Any, model: Any, out: Any) ->
 
 
 @compiled()
-def linearize(pose: Any, segment: Any, time: float, y: Any, model: Any, work: Any) -> None:
-    """Rates, their derivatives by velocity and, where forces vary, by twist and time, at the start of a step.
+def linearize(pose: Any, segment: Any, time: float, varied: bool, y: Any, model: Any, work: Any) -> None:
+    """Rates, their derivatives by velocity and, where forces vary, by time and if varied by twist, at a step's start.
 
     work: 0 rates (6); 1..3 derivative by velocity, rows of (3); 4..6 by twist; 7 by time; 8, 9 scratch.
     """
@@ -98,23 +98,46 @@ def linearize(pose: Any, segment: Any, time: float, y: Any, model: Any, work: An
     for column in range(3, 6):
         changed[column] = y[column] + VELOCITY_STEP
         rates(pose, segment, time, changed, model, scratch)
-        step = changed[column] - y[column]
+        change = changed[column] - y[column]
         for row in range(3):
-            work[1 + row, column - 3] = (scratch[3 + row] - work[0, 3 + row]) / step
+            work[1 + row, column - 3] = (scratch[3 + row] - work[0, 3 + row]) / change
         changed[column] = y[column]
-    for row in range(3):
-        work[7, 3 + row] = 0.0
-    if model.varies == 1:
-        for column in range(3):
-            changed[column] = PLACE_STEP
-            rates(pose, segment, time, changed, model, scratch)
-            for row in range(3):
-                work[4 + row, column] = (scratch[3 + row] - work[0, 3 + row]) / PLACE_STEP
-            changed[column] = 0.0
-    if model.varies == 1 or segment[STEADY] == 0.0:
+    for row in range(4, 8):
+        work[row] = 0.0
+    if model.varies == 1 and varied:
+        if model.wheels_vary == 0:
+            vary_body(pose, time, y, model, work)
+        else:
+            for column in range(3):
+                changed[column] = PLACE_STEP
+                rates(pose, segment, time, changed, model, scratch)
+                for row in range(3):
+                    work[4 + row, column] = (scratch[3 + row] - work[0, 3 + row]) / PLACE_STEP
+                changed[column] = 0.0
+    if model.wheels_vary == 1 or segment[STEADY] == 0.0:
         rates(pose, segment, time + PLACE_STEP, y, model, scratch)
         for row in range(3):
             work[7, 3 + row] = (scratch[3 + row] - work[0, 3 + row]) / PLACE_STEP
+
+
+@compiled()
+def vary_body(pose: Any, time: float, y: Any, model: Any, work: Any) -> None:
+    """Derivatives by twist and time where only forces on the body vary: no friction need be worked out."""
+    u, v, r = y[3], y[4], y[5]
+    for column in range(-1, 4):
+        x, at_y, heading = moved(
+            pose, PLACE_STEP * (column == 0), PLACE_STEP * (column == 1), PLACE_STEP * (column == 2)
+        )
+        later = time + PLACE_STEP * (column == 3)
+        force = body_terms(u, v, r, x, at_y, math.cos(heading), math.sin(heading), later, model)
+        gained = accelerated(force[0], force[1], force[2], model)
+        for row in range(3):
+            if column < 0:
+                work[8, row] = gained[row]
+            elif column < 3:
+                work[4 + row, column] = (gained[row] - work[8, row]) / PLACE_STEP
+            else:
+                work[7, 3 + row] = (gained[row] - work[8, row]) / PLACE_STEP
 
 
 @compiled()

@@ -1,4 +1,4 @@
-"""The velocity at which all forces balance: a steady turn."""
+"""Steady turns: the velocities at which all forces balance, one, all, over a map, or followed through folds."""
 
 from __future__ import annotations
 
@@ -6,24 +6,31 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from simulator.compiled import compiled
-from simulator.dynamics import accelerations
+from simulator.balance import newton
+from simulator.branch import follow
 from simulator.errors import SimulationError
+from simulator.many import TOLERANCE_MM
 from simulator.model import compile_robot
+from simulator.motion import DONE, integrate_run
 from simulator.robot import Robot
-from simulator.rosenbrock import invert3
 from simulator.run import WheelStates
+from simulator.stability import is_stable
 from simulator.wheels import wheel_states
 
-# Where Newton starts: yaw rate as a share of that without slip, and how far ahead of the centre the robot pivots as a
-# share of half the wheelbase. The first suits rear wheels that grip, the others rear wheels that slip (sharp turns).
-STARTS = ((0.3, 0.0), (0.9, 0.9), (0.9, 0.0), (0.1, 0.5))
+Array = NDArray[np.float64]
+# Where Newton starts to look for every balance, as shares: forward speed of the mean surface speed, yaw rate of that
+# without slip, and distance of the pivot ahead of the centre of half the wheelbase.
+STARTS = [(u, r, p) for u in (1.0, 0.5, 0.0, -0.5) for r in (0.9, 0.5, 0.3, 0.1, 0.0, -0.3) for p in (0.0, 0.5, 0.9)]
+SETTLING_S = np.array([0.0, 2.0])  # relaxations last milliseconds, those from a near standstill tenths of a second
+NO_PLAN = np.zeros((0, 2))
+SAME = 1e-6  # balances closer than this share of the largest surface speed are one
 
 
 @dataclass(frozen=True)
 class SteadyTurn:
-    """A steady turn; curvature_per_mm is positive counter-clockwise driving forward, 0 on a straight line.
+    """A steady turn; curvature_per_mm is positive for a centre to the robot's left, 0 on a straight line.
 
     radius_mm: signed radius of the circle of the robot's centre, 1/curvature_per_mm; infinite on a straight line.
     stable: whether a small disturbance dies out. wheels: arrays of (4,), in the order of WHEELS.
@@ -47,68 +54,127 @@ class SteadyTurn:
         return 1 / self.curvature_per_mm if self.curvature_per_mm else float("inf")
 
 
-def steady_turn(robot: Robot, left_rpm: float, right_rpm: float) -> SteadyTurn:
-    """Solve the force balance at constant commands. Raises SimulationError where no balance is found.
+@dataclass(frozen=True)
+class SteadyMap:
+    """Steady turns over left rpm (n,) and ratio right/left (m,); arrays (n, m), NaN where it does not settle."""
 
-    Forces that vary with place, heading or time are taken at the origin of the plate, heading 0, time 0.
+    left_rpm: Array
+    ratio: Array
+    u_mm_s: Array
+    v_mm_s: Array
+    yaw_rate_rad_s: Array
+    curvature_per_mm: Array
+
+
+@dataclass(frozen=True)
+class Branch:
+    """A balance followed while the ratio right/left changes; arrays (n,) in the order of following."""
+
+    ratio: Array
+    u_mm_s: Array
+    v_mm_s: Array
+    yaw_rate_rad_s: Array
+    curvature_per_mm: Array
+    stable: NDArray[np.bool_]
+
+
+def steady_turn(robot: Robot, left_rpm: float, right_rpm: float) -> SteadyTurn:
+    """The turn on which the robot settles from rest at constant commands; else an unstable balance, marked so.
+
+    Forces that vary with place, heading or time are taken at the origin of the plate, heading 0, time 0. Raises
+    SimulationError where no balance is found.
     """
-    model: Any = compile_robot(robot)[0]
-    velocity, derivative = np.zeros(3), np.zeros((3, 3))
-    if not any(_solved_from(start, model, left_rpm, right_rpm, velocity, derivative, robot) for start in STARTS):
+    models = _frozen(robot)
+    velocity, linear = np.zeros(3), np.zeros((4, 3))
+    if settled(models[0], left_rpm, right_rpm, velocity, linear):
+        return _turn(models[0], left_rpm, right_rpm, velocity, linear)
+    found = steady_turns(robot, left_rpm, right_rpm)
+    if not found:
         raise SimulationError(f"no steady turn found at {left_rpm} / {right_rpm} rpm")
+    return min(found, key=lambda turn: not turn.stable)
+
+
+def steady_turns(robot: Robot, left_rpm: float, right_rpm: float) -> list[SteadyTurn]:
+    """Balances, stable or not, in the order of yaw rate: what the robot settles on from rest, and what Newton finds."""
+    models: Any = _frozen(robot)
+    per_rpm, linear = float(models[0]["speed"].mean()), np.zeros((4, 3))
+    largest = per_rpm * max(abs(left_rpm), abs(right_rpm), 1e-6)
+    found: list[tuple[Array, SteadyTurn]] = []
+    rested = np.zeros(3)
+    if settled(models[0], left_rpm, right_rpm, rested, linear):
+        found.append((rested, _turn(models[0], left_rpm, right_rpm, rested, linear)))
+    for forward, yaw_share, ahead in STARTS:
+        yaw_rate = yaw_share * per_rpm * (right_rpm - left_rpm) / robot.wheels.track_mm
+        aside = -ahead * yaw_rate * robot.wheels.wheelbase_mm / 2
+        velocity = np.array([forward * per_rpm * (left_rpm + right_rpm) / 2, aside, yaw_rate])
+        if newton(models[0], left_rpm, right_rpm, velocity, linear):
+            distances = [np.abs(velocity - known).max() for known, _ in found]
+            if min(distances, default=np.inf) > SAME * largest:
+                found.append((velocity, _turn(models[0], left_rpm, right_rpm, velocity, linear)))
+    return [turn for _, turn in sorted(found, key=lambda pair: float(pair[0][2]))]
+
+
+def steady_map(robot: Robot, left_rpm: ArrayLike, ratios: ArrayLike) -> SteadyMap:
+    """Steady turns for left rpm (n,) and ratios right/left (m,); negative ratios set the wheels against each other.
+
+    Ratios in order let each turn be followed from its neighbour; where that fails, the robot starts from rest.
+    """
+    left, ratio = np.atleast_1d(np.asarray(left_rpm, dtype=float)), np.atleast_1d(np.asarray(ratios, dtype=float))
+    found, model = np.full((len(left), len(ratio), 3), np.nan), _frozen(robot)[0]
+    linear = np.zeros((4, 3))
+    for row, rpm in enumerate(left):
+        velocity, known = np.zeros(3), False
+        for column, right in enumerate(ratio * rpm):
+            known = known and bool(newton(model, rpm, right, velocity, linear)) and bool(is_stable(linear))
+            known = known or settled(model, rpm, right, velocity, linear)
+            if known:
+                found[row, column] = velocity
+    u, v, yaw_rate = np.moveaxis(found, -1, 0)
+    return SteadyMap(left, ratio, u, v, yaw_rate, _curvature(u, v, yaw_rate))
+
+
+def steady_branch(
+    robot: Robot, left_rpm: float, turn: SteadyTurn, ratio: float, to_ratio: float, step: float = 0.02
+) -> Branch:
+    """Follow a steady turn from its ratio right/left toward another, through folds where several turns exist.
+
+    step: arc length in ratio and velocity over the largest surface speed. The branch ends where it leaves the interval.
+    """
+    velocity = np.array([turn.u_mm_s, turn.v_mm_s, turn.yaw_rate_rad_s])
+    ratios, u, v, yaw_rate, stable = follow(_frozen(robot)[0], left_rpm, ratio, to_ratio, velocity, step).T
+    return Branch(ratios, u, v, yaw_rate, _curvature(u, v, yaw_rate), stable > 0.5)
+
+
+def settled(model: Any, left: float, right: float, velocity: Array, linear: Array) -> bool:
+    """Start from rest, and polish the velocity (3) the robot settles on; False where it does not settle.
+
+    model: a record whose varies is 0; linear: (4, 3), takes the derivative by velocity in rows 1 to 3.
+    """
+    state, out = np.zeros(6), np.empty((2, 6))
+    knots = np.array([[0.0, left, right]])
+    done, _ = integrate_run(model, knots, state, SETTLING_S, out, TOLERANCE_MM, NO_PLAN, replay=False)
+    velocity[:] = state[3:]
+    return bool(done == DONE and newton(model, left, right, velocity, linear) and is_stable(linear))
+
+
+def _frozen(robot: Robot) -> NDArray[np.void]:
+    """The record with forces that vary held at the origin."""
+    models = compile_robot(robot)
+    models["varies"] = 0
+    return models
+
+
+def _curvature(u: Array, v: Array, yaw_rate: Array) -> Array:
+    """Curvature of the centre's path, positive for a centre to the robot's left; NaN at rest."""
+    speed = np.hypot(u, v)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(speed > 0, np.where(u < 0, -1.0, 1.0) * yaw_rate / speed, np.nan)
+
+
+def _turn(model: Any, left: float, right: float, velocity: Array, linear: Array) -> SteadyTurn:
     u, v, r = (float(value) for value in velocity)
-    curvature = float((1.0 if u >= 0 else -1.0) * r / np.hypot(u, v)) if u or v else float("nan")
-    knots = np.array([[0.0, left_rpm, right_rpm]])
+    curvature = float(_curvature(velocity[:1], velocity[1:2], velocity[2:])[0])
+    knots = np.array([[0.0, left, right]])
     wheels = wheel_states(model, knots, np.array([0.0, 1.0]), np.tile([0.0, 0.0, 0.0, u, v, r], (2, 1)))
     first = WheelStates(*(getattr(wheels, item.name)[0] for item in fields(wheels)))
-    return SteadyTurn(u, v, r, curvature, bool(np.linalg.eigvals(derivative).real.max() < 0), first)
-
-
-def _solved_from(
-    start: tuple[float, float], model: Any, left: float, right: float, velocity: Any, derivative: Any, robot: Robot
-) -> bool:
-    """Whether Newton's method finds the balance from a start of STARTS; the root into velocity (3)."""
-    yaw_share, pivot_share = start
-    per_rpm = 2 * np.pi * robot.wheels.radius_mm / 60
-    yaw_rate = yaw_share * per_rpm * (right - left) / robot.wheels.track_mm
-    velocity[:] = per_rpm * (left + right) / 2, -pivot_share * yaw_rate * robot.wheels.wheelbase_mm / 2, yaw_rate
-    return bool(solve_balance(model, left, right, velocity, derivative))
-
-
-@compiled()
-def balance(model: Any, left: float, right: float, velocity: Any, out: Any) -> None:
-    """Accelerations at rest at the origin of the plate into out (3)."""
-    u, v, r = velocity[0], velocity[1], velocity[2]
-    out[0], out[1], out[2] = accelerations(u, v, r, left, right, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, model)
-
-
-@compiled()
-def solve_balance(model: Any, left: float, right: float, velocity: Any, derivative: Any) -> bool:
-    """Newton's method with backtracking from the velocity (3) handed in, which becomes the root."""
-    size = model.speed[0] * max(abs(left), abs(right), 1e-6)
-    inverse, residual, trial, shifted = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
-    balance(model, left, right, velocity, residual)
-    for _ in range(200):
-        for column in range(3):
-            shifted[:] = velocity
-            shifted[column] += 1e-8
-            balance(model, left, right, shifted, trial)
-            for row in range(3):
-                derivative[row, column] = (trial[row] - residual[row]) / 1e-8
-        if not invert3(derivative, inverse):
-            return False
-        step = -inverse @ residual
-        if np.abs(step).max() < 1e-12 * size:
-            return True
-        before, share = np.sqrt((residual**2).sum()), 1.0
-        while True:
-            shifted[:] = velocity + share * step
-            balance(model, left, right, shifted, trial)
-            if np.sqrt((trial**2).sum()) < before or share < 1e-6:
-                break
-            share /= 2
-        if share < 1e-6:
-            return bool(np.abs(step).max() < 1e-9 * size)
-        velocity[:] = shifted
-        residual[:] = trial
-    return False
+    return SteadyTurn(u, v, r, curvature, bool(np.linalg.eigvals(linear[1:4]).real.max() < 0), first)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
+from collections.abc import Hashable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -99,7 +101,9 @@ def print_plan(experiment: Path, out: Path, *, simulate: bool) -> int:
 
 def print_json(table: pd.DataFrame) -> None:
     """Print a table of runs as a list of objects; unknown values are null."""
-    click.echo(json.dumps(json.loads(table.to_json(orient="records", double_precision=15)), indent=1))
+    from evaluator.export import records
+
+    click.echo(json.dumps(records(table), indent=1))
 
 
 def turning_text(found: Analysis, *, verbose: bool) -> str:
@@ -108,12 +112,15 @@ def turning_text(found: Analysis, *, verbose: bool) -> str:
 
     rows = []
     for row in found.turning.to_dict("records"):
-        if row["run"] in found.faults:
-            continue
-        radius = interval(row["radius_mm"], row["radius_low_mm"], row["radius_high_mm"])
-        cells = [row["run"], f"{row['left_rpm']:g} / {row['right_rpm']:g}", radius, f"{row['speed_mm_s']:.3f}"]
-        rows.append([*cells, str(row["radius_status"] or "")] if verbose else cells)
-    head = ["run", "rpm left / right", "radius, mm (95 %)", "speed, mm/s"]
+        if row["run"] not in found.faults:
+            cells = [
+                row["run"],
+                f"{row['left_rpm']:g} / {row['right_rpm']:g}",
+                *radius(row),
+                f"{row['speed_mm_s']:.3f}",
+            ]
+            rows.append([*cells, str(row["radius_status"])] if verbose else cells)
+    head = ["run", "rpm left / right", "radius, mm", "95 %", "speed, mm/s"]
     return text_table([*head, "remark"] if verbose else head, rows)
 
 
@@ -123,28 +130,21 @@ def comparison_text(found: Analysis, *, verbose: bool) -> str:
 
     assert found.comparison is not None
     rows = []
-    for row in found.comparison.to_dict("records"):
+    for row, measured in zip(found.comparison.to_dict("records"), found.turning.to_dict("records"), strict=True):
         if row["run"] in found.faults:
             continue
-        measured = interval(row["radius_mm"], row["radius_low_mm"], row["radius_high_mm"])
-        simulated = number(row["simulated_radius_mm"])
-        cells = [
-            row["run"],
-            f"{row['left_rpm']:g} / {row['right_rpm']:g}",
-            measured,
-            simulated,
-            f"{row['gap_rms_mm']:.3f}",
-        ]
+        command, simulated = f"{row['left_rpm']:g} / {row['right_rpm']:g}", row["simulated_radius_mm"]
+        known = f"{simulated:.3f}" if math.isfinite(simulated) else "straight"
+        cells = [row["run"], command, *radius(measured), known, f"{row['gap_rms_mm']:.3f}"]
         rows.append([*cells, f"{row['heading_gap_end_deg']:.2f}"] if verbose else cells)
-    head = ["run", "rpm left / right", "radius, mm (95 %)", "simulated, mm", "gap RMS, mm"]
+    head = ["run", "rpm left / right", "radius, mm", "95 %", "simulated, mm", "path gap, mm"]
     return text_table([*head, "heading gap, deg"] if verbose else head, rows)
 
 
-def interval(value: float, low: float, high: float) -> str:
-    """A value with its 95 % interval, or a dash where there is none."""
-    return "straight" if value != value else f"{value:.3f} ({low:.3f} to {high:.3f})"  # noqa: PLR0124 - NaN
-
-
-def number(value: float) -> str:
-    """A value, or a dash where there is none."""
-    return "straight" if value != value else f"{value:.3f}"  # noqa: PLR0124 - NaN
+def radius(row: Mapping[Hashable, Any]) -> tuple[str, str]:
+    """Radius of a row of turning.csv and its interval; a word where there is none."""
+    low, high = row["radius_low_mm"], row["radius_high_mm"]
+    if math.isfinite(row["radius_mm"]) and abs(row["turned_deg"]) > 1:  # less is straight to the eye
+        return f"{row['radius_mm']:.3f}", f"{low:.3f} to {high:.3f}"
+    straight = math.isfinite(row["radius_mm"]) or str(row["radius_status"]).startswith("straight")
+    return "straight" if straight else "–", ""

@@ -22,6 +22,10 @@ FILE = click.Path(path_type=Path, dir_okay=False)
 @click.option("-o", "--out", type=FILE, default=Path("camera.json"), show_default=True)
 @click.option("--distance-mm", nargs=2, type=float, help="Measured height of the lens above the plate, and its sigma.")
 @click.option("--mark-height", "mark_height_mm", type=float, default=6.5, show_default=True, help="Of the marks, mm.")
+@click.option(
+    "--tolerance-um", type=float, default=10.0, show_default=True, help="Asked of a coordinate (95 %), for the page."
+)
+@click.option("--page/--no-page", default=True, show_default=True, help="Write a page of pictures beside camera.json.")
 def calibrate(
     pictures: tuple[Path, ...],
     gauge_file: Path,
@@ -29,6 +33,8 @@ def calibrate(
     out: Path,
     distance_mm: tuple[float, float] | None,
     mark_height_mm: float,
+    tolerance_um: float,
+    page: bool,
 ) -> None:
     """Solve the camera from gauge pictures.
 
@@ -68,7 +74,13 @@ def calibrate(
         click.echo(f"next: {step}")
     for note in verdict.notes:
         click.echo(f"note: {note}")
-    click.echo(f"written: {out}")
+    written = str(out)
+    if page:
+        from evaluator.report.calibration_page import write_calibration_page
+
+        write_calibration_page(found, verdict, out.with_suffix(".html"), tolerance_um)
+        written += f", {out.with_suffix('.html')}"
+    click.echo(f"written: {written}")
 
 
 @click.command(epilog="\b\nExample:\n  turnscope dots plate.png --annotate found/")

@@ -36,7 +36,7 @@ def robot_with_effect(diagnosis: Diagnosis, text: str) -> str:
         if isinstance(term, FreeTerm):
             parts += _free_tables(term, values)
             continue
-        parts += ["[[effect]]  # found by turnscope diagnose", f'id = "{id}"']
+        parts += ["[[effect]]  # found by turnscope diagnose", f'id = "{effect}"']
         parts += [f"{name} = {_number(value)}" for name, value in term.physical(values).items()]
         parts.append("")
     return "\n".join(parts)

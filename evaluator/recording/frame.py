@@ -23,7 +23,8 @@ class Frame:
     full picture (a field has row_step 2). u, v: the colour planes, subsampled by whole factors, or None for a grey
     recording. depth: bits of a sample. full_range: luma spans the whole of its range rather than 16/256 to 235/256 of
     it. matrix: "bt601" or "bt709". kind: "I", "P" or "B" where the codec says how it stored the picture, else "".
-    owner: keeps the decoder's buffer alive. The planes are views: copy what must outlive the frame.
+    repeated: equal to the picture before. owner: keeps the decoder's buffer alive. The planes are views: copy what must
+    outlive the frame.
     """
 
     index: int
@@ -38,6 +39,7 @@ class Frame:
     row_origin: int
     row_step: int
     kind: str
+    repeated: bool
     owner: object
 
     @property

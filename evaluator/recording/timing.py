@@ -59,7 +59,7 @@ def summarise(ticks: Sequence[int], tick: Fraction, duplicates: Sequence[int], n
         missing = sum(count for _, count in dropped)
         said.append(f"{missing} pictures are missing in {len(dropped)} gaps, the first before picture {dropped[0][0]}")
     if duplicates:
-        said.append(f"{len(duplicates)} pictures repeat the one before, the first is picture {duplicates[0]}")
+        said.append(f"{len(duplicates)} pictures equal the one before, the first is picture {duplicates[0]}")
     return TimingReport(
         frames=len(ticks),
         first=ticks[0] * tick if ticks else None,

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from fractions import Fraction
-from typing import Any
+from itertools import islice
+from typing import Any, Literal
 
 import av
 
 from evaluator.errors import InputError
+from evaluator.recording.fields import Fields, field_order, fields_of
 from evaluator.recording.frame import Frame
 from evaluator.recording.layout import Layout
 from evaluator.recording.timing import TimingReport, summarise
 
+PROBED = 120  # pictures looked at for torn edges: four seconds, by when a robot has moved
+SLOWEST_PROGRESSIVE = 31  # interlaced cameras give 25 or 29.97 frames a second; faster ones are not looked at
 STREAMED = ("mpegts", "mpeg")  # containers whose clock starts anywhere: their times count from the first picture
 
 
@@ -23,25 +27,40 @@ class Recording:
     gives its good pictures, and `report().notes` says so.
     """
 
-    def __init__(self, name: str, *, options: dict[str, str] | None = None, format_name: str | None = None) -> None:
-        """Open once to see that there is a video in it. name: a path, or an address FFmpeg understands."""
-        self.name = name
-        self._options, self._format = options or {}, format_name
-        with self._open() as container:
-            stream = container.streams.video[0]
-            self.nominal_rate: Fraction | None = stream.average_rate or stream.guessed_rate
-            self.expected_frames: int = stream.frames  # 0 where the container does not say
-            self.tick: Fraction = stream.time_base
+    def __init__(
+        self,
+        name: str,
+        *,
+        live: bool = False,
+        format_name: str | None = None,
+        fields: Fields = "auto",
+        threads: int = 0,
+    ) -> None:
+        """Open once to see that there is a video in it.
+
+        name: a path, or an address FFmpeg understands. live: give each picture at once, and expect no second iteration.
+        threads: of the decoder; 0: one per core.
+        """
+        self.name, self.live, self.fields, self._threads = name, live, fields, threads
+        self._format = format_name
+        container = self._open()
+        stream = container.streams.video[0]
+        self.nominal_rate: Fraction | None = stream.average_rate or stream.guessed_rate
+        self.expected_frames: int = stream.frames  # 0 where the container does not say
+        self.tick: Fraction = stream.time_base
+        self._opened: Any = container
         self._reset()
 
     def _reset(self) -> None:
         self._ticks: list[int] = []
         self._duplicates: list[int] = []
         self._notes: list[str] = []
+        self.clock = self.tick
 
     def _open(self) -> Any:
         try:
-            container = av.open(self.name, format=self._format, options=self._options)
+            options = {"fflags": "nobuffer"} if self.live else {}
+            container = av.open(self.name, format=self._format, options=options)
         except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
             raise InputError(f"{self.name}: {str(error.strerror).lower()}") from error
         except (av.error.FFmpegError, ValueError, OSError) as error:
@@ -54,29 +73,74 @@ class Recording:
         return container
 
     def __iter__(self) -> Iterator[Frame]:
-        """Decode with all threads; each frame's planes are views that live as long as the frame."""
+        """Decode; each frame's planes are views that live as long as the frame."""
         self._reset()
-        with self._open() as container:
+        order = self.fields
+        if order == "auto":
+            order = self._field_order()
+        if order == "none":
+            yield from self._pictures(self._count)
+            return
+        self._notes.append(f"interlaced, {order} field first: every field is a picture of its own")
+        ticks = self._interval_ticks()
+        for frame in self._pictures(None):
+            for field in fields_of(frame, order, ticks, len(self._ticks)):
+                self._count(field)
+                yield field
+
+    def _count(self, frame: Frame) -> None:
+        self._ticks.append(frame.ticks)
+        self.clock = frame.tick
+        if frame.repeated:
+            self._duplicates.append(frame.index)
+
+    def _pictures(self, count: Callable[[Frame], None] | None) -> Iterator[Frame]:
+        """Every picture of the recording, not yet taken apart into fields."""
+        container, self._opened = self._opened or self._open(), None
+        with container:
             stream = container.streams.video[0]
-            stream.thread_type = "AUTO"
+            # Frame threads are fastest but hold back a picture a thread; a live source must not wait for them.
+            stream.thread_type = "SLICE" if self.live else "AUTO"
+            stream.codec_context.thread_count = self._threads
             layout: Layout | None = None
-            origin = None if container.format.name in STREAMED else 0
-            sample: bytes = b""
+            origin = None if container.format.name in STREAMED or self.live else 0
+            frame: Frame | None = None
+            index = 0
             for picture in self._decoded(container, stream):
-                ticks = self._ticks_of(picture)
+                ticks = self._ticks_of(picture, index)
                 origin = ticks if origin is None else origin
                 if layout is None or not layout.fits(picture):
                     layout = Layout.of(picture)
-                frame = layout.frame(picture, len(self._ticks), ticks - origin, self.tick)
-                # Every 37th row tells repeated pictures from new ones: sensor noise differs in each row, and 37 is
-                # prime to block and field sizes, so that no codec skips just these rows.
-                seen = frame.luma[18::37].tobytes()
-                if seen == sample:
-                    self._duplicates.append(frame.index)
-                sample = seen
-                self._ticks.append(frame.ticks)
+                frame = layout.frame(picture, index, ticks - origin, self.tick, frame)
+                index += 1
+                if count is not None:
+                    count(frame)
                 yield frame
-        self._finish()
+        self._finish(index)
+
+    def _field_order(self) -> Literal["none", "top", "bottom"]:
+        """Whether the recording is interlaced: what the file says, else what the pictures show."""
+        if self.live:
+            return "none"
+        rate = self.nominal_rate
+        probe = Recording(self.name, format_name=self._format, fields="none")
+        said = probe._said_order()
+        if said == "none" and (rate is None or rate > SLOWEST_PROGRESSIVE):
+            return "none"
+        try:
+            seen = field_order(islice(probe, PROBED))
+        except InputError:
+            return "none"
+        return seen or said
+
+    def _said_order(self) -> Literal["none", "top", "bottom"]:
+        # FFmpeg's AVFieldOrder: 2 and 5 show the top field first, 3 and 4 the bottom field.
+        order = int(getattr(self._opened.streams.video[0].codec_context, "field_order", 0) or 0)
+        return "top" if order in {2, 5} else "bottom" if order in {3, 4} else "none"
+
+    def _interval_ticks(self) -> int:
+        rate = self.nominal_rate or Fraction(30)
+        return round(1 / (rate * self.tick))
 
     def _decoded(self, container: Any, stream: Any) -> Iterator[Any]:
         """Every picture that decodes; stops, with a note, where nothing more can be read."""
@@ -102,18 +166,17 @@ class Recording:
                 elif not self._notes:
                     self._notes.append(f"damaged pictures are left out, the first near picture {len(self._ticks)}")
 
-    def _ticks_of(self, picture: Any) -> int:
+    def _ticks_of(self, picture: Any, index: int) -> int:
         if picture.pts is not None:
             return int(picture.pts)
         if not self.nominal_rate:
             raise InputError(f"{self.name}: has neither presentation times nor a frame rate; put it into a container")
-        if not self._ticks:
+        if index == 0:
             self._notes.append(f"no presentation times in the file: taken from its rate {float(self.nominal_rate):g}/s")
             self.tick = 1 / Fraction(self.nominal_rate)
-        return len(self._ticks)
+        return index
 
-    def _finish(self) -> None:
-        count = len(self._ticks)
+    def _finish(self, count: int) -> None:
         if count == 0:
             raise InputError(f"{self.name}: not a single picture can be decoded; the file is damaged or cut off")
         if self.expected_frames > count:
@@ -121,7 +184,7 @@ class Recording:
 
     def report(self) -> TimingReport:
         """Sum up the times of the pictures decoded in the last iteration."""
-        return summarise(self._ticks, self.tick, self._duplicates, self._notes)
+        return summarise(self._ticks, self.clock, self._duplicates, self._notes)
 
 
 def _reason(error: BaseException) -> str:

@@ -1,4 +1,4 @@
-"""Pictures of a calibration: what was found, what remains, where it is good."""
+"""The page of one calibration: verdict in plain words, next step, and the pictures that show why."""
 
 from __future__ import annotations
 
@@ -9,8 +9,88 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.assign_grid import Lattice
+from calibration.camera import Camera
 from calibration.detect_dots import Dots
-from evaluator.files import written_whole
+from calibration.quality import Verdict
+from calibration.solve import Calibration
+from evaluator.files import write_text, written_whole
+from evaluator.report.figures.calibration import coverage_map, distortion_map, residual_vectors
+from evaluator.report.figures.quality import camera_uncertainty
+from evaluator.report.pages import Page, Section, Table, page_html
+
+
+def write_calibration_page(calibration: Calibration, verdict: Verdict, path: Path, tolerance_um: float) -> None:
+    """Write the page as one HTML file. tolerance_um: 95 % half width asked of a coordinate at mark height."""
+    camera = calibration.camera
+    good = measurement_range(camera, verdict.mark_height_mm, tolerance_um)
+    range_sentence = (
+        f"Coordinates {verdict.mark_height_mm:g} mm above the plate are good to {tolerance_um:g} µm (95 %) in "
+        f"{100 * good:.0f} % of the picture."
+    )
+    page = Page(
+        kind="Calibration",
+        title=calibration.gauge.name,
+        facts=(
+            f"{len(calibration.views)} pictures",
+            f"{sum(len(view) for view in calibration.views)} dots",
+            f"residual {calibration.rms_px:.3g} px RMS",
+            f"{camera.lens} lens",
+        ),
+        summary=(_sentence(verdict.summary), range_sentence, *(f"Next: {step}." for step in verdict.next_steps)),
+        sections=(
+            Section(
+                "trust",
+                "Where millimetres can be trusted",
+                (),
+                (camera_uncertainty(camera, verdict.mark_height_mm), coverage_map(calibration)),
+            ),
+            Section("fit", "How the model fits", (), (residual_vectors(calibration), distortion_map(camera))),
+            Section("numbers", "Numbers", tuple(map(_sentence, verdict.notes)), (), _tables(calibration)),
+        ),
+        footer="Written by turnscope calibrate. Uncertainties are standard ones unless 95 % is said.",
+    )
+    write_text(path, page_html(page))
+
+
+def measurement_range(camera: Camera, height_mm: float, tolerance_um: float) -> float:
+    """Share of the picture in which both coordinates are known to the tolerance (95 %), from the calibration alone."""
+    width, height = camera.size_px
+    points = np.stack(np.meshgrid(np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 25)), axis=-1)
+    sigma = np.sqrt(np.einsum("...ii->...i", camera.plate_covariance(points, height_mm)))
+    with np.errstate(invalid="ignore"):
+        return float(np.mean(1.96e3 * sigma.max(axis=-1) < tolerance_um))
+
+
+def _tables(calibration: Calibration) -> tuple[Table, ...]:
+    camera = calibration.camera
+    named = [name for name in calibration.fit.state.free if camera.sigma(name) > 0]
+    parameters = Table(
+        "Lens parameters that were fitted.",
+        ("parameter", "value", "standard uncertainty"),
+        tuple((name, f"{camera.value(name):.6g}", f"{camera.sigma(name):.2g}") for name in named),
+    )
+    pictures = Table(
+        "Pictures; the first one defines the plate frame.",
+        ("picture", "dots used", "left out", "residual, px RMS"),
+        tuple(
+            (Path(view.name).name, str(len(view)), str(left_out), f"{np.sqrt(np.mean(residual**2)):.4f}")
+            for view, left_out, residual in zip(
+                calibration.views, calibration.rejected, calibration.fit.residual_px, strict=True
+            )
+        ),
+    )
+    models = Table(
+        "Lens models tried, first the simplest of those that predict unseen dots as well as the best.",
+        ("lens", "free parameters", "held-out error, sigmas"),
+        tuple(
+            (trial.model, ", ".join(trial.free), f"{np.sqrt(trial.held_out / 2):.4g}") for trial in calibration.trials
+        ),
+    )
+    return parameters, pictures, models
+
+
+def _sentence(text: str) -> str:
+    return text[0].upper() + text[1:].rstrip(".") + "."
 
 
 def write_annotated(picture: NDArray[np.generic], dots: Dots, lattice: Lattice, path: Path) -> None:

@@ -17,6 +17,8 @@ from evaluator.workflow import Analysis, Outputs
 
 Array = NDArray[np.float64]
 
+STRAIGHT_DEG = 1.0  # over a whole run: less cannot be seen in a figure
+
 
 @dataclass(frozen=True)
 class RunView:
@@ -55,8 +57,8 @@ class RunView:
 
     @property
     def turns(self) -> bool:
-        """A turning radius was found."""
-        return bool(np.isfinite(self.value("radius_mm")))
+        """It turns visibly, and has a radius: a circle of many metres is a straight run to the reader."""
+        return bool(np.isfinite(self.value("radius_mm")) and abs(self.value("turned_deg")) > STRAIGHT_DEG)
 
     @property
     def command(self) -> str:

@@ -65,4 +65,4 @@ def learn_shape(patches: Sequence[Patch], radius_px: float) -> Disc | None:
 
 def with_disc(look: Appearance, disc: Disc) -> Appearance:
     """The same mark with a better known shape."""
-    return replace(look, disc=disc)
+    return replace(look, disc=disc, area_px2=max(look.area_px2, 0.8 * np.pi * disc.radius_px**2))

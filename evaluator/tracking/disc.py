@@ -45,7 +45,7 @@ class Disc:
 
         Beyond 1.5 radii lies, on the paper's robot, the edge of its black top.
         """
-        return self.radius_px + max(2.5 * self.blur_px, min(0.5 * self.radius_px, 4.0))
+        return _outer(self.radius_px, self.blur_px)
 
     def numbers(self, smear_px: tuple[float, float] = (0.0, 0.0)) -> Array:
         """The disc as `kernels.fit_disc` takes it."""
@@ -98,17 +98,36 @@ def cut_patch(
 def learn_disc(patches: list[Patch], radius_px: float, blur_px: float = 1.0) -> tuple[Disc, float]:
     """Learn radius, blur and slant common to all patches, with centre, amplitude and base free in each.
 
-    Variable projection by Levenberg and Marquardt: the own unknowns of each patch are eliminated (Schur complement).
-    Returns the disc and the residual standard deviation. Raises ValueError where no patch can be fitted.
+    Returns the disc and the standard deviation of the noise. Where some pixels are not the disc's (a wire, a glint),
+    they lose their weight in a second and third round. Raises LinAlgError where the patches do not determine a disc.
     """
     shared = np.array([np.log(radius_px), np.log(blur_px), 0.0, 0.0])
     own = [np.array([*patch.center_px, *_levels(patch, radius_px)]) for patch in patches]
+    weights = [np.ones_like(patch.value) for patch in patches]
+    spread = 1.0
+    for _ in range(3):
+        shared, own = _solve(patches, weights, shared, own)
+        residuals = _residuals(patches, shared, own)
+        left = np.concatenate([residual[np.isfinite(residual)] for residual in residuals])
+        spread = max(1.4826 * float(np.median(np.abs(left))), 0.3)  # rounding to whole levels leaves 0.29
+        if np.mean(np.abs(left) > 5 * spread) < 0.005:
+            spread = max(float(np.sqrt(np.mean(np.minimum(left**2, (5 * spread) ** 2)))), 0.3)
+            break
+        weights = [1.0 / (1.0 + (np.nan_to_num(residual) / (3 * spread)) ** 4) for residual in residuals]
+    amplitude, base = np.median([mine[2:] for mine in own], axis=0)
+    radius, blur = float(np.exp(shared[0])), float(np.exp(shared[1]))
+    slant, level = (float(shared[2]), float(shared[3])), (float(amplitude), float(base))
+    return make_disc(radius, blur, slant, level, (spread**2, 0.0)), spread
+
+
+def _solve(patches: list[Patch], weights: list[Array], shared: Array, own: list[Array]) -> tuple[Array, list[Array]]:
+    """Variable projection by Levenberg and Marquardt: each patch's own unknowns are eliminated (Schur complement)."""
     damping, cost = 1e-3, np.inf
-    best, pixels = (shared, own), 1
+    best, pixels, keep = (shared, own), 1, None
     for _ in range(40):
-        matrix, right, steps, total, count = _pooled(patches, shared, own)
+        matrix, right, steps, total, count = _pooled(patches, weights, shared, own)
         if total < cost:
-            done = cost - total < 1e-5 * total
+            done = cost - total < 1e-4 * total
             best, cost, damping, pixels = (shared, own), total, max(damping / 5, 1e-6), count
             if done:
                 break
@@ -117,9 +136,11 @@ def learn_disc(patches: list[Patch], radius_px: float, blur_px: float = 1.0) -> 
             damping *= 8
             if damping > 1e6:
                 break
+            if keep is None:
+                raise np.linalg.LinAlgError("the patches hold no disc")
             matrix, right, steps = keep
         # Weak prior on the slant: 0.2 covers tilts to 35 degrees; without it small blurred marks leave it free.
-        prior = np.diag([0.0, 0.0, 1.0, 1.0]) * (cost / max(count, 1) / 0.2**2)
+        prior = np.diag([0.0, 0.0, 1.0, 1.0]) * (cost / max(pixels, 1) / 0.2**2)
         scaled = matrix + prior + damping * np.diag(np.diag(matrix) + 1e-9)
         move = np.clip(np.linalg.solve(scaled, right - prior @ best[0]), -0.3, 0.3)
         shared = best[0] + move
@@ -128,17 +149,29 @@ def learn_disc(patches: list[Patch], radius_px: float, blur_px: float = 1.0) -> 
         own = [
             mine + np.clip(first - cross @ move, -1e3, 1e3) for mine, (first, cross) in zip(best[1], steps, strict=True)
         ]
-    shared, own = best
-    spread = float(np.sqrt(cost / max(pixels - 4 * len(patches) - 4, 1)))
-    amplitude, base = np.median([mine[2:] for mine in own], axis=0)
-    disc = make_disc(
-        float(np.exp(shared[0])),
-        float(np.exp(shared[1])),
-        (float(shared[2]), float(shared[3])),
-        (float(amplitude), float(base)),
-        (max(spread, 0.3) ** 2, 0.0),
-    )
-    return disc, spread
+    return best
+
+
+def _residuals(patches: list[Patch], shared: Array, own: list[Array]) -> list[Array]:
+    """Luma less model, NaN beyond the pixels that are used."""
+    radius, blur = np.exp(shared[:2])
+    profile, _ = tabulate(radius, blur)
+    residuals = []
+    for patch, mine in zip(patches, own, strict=True):
+        _, _, r = _radii(patch, shared, mine)
+        residual = patch.value - mine[3] - mine[2] * _look_up(profile, r)
+        residuals.append(np.where(r < _outer(radius, blur), residual, np.nan))
+    return residuals
+
+
+def _radii(patch: Patch, shared: Array, mine: Array) -> tuple[Array, Array, Array]:
+    dx, dy = patch.x - mine[0], patch.y - mine[1]
+    square = (1 + shared[2]) * dx**2 + 2 * shared[3] * dx * dy + (1 - shared[2]) * dy**2
+    return dx, dy, np.sqrt(np.maximum(square, 1e-12))
+
+
+def _outer(radius_px: float, blur_px: float) -> float:
+    return float(radius_px + max(2.5 * blur_px, min(0.5 * radius_px, 4.0)))
 
 
 def _levels(patch: Patch, radius_px: float) -> tuple[float, float]:
@@ -149,18 +182,17 @@ def _levels(patch: Patch, radius_px: float) -> tuple[float, float]:
 
 
 def _pooled(
-    patches: list[Patch], shared: Array, own: list[Array]
+    patches: list[Patch], weights: list[Array], shared: Array, own: list[Array]
 ) -> tuple[Array, Array, list[tuple[Array, Array]], float, int]:
     """Normal equations of the shared unknowns; per patch the own step at no move and its derivative by the move."""
     radius, blur = np.exp(shared[:2])
     tables = [tabulate(radius, blur), tabulate(radius * 1.001, blur), tabulate(radius, blur * 1.001)]
     matrix, right, steps, total, count = np.zeros((4, 4)), np.zeros(4), [], 0.0, 0
-    for patch, mine in zip(patches, own, strict=True):
-        dx, dy = patch.x - mine[0], patch.y - mine[1]
-        r = np.sqrt(np.maximum((1 + shared[2]) * dx**2 + 2 * shared[3] * dx * dy + (1 - shared[2]) * dy**2, 1e-12))
+    for patch, weight, mine in zip(patches, weights, own, strict=True):
+        dx, dy, r = _radii(patch, shared, mine)
         p, p_radius, p_blur = (_look_up(table[0], r) for table in tables)
         g = mine[2] * _look_up(tables[0][1], r)
-        near = (r < radius + max(2.5 * blur, min(0.5 * radius, 4.0))).astype(float)
+        near = np.sqrt(weight) * (r < _outer(radius, blur))
         residual = (patch.value - mine[3] - mine[2] * p) * near
         rx, ry = ((1 + shared[2]) * dx + shared[3] * dy) / r, (shared[3] * dx + (1 - shared[2]) * dy) / r
         by_own = np.column_stack([-g * rx, -g * ry, p, np.ones_like(p)]) * near[:, None]
@@ -172,7 +204,7 @@ def _pooled(
         right += by_shared.T @ (residual - by_own @ first)
         steps.append((first, cross))
         total += float(residual @ residual)
-        count += int(near.sum())
+        count += int((near > 0).sum())
     return matrix, right, steps, total, count
 
 

@@ -10,17 +10,33 @@ from numpy.typing import NDArray
 
 from evaluator.recording import Frame
 from evaluator.tracking import kernels
-from evaluator.tracking.appearance import Appearance
-from evaluator.tracking.disc import PER_PX
+from evaluator.tracking.appearance import Appearance, patch_of
+from evaluator.tracking.disc import PER_PX, Patch
 from evaluator.tracking.shading import interior_px
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
 OK = "ok"
 
+# What one picture's residual (mean square over noise) reaches by chance: 1.5 is 4 sigma for the 130 pixels of a mark of
+# 5 px radius. Above it something is in the way: the background's slope is fitted too, and the uncertainty allows for
+# it.
+DISTURBED = 1.5
+# A disturbance that looked just like a shift would move the centre by √pixels times its own share of the noise; real
+# ones (wires, glare, shadows) reach a third of that.
+LIKENESS = 0.11
+HOPELESS = 8.0  # residual at which a disc is no longer what is seen
+
 # Sigmas beyond which a pixel is taken for something else than mark or background. Noise loses nothing (weights fall as
 # 1/(1 + (r/5)⁴): 0.4 % of the information), a wire or a glint loses its pull.
 SOFTNESS = 5.0
+
+BRIGHTER = 1.2  # amplitude over what it was, from which the light has changed rather than flickered
+NOISE_STEP = 1.03
+NOISE_RANGE = 30.0  # least and most noise of a recording, compressed or not, in variance
+
+VIEW_EVERY = 10
+RELEARN_AT = (60, 240)  # pictures in which a mark was seen: a second and four seconds of most recordings
 
 
 class Sighting(NamedTuple):
@@ -41,6 +57,7 @@ ABSENT = {
         "not seen",  # its colour is nowhere that it could be
         "outside the picture",  # partly or wholly beyond the border
         "partly hidden",  # too little of it shows
+        "disturbed",  # its luma is not that of a disc: glare, a wire, a shadow
         "no disc",  # its colour is there but no disc of its size and brightness
         "ambiguous",  # something else of its colour is beside it or in its place
         "wrong distance",  # it and its partner lie farther apart or nearer than the robot allows
@@ -66,7 +83,9 @@ class Follower:
 
     def __post_init__(self) -> None:
         """Make the arrays the kernels read and fill."""
-        self._found, self._result, self._start = np.zeros(5), np.zeros(kernels.RESULTS), np.zeros(4)
+        self._found, self._result = np.zeros(5), np.zeros(kernels.RESULTS)
+        self._start, self._sloped = np.zeros(4), np.zeros(6)
+        self.seen, self.views = 0, list[Patch]()
         self._slope_places: list[Point] = []
         self._slopes: list[Point] = []
         self._slope = np.zeros(2)
@@ -79,8 +98,9 @@ class Follower:
         self.look = look
         self._disc, self._profile, self._profile_slope = disc.numbers(), disc.profile, disc.slope
         self._noise = np.array([*disc.noise, SOFTNESS])
+        self._least_noise = 0.5 * disc.noise[0]
         self._amplitude, self._base = disc.amplitude, disc.base
-        self._radius = disc.radius_px
+        self.radius_px = disc.radius_px
         self._interior = interior_px(disc)
         self.color = look.color.copy()
 
@@ -91,12 +111,16 @@ class Follower:
         lapse = time_s - self.time_s
         return self.position[0] + self.velocity[0] * lapse, self.position[1] + self.velocity[1] * lapse
 
+    def step_px(self, interval_s: float) -> float:
+        """How far the mark moves in an interval, along both axes together."""
+        return (abs(self.velocity[0]) + abs(self.velocity[1])) * interval_s
+
     def look_at(self, frame: Frame, cell: Array, place: Point, reach_px: float, interval_s: float) -> Sighting:
         """Measure the mark near a place of the picture; reach_px: how far from it the mark may be.
 
         cell: of the chroma samples, as `kernels.color_window` takes it.
         """
-        found, radius = self._found, self._radius
+        found, radius = self._found, self.radius_px
         kernels.color_window(frame.u, frame.v, cell, place[0], place[1], radius + reach_px, self.color, found)
         area = self.look.area_px2
         if found[0] < 0.35 * area:
@@ -113,17 +137,31 @@ class Follower:
         # Smear beyond a diameter is a wrong velocity sooner than a fast mark.
         keep = min(1.0, 2.0 * radius / (abs(smear_x) + abs(smear_y) + 1e-9))
         disc[5], disc[6] = smear_x * keep, smear_y * keep
-        kernels.fit_disc(
-            frame.luma, frame.row_origin, frame.row_step, start, disc, self._profile, self._profile_slope, PER_PX,
-            self._noise, self._result,
-        )  # fmt: skip
+        self._fit(frame, start)
+        result = self._result
+        brighter = result[kernels.AMPLITUDE] / self._amplitude
+        if result[kernels.RESIDUAL] > DISTURBED and BRIGHTER < brighter < 4.0:
+            # The lights went on: photon noise grows with the light, gain noise with its square.
+            self._noise[0] = min(self._noise[0] * brighter**2, NOISE_RANGE * self._least_noise)
+            start[2], start[3] = result[kernels.AMPLITUDE], result[kernels.BASE]
+            self._fit(frame, start)
+        if result[kernels.RESIDUAL] > DISTURBED:
+            self._sloped[:4] = result[: kernels.BASE + 1]
+            self._sloped[4:] = 0.0
+            self._fit(frame, self._sloped)
         return self._judged(frame, cell, seen, place, reach_px, crowded=crowded)
+
+    def _fit(self, frame: Frame, start: Array) -> None:
+        kernels.fit_disc(
+            frame.luma, frame.row_origin, frame.row_step, start, self._disc, self._profile, self._profile_slope,
+            PER_PX, self._noise, self._result,
+        )  # fmt: skip
 
     def _judged(
         self, frame: Frame, cell: Array, seen: Point, place: Point, reach_px: float, *, crowded: bool
     ) -> Sighting:
-        x, y, amplitude, _, var_x, var_y, cov_xy, residual, used, inside, _ = self._result.tolist()
-        reach, slack = reach_px + 0.5 * self._radius + 1.0, 0.5 * self._radius + 1.0
+        x, y, amplitude, _, var_x, var_y, cov_xy, residual, used, inside, pixels = self._result.tolist()
+        reach, slack = reach_px + 0.5 * self.radius_px + 1.0, 0.5 * self.radius_px + 1.0
         reason = ""
         if x != x:  # noqa: PLR0124 - NaN: no fit
             reason = "no disc"
@@ -133,18 +171,23 @@ class Follower:
             reason = "no disc"
         elif used < 0.75:
             reason = "partly hidden"
+        elif residual > HOPELESS:
+            reason = "disturbed"
         elif crowded or abs(x - seen[0]) + abs(y - seen[1]) > slack:
-            found, area = self._found, self.look.area_px2
-            kernels.color_window(frame.u, frame.v, cell, x, y, self._radius, self.color, found)
-            if found[0] < 0.5 * area:
-                reason = "partly hidden"
-            elif found[0] > 1.8 * area or abs(found[1] - x) + abs(found[2] - y) > slack:
-                reason = "ambiguous"
+            reason = self._crowd(frame, cell, (x, y), slack)
         if reason:
             return ABSENT[reason]
         # Residuals above the learnt noise (codec, wire, texture) widen the uncertainty; a chance calm keeps it.
         scale = max(1.0, residual)
+        if residual > DISTURBED:
+            scale += LIKENESS * pixels * (residual - 1.0)
         return Sighting(x, y, scale * var_x, scale * var_y, scale * cov_xy, OK)
+
+    def keep_view(self, frame: Frame) -> None:
+        """Keep some clear views of the mark, for learning its shape anew once it was seen in other places."""
+        self.seen += 1
+        if self.seen % VIEW_EVERY == 0 and self.seen < RELEARN_AT[-1] and self._result[kernels.RESIDUAL] < DISTURBED:
+            self.views.append(patch_of(frame, self.position or (0.0, 0.0), self.radius_px))
 
     def note_shading(self, frame: Frame) -> None:
         """Measure how unevenly the mark is lit where it was just seen, for `slopes`."""
@@ -160,6 +203,15 @@ class Follower:
         """Places, px, and slopes of the luma inside the mark, levels a px, noted so far; (m, 2) each."""
         return np.array(self._slope_places).reshape(-1, 2), np.array(self._slopes).reshape(-1, 2)
 
+    def _crowd(self, frame: Frame, cell: Array, place: Point, slack: float) -> str:
+        """Why the colour right around a fitted centre speaks against it, or nothing."""
+        found, area = self._found, self.look.area_px2
+        kernels.color_window(frame.u, frame.v, cell, place[0], place[1], self.radius_px, self.color, found)
+        if found[0] < 0.5 * area:
+            return "partly hidden"
+        beside = abs(found[1] - place[0]) + abs(found[2] - place[1]) > slack
+        return "ambiguous" if beside else ""
+
     def accept(self, sighting: Sighting, time_s: float) -> None:
         """Take over a measurement, or count a miss."""
         if sighting.status != OK:
@@ -171,7 +223,13 @@ class Follower:
         elif self.missed > 3:
             self.velocity = (0.0, 0.0)
         self.position, self.time_s, self.missed = (sighting.x, sighting.y), time_s, 0
-        # Lights change slowly or at once; a tenth a picture follows either and ignores a glint.
-        self._amplitude += 0.1 * (self._result[kernels.AMPLITUDE] - self._amplitude)
-        self._base += 0.1 * (self._result[kernels.BASE] - self._base)
+        # Lights change slowly, or at once.
+        amplitude = float(self._result[kernels.AMPLITUDE])
+        rate = 0.1 if 1 / BRIGHTER < amplitude / self._amplitude < BRIGHTER else 1.0
+        self._amplitude += rate * (amplitude - self._amplitude)
+        self._base += rate * (float(self._result[kernels.BASE]) - self._base)
+        # Noise is what residuals usually are: a codec leaves more of it on a moving mark than on one at rest. Steps of
+        # equal size toward either side follow the median, which a passing disturbance does not move.
+        step = NOISE_STEP if self._result[kernels.RESIDUAL] > 1.0 else 1.0 / NOISE_STEP
+        self._noise[0] = min(max(self._noise[0] * step, self._least_noise), NOISE_RANGE * self._least_noise)
         self.color[4] += 0.1 * (0.5 * self._found[kernels.STRENGTH] - self.color[4])

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 # Places of the numbers that `fit_disc` gives.
-X, Y, AMPLITUDE, BASE, VAR_X, VAR_Y, COV_XY, RESIDUAL, USED, INSIDE, STEPS = range(11)
+X, Y, AMPLITUDE, BASE, VAR_X, VAR_Y, COV_XY, RESIDUAL, USED, INSIDE, PIXELS = range(11)
 RESULTS = 11
 
 # Places of the numbers that `color_window` gives.
@@ -88,15 +88,15 @@ def fit_disc(luma, row_origin, row_step, start, disc, profile, slope, per_px, no
 
     start: x, y, amplitude, base. disc: radius, blur, e1, e2, outer radius of the pixels used, smear along x and y
     (px during the exposure). profile, slope: of the disc against radius, per_px entries a pixel. noise: variance at
-    level 0, variance per level, softness of the outlier weights in sigmas (0: none). result: see the names at the top.
+    level 0, variance per level, softness of the outlier weights in sigmas. result: see the names at the top.
+    start may hold two more numbers, the slopes of a background that is not level; they are then fitted as well.
     """
+    size = len(start)
     state, sums = start.copy(), np.empty(4)
-    normal, right, move = np.empty((4, 4)), np.empty(4), np.empty(4)
-    steps = 0
-    for iteration in range(12):
-        steps = iteration + 1
+    normal, right, move = np.empty((size, size)), np.empty(size), np.empty(size)
+    for _ in range(12):
         accumulate(luma, row_origin, row_step, state, disc, profile, slope, per_px, noise, normal, right, sums)
-        if sums[2] < 6.0 or not solve4(normal, right, move):
+        if sums[2] < 6.0 or not solve(normal, right, move):
             result[X] = result[Y] = result[RESIDUAL] = np.nan
             return
         # A step beyond the blurred edge leaves the range in which the slope means anything.
@@ -104,17 +104,17 @@ def fit_disc(luma, row_origin, row_step, start, disc, profile, slope, per_px, no
         shorten = min(1.0, (0.35 * disc[0] + disc[1]) / max(length, 1e-12))
         state[0] += shorten * move[0]
         state[1] += shorten * move[1]
-        state[2] += move[2]
-        state[3] += move[3]
+        for m in range(2, size):
+            state[m] += move[m]
         # The next step would be shorter by the error of the slope across this one, 1/20 or less.
         if length < 0.02:
             break
     invert_leading(normal, result)
-    result[X : BASE + 1] = state
-    result[RESIDUAL] = sums[0] / max(sums[1] - 4.0, 1.0)
+    result[X : BASE + 1] = state[:4]
+    result[RESIDUAL] = sums[0] / max(sums[1] - size, 1.0)
     result[USED] = sums[1] / max(sums[2], 1.0)
     result[INSIDE] = sums[2] / max(sums[3], 1.0)
-    result[STEPS] = steps
+    result[PIXELS] = sums[2]
 
 
 @njit(cache=True, nogil=True)
@@ -127,7 +127,7 @@ def accumulate(luma, row_origin, row_step, state, disc, profile, slope, per_px, 
     x, y, amplitude, base = state[0], state[1], state[2], state[3]
     radius, blur, e1, e2, outer = disc[0], disc[1], disc[2], disc[3], disc[4]
     smeared = disc[5] * disc[5] + disc[6] * disc[6] > 0.5 * blur * blur
-    last, derivative = len(profile) - 2, np.ones(4)
+    size, last, derivative = len(state), len(profile) - 2, np.ones(len(state))
     edge = 3.5 * math.sqrt(blur * blur + (disc[5] * disc[5] + disc[6] * disc[6]) / 12.0)
     flat_in, flat_out = max(radius - edge, 0.0) ** 2, (radius + edge) ** 2
     normal[:, :], right[:], sums[:] = 0.0, 0.0, 0.0
@@ -157,16 +157,17 @@ def accumulate(luma, row_origin, row_step, state, disc, profile, slope, per_px, 
             p = profile[k] + part * (profile[k + 1] - profile[k])
             pull = -amplitude * (slope[k] + part * (slope[k + 1] - slope[k])) * stretch
             residual = luma[j, i] - base - amplitude * p
+            if size == 6:
+                residual -= state[4] * dx + state[5] * dy
+                derivative[4], derivative[5] = dx, dy
             variance = noise[0] + noise[1] * max(base + amplitude * p, 0.0)
-            soft = 1.0
-            if noise[2] > 0.0:
-                beyond = residual * residual / (variance * noise[2] * noise[2])
-                soft = 1.0 / (1.0 + beyond * beyond)
+            beyond = residual * residual / (variance * noise[2] * noise[2])
+            soft = 1.0 / (1.0 + beyond * beyond)
             derivative[0], derivative[1], derivative[2] = pull * rx, pull * ry, p
-            for m in range(4):
+            for m in range(size):
                 weighted = soft / variance * derivative[m]
                 right[m] += weighted * residual
-                for n in range(m, 4):
+                for n in range(m, size):
                     normal[m, n] += weighted * derivative[n]
             sums[0] += soft / variance * residual * residual
             sums[1] += soft
@@ -174,9 +175,10 @@ def accumulate(luma, row_origin, row_step, state, disc, profile, slope, per_px, 
 
 
 @njit(cache=True, nogil=True)
-def solve4(normal, right, move):
-    """Solve the symmetric 4 × 4 system by Cholesky in place of normal's lower triangle; False where singular."""
-    for i in range(4):
+def solve(normal, right, move):
+    """Solve the symmetric system by Cholesky in place of normal's lower triangle; False where singular."""
+    size = len(right)
+    for i in range(size):
         for j in range(i + 1):
             total = normal[j, i]
             for k in range(j):
@@ -187,14 +189,14 @@ def solve4(normal, right, move):
                 normal[i, i] = math.sqrt(total)
             else:
                 normal[i, j] = total / normal[j, j]
-    for i in range(4):
+    for i in range(size):
         total = right[i]
         for k in range(i):
             total -= normal[i, k] * move[k]
         move[i] = total / normal[i, i]
-    for i in range(3, -1, -1):
+    for i in range(size - 1, -1, -1):
         total = move[i]
-        for k in range(i + 1, 4):
+        for k in range(i + 1, size):
             total -= normal[k, i] * move[k]
         move[i] = total / normal[i, i]
     return True
@@ -203,9 +205,10 @@ def solve4(normal, right, move):
 @njit(cache=True, nogil=True)
 def invert_leading(lower, result):
     """Covariance of the first two unknowns from the Cholesky factor."""
-    columns = np.zeros((2, 4))
+    size = len(lower)
+    columns = np.zeros((2, size))
     for c in range(2):
-        for i in range(4):
+        for i in range(size):
             total = 1.0 if i == c else 0.0
             for k in range(i):
                 total -= lower[i, k] * columns[c, k]
@@ -239,7 +242,7 @@ def interior_slope(luma, row_origin, row_step, x, y, radius, slope):
             right[0] += value
             right[1] += dx * value
             right[2] += dy * value
-    if normal[0, 0] < 12.0 or not solve4(normal, right, move):
+    if normal[0, 0] < 12.0 or not solve(normal, right, move):
         slope[0] = slope[1] = np.nan
         return
     slope[0], slope[1] = move[1], move[2]

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from itertools import chain
 
 import numpy as np
 
 from evaluator.errors import InputError
 from evaluator.recording import Frame
 from evaluator.tracking.appearance import Appearance, learn_color, learn_shape, patch_of, with_disc
-from evaluator.tracking.disc import Patch
+from evaluator.tracking.disc import Patch, make_disc
 from evaluator.tracking.find import Candidate, allowed_cells, candidates, cell_of, choose, color_map
-from evaluator.tracking.follow import ABSENT, OK, Array, Follower, Point, Sighting
+from evaluator.tracking.follow import ABSENT, OK, RELEARN_AT, Array, Follower, Point, Sighting
 from evaluator.tracking.search import Search
 from evaluator.tracking.settings import TrackingSettings
 
 LEARNING_FRAMES = 12  # pictures a shape is learnt from; more do not improve the centre: shape and centre are orthogonal
 SHADING_MASK = 1  # light is measured in every second picture
+UNEQUAL = 0.08  # radii of equal marks differ by less: halation of a brighter mark, learning from noisy pictures
+UNEQUAL_NOISE = 4.0  # and so does their noise: light and codec treat them alike
 PATIENCE = 30  # pictures to wait for both marks of a pair before following one alone
-NOT_SEEN = ABSENT["not seen"]
+STILL_PX = 0.3  # a mark that moves less a picture rests, and a codec may well repeat its picture
+NOT_SEEN, REPEATED = ABSENT["not seen"], ABSENT["repeated picture"]
 
 
 class Tracker:
@@ -56,7 +58,7 @@ class Tracker:
         for frame, sightings in held:
             yield frame, [self._again(name, frame, one) for name, one in zip(self.names, sightings, strict=True)]
         held.clear()
-        for frame in chain(pictures):
+        for frame in pictures:
             yield frame, self.step(frame)
 
     def step(self, frame: Frame) -> list[Sighting]:
@@ -68,6 +70,9 @@ class Tracker:
         if frame.luma.shape != self._shape:
             self._prepare(frame)
         followers = self.followers
+        if frame.repeated and any(f.step_px(self.interval_s) > STILL_PX for f in followers.values()):
+            # The recorder filled a gap with the picture before: it shows where the marks were, not where they are.
+            return [REPEATED] * len(self.names)
         if len(followers) < len(self.names):
             self._discover(frame)
         sightings = []
@@ -78,12 +83,23 @@ class Tracker:
                 one = self._found_again(name, frame, one)
             sightings.append(one)
         for name, one in zip(self.names, sightings, strict=True):
-            follower = followers.get(name)
-            if follower is not None:
-                follower.accept(one, time_s)
-                if not frame.index & SHADING_MASK:
-                    follower.note_shading(frame)
+            if name in followers:
+                followers[name].accept(one, time_s)
+                self._note(name, frame, one)
         return sightings
+
+    def _note(self, name: str, frame: Frame, one: Sighting) -> None:
+        """Gather what is learnt on the way: shape from more places, light; give up what never fitted anything."""
+        follower = self.followers[name]
+        if one.status == OK:
+            follower.keep_view(frame)
+            if follower.seen in RELEARN_AT:
+                self._relearn(follower, follower.views)
+                self._agree()
+            if not frame.index & SHADING_MASK:
+                follower.note_shading(frame)
+        elif follower.missed > PATIENCE and follower.seen < LEARNING_FRAMES:
+            del self.followers[name]
 
     def _prepare(self, frame: Frame) -> None:
         if frame.u is None:
@@ -98,9 +114,8 @@ class Tracker:
         place = follower.predicted(time_s)
         if place is None or follower.missed > 8:
             return NOT_SEEN
-        speed = abs(follower.velocity[0]) + abs(follower.velocity[1])
         # An acceleration may change the step by half of itself from one picture to the next; every miss adds to that.
-        reach = (2.0 + 0.5 * speed * self.interval_s) * (1 + follower.missed)
+        reach = (2.0 + 0.5 * follower.step_px(self.interval_s)) * (1 + follower.missed)
         return follower.look_at(frame, self.cell, place, reach, self.interval_s)
 
     def _found_again(self, name: str, frame: Frame, miss: Sighting) -> Sighting:
@@ -135,22 +150,41 @@ class Tracker:
         disc = learn_shape([patch_of(frame, candidate.center_px, candidate.radius_px)], candidate.radius_px)
         if disc is None:
             return
-        follower = Follower(Appearance(color, np.pi * candidate.radius_px**2, disc), self.settings.exposure)
+        area = np.pi * max(candidate.radius_px**2, 0.8 * disc.radius_px**2)
+        follower = Follower(Appearance(color, area, disc), self.settings.exposure)
         follower.position, follower.time_s = candidate.center_px, frame.time_s
         self.followers[name] = follower
 
     def _refine(self, held: list[tuple[Frame, list[Sighting]]]) -> None:
-        """Learn the shapes anew from all pictures held."""
+        """Learn the shapes anew from the pictures held."""
         for k, name in enumerate(self.names):
             follower = self.followers.get(name)
             if follower is None:
                 continue
             seen: list[tuple[Frame, Point]] = [(f, (s[k].x, s[k].y)) for f, s in held if s[k].status == OK]
-            radius = follower.look.disc.radius_px
-            patches: list[Patch] = [patch_of(frame, place, radius) for frame, place in seen]
-            disc = learn_shape(patches, radius)
-            if disc is not None:
-                follower.take_look(with_disc(follower.look, disc))
+            patches = [patch_of(frame, place, follower.radius_px) for frame, place in seen[::2]]
+            self._relearn(follower, patches)
+        self._agree()
+
+    def _relearn(self, follower: Follower, patches: list[Patch]) -> None:
+        disc = learn_shape(patches, follower.radius_px)
+        if disc is not None:
+            follower.take_look(with_disc(follower.look, disc))
+
+    def _agree(self) -> None:
+        """Give the two marks of a robot one shape where one of them was partly hidden: they are equal discs."""
+        if not {"green", "yellow"} <= self.followers.keys():
+            return
+        marks = [self.followers[name] for name in ("green", "yellow")]
+        worse, better = sorted(marks, key=lambda mark: mark.radius_px)
+        if worse.radius_px > (1 - UNEQUAL) * better.radius_px:
+            better, worse = sorted(marks, key=lambda mark: mark.look.disc.noise[0])
+            if worse.look.disc.noise[0] < UNEQUAL_NOISE * better.look.disc.noise[0]:
+                return
+        shape, own = better.look.disc, worse.look.disc
+        slant, level = (shape.e1, shape.e2), (own.amplitude, own.base)
+        disc = make_disc(shape.radius_px, shape.blur_px, slant, level, shape.noise)
+        worse.take_look(with_disc(worse.look, disc))
 
     def _again(self, name: str, frame: Frame, one: Sighting) -> Sighting:
         if one.status != OK:

@@ -21,6 +21,7 @@ OFFSETS = np.array([-5, -4, -3, -2, -1, 1, 2, 3, 4, 5])
 WEIGHTS = np.linalg.pinv(np.vander(OFFSETS, 5, increasing=True))[0]
 REACH = 5
 LEAST = 24  # differences that a variance is estimated from: its own relative uncertainty is then below 0.3
+MOVING_PX = 0.1  # a step that codecs still take for rest, give or take their own error
 STRIDES = (1, 2, 4, 8)
 STRAIGHT_PX = 6.0  # path over which the centre of a mark follows a quartic to 0.01 px on turns of 20 px radius
 
@@ -49,7 +50,15 @@ def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: N
     A slow mark rests in the codec's memory for some pictures, so that neighbours share their error: neighbours farther
     away tell more. variances: mean of the axes (n,), NaN where absent. kinds: of `codec_variance`.
     """
-    extra = codec_variance(course_error(time_s, centers_px), variances, kinds)
+    # Pictures where something was in the way have an uncertainty of their own, and tell nothing of the codec.
+    calm = variances < 3.0 * np.nanmedian(variances) if np.isfinite(variances).any() else np.zeros(len(variances), bool)
+    centers_px, variances = np.where(calm[:, None], centers_px, np.nan), np.where(calm, variances, np.nan)
+    errors = course_error(time_s, centers_px)
+    moving = _moving(centers_px)
+    extra = codec_variance(np.where(moving[:, None], errors, np.nan), variances, kinds)
+    # At rest a codec keeps one error for long, which nothing shows: it is smaller than in motion, by a third at most.
+    rest = codec_variance(np.where(moving[:, None], np.nan, errors), variances, kinds)
+    extra = np.where(moving, extra, np.maximum(rest, extra / 3))
     steps = np.hypot(*np.diff(centers_px, axis=0).T)
     speed = float(np.nanmedian(steps)) if np.isfinite(steps).any() else 0.0
     own = float(np.nanmean(variances)) if np.isfinite(variances).any() else 0.0
@@ -62,6 +71,14 @@ def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: N
         if len(errors) >= LEAST * stride:
             most = max(most, _robust_square(errors) / (1 + WEIGHTS @ WEIGHTS) - own)
     return extra + (most - typical)
+
+
+def _moving(centers_px: Array) -> NDArray[np.bool_]:
+    """Pictures in which the mark moves by more than MOVING_PX a picture, over three pictures to either side."""
+    if len(centers_px) < 7:
+        return np.ones(len(centers_px), bool)
+    step = np.hypot(*(centers_px[6:] - centers_px[:-6]).T) / 6
+    return np.pad(np.nan_to_num(step, nan=np.inf) > MOVING_PX, 3, mode="edge")
 
 
 def codec_variance(errors: Array, variances: Array, kinds: NDArray[np.str_]) -> Array:
@@ -84,7 +101,11 @@ def codec_variance(errors: Array, variances: Array, kinds: NDArray[np.str_]) -> 
         right[k] = _robust_square(errors[rows[mine]]) - known[mine].mean()
         for m, other in enumerate(usable):
             matrix[k, m] = (k == m) + ((kinds[around[mine]] == other) @ WEIGHTS**2).mean()
-    solution = _non_negative(matrix, right)
+    # What all kinds have in common is well known, what tells them apart is not: no kind gets less than a third of it.
+    share = np.array([(kinds[rows] == name).mean() for name in usable])
+    common = max(float(share @ right / (share @ matrix.sum(axis=1))), 0.0)
+    least = np.full(len(usable), common / 3)
+    solution = least + _non_negative(matrix, right - matrix @ least)
     for name, value in zip(usable, solution, strict=True):
         extra[kinds == name] = value
     # Kinds too rare to tell (the few I pictures) get the mean of the others: never less than is known of them.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from evaluator.turning.noise import Averaged, Block, averaged_least_squares, averaged_over_blocks, responses
-from evaluator.turning.steady_motion import SteadyMotion, fit_steady_motion
+from evaluator.turning.steady_motion import SteadyMotion, fit_steady_motion, moved
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -92,6 +92,25 @@ class TurnFit:
     def body_twist(self, place_mm: Array) -> Array:
         """The same at the estimate, (3,)."""
         return np.asarray(self.body_twists(self.averaged.mean()[None], place_mm)[0])
+
+    def centers_mm(self, steps: Array) -> Array:
+        """Plate position of the centre of rotation, (m, 2) for steps (m, 4); not finite where straight."""
+        motion = self.motion
+        places = []
+        for step, twist in zip(np.asarray(steps), self.body_twists(steps, self.offset_mm), strict=True):
+            start, _ = moved(motion, step)
+            heading = start[2] / motion.length_mm
+            with np.errstate(divide="ignore", invalid="ignore"):
+                arm = np.array([-twist[1], twist[0]]) / twist[2]
+            cos, sin = np.cos(heading), np.sin(heading)
+            places.append([start[0] + cos * arm[0] - sin * arm[1], start[1] + sin * arm[0] + cos * arm[1]])
+        return np.array(places)
+
+    def center_mm(self) -> tuple[Array, Array]:
+        """Plate position of the centre of rotation, (2,), and its covariance by noise, (2, 2)."""
+        delta = 1e-5
+        gradient = (self.centers_mm(delta * np.eye(4)) - self.centers_mm(-delta * np.eye(4))).T / (2 * delta)
+        return self.centers_mm(self.averaged.mean()[None])[0], gradient @ self.averaged.spread() @ gradient.T
 
     def bend_rad(self, steps: Array) -> Array:
         """Angle whose tangent is length × curvature of the centre's path: finite straight ahead and on the spot."""

@@ -129,8 +129,9 @@ def averaged_over_blocks(blocks: tuple[Block, ...]) -> tuple[Averaged, ...]:
     freedom = sum(block.freedom for block in blocks)
     if freedom < 1:
         raise ValueError("more parameters than data")
-    turned = max(float(np.ptp(block.heading_rad)) for block in blocks)
-    models = noise_models(turned, max(float(block.time[-1] - block.time[0]) for block in blocks))
+    # Together the blocks tell noise apart that a single one of them could not.
+    turned = sum(float(np.ptp(block.heading_rad)) for block in blocks)
+    models = noise_models(turned, sum(float(block.time[-1] - block.time[0]) for block in blocks))
     solved = [_solved(block, models) for block in blocks]
     squares = np.maximum(sum(part.squares for part in solved), 1e-300)
     log = sum(part.log for part in solved) - freedom / 2 * np.log(squares) + _log_prior(models)

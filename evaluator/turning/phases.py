@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
-from scipy.signal import savgol_filter
+from scipy.ndimage import correlate1d, median_filter
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -56,7 +55,7 @@ class Phases:
 
 
 @dataclass(frozen=True)
-class _Rates:
+class Rates:
     """Local velocities: (m, 3) in mm/s, of the scaled poses; their sigma and the half-width of the window in frames."""
 
     value: Array
@@ -80,7 +79,7 @@ def find_phases(
     if reach < REST_SIGMA * sigma_mm:
         return Phases(reason=f"at rest: moves less than {max(reach, sigma_mm):.2g} mm")
     smooth = median_filter(scaled, size=(5, 1), mode="nearest")  # single wild frames say nothing of the speed
-    rates = _local_rates(time_s, smooth, sigma_mm, inside)
+    rates = local_rates(time_s, smooth, sigma_mm, inside)
     speed = np.linalg.norm(rates.value, axis=1)
     usual = _usual(speed[inside])
     moving = (speed > max(MOVING_SHARE * usual, REST_SIGMA * rates.sigma)) & inside
@@ -100,25 +99,33 @@ def _reach(scaled: Array) -> float:
     return float(np.linalg.norm(blocks[:, None] - blocks[None], axis=2).max())
 
 
-def _local_rates(time_s: Array, scaled: Array, sigma_mm: float, inside: Flags) -> _Rates:
+def local_rates(time_s: Array, scaled: Array, sigma_mm: float, inside: Flags) -> Rates:
     """Slopes over windows just long enough for their precision, at most a tenth of the run on either side."""
     interval = float(np.median(np.diff(time_s)))
     longest = max(int(inside.sum()) // 10, 2)
     half = 2
     while True:
         width = 2 * half + 1
-        value = savgol_filter(scaled, width, 1, deriv=1, axis=0, mode="interp") / _local_interval(time_s, width)
+        value = _slopes(scaled, half) / _local_interval(time_s, half)
         # Variance of a slope over w equal steps: 12 sigma² / (w³ - w).
         sigma = sigma_mm * np.sqrt(12 / (width**3 - width)) / interval
         usual = _usual(np.linalg.norm(value[inside], axis=1))
         if sigma <= SLOPE_SHARE * usual or half >= longest:
-            return _Rates(value, sigma, half)
+            return Rates(value, sigma, half)
         half = min(max(int(half * min((sigma / (SLOPE_SHARE * max(usual, sigma))) ** (2 / 3), 3)), half + 1), longest)
 
 
-def _local_interval(time_s: Array, width: int) -> Array:
+def _slopes(values: Array, half: int) -> Array:
+    """Slope per frame of the line through the 2·half + 1 frames around every frame, along the first axis; (n, k)."""
+    steps = np.arange(-half, half + 1.0)
+    slopes = np.asarray(correlate1d(values, steps / (steps @ steps), axis=0))
+    slopes[:half], slopes[len(slopes) - half :] = slopes[half], slopes[len(slopes) - half - 1]  # the line at either end
+    return slopes
+
+
+def _local_interval(time_s: Array, half: int) -> Array:
     """Frame interval around every frame, (n, 1), so that slopes stay slopes in time across gaps."""
-    return np.asarray(savgol_filter(time_s, width, 1, deriv=1, mode="interp"))[:, None]
+    return _slopes(time_s[:, None], half)
 
 
 def _usual(speed: Array) -> float:
@@ -152,7 +159,7 @@ def _left_rest(time_s: Array, scaled: Array, sigma_mm: float, first: int, window
     return float(time_s[np.flatnonzero(near)[-1]]) if near.any() else NAN
 
 
-def _steady(rates: _Rates, first: int, last: int) -> tuple[int, int]:
+def _steady(rates: Rates, first: int, last: int) -> tuple[int, int]:
     """Frames between which speed and yaw rate stay near their usual values; disturbances in between do not end it."""
     speed, yaw = np.linalg.norm(rates.value[:, :2], axis=1), rates.value[:, 2]
     middle = slice(first + (last - first) // 4, last - (last - first) // 4 + 1)

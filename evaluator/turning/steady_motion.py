@@ -82,12 +82,6 @@ def moved(motion: SteadyMotion, step: Array) -> tuple[Array, Array]:
     return start, twist / np.linalg.norm(twist)
 
 
-def twist_after(motion: SteadyMotion, step: Array) -> Array:
-    """Unit twists (m, 3) for steps (m, 2) of the last two parameters."""
-    twist = motion.twist + step @ motion.across.T
-    return np.asarray(twist / np.linalg.norm(twist, axis=1)[:, None])
-
-
 def _solved(normal: Array, right: Array) -> Array:
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     return np.asarray(np.linalg.lstsq(normal / np.outer(scale, scale), right / scale, rcond=1e-13)[0] / scale)

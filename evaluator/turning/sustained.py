@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from evaluator.turning.fit import FEWEST_FRAMES, Curvature, Scaled, TurnFit, fit_turns
+from evaluator.turning.pooling import cochran, paule_mandel
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -35,7 +36,8 @@ class Sustained:
 
     tightest: curvature of the tightest sustained stretch; mean: of all. varies: whether they differ beyond their
     uncertainties; spread_per_mm: standard deviation of the curvature between them, noise taken off. p_value of one
-    radius. from_s, to_s: the tightest stretch.
+    radius. from_s, to_s: the tightest stretch. wander_mm: how far the centre of rotation strays between quarter turns,
+    noise taken off.
     """
 
     tightest: Curvature
@@ -45,6 +47,7 @@ class Sustained:
     p_value: float
     from_s: float
     to_s: float
+    wander_mm: float = float("nan")
 
 
 def sustained_turn(time_s: Array, scaled: Scaled, regions: list[Flags], whole: TurnFit) -> Sustained:
@@ -58,12 +61,14 @@ def sustained_turn(time_s: Array, scaled: Scaled, regions: list[Flags], whole: T
     same = Sustained(steady, steady, varies=False, spread_per_mm=0.0, p_value=1.0, from_s=time_s[0], to_s=time_s[-1])
     if len(first) < 2:
         return same
-    curvatures = [fit.curvature() for fit in fit_turns(time_s, scaled, first)]
+    fits = fit_turns(time_s, scaled, first)
+    same = replace(same, wander_mm=_wander(fits))
+    curvatures = [fit.curvature() for fit in fits]
     values, sigmas = np.array([c.value for c in curvatures]), np.array([c.sigma for c in curvatures])
-    p_value = float(special.chdtrc(len(values) - 1, _cochran(values, sigmas, 0.0)))
+    p_value = float(special.chdtrc(len(values) - 1, cochran(values, sigmas, 0.0)))
     if p_value > FALSE_ALARM:
         return replace(same, p_value=p_value)
-    between = _paule_mandel(values, sigmas)
+    between = paule_mandel(values, sigmas)
     center = _mean_of(values, sigmas, between)
     shifted = [window for region in regions for window in _quarter_turns(scaled.pose[:, 2], region, 0.5)]
     windows = first + shifted
@@ -84,6 +89,7 @@ def sustained_turn(time_s: Array, scaled: Scaled, regions: list[Flags], whole: T
         p_value=p_value,
         from_s=float(when[0]),
         to_s=float(when[-1]),
+        wander_mm=same.wander_mm,
     )
 
 
@@ -109,19 +115,13 @@ def _quarter_turns(heading_rad: Array, region: Flags, shift: float) -> list[Flag
     return windows
 
 
-def _cochran(values: Array, sigmas: Array, between: float) -> float:
-    """Weighted sum of squares about the weighted mean."""
-    weight = 1 / (sigmas**2 + between**2)
-    return float(weight @ (values - weight @ values / weight.sum()) ** 2)
-
-
-def _paule_mandel(values: Array, sigmas: Array) -> float:
-    """Spread between the values that brings Cochran's sum to its expectation."""
-    low, high = 0.0, float(np.ptp(values)) + 1e-300
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (middle, high) if _cochran(values, sigmas, middle) > len(values) - 1 else (low, middle)
-    return (low + high) / 2
+def _wander(fits: list[TurnFit]) -> float:
+    """RMS distance of the quarter turns' centres of rotation from their mean, what noise explains taken off."""
+    centers, covariances = zip(*(fit.center_mm() for fit in fits), strict=True)
+    places = np.array(centers)
+    spread = float(((places - places.mean(axis=0)) ** 2).sum() / (len(places) - 1))
+    noise = float(np.mean([np.trace(covariance) for covariance in covariances]))
+    return float(np.sqrt(max(spread - noise, 0.0)))
 
 
 def _mean_of(values: Array, sigmas: Array, between: float) -> Curvature:

@@ -5,19 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from evaluator.errors import InputError
 from evaluator.files import read_with, write_table
 from evaluator.progress import Progress, no_progress
 from evaluator.settings import Experiment, load_experiment
 from evaluator.workflow.batch import available_cores, in_processes
+from evaluator.workflow.jobs import Job, analyse_run, known_result, lost_run, outdated_stages
 from evaluator.workflow.outputs import Outputs
 from evaluator.workflow.provenance import write_provenance
-from evaluator.workflow.stages import Job, RunResult, analyse_run, lost_run, outdated_stages
 from simulator.robot import Robot, load_robot
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -51,9 +52,10 @@ def analyze(
     experiment = read_with(load_experiment, experiment_path)
     outputs = Outputs(Path(out))
     jobs = jobs_of(experiment, outputs, simulate=simulate)
-    results: dict[str, RunResult] = {}
-    progress(0, len(jobs))
-    for result in in_processes(analyse_run, jobs, workers=workers or available_cores(), when_killed=lost_run):
+    results = {job.run.id: result for job in jobs if (result := known_result(job))}
+    todo = [job for job in jobs if job.run.id not in results]
+    progress(len(results), len(jobs))
+    for result in in_processes(analyse_run, todo, workers=workers or available_cores(), when_killed=lost_run):
         results[result.run] = result
         progress(len(results), len(jobs))
     faults = {run.id: fault for run in experiment.run if (fault := results[run.id].fault)}
@@ -87,10 +89,8 @@ def jobs_of(experiment: Experiment, outputs: Outputs, *, simulate: bool) -> list
         name = run.robot or experiment.robot
         if name not in robots:
             robots[name] = read_with(load_robot, Path(name))
-    return [
-        Job(run, robots[run.robot or experiment.robot], experiment.tracking, outputs.folder, simulate)
-        for run in experiment.run
-    ]
+    shared = (experiment.tracking, experiment.tracks, outputs.folder, simulate)
+    return [Job(run, robots[run.robot or experiment.robot], *shared) for run in experiment.run]
 
 
 def input_files(experiment: Experiment) -> list[Path]:
@@ -109,6 +109,8 @@ def _outdated(job: Job) -> list[str]:
 
 def _table(experiment: Experiment, found: Sequence[dict[str, Any]]) -> pd.DataFrame:
     """A row per run, in the order of the file; columns in the order of a run that has them all."""
+    import pandas as pd
+
     described = [{"run": run.id, "left_rpm": run.left_rpm, "right_rpm": run.right_rpm} for run in experiment.run]
     rows = [
         {**head, **row, "group": run.group} for head, row, run in zip(described, found, experiment.run, strict=True)

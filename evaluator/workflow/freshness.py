@@ -23,7 +23,11 @@ NOT_RESULTS = ("cli", "report")  # folders of the evaluator whose change leaves 
 
 
 def file_hash(path: Path) -> str:
-    """SHA-256 of a file's content."""
+    """SHA-256 of a file's content; of a folder, of the names and contents of the files in it."""
+    if Path(path).is_dir():
+        files = sorted(file for file in Path(path).iterdir() if file.is_file())
+        names = "".join(f"{file.name}\0{file_hash(file)}\n" for file in files)
+        return hashlib.sha256(names.encode()).hexdigest()
     with Path(path).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

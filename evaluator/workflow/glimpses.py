@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from evaluator.recording import Frame, Recording
+from evaluator.recording import Frame, ImageSequence, Recording
 
 PICTURES = 12  # per run: one every ten degrees or so of a usual turn
 WIDTH_PX = 320
@@ -21,7 +21,7 @@ ASSUMED_FRAMES = 600  # where the container does not say how many there are: ten
 class Glimpsed:
     """A recording that keeps small copies of some of its frames as they pass by."""
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: Recording | ImageSequence) -> None:
         """Wrap a recording; nothing is decoded before the first iteration."""
         self._recording = recording
         self._step = max(1, (recording.expected_frames or ASSUMED_FRAMES) // (PICTURES - 1))

@@ -37,6 +37,15 @@ class Outputs:
         """What `turnscope diagnose` found, where it has run."""
         return self.folder / "diagnosis.json"
 
+    @property
+    def results(self) -> Path:
+        """All tables and their provenance, for programs."""
+        return self.folder / "results.json"
+
+    def netcdf(self, run: str) -> Path:
+        """Marks and poses of a run, for programs that read netCDF."""
+        return self.folder / "netcdf" / f"{run}.nc"
+
     def marks(self, run: str) -> Path:
         """Tracked marks of a run on the plane of the marks."""
         return self.folder / "marks" / f"{run}.csv"

@@ -78,7 +78,7 @@ def _tire_checks(tire: SlipShape) -> list[Check]:
 def _column_checks(column: SlipShape) -> list[Check]:
     flat = f"changes by {column.longitudinal_change:.1%}"
     after = f"{column.lateral_settled:.3f} at 60°, {column.lateral_end:.3f} at 90°"
-    settled = 0.145 < column.lateral_end < 0.205
+    settled = column.lateral_end > 0.145 and column.lateral_settled < 0.205
     return [
         number("Fig. 7a", "longitudinal peak over f_z, column", 0.15, column.longitudinal_peak, "", 0.01, 3),
         statement(

@@ -74,7 +74,7 @@ def square_share(distance: float, a: float, b: float) -> float:
     return min(max(total / (4 * a * b), 0.0), 1.0)
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True)
 def _split_pixel(
     map_x: Array, map_y: Array, row: int, column: int, disc: tuple[float, float, float, float], parts: int, out: Array
 ) -> None:
@@ -113,13 +113,37 @@ def _split_pixel(
             u = (2 * j + 1) * half - 0.5
             x = xc + xu * u + xv * v + 0.5 * xuu * u * u + xuv * u * v + 0.5 * xvv * v * v
             y = yc + yu * u + yv * v + 0.5 * yuu * u * u + yuv * u * v + 0.5 * yvv * v * v
-            rho = math.hypot(x, y) + 1e-12
+            rho = math.sqrt(x * x + y * y) + 1e-12
             gu = (x * (xu + xuu * u + xuv * v) + y * (yu + yuu * u + yuv * v)) / rho
             gv = (x * (xv + xuv * u + xvv * v) + y * (yv + yuv * u + yvv * v)) / rho
-            slope = math.hypot(gu, gv) + 1e-12
+            slope = math.sqrt(gu * gu + gv * gv) + 1e-12
             share = square_share((radius - rho) / slope, abs(gu) / slope * half, abs(gv) / slope * half)
             inside = min(rho / radius, 1.0)
             out[i, j] = share * (1.0 - shading * inside * inside)
+
+
+@njit(cache=True, fastmath=True)
+def _add_filtered(fine: Array, parts: int, weights: Array, share: float, out: Array) -> None:
+    """Filter parts of pixels along both axes and add the result, times share, to the pixels of out."""
+    tall, wide = out.shape
+    smooth = np.zeros((tall, fine.shape[1]))
+    for row in range(fine.shape[0]):
+        first, last = 0, fine.shape[1]
+        while first < last and fine[row, first] == 0.0:
+            first += 1
+        while last > first and fine[row, last - 1] == 0.0:
+            last -= 1
+        # The filter of picture row r spans the parts from r·parts on.
+        for r in range(max(0, (row - len(weights)) // parts + 1), min(tall, row // parts + 1)):
+            weight = share * weights[row - r * parts]
+            for column in range(first, last):
+                smooth[r, column] += weight * fine[row, column]
+    for row in range(tall):
+        for column in range(wide):
+            total = 0.0
+            for k in range(len(weights)):
+                total += weights[k] * smooth[row, column * parts + k]
+            out[row, column] += total
 
 
 @njit(cache=True, fastmath=True)
@@ -156,18 +180,7 @@ def add_disc(
                 parts,
                 fine[row * parts : (row + 1) * parts, column * parts : (column + 1) * parts],
             )
-    smooth = np.zeros((tall * parts, right - left))
-    for row in range(tall * parts):
-        for column in range(right - left):
-            total = 0.0
-            for k in range(len(weights)):
-                total += weights[k] * fine[row, column * parts + k]
-            smooth[row, column] = total
-    for row in range(bottom - top):
-        for k in range(len(weights)):
-            weight = share * weights[k]
-            for column in range(right - left):
-                out[row, column] += weight * smooth[row * parts + k, column]
+    _add_filtered(fine, parts, weights, share, out)
 
 
 @njit(cache=True)

@@ -50,7 +50,8 @@ def render_gauge(scene: GaugeScene) -> tuple[Numbers, pd.DataFrame]:
     """
     gauge, camera = load_gauge(scene.gauge), scene.camera.camera()
     pose = pose_of(scene, gauge)
-    return _draw(scene, gauge, camera, pose), gauge_truth(camera, gauge, pose, _absent(scene, gauge))
+    truth = gauge_truth(camera, gauge, pose, _absent(scene, gauge), printed_mm(scene, gauge))
+    return _draw(scene, gauge, camera, pose), truth
 
 
 def render_gauge_picture(
@@ -73,15 +74,27 @@ def render_gauge_picture(
     return _draw(whole, gauge, camera, pose)
 
 
+def printed_mm(scene: GaugeScene, gauge: Gauge) -> Array:
+    """Where the dots of a gauge truly are, (rows, columns, 2), mm in the gauge frame: nominal plus print errors."""
+    nominal = gauge.positions_mm()
+    rng = np.random.default_rng([scene.print_seed, 3])
+    return np.asarray(nominal + scene.print_error_mm * rng.standard_normal(nominal.shape))
+
+
 def gauge_truth(
-    camera: Camera, gauge: Gauge, pose: GaugePose, absent: frozenset[tuple[int, int]] = frozenset()
+    camera: Camera,
+    gauge: Gauge,
+    pose: GaugePose,
+    absent: frozenset[tuple[int, int]] = frozenset(),
+    positions_mm: Array | None = None,
 ) -> pd.DataFrame:
     """Exact truth, a row per dot.
 
-    column, row; x_mm, y_mm in the gauge frame; plate_x_mm, plate_y_mm, plate_z_mm; x_px, y_px of the picture of the
+    positions_mm: true places of the dots on the gauge, where they are not the nominal ones. Columns: column, row; x_mm,
+    y_mm in the gauge frame; plate_x_mm, plate_y_mm, plate_z_mm; x_px, y_px of the picture of the
     dot's centre; visible, whether its centre is in the picture and the dot is not missing.
     """
-    positions = gauge.positions_mm()
+    positions = gauge.positions_mm() if positions_mm is None else positions_mm
     rows, columns = positions.shape[:2]
     row, column = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
     flat = positions.reshape(-1, 2)
@@ -107,7 +120,7 @@ def _draw(scene: GaugeScene, gauge: Gauge, camera: Camera, pose: GaugePose) -> N
     plane = plane_map(seen_from_gauge, 0.0, kernel.margin + 2)
     fiducials = {(fiducial.column, fiducial.row): fiducial for fiducial in gauge.fiducial}
     absent = _absent(scene, gauge)
-    positions = gauge.positions_mm()
+    positions = printed_mm(scene, gauge)
     for row, column in np.ndindex(positions.shape[:2]):
         if (column, row) in absent:
             continue

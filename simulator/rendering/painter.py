@@ -127,12 +127,17 @@ def paint_robot(
     region *= (1 - body)[..., None].astype(np.float32)
     region += (look.gain * ((body - face)[..., None] * SIDE + face[..., None] * TOP)).astype(np.float32)
     for pair in zip(*(look.discs(pose) for pose in poses), strict=True):
-        paint_disc(pair, kernel, light)
+        paint_disc(pair, kernel, light, look.gain * TOP)
     return box
 
 
-def paint_disc(moments: Sequence[Disc], kernel: Kernel, light: NDArray[np.float32]) -> Box | None:
-    """Draw one disc over the scene's light, averaged over its moments; returns the box that changed."""
+def paint_disc(
+    moments: Sequence[Disc], kernel: Kernel, light: NDArray[np.float32], under: Array | None = None
+) -> Box | None:
+    """Draw one disc over the scene's light, averaged over its moments; returns the box that changed.
+
+    under: light of the ground that the disc moves along with, (3,), where it rides on something; else what is there.
+    """
     boxes = [box for disc in moments if (box := disc.box(kernel.margin + 1)) is not None]
     if not boxes:
         return None
@@ -142,7 +147,7 @@ def paint_disc(moments: Sequence[Disc], kernel: Kernel, light: NDArray[np.float3
     for disc in moments:
         disc_cover(disc, kernel, (left, top, right, bottom), 1 / len(moments), cover)
     region = light[top:bottom, left:right]
-    region += (cover[..., None] * (moments[0].color - region)).astype(np.float32)
+    region += (cover[..., None] * (moments[0].color - (region if under is None else under))).astype(np.float32)
     return left, top, right, bottom
 
 

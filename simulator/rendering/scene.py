@@ -110,6 +110,8 @@ class GaugeScene(Picture):
     paper: Share = 0.82
     missing: tuple[Missing, ...] = ()
     dirt_spots: Annotated[int, Field(ge=0, le=10_000)] = 0
+    print_error_mm: NotNegative = 0.0  # standard deviation of each dot's place on the gauge, either axis
+    print_seed: Annotated[int, Field(ge=0, lt=2**32)] = 0  # of these errors: one gauge has one, in all its pictures
 
 
 def scene_kind(path: Path) -> str:

@@ -171,7 +171,7 @@ class Encoding(Table):
 
     codec: Literal["h264", "lossless", "ffv1", "mjpeg"] = "h264"
     crf: Annotated[float, Field(ge=0, le=51)] = 18.0
-    preset: Preset | None = None  # of H.264; veryfast if not told, ultrafast where lossless
+    preset: Preset | None = None  # of H.264; fast if not told, ultrafast where lossless
     quality: Annotated[int, Field(ge=1, le=31)] = 3
     chroma: Literal["420", "422", "444"] = "420"
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 from pathlib import Path
 from typing import cast
 
 import av
 import numpy as np
+from av import VideoFrame
+from av.filter import Graph
+from av.video.format import VideoFormat
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
@@ -57,10 +60,13 @@ def encode(
         stream.pix_fmt = pixel_format
         context = stream.codec_context
         context.time_base = clock
+        weave = None
         for shown, picture in frames:
-            frame = av.VideoFrame.from_ndarray(_shifted(picture, scene.sensor.bits), format=_given_format(picture))
+            if scene.timing.interlaced != "no" and weave is None:
+                weave = _field_converter(scene, size_px, _given_format(picture), pixel_format, clock)
+            frame = VideoFrame.from_ndarray(_shifted(picture, scene.sensor.bits), format=_given_format(picture))
             frame.pts, frame.time_base = round(shown / clock), clock
-            container.mux(stream.encode(frame))
+            container.mux(stream.encode(weave(frame) if weave else frame))
         container.mux(stream.encode())
 
 
@@ -79,7 +85,29 @@ def _codec(encoding: Encoding, scene: Scene) -> tuple[str, str, dict[str, str]]:
     if encoding.codec == "mjpeg":
         return "mjpeg", f"yuvj{encoding.chroma}p", {"qmin": str(encoding.quality), "qmax": str(encoding.quality)}
     pixel_format = f"yuv{encoding.chroma}p" + ("10le" if deep else "")
-    return "libx264", pixel_format, {"crf": f"{encoding.crf:g}", "preset": encoding.preset or "veryfast", **interlaced}
+    return "libx264", pixel_format, {"crf": f"{encoding.crf:g}", "preset": encoding.preset or "fast", **interlaced}
+
+
+def _field_converter(
+    scene: Scene, size_px: tuple[int, int], given: str, wanted: str, clock: Fraction
+) -> Callable[[VideoFrame], VideoFrame]:
+    """Convert woven frames field by field, so that subsampled colour does not mix their times, and mark the order."""
+    graph = Graph()
+    order = "tff" if scene.timing.interlaced == "top_first" else "bff"
+    nodes = [
+        graph.add_buffer(width=size_px[0], height=size_px[1], format=VideoFormat(given), time_base=clock),
+        graph.add("setfield", order),
+        graph.add("scale", "interl=1"),
+        graph.add("format", wanted),
+        graph.add("buffersink"),
+    ]
+    graph.link_nodes(*nodes).configure()
+
+    def convert(frame: VideoFrame) -> VideoFrame:
+        graph.push(frame)
+        return cast("VideoFrame", graph.pull())
+
+    return convert
 
 
 def _given_format(picture: NDArray[np.uint8] | NDArray[np.uint16]) -> str:

@@ -31,6 +31,7 @@ NAMES = (
     "lateral_stiffness",
 )
 DECREASE = NAMES.index("friction_decrease")
+MOST_FRICTION = 10.0  # no wheel grips so; a slip of units is a factor of a thousand
 START_SHAPES = (0.7, 1.1, 1.5)  # the sine of Eq. (6) rising, level and falling at large slip: one start for each
 
 
@@ -62,9 +63,10 @@ def fit_slip_law(table: pd.DataFrame, apparatus: Apparatus = PAPER_APPARATUS) ->
     """Fit mu0, K_mu, a and K of Eqs. (4) to (7) to a `checked_bench` recording, stiffness in proportion to load.
 
     Raises SimulationError where the recording has fewer torques than the law has parameters, or slip in one direction
-    alone.
+    alone. A parameter that the recording says nothing of gets an interval without end.
     """
     _check_enough(table)
+    _check_units(table, apparatus)
     wheel, disk = table["wheel_torque_mN_mm"].to_numpy(float), table["disk_torque_mN_mm"].to_numpy(float)
     given = SIGMAS[0] in table
     sigmas = [table[name].to_numpy(float) for name in SIGMAS] if given else _equal_sigmas(wheel, disk)
@@ -107,6 +109,15 @@ def _check_enough(table: pd.DataFrame) -> None:
         )
 
 
+def _check_units(table: pd.DataFrame, apparatus: Apparatus) -> None:
+    friction = float(forces_from_torques(table, apparatus)["longitudinal"].abs().median())
+    if friction > MOST_FRICTION:
+        raise SimulationError(
+            f"half of the wheel torques ask for friction of more than {friction:.3g} times the normal force; are "
+            "torques in mN·mm and normal forces in mN?"
+        )
+
+
 def _equal_sigmas(wheel: Array, disk: Array) -> list[Array]:
     """First guess where none are given: a per cent of each meter's largest reading."""
     return [np.full(len(torque), 0.01 * np.abs(torque).max() + 1e-12) for torque in (wheel, disk)]
@@ -114,7 +125,8 @@ def _equal_sigmas(wheel: Array, disk: Array) -> list[Array]:
 
 def _parameters(point: Array) -> Array:
     """Law parameters from a point of the search: logarithms, but K_mu itself, which may be 0."""
-    values = np.exp(point)
+    with np.errstate(over="ignore"):  # an interval without an upper end is infinite
+        values = np.exp(point)
     values[DECREASE] = point[DECREASE]
     return values
 
@@ -139,8 +151,18 @@ def _best(residuals: Any, starts: list[Array]) -> Any:
 
     low, high = np.full(7, -8.0), np.full(7, 8.0)  # e^±8: beyond any wheel; the search never leaves the numbers
     low[DECREASE], high[DECREASE] = 0.0, 2.0
-    fits = [least_squares(residuals, start, bounds=(low, high), x_scale="jac") for start in starts]
+    inside = [np.clip(start, low + 1e-9, high - 1e-9) for start in starts]
+    fits = [least_squares(residuals, start, bounds=(low, high), x_scale="jac") for start in inside]
     return min(fits, key=lambda fit: fit.cost)
+
+
+def _sigmas(jacobian: Array) -> Array:
+    """Standard uncertainty of each parameter; infinite where the residuals do not depend on it."""
+    _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
+    seen = singular > 1e-9 * singular.max()  # far above rounding of the finite differences, far below any signal
+    variance = np.sum((directions[seen] / singular[seen, None]) ** 2, axis=0)
+    unseen = np.abs(directions[~seen]).max(axis=0, initial=0.0) > 1e-6
+    return np.where(unseen, np.inf, np.sqrt(variance))
 
 
 def _with_intervals(found: Any, measurements: int, sigma_used: tuple[float, float], given: bool) -> SlipFit:
@@ -148,8 +170,7 @@ def _with_intervals(found: Any, measurements: int, sigma_used: tuple[float, floa
 
     freedom = measurements - len(NAMES)
     misfit = float(np.sqrt(2 * found.cost / freedom))
-    covariance = np.linalg.pinv(found.jac.T @ found.jac)
-    sigma = np.sqrt(np.diag(covariance)) * max(1.0, misfit)
+    sigma = _sigmas(found.jac) * max(1.0, misfit)
     reach = float(t.ppf(0.975, freedom)) * sigma
     low, high = _parameters(found.x - reach), _parameters(found.x + reach)
     low[DECREASE] = max(low[DECREASE], 0.0)

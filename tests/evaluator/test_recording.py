@@ -3,12 +3,13 @@ from __future__ import annotations
 from fractions import Fraction
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from evaluator.errors import InputError
 from evaluator.recording import open_recording
-from tests.evaluator.tracking.synthetic import write_video
+from tests.evaluator.tracking.synthetic import draw, turning_marks, write_video
 
 
 def noise_pictures(count: int, size: tuple[int, int] = (64, 48)) -> list[np.ndarray]:
@@ -88,3 +89,48 @@ def test_what_is_no_video_is_one_clear_sentence(tmp_path: Path, content: bytes, 
 def test_a_missing_video_is_named() -> None:
     with pytest.raises(InputError, match=r"nowhere\.mp4: no such file"):
         open_recording("nowhere.mp4")
+
+
+def test_a_folder_of_pictures_needs_a_rate_and_keeps_the_order_of_numbers(tmp_path: Path) -> None:
+    for number in (1, 2, 10):
+        cv2.imwrite(str(tmp_path / f"frame{number}.png"), np.full((20, 30, 3), number, np.uint8))
+    with pytest.raises(InputError, match="rate"):
+        open_recording(tmp_path)
+    frames = list(open_recording(tmp_path, rate_hz=50))
+    assert [int(frame.luma[0, 0]) for frame in frames] == [1, 2, 10]
+    assert frames[2].time == Fraction(1, 25)
+
+
+@pytest.mark.parametrize("first", ["top", "bottom"])
+def test_interlaced_recordings_are_taken_apart_into_fields_in_their_order(tmp_path: Path, first: str) -> None:
+    def scene(t: float) -> np.ndarray:
+        y, x = np.mgrid[:96, :128]
+        spot = 200.0 / (1 + np.exp(np.hypot(x - 20 - 1.5 * t, y - 48) - 12))
+        return np.repeat((30 + spot)[..., None], 3, axis=2).astype(np.uint8)
+
+    pictures = []
+    for k in range(20):
+        early, late = scene(2.0 * k), scene(2.0 * k + 1)
+        woven = early.copy()
+        woven[(1 if first == "top" else 0) :: 2] = late[(1 if first == "top" else 0) :: 2]
+        pictures.append(woven)
+    recording = open_recording(write_video(tmp_path / "v.mkv", pictures, rate=Fraction(30)))
+    fields = list(recording)
+    assert len(fields) == 40
+    assert [field.row_origin for field in fields[:2]] == ([0, 1] if first == "top" else [1, 0])
+    assert fields[3].time - fields[2].time == pytest.approx(Fraction(1, 60), abs=1e-3)
+    columns = np.arange(128)
+    places = [
+        float((field.luma.astype(float) - 29) @ columns @ np.ones(48) / (field.luma.astype(float) - 29).sum())
+        for field in fields
+    ]
+    assert np.allclose(np.diff(places), 1.5, atol=0.2)
+    assert f"{first} field first" in recording.report().notes[0]
+
+
+def test_a_progressive_recording_of_30_a_second_stays_whole(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    marks = turning_marks(24, (60.0, 48.0), 12.0, 6.0, 0.05)
+    pictures = [draw(rng, (120, 96), {n: tuple(p[k]) for n, p in marks.items()}, 3.0, 0.8, 2.0) for k in range(24)]
+    recording = open_recording(write_video(tmp_path / "v.mkv", pictures, rate=Fraction(30), pixels="yuv420p"))
+    assert {frame.row_step for frame in recording} == {1}

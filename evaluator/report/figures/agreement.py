@@ -33,7 +33,7 @@ def radius_agreement(runs: Sequence[RunView]) -> Figure | None:
             rows, below, np.where(np.isfinite(above), above, 0), color=MEASURED.color, lw=4, label="measured, 95 %"
         )
         axes.plot(off, rows, **SIMULATED.markers(), label="simulated")
-        axes.set_yticks(rows, [f"{run.id}  {run.command}" for run in chosen])
+        axes.set_yticks(rows, [run.id for run in chosen])
         axes.set_ylim(-0.7, len(chosen) - 0.3)
         axes.grid(visible=False, axis="y")
         axes.set_xlabel("simulated against measured radius, %")

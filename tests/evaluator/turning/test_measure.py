@@ -77,17 +77,17 @@ def test_wild_frames_are_set_aside_and_counted() -> None:
 
 @pytest.mark.parametrize(
     ("radius_mm", "turned_deg", "frames", "sigma_mm", "correlation"),
-    [(5.0, 360, 200, 0.01, 0.0), (5.0, 180, 200, 0.01, 0.8), (100.0, 15, 120, 0.01, 0.0)],
+    [(5.0, 80, 120, 0.01, 0.0), (5.0, 180, 120, 0.01, 0.8), (100.0, 15, 120, 0.01, 0.0)],
 )
 def test_interval_holds_the_radius_as_often_as_it_says(
     radius_mm: float, turned_deg: float, frames: int, sigma_mm: float, correlation: float
 ) -> None:
     runs = [
         measure_turning(posed(arc_poses(radius_mm, turned_deg, frames), sigma_mm, seed, correlation))
-        for seed in range(100)
+        for seed in range(60)
     ]
     held = sum(run.radius_low_mm <= radius_mm <= run.radius_high_mm for run in runs)
-    assert 88 <= held <= 100  # binomial (100, 0.95): outside once in 400
+    assert held >= 51  # binomial (60, 0.95): below once in 1,400
     assert abs(np.mean([run.radius_mm for run in runs]) / radius_mm - 1) < 0.003
 
 

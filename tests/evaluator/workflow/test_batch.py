@@ -2,6 +2,13 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
 
 from evaluator.workflow.batch import in_processes
 
@@ -24,3 +31,47 @@ def test_every_job_is_answered_once() -> None:
 def test_a_killed_worker_costs_only_its_own_job() -> None:
     answers = in_processes(square_unless_three, range(6), workers=2, when_killed=lambda _: -1)
     assert sorted(answers) == [-1, 0, 1, 4, 16, 25]
+
+
+PARENT = """
+import time
+from evaluator.workflow.batch import in_processes
+
+def slow(number):
+    time.sleep(60)
+
+if __name__ == "__main__":
+    list(in_processes(slow, range(4), workers=2, when_killed=print))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
+def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
+    (tmp_path / "parent.py").write_text(PARENT, encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
+    parent = subprocess.Popen([sys.executable, tmp_path / "parent.py"], env=environment, start_new_session=True)
+    wait_until(lambda: len(members(parent.pid)) >= 5)  # with resource tracker, fork server and two workers
+    parent.send_signal(signal.SIGKILL)
+    parent.wait()
+    wait_until(lambda: not members(parent.pid))
+
+
+def members(session: int) -> set[int]:
+    """Processes of a session."""
+    found = set()
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                fields = (entry / "stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()
+            except OSError:
+                continue
+            if int(fields[3]) == session and fields[0] != "Z":
+                found.add(int(entry.name))
+    return found
+
+
+def wait_until(condition: Callable[[], bool], seconds: float = 60) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.1)

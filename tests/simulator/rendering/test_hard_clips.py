@@ -117,6 +117,37 @@ def test_fields_weave_pictures_of_two_times() -> None:
     assert np.array_equal(woven[1::2], late[1::2])
 
 
+def test_coded_fields_keep_their_colours_and_their_order(tmp_path: Path) -> None:
+    motion = {"kind": "line", "speed_mm_s": 100.0, "start_s": -1.0, "x_mm": -100.0}
+    for order, top_first in (("top_first", "1"), ("bottom_first", "0")):
+        clip = Scene.model_validate(SMALL | {"motion": motion, "timing": {"interlaced": order}, "duration_s": 0.05})
+        render_clip(clip, tmp_path / "clip.mp4")
+        with av.open(str(tmp_path / "clip.mp4")) as container:
+            stored = next(container.decode(video=0))
+        assert stored.interlaced_frame
+        y, x = (int(truth(motion=motion)[f"green_{axis}_px"].iloc[0]) for axis in "yx")
+        first = int(top_first == "0")
+        rows = slice(y - y % 2 + first, y - y % 2 + first + 1)
+        red, green, _ = stored.to_ndarray(format="rgb24")[rows, x - 1 : x + 2].mean(axis=(0, 1))
+        assert green > 3 * red  # colour shared between fields would be half as vivid here
+
+
+def test_smear_is_the_mean_over_the_exposure() -> None:
+    sharp = SMALL | {
+        "motion": {"kind": "circle", "radius_mm": 5.0, "speed_mm_s": 60.0, "start_s": -1.0},
+        "sensor": {"full_well_e": 0.0, "bits": 16},
+    }
+    whole = Scene.model_validate(sharp | {"exposure": {"time_s": 0.01}, "frame_rate": "100", "duration_s": 0.02})
+    smeared = list(render_frames(whole))[1].picture.astype(float)
+    instants = Scene.model_validate(
+        sharp | {"exposure": {"time_s": 0.0}, "frame_rate": "12800", "duration_s": 193 / 12800}
+    )
+    moments = [frame.picture.astype(float) for frame in render_frames(instants) if frame.index >= 64]
+    assert len(moments) == 129
+    exact = (np.sum(moments, axis=0) - (moments[0] + moments[-1]) / 2) / 128
+    assert np.abs(smeared - exact).max() / 65535 < 2e-3
+
+
 @pytest.mark.parametrize(
     ("encoding", "sensor", "pixel_format"),
     [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import av
@@ -12,10 +13,12 @@ import pytest
 
 from simulator.rendering import GaugeScene, Scene, load_scene, render_gauge, set_stage, truth_of
 from simulator.rendering.clip import frames_of
+from simulator.rendering.tables import Simulated
 
 SAMPLES = Path(__file__).parents[3] / "sample_videos"
 RECIPES = sorted((SAMPLES / "recipes").glob("*.toml"))
-RUNS = [path for path in RECIPES if not path.stem.startswith("gauge")]
+PUZZLE = sorted((SAMPLES / "recipes" / "puzzle").glob("*.toml"))
+RUNS = [path for path in RECIPES if not path.stem.startswith("gauge")] + PUZZLE
 GAUGES = [path for path in RECIPES if path.stem.startswith("gauge")]
 
 
@@ -25,7 +28,24 @@ def test_recipe_moves_as_the_committed_truth(recipe: Path) -> None:
     assert isinstance(scene, Scene)
     assert scene.truth is not None
     committed = pd.read_csv(scene.truth)
-    pd.testing.assert_frame_equal(truth_of(set_stage(scene)), committed, atol=1e-3, rtol=0)
+    truth = truth_of(set_stage(scene))
+    pd.testing.assert_frame_equal(truth, committed, atol=1e-3, rtol=0)
+    assert (truth[["green_visible", "yellow_visible"]] == 1).all(axis=None)
+
+
+def test_experiments_say_what_the_recipes_command() -> None:
+    commanded = {}
+    for recipe in RUNS:
+        scene = load_scene(recipe)
+        assert isinstance(scene, Scene)
+        assert isinstance(scene.motion, Simulated)
+        assert scene.output is not None
+        commanded[scene.output.resolve()] = (scene.motion.left_rpm, scene.motion.right_rpm, scene.motion.start_s)
+    said = {}
+    for file in (SAMPLES / "experiment.toml", SAMPLES / "puzzle" / "experiment.toml"):
+        for run in tomllib.loads(file.read_text(encoding="utf-8"))["run"]:
+            said[(file.parent / run["video"]).resolve()] = (run["left_rpm"], run["right_rpm"], run["start_s"])
+    assert said == commanded
 
 
 @pytest.mark.parametrize("recipe", GAUGES[:2], ids=lambda path: path.stem)

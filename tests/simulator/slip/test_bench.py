@@ -124,6 +124,26 @@ def test_a_law_that_does_not_explain_the_torques_gets_wider_intervals_and_a_misf
     assert (widened.high - widened.low) == pytest.approx(honest.high - honest.low, rel=0.2)
 
 
+def test_a_parameter_that_the_recording_says_nothing_of_has_an_interval_without_end() -> None:
+    table = bench().query("slip_angle_deg == 90 or (slip_angle_deg == 0 and wheel_rpm == 100)")
+    fit = fit_slip_law(table)
+    unknown = [name.startswith("longitudinal") for name in NAMES]
+    assert np.isinf(fit.high[unknown]).all()
+    assert (fit.low[unknown] == 0).all()
+
+
+def test_meters_that_measured_nothing_give_a_wheel_that_hardly_grips() -> None:
+    fit = fit_slip_law(bench().assign(disk_torque_mN_mm=0.0, wheel_torque_mN_mm=0.0))
+    along, across = normalized_forces(fit.value, 0.5, 0.5)
+    assert max(along, across) < 1e-3
+
+
+def test_torques_in_other_units_are_suspected() -> None:
+    table = bench()
+    with pytest.raises(SimulationError, match="are torques in mN·mm"):
+        fit_slip_law(table.assign(wheel_torque_mN_mm=1e3 * table["wheel_torque_mN_mm"]))
+
+
 def test_written_slip_table_is_the_fitted_law() -> None:
     fit = fit_slip_law(bench())
     found = tomllib.loads(slip_toml(fit))

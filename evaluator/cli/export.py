@@ -1,0 +1,33 @@
+"""turnscope export: results for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from evaluator.cli.analyze import STATUS_NOTE, print_plan, run_analysis, status_of
+from evaluator.cli.options import dry_run_option, experiment_argument, out_option, quiet_option, workers_option
+
+
+@click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope export experiment.toml -o out/")
+@experiment_argument
+@out_option
+@workers_option
+@quiet_option
+@dry_run_option
+def export(experiment: Path, out: Path, workers: int | None, quiet: bool, dry_run: bool) -> int:
+    """Write the results as JSON and netCDF, with their provenance.
+
+    results.json holds every number of every run; netcdf/RUN.nc marks and poses as the movement toolbox has them.
+    What is not up to date is computed first.
+    """
+    if dry_run:
+        return print_plan(experiment, out, simulate=True)
+    found = run_analysis(experiment, out, simulate=True, workers=workers, quiet=quiet)
+    from evaluator.export import export as write_all
+
+    for path in write_all(found):
+        if not quiet:
+            click.echo(path)
+    return status_of(found)

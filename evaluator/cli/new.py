@@ -1,0 +1,66 @@
+"""turnscope new, turnscope check: begin an experiment, and see that its files are right."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from evaluator.cli.options import PATH, experiment_argument, json_option, quiet_option
+
+BAD_INPUT = 2
+
+
+@click.command(epilog="\b\nExample:\n  turnscope new monday\n  turnscope new monday --robot column")
+@click.argument("folder", type=PATH, metavar="DIR")
+@click.option("--robot", default="barrel", show_default=True, metavar="NAME", help="Shipped robot to start from.")
+def new(folder: Path, robot: str) -> None:
+    """Lay out a fresh experiment: commented files in DIR, ready to be edited.
+
+    Nothing that is already there is overwritten.
+    """
+    from importlib.resources import files
+
+    from evaluator.errors import InputError
+    from evaluator.files import write_text
+    from simulator.robot import shipped_robot_text
+
+    names = ("experiment.toml", "gauge.toml", "tracking.toml")
+    contents = {name: (files("evaluator.templates") / name).read_text(encoding="utf-8") for name in names}
+    contents["robot.toml"] = shipped_robot_text(robot)
+    there = sorted(name for name in contents if (folder / name).exists())
+    if there:
+        raise InputError(f"{folder}: {', '.join(there)} is already there; give a folder without them")
+    for name, text in contents.items():
+        write_text(folder / name, text)
+    click.echo(f"{folder}: {', '.join(contents)}")
+    click.echo(f"""
+Next:
+  1. edit robot.toml and gauge.toml to what stands on your bench
+  2. turnscope calibrate PICTURES… --gauge {folder / "gauge.toml"} -o {folder / "camera.json"}
+  3. record runs, name them in {folder / "experiment.toml"}
+  4. turnscope check {folder / "experiment.toml"}
+  5. turnscope report {folder / "experiment.toml"} -o {folder / "out"}""")
+
+
+@click.command(epilog="\b\nExample:\n  turnscope check experiment.toml\n  turnscope check experiment.toml --json")
+@experiment_argument
+@json_option
+@quiet_option
+def check(experiment: Path, as_json: bool, quiet: bool) -> int:
+    """Validate all files of an experiment and say everything that is wrong at once.
+
+    Exit status: 0 nothing is wrong, 2 something is.
+    """
+    from evaluator.checks import check_experiment
+
+    found = check_experiment(experiment)
+    if as_json:
+        click.echo(json.dumps({"faults": found.faults, "runs": found.runs, "videos": found.videos}, indent=1))
+    else:
+        for fault in found.faults:
+            click.echo(f"error: {fault}", err=True)
+        if not found.faults and not quiet:
+            click.echo(f"{experiment}: nothing is wrong; {found.runs} runs, {found.videos} of them videos")
+    return BAD_INPUT if found.faults else 0

@@ -1,0 +1,236 @@
+"""Tracks of other programs as marks: OSP Tracker (delimited text), DeepLabCut (CSV), movement (netCDF).
+
+Which program wrote a file is seen in the file. What no file says (which of its points are the marks, its unit of
+length, the frame rate) stands in [tracks] of experiment.toml. Lengths become mm in the plate frame; picture points (px,
+y down, centre of the top left pixel at 0, 0) are placed on the plane of the marks by the camera.
+"""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from evaluator.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from calibration.camera import Camera
+
+Array = NDArray[np.float64]
+Program = Literal["turnscope", "tracker", "deeplabcut", "movement"]
+
+MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+MARKS = ("green", "yellow")
+
+
+class Tracks(BaseModel):
+    """[tracks] of experiment.toml: how marks files of other programs are read.
+
+    green, yellow: names of the marks there. unit: of lengths there. rate_hz: frames a second, for files that count
+    frames. likelihood: points that are less likely count as missing.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    green: str = "green"
+    yellow: str = "yellow"
+    unit: Literal["px", "mm", "cm", "m"] | None = None
+    rate_hz: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    likelihood: Annotated[float, Field(ge=0, le=1)] = 0.6
+
+    def name(self, mark: str) -> str:
+        """Name of a mark in the file."""
+        return self.green if mark == "green" else self.yellow
+
+
+def read_any_marks(
+    path: Path, tracks: Tracks | None = None, camera: Camera | None = None, height_mm: float = 0.0
+) -> pd.DataFrame:
+    """Read marks of any known program as a marks table (evaluator.marks), mm in the plate frame.
+
+    camera, height_mm: for tracks in px. Raises InputError for a file that cannot be read, or that needs more said.
+    """
+    program = program_of(path)
+    if program == "turnscope":
+        from evaluator.marks import read_marks
+
+        return read_marks(path)
+    said = tracks or Tracks()
+    reader = {"tracker": _read_tracker, "deeplabcut": _read_deeplabcut, "movement": _read_movement}[program]
+    time, points = reader(path, said)
+    unit = said.unit or ("px" if program != "tracker" else None)
+    if unit is None:
+        raise InputError(
+            f'{path}: OSP Tracker does not write its unit of length; say unit = "mm" (px, cm, m) in [tracks]'
+        )
+    if len(time) < 2 or not np.all(np.diff(time) > 0):
+        raise InputError(f"{path}: times must be at least two and increase from row to row")
+    return _marks_table(path, time, points, unit, camera, height_mm)
+
+
+def program_of(path: Path) -> Program:
+    """Which program wrote a marks file, from its first bytes. Raises InputError where it cannot be read."""
+    try:
+        with Path(path).open("rb") as file:
+            head = file.read(4096)
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    if head.startswith((b"CDF", b"\x89HDF")):
+        return "movement"
+    lines = head.decode("utf-8", errors="replace").splitlines()
+    if lines and lines[0].split(",")[0].strip() == "scorer":
+        return "deeplabcut"
+    if len(lines) > 1 and "t" in _cells(lines[1], _delimiter(lines[1])):
+        return "tracker"
+    return "turnscope"
+
+
+def _marks_table(
+    path: Path, time: Array, points: dict[str, Array], unit: str, camera: Camera | None, height_mm: float
+) -> pd.DataFrame:
+    import pandas as pd
+
+    table = pd.DataFrame({"time_s": time})
+    for mark, place in points.items():
+        if unit == "px":
+            if camera is None:
+                raise InputError(f'{path}: holds picture points; say camera = "camera.json", or unit in [tracks]')
+            table[[f"{mark}_x_px", f"{mark}_y_px"]] = place
+            seen = np.isfinite(place).all(axis=1)
+            placed = np.full_like(place, np.nan)
+            placed[seen] = camera.plate_from_picture(place[seen], height_mm)
+        else:
+            placed = place * MM_PER[unit]
+        table[[f"{mark}_x_mm", f"{mark}_y_mm"]] = placed
+    return table
+
+
+def _read_tracker(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array]]:
+    """Two header lines: names of the tracks above their columns, then t, x, y …; any usual delimiter."""
+    lines = [line for line in path.read_text(encoding="utf-8-sig", errors="replace").splitlines() if line.strip()]
+    delimiter = _delimiter(lines[1])
+    names, columns = _cells(lines[0], delimiter), _cells(lines[1], delimiter)
+    names += [""] * (len(columns) - len(names))
+    if names[0] and columns[0] == "t":  # a table of one track carries its name above the time
+        names = ["", names[0], *names[1:-1]] if len(names) > 1 else names
+    owner = ""
+    place: dict[tuple[str, str], int] = {}
+    for index, (name, column) in enumerate(zip(names, columns, strict=True)):
+        owner = name or owner
+        place.setdefault((_plain(owner), column), index)
+    rows = [_numbers(path, number, line, delimiter) for number, line in enumerate(lines[2:], start=3)]
+    width = len(columns)
+    table = np.array([(row + [np.nan] * width)[:width] for row in rows], dtype=float).reshape(-1, width)
+    points = {}
+    for mark in MARKS:
+        wanted = _plain(tracks.name(mark))
+        if (wanted, "x") not in place or (wanted, "y") not in place:
+            known = sorted({name for name, _ in place if name})
+            raise _unknown(path, tracks, mark, known)
+        points[mark] = table[:, [place[wanted, "x"], place[wanted, "y"]]]
+    return table[:, columns.index("t")], points
+
+
+def _read_deeplabcut(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array]]:
+    """Header lines scorer, (individuals,) bodyparts, coords; a row per frame, counted from 0."""
+    import pandas as pd
+
+    if tracks.rate_hz is None:
+        raise InputError(f"{path}: DeepLabCut counts frames; say rate_hz (frames a second) in [tracks]")
+    with path.open(encoding="utf-8", newline="") as file:
+        heads: list[list[str]] = []
+        for row in csv.reader(file):
+            heads.append(row)
+            if row and row[0] == "coords":
+                break
+        else:
+            raise InputError(f"{path}: begins like a DeepLabCut file, but has no line that starts with coords")
+    named = {row[0]: row for row in heads}
+    parts, coords = named.get("bodyparts", []), heads[-1]
+    try:
+        table = pd.read_csv(path, skiprows=len(heads), header=None, dtype=float).to_numpy()
+    except (ValueError, pd.errors.ParserError) as error:
+        raise InputError(f"{path}: {str(error).strip()}") from error
+    points = {}
+    for mark in MARKS:
+        own = {coord: i for i, (part, coord) in enumerate(zip(parts, coords, strict=True)) if part == tracks.name(mark)}
+        if not {"x", "y"} <= own.keys():
+            raise _unknown(path, tracks, mark, sorted(set(parts[1:])))
+        place = table[:, [own["x"], own["y"]]].copy()
+        if "likelihood" in own:
+            place[table[:, own["likelihood"]] < tracks.likelihood] = np.nan
+        points[mark] = place
+    return table[:, 0] / tracks.rate_hz, points
+
+
+def _read_movement(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array]]:
+    """A movement dataset: position over time, space, keypoints, individuals; confidence where there is one."""
+    try:
+        import xarray as xr
+    except ImportError as error:
+        raise InputError(f"{path}: netCDF needs xarray: pip install 'turnscope[netcdf]'") from error
+
+    try:
+        data = xr.load_dataset(path)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: not a netCDF file that can be read ({str(error).splitlines()[0]})") from error
+    if "position" not in data or not {"time", "space", "keypoints"} <= set(data["position"].dims):
+        raise InputError(
+            f"{path}: no position over time, space and keypoints in it; is it a movement dataset of poses?"
+        )
+    if "individuals" in data.dims:
+        data = data.isel(individuals=0)
+    time = data["time"].to_numpy().astype(float)
+    if data.attrs.get("time_unit") == "frames":
+        rate = tracks.rate_hz or data.attrs.get("fps")
+        if not rate:
+            raise InputError(f"{path}: counts frames; say rate_hz (frames a second) in [tracks]")
+        time = time / float(rate)
+    known = [name.decode() if isinstance(name, bytes) else str(name) for name in data["keypoints"].to_numpy()]
+    space = [name.decode() if isinstance(name, bytes) else str(name) for name in data["space"].to_numpy()]
+    position = data["position"].transpose("keypoints", "time", "space").to_numpy().astype(float)
+    points = {}
+    for mark in MARKS:
+        if tracks.name(mark) not in known:
+            raise _unknown(path, tracks, mark, known)
+        index = known.index(tracks.name(mark))
+        place = position[index][:, [space.index("x"), space.index("y")]]
+        if "confidence" in data:
+            place[data["confidence"].transpose("keypoints", "time").to_numpy()[index] < tracks.likelihood] = np.nan
+        points[mark] = place
+    return time, points
+
+
+def _unknown(path: Path, tracks: Tracks, mark: str, known: list[str]) -> InputError:
+    there = ", ".join(known) or "none"
+    return InputError(f'{path}: no point named "{tracks.name(mark)}" (there: {there}); say {mark} = "…" in [tracks]')
+
+
+def _delimiter(line: str) -> str | None:
+    return next((mark for mark in "\t;,|" if mark in line), None)  # None: spaces, where names hold none
+
+
+def _cells(line: str, delimiter: str | None) -> list[str]:
+    return [cell.strip().strip('"') for cell in line.rstrip("\r\n").split(delimiter)]
+
+
+def _plain(name: str) -> str:
+    """Tracker writes "mass A" as mass_A."""
+    return name.strip().lstrip("#").replace(" ", "_")
+
+
+def _numbers(path: Path, number: int, line: str, delimiter: str | None) -> list[float]:
+    try:
+        # Where the delimiter is not a comma, a comma is the decimal sign of the computer that wrote the file.
+        plain = line if delimiter == "," else line.replace(",", ".")
+        return [float(cell) if cell else np.nan for cell in _cells(plain, delimiter)]
+    except ValueError as error:
+        raise InputError(f"{path}: line {number} holds something that is not a number") from error

@@ -1,0 +1,115 @@
+"""What a calibration rests on: residuals, where dots were seen, and how the lens bends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from calibration.camera import Camera
+from calibration.lens import undistort
+from calibration.solve import Calibration
+from evaluator.report.style import BLUE, GROUPS, INK, SOFT, VERMILLION, Figure, drawing
+
+
+def residual_vectors(calibration: Calibration) -> Figure:
+    """Residual of every dot used, from all pictures, drawn long enough to be seen."""
+    points = np.concatenate([view.centers_px for view in calibration.views])
+    residual = np.concatenate(calibration.fit.residual_px)
+    width = calibration.camera.size_px[0]
+    typical = float(np.median(np.hypot(*residual.T)))
+    stretch = _round_down(0.025 * width / max(typical, 1e-9))
+    with drawing("residual-vectors") as canvas:
+        (axes,) = canvas.axes
+        axes.quiver(
+            *points.T, *(stretch * residual.T), angles="xy", scale_units="xy", scale=1, color=BLUE, width=0.0022
+        )
+        _picture_axes(axes, calibration.camera)
+    names = np.repeat([view.name for view in calibration.views], [len(view) for view in calibration.views])
+    return Figure(
+        "residual-vectors",
+        "What remains",
+        f"Measured minus predicted place of each dot, {stretch:g} times enlarged; RMS {calibration.rms_px:.3g} px per "
+        "axis. "
+        "Arrows without order are noise. Neighbours that point the same way mean that the gauge is bent or the lens "
+        "model does not fit.",
+        (canvas.svg,),
+        pd.DataFrame({"picture": names, "x_px": points[:, 0], "y_px": points[:, 1]}).assign(
+            residual_x_px=residual[:, 0], residual_y_px=residual[:, 1]
+        ),
+    )
+
+
+def coverage_map(calibration: Calibration) -> Figure:
+    """Dots of every picture, and the principal point with its 95 % interval."""
+    camera = calibration.camera
+    with drawing("coverage") as canvas:
+        (axes,) = canvas.axes
+        for k, view in enumerate(calibration.views):
+            look = GROUPS[k % len(GROUPS)]
+            axes.plot(*view.centers_px.T, color=look.color, marker=look.marker, ls="none", ms=2.2, mew=0.6)
+        at = camera.value("principal_x_px"), camera.value("principal_y_px")
+        reach = 1.96 * camera.sigma("principal_x_px"), 1.96 * camera.sigma("principal_y_px")
+        axes.errorbar(*at, reach[1], reach[0], color=INK, marker="+", ms=12, mew=1.6, lw=1.2, capsize=2.5)
+        _picture_axes(axes, camera)
+    rows = [(view.name, *point) for view in calibration.views for point in view.centers_px]
+    return Figure(
+        "coverage",
+        "Where dots were seen",
+        "One colour and marker a picture; the cross is the principal point with its 95 % interval. Distortion is known "
+        "where dots were, and extrapolated elsewhere.",
+        (canvas.svg,),
+        pd.DataFrame(rows, columns=["picture", "x_px", "y_px"]),
+    )
+
+
+def distortion_map(camera: Camera) -> Figure:
+    """How far the lens moves each point from where a lens without distortion would show it."""
+    width, height = camera.size_px
+    grid = np.stack(np.meshgrid(np.linspace(0, width - 1, 17), np.linspace(0, height - 1, 13)), axis=-1).reshape(-1, 2)
+    scale = camera.value("focal_px") * np.array([1.0, camera.value("aspect")])
+    principal = camera.parameters[8:10]
+    normalised = (grid - principal) / scale
+    straight = undistort(normalised, camera.parameters[10:], camera.lens) * scale + principal
+    shift = grid - straight
+    largest = float(np.nanmax(np.hypot(*shift.T)))
+    stretch = min(1.0, _round_down(0.06 * width / max(largest, 1e-9))) if largest > 0.06 * width else 1.0
+    stretch = _round_down(0.06 * width / largest) if 0 < largest < 0.02 * width else stretch
+    with drawing("distortion") as canvas:
+        (axes,) = canvas.axes
+        axes.quiver(
+            *grid.T,
+            *(stretch * shift.T),
+            angles="xy",
+            scale_units="xy",
+            scale=1,
+            color=VERMILLION,
+            width=0.003,
+            pivot="tip",
+        )
+        _picture_axes(axes, camera)
+    factor = "at true length" if stretch == 1 else f"{stretch:g} times their length"
+    return Figure(
+        "distortion",
+        "What the lens does",
+        f"Arrows, {factor}, end where the lens shows a point and begin where one without distortion would; "
+        f"{largest:.3g} px at most.",
+        (canvas.svg,),
+        pd.DataFrame({"x_px": grid[:, 0], "y_px": grid[:, 1], "shift_x_px": shift[:, 0], "shift_y_px": shift[:, 1]}),
+    )
+
+
+def _picture_axes(axes: Axes, camera: Camera) -> None:
+    """The picture's frame: y down, the rim drawn."""
+    width, height = camera.size_px
+    axes.plot([0, width, width, 0, 0], [0, 0, height, height, 0], color=SOFT, lw=0.9)
+    axes.set_aspect("equal")
+    axes.invert_yaxis()
+    axes.set_xlabel("x, px")
+    axes.set_ylabel("y, px")
+
+
+def _round_down(value: float) -> float:
+    """Largest of 1, 2, 5 times a power of ten that is not above a value."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(power * max(step for step in (1, 2, 5) if step <= value / power * (1 + 1e-9)))

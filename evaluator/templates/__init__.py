@@ -1,0 +1,1 @@
+"""Commented files that `turnscope new` lays out."""

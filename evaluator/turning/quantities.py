@@ -1,0 +1,120 @@
+"""What follows from a steady turn: radii of points of the robot, slips of its wheels, how smoothly it drove."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.pose import MarkGeometry
+from evaluator.turning.fit import TurnFit
+from evaluator.turning.phases import local_rates
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+NAN = float("nan")
+WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
+# Spectral arc length: published settings of the band and of the amplitude below which the spectrum is noise.
+SMOOTHNESS_BAND_HZ = 10.0
+SMOOTHNESS_AMPLITUDE = 0.05
+
+
+@dataclass(frozen=True)
+class RobotShape:
+    """Outline and wheels in the body frame: wheel_positions_mm in the order of WHEELS, body of length by width, mm."""
+
+    wheel_positions_mm: tuple[tuple[float, float], ...]
+    wheel_radius_mm: float
+    length_mm: float
+    width_mm: float
+
+    def corners_mm(self) -> Array:
+        """Corners of the body, (4, 2)."""
+        x, y = self.length_mm / 2, self.width_mm / 2
+        return np.array([[x, y], [x, -y], [-x, y], [-x, -y]])
+
+
+def slip_angle_deg(velocity: Array) -> float:
+    """Slip angle of a body-frame velocity, atan2(v, |u|): the sign convention of the simulated wheels."""
+    return float(np.degrees(np.arctan2(velocity[1], abs(velocity[0]))))
+
+
+def body_quantities(
+    fit: TurnFit,
+    speed_mm_s: float,
+    marks: MarkGeometry | None,
+    shape: RobotShape | None,
+    rpm: tuple[float | None, float | None],
+) -> dict[str, float]:
+    """Radii, speeds and slips of points of the body, by their names in turning.csv; only those that can be known.
+
+    speed_mm_s: of the centre, whose size scales the motion. rpm: of the left and right driving wheel.
+    """
+    center = fit.body_twist(np.zeros(2))
+    twist = center * abs(speed_mm_s) / max(float(np.hypot(center[0], center[1])), 1e-300)
+    rotation = np.array([-twist[1], twist[0]]) / twist[2] if twist[2] else np.full(2, NAN)
+    turning = not fit.curvature().straight
+    result: dict[str, float] = {}
+    if turning:
+        result |= {"rotation_x_mm": float(rotation[0]), "rotation_y_mm": float(rotation[1])}
+    for name, place in (("green", marks.green_mm), ("yellow", marks.yellow_mm)) if marks else ():
+        velocity = _velocity(twist, np.array(place))
+        result[f"{name}_speed_mm_s"] = float(np.copysign(np.hypot(*velocity), velocity[0]))
+        if turning:
+            result[f"{name}_radius_mm"] = float(np.linalg.norm(np.array(place) - rotation))
+    if shape is None:
+        return result
+    wheels = np.array(shape.wheel_positions_mm)
+    if turning:
+        result["outer_wheel_radius_mm"] = float(np.linalg.norm(wheels - rotation, axis=1).max())
+        result["wall_to_wall_radius_mm"] = float(np.linalg.norm(shape.corners_mm() - rotation, axis=1).max())
+    for number, (name, place) in enumerate(zip(WHEELS, wheels, strict=True)):
+        velocity = _velocity(twist, place)
+        result[f"{name}_slip_angle_deg"] = slip_angle_deg(velocity)
+        speed = rpm[number] if number < 2 else None  # the rear pair rolls freely: its rotation is not known
+        if speed is not None:
+            surface = speed * 2 * np.pi / 60 * shape.wheel_radius_mm
+            larger = max(abs(velocity[0]), abs(surface))
+            result[f"{name}_slip_ratio"] = float((velocity[0] - surface) / larger) if larger else NAN
+    return result
+
+
+def path_quantities(
+    time_s: Array, scaled: Array, sigma_mm: float, steady: Flags, moving: Flags, speed_mm_s: float
+) -> dict[str, float]:
+    """How straight, even and smooth the robot drove.
+
+    path_efficiency: length of the fitted path over that of the driven one, which also weaves; speed_ripple: relative
+    standard deviation of the speed in the steady turn; noise is taken off both. smoothness: spectral arc length of the
+    speed from start to stop, nearer zero is smoother (Balasubramanian et al. 2015, doi:10.1186/s12984-015-0090-9).
+    """
+    rates = local_rates(time_s, scaled, sigma_mm, moving)
+    squared = (rates.value[:, :2] ** 2).sum(axis=1)
+    here = squared[steady]
+    noise = rates.sigma**2
+    driven = float(np.sqrt(np.maximum(here - noise, 0)).mean())  # noise across the path lengthens it, along it does not
+    ripple = np.sqrt(max(float(np.var(np.sqrt(here))) - noise, 0.0))
+    return {
+        "path_efficiency": min(speed_mm_s / driven, 1.0) if driven else NAN,
+        "speed_ripple": float(ripple / speed_mm_s) if speed_mm_s else NAN,
+        "smoothness": _spectral_arc_length(np.sqrt(squared[moving]), float(np.median(np.diff(time_s)))),
+    }
+
+
+def _velocity(twist: Array, place: Array) -> Array:
+    return np.array([twist[0] - twist[2] * place[1], twist[1] + twist[2] * place[0]])
+
+
+def _spectral_arc_length(speed: Array, interval_s: float) -> float:
+    """Minus the length of the normalised amplitude spectrum, up to where it stays below the amplitude limit."""
+    padded = 2 ** (int(np.ceil(np.log2(len(speed)))) + 4)
+    frequency = np.fft.rfftfreq(padded, interval_s)
+    amplitude = np.abs(np.fft.rfft(speed, padded))
+    band = frequency <= SMOOTHNESS_BAND_HZ
+    frequency, amplitude = frequency[band], amplitude[band] / amplitude[0]
+    last = int(np.flatnonzero(amplitude >= SMOOTHNESS_AMPLITUDE)[-1])
+    if last < 1:
+        return NAN
+    step_f, step_a = np.diff(frequency[: last + 1]) / frequency[last], np.diff(amplitude[: last + 1])
+    return float(-np.hypot(step_f, step_a).sum())

@@ -1,0 +1,93 @@
+"""What is known of one turn: the row of turning.csv."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class Turning:
+    """One run's row of turning.csv; NaN where a quantity is unknown, with the reason in `radius_status`.
+
+    Radius: radius_mm is the smallest turning radius of the centre that is sustained for a quarter turn (sustained.py),
+    with 95 % bounds; steady_radius_mm that of the steady turn as a whole. Both are NaN where the interval of the
+    curvature reaches straight: the curvature itself then says how straight. The two are equal unless radius_varies;
+    radius_variation is then the relative standard deviation of the curvature from quarter turn to quarter turn, noise
+    taken off. radius_random_mm, radius_systematic_mm: standard uncertainties by noise, which more frames would reduce,
+    and by the camera, which only a better calibration would; the bounds hold both.
+    Motion: speeds are positive forward, yaw rate and curvature counter-clockwise; their sigmas are by noise alone.
+    center_x_mm, center_y_mm: centre of the circle on the plate; center_wander_mm: how far it strays between quarter
+    turns, noise taken off. rotation_x_mm, rotation_y_mm: the same centre in the body frame. Radii of the marks, the
+    outermost wheel and the outermost corner (wall to wall) as in SAE J695. Slips as in the model: ratio
+    (u - r·phi')/max(|u|, |r·phi'|), angle atan2(v, |u|).
+    Quality: path_efficiency, speed_ripple, smoothness (quantities.py).
+    """
+
+    radius_mm: float = NAN
+    radius_low_mm: float = NAN
+    radius_high_mm: float = NAN
+    radius_status: str = "ok"
+    radius_random_mm: float = NAN
+    radius_systematic_mm: float = NAN
+    steady_radius_mm: float = NAN
+    steady_radius_low_mm: float = NAN
+    steady_radius_high_mm: float = NAN
+    radius_varies: bool = False
+    radius_variation: float = NAN
+    sustained_from_s: float = NAN
+    sustained_to_s: float = NAN
+    speed_mm_s: float = NAN
+    green_speed_mm_s: float = NAN
+    yellow_speed_mm_s: float = NAN
+    yaw_rate_deg_s: float = NAN
+    speed_sigma_mm_s: float = NAN
+    yaw_rate_sigma_deg_s: float = NAN
+    curvature_per_mm: float = NAN
+    curvature_low_per_mm: float = NAN
+    curvature_high_per_mm: float = NAN
+    center_x_mm: float = NAN
+    center_y_mm: float = NAN
+    center_wander_mm: float = NAN
+    rotation_x_mm: float = NAN
+    rotation_y_mm: float = NAN
+    green_radius_mm: float = NAN
+    yellow_radius_mm: float = NAN
+    outer_wheel_radius_mm: float = NAN
+    wall_to_wall_radius_mm: float = NAN
+    body_slip_angle_deg: float = NAN
+    front_left_slip_ratio: float = NAN
+    front_right_slip_ratio: float = NAN
+    front_left_slip_angle_deg: float = NAN
+    front_right_slip_angle_deg: float = NAN
+    rear_left_slip_angle_deg: float = NAN
+    rear_right_slip_angle_deg: float = NAN
+    path_efficiency: float = NAN
+    speed_ripple: float = NAN
+    smoothness: float = NAN
+    turned_deg: float = NAN
+    share_used: float = NAN
+    noise_correlation: float = NAN
+    residual_rms_mm: float = NAN
+    start_s: float = NAN
+    steady_start_s: float = NAN
+    steady_stop_s: float = NAN
+    stop_s: float = NAN
+    start_delay_s: float = NAN
+    mark_spacing_ratio: float = NAN
+    mark_spacing_ratio_sigma: float = NAN
+
+    def summary(self) -> str:
+        """One line for people."""
+        if self.radius_status != "ok":
+            return self.radius_status
+        steady = f"; varies, {self.steady_radius_mm:.4g} mm on average" if self.radius_varies else ""
+        return (
+            f"radius {self.radius_mm:.4f} mm, 95 % from {self.radius_low_mm:.4f} to {self.radius_high_mm:.4f}{steady};"
+            f" {self.turned_deg:.0f} degrees at {self.speed_mm_s:.3g} mm/s, {self.yaw_rate_deg_s:.3g} degrees/s"
+        )
+
+    def to_row(self) -> dict[str, float | str | bool]:
+        """Columns of turning.csv in order, to follow run, left_rpm and right_rpm."""
+        return {item.name: getattr(self, item.name) for item in fields(self)}

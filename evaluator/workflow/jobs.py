@@ -1,0 +1,144 @@
+"""One run as a job: what it is made from, whether its results still hold, and what came of it.
+
+Light to import: the parent of a batch needs no more than this; the libraries that do the work are the workers'.
+"""
+
+from __future__ import annotations
+
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from calibration.errors import CalibrationError
+from evaluator.errors import InputError
+from evaluator.interchange import Tracks, program_of
+from evaluator.settings import Run
+from evaluator.workflow.freshness import Record, file_hash, key_of
+from evaluator.workflow.outputs import Outputs
+from simulator.errors import SimulationError
+from simulator.robot import Robot
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run to analyse: everything a worker process needs to know."""
+
+    run: Run
+    robot: Robot
+    tracking: Path | None
+    tracks: Tracks | None
+    out: Path
+    simulate: bool
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """Stages asked for, in their order."""
+        return ("track", "turn", "simulate") if self.simulate else ("track", "turn")
+
+    @property
+    def camera(self) -> Path | None:
+        """The camera that places the marks; marks given in mm need none."""
+        if self.run.marks is not None:
+            unit = self.tracks.unit if self.tracks else None
+            if unit not in (None, "px") or program_of(self.run.marks) == "turnscope":
+                return None
+        return self.run.camera
+
+    def record(self) -> Record:
+        """What is known of earlier results."""
+        return Record.load(Outputs(self.out).record(self.run.id))
+
+    def keys(self) -> dict[str, str]:
+        """What each stage is made from, as one hash; a stage's key holds that of the stage before it.
+
+        Raises OSError where an input cannot be read.
+        """
+        source = self.run.video or self.run.marks
+        assert source is not None  # held by the model of the file
+        track = key_of(
+            {
+                "source": file_hash(source),
+                "camera": file_hash(self.camera) if self.camera else None,
+                "rate_hz": self.run.rate_hz,
+                "tracking": file_hash(self.tracking) if self.tracking and self.run.video else None,
+                "tracks": self.tracks.model_dump() if self.tracks and self.run.marks else None,
+                "marks": self.robot.marks.model_dump(),
+            }
+        )
+        command = {name: getattr(self.run, name) for name in ("left_rpm", "right_rpm", "start_s", "stop_s")}
+        body = {"body": self.robot.body.model_dump(), "wheels": self.robot.wheels.model_dump()}
+        turn = key_of({"track": track, "command": command, **body})
+        simulate = key_of({"turn": turn, "robot": self.robot.model_dump(mode="json")})
+        return {"track": track, "turn": turn, "simulate": simulate}
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What came of one run: rows for the tables, or the one reason why there are none."""
+
+    run: str
+    turning: dict[str, Any] | None = None
+    comparison: dict[str, Any] | None = None
+    fault: str | None = None
+    reused: bool = False  # nothing had to be computed
+
+    @staticmethod
+    def of(job: Job, values: dict[str, dict[str, Any]], *, reused: bool) -> RunResult:
+        """The result of a job from the values of its stages."""
+        return RunResult(job.run.id, values["turn"], values.get("simulate"), reused=reused)
+
+
+def outdated_stages(job: Job) -> list[str]:
+    """Stages of a job that are not up to date. Raises OSError where an input cannot be read."""
+    record, keys = job.record(), job.keys()
+    return [stage for stage in job.stages if record.fresh(stage, keys[stage]) is None]
+
+
+def known_result(job: Job) -> RunResult | None:
+    """The result of a job that is known without work: up to date, or without a readable input; None otherwise."""
+    record = job.record()
+    try:
+        keys = job.keys()
+    except OSError as error:
+        return failed(job, error)
+    values = {stage: record.fresh(stage, keys[stage]) for stage in job.stages}
+    there = {stage: value for stage, value in values.items() if value is not None}
+    return RunResult.of(job, there, reused=True) if len(there) == len(values) else None
+
+
+def analyse_run(job: Job) -> RunResult:
+    """Analyse one run; a recording that cannot be used is a result with a reason, not an exception."""
+    from evaluator.workflow.stages import bring_up_to_date
+
+    try:
+        return bring_up_to_date(job)
+    except Exception as error:  # noqa: BLE001 - a defect met in one run must not cost the others; it is reported
+        return failed(job, error)
+
+
+def failed(job: Job, error: Exception) -> RunResult:
+    """The result of a job that ended in an error; what an earlier input had given is removed."""
+    job.record().forget()
+    source = str(job.run.video or job.run.marks)
+    reason = " ".join(_reason(error).split())
+    about_file = any(str(path) in reason for path in (source, job.run.camera, job.tracking) if path)
+    return RunResult(job.run.id, fault=reason if about_file else f"{source}: {reason}")
+
+
+def lost_run(job: Job) -> RunResult:
+    """The result of a run whose worker process died."""
+    return RunResult(
+        job.run.id,
+        fault="the process that analysed it was killed (out of memory?); try again with fewer --workers",
+    )
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, (InputError, CalibrationError, SimulationError)):
+        return str(error)
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.filename}: {str(error.strerror).lower()}"
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    where = f"{Path(place.filename).name}, line {place.lineno}"
+    return f"unexpected {type(error).__name__} in {where}: {error}; please report this with the recording"

@@ -1,0 +1,63 @@
+"""Kernels that find velocities at which all forces balance.
+
+A balance is a root of the accelerations at constant rpm. Forces that vary with place, heading or time are taken at the
+origin of the plate, heading 0, time 0. linear: (4, 3), rows 1 to 3 are the derivative by velocity.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from simulator.compiled import compiled
+from simulator.dynamics import accelerations
+from simulator.rosenbrock import VELOCITY_STEP, invert3
+
+
+@compiled()
+def unbalance(model: Any, left: float, right: float, velocity: Any, out: Any) -> float:
+    """Accelerations at a velocity (3) into out (3); returns their size."""
+    u, v, r = velocity[0], velocity[1], velocity[2]
+    out[0], out[1], out[2] = accelerations(u, v, r, left, right, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, model)
+    return float(np.sqrt(out[0] ** 2 + out[1] ** 2 + 4 * out[2] ** 2))
+
+
+@compiled()
+def differentiate(model: Any, left: float, right: float, velocity: Any, residual: Any, linear: Any) -> None:
+    """Derivative of the accelerations by velocity into rows 1 to 3 of linear."""
+    shifted, changed = velocity.copy(), np.empty(3)
+    for column in range(3):
+        shifted[column] = velocity[column] + VELOCITY_STEP
+        unbalance(model, left, right, shifted, changed)
+        step = shifted[column] - velocity[column]
+        for row in range(3):
+            linear[1 + row, column] = (changed[row] - residual[row]) / step
+        shifted[column] = velocity[column]
+
+
+@compiled()
+def newton(model: Any, left: float, right: float, velocity: Any, linear: Any) -> bool:
+    """Newton's method with backtracking from the velocity (3) handed in, which becomes the root if True is returned."""
+    largest = model.speed[0] * max(abs(left), abs(right), 1e-6)
+    inverse, residual, trial, shifted = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
+    size = unbalance(model, left, right, velocity, residual)
+    for _ in range(80):
+        differentiate(model, left, right, velocity, residual, linear)
+        if not invert3(linear[1:4], inverse):
+            return False
+        step = -inverse @ residual
+        length = np.abs(step).max()
+        if length < 1e-12 * largest:
+            return True
+        share, smaller = 2.0, np.inf
+        while not smaller < size and share > 1e-6:
+            share *= 0.5
+            shifted[:] = velocity + share * step
+            smaller = unbalance(model, left, right, shifted, trial)
+        if not smaller < size:  # rounding ends the descent
+            return bool(length < 1e-9 * largest)
+        velocity[:] = shifted
+        residual[:] = trial
+        size = smaller
+    return False

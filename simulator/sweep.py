@@ -1,0 +1,247 @@
+"""Sweeps: grids and random samples over robot keys, commands, start poses and effects, a row of results per run.
+
+Every run of a sweep follows from its number alone, so that any part can be worked out anywhere, in any order, again.
+"""
+
+from __future__ import annotations
+
+import difflib
+import itertools
+import math
+import tomllib
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from simulator.errors import SimulationError
+from simulator.robot import Finite, Positive, Robot, load_robot
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+COMMAND_KEYS = {"left_rpm": 0.0, "right_rpm": 0.0, "start_s": 0.0}
+START_KEYS = {"start.x_mm": 0.0, "start.y_mm": 0.0, "start.heading_deg": 0.0}
+EFFECT_PREFIX = "effect."
+RESULTS = ("x_mm", "y_mm", "heading_deg", "speed_mm_s", "yaw_rate_deg_s", "radius_mm")
+
+
+class Table(BaseModel):
+    """A table of a sweep file: unknown keys are errors, values never change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Span(Table):
+    """Evenly spaced values, both ends included."""
+
+    low: Finite
+    high: Finite
+    count: int = Field(ge=1)
+
+    def values(self) -> list[float]:
+        """The values."""
+        return [float(value) for value in np.linspace(self.low, self.high, self.count)]
+
+
+class Uniform(Table):
+    """Random values between two bounds."""
+
+    low: Finite
+    high: Finite
+
+    def draw(self, generator: np.random.Generator) -> float:
+        """One value."""
+        return float(generator.uniform(self.low, self.high))
+
+
+class Normal(Table):
+    """Random values with a mean and a standard deviation."""
+
+    mean: Finite
+    sigma: Positive
+
+    def draw(self, generator: np.random.Generator) -> float:
+        """One value."""
+        return float(generator.normal(self.mean, self.sigma))
+
+
+def _flat(table: Any) -> Any:
+    """Dotted keys may be quoted or not: nested tables are flattened to dotted keys."""
+    if not isinstance(table, dict):
+        return table
+    flat: dict[str, Any] = {}
+    for key, value in table.items():
+        if isinstance(value, dict) and not {"low", "high", "mean", "sigma", "count"} & set(value):
+            flat |= {f"{key}.{below}": item for below, item in _flat(value).items()}
+        else:
+            flat[key] = value
+    return flat
+
+
+class Sweep(Table):
+    """sweep.toml: every combination of the grid, each with the given number of random samples.
+
+    Keys: left_rpm, right_rpm, start_s; start.x_mm, start.y_mm, start.heading_deg; any number of robot.toml by its
+    dotted key; effect.ID.PARAMETER.
+    """
+
+    format: Literal[1]
+    name: str
+    robot: str
+    duration_s: Positive
+    samples: int = Field(default=1, ge=1)
+    seed: int = 0
+    fixed: Annotated[dict[str, Finite], BeforeValidator(_flat)] = Field(default_factory=dict)
+    grid: Annotated[dict[str, Span | list[Finite]], BeforeValidator(_flat)] = Field(default_factory=dict)
+    random: Annotated[dict[str, Uniform | Normal], BeforeValidator(_flat)] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _each_key_once(self) -> Self:
+        keys = [*self.fixed, *self.grid, *self.random]
+        twice = sorted({key for key in keys if keys.count(key) > 1})
+        if twice:
+            raise ValueError(f"{', '.join(twice)} stands in more than one of fixed, grid and random")
+        empty = [key for key, values in self.grid.items() if isinstance(values, list) and not values]
+        if empty:
+            raise ValueError(f"grid.{empty[0]} holds no value")
+        return self
+
+    def axes(self) -> dict[str, list[float]]:
+        """Values of the grid by key."""
+        return {key: item.values() if isinstance(item, Span) else list(item) for key, item in self.grid.items()}
+
+    def __len__(self) -> int:
+        """Number of runs."""
+        return math.prod(len(values) for values in self.axes().values()) * self.samples
+
+    def points(self, start: int, stop: int) -> list[dict[str, float]]:
+        """Keys and values of runs start to stop."""
+        axes = self.axes()
+        first, last = start // self.samples, (max(stop, start + 1) - 1) // self.samples + 1
+        nodes = list(itertools.islice(itertools.product(*axes.values()), first, last))
+        found = []
+        for number in range(start, stop):
+            generator = np.random.default_rng([self.seed, number])
+            drawn = {key: item.draw(generator) for key, item in self.random.items()}
+            node = nodes[number // self.samples - first]
+            found.append(self.fixed | dict(zip(axes, node, strict=True)) | drawn)
+        return found
+
+
+def load_sweep(path: Path) -> Sweep:
+    """Read a sweep file; a robot given as a path is taken relative to it.
+
+    Raises OSError, tomllib.TOMLDecodeError, pydantic.ValidationError.
+    """
+    path = Path(path)
+    sweep = Sweep.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    if sweep.robot.endswith(".toml"):
+        return sweep.model_copy(update={"robot": str(path.resolve().parent / sweep.robot)})
+    return sweep
+
+
+def robot_of_sweep(sweep: Sweep) -> Robot:
+    """The robot of a sweep, keys checked against it. Raises as load_robot does, and SimulationError for a bad key."""
+    robot = load_robot(sweep.robot)
+    if not len(sweep):
+        raise SimulationError(f"{sweep.name}: the sweep holds no run")
+    try:
+        changed(robot, sweep.points(0, 1)[0])
+    except ValidationError as error:
+        fault = error.errors()[0]
+        place = ".".join(str(part) for part in fault["loc"])
+        raise SimulationError(f"{sweep.name}: {place or sweep.robot}: {fault['msg']}") from error
+    return robot
+
+
+def changed(robot: Robot, point: dict[str, float]) -> Robot:
+    """The robot with the keys of a point applied; command and start keys are left alone.
+
+    Raises SimulationError for a key that is none, pydantic.ValidationError for a value that cannot be.
+    """
+    keys = {key: value for key, value in point.items() if key not in COMMAND_KEYS and key not in START_KEYS}
+    if not keys:
+        return robot
+    content = robot.model_dump(mode="json", exclude_none=True)
+    effects: list[dict[str, Any]] = content["effect"]
+    for key, value in keys.items():
+        if key.startswith(EFFECT_PREFIX):
+            id_, _, parameter = key.removeprefix(EFFECT_PREFIX).partition(".")
+            entry = next((item for item in effects if item["id"] == id_), None)
+            if entry is None:
+                entry = {"id": id_}
+                effects.append(entry)
+            entry[parameter] = value
+            continue
+        *above, last = key.split(".")
+        table: Any = content
+        for part in above:
+            table = table.get(part) if isinstance(table, dict) else None
+        if not isinstance(table, dict) or isinstance(table.get(last, 0.0), (dict, list, str)):
+            raise SimulationError(f"{key} is no key of a sweep{_nearest(key, robot)}")
+        table[last] = value
+    try:
+        return Robot.model_validate(content)
+    except ValidationError as error:
+        extra = [
+            ".".join(str(p) for p in fault["loc"]) for fault in error.errors() if fault["type"] == "extra_forbidden"
+        ]
+        if extra:
+            raise SimulationError(f"{extra[0]} is no key of a sweep{_nearest(extra[0], robot)}") from error
+        raise
+
+
+def run_part(sweep: Sweep, robot: Robot, start: int, stop: int) -> pd.DataFrame:
+    """Simulate runs start to stop: a row each with its keys and the state at its end.
+
+    radius_mm is that of the path at the end, signed, infinite on a straight line. A run that cannot be has a reason in
+    status and NaN for its results.
+    """
+    import pandas as pd
+
+    from simulator.command import Command
+    from simulator.integrate import simulate_batch
+    from simulator.model import compile_robot
+
+    points = sweep.points(start, stop)
+    status, rows, models = [""] * len(points), [], []
+    known: dict[tuple[float, ...], Any] = {}
+    for number, point in enumerate(points):
+        own = tuple(value for key, value in point.items() if key not in COMMAND_KEYS and key not in START_KEYS)
+        try:
+            if own not in known:
+                known[own] = compile_robot(changed(robot, point))
+        except ValidationError as error:
+            status[number] = error.errors()[0]["msg"]
+        except SimulationError as error:
+            status[number] = str(error)
+        else:
+            models.append(known[own])
+            rows.append(number)
+    table = pd.DataFrame({"run": range(start, stop), **pd.DataFrame(points).to_dict("list")})
+    results = np.full((len(points), len(RESULTS)), np.nan)
+    if rows:
+        settings = [COMMAND_KEYS | START_KEYS | points[number] for number in rows]
+        commands = [Command.constant(item["left_rpm"], item["right_rpm"], item["start_s"]) for item in settings]
+        starts = np.zeros((len(rows), 6))
+        starts[:, :3] = [
+            (item["start.x_mm"], item["start.y_mm"], math.radians(item["start.heading_deg"])) for item in settings
+        ]
+        batch = simulate_batch(np.concatenate(models), commands, [0.0, sweep.duration_s], starts, summary=True)
+        x, y, heading, u, v, yaw_rate = batch.final.T
+        with np.errstate(divide="ignore"):
+            radius = 1 / batch.curvature_per_mm
+        results[rows] = np.stack([x, y, np.degrees(heading), np.hypot(u, v), np.degrees(yaw_rate), radius], axis=1)
+        for number, end in zip(rows, x, strict=True):
+            if np.isnan(end):
+                status[number] = "the motion cannot be followed"
+    return table.assign(**dict(zip(RESULTS, results.T, strict=True)), status=status)
+
+
+def _nearest(key: str, robot: Robot) -> str:
+    tables = {name: value for name, value in robot.model_dump(mode="json").items() if isinstance(value, dict)}
+    known = [f"{name}.{item}" for name, table in tables.items() for item in table]
+    near = difflib.get_close_matches(key, [*COMMAND_KEYS, *START_KEYS, *known], n=1, cutoff=0.5)
+    return f"; did you mean {near[0]}?" if near else ""

@@ -1,0 +1,125 @@
+"""Bad pictures end in one sentence that says what was found, never in a camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from calibration.camera import camera_above
+from calibration.errors import CalibrationError
+from calibration.gauge import Gauge
+from calibration.quality import assess
+from calibration.solve import calibrate
+from evaluator.cli.calibrate import calibrate as command
+from tests.calibration.drawing import draw_gauge, random_poses
+
+CAMERA = camera_above(size_px=(480, 360), focal_px=1200, distance_mm=120, tilt_deg=3, k1=-0.2)
+FIDUCIALS = tuple({"column": c, "row": r, "diameter_mm": 1.9} for c, r in ((6, 4), (9, 4), (6, 2)))
+
+
+def gauge_of(columns: int = 13, rows: int = 9, *, fiducials: bool = False, **dots: object) -> Gauge:
+    table = {"columns": columns, "rows": rows, "pitch_mm": 3.0, "diameter_mm": 1.2} | dots
+    return Gauge.model_validate(
+        {"format": 1, "name": "plate", "dots": table, "fiducial": FIDUCIALS if fiducials else ()}
+    )
+
+
+GAUGE = gauge_of()
+
+
+@pytest.fixture(scope="module")
+def pictures() -> list[np.ndarray]:
+    rng = np.random.default_rng(0)
+    return [draw_gauge(v, GAUGE, rng=rng, snr=40) for v in random_poses(CAMERA, 4, rng, tilt_deg=25, shift_mm=2)]
+
+
+@pytest.fixture(scope="module")
+def marked() -> np.ndarray:
+    return draw_gauge(CAMERA, gauge_of(fiducials=True), rng=np.random.default_rng(1), snr=40)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (gauge_of(11, 8), "array of about 13 × 9 dots .* does not fit the gauge"),
+        (gauge_of(15, 11), "array of about 13 × 9 dots .* does not fit the gauge"),
+        (gauge_of(layout="staggered"), "are pitch_mm and layout in its file those of this plate"),
+        (gauge_of(pitch_mm=(3.0, 4.0)), "are pitch_mm and layout in its file those of this plate"),
+        (gauge_of(color="white", background="black"), "dots of color white found"),
+        (gauge_of(fiducials=True), "fiducial dots that the gauge .* promises are not seen"),
+    ],
+)
+def test_gauge_file_of_another_plate_is_named_as_the_cause(pictures: list[np.ndarray], wrong: Gauge, said: str) -> None:
+    with pytest.raises(CalibrationError, match=said):
+        calibrate(pictures, wrong)
+
+
+def test_plate_upside_down_is_told_by_its_fiducials(marked: np.ndarray) -> None:
+    with pytest.raises(CalibrationError, match="seen from behind or in a mirror"):
+        calibrate([np.ascontiguousarray(marked[:, ::-1])], gauge_of(fiducials=True))
+
+
+def test_two_plates_in_view_are_told(pictures: list[np.ndarray]) -> None:
+    small = cv2.resize(pictures[0], (230, 172), interpolation=cv2.INTER_AREA)
+    both = np.full((360, 480), 200, np.uint8)
+    both[4:176, 4:234], both[184:356, 246:476] = small, small
+    with pytest.raises(CalibrationError, match="two dot arrays in view"):
+        calibrate([both], GAUGE)
+
+
+@pytest.mark.parametrize("kind", ["noise", "gradient", "chessboard"])
+def test_picture_of_something_else_is_told(kind: str) -> None:
+    y, x = np.mgrid[:360, :480]
+    picture = {
+        "noise": np.random.default_rng(0).integers(0, 255, x.shape),
+        "gradient": x // 2,
+        "chessboard": (x // 40 + y // 40) % 2 * 200,
+    }[kind]
+    with pytest.raises(CalibrationError, match="is it a sharp picture of the gauge"):
+        calibrate([picture.astype(np.uint8)], GAUGE)
+
+
+def test_picture_blurred_beyond_use_is_refused(pictures: list[np.ndarray]) -> None:
+    with pytest.raises(CalibrationError, match="blurred beyond use"):
+        calibrate([cv2.GaussianBlur(picture, (0, 0), 9) for picture in pictures], GAUGE)
+
+
+def test_pictures_of_different_size_are_refused(pictures: list[np.ndarray]) -> None:
+    with pytest.raises(CalibrationError, match="pictures differ in size: picture 1 480×360, picture 2 480×300"):
+        calibrate([pictures[0], pictures[1][:300]], GAUGE)
+
+
+def test_grey_colour_and_16_bit_pictures_give_the_same_camera(pictures: list[np.ndarray]) -> None:
+    grey = calibrate(pictures, GAUGE).camera.parameters
+    colour = calibrate([np.repeat(p[:, :, None], 3, axis=2) for p in pictures], GAUGE).camera.parameters
+    deep = calibrate([p.astype(np.uint16) * 257 for p in pictures], GAUGE).camera.parameters
+    assert np.allclose(grey, colour, atol=1e-3)
+    assert np.allclose(grey, deep, atol=1e-3)
+
+
+def test_strong_jpeg_blocks_are_survived_with_wider_intervals(pictures: list[np.ndarray]) -> None:
+    coded = [cv2.imdecode(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 10])[1], 0) for picture in pictures]
+    clean, blocky = calibrate(pictures, GAUGE).camera, calibrate(coded, GAUGE).camera
+    assert blocky.sigma("focal_px") > 1.5 * clean.sigma("focal_px")
+    assert abs(blocky.value("focal_px") - 1200) < 4 * blocky.sigma("focal_px")
+
+
+def test_one_picture_many_times_is_ill_conditioned_for_being_parallel(pictures: list[np.ndarray]) -> None:
+    verdict = assess(calibrate([pictures[0]] * 4, GAUGE))
+    assert verdict.level == "ill-conditioned"
+    assert "parallel" in verdict.summary
+
+
+def test_failed_calibration_leaves_no_file(tmp_path: Path) -> None:
+    picture, gauge, out = tmp_path / "p.png", tmp_path / "gauge.toml", tmp_path / "camera.json"
+    cv2.imwrite(str(picture), np.full((100, 100), 128, np.uint8))
+    gauge.write_text(
+        'format = 1\nname = "g"\n[dots]\ncolumns = 5\nrows = 4\npitch_mm = 3.0\ndiameter_mm = 1.0\n', encoding="utf-8"
+    )
+    run = CliRunner().invoke(command, [str(picture), "--gauge", str(gauge), "-o", str(out)])
+    assert isinstance(run.exception, CalibrationError)
+    assert not out.exists()

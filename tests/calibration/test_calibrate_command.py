@@ -1,0 +1,72 @@
+"""turnscope calibrate, dots and check-camera as a user runs them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from calibration.camera import camera_above
+from calibration.gauge import load_gauge
+from evaluator.cli.calibrate import calibrate, check_camera, dots
+from tests.calibration.drawing import draw_gauge, random_poses
+
+GAUGE = """format = 1
+name = "plate"
+[dots]
+columns = 11
+rows = 8
+pitch_mm = 3.0
+diameter_mm = 1.2
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("calibration")
+    (folder / "gauge.toml").write_text(GAUGE, encoding="utf-8")
+    gauge = load_gauge(folder / "gauge.toml")
+    camera = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=120, tilt_deg=4, k1=-0.3)
+    rng = np.random.default_rng(2)
+    for k, view in enumerate(random_poses(camera, 5, rng, tilt_deg=25, shift_mm=2)):
+        cv2.imwrite(str(folder / f"g{k}.png"), draw_gauge(view, gauge, rng=rng, snr=50))
+    return folder
+
+
+def test_pictures_become_camera_page_and_verdict(folder: Path) -> None:
+    pictures = [str(path) for path in sorted(folder.glob("g*.png"))]
+    out = folder / "camera.json"
+    run = CliRunner().invoke(calibrate, [*pictures, "--gauge", str(folder / "gauge.toml"), "-o", str(out)])
+    assert run.exit_code == 0, run.output
+    assert "sound: lengths and turning radii at 6.5 mm" in run.output
+    stored = json.loads(out.read_text(encoding="utf-8"))
+    assert stored["verdict"]["level"] == "sound"
+    assert stored["gauge"]["dots"]["columns"] == 11
+    page = out.with_suffix(".html").read_text(encoding="utf-8")
+    assert page.count("<svg") >= 4
+    assert "Where millimetres can be trusted" in page
+    checked = CliRunner().invoke(check_camera, [str(out), pictures[0]])
+    assert checked.exit_code == 0, checked.output
+    assert "the calibration holds" in checked.output
+
+
+def test_plate_picture_named_by_option_defines_the_frame(folder: Path) -> None:
+    pictures = [str(path) for path in sorted(folder.glob("g*.png"))]
+    frames = []
+    for order in (pictures, pictures[::-1]):
+        out = folder / "again.json"
+        arguments = [*order, "--gauge", str(folder / "gauge.toml"), "--plate", pictures[0], "-o", str(out), "--no-page"]
+        assert CliRunner().invoke(calibrate, arguments).exit_code == 0
+        frames.append(json.loads(out.read_text(encoding="utf-8"))["parameters"])
+    assert frames[0] == pytest.approx(frames[1], abs=1e-4)
+
+
+def test_dots_are_counted_and_drawn_without_a_gauge_file(folder: Path) -> None:
+    run = CliRunner().invoke(dots, [str(folder / "g0.png"), "--annotate", str(folder / "seen")])
+    assert run.exit_code == 0, run.output
+    assert "88 assigned to a square array of 11 × 8" in run.output
+    assert cv2.imread(str(folder / "seen" / "g0-dots.png")).shape == (300, 400, 3)

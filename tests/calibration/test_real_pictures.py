@@ -1,0 +1,60 @@
+"""Photographs by others, outside this project; skipped where the folder is absent."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from calibration.assign_grid import assign_grid, rows_and_columns
+from calibration.detect_dots import detect_dots
+from calibration.gauge import Gauge
+from calibration.picture import read_picture
+from calibration.quality import assess
+from calibration.solve import calibrate
+
+REAL = Path(__file__).parents[3] / "shared" / "real"
+pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason="the folder of real recordings, ../shared/real, is absent")
+SYMMETRIC = sorted((REAL / "dot_grids" / "symmetric_grid").glob("*.png"))
+ASYMMETRIC = sorted((REAL / "dot_grids" / "asymmetric_grid").glob("*.png"))
+
+
+@pytest.mark.parametrize(
+    ("name", "least"), [("dot_pattern_01", 6300), ("dot_pattern_02", 1290), ("GoPro8_dot_pattern", 1550)]
+)
+def test_dense_arrays_are_assigned(name: str, least: int) -> None:
+    lattice = assign_grid(detect_dots(read_picture(REAL / "dot_arrays" / f"{name}.jpg")))
+    assert len(lattice) >= least
+
+
+@pytest.mark.parametrize("path", SYMMETRIC, ids=lambda path: path.stem[-8:])
+def test_symmetric_photographs_are_assigned_whole(path: Path) -> None:
+    assert len(assign_grid(detect_dots(read_picture(path)))) >= 30
+
+
+@pytest.mark.parametrize("path", ASYMMETRIC, ids=lambda path: path.stem[-8:])
+def test_asymmetric_photographs_are_assigned_whole(path: Path) -> None:
+    lattice = assign_grid(detect_dots(read_picture(path)))
+    layout, index = rows_and_columns(lattice)
+    assert (len(lattice), layout, (index.max(axis=0) + 1).tolist()) == (44, "staggered", [4, 11])
+
+
+def test_lines_of_the_dense_array_become_straight() -> None:
+    # the array goes on beyond the picture: any size that holds it will do
+    dots = {"columns": 102, "rows": 80, "pitch_mm": 1.0, "diameter_mm": 0.48}
+    gauge = Gauge.model_validate({"format": 1, "name": "dense", "dots": dots})
+    found = calibrate([read_picture(REAL / "dot_arrays" / "dot_pattern_01.jpg")], gauge)
+    assert len(found.views[0]) >= 6300
+    assert found.rms_px < 0.1  # discorpy: 0.46
+
+
+@pytest.mark.parametrize("kind", ["symmetric", "asymmetric"])
+def test_published_degenerate_sets_are_called_so(kind: str) -> None:
+    dots = {"columns": 6, "rows": 5, "pitch_mm": 10.0, "diameter_mm": 6.0}
+    if kind == "asymmetric":
+        dots = {"columns": 4, "rows": 11, "pitch_mm": (10.0, 5.0), "diameter_mm": 5.0, "layout": "staggered"}
+    gauge = Gauge.model_validate({"format": 1, "name": kind, "dots": dots})
+    paths = SYMMETRIC if kind == "symmetric" else ASYMMETRIC
+    verdict = assess(calibrate([read_picture(path) for path in paths], gauge))
+    assert verdict.level == "ill-conditioned"
+    assert verdict.next_steps

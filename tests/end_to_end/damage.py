@@ -1,0 +1,100 @@
+"""Ten ways in which recordings arrive damaged, and the words a user needs to hear."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import av
+import numpy as np
+
+Damage = Callable[[Path, Path], None]
+
+
+def cut_in_the_middle(good: Path, target: Path) -> None:
+    """The file stops half way; its index stands at the front, so it opens."""
+    with av.open(str(good)) as source, av.open(str(target), "w", options={"movflags": "faststart"}) as copy:
+        stream = source.streams.video[0]
+        same = copy.add_stream_from_template(stream)
+        for packet in source.demux(stream):
+            if packet.dts is not None:
+                packet.stream = same
+                copy.mux(packet)
+    content = target.read_bytes()
+    target.write_bytes(content[: len(content) // 2])
+
+
+def cut_before_its_index(good: Path, target: Path) -> None:
+    """The file stops half way, and its index stood at the end."""
+    content = good.read_bytes()
+    target.write_bytes(content[: len(content) // 2])
+
+
+def without_robot(good: Path, target: Path) -> None:
+    """The plate, and no robot on it."""
+    del good
+    _write_video(target, _plates(24), "yuv420p")
+
+
+def grey(good: Path, target: Path) -> None:
+    """Recorded without colour."""
+    del good
+    _write_video(target, _plates(24), "gray")
+
+
+def one_picture(good: Path, target: Path) -> None:
+    """A still instead of a recording."""
+    del good
+    _write_video(target, _plates(1), "yuv420p")
+
+
+def sound_only(good: Path, target: Path) -> None:
+    """The microphone was on, the camera was not."""
+    del good
+    with av.open(str(target), "w") as file:
+        stream = file.add_stream("aac", rate=48000)
+        frame = av.AudioFrame.from_ndarray(np.zeros((1, 2048), np.float32), format="fltp", layout="mono")
+        frame.sample_rate = 48000
+        for packet in (*stream.encode(frame), *stream.encode()):
+            file.mux(packet)
+
+
+def text(good: Path, target: Path) -> None:
+    """Something else under the name of a video."""
+    del good
+    target.write_text("Dear colleague, the recordings are on the other disk.\n" * 40, encoding="utf-8")
+
+
+def overwritten(good: Path, target: Path) -> None:
+    """The right size, and zeros inside."""
+    target.write_bytes(bytes(good.stat().st_size))
+
+
+DAMAGES: dict[str, tuple[Damage, str]] = {
+    "missing": (lambda _, __: None, "no such file"),
+    "empty": (lambda _, target: target.touch(), "empty"),
+    "folder": (lambda _, target: target.mkdir(), "folder of pictures has no clock"),
+    "text": (text, "not a video"),
+    "overwritten": (overwritten, "not a video"),
+    "cut": (cut_in_the_middle, "cut off after"),
+    "cut-index": (cut_before_its_index, "not a video that FFmpeg can open"),
+    "sound": (sound_only, "holds no video"),
+    "grey": (grey, "mark is in none of the 24 pictures"),
+    "no-robot": (without_robot, "mark is in none of the 24 pictures"),
+}
+
+
+def _plates(count: int) -> list[np.ndarray]:
+    random = np.random.default_rng(3)
+    return [random.normal(90, 3, (120, 160)).clip(0, 255).astype(np.uint8) for _ in range(count)]
+
+
+def _write_video(target: Path, pictures: list[np.ndarray], pixels: str) -> None:
+    with av.open(str(target), "w") as video:
+        stream = video.add_stream("libx264", rate=60)
+        stream.width, stream.height, stream.pix_fmt = 160, 120, pixels
+        for picture in pictures:
+            for packet in stream.encode(av.VideoFrame.from_ndarray(picture, format="gray")):
+                video.mux(packet)
+        for packet in stream.encode():
+            video.mux(packet)

@@ -1,0 +1,127 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evaluator.recording import open_recording
+from evaluator.tracking import TrackingSettings, track
+from evaluator.tracking.disc import cut_patch, fit, learn_disc
+from evaluator.tracking.kernels import VAR_X, VAR_Y, X, Y
+from tests.evaluator.tracking.synthetic import GREEN, coverage, draw, turning_marks, write_video
+
+SIZE = (240, 200)
+FRAMES = 60
+Paint = Callable[[np.ndarray, int], None]
+
+
+def tracked(
+    path: Path, paint: Paint, *, repeat: int | None = None, seed: int = 2
+) -> tuple[pd.DataFrame, dict[str, np.ndarray]]:
+    """Track a lossless clip that `paint` has disturbed; its truth."""
+    rng = np.random.default_rng(seed)
+    truth = turning_marks(FRAMES, (118.0, 100.0), 36.0, 10.0, 0.02)
+    pictures = []
+    for k in range(FRAMES):
+        picture = draw(rng, SIZE, {name: tuple(points[k]) for name, points in truth.items()}, 5.0, 0.8, 2.5)
+        paint(picture, k)
+        pictures.append(pictures[repeat - 1] if k == repeat else picture)
+    video = write_video(path / "clip.mkv", pictures, pixels="yuv420p")
+    return track(open_recording(video)), truth
+
+
+def errors(table: pd.DataFrame, truth: dict[str, np.ndarray], name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Error and error over its stated uncertainty."""
+    error = table[[f"{name}_x_px", f"{name}_y_px"]].to_numpy() - truth[name]
+    return error, error / table[[f"{name}_x_sigma_px", f"{name}_y_sigma_px"]].to_numpy()
+
+
+def blend(picture: np.ndarray, share: np.ndarray, color: tuple[int, int, int]) -> None:
+    picture[:] = np.rint(picture * (1 - share[..., None]) + share[..., None] * np.array(color))
+
+
+def untouched(picture: np.ndarray, k: int) -> None:
+    del picture, k
+
+
+def test_a_wire_across_a_mark_never_makes_a_silent_error(tmp_path: Path) -> None:
+    x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
+
+    def wire(picture: np.ndarray, k: int) -> None:
+        away = np.abs((x - 60 - 1.5 * k) * np.cos(0.3) + (y - 100) * np.sin(0.3))
+        blend(picture, np.clip(2.0 - away, 0, 1), (20, 20, 22))
+
+    table, truth = tracked(tmp_path, wire)
+    for name in truth:
+        _, normal = errors(table, truth, name)
+        assert (np.abs(normal[np.isfinite(normal)]) < 5).all()
+        assert (table[f"{name}_status"] == "ok").mean() > 0.8
+
+
+def test_a_mark_that_vanishes_is_absent_and_is_found_again_within_two_pictures(tmp_path: Path) -> None:
+    def cover(picture: np.ndarray, k: int) -> None:
+        if 25 <= k < 35:
+            picture[:] = 120
+
+    table, truth = tracked(tmp_path, cover)
+    for name in truth:
+        status = table[f"{name}_status"].to_numpy()
+        assert (status[25:35] != "ok").all()
+        assert table[f"{name}_x_px"][25:35].isna().all()
+        assert (status[37:] == "ok").all()
+        assert np.nanmax(np.abs(errors(table, truth, name)[0])) < 0.06
+
+
+def test_other_green_things_are_not_taken_for_the_mark(tmp_path: Path) -> None:
+    def distract(picture: np.ndarray, k: int) -> None:
+        for place, radius in (((20.0, 20.0), 9.0), ((30.0 + 3.0 * k, 188.0), 5.0)):
+            blend(picture, coverage(SIZE, place, radius, 0.8), GREEN)
+
+    table, truth = tracked(tmp_path, distract)
+    assert np.nanmax(np.abs(errors(table, truth, "green")[0])) < 0.1
+    assert (table["green_status"] == "ok").all()
+
+
+def test_marks_stay_found_when_the_lights_change(tmp_path: Path) -> None:
+    def lights(picture: np.ndarray, k: int) -> None:
+        picture[:] = np.rint(picture * (0.4 if k < 20 else 1.0 if k < 40 else 0.55))
+
+    table, truth = tracked(tmp_path, lights)
+    for name in truth:
+        assert (table[f"{name}_status"] == "ok").all()
+        assert np.sqrt(np.mean(errors(table, truth, name)[0] ** 2)) < 0.03
+
+
+def test_a_repeated_picture_is_no_measurement_of_a_moving_mark(tmp_path: Path) -> None:
+    table, _ = tracked(tmp_path, untouched, repeat=30)
+    assert table["green_status"][30] == "repeated picture"
+    assert (table["green_status"].drop(30) == "ok").all()
+
+
+@pytest.mark.parametrize(("radius", "blur", "snr"), [(3.0, 0.5, 20.0), (5.0, 0.8, 30.0), (10.0, 1.5, 60.0)])
+def test_centres_reach_the_cramer_rao_bound_and_state_their_error(radius: float, blur: float, snr: float) -> None:
+    rng = np.random.default_rng(11)
+    side = int(2 * radius + 24)
+    centers = side / 2 + rng.uniform(-0.5, 0.5, (80, 2))
+    pictures = [
+        np.clip(np.rint(40 + 120 * coverage((side, side), tuple(center), radius, blur) + rng.normal(0, 120 / snr, (side,
+        side))), 0, 255) for center in centers
+    ]  # fmt: skip
+    pictures = [picture.astype(np.uint8) for picture in pictures]
+    patches = [cut_patch(picture, (0, 1), (side / 2, side / 2), radius + 6) for picture in pictures[:12]]
+    disc, _ = learn_disc(patches, 1.15 * radius)
+    fits = np.array([fit(picture, (0, 1), (side / 2, side / 2), disc) for picture in pictures])
+    error = fits[:, [X, Y]] - centers
+    # The lens blur and the pixel together, at the true number of pixels: the bound of issue and textbook.
+    edge = np.hypot(blur, np.sqrt(1 / 12))
+    bound = np.sqrt(2 * np.sqrt(np.pi) * edge / (np.pi * radius)) / snr
+    assert np.sqrt(np.mean(error**2)) < 1.2 * bound
+    assert 0.85 < np.std(error / np.sqrt(fits[:, [VAR_X, VAR_Y]])) < 1.15
+
+
+def test_settings_refuse_what_they_do_not_know() -> None:
+    with pytest.raises(ValueError, match="diametre"):
+        TrackingSettings.model_validate({"mark": {"green": {"diametre": 3}}})

@@ -1,0 +1,69 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evaluator.pose import poses_from_marks
+from evaluator.turning import RobotShape, Turning, measure_turning
+
+from .synthetic import FRAME_S, GEOMETRY, arc_poses, marks_of, resting, straight_poses, winding_poses
+
+SHAPE = RobotShape(((2.0, 2.0), (2.0, -2.0), (-2.0, 2.0), (-2.0, -2.0)), 0.5, 5.0, 9.0)
+YAW_RATE = np.radians(1.0) / FRAME_S  # of arc_poses(…, 360, 361)
+
+
+def measured(poses: np.ndarray, sigma_mm: float = 0.0, **options: object) -> Turning:
+    marks = marks_of(poses, sigma_mm, np.random.default_rng(1))
+    return measure_turning(poses_from_marks(marks, GEOMETRY), shape=SHAPE, **options)  # type: ignore[arg-type]
+
+
+def test_radii_of_points_follow_from_the_centre_of_rotation() -> None:
+    turning = measured(arc_poses(5.0, 360, 361, slip_rad=0.0))
+    assert (turning.rotation_x_mm, turning.rotation_y_mm) == pytest.approx((0.0, 5.0), abs=1e-4)
+    assert turning.green_radius_mm == pytest.approx(np.hypot(1.55, 5.0 - 1.83), rel=1e-4)
+    assert turning.yellow_radius_mm == pytest.approx(np.hypot(1.55, 5.0 + 1.83), rel=1e-4)
+    assert turning.outer_wheel_radius_mm == pytest.approx(np.hypot(2.0, 7.0), rel=1e-4)
+    assert turning.wall_to_wall_radius_mm == pytest.approx(np.hypot(2.5, 9.5), rel=1e-4)
+
+
+def test_wheel_slips_follow_from_the_motion_and_the_commanded_rotation() -> None:
+    rolling_rpm = 60 / (2 * np.pi * 0.5)  # 1 mm/s at the rim
+    left, right = 3.0 * YAW_RATE * rolling_rpm, 2 * 7.0 * YAW_RATE * rolling_rpm
+    turning = measured(arc_poses(5.0, 360, 361, slip_rad=0.0), left_rpm=left, right_rpm=right)
+    assert turning.front_left_slip_ratio == pytest.approx(0.0, abs=1e-4)
+    assert turning.front_right_slip_ratio == pytest.approx(-0.5, abs=1e-4)
+    assert turning.front_left_slip_angle_deg == pytest.approx(np.degrees(np.arctan2(2.0, 3.0)), abs=0.01)
+    assert turning.rear_right_slip_angle_deg == pytest.approx(np.degrees(np.arctan2(-2.0, 7.0)), abs=0.01)
+
+
+def test_circle_drives_evenly_and_its_centre_does_not_wander() -> None:
+    turning = measured(arc_poses(5.0, 720, 600), 0.005)
+    assert turning.path_efficiency == pytest.approx(1.0, abs=2e-3)
+    assert turning.speed_ripple < 0.01
+    assert turning.center_wander_mm < 0.01
+
+
+def test_weaving_run_has_a_longer_path_than_a_straight_one() -> None:
+    along = np.linspace(0, 60, 600)
+    weaving = winding_poses(0.3 * np.cos(2 * np.pi * along / 15), along[1], slip_rad=0.0)
+    assert measured(weaving, 0.002).path_efficiency < 0.95
+    assert measured(straight_poses(60, 600), 0.002).path_efficiency > 0.998
+
+
+def test_jerky_drive_is_less_smooth_than_a_steady_one() -> None:
+    steady = resting(arc_poses(5.0, 360, 300), 30, 30)
+    time = np.arange(300) / 300
+    uneven = 5.0 * 2 * np.pi * (time + 0.02 * np.sin(2 * np.pi * 8 * time))
+    turned = uneven / 5.0
+    jerky = np.column_stack([5 * np.sin(turned), 5 * (1 - np.cos(turned)), turned - 0.1])
+    assert measured(resting(jerky, 30, 30), 0.002).smoothness < measured(steady, 0.002).smoothness
+
+
+def test_speed_uncertainty_is_the_scatter_over_runs() -> None:
+    truth = arc_poses(5.0, 180, 120)
+    runs = [
+        measure_turning(poses_from_marks(marks_of(truth, 0.02, np.random.default_rng(seed)), GEOMETRY))
+        for seed in range(30)
+    ]
+    stated = np.median([run.speed_sigma_mm_s for run in runs])
+    assert stated == pytest.approx(np.std([run.speed_mm_s for run in runs]), rel=0.6)

@@ -1,0 +1,77 @@
+"""An independent simulator, written from the paper's equations in plain Python, for tests and benchmarks only.
+
+Nothing is shared with the kernels but the robot file: Eqs. (1) to (8) in the reading of the model notes, integrated by
+scipy from break to break of the command.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from simulator.robot import Robot
+
+Array = NDArray[np.float64]
+Rates = Callable[[float, Array], list[float]]
+
+
+def plain_rates(robot: Robot, left_rpm: float, right_rpm: float, rest_speed: float = 1e-4) -> Rates:
+    """Derivative of (x, y, heading, u, v, yaw rate) in plain Python."""
+    mass, inertia, slip = robot.body.mass_g, robot.yaw_inertia_g_mm2, robot.slip
+    weight = robot.weight_uN / 4
+    ratio = slip.longitudinal_stiffness / slip.lateral_stiffness
+    wheels = []
+    for number, (x, y) in enumerate(robot.wheel_positions_mm().tolist()):
+        driving = number < 2
+        attraction = robot.magnetic_attraction
+        load = weight + 1000 * (attraction.driving_wheel_mN if driving else attraction.driven_wheel_mN)
+        stiffness = slip.lateral_stiffness * (load if slip.stiffness_basis == "load" else weight)
+        rpm = (left_rpm, right_rpm)[number] if driving else None
+        surface = None if rpm is None else 2 * math.pi * robot.wheels.radius_mm * rpm / 60
+        grips = (slip.longitudinal_friction * load, slip.lateral_friction * load)
+        wheels.append((x, y, *grips, stiffness / grips[0], stiffness / grips[1], surface))
+
+    sqrt, sin, atan, shape_x, shape_y = math.sqrt, math.sin, math.atan, slip.longitudinal_shape, slip.lateral_shape
+    decrease, rest = slip.friction_decrease, rest_speed * rest_speed
+
+    def rates(_time: float, state: Array) -> list[float]:
+        _, _, heading, u, v, r = state.tolist()
+        along = across = moment = 0.0
+        for x, y, grip_x, grip_y, steep_x, steep_y, surface in wheels:
+            wheel_u, wheel_v = u - r * y, v + r * x
+            forward = sqrt(wheel_u * wheel_u + rest)
+            speed = sqrt(forward * forward + wheel_v * wheel_v)
+            side, pull = wheel_v / speed, 0.0
+            if surface is not None:
+                pull = ratio * (wheel_u - surface) / max(forward, abs(surface)) * forward / speed
+            sigma = sqrt(side * side + pull * pull) or 1e-300
+            level = (1 - decrease * sigma) / sigma
+            force_x = -pull * level * grip_x * sin(shape_x * atan(steep_x * sigma)) if pull else 0.0
+            force_y = -side * level * grip_y * sin(shape_y * atan(steep_y * sigma))
+            along += force_x
+            across += force_y
+            moment += x * force_y - y * force_x
+        cos, sine = math.cos(heading), sin(heading)
+        turning = [along / mass + r * v, across / mass - r * u, moment / inertia]
+        return [cos * u - sine * v, sine * u + cos * v, r, *turning]
+
+    return rates
+
+
+def integrated(
+    pieces: list[tuple[float, float, Rates]], times: Array, rtol: float, atol: float, method: str = "LSODA"
+) -> Array:
+    """States (n, 6) at times from rest at the origin; pieces: (begin, end, rates), each integrated by itself."""
+    states = np.zeros((len(times), 6))
+    state = np.zeros(6)
+    for begin, end, rates in pieces:
+        inside = (times > begin) & (times <= end)
+        asked = np.unique(np.append(times[inside], end))
+        found = solve_ivp(rates, (begin, end), state, method, asked, rtol=rtol, atol=atol)
+        states[inside] = found.y.T[: int(inside.sum())]
+        state = found.y[:, -1]
+    return states

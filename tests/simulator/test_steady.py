@@ -1,0 +1,66 @@
+"""Steady turns: against integration, over every ratio, through folds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from simulator.command import Command
+from simulator.integrate import simulate
+from simulator.robot import load_robot
+from simulator.steady import steady_branch, steady_map, steady_turn, steady_turns
+
+
+@pytest.mark.parametrize("ratio", [0.9, 0.5, 0.1, 0.0, -0.3, -0.9])
+def test_steady_turn_is_where_integration_ends(ratio: float) -> None:
+    robot = load_robot("barrel")
+    run = simulate(robot, Command.constant(30.0, 30.0 * ratio), np.linspace(0.0, 3.0, 4))
+    turn = steady_turn(robot, 30.0, 30.0 * ratio)
+    assert turn.stable
+    assert run.yaw_rate_rad_s[-1] == pytest.approx(turn.yaw_rate_rad_s, rel=1e-7)
+    assert run.u_mm_s[-1] == pytest.approx(turn.u_mm_s, rel=1e-7, abs=1e-9)
+
+
+def test_forces_balance_and_wheels_are_reported() -> None:
+    robot = load_robot("barrel")
+    turn = steady_turn(robot, 30.0, 12.0)
+    x, y = robot.wheel_positions_mm().T
+    along, across = 1000 * turn.wheels.longitudinal_force_mN, 1000 * turn.wheels.lateral_force_mN
+    inertia = robot.body.mass_g * turn.yaw_rate_rad_s * np.array([turn.v_mm_s, -turn.u_mm_s])
+    assert np.abs(np.array([along.sum(), across.sum()]) + inertia).max() < 1e-6
+    assert abs((x * across - y * along).sum()) < 1e-6
+    assert np.all(turn.wheels.slip_ratio[2:] == 0)
+
+
+@pytest.mark.parametrize("name", ["tire", "barrel", "column"])
+def test_map_is_complete_from_straight_to_opposed_wheels_and_scale_free(name: str) -> None:
+    found = steady_map(load_robot(name), [20.0, 50.0], np.linspace(1.0, -0.9, 39))
+    assert not np.isnan(found.yaw_rate_rad_s).any()
+    if name == "barrel":
+        # A law that is normalized by load knows no speed (Figure 14); inertia is what differs.
+        assert np.allclose(found.curvature_per_mm[0], found.curvature_per_mm[1], rtol=2e-3, atol=1e-9)
+        assert np.all(np.diff(found.curvature_per_mm[0][found.ratio > 0.05]) < 0)
+
+
+def test_several_balances_of_the_tire_in_opposition_are_found_and_told_apart() -> None:
+    turns = steady_turns(load_robot("tire"), 30.0, -9.0)
+    assert sum(turn.stable for turn in turns) >= 2
+    assert any(not turn.stable for turn in turns)
+    assert steady_turn(load_robot("tire"), 30.0, -9.0).stable
+
+
+def test_branch_passes_from_one_ratio_to_the_other_through_known_turns() -> None:
+    robot = load_robot("barrel")
+    branch = steady_branch(robot, 30.0, steady_turn(robot, 30.0, 27.0), 0.9, 0.2)
+    assert branch.ratio[0] == pytest.approx(0.9)
+    assert branch.ratio[-1] == pytest.approx(0.2, abs=0.03)
+    assert branch.stable.all()
+    middle = len(branch.ratio) // 2
+    turn = steady_turn(robot, 30.0, 30.0 * branch.ratio[middle])
+    assert branch.curvature_per_mm[middle] == pytest.approx(turn.curvature_per_mm, rel=1e-6)
+
+
+def test_straight_line_has_infinite_radius() -> None:
+    turn = steady_turn(load_robot("tire"), 60.0, 60.0)
+    assert turn.radius_mm == float("inf")
+    assert turn.u_mm_s == pytest.approx(np.pi, rel=1e-4)
