@@ -103,6 +103,7 @@ def batches(peer: float) -> None:
 
 def effects() -> None:
     """A run as fits see it: nominal, with several effects, and with each effect of the catalogue."""
+    numba.set_num_threads(1)  # one run needs no second thread, and waiting for one would be all that is measured
     robot = load_robot("barrel")
     trials = Trials([Command.steps([(0.0, 33.3, 14.4), (5.0, -33.3, -14.4)])], [TIMES_S])
 
