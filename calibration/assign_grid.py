@@ -18,6 +18,7 @@ from calibration.neighbours import nearest
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 SEEDS = 12  # attempts: distractors may form small lattices of their own, a torn sheet several
+SPECK = 0.4  # of the diameter of the dots around: no gauge has fiducials that small
 SMALLEST_LATTICE = 6  # dots; fewer make no lattice
 
 
@@ -66,7 +67,15 @@ def assign_grid(dots: Dots) -> Lattice:
         return empty
     best = max(found, key=len)
     others = sum(len(lattice) for lattice in found if lattice is not best and 2 * len(lattice) >= len(best))
-    return Lattice(best.dot, _reduced(points[best.dot], best.index), others)
+    return _without_specks(dots, Lattice(best.dot, _reduced(points[best.dot], best.index), others))
+
+
+def _without_specks(dots: Dots, lattice: Lattice) -> Lattice:
+    """Drop members far smaller than those around them: dirt and reflections that happen to lie on a place."""
+    _, neighbours = nearest(dots.centers_px[lattice.dot], 8)
+    size = dots.diameter_px[lattice.dot]
+    keep = size > SPECK * np.median(size[neighbours], axis=1)
+    return Lattice(lattice.dot[keep], lattice.index[keep], lattice.others)
 
 
 def _reduced(points: Array, index: Integers) -> Integers:

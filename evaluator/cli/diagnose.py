@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 STEPS = 100  # of the progress bar
+SENTENCES = 4  # of where, on the screen; all are in diagnosis.json
+PLATE_MM = 30.0  # reach of a usual plate
 
 
 @click.command(epilog="\b\nExample:\n  turnscope diagnose experiment.toml -o out/")
@@ -74,7 +76,52 @@ def summary(content: dict[str, Any]) -> list[str]:
             f"  gap on fitted runs {_mm(before['fit'])} -> {_mm(after['fit'])}, on runs kept aside "
             f"{_mm(before['held_out'])} -> {_mm(after['held_out'])}; noise floor {_mm(gap['noise_floor'])}"
         )
+    lines += [f"  {item['sentence']}" for item in content["where"][:SENTENCES]]
+    following = content["next_experiment"]
+    if following:
+        apart = ", ".join(f"{name} {sigmas:.1f} sigmas" for name, sigmas in following["separation_sigmas"].items())
+        lines.append(
+            f"  next run: {following['left_rpm']:g} / {following['right_rpm']:g} rpm, start heading "
+            f"{following['heading_deg']:g} degrees, {following['duration_s']:g} s; expected separation: {apart}"
+        )
     return lines
+
+
+@click.command(epilog="\b\nExample:\n  turnscope plan --robot barrel --runs 16 --rpm 30 --rpm 60")
+@click.option("--robot", default="barrel", show_default=True, metavar="NAME|FILE", help="The robot to be driven.")
+@click.option(
+    "--runs", type=click.IntRange(min=1, max=200), default=16, show_default=True, help="How many runs to plan."
+)
+@click.option(
+    "--rpm",
+    "levels",
+    type=click.FloatRange(min=0, min_open=True),
+    multiple=True,
+    default=(30.0, 60.0),
+    show_default=True,
+    help="A speed of the faster wheel; repeat for more.",
+)
+@json_option
+def plan(robot: str, runs: int, levels: tuple[float, ...], as_json: bool) -> int:
+    """Propose the runs of a good experiment.
+
+    The runs together tell most about all effects at once, under a usual tracking noise and run-to-run scatter. Start
+    every run near the middle of the plate, at the heading given; the runs are listed by how much they tell.
+    """
+    from evaluator.discrepancy.next_run import plan_runs
+    from evaluator.discrepancy.terms import named_terms
+    from evaluator.files import read_with
+    from simulator.robot import load_robot
+
+    chosen = plan_runs(read_with(load_robot, Path(robot)), named_terms(PLATE_MM, levels), levels, runs)
+    rows = [{"left_rpm": r.left_rpm, "right_rpm": r.right_rpm, "heading_deg": r.heading_deg} for r in chosen]
+    if as_json:
+        click.echo(json.dumps(rows, indent=2))
+        return 0
+    click.echo(f"{'run':>4} {'left rpm':>9} {'right rpm':>9} {'start heading':>14}")
+    for number, run in enumerate(rows, 1):
+        click.echo(f"{number:4d} {run['left_rpm']:9.1f} {run['right_rpm']:9.1f} {run['heading_deg']:10.0f} deg")
+    return 0
 
 
 def _mm(value: float | None) -> str:

@@ -7,18 +7,21 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.discrepancy.adequacy import Adequacy, adequacy
 from evaluator.discrepancy.experiment import Session, held_out_runs, shortcomings
-from evaluator.discrepancy.fit import Fit, place_runs
+from evaluator.discrepancy.fit import Fit, place_runs, place_starts
 from evaluator.discrepancy.free import free_terms
 from evaluator.discrepancy.gap import Gap, noise_floor, run_gaps
+from evaluator.discrepancy.next_run import NextRun, best_next_run
 from evaluator.discrepancy.problem import Point, Problem, build_problem, with_noise_of
 from evaluator.discrepancy.rivals import Set, Standing, is_free, predictive_score, separations, standing
 from evaluator.discrepancy.search import Screen, Search, fit_set, run_search, screen
 from evaluator.discrepancy.simulated import Simulated
 from evaluator.discrepancy.terms import Term, named_terms
+from evaluator.discrepancy.where import Dependence, dependences, pieces
 
 Floats = NDArray[np.float64]
 Verdict = Literal["none", "effect", "unknown", "insufficient"]
@@ -34,8 +37,8 @@ ABSTAIN = 6.0
 EXCESS = 1.25
 EXCESS_SIGMA = 6.0
 SETTLED_NOISE = 0.9  # a search is repeated where its best model lowers the noise below this share
-RIVALS_KEPT = 6
-FREE_REFITTED = 4
+RIVALS_KEPT = 4
+FREE_REFITTED = 3
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,9 @@ class Diagnosis:
     gap: Gap | None = None
     confirmation: float = float("nan")  # gain in log density of the runs kept aside
     terms: Mapping[str, Term] | None = None
+    pieces: pd.DataFrame | None = None
+    where: tuple[Dependence, ...] = ()
+    next_run: NextRun | None = None
 
     @property
     def fit(self) -> Fit:
@@ -98,17 +104,21 @@ def diagnose(session: Session, progress: Progress) -> Diagnosis:
         )
     progress("confirmation", 0.9)
     fit = everything.fits[chosen]
-    before = Point(fit.point.own)
     gap_fit = part.fits.get(chosen) or _refit_on(part, everything, chosen)
+    after = place_runs(problem, replace(gap_fit.point, own=fit.point.own), problem_runs, fit.posterior.scatter)
+    before = place_starts(problem, Point(after.own), problem_runs)
     gap = Gap(
-        run_gaps(problem, before, problem_runs, fit.posterior.scatter),
-        run_gaps(problem, replace(gap_fit.point, own=fit.point.own), problem_runs, fit.posterior.scatter),
+        run_gaps(problem, before, problem_runs),
+        run_gaps(problem, after, problem_runs),
         noise_floor(problem, problem_runs),
     )
     gain = float("nan")
     if held_out and chosen:
         gain = predictive_score(part, gap_fit, held_out) - predictive_score(part, part.null, held_out)
     apart = separations(everything, best_named) if best_named else {}
+    progress("where and what next", 0.95)
+    table_of_pieces = pieces(problem, before)
+    following = best_next_run(everything, chosen, table, apart, _levels(session))
     return Diagnosis(
         verdict,
         reason,
@@ -125,6 +135,9 @@ def diagnose(session: Session, progress: Progress) -> Diagnosis:
         gap,
         gain,
         terms,
+        table_of_pieces,
+        tuple(dependences(table_of_pieces)),
+        following,
     )
 
 
@@ -155,7 +168,7 @@ def _on_all_runs(part: Search, terms: Mapping[str, Term]) -> Search:
     whole = Search(part.problem, terms, part.tolerance, tuple(range(len(part.problem.data))))
     leading = part.ranked()[:RIVALS_KEPT]
     wanted = {frozenset[str](), *leading}
-    wanted |= {ids - {effect} for ids in leading[:2] for effect in ids}  # for the drop-one tests
+    wanted |= {ids - {effect} for ids in leading[:1] for effect in ids}  # for the drop-one tests
     for ids in sorted(wanted, key=lambda ids: (len(ids), sorted(ids))):
         origin = part.fits.get(ids) or part.null
         fit_set(whole, ids, {effect: origin.point.terms.get(effect, terms[effect].neutral) for effect in ids}, origin)
@@ -190,7 +203,7 @@ def _kept(search: Search, table: Standing) -> Set:
         if any(is_free(effect) for effect in ids):
             continue
         without = [ids - {effect} for effect in ids]
-        if all(rest in search.fits and table.of(ids) - table.of(rest) > KEEP for rest in without):
+        if all(rest not in search.fits or table.of(ids) - table.of(rest) > KEEP for rest in without):
             return ids
     return frozenset()
 

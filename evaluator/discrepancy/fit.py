@@ -18,8 +18,13 @@ from evaluator.discrepancy.terms import Term
 
 Floats = NDArray[np.float64]
 
-MOST_STEPS = 12
-SETTLED = 0.02  # change of -2 log likelihood below which a fit has converged: a hundredth of what any decision needs
+MOST_STEPS = 10
+# Promised change of -2 log density below which a fit has converged: a hundredth of what any decision needs.
+SETTLED = 0.05
+# A step that fails at this promise met the noise of finite differences, not a wrong direction.
+STALLED = 0.5
+DAMPINGS = (1.0, 0.4, 0.12, 0.03)
+OWN_PASSES = 3
 
 
 @dataclass(frozen=True)
@@ -69,84 +74,99 @@ def fit_model(
     prior = prior_precision(columns, tolerance)
     values = {term.id: start.terms.get(term.id, term.neutral) for term in terms}
     point = replace(start, terms={**(fixed or {}), **values})
-    linear = problem.linearized(point, columns, chosen)
-    damping, converged, best = 1.0, False, None
-    for _ in range(MOST_STEPS):
+    converged = False
+    for step in range(MOST_STEPS):
+        linear = problem.linearized(point, columns, chosen)
         reduced = reduce_runs(linear)
         posterior = MixedModel(reduced, prior).posterior(range(len(columns)))
-        scatter = posterior.scatter if best is None else best[4].scatter
-        now = _objective(linear, point, columns, prior, scatter, chosen)
-        if best is not None and now > best[0] + SETTLED:
-            damping /= 3  # the last step overshot: go back and take a third of it
-            if damping < 0.01:
-                break
-            point, linear, reduced, posterior = best[1:]
-        else:
-            if best is not None and best[0] - now < SETTLED and damping == 1.0:
-                best = (now, point, linear, reduced, posterior)
-                converged = True
-                break
-            now = _objective(linear, point, columns, prior, posterior.scatter, chosen)
-            best = (now, point, linear, reduced, posterior)
-            damping = min(1.0, 2 * damping)
-        proposal = _step(point, linear, reduced, columns, prior, posterior.scatter, chosen, damping)
-        try:
-            linear = problem.linearized(proposal, columns, chosen)
-            point = proposal
-        except FloatingPointError:
-            damping /= 3
-            if damping < 0.01:
-                break
-    assert best is not None  # the first linearization either succeeded or raised
-    _, point, linear, reduced, posterior = best
+        scatter = posterior.scatter
+        theta = np.array([point.value(column) for column in columns])
+        now = _objective(linear, theta, point.own[list(chosen), 3:], prior, scatter)
+        goal = _bounded_goal(reduced, columns, prior, scatter)
+        promise = now - _objective(linear, goal, run_effects(reduced, goal, scatter)[0], prior, scatter)
+        if promise < SETTLED:
+            converged = True
+            break
+        moved = _line_search(problem, point, columns, theta, goal, chosen, prior, scatter, now)
+        if moved is None:
+            converged = promise < STALLED
+            break
+        if step < MOST_STEPS - 1:
+            point = moved
     return Fit(frozenset(point.terms), point, columns, posterior, reduced, tuple(linear), converged, chosen)
 
 
-def _objective(
-    linear: Sequence[Linearized],
+def _line_search(
+    problem: Problem,
     point: Point,
     columns: Sequence[Column],
+    theta: Floats,
+    goal: Floats,
+    runs: Sequence[int],
     prior: Floats,
     scatter: Floats,
-    runs: Sequence[int],
+    now: float,
+) -> Point | None:
+    """The first point on the way to the goal that is better than now, every run's own numbers fitted anew."""
+    for damping in DAMPINGS:
+        trial = theta + damping * (goal - theta)
+        try:
+            moved, value = _settled(problem, _at(point, columns, trial), runs, scatter)
+        except FloatingPointError:
+            continue
+        if value + float(prior @ trial**2) < now - 0.1 * SETTLED:
+            return moved
+    return None
+
+
+def _settled(problem: Problem, point: Point, runs: Sequence[int], scatter: Floats) -> tuple[Point, float]:
+    """Start pose, friction and gains of every run fitted at a point, and -2 log density of the runs there."""
+    best, least = point, np.inf
+    for _ in range(OWN_PASSES):
+        linear = problem.linearized(point, (), runs)
+        value = _objective(linear, np.zeros(0), point.own[list(runs), 3:], np.zeros(0), scatter, project=False)
+        if value < least:
+            settled = least - value < SETTLED
+            best, least = point, value
+            if settled:
+                break
+        point = _own_step(point, linear, runs, run_effects(reduce_runs(linear), np.zeros(0), scatter)[0])
+    return best, least
+
+
+def _own_step(point: Point, linear: Sequence[Linearized], runs: Sequence[int], goal: Floats) -> Point:
+    """Every run's own numbers moved to their most probable values; the common ones stay."""
+    own = point.own.copy()
+    for index, (run, item) in enumerate(zip(runs, linear, strict=True)):
+        own[run, 3:] = goal[index]
+        left = item.response - item.scatter @ own[run, 3:]
+        own[run, :3] += np.linalg.lstsq(item.start, left, rcond=None)[0]
+    return replace(point, own=own)
+
+
+def _objective(
+    linear: Sequence[Linearized], theta: Floats, own: Floats, prior: Floats, scatter: Floats, *, project: bool = True
 ) -> float:
-    """-2 log of the joint density at a point, its start poses included."""
-    theta = np.array([point.value(column) for column in columns])
+    """-2 log of the joint density in the linear view; project: with the best start poses, not the present ones."""
     total = float(prior @ theta**2)
-    for run, item in zip(runs, linear, strict=True):
-        own = point.own[run, 3:]
-        left = item.response - item.common @ theta - item.scatter @ own
-        total += float(left @ left) + float(np.sum((own / scatter) ** 2))
+    for number, item in enumerate(linear):
+        left = item.response - item.common @ theta - item.scatter @ own[number]
+        if project:
+            basis = np.linalg.qr(item.start)[0]
+            left = left - basis @ (basis.T @ left)
+        total += float(left @ left) + float(np.sum((own[number] / scatter) ** 2))
     return total
 
 
-def _step(
-    point: Point,
-    linear: Sequence[Linearized],
-    reduced: Reduced,
-    columns: Sequence[Column],
-    prior: Floats,
-    scatter: Floats,
-    runs: Sequence[int],
-    damping: float,
-) -> Point:
-    """The point toward which the linearized model leads at this scatter, inside the bounds."""
-    now = np.array([point.value(column) for column in columns])
-    goal = _bounded_goal(reduced, columns, prior, scatter)
-    theta = now + damping * (goal - now)
+def _at(point: Point, columns: Sequence[Column], theta: Floats) -> Point:
+    """The point with common parameters at these values, measured from neutral."""
     nominal, values = dict(point.nominal), {effect: list(value) for effect, value in point.terms.items()}
     for column, value in zip(columns, theta, strict=True):
         if column.term is None:
             nominal[column.key] = float(value)
         else:
             values[column.key][column.coordinate] = float(value + column.neutral)
-    own_goal, _ = run_effects(reduced, goal, scatter)
-    own = point.own.copy()
-    for index, (run, item) in enumerate(zip(runs, linear, strict=True)):
-        own[run, 3:] += damping * (own_goal[index] - own[run, 3:])
-        left = item.response - item.common @ theta - item.scatter @ own[run, 3:]
-        own[run, :3] += np.linalg.lstsq(item.start, left, rcond=None)[0]
-    return Point(own, nominal, {effect: tuple(value) for effect, value in values.items()})
+    return Point(point.own, nominal, {effect: tuple(value) for effect, value in values.items()})
 
 
 def _bounded_goal(reduced: Reduced, columns: Sequence[Column], prior: Floats, scatter: Floats) -> Floats:
@@ -166,16 +186,14 @@ def _bounded_goal(reduced: Reduced, columns: Sequence[Column], prior: Floats, sc
         held[outside] = np.clip(goal, low, high)[outside]
 
 
-def place_runs(problem: Problem, point: Point, runs: Sequence[int], scatter: Floats, passes: int = 3) -> Point:
+def place_runs(problem: Problem, point: Point, runs: Sequence[int], scatter: Floats) -> Point:
     """The point with start poses, friction and gains of these runs fitted within a given scatter; all else stays."""
-    empty = np.zeros(0)
+    return _settled(problem, point, runs, scatter)[0]
+
+
+def place_starts(problem: Problem, point: Point, runs: Sequence[int], passes: int = 3) -> Point:
+    """The point with only the start poses of these runs fitted: each run keeps its friction and gains."""
     for _ in range(passes):
         linear = problem.linearized(point, (), runs)
-        goal, _ = run_effects(reduce_runs(linear), empty, scatter)
-        own = point.own.copy()
-        for index, (run, item) in enumerate(zip(runs, linear, strict=True)):
-            own[run, 3:] = goal[index]
-            left = item.response - item.scatter @ own[run, 3:]
-            own[run, :3] += np.linalg.lstsq(item.start, left, rcond=None)[0]
-        point = replace(point, own=own)
+        point = _own_step(point, linear, runs, point.own[list(runs), 3:])
     return point

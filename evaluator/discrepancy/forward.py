@@ -9,6 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from simulator.robot import Robot
+
 Floats = NDArray[np.float64]
 Values = Mapping[str, tuple[float, ...]]
 
@@ -52,7 +54,9 @@ class Task:
 
 
 class Forward(Protocol):
-    """A simulator of an experiment."""
+    """A simulator of an experiment; robots: one per run."""
+
+    robots: tuple[Robot, ...]
 
     def marks(self, tasks: Sequence[Task]) -> list[Floats]:
         """Marks (n, 4) in mm at the frame times of each task's run; NaN where the simulation fails."""

@@ -1,8 +1,9 @@
 """The gap between simulation and measurement in millimetres, on fitted runs and on runs kept aside.
 
-The gap of a run is the RMS distance between the measured and the simulated midpoint of the marks, once start pose and
-the run's own friction and gains are fitted within the run-to-run scatter. Its floor is what tracking noise alone
-leaves.
+The gap of a run is the RMS distance between the measured and the simulated midpoint of the marks. After: parameters
+come from the fitted runs alone; start pose and the run's own friction and gains are fitted within the run-to-run
+scatter. Before: the robot file as it is, for the same friction and gains of each run and the start pose that suits it
+best. The floor is what tracking noise alone leaves.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.discrepancy.fit import place_runs
 from evaluator.discrepancy.problem import Point, Problem
 
 Floats = NDArray[np.float64]
@@ -28,9 +28,8 @@ class Gap:
     floor_mm: Floats
 
 
-def run_gaps(problem: Problem, point: Point, runs: Sequence[int], scatter: Floats) -> Floats:
-    """RMS distance of the midpoint by run, mm, with each run's own numbers fitted within the scatter."""
-    placed = place_runs(problem, point, runs, scatter)
+def run_gaps(problem: Problem, placed: Point, runs: Sequence[int]) -> Floats:
+    """RMS distance of the midpoint by run, mm, at a point in which every run has its own numbers."""
     residuals = problem.residuals([placed.task(run) for run in runs])
     return np.array([np.sqrt(np.nanmean(np.sum(item[:, :2] ** 2, axis=1))) for item in residuals])
 

@@ -27,8 +27,9 @@ from evaluator.discrepancy.terms import Term
 
 Floats = NDArray[np.float64]
 
-OWN_STEPS = (1e-3, 1e-3, 1e-4, 2e-3, 1e-3, 1e-3)  # mm, mm, rad, relative: far above rounding, far below curvature
-NOMINAL_STEP = 2e-3
+OWN_STEPS = (1e-3, 1e-3, 1e-4, 5e-4, 2e-4, 2e-4)  # mm, mm, rad, relative: far above rounding, far below curvature
+NOMINAL_STEP = 5e-4
+STEP_SHARE = 0.2  # of a visible step: curvature would make effects and run-to-run scatter differ where they are one
 SETTLING_S = 0.4  # motors that lag by more would be seen as an effect first
 
 
@@ -47,7 +48,7 @@ class Column:
         """Size of the difference that makes the derivative."""
         if self.leap is not None:
             return self.leap
-        return NOMINAL_STEP if self.term is None else self.term.coordinates[self.coordinate].step
+        return NOMINAL_STEP if self.term is None else STEP_SHARE * self.term.coordinates[self.coordinate].step
 
     @property
     def neutral(self) -> float:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from evaluator.discrepancy.diagnosis import Diagnosis
 from evaluator.discrepancy.free import FreeTerm
 from evaluator.discrepancy.gap import rms
+from evaluator.discrepancy.next_run import DURATION_S
 from evaluator.discrepancy.rivals import SAME_SIGMAS, Set, is_free
 from evaluator.discrepancy.terms import Parameters, Term
 from simulator.effects.catalogue import EFFECTS
@@ -39,9 +40,18 @@ def record(diagnosis: Diagnosis) -> Json:
     return found | {
         "effects": [_effect(diagnosis, effect) for effect in sorted(diagnosis.chosen)],
         "gap": _gap(diagnosis),
-        "where": [],
+        "where": [
+            {
+                "quantity": item.quantity,
+                "by": item.by,
+                "parity": item.parity or None,
+                "sigmas": _rounded(item.sigmas),
+                "sentence": item.sentence,
+            }
+            for item in diagnosis.where
+        ],
         "rivals": _rivals(diagnosis),
-        "next_experiment": None,
+        "next_experiment": _next(diagnosis),
         "noise": _noise(diagnosis),
         "nominal": _nominal(diagnosis),
         "skipped_runs": dict(diagnosis.session.skipped),
@@ -170,6 +180,20 @@ def _reason(diagnosis: Diagnosis, ids: Set, odds: float) -> str:
         if odds < 0
         else "not kept: an effect in it does not pay for itself"
     )
+
+
+def _next(diagnosis: Diagnosis) -> Json | None:
+    following = diagnosis.next_run
+    if following is None:
+        return None
+    run = following.candidate
+    return {
+        "left_rpm": run.left_rpm,
+        "right_rpm": run.right_rpm,
+        "heading_deg": run.heading_deg,
+        "duration_s": DURATION_S,
+        "separation_sigmas": {name: _rounded(value) for name, value in following.sigmas.items()},
+    }
 
 
 def _noise(diagnosis: Diagnosis) -> Json:

@@ -23,11 +23,11 @@ from evaluator.discrepancy.terms import Term
 # Prior of no, one, two, three effects. A lab that asks is as likely as not to have one; each further one is rarer.
 SIZE_PRIOR = (0.5, 0.35, 0.12, 0.03)
 LARGEST_SET = 3
-SINGLES_REFITTED = 6
-ADDITIONS_REFITTED = 4
-PAIRS_FROM_NULL = 4
+SINGLES_REFITTED = 5
+ADDITIONS_REFITTED = 3
+PAIRS_FROM_NULL = 2
 PAIRED = 14  # offers whose pairs are screened at the null
-BEAM = (3, 2)  # sets of one, of two effects from which the search goes on
+BEAM = (2, 1)  # sets of one, of two effects from which the search goes on
 HOPELESS = 25.0  # a screened set this far (log evidence) below the best is not refitted
 # An addition must promise this much evidence to be fitted: less than half of what it must bring to be kept.
 PROMISING = 2.0
@@ -140,6 +140,7 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit) ->
     values = {**origin.point.terms, **starts}
     smooth = [search.terms[effect] for effect in sorted(ids) if not search.terms[effect].leaps]
     fixed = {effect: values[effect] for effect in ids if search.terms[effect].leaps}
+    values = {effect: values.get(effect, search.terms[effect].neutral) for effect in ids}
     begin = Point(origin.point.own, origin.point.nominal, values)
     try:
         fit = fit_model(search.problem, begin, smooth, search.tolerance, search.runs, fixed)

@@ -18,7 +18,7 @@ from simulator.effects.catalogue import EFFECTS, apply_effects, view_of
 from simulator.effects.view import View
 from simulator.errors import SimulationError
 from simulator.many import integrate_many
-from simulator.model import Draft
+from simulator.model import MODEL, Draft
 from simulator.robot import Robot
 
 # Well under the tracking noise, and small enough that a difference of two runs keeps four digits.
@@ -30,7 +30,7 @@ class Simulated:
 
     def __init__(self, robots: Sequence[Robot], data: Sequence[RunData], terms: Mapping[str, Term]) -> None:
         """robots: one per run, with the effects already in the model. terms: how to read the coordinates of a task."""
-        self._robots = tuple(robots)
+        self.robots: tuple[Robot, ...] = tuple(robots)
         self._data = tuple(data)
         self._terms = terms
         self._commands = [Command.constant(*run.command, run.start_s, run.stop_s) for run in data]
@@ -42,23 +42,23 @@ class Simulated:
     def marks(self, tasks: Sequence[Task]) -> list[Floats]:
         """Marks (n, 4) of every task at the frame times of its run; NaN where the simulation fails."""
         self._records.clear()
-        records, views, times, able = [], [], [], []
-        result = [np.full((len(self._data[task.run].time_s), 4), np.nan) for task in tasks]
+        views = [self._view(task) for task in tasks]
+        models = np.zeros(len(tasks), MODEL)
+        able = []
         for number, task in enumerate(tasks):
-            physical = {effect: self._terms[effect].physical(values) for effect, values in task.terms.items()}
-            record = self._record(task, physical)
+            record = self._record(task)
             if record is not None:
+                models[number] = record[0]
                 able.append(number)
-                records.append(record)
-                views.append(self._view(task, physical))
-                times.append(self._true_times(self._data[task.run], views[-1]))
+        result = [np.full((len(self._data[task.run].time_s), 4), np.nan) for task in tasks]
         if not able:
             return result
+        times = [self._true_times(self._data[tasks[number].run], views[number]) for number in able]
         edges = np.cumsum([0, *(len(item) for item in times)])
-        poses = self._poses(np.concatenate(records), [tasks[number] for number in able], times, edges)
-        for index, (number, view) in enumerate(zip(able, views, strict=True)):
+        poses = self._poses(models[able], [tasks[number] for number in able], times, edges)
+        for index, number in enumerate(able):
             x, y, heading = poses[edges[index] + 1 : edges[index + 1]].T
-            result[number] = np.concatenate(view.marks(x, y, heading), axis=1)
+            result[number] = np.concatenate(views[number].marks(x, y, heading), axis=1)
         return result
 
     def _poses(
@@ -93,7 +93,7 @@ class Simulated:
         begin = min(frames[0], run.start_s) - 1e-3
         return np.concatenate([[begin], frames])
 
-    def _record(self, task: Task, physical: Mapping[str, Parameters]) -> NDArray[np.void] | None:
+    def _record(self, task: Task) -> NDArray[np.void] | None:
         order = self._data[task.run].order
         key = (task.run, *task.own[3:], *task.nominal.items(), *task.terms.items())
         if key in self._records:
@@ -102,7 +102,7 @@ class Simulated:
         record: NDArray[np.void] | None
         try:
             apply_effects(draft)
-            for effect, values in physical.items():
+            for effect, values in self._physical(task).items():
                 if effect in EFFECTS:
                     act = EFFECTS[effect].act
                     if act is not None:
@@ -122,12 +122,15 @@ class Simulated:
         if key not in self._varied:
             if len(self._varied) > 5000:
                 self._varied.clear()
-            self._varied[key] = varied_robot(self._robots[task.run], task.nominal)
+            self._varied[key] = varied_robot(self.robots[task.run], task.nominal)
         return self._varied[key]
 
-    def _view(self, task: Task, physical: Mapping[str, Parameters]) -> View:
-        view = view_of(self._robots[task.run])
-        for effect, values in physical.items():
+    def _physical(self, task: Task) -> dict[str, Parameters]:
+        return {effect: self._terms[effect].physical(values) for effect, values in task.terms.items()}
+
+    def _view(self, task: Task) -> View:
+        view = view_of(self.robots[task.run])
+        for effect, values in self._physical(task).items():
             see = EFFECTS[effect].view if effect in EFFECTS else None
             if see is not None:
                 see(view, values)
