@@ -1,7 +1,7 @@
 """Speed of the simulator beside its peers, at equal error, in one run: python -m tests.benchmarks.simulator_speed.
 
 The run: 10 s, a step and a reversal at 5 s, 601 outputs, against a reference of scipy's LSODA at rtol 1e-12. Peer:
-scipy LSODA at rtol 1e-6 with a right-hand side in plain Python..
+scipy LSODA at rtol 1e-6 with a right-hand side in plain Python.
 Times are the best of several, since other work on the machine only ever adds; ratios are to the peer.
 """
 
