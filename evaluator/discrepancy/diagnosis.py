@@ -27,8 +27,9 @@ Floats = NDArray[np.float64]
 Verdict = Literal["none", "effect", "unknown", "insufficient"]
 Progress = Callable[[str, float], None]
 
-# An effect stays in the model where leaving it out costs this much of the log posterior: odds of 20 to 1.
-KEEP = 3.0
+# An effect stays in the model where leaving it out costs this much of the log posterior, by the size of the set: odds of
+# 20 to 1 for one. Several named effects together can imitate physics that has no name, so sets must earn more.
+KEEP = (3.0, 3.0, 4.0, 12.0)
 # A free-form term speaks against the named effects where it wins by this much (odds of 400 to 1): the price of a false
 # "unknown" is paid by every user whose effect has a name.
 ABSTAIN = 6.0
@@ -203,7 +204,7 @@ def _kept(search: Search, table: Standing) -> Set:
         if any(is_free(effect) for effect in ids):
             continue
         without = [ids - {effect} for effect in ids]
-        if all(rest not in search.fits or table.of(ids) - table.of(rest) > KEEP for rest in without):
+        if all(rest not in search.fits or table.of(ids) - table.of(rest) > KEEP[len(ids)] for rest in without):
             return ids
     return frozenset()
 

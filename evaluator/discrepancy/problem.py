@@ -30,6 +30,7 @@ Floats = NDArray[np.float64]
 OWN_STEPS = (1e-3, 1e-3, 1e-4, 5e-4, 2e-4, 2e-4)  # mm, mm, rad, relative: far above rounding, far below curvature
 NOMINAL_STEP = 5e-4
 STEP_SHARE = 0.2  # of a visible step: curvature would make effects and run-to-run scatter differ where they are one
+TASKS_AT_ONCE = 1500
 SETTLING_S = 0.4  # motors that lag by more would be seen as an effect first
 
 
@@ -111,37 +112,60 @@ class Problem:
         progress: Callable[[float], None] | None = None,
     ) -> list[Linearized]:
         """Response and derivatives of the runs at a point; FloatingPointError where the simulation fails there."""
-        chosen = range(len(self.data)) if runs is None else runs
-        result = []
-        for done, run in enumerate(chosen):
-            tasks = [point.task(run)]
-            bases: dict[tuple[str, tuple[float, ...]], int] = {}
-            for column in columns:  # a term seen from its own starting place has its own base
-                if column.start is not None and (column.key, column.start) not in bases:
-                    bases[column.key, column.start] = len(tasks)
-                    tasks.append(replace(point, terms={**point.terms, column.key: column.start}).task(run))
-            tasks += [point.moved(column, column.step).task(run) for column in columns]
-            tasks += [point.task(run, step) for step in np.diag(OWN_STEPS)]
-            residuals = np.array(self.residuals(tasks))[:, self.compressions[run].used]
-            sound: NDArray[np.bool_] = np.asarray(np.isfinite(residuals).all(axis=(1, 2)))
-            if not (sound[0] and sound[-6:].all()):
-                raise FloatingPointError(f"run {self.data[run].id} cannot be simulated at this point")
-            residuals[~sound] = 0.0
-            features = self.compressions[run].features(residuals)
-            base = features[0]
-            common = np.zeros((len(base), len(columns)))
-            for i, column in enumerate(columns):
-                before = bases.get((column.key, column.start), 0) if column.start is not None else 0
-                after = len(tasks) - 6 - len(columns) + i
-                if sound[before] and sound[after]:  # a candidate that cannot be simulated offers nothing
-                    common[:, i] = (features[before] - features[after]) / column.step
-            own = ((base - features[-6:]) / np.array(OWN_STEPS)[:, None]).T
-            theta = np.array([0.0 if c.start is not None else point.value(c) for c in columns])
-            response = base + common @ theta + own[:, 3:] @ point.own[run, 3:]
-            result.append(Linearized(response, common, own[:, :3], own[:, 3:]))
+        chosen = list(range(len(self.data)) if runs is None else runs)
+        result: list[Linearized] = []
+        at_once = max(1, TASKS_AT_ONCE // (len(columns) + 7))
+        for first in range(0, len(chosen), at_once):  # large batches keep all cores busy, small ones the memory
+            group = chosen[first : first + at_once]
+            plans = [_tasks(point, columns, run) for run in group]
+            residuals = self.residuals([task for tasks, _ in plans for task in tasks])
+            for run, (tasks, bases) in zip(group, plans, strict=True):
+                own, residuals = residuals[: len(tasks)], residuals[len(tasks) :]
+                result.append(self._linearized(point, columns, run, own, bases))
             if progress is not None:
-                progress((done + 1) / len(chosen))
+                progress(len(result) / len(chosen))
         return result
+
+    def _linearized(
+        self,
+        point: Point,
+        columns: Sequence[Column],
+        run: int,
+        channel_residuals: Sequence[Floats],
+        bases: Mapping[tuple[str, tuple[float, ...]], int],
+    ) -> Linearized:
+        residuals = np.array(channel_residuals)[:, self.compressions[run].used]
+        sound: NDArray[np.bool_] = np.asarray(np.isfinite(residuals).all(axis=(1, 2)))
+        if not (sound[0] and sound[-6:].all()):
+            raise FloatingPointError(f"run {self.data[run].id} cannot be simulated at this point")
+        residuals[~sound] = 0.0
+        features = self.compressions[run].features(residuals)
+        base = features[0]
+        common = np.zeros((len(base), len(columns)))
+        for i, column in enumerate(columns):
+            before = bases.get((column.key, column.start), 0) if column.start is not None else 0
+            after = len(features) - 6 - len(columns) + i
+            if sound[before] and sound[after]:  # a candidate that cannot be simulated offers nothing
+                common[:, i] = (features[before] - features[after]) / column.step
+        own = ((base - features[-6:]) / np.array(OWN_STEPS)[:, None]).T
+        theta = np.array([0.0 if c.start is not None else point.value(c) for c in columns])
+        response = base + common @ theta + own[:, 3:] @ point.own[run, 3:]
+        return Linearized(response, common, own[:, :3], own[:, 3:])
+
+
+def _tasks(
+    point: Point, columns: Sequence[Column], run: int
+) -> tuple[list[Task], dict[tuple[str, tuple[float, ...]], int]]:
+    """What to simulate for the derivatives of one run, and where the bases of terms with starting places stand."""
+    tasks = [point.task(run)]
+    bases: dict[tuple[str, tuple[float, ...]], int] = {}
+    for column in columns:  # a term seen from its own starting place has its own base
+        if column.start is not None and (column.key, column.start) not in bases:
+            bases[column.key, column.start] = len(tasks)
+            tasks.append(replace(point, terms={**point.terms, column.key: column.start}).task(run))
+    tasks += [point.moved(column, column.step).task(run) for column in columns]
+    tasks += [point.task(run, step) for step in np.diag(OWN_STEPS)]
+    return tasks, bases
 
 
 def build_problem(data: Sequence[RunData], forward: Forward) -> tuple[Problem, Point]:

@@ -1,0 +1,132 @@
+"""Experiments with hidden effects: marks and commands for the diagnosis, labels for the scorer alone."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.signal import lfilter
+
+from simulator.command import Command
+from simulator.integrate import simulate
+from simulator.observation import marks_of_run
+from simulator.robot import Effect, Robot, load_robot
+from simulator.run import State
+from tests.benchmarks.bank.outside import KINDS, marks_of
+
+# Sizes from just detectable to large; a sign or a direction is drawn where it has one.
+SIZES: dict[str, dict[str, tuple[float, float]]] = {
+    "drive-speed-mismatch": {"left_over_right": (0.01, 0.08)},
+    "drive-speed-scale": {"factor": (0.01, 0.08)},
+    "motor-droop": {"rpm_per_uN_mm": (5e-4, 5e-3)},
+    "command-lag": {"dead_time_s": (0.02, 0.2), "time_constant_s": (0.02, 0.3)},
+    "speed-ripple": {"amplitude": (0.01, 0.1), "phase_deg": (-180, 180)},
+    "speed-drift": {"per_run": (0.001, 0.005)},
+    "magnet-imbalance": {"left_over_right": (0.05, 0.4)},
+    "magnet-strength": {"driving_factor": (0.05, 0.3), "driven_factor": (0.1, 0.6)},
+    "friction-level": {"factor": (0.05, 0.3)},
+    "wheel-toe": {"left_deg": (0.5, 4), "right_deg": (0.5, 4)},
+    "rolling-drag": {"coefficient": (0.01, 0.1)},
+    "scrub-torque": {"radius_mm": (0.02, 0.2)},
+    "axle-compliance": {"deg_per_mN": (0.15, 1.2)},
+    "mass-offset": {"x_mm": (0.3, 1.2), "y_mm": (0.3, 1.2)},
+    "plate-tilt": {"angle_deg": (1.5, 10), "azimuth_deg": (-180, 180)},
+    "tether-pull": {"x_mN": (0.2, 1.0), "y_mN": (0.1, 0.8)},
+    "tether-spring": {"stiffness_mN_mm": (0.01, 0.06), "anchor_x_mm": (5, 25), "anchor_y_mm": (5, 25)},
+    "viscous-drag": {"force_mN_s_mm": (0.05, 0.5), "moment_uN_mm_s": (500, 5000)},
+    "friction-gradient": {"per_mm_x": (0.002, 0.01), "per_mm_y": (0.002, 0.01)},
+    "friction-grain": {"amplitude": (0.04, 0.3), "direction_deg": (-90, 90)},
+    "stray-magnet": {"force_mN": (0.15, 1.0), "x_mm": (5, 20), "y_mm": (5, 20)},
+    "mark-offset": {"x_mm": (0.05, 0.4), "y_mm": (0.05, 0.4), "angle_deg": (0.3, 3)},
+    "plane-scale": {"factor": (0.005, 0.04)},
+    "time-base": {"factor": (0.01, 0.05)},
+    "camera-tilt": {"per_mm_x": (2e-4, 1.5e-3), "per_mm_y": (2e-4, 1.5e-3)},
+}
+SIGNED = {"per_run", "x_mm", "y_mm", "left_deg", "right_deg", "deg_per_mN", "x_mN", "y_mN", "anchor_x_mm",
+          "anchor_y_mm", "per_mm_x", "per_mm_y", "angle_deg"}  # fmt: skip
+COMMANDS = [(30, 30), (60, 60), (-30, -30), (-60, -60), (33.3, 14.4), (14.4, 33.3), (-33.3, -14.4), (-14.4, -33.3),
+            (60, 40), (40, 60), (-60, -40), (-40, -60)]  # fmt: skip
+TOLERANCE = {"slip.lateral_friction": 0.03, "slip.longitudinal_friction": 0.03}
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """An experiment's folder and the label that only the scorer reads."""
+
+    folder: Path
+    label: dict[str, Any]
+
+
+def draw(rng: np.random.Generator, kind: str, folder: Path, name: str = "") -> Drawn:
+    """Write one experiment: kind is "clean", "single", "pair" or "outside"; name: of a single or outside effect."""
+    ids = [name] if kind == "single" and name else []
+    wanted = {"clean": 0, "single": 1, "pair": 2, "outside": 0}[kind]
+    while len(ids) < wanted:
+        ids = [str(item) for item in rng.choice(sorted(SIZES), size=wanted, replace=False)]
+    effects = {item: _sized(rng, item) for item in ids}
+    outside, size = "", 0.0
+    if kind == "outside":
+        outside = name or str(rng.choice(sorted(KINDS)))
+        _, low, high = KINDS[outside]
+        size = float(np.exp(rng.uniform(np.log(low), np.log(high))))
+    nominal = load_robot("barrel")
+    _write(rng, folder, nominal, effects, outside, size)
+    return Drawn(folder, {"kind": kind, "effects": effects, "outside": outside, "size": size})
+
+
+def _sized(rng: np.random.Generator, effect: str) -> dict[str, float]:
+    values = {}
+    for name, (low, high) in SIZES[effect].items():
+        size = rng.uniform(low, high) if low < 0 else float(np.exp(rng.uniform(np.log(low), np.log(high))))
+        sign = rng.choice([-1, 1])
+        if name in ("left_over_right", "factor", "driving_factor", "driven_factor"):
+            size = 1 + sign * size
+        elif name in SIGNED and not (effect == "plate-tilt" and name == "angle_deg"):
+            size = sign * size
+        values[name] = float(size)
+    return values
+
+
+def _write(
+    rng: np.random.Generator, folder: Path, nominal: Robot, effects: dict[str, Any], outside: str, size: float
+) -> None:
+    folder.mkdir(parents=True)
+    true = _slip_changed(nominal, {key.split(".")[1]: 1 + rng.normal() * tol for key, tol in TOLERANCE.items()})
+    true = true.model_copy(update={"effect": tuple(Effect(id=key, **values) for key, values in effects.items())})
+    runs, count = ['format = 1\nname = "drawn"\nrobot = "robot.toml"\n'], int(rng.integers(16, 25))
+    sigma, decay = np.exp(rng.uniform(np.log(0.002), np.log(0.008))), rng.uniform(0.3, 0.92)
+    friction, gain = rng.uniform(0.005, 0.03), rng.uniform(0.001, 0.006)
+    for number in range(count):
+        left, right = COMMANDS[number % len(COMMANDS)]
+        start, time = round(float(rng.uniform(0.0, 0.6)), 3), np.arange(int(rng.uniform(6, 10) * 60)) / 60
+        share, gains = 1 + rng.normal() * friction, 1 + rng.normal(size=2) * gain
+        own = _slip_changed(true, {"lateral_friction": share, "longitudinal_friction": share})
+        pose = (rng.uniform(-12, 12), rng.uniform(-12, 12), rng.uniform(-np.pi, np.pi))
+        rpm = (left * gains[0], right * gains[1])
+        if outside:
+            marks = np.column_stack([time, marks_of(own, KINDS[outside][0], size, rpm, start, time, pose)])
+        else:
+            run = simulate(own, Command.constant(*rpm, start), time, State(*pose), run_index=number)
+            marks = marks_of_run(own, run).to_numpy(copy=True)
+        white = rng.normal(size=(len(time) + 300, 4)) * np.sqrt(1 - decay**2)
+        marks[:, 1:] += sigma * np.asarray(lfilter([1], [1, -decay], white, axis=0))[300:]
+        header = "time_s,green_x_mm,green_y_mm,yellow_x_mm,yellow_y_mm"
+        np.savetxt(folder / f"r{number:02d}.csv", marks, "%.6f", ",", header=header, comments="")
+        runs.append(f'[[run]]\nid = "r{number:02d}"\nleft_rpm = {left}\nright_rpm = {right}\nstart_s = {start}\n'
+                    f'marks = "r{number:02d}.csv"\n')  # fmt: skip
+    (folder / "experiment.toml").write_text("\n".join(runs), encoding="utf-8")
+    (folder / "robot.toml").write_text(_robot_text(), encoding="utf-8")
+
+
+def _slip_changed(robot: Robot, factors: dict[str, float]) -> Robot:
+    slip = robot.slip.model_copy(update={key: getattr(robot.slip, key) * factor for key, factor in factors.items()})
+    return robot.model_copy(update={"slip": slip})
+
+
+def _robot_text() -> str:
+    text = (Path(__file__).parents[3] / "simulator" / "robots" / "barrel.toml").read_text(encoding="utf-8")
+    lines = [f"{json.dumps(key)} = {value}" for key, value in TOLERANCE.items()]
+    return "\n".join([text, "[tolerance]", *lines, ""])

@@ -1,0 +1,125 @@
+"""Blind bank: `python -m tests.benchmarks.blind_bank --clean 200 --singles 100 --pairs 40 --outside 44 --seed 1`.
+
+Draws experiments with hidden effects, diagnoses each through the files that a lab would have, and scores the answers
+against labels that the diagnosis never sees (they are written only after it, outside its folder). Counts come with
+their 95 % limits.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from evaluator.discrepancy.workflow import diagnose_experiment
+from tests.benchmarks.bank.draw import SIZES, Drawn, draw
+from tests.benchmarks.bank.outside import KINDS
+
+
+def main() -> None:
+    """Draw, diagnose, score, print."""
+    arguments = argparse.ArgumentParser(description=__doc__)
+    for name in ("clean", "singles", "pairs", "outside"):
+        arguments.add_argument(f"--{name}", type=int, default=0)
+    arguments.add_argument("--seed", type=int, required=True)
+    arguments.add_argument("--minutes", type=float, default=1e6, help="stop drawing after so many minutes")
+    chosen = arguments.parse_args()
+    ends = time.monotonic() + 60 * chosen.minutes
+    kinds = (
+        [("clean", "")] * chosen.clean
+        + [("single", sorted(SIZES)[i % len(SIZES)]) for i in range(chosen.singles)]
+        + [("pair", "")] * chosen.pairs
+        + [("outside", sorted(KINDS)[i % len(KINDS)]) for i in range(chosen.outside)]
+    )
+    order = np.random.default_rng(chosen.seed).permutation(len(kinds))
+    rows: list[dict[str, Any]] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for number in order:
+            if time.monotonic() > ends:
+                break
+            kind, name = kinds[number]
+            drawn = draw(np.random.default_rng([chosen.seed, int(number)]), kind, Path(folder) / f"e{number}", name)
+            rows.append(_answer(drawn))
+            print(_line(rows[-1]), flush=True)
+    print(_table(rows))
+
+
+def _answer(drawn: Drawn) -> dict[str, Any]:
+    """One diagnosis, scored."""
+    began = time.perf_counter()
+    _, found = diagnose_experiment(drawn.folder / "experiment.toml", drawn.folder / "out", _silent)
+    truth, named = set(drawn.label["effects"]), {effect["id"]: effect for effect in found["effects"]}
+    credited = {name: {name, *effect["equivalent"]} for name, effect in named.items()}
+    hit = {item for item in truth if any(item in group for group in credited.values())}
+    inside = [
+        spread["low"] <= drawn.label["effects"][item][name] <= spread["high"]
+        for item in truth & set(named)
+        for name, spread in named[item]["parameters"].items()
+        if not name.endswith(("azimuth_deg", "phase_deg", "direction_deg"))
+    ]
+    gap = found["gap"] or {}
+    return {
+        **drawn.label,
+        "verdict": found["verdict"],
+        "named": sorted(named),
+        "exact": found["verdict"] == "effect" and truth == set(named),
+        "credit": found["verdict"] == "effect" and hit == truth and len(named) == len(truth),
+        "inside": inside,
+        "gap": gap["after"]["held_out"] / gap["noise_floor"] if gap and gap["after"]["held_out"] else float("nan"),
+        "seconds": time.perf_counter() - began,
+    }
+
+
+def _silent(what: str, share: float) -> None:
+    del what, share
+
+
+def _line(row: dict[str, Any]) -> str:
+    sizes = {key: {k: float(f"{v:.3g}") for k, v in values.items()} for key, values in row["effects"].items()}
+    truth = row["outside"] + f" {row['size']:.3g}" if row["outside"] else json.dumps(sizes)
+    return (f"{row['kind']:8} {truth} -> {row['verdict']} {row['named']} credit={row['credit']} "
+            f"inside={sum(row['inside'])}/{len(row['inside'])} gap={row['gap']:.2f} {row['seconds']:.0f} s")  # fmt: skip
+
+
+def _share(hits: int, count: int) -> str:
+    if not count:
+        return "-"
+    interval = stats.binomtest(hits, count).proportion_ci()
+    return f"{hits}/{count} = {hits / count:.1%} ({interval.low:.1%} to {interval.high:.1%})"
+
+
+def _table(rows: list[dict[str, Any]]) -> str:
+    def of(kind: str) -> list[dict[str, Any]]:
+        return [row for row in rows if row["kind"] == kind]
+
+    def verdicts(part: list[dict[str, Any]], verdict: str) -> str:
+        return _share(sum(row["verdict"] == verdict for row in part), len(part))
+
+    clean, single, pair, outside = of("clean"), of("single"), of("pair"), of("outside")
+    inside = [value for row in rows for value in row["inside"]]
+    gaps = [row["gap"] for row in single + pair if row["credit"] and np.isfinite(row["gap"])]
+    return "\n".join(
+        [
+            "",
+            f"false alarms on clean data      {_share(sum(row['verdict'] != 'none' for row in clean), len(clean))}",
+            f"singles named, exact            {_share(sum(row['exact'] for row in single), len(single))}",
+            f"singles named, with equivalents {_share(sum(row['credit'] for row in single), len(single))}",
+            f"singles taken for none          {verdicts(single, 'none')}",
+            f"pairs, both named               {_share(sum(row['credit'] for row in pair), len(pair))}",
+            f"outside called unknown          {verdicts(outside, 'unknown')}",
+            f"outside misnamed                {verdicts(outside, 'effect')}",
+            f"95 % intervals that cover       {_share(sum(inside), len(inside))}",
+            f"gap kept aside / noise floor    {np.median(gaps):.3f}, 90 % {np.quantile(gaps, 0.9):.3f}" if gaps else "",
+            f"seconds per experiment          median {np.median([row['seconds'] for row in rows]):.0f}",
+        ]
+    )
+
+
+if __name__ == "__main__":
+    main()
