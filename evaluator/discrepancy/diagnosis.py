@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from evaluator.discrepancy.adequacy import Adequacy, adequacy
 from evaluator.discrepancy.experiment import Session, held_out_runs, shortcomings
-from evaluator.discrepancy.fit import Fit, place_runs, place_starts
+from evaluator.discrepancy.fit import Fit, fit_model, place_runs, place_starts
 from evaluator.discrepancy.free import free_terms
 from evaluator.discrepancy.gap import Gap, noise_floor, run_gaps
 from evaluator.discrepancy.next_run import NextRun, best_next_run
@@ -27,8 +27,8 @@ Floats = NDArray[np.float64]
 Verdict = Literal["none", "effect", "unknown", "insufficient"]
 Progress = Callable[[str, float], None]
 
-# An effect stays in the model where leaving it out costs this much of the log posterior, by the size of the set: odds of
-# 20 to 1 for one. Several named effects together can imitate physics that has no name, so sets must earn more.
+# An effect stays in the model where leaving it out costs this much of the log posterior, by the size of the set: odds
+# of 20 to 1 for one. Several named effects together can imitate physics that has no name, so sets must earn more.
 KEEP = (3.0, 3.0, 4.0, 12.0)
 # A free-form term speaks against the named effects where it wins by this much (odds of 400 to 1): the price of a false
 # "unknown" is paid by every user whose effect has a name.
@@ -167,10 +167,13 @@ def _with_settled_noise(part: Search, progress: Progress) -> Search:
 def _on_all_runs(part: Search, terms: Mapping[str, Term]) -> Search:
     """The best sets of a search fitted again, on all runs."""
     whole = Search(part.problem, terms, part.tolerance, tuple(range(len(part.problem.data))))
+    # The nominal model is what all is measured against, and is kept even where it fits too badly to settle.
+    own = part.null.point
+    whole.fits[frozenset()] = fit_model(whole.problem, own, [], whole.tolerance, whole.runs)
     leading = part.ranked()[:RIVALS_KEPT]
-    wanted = {frozenset[str](), *leading}
+    wanted = set(leading)
     wanted |= {ids - {effect} for ids in leading[:1] for effect in ids}  # for the drop-one tests
-    for ids in sorted(wanted, key=lambda ids: (len(ids), sorted(ids))):
+    for ids in sorted(wanted - {frozenset()}, key=lambda ids: (len(ids), sorted(ids))):
         origin = part.fits.get(ids) or part.null
         fit_set(whole, ids, {effect: origin.point.terms.get(effect, terms[effect].neutral) for effect in ids}, origin)
     return whole
