@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from evaluator.discrepancy.adequacy import Adequacy, adequacy
 from evaluator.discrepancy.experiment import Session, held_out_runs, shortcomings
-from evaluator.discrepancy.fit import Fit, place_runs, place_starts
+from evaluator.discrepancy.fit import Fit, fit_model, place_runs, place_starts
 from evaluator.discrepancy.free import free_terms
 from evaluator.discrepancy.gap import Gap, noise_floor, run_gaps
 from evaluator.discrepancy.next_run import NextRun, best_next_run
@@ -27,16 +27,16 @@ Floats = NDArray[np.float64]
 Verdict = Literal["none", "effect", "unknown", "insufficient"]
 Progress = Callable[[str, float], None]
 
-# An effect stays in the model where leaving it out costs this much of the log posterior, by the size of the set: odds of
-# 20 to 1 for one. Several named effects together can imitate physics that has no name, so sets must earn more.
+# An effect stays in the model where leaving it out costs this much of the log posterior, by the size of the set: odds
+# of 20 to 1 for one. Several named effects together can imitate physics that has no name, so sets must earn more.
 KEEP = (3.0, 3.0, 4.0, 12.0)
 # A free-form term speaks against the named effects where it wins by this much (odds of 400 to 1): the price of a false
 # "unknown" is paid by every user whose effect has a name.
 ABSTAIN = 6.0
 # Left-overs above noise: mean square and its standard errors. The noise of slow modes is carried over from fast ones,
 # which is good to some ten per cent; beyond, motion is left.
-EXCESS = 1.25
-EXCESS_SIGMA = 6.0
+EXCESS = 1.12
+EXCESS_SIGMA = 5.0
 SETTLED_NOISE = 0.9  # a search is repeated where its best model lowers the noise below this share
 RIVALS_KEPT = 4
 FREE_REFITTED = 3
@@ -103,6 +103,7 @@ def diagnose(session: Session, progress: Progress) -> Diagnosis:
             "unknown",
             f"left-overs are {left.excess:.2f} times the tracking noise ({left.excess_sigma:.0f} sigmas)",
         )
+        chosen = next((ids for ids in table.sets if any(is_free(effect) for effect in ids)), chosen)
     progress("confirmation", 0.9)
     fit = everything.fits[chosen]
     gap_fit = part.fits.get(chosen) or _refit_on(part, everything, chosen)
@@ -168,8 +169,10 @@ def _on_all_runs(part: Search, terms: Mapping[str, Term]) -> Search:
     """The best sets of a search fitted again, on all runs."""
     whole = Search(part.problem, terms, part.tolerance, tuple(range(len(part.problem.data))))
     leading = part.ranked()[:RIVALS_KEPT]
-    wanted = {frozenset[str](), *leading}
-    wanted |= {ids - {effect} for ids in leading[:1] for effect in ids}  # for the drop-one tests
+    # the null is kept even where its misfit is too large to converge: everything is measured against it
+    whole.fits[frozenset()] = fit_model(part.problem, part.null.point, [], part.tolerance, whole.runs)
+    wanted = {ids for ids in leading if ids}
+    wanted |= {ids - {effect} for ids in leading[:1] for effect in ids if len(ids) > 1}  # for the drop-one tests
     for ids in sorted(wanted, key=lambda ids: (len(ids), sorted(ids))):
         origin = part.fits.get(ids) or part.null
         fit_set(whole, ids, {effect: origin.point.terms.get(effect, terms[effect].neutral) for effect in ids}, origin)
