@@ -18,6 +18,7 @@ from calibration.neighbours import nearest
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 SEEDS = 12  # attempts: distractors may form small lattices of their own, a torn sheet several
+SPECK = 0.4  # of the diameter of the dots around: no gauge has fiducials that small
 SMALLEST_LATTICE = 6  # dots; fewer make no lattice
 
 
@@ -66,7 +67,15 @@ def assign_grid(dots: Dots) -> Lattice:
         return empty
     best = max(found, key=len)
     others = sum(len(lattice) for lattice in found if lattice is not best and 2 * len(lattice) >= len(best))
-    return Lattice(best.dot, _reduced(points[best.dot], best.index), others)
+    return _without_specks(dots, Lattice(best.dot, _reduced(points[best.dot], best.index), others))
+
+
+def _without_specks(dots: Dots, lattice: Lattice) -> Lattice:
+    """Drop members far smaller than those around them: dirt and reflections that happen to lie on a place."""
+    _, neighbours = nearest(dots.centers_px[lattice.dot], 8)
+    size = dots.diameter_px[lattice.dot]
+    keep = size > SPECK * np.median(size[neighbours], axis=1)
+    return Lattice(lattice.dot[keep], lattice.index[keep], lattice.others)
 
 
 def _reduced(points: Array, index: Integers) -> Integers:
@@ -106,3 +115,26 @@ def rows_and_columns(lattice: Lattice) -> tuple[str, Integers]:
     layout, across, down = best
     column = (across - across.min()) // (2 if layout == "staggered" else 1)
     return layout, np.stack([column, down - down.min()], 1)
+
+
+def places_seen_empty(dots: Dots, lattice: Lattice) -> Integers:
+    """Lattice places next to dots seen, well inside the picture, that hold no dot: (k, 2)."""
+    corner = lattice.index.min(axis=0) - 2
+    extent = lattice.index.max(axis=0) - corner + 3
+    grid = np.full((*extent, 2), np.nan)
+    at = lattice.index - corner
+    grid[at[:, 0], at[:, 1]] = dots.centers_px[lattice.dot]
+    width, height = dots.size_px
+    margin = float(np.median(dots.diameter_px[lattice.dot]))
+    found: set[tuple[int, int]] = set()
+    for da, db in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        behind = np.roll(grid, (da, db), axis=(0, 1))
+        before = np.roll(grid, (2 * da, 2 * db), axis=(0, 1))
+        guess = 2 * behind - before
+        with np.errstate(invalid="ignore"):
+            free = np.isnan(grid[..., 0]) & (guess[..., 0] > margin) & (guess[..., 0] < width - 1 - margin)
+            free &= (guess[..., 1] > margin) & (guess[..., 1] < height - 1 - margin)
+        found |= {(int(a), int(b)) for a, b in np.argwhere(free)}
+    if not found:
+        return np.empty((0, 2), dtype=np.int64)
+    return np.asarray(np.array(sorted(found), dtype=np.int64) + corner)

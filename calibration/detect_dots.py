@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 # A dot whose pixels leave the model by more than this share of its contrast is no blurred disc: letters and corners
 # leave 0.15 and more, dots at SNR 10 on JPEG pictures 0.12.
 LARGEST_MISFIT = 0.14
-TRIALS = 30  # blobs fitted to judge a window: its share of dots to 9 %
+TRIALS = 50  # blobs fitted to judge a window: its share of dots to 7 %
 # So many dots, and so large a share of the blobs, and no dot wider than half the window: no other window can do better.
 PLENTY = (25, 0.8)
 

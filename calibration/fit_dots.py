@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 PARAMETERS = 10  # cx, cy, A11, A12, A22, s, b, a, gx, gy
-ITERATIONS = 12
+ITERATIONS = 25
 ROOT_HALF, ROOT_TWO_PI = sqrt(0.5), 1 / sqrt(2 * pi)
 # A step this short leaves an error a hundred times smaller, since the residuals are small against the contrast.
 RESTS_PX = 5e-4

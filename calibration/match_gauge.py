@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
-from calibration.assign_grid import Lattice, rows_and_columns
+from calibration.assign_grid import Lattice, places_seen_empty, rows_and_columns
 from calibration.detect_dots import Dots
 from calibration.errors import CalibrationError
 from calibration.fiducials import features_promised, features_seen, of_equal_size
@@ -56,7 +56,7 @@ def match_gauge(dots: Dots, lattice: Lattice, gauge: Gauge) -> Match:
     """Lay the gauge on the lattice. Raises CalibrationError where it does not fit."""
     lattice = of_equal_size(dots, lattice, gauge)
     sites = _gauge_lattice(gauge)
-    empty = _seen_empty(dots, lattice)
+    empty = places_seen_empty(dots, lattice)
     affine = np.column_stack([lattice.index, np.ones(len(lattice))])
     basis = np.asarray(np.linalg.lstsq(affine, dots.centers_px[lattice.dot], rcond=None)[0][:2].T, dtype=float)
     features = features_seen(dots, lattice, gauge)
@@ -283,26 +283,3 @@ def _does_not_fit(lattice: Lattice, gauge: Gauge) -> str:
         f'fit the gauge "{gauge.name}", {gauge.dots.layout}, {gauge.dots.columns} × {gauge.dots.rows}; '
         "is it the gauge of this picture?"
     )
-
-
-def _seen_empty(dots: Dots, lattice: Lattice) -> Integers:
-    """Lattice places next to dots seen, well inside the picture, that hold no dot: (k, 2)."""
-    corner = lattice.index.min(axis=0) - 2
-    extent = lattice.index.max(axis=0) - corner + 3
-    grid = np.full((*extent, 2), np.nan)
-    at = lattice.index - corner
-    grid[at[:, 0], at[:, 1]] = dots.centers_px[lattice.dot]
-    width, height = dots.size_px
-    margin = float(np.median(dots.diameter_px[lattice.dot]))
-    found: set[tuple[int, int]] = set()
-    for da, db in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        behind = np.roll(grid, (da, db), axis=(0, 1))
-        before = np.roll(grid, (2 * da, 2 * db), axis=(0, 1))
-        guess = 2 * behind - before
-        with np.errstate(invalid="ignore"):
-            free = np.isnan(grid[..., 0]) & (guess[..., 0] > margin) & (guess[..., 0] < width - 1 - margin)
-            free &= (guess[..., 1] > margin) & (guess[..., 1] < height - 1 - margin)
-        found |= {(int(a), int(b)) for a, b in np.argwhere(free)}
-    if not found:
-        return np.empty((0, 2), dtype=np.int64)
-    return np.asarray(np.array(sorted(found), dtype=np.int64) + corner)

@@ -6,7 +6,6 @@ each frame (a frame whose distance stands out is absent with that reason) and th
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from calibration.camera import Camera
 from calibration.frames import plate_from_body
 from evaluator.errors import InputError
+from evaluator.pose_systematic import systematic_shifts
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,6 @@ SPACING_LIMIT_SIGMA = 6.0
 ROUNDING_SIGMA_MM = 1e-6 / np.sqrt(12)
 GAUSSIAN_SIGMA_PER_MAD = 1.4826
 NEIGHBOURS = 31  # frames whose common heading tells that one of them, or up to fifteen, is turned about
-SUPPORTS = 120  # points where the camera's sensitivity is computed; a lens is smooth, and a cubic joins them to 1e-3
 
 
 @dataclass(frozen=True)
@@ -56,8 +55,9 @@ class Poses:
     """Poses of the robot's centre over time, plate frame; NaN where a frame has none, with the reason in `status`.
 
     time_s, x_mm, y_mm, heading_rad: (n,). covariance: (n, 3, 3) of (x, y, heading), what is random from frame to frame.
-    systematic: (n, 3, k), shift of every pose by one standard deviation of each of k independent errors of the camera,
-    common to all frames; None without a camera. spacing_mm: (n,) measured distance of the marks.
+    systematic: (n, 3, k), shift of every pose by one standard deviation of each of k independent errors common to all
+    frames: of the camera, and of the marks' centres where they come from pictures; None without a camera. spacing_mm:
+    (n,) measured distance of the marks.
     """
 
     time_s: Array
@@ -121,7 +121,12 @@ def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera
     pose[:, 2] = unwrapped_across_gaps(time, pose[:, 2])
     jacobian = _pose_jacobian(green, yellow, pose[:, 2], geometry, weight)
     covariance = np.einsum("nmia,nmab,nmjb->nij", jacobian, covariances, jacobian)
-    systematic = None if camera is None else _systematic(marks, green, yellow, jacobian, geometry, camera)
+    systematic = None
+    if camera is not None:
+        if geometry.height_mm is None:
+            raise InputError("marks: their height above the plate carries the camera's uncertainty; say height_mm")
+        points = {"green": green, "yellow": yellow}
+        systematic = systematic_shifts(marks, points, jacobian, pose[:, 2], covariances, geometry.height_mm, camera)
     return Poses(
         time_s=time,
         x_mm=pose[:, 0],
@@ -232,62 +237,6 @@ def _pose_jacobian(green: Array, yellow: Array, heading: Array, geometry: MarkGe
     for index, (share, turn) in enumerate(((weight, by_green), (1 - weight, -by_green))):
         result[:, index, :2] = share * np.eye(2) - lever[:, :, None] * turn[:, None, :]
         result[:, index, 2] = turn
-    return result
-
-
-def _systematic(
-    marks: pd.DataFrame, green: Array, yellow: Array, jacobian: Array, geometry: MarkGeometry, camera: Camera
-) -> Array:
-    if geometry.height_mm is None:
-        raise InputError(
-            "marks: their height above the plate is needed to carry the camera's uncertainty; say height_mm"
-        )
-    height, errors = geometry.height_mm, _independent_errors(camera)
-    result = np.zeros((len(green), 3, errors.shape[1]))
-    for index, (name, points) in enumerate((("green", green), ("yellow", yellow))):
-        place = _picture_points(marks, name, points, height, camera)
-        shift = _smoothly(lambda at: camera.plate_sensitivity(at, height) @ errors, place)
-        result += jacobian[:, index] @ shift
-    return result
-
-
-def _independent_errors(camera: Camera) -> Array:
-    """Parameter changes (p, k), one standard deviation each, whose outer products add up to the covariance."""
-    sigma = np.sqrt(np.diag(camera.covariance))
-    unit = np.where(sigma > 0, sigma, 1.0)
-    values, vectors = np.linalg.eigh(camera.covariance / np.outer(unit, unit))
-    kept = values > 1e-12 * max(float(values.max()), 1e-300)
-    return np.asarray(unit[:, None] * vectors[:, kept] * np.sqrt(values[kept]))
-
-
-def _picture_points(marks: pd.DataFrame, name: str, points: Array, height: float, camera: Camera) -> Array:
-    columns = [f"{name}_x_px", f"{name}_y_px"]
-    if all(column in marks for column in columns):
-        return np.where(np.isfinite(points), marks[columns].to_numpy(float), np.nan)
-    return camera.picture_from_plate(np.column_stack([points, np.full(len(points), height)]))
-
-
-def _smoothly(function: Callable[[Array], Array], places: Array) -> Array:
-    """Values (n, …) of a costly smooth function of picture points (n, 2): computed at SUPPORTS of them, then a cubic.
-
-    Places without a point are NaN.
-    """
-    there = np.flatnonzero(np.isfinite(places).all(axis=1))
-    chosen = there[np.unique(np.linspace(0, len(there) - 1, min(len(there), SUPPORTS)).astype(int))]
-    values = function(places[chosen])
-    result = np.full((len(places), *values.shape[1:]), np.nan)
-    if len(there) <= SUPPORTS:
-        result[chosen] = values
-        return result
-    center, reach = places[there].mean(axis=0), np.ptp(places[there], axis=0).max() / 2 + 1e-9
-    powers = [(i, j) for i in range(4) for j in range(4 - i)]
-
-    def terms(at: Array) -> Array:
-        x, y = ((at - center) / reach).T
-        return np.stack([x**i * y**j for i, j in powers], axis=1)
-
-    coefficients = np.linalg.lstsq(terms(places[chosen]), values.reshape(len(chosen), -1), rcond=1e-10)[0]
-    result[there] = (terms(places[there]) @ coefficients).reshape(len(there), *values.shape[1:])
     return result
 
 

@@ -26,6 +26,7 @@ MOST_STEPS = 20000
 # In a step of h seconds forces that vary with place change by 0.01·h of themselves, and with them the velocity, for
 # a displacement of 0.01·h² mm or so: within h = sqrt(tolerance in mm) their derivatives are not needed.
 MOST_TRIES = 4  # rejections in a row mean that a wheel sticks or turns over
+CREEPING_STEP_S, MOST_CREEPING = 1e-5, 40  # so many such steps in a row mean the same
 SHORTEST_STEP_S = 2e-6  # a fraction of the shortest relaxation of rolling wheels
 LONGEST_TURN_RAD = 1.0  # within one step, where the series for the twist is exact to 1e-9
 DONE, FAILED = 0, 1
@@ -148,7 +149,7 @@ def integrate_run(
     y[:3] = 0.0
     y[3:] = state[3:]
     out[0] = state
-    row, used = 1, 0
+    row, used, creeping = 1, 0, 0
     for number in range(len(segments)):
         segment = segments[number]
         time, step, last = segment[BEGIN], 0.0, number == len(segments) - 1
@@ -167,7 +168,7 @@ def integrate_run(
             sticking = planned and plan[used, 1] < 0.0
             step = abs(plan[used, 1]) if planned else min(step, 1.0 / (growth_rate(work) + 1e-30))
             tried, wanted = 0.0, 0.0
-            if not sticking:
+            if not sticking and (planned or creeping < MOST_CREEPING):
                 tried, wanted = smooth_step(
                     pose, segment, time, min(step, remaining), y, model, tolerance, planned, work, solver, stages, end
                 )
@@ -182,6 +183,7 @@ def integrate_run(
             if not replay and used < len(plan):
                 plan[used, 0], plan[used, 1] = number, -tried if sticking else tried
             used += 1
+            creeping = creeping + 1 if tried < CREEPING_STEP_S else 0
             following = segment[END] if tried >= remaining else time + tried
             row = _write_step(
                 out, times, row, following, last and tried >= remaining, time, tried, pose, y, stages, end, work

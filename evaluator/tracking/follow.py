@@ -189,6 +189,11 @@ class Follower:
         if self.seen % VIEW_EVERY == 0 and self.seen < RELEARN_AT[-1] and self._result[kernels.RESIDUAL] < DISTURBED:
             self.views.append(patch_of(frame, self.position or (0.0, 0.0), self.radius_px))
 
+    def looks_changed(self) -> bool:
+        """Whether residuals are no longer what they were while the shape was learnt: then it is worth learning anew."""
+        ratio = self._noise[0] / self.look.disc.noise[0]
+        return bool(not 0.6 < ratio < 1.6)
+
     def note_shading(self, frame: Frame) -> None:
         """Measure how unevenly the mark is lit where it was just seen, for `slopes`."""
         if self._interior == 0.0 or self.missed or self.position is None:

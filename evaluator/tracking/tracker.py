@@ -93,7 +93,7 @@ class Tracker:
         follower = self.followers[name]
         if one.status == OK:
             follower.keep_view(frame)
-            if follower.seen in RELEARN_AT:
+            if follower.seen in RELEARN_AT and follower.looks_changed():
                 self._relearn(follower, follower.views)
                 self._agree()
             if not frame.index & SHADING_MASK:

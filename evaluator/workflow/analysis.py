@@ -45,7 +45,8 @@ def analyze(
     """Measure every run of an experiment (and simulate its counterpart), reusing what is up to date.
 
     Writes turning.csv, marks/ and poses/ below out; with simulate also comparison.csv and simulated/; and
-    provenance.json. A run that cannot be analysed is named in `faults` with its reason and does not stop the others.
+    provenance.json. A comparison.csv of earlier results does not stay beside new ones. A run that cannot be analysed
+    is named in `faults` with its reason and does not stop the others.
     workers: processes, by default one per core; the results do not depend on it.
     Raises InputError where the experiment cannot be used, or none of its runs can.
     """
@@ -69,6 +70,8 @@ def analyze(
     if simulate:
         comparison = _table(experiment, [results[run.id].comparison or {} for run in experiment.run])
         write_table(comparison, outputs.comparison)
+    elif any(not result.reused for result in results.values()):
+        outputs.comparison.unlink(missing_ok=True)  # it compared what no longer is
     write_provenance(
         outputs.provenance, experiment_path=experiment_path, inputs=input_files(experiment), command_line=command_line
     )

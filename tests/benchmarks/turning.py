@@ -171,7 +171,7 @@ def _methods() -> dict[str, Callable[[Array], float] | None]:
         "taubinSVD": lambda path: float(circle_fit.taubinSVD(path)[2]),
         "hyperLSQ": lambda path: float(circle_fit.hyperLSQ(path)[2]),
         "least squares": lambda path: float(circle_fit.least_squares_circle(path)[2]),
-        "Kåsa": lambda path: float(circle_fit.standardLSQ(path)[2]),
+        "standardLSQ": lambda path: float(circle_fit.standardLSQ(path)[2]),
         "scikit-image": skimage_radius,
         "window minimum": window_minimum,
     }

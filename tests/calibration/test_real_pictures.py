@@ -29,7 +29,9 @@ def test_dense_arrays_are_assigned(name: str, least: int) -> None:
 
 @pytest.mark.parametrize("path", SYMMETRIC, ids=lambda path: path.stem[-8:])
 def test_symmetric_photographs_are_assigned_whole(path: Path) -> None:
-    assert len(assign_grid(detect_dots(read_picture(path)))) >= 30
+    lattice = assign_grid(detect_dots(read_picture(path)))
+    _, index = rows_and_columns(lattice)
+    assert (len(lattice), sorted((index.max(axis=0) + 1).tolist())) == (30, [5, 6])
 
 
 @pytest.mark.parametrize("path", ASYMMETRIC, ids=lambda path: path.stem[-8:])

@@ -78,6 +78,19 @@ def test_systematic_part_is_the_change_of_pose_with_the_camera(frames: int) -> N
     np.testing.assert_allclose(shift * np.sign(found[-1]) * np.sign(shift[-1]), found, atol=2e-3 * np.abs(shift).max())
 
 
+def test_marks_seen_in_pictures_share_an_error_fixed_to_the_body() -> None:
+    camera = camera_above(size_px=(640, 480), focal_px=2000, distance_mm=150)
+    marks = marks_of(np.tile([1.0, 2.0, np.pi / 2], (50, 1)), 0.01, np.random.default_rng(6))
+    for name in ("green", "yellow"):
+        places = np.column_stack([marks[[f"{name}_x_mm", f"{name}_y_mm"]], np.full(len(marks), 6.5)])
+        marks[f"{name}_x_px"], marks[f"{name}_y_px"] = camera.picture_from_plate(places).T
+    poses = poses_from_marks(marks, GEOMETRY, camera)
+    assert poses.systematic is not None
+    forward, left = poses.systematic[:, 1, 0], poses.systematic[:, 0, 1]  # of the green mark; the robot faces plate +y
+    np.testing.assert_allclose(forward[0] / 0.01, 0.5 * 0.12, rtol=0.3)  # half of it, as the pose takes the mean
+    assert left[0] < 0
+
+
 def test_marks_at_one_place_are_refused() -> None:
     with pytest.raises(InputError, match="two different places"):
         MarkGeometry((1.0, 1.0), (1.0, 1.0))

@@ -183,3 +183,11 @@ def test_second_process_does_not_compile() -> None:
     for _ in range(2):
         done = subprocess.run([sys.executable, "-c", script], cwd=root, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["0", "1"]
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-7, 1e-8])
+def test_toed_in_robot_pivoting_on_a_locked_wheel_is_followed_at_every_tolerance(tolerance: float) -> None:
+    robot = affected(load_robot("barrel"), {"id": "wheel-toe", "left_deg": -0.4684, "right_deg": 0.1552})
+    run = simulate(robot, Command.constant(70.0, 0.0), TIMES_S, tolerance_mm=tolerance)
+    turn = steady_turn(robot, 70.0, 0.0)
+    assert run.yaw_rate_rad_s[-1] == pytest.approx(turn.yaw_rate_rad_s, rel=1e-9)

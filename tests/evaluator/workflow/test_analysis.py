@@ -110,3 +110,13 @@ def test_a_simulated_counterpart_starts_where_the_robot_did(analysed: tuple[Path
         poses, simulated = pd.read_csv(found.outputs.poses(run)), pd.read_csv(found.outputs.simulated(run))
         assert np.hypot(simulated["x_mm"][0] - poses["x_mm"][0], simulated["y_mm"][0] - poses["y_mm"][0]) < 0.02
         assert simulated["heading_deg"][0] == pytest.approx(poses["heading_deg"][0], abs=0.5)
+
+
+def test_a_comparison_of_earlier_results_does_not_stay_beside_new_ones(tmp_path: Path) -> None:
+    experiment = three_runs(tmp_path)
+    analyze(experiment, tmp_path / "out", simulate=True, workers=1)
+    analyze(experiment, tmp_path / "out", workers=1)
+    assert (tmp_path / "out" / "comparison.csv").exists()
+    circling_marks(7.0, seed=9).to_csv(tmp_path / "r01.csv", index=False)
+    analyze(experiment, tmp_path / "out", workers=1)
+    assert not (tmp_path / "out" / "comparison.csv").exists()

@@ -1,0 +1,106 @@
+"""A user's first hour: demo, a fresh experiment, its check, the report, and machines that read along."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from tests.end_to_end.commands import turnscope
+from tests.evaluator.synthetic import three_runs
+
+
+def test_every_command_says_what_it_does_with_an_example() -> None:
+    from click.testing import CliRunner
+
+    from evaluator.cli.group import COMMANDS
+    from evaluator.cli.group import turnscope as group
+
+    for name in COMMANDS:
+        shown = CliRunner().invoke(group, [name, "--help"])
+        assert shown.exit_code == 0, name
+        assert f"turnscope {name}" in shown.output.split("Options:")[-1], f"{name} has no example"
+
+
+def test_a_misspelt_command_is_answered_with_the_nearest() -> None:
+    done = turnscope("analize", "experiment.toml")
+    assert done.returncode == 2
+    assert "did you mean analyze?" in done.stderr
+
+
+def test_a_fresh_experiment_is_complete_but_for_camera_and_recordings(tmp_path: Path) -> None:
+    assert turnscope("new", tmp_path / "lab").returncode == 0
+    done = turnscope("check", tmp_path / "lab" / "experiment.toml", "--json")
+    assert done.returncode == 2
+    faults = json.loads(done.stdout)["faults"]
+    assert len(faults) == 3
+    for word in ("camera.json does not exist", "r01.mp4: no such file", "r02.mp4: no such file"):
+        assert any(word in fault for fault in faults)
+
+
+def test_new_overwrites_nothing(tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text("mine\n", encoding="utf-8")
+    done = turnscope("new", tmp_path)
+    assert done.returncode == 2
+    assert "robot.toml is already there" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["robot.toml"]
+
+
+def test_check_says_everything_that_is_wrong_at_once(tmp_path: Path) -> None:
+    experiment = three_runs(tmp_path)
+    text = experiment.read_text(encoding="utf-8").replace('"barrel"', '"barel"').replace("left_rpm = 5.0", "left = 5.0")
+    experiment.write_text(text, encoding="utf-8")
+    (tmp_path / "r03.csv").write_text("time_s\n0\n", encoding="utf-8")
+    done = turnscope("check", experiment)
+    assert done.returncode == 2
+    for word in ("did you mean barrel?", "run[2].left", "run[2].left_rpm is missing", "r03.csv: column green_x_mm"):
+        assert word in done.stderr
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("product")
+    experiment = three_runs(folder)
+    plan = turnscope("report", experiment, "-o", folder / "out", "--dry-run")
+    assert plan.returncode == 0
+    assert "3 of 3 runs to compute" in plan.stdout
+    assert not (folder / "out").exists()
+    done = turnscope("report", experiment, "-o", folder / "out", "--json", "--workers", 1)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == {"report": str(folder / "out" / "report.html"), "faults": {}}
+    return folder / "out"
+
+
+def test_report_leaves_the_files_of_the_contract(out: Path) -> None:
+    turning = pd.read_csv(out / "turning.csv")
+    assert list(turning.columns[:6]) == [
+        "run",
+        "left_rpm",
+        "right_rpm",
+        "radius_mm",
+        "radius_low_mm",
+        "radius_high_mm",
+    ]
+    assert {"radius_status", "steady_radius_mm", "speed_mm_s", "green_speed_mm_s", "yaw_rate_deg_s"} <= set(turning)
+    for run in turning["run"]:
+        assert (out / "marks" / f"{run}.csv").is_file()
+        assert list(pd.read_csv(out / "simulated" / f"{run}.csv").columns[:4]) == [
+            "time_s",
+            "x_mm",
+            "y_mm",
+            "heading_deg",
+        ]
+    assert (out / "report.html").stat().st_size < 5e6
+
+
+def test_what_is_up_to_date_is_not_done_again_and_programs_read_along(out: Path) -> None:
+    experiment = out.parent / "experiment.toml"
+    before = (out / "report.html").read_bytes()
+    assert "0 of 3 runs to compute" in turnscope("compare", experiment, "-o", out, "--dry-run").stdout
+    rows = json.loads(turnscope("analyze", experiment, "-o", out, "--json").stdout)
+    assert rows[0]["run"] == "r01"
+    assert rows[2]["radius_mm"] is None
+    assert turnscope("report", experiment, "-o", out, "--quiet").stdout == ""
+    assert (out / "report.html").read_bytes() == before
