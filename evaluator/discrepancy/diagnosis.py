@@ -30,9 +30,9 @@ Progress = Callable[[str, float], None]
 # An effect stays in the model where leaving it out costs this much of the log posterior, by the size of the set: odds
 # of 20 to 1 for one. Several named effects together can imitate physics that has no name, so sets must earn more.
 KEEP = (3.0, 3.0, 4.0, 12.0)
-# A free-form term speaks against the named effects where it wins by this much (odds of 400 to 1): the price of a false
-# "unknown" is paid by every user whose effect has a name.
-ABSTAIN = 6.0
+# A free-form term speaks against the named effects where it wins by this much. Its prior already asks for a fall of chi
+# square of 23 or more; chance offers that to one of 112 families in a thousandth of experiments whose effect has a name.
+ABSTAIN = 2.0
 # Left-overs above noise: mean square and its standard errors. The noise of slow modes is carried over from fast ones,
 # which is good to some ten per cent; beyond, motion is left.
 EXCESS = 1.12
@@ -40,6 +40,7 @@ EXCESS_SIGMA = 5.0
 SETTLED_NOISE = 0.9  # a search is repeated where its best model lowers the noise below this share
 RIVALS_KEPT = 4
 FREE_REFITTED = 3
+PROMISING_FREE = 6.0  # gain in log evidence at which a free-form term is fitted; its prior takes eight of it
 
 
 @dataclass(frozen=True)
@@ -197,7 +198,7 @@ def _challenge(search: Search, free: Mapping[str, Term], progress: Progress) -> 
         base = view.model.posterior(view.base).log_evidence
         gains = sorted(((view.evidence(offer) - base, offer) for offer in view.offers), reverse=True)
         for gain, (effect, extra) in gains[:FREE_REFITTED]:
-            if gain > ABSTAIN:
+            if gain > PROMISING_FREE:
                 fit_set(search, ids | {effect}, {effect: view.start_of((effect, extra))}, fit)
 
 
