@@ -30,8 +30,8 @@ Progress = Callable[[str, float], None]
 # An effect stays in the model where leaving it out costs this much of the log posterior, by the size of the set: odds
 # of 20 to 1 for one. Several named effects together can imitate physics that has no name, so sets must earn more.
 KEEP = (3.0, 3.0, 4.0, 12.0)
-# A free-form term speaks against the named effects where it wins by this much. Its prior already asks for a fall of chi
-# square of 23 or more; chance offers that to one of 112 families in a thousandth of experiments whose effect has a name.
+# A free-form term speaks against the named effects where it wins by this much. Its prior already asks for a fall of
+# chi square of 23 or more; chance offers that to one of 112 families in a thousandth of experiments whose effect has a name.
 ABSTAIN = 2.0
 # Left-overs above noise: mean square and its standard errors. The noise of slow modes is carried over from fast ones,
 # which is good to some ten per cent; beyond, motion is left.
@@ -40,7 +40,7 @@ EXCESS_SIGMA = 5.0
 SETTLED_NOISE = 0.9  # a search is repeated where its best model lowers the noise below this share
 RIVALS_KEPT = 4
 FREE_REFITTED = 3
-PROMISING_FREE = 6.0  # gain in log evidence at which a free-form term is fitted; its prior takes eight of it
+PROMISING_FREE = 6.0  # gain in log evidence at which a free-form term is fitted; its prior takes eight
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def diagnose(session: Session, progress: Progress) -> Diagnosis:
     )
     gain = float("nan")
     if held_out and chosen:
-        gain = predictive_score(part, gap_fit, held_out) - predictive_score(part, part.null, held_out)
+        gain = _confirmation(part, gap_fit, held_out)
     apart = separations(everything, best_named) if best_named else {}
     progress("where and what next", 0.95)
     table_of_pieces = pieces(problem, before)
@@ -142,6 +142,14 @@ def diagnose(session: Session, progress: Progress) -> Diagnosis:
         tuple(dependences(table_of_pieces)),
         following,
     )
+
+
+def _confirmation(part: Search, fit: Fit, held_out: Sequence[int]) -> float:
+    """Gain in log density of the runs kept aside over the null; NaN where the null cannot even be simulated there."""
+    try:
+        return predictive_score(part, fit, held_out) - predictive_score(part, part.null, held_out)
+    except FloatingPointError:
+        return float("nan")
 
 
 def _reach(session: Session) -> float:
