@@ -16,7 +16,9 @@ from typing import Any
 import matplotlib as mpl
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 INK, SOFT, FAINT, PAPER = "#1b1f24", "#626a73", "#d9dde2", "#fefefe"
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, YELLOW = (
@@ -161,3 +163,10 @@ def plain_svg(svg: str) -> str:
     text = re.sub(r"var\(--[a-z]+, (#[0-9a-f]{6})\)", r"\1", svg)
     text = re.sub(r"(<svg[^>]*>)", r'\1\n<rect width="100%" height="100%" fill="white"/>', text, count=1)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + text
+
+
+def plain_numbers(axis: Axis) -> None:
+    """Label a logarithmic axis 1, 2, 5, 10, … in plain numbers, so that labels neither overlap nor need powers."""
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from evaluator.report.style import BLUE, SOFT, VERMILLION, Figure, drawing
+from evaluator.report.style import BLUE, SOFT, VERMILLION, Figure, drawing, plain_numbers
 
 MOST_ROWS = 40
 
@@ -33,6 +33,7 @@ def gap_before_after(gap: dict[str, Any]) -> Figure | None:
         axes.set_ylim(-0.7, len(chosen) - 0.3)
         axes.grid(visible=False, axis="y")
         axes.set_xscale("log")
+        plain_numbers(axes.xaxis)
         axes.set_xlabel("distance between model and data, mm RMS")
         canvas.canvas.legend(loc="outside upper right", ncols=3)
     return Figure(

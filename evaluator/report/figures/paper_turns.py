@@ -7,9 +7,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from evaluator.report.style import BLUE, GROUPS, INK, PAPER, SIMULATED, THEORY, VERMILLION, Figure, Series, drawing
+from evaluator.report.style import (
+    BLUE,
+    GROUPS,
+    INK,
+    PAPER,
+    SIMULATED,
+    THEORY,
+    VERMILLION,
+    Figure,
+    Series,
+    drawing,
+    plain_numbers,
+)
 
 
 def trajectory_figure(number: str, table: pd.DataFrame, published_mm: dict[str, float]) -> Figure:
@@ -99,9 +110,8 @@ def ratio_figure(table: pd.DataFrame, published: tuple[float, float], ours: tupl
             axes.plot(ratio, factor * ratio**exponent, color=color, ls=line, lw=1.1, label=label)
         _radius_axis(axes)
         axes.set_xscale("log")
+        plain_numbers(axes.xaxis)
         axes.set_xticks([0.1, 0.2, 0.3, 0.5, 0.7])
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel("ratio r of the difference to the left wheel")
         axes.legend()
     caption = "All speeds fall on one curve: the radius depends on the ratio alone, as the paper finds. Equation (11)."
@@ -134,6 +144,5 @@ def prototype_figure(table: pd.DataFrame) -> Figure:
 def _radius_axis(axes: Axes) -> None:
     axes.set_ylabel("minimum turning radius, mm")
     axes.set_yscale("log")
+    plain_numbers(axes.yaxis)
     axes.set_yticks([2, 5, 10, 20, 50, 100])
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from evaluator.report.runs import RunView, column
-from evaluator.report.style import GROUPS, MEASURED, SIMULATED, THEORY, Figure, Series, drawing
+from evaluator.report.style import GROUPS, MEASURED, SIMULATED, THEORY, Figure, Series, drawing, plain_numbers
 
 
 def radius_against_difference(runs: Sequence[RunView]) -> Figure | None:
@@ -55,8 +54,7 @@ def radius_against_ratio(runs: Sequence[RunView]) -> Figure | None:
         axes.plot(curve, 2.5735 * curve**-1.5141, color=THEORY.color, ls=THEORY.line, label="equation (11)")
         _radius_axis(axes, "ratio of difference to the faster wheel")
         axes.set_xscale("log")
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.xaxis.set_minor_formatter(NullFormatter())
+        plain_numbers(axes.xaxis)
         axes.set_xticks([tick for tick in (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0) if curve[0] <= tick <= curve[-1]])
         axes.legend()
     data = _radius_data(turning)
@@ -128,9 +126,7 @@ def _radius_axis(axes: Axes, x_label: str) -> None:
     axes.set_yscale("log")
     low, high = axes.get_ylim()
     axes.set_ylim(low / 1.15, high * 1.15)
-    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    plain_numbers(axes.yaxis)
 
 
 def _radius_data(runs: Sequence[RunView]) -> pd.DataFrame:
