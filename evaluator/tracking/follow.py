@@ -17,11 +17,16 @@ from evaluator.tracking.shading import interior_px
 Array = NDArray[np.float64]
 Point = tuple[float, float]
 OK = "ok"
+WRONG_DISTANCE = "wrong distance"  # it and its partner lie farther apart or nearer than on one body: found afterwards
 
-# What one picture's residual (mean square over noise) reaches by chance: 1.5 is 4 sigma for the 130 pixels of a mark of
-# 5 px radius. Above it something is in the way: the background's slope is fitted too, and the uncertainty allows for
-# it.
+# Residual (mean square over noise) above which something is in the way for certain: 4 sigma for the 130 pixels of a
+# mark of 5 px radius. The background's slope is then fitted too, and the light is suspected.
 DISTURBED = 1.5
+# Sigmas of the residual's usual scatter (as it was learnt: codecs make it larger than chance) from which a sloping
+# background is tried, and from which the uncertainty allows for what is in the way.
+SUSPECT, ODD = 2.0, 3.0
+SLOPING = 12.0  # fall of the squares, in variances, that two slopes bring by chance once in 400 pictures
+PER_MEDIAN = 1.4826  # sigma over median deviation
 # A disturbance that looked just like a shift would move the centre by √pixels times its own share of the noise; real
 # ones (wires, glare, shadows) reach a third of that.
 LIKENESS = 0.11
@@ -60,7 +65,6 @@ ABSENT = {
         "disturbed",  # its luma is not that of a disc: glare, a wire, a shadow
         "no disc",  # its colour is there but no disc of its size and brightness
         "ambiguous",  # something else of its colour is beside it or in its place
-        "wrong distance",  # it and its partner lie farther apart or nearer than the robot allows
         "repeated picture",  # the recording shows the picture before once more
     )
 }
@@ -90,6 +94,7 @@ class Follower:
         self._slopes: list[Point] = []
         self._slope = np.zeros(2)
         self.black = 0.0
+        self._scatter = (DISTURBED - 1.0) / ODD  # of residuals about 1, one sigma; the largest that is believed
         self.take_look(self.look)
 
     def take_look(self, look: Appearance) -> None:
@@ -145,11 +150,18 @@ class Follower:
             self._noise[0] = min(self._noise[0] * brighter**2, NOISE_RANGE * self._least_noise)
             start[2], start[3] = result[kernels.AMPLITUDE], result[kernels.BASE]
             self._fit(frame, start)
-        if result[kernels.RESIDUAL] > DISTURBED:
-            self._sloped[:4] = result[: kernels.BASE + 1]
-            self._sloped[4:] = 0.0
-            self._fit(frame, self._sloped)
+        if result[kernels.RESIDUAL] > 1.0 + SUSPECT * self._scatter:
+            self._try_slope(frame)
         return self._judged(frame, cell, seen, place, reach_px, crowded=crowded)
+
+    def _try_slope(self, frame: Frame) -> None:
+        """Fit a sloping background too, and keep that where the slope is there: the onset of glare or shadow."""
+        plain = self._result.copy()
+        self._sloped[:4], self._sloped[4:] = plain[: kernels.BASE + 1], 0.0
+        self._fit(frame, self._sloped)
+        fall = plain[kernels.RESIDUAL] - self._result[kernels.RESIDUAL]
+        if plain[kernels.RESIDUAL] < DISTURBED and not fall * plain[kernels.PIXELS] > SLOPING:
+            self._result[:] = plain
 
     def _fit(self, frame: Frame, start: Array) -> None:
         kernels.fit_disc(
@@ -178,9 +190,7 @@ class Follower:
         if reason:
             return ABSENT[reason]
         # Residuals above the learnt noise (codec, wire, texture) widen the uncertainty; a chance calm keeps it.
-        scale = max(1.0, residual)
-        if residual > DISTURBED:
-            scale += LIKENESS * pixels * (residual - 1.0)
+        scale = max(1.0, residual) + LIKENESS * pixels * max(residual - 1.0 - ODD * self._scatter, 0.0)
         return Sighting(x, y, scale * var_x, scale * var_y, scale * cov_xy, OK)
 
     def keep_view(self, frame: Frame) -> None:
@@ -237,4 +247,8 @@ class Follower:
         # equal size toward either side follow the median, which a passing disturbance does not move.
         step = NOISE_STEP if self._result[kernels.RESIDUAL] > 1.0 else 1.0 / NOISE_STEP
         self._noise[0] = min(max(self._noise[0] * step, self._least_noise), NOISE_RANGE * self._least_noise)
+        off = PER_MEDIAN * abs(float(self._result[kernels.RESIDUAL]) - 1.0)
+        scatter = self._scatter * (NOISE_STEP if off > self._scatter else 1.0 / NOISE_STEP)
+        chance = (2.0 / max(float(self._result[kernels.PIXELS]), 1.0)) ** 0.5
+        self._scatter = min(max(scatter, chance), max((DISTURBED - 1.0) / ODD, chance))
         self.color[4] += 0.1 * (0.5 * self._found[kernels.STRENGTH] - self.color[4])
