@@ -16,7 +16,8 @@ from evaluator.tracking.search import Search
 from evaluator.tracking.settings import TrackingSettings
 
 LEARNING_FRAMES = 12  # pictures a shape is learnt from; more do not improve the centre: shape and centre are orthogonal
-SHADING_MASK = 1  # light is measured in every second picture
+# Light is measured in every second picture at first, then in every sixteenth: it belongs to the place, not to the time.
+SHADING_MASK, SHADED, RARELY_MASK = 1, 512, 15
 UNEQUAL = 0.08  # radii of equal marks differ by less: halation of a brighter mark, learning from noisy pictures
 UNEQUAL_NOISE = 4.0  # and so does their noise: light and codec treat them alike
 PATIENCE = 30  # pictures to wait for both marks of a pair before following one alone
@@ -96,7 +97,7 @@ class Tracker:
             if follower.seen in RELEARN_AT and follower.looks_changed():
                 self._relearn(follower, follower.views)
                 self._agree()
-            if not frame.index & SHADING_MASK:
+            if not frame.index & (SHADING_MASK if follower.seen < SHADED else RARELY_MASK):
                 follower.note_shading(frame)
         elif follower.missed > PATIENCE and follower.seen < LEARNING_FRAMES:
             del self.followers[name]
