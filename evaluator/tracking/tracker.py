@@ -10,7 +10,7 @@ from evaluator.errors import InputError
 from evaluator.recording import Frame
 from evaluator.tracking.appearance import Appearance, learn_color, learn_shape, patch_of, with_disc
 from evaluator.tracking.disc import Patch, make_disc
-from evaluator.tracking.find import Candidate, allowed_cells, candidates, cell_of, choose, color_map
+from evaluator.tracking.find import Candidate, allowed_cells, candidates, cell_of, choose, neutral_of
 from evaluator.tracking.follow import ABSENT, OK, RELEARN_AT, Array, Follower, Point, Sighting
 from evaluator.tracking.search import Search
 from evaluator.tracking.settings import TrackingSettings
@@ -141,7 +141,7 @@ class Tracker:
         self._waited += 1
         if not chosen or (pair and len(chosen) < len(wanted) and self._waited < PATIENCE):
             return
-        neutral = color_map(frame, allowed_cells(frame, self.settings)).neutral_uv
+        neutral = neutral_of(frame, allowed_cells(frame, self.settings))
         for name, candidate in chosen.items():
             others = [other.chroma_uv for key, other in chosen.items() if key != name]
             others += [tuple(known.color[:2] + known.color[2:4]) for known in self.followers.values()]
