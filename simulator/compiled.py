@@ -17,12 +17,16 @@ _sources: set[str] = set()
 
 
 def compiled(**options: Any) -> Callable[[Function], Function]:
-    """Compile a function with numba.njit(cache=True, **options); the type of the function is kept."""
+    """Compile a function with numba.njit(cache=True, **options); the type of the function is kept.
+
+    Division by zero gives infinity or NaN, as in numpy: one run out of thousands that leaves the model's range must not
+    stop the others.
+    """
 
     def decorate(function: Function) -> Function:
         from numba import njit
 
-        kernel = njit(cache=True, **options)(function)
+        kernel = njit(cache=True, error_model="numpy", **options)(function)
         _forget_stale(function, kernel)
         return cast("Function", kernel)
 

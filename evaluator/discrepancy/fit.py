@@ -25,6 +25,7 @@ SETTLED = 0.05
 STALLED = 0.5
 DAMPINGS = (1.0, 0.4, 0.12, 0.03)
 OWN_PASSES = 3
+MOST_SCATTER = 0.5  # relative friction or gain of one run: beyond, a linear step has lost its way
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,12 @@ def _settled(problem: Problem, point: Point, runs: Sequence[int], scatter: Float
     """Start pose, friction and gains of every run fitted at a point, and -2 log density of the runs there."""
     best, least = point, np.inf
     for _ in range(OWN_PASSES):
-        linear = problem.linearized(point, (), runs)
+        try:
+            linear = problem.linearized(point, (), runs)
+        except FloatingPointError:
+            if np.isinf(least):
+                raise
+            break  # the step went where nothing can be simulated: stay at the best point so far
         value = _objective(linear, np.zeros(0), point.own[list(runs), 3:], np.zeros(0), scatter, project=False)
         if value < least:
             settled = least - value < SETTLED
@@ -138,7 +144,7 @@ def _own_step(point: Point, linear: Sequence[Linearized], runs: Sequence[int], g
     """Every run's own numbers moved to their most probable values; the common ones stay."""
     own = point.own.copy()
     for index, (run, item) in enumerate(zip(runs, linear, strict=True)):
-        own[run, 3:] = goal[index]
+        own[run, 3:] = np.clip(goal[index], -MOST_SCATTER, MOST_SCATTER)
         left = item.response - item.scatter @ own[run, 3:]
         own[run, :3] += np.linalg.lstsq(item.start, left, rcond=None)[0]
     return replace(point, own=own)

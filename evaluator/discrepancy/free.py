@@ -191,7 +191,8 @@ def _families() -> Iterator[tuple[Item, ...]]:
     yield from each("steer", "one", pattern="driven-left-right")
     for pattern in ("front-rear", "driven-left-right", "diagonal"):
         yield from each("load", "one", pattern=pattern)
-    yield from each("load", "time", "abs_u", "sign_u")
+    # of all wheels alike, load would act as nothing where the law is normalized by it
+    yield from each("load", "time", "abs_u", "sign_u", pattern="driving")
     yield from each("load", "sign_u", "abs_yaw_rate", pattern="front-rear")
     yield from each("load", "sign_yaw_rate", pattern="driving-left-right")
     yield from each("drag", "sign_u", "u", pattern="left-right")

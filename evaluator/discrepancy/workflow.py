@@ -26,7 +26,10 @@ def diagnose_experiment(path: Path, out: Path, progress: Progress) -> tuple[Diag
     """
     experiment = read_with(load_experiment, path)
     session = _session(path, experiment, out, progress)
-    found = diagnose(session, progress)
+    try:
+        found = diagnose(session, progress)
+    except FloatingPointError as error:
+        raise InputError(f"{path}: {error}; are the robot file and the command of that run right?") from error
     content = record(found)
     if found.verdict in ("effect", "unknown") and found.search is not None and found.chosen:
         text = robot_with_effect(found, read_with(robot_text, experiment.robot))  # type: ignore[arg-type]

@@ -83,8 +83,10 @@ def _silent(what: str, share: float) -> None:
 def _line(row: dict[str, Any]) -> str:
     sizes = {key: {k: float(f"{v:.3g}") for k, v in values.items()} for key, values in row["effects"].items()}
     truth = row["outside"] + f" {row['size']:.3g}" if row["outside"] else json.dumps(sizes)
-    return (f"{row['kind']:8} {truth} -> {row['verdict']} {row['named']} credit={row['credit']} "
-            f"inside={sum(row['inside'])}/{len(row['inside'])} gap={row['gap']:.2f} {row['seconds']:.0f} s")  # fmt: skip
+    return (
+        f"{row['kind']:8} {truth} -> {row['verdict']} {row['named']} credit={row['credit']} "
+        f"inside={sum(row['inside'])}/{len(row['inside'])} gap={row['gap']:.2f} {row['seconds']:.0f} s"
+    )
 
 
 def _share(hits: int, count: int) -> str:
