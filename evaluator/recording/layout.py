@@ -69,11 +69,9 @@ class Layout:
         )  # fmt: skip
 
     def _view(self, plane: Any) -> Plane:
-        height, line = plane.height, plane.line_size
-        flat: Plane = np.frombuffer(plane, np.uint8)
-        if self.depth > 8:
-            flat, line = flat.view(np.uint16), line // 2
-        view = flat[: height * line].reshape(height, line)[:, : plane.width]
+        shape, line = (plane.height, plane.width), plane.line_size
+        kind, size = (np.uint16, 2) if self.depth > 8 else (np.uint8, 1)
+        view: Plane = np.ndarray(shape, kind, plane, 0, (line, size))
         return np.rot90(view, self.turns) if self.turns else view
 
 

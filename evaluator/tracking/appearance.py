@@ -13,6 +13,7 @@ from evaluator.tracking.disc import Disc, Patch, cut_patch, learn_disc
 from evaluator.tracking.find import Candidate
 
 Array = NDArray[np.float64]
+ENOUGH = 1009  # samples of a patch that a shape is learnt from: all of a mark of 8 px radius
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def patch_of(frame: Frame, center_px: tuple[float, float], radius_px: float) -> 
 
 def learn_shape(patches: Sequence[Patch], radius_px: float) -> Disc | None:
     """Learn the disc from patches around the mark; None where there is none of about that radius."""
-    whole = [patch for patch in patches if len(patch.value) > 30]
+    whole = [_thinned(patch) for patch in patches if len(patch.value) > 30]
     if not whole:
         return None
     try:
@@ -61,6 +62,14 @@ def learn_shape(patches: Sequence[Patch], radius_px: float) -> Disc | None:
         return None
     plausible = 0.4 < disc.radius_px / radius_px < 2.0
     return disc if plausible and abs(disc.amplitude) > 2 * spread else None
+
+
+def _thinned(patch: Patch) -> Patch:
+    """At most ENOUGH samples, spread evenly: an error of the shape does not move the centre of a large mark."""
+    if len(patch.value) <= ENOUGH:
+        return patch
+    kept = np.linspace(0, len(patch.value) - 1, ENOUGH).astype(int)
+    return Patch(patch.x[kept], patch.y[kept], patch.value[kept], patch.center_px)
 
 
 def with_disc(look: Appearance, disc: Disc) -> Appearance:

@@ -84,10 +84,17 @@ def color_map(frame: Frame, allowed: NDArray[np.bool_]) -> ColorMap:
     typical = chroma[allowed]
     spread = float(np.median(np.abs(typical - np.median(typical)))) * 1.4826
     floor = max(float(np.median(typical)) + 6 * spread, 14.0)
-    neutral = float(np.median(u[allowed])), float(np.median(v[allowed]))
+    neutral = neutral_of(frame, allowed)
     cell = float(across), float(down * frame.row_step)
     origin = (across - 1) / 2, frame.row_origin + (down - 1) / 2 * frame.row_step
     return ColorMap(hue, chroma, floor, neutral, u, v, cell, origin)
+
+
+def neutral_of(frame: Frame, allowed: NDArray[np.bool_]) -> tuple[float, float]:
+    """(u, v) of what most of the picture shows, in levels of the planes' own depth."""
+    assert frame.u is not None
+    assert frame.v is not None
+    return float(np.median(frame.u[allowed])), float(np.median(frame.v[allowed]))
 
 
 def _hue_and_chroma(rgb: list[NDArray[np.float32]]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -17,11 +17,16 @@ from evaluator.tracking.shading import interior_px
 Array = NDArray[np.float64]
 Point = tuple[float, float]
 OK = "ok"
+WRONG_DISTANCE = "wrong distance"  # it and its partner lie farther apart or nearer than on one body: found afterwards
 
-# What one picture's residual (mean square over noise) reaches by chance: 1.5 is 4 sigma for the 130 pixels of a mark of
-# 5 px radius. Above it something is in the way: the background's slope is fitted too, and the uncertainty allows for
-# it.
+# Residual (mean square over noise) above which something is in the way for certain: 4 sigma for the 130 pixels of a
+# mark of 5 px radius. The background's slope is then fitted too, and the light is suspected.
 DISTURBED = 1.5
+# Sigmas of the residual's usual scatter (as it was learnt: codecs make it larger than chance) from which a sloping
+# background is tried, and from which the uncertainty allows for what is in the way.
+SUSPECT, ODD = 2.0, 3.0
+SLOPING = 12.0  # fall of the squares, in variances, that two slopes bring by chance once in 400 pictures
+PER_MEDIAN = 1.4826  # sigma over median deviation
 # A disturbance that looked just like a shift would move the centre by √pixels times its own share of the noise; real
 # ones (wires, glare, shadows) reach a third of that.
 LIKENESS = 0.11
@@ -60,7 +65,6 @@ ABSENT = {
         "disturbed",  # its luma is not that of a disc: glare, a wire, a shadow
         "no disc",  # its colour is there but no disc of its size and brightness
         "ambiguous",  # something else of its colour is beside it or in its place
-        "wrong distance",  # it and its partner lie farther apart or nearer than the robot allows
         "repeated picture",  # the recording shows the picture before once more
     )
 }
@@ -84,12 +88,14 @@ class Follower:
     def __post_init__(self) -> None:
         """Make the arrays the kernels read and fill."""
         self._found, self._result = np.zeros(5), np.zeros(kernels.RESULTS)
+        self._fitted, self._strength = self._result.tolist(), 0.0
         self._start, self._sloped = np.zeros(4), np.zeros(6)
         self.seen, self.views = 0, list[Patch]()
         self._slope_places: list[Point] = []
         self._slopes: list[Point] = []
         self._slope = np.zeros(2)
         self.black = 0.0
+        self._scatter = (DISTURBED - 1.0) / ODD  # of residuals about 1, one sigma; the largest that is believed
         self.take_look(self.look)
 
     def take_look(self, look: Appearance) -> None:
@@ -120,13 +126,14 @@ class Follower:
 
         cell: of the chroma samples, as `kernels.color_window` takes it.
         """
-        found, radius = self._found, self.radius_px
-        kernels.color_window(frame.u, frame.v, cell, place[0], place[1], radius + reach_px, self.color, found)
+        radius = self.radius_px
+        kernels.color_window(frame.u, frame.v, cell, place[0], place[1], radius + reach_px, self.color, self._found)
+        colored, seen_x, seen_y, self._strength, clipped = self._found.tolist()
         area = self.look.area_px2
-        if found[0] < 0.35 * area:
-            return ABSENT["outside the picture" if found[4] > 0.2 else "not seen"]
-        seen = (found[1], found[2])
-        crowded = found[0] > 1.5 * area
+        if colored < 0.35 * area:
+            return ABSENT["outside the picture" if clipped > 0.2 else "not seen"]
+        seen = (seen_x, seen_y)
+        crowded = colored > 1.5 * area
         start, disc = self._start, self._disc
         # The colour's centre is good to a chroma sample, the prediction usually to a tenth: take it unless they differ.
         near = abs(seen[0] - place[0]) + abs(seen[1] - place[1]) < 0.4 * radius + 1.0
@@ -139,17 +146,25 @@ class Follower:
         disc[5], disc[6] = smear_x * keep, smear_y * keep
         self._fit(frame, start)
         result = self._result
-        brighter = result[kernels.AMPLITUDE] / self._amplitude
-        if result[kernels.RESIDUAL] > DISTURBED and BRIGHTER < brighter < 4.0:
+        residual = float(result[kernels.RESIDUAL])
+        if residual > DISTURBED and BRIGHTER < (brighter := result[kernels.AMPLITUDE] / self._amplitude) < 4.0:
             # The lights went on: photon noise grows with the light, gain noise with its square.
             self._noise[0] = min(self._noise[0] * brighter**2, NOISE_RANGE * self._least_noise)
             start[2], start[3] = result[kernels.AMPLITUDE], result[kernels.BASE]
             self._fit(frame, start)
-        if result[kernels.RESIDUAL] > DISTURBED:
-            self._sloped[:4] = result[: kernels.BASE + 1]
-            self._sloped[4:] = 0.0
-            self._fit(frame, self._sloped)
+            residual = float(result[kernels.RESIDUAL])
+        if residual > 1.0 + SUSPECT * self._scatter:
+            self._try_slope(frame)
         return self._judged(frame, cell, seen, place, reach_px, crowded=crowded)
+
+    def _try_slope(self, frame: Frame) -> None:
+        """Fit a sloping background too, and keep that where the slope is there: the onset of glare or shadow."""
+        plain = self._result.copy()
+        self._sloped[:4], self._sloped[4:] = plain[: kernels.BASE + 1], 0.0
+        self._fit(frame, self._sloped)
+        fall = plain[kernels.RESIDUAL] - self._result[kernels.RESIDUAL]
+        if plain[kernels.RESIDUAL] < DISTURBED and not fall * plain[kernels.PIXELS] > SLOPING:
+            self._result[:] = plain
 
     def _fit(self, frame: Frame, start: Array) -> None:
         kernels.fit_disc(
@@ -160,7 +175,8 @@ class Follower:
     def _judged(
         self, frame: Frame, cell: Array, seen: Point, place: Point, reach_px: float, *, crowded: bool
     ) -> Sighting:
-        x, y, amplitude, _, var_x, var_y, cov_xy, residual, used, inside, pixels = self._result.tolist()
+        self._fitted = self._result.tolist()
+        x, y, amplitude, _, var_x, var_y, cov_xy, residual, used, inside, pixels = self._fitted
         reach, slack = reach_px + 0.5 * self.radius_px + 1.0, 0.5 * self.radius_px + 1.0
         reason = ""
         if x != x:  # noqa: PLR0124 - NaN: no fit
@@ -178,9 +194,7 @@ class Follower:
         if reason:
             return ABSENT[reason]
         # Residuals above the learnt noise (codec, wire, texture) widen the uncertainty; a chance calm keeps it.
-        scale = max(1.0, residual)
-        if residual > DISTURBED:
-            scale += LIKENESS * pixels * (residual - 1.0)
+        scale = max(1.0, residual) + LIKENESS * pixels * max(residual - 1.0 - ODD * self._scatter, 0.0)
         return Sighting(x, y, scale * var_x, scale * var_y, scale * cov_xy, OK)
 
     def keep_view(self, frame: Frame) -> None:
@@ -212,6 +226,7 @@ class Follower:
         """Why the colour right around a fitted centre speaks against it, or nothing."""
         found, area = self._found, self.look.area_px2
         kernels.color_window(frame.u, frame.v, cell, place[0], place[1], self.radius_px, self.color, found)
+        self._strength = float(found[kernels.STRENGTH])
         if found[0] < 0.5 * area:
             return "partly hidden"
         beside = abs(found[1] - place[0]) + abs(found[2] - place[1]) > slack
@@ -229,12 +244,16 @@ class Follower:
             self.velocity = (0.0, 0.0)
         self.position, self.time_s, self.missed = (sighting.x, sighting.y), time_s, 0
         # Lights change slowly, or at once.
-        amplitude = float(self._result[kernels.AMPLITUDE])
+        amplitude, residual = self._fitted[kernels.AMPLITUDE], self._fitted[kernels.RESIDUAL]
         rate = 0.1 if 1 / BRIGHTER < amplitude / self._amplitude < BRIGHTER else 1.0
         self._amplitude += rate * (amplitude - self._amplitude)
-        self._base += rate * (float(self._result[kernels.BASE]) - self._base)
+        self._base += rate * (self._fitted[kernels.BASE] - self._base)
         # Noise is what residuals usually are: a codec leaves more of it on a moving mark than on one at rest. Steps of
         # equal size toward either side follow the median, which a passing disturbance does not move.
-        step = NOISE_STEP if self._result[kernels.RESIDUAL] > 1.0 else 1.0 / NOISE_STEP
-        self._noise[0] = min(max(self._noise[0] * step, self._least_noise), NOISE_RANGE * self._least_noise)
-        self.color[4] += 0.1 * (0.5 * self._found[kernels.STRENGTH] - self.color[4])
+        step = NOISE_STEP if residual > 1.0 else 1.0 / NOISE_STEP
+        self._noise[0] = min(max(float(self._noise[0]) * step, self._least_noise), NOISE_RANGE * self._least_noise)
+        off = PER_MEDIAN * abs(residual - 1.0)
+        scatter = self._scatter * (NOISE_STEP if off > self._scatter else 1.0 / NOISE_STEP)
+        chance = (2.0 / max(self._fitted[kernels.PIXELS], 1.0)) ** 0.5
+        self._scatter = min(max(scatter, chance), max((DISTURBED - 1.0) / ODD, chance))
+        self.color[4] += 0.1 * (0.5 * self._strength - float(self.color[4]))

@@ -17,6 +17,9 @@ from numba import njit
 X, Y, AMPLITUDE, BASE, VAR_X, VAR_Y, COV_XY, RESIDUAL, USED, INSIDE, PIXELS = range(11)
 RESULTS = 11
 
+# Liberties of floating point that keep NaN and order: what a fit loses by them is below its rounding.
+QUICK = {"contract", "arcp", "nsz"}
+
 # Places of the numbers that `color_window` gives.
 AREA, CENTER_X, CENTER_Y, STRENGTH, CLIPPED = range(5)
 
@@ -62,7 +65,7 @@ def is_color(u, v, color):
     return 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def color_scan(u, v, allowed, color, least, mask):
     """Mark all allowed pixels of a colour in mask; returns their number and bounds (rows, then columns, inclusive).
 
@@ -72,17 +75,21 @@ def color_scan(u, v, allowed, color, least, mask):
     count, top, bottom, left, right = 0, rows, -1, columns, -1
     wanted = color.copy()
     wanted[4] = least
+    neutral_u, neutral_v, toward_u, toward_v = wanted[0], wanted[1], wanted[2], wanted[3]
+    mask[:, :] = 0
     for j in range(rows):
         for i in range(columns):
-            mask[j, i] = 0
-            if allowed[j, i] and is_color(u[j, i], v[j, i], wanted) > 0.0:
+            # Few cells are colourful at all: the first comparison settles nearly all of them.
+            if (u[j, i] - neutral_u) * toward_u + (v[j, i] - neutral_v) * toward_v <= least or not allowed[j, i]:
+                continue
+            if is_color(u[j, i], v[j, i], wanted) > 0.0:
                 mask[j, i] = 1
                 count += 1
                 top, bottom, left, right = min(top, j), max(bottom, j), min(left, i), max(right, i)
     return count, top, bottom, left, right
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def fit_disc(luma, row_origin, row_step, start, disc, profile, slope, per_px, noise, result):
     """Fit centre, amplitude and base of a blurred disc to the luma by iteratively reweighted least squares.
 
@@ -117,61 +124,81 @@ def fit_disc(luma, row_origin, row_step, start, disc, profile, slope, per_px, no
     result[PIXELS] = sums[2]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=QUICK)
 def accumulate(luma, row_origin, row_step, state, disc, profile, slope, per_px, noise, normal, right, sums):
     """Fill the upper triangle of the normal equations of `fit_disc` at a state.
 
-    sums: weighted squares, sum of outlier weights, pixels in the picture, pixels in the disc's surroundings.
+    sums: weighted squares, sum of outlier weights, pixels in the picture, pixels in the disc's surroundings. In one
+    piece, and in scalars: taken apart, or summed in place, it takes twice as long.
     """
     rows, columns = luma.shape
     x, y, amplitude, base = state[0], state[1], state[2], state[3]
-    radius, blur, e1, e2, outer = disc[0], disc[1], disc[2], disc[3], disc[4]
-    smeared = disc[5] * disc[5] + disc[6] * disc[6] > 0.5 * blur * blur
-    size, last, derivative = len(state), len(profile) - 2, np.ones(len(state))
-    edge = 3.5 * math.sqrt(blur * blur + (disc[5] * disc[5] + disc[6] * disc[6]) / 12.0)
-    flat_in, flat_out = max(radius - edge, 0.0) ** 2, (radius + edge) ** 2
+    sloping = len(state) == 6
+    tilt_x, tilt_y = (state[4], state[5]) if sloping else (0.0, 0.0)
+    radius, e1, e2, outer, smear_x, smear_y = disc[0], disc[2], disc[3], disc[4], disc[5], disc[6]
+    blur2, smear2, last = disc[1] * disc[1], smear_x * smear_x + smear_y * smear_y, len(profile) - 2
+    smeared = smear2 > 0.5 * blur2
+    still, per_level, softness = noise[0], noise[1], 1.0 / (noise[2] * noise[2])
+    edge = 3.5 * math.sqrt(blur2 + smear2 / 12.0)
+    flat_in, flat_out = max(disc[0] - edge, 0.0) ** 2, (disc[0] + edge) ** 2
     normal[:, :], right[:], sums[:] = 0.0, 0.0, 0.0
+    xx = xy = xp = xb = yy = yp = yb = pp = pb = bb = rx = ry = rp = rb = squares = trust = inside = around = 0.0
     reach = outer / math.sqrt(1.0 - math.sqrt(e1 * e1 + e2 * e2))
     for j in range(math.ceil((y - reach - row_origin) / row_step), math.floor((y + reach - row_origin) / row_step) + 1):
         dy = row_origin + row_step * j - y
         for i in range(math.ceil(x - reach), math.floor(x + reach) + 1):
             dx = i - x
             square = (1.0 + e1) * dx * dx + 2.0 * e2 * dx * dy + (1.0 - e1) * dy * dy
-            if square > outer * outer:
-                continue
             # Flat parts tell only amplitude and base: a quarter of their pixels is plenty.
-            if (square < flat_in or square > flat_out) and (i + j) & 1 | (i & 1):
+            flat = square < flat_in or square > flat_out
+            if square > outer * outer or (flat and (i + j) & 1 | (i & 1)):
                 continue
-            sums[3] += 1.0
+            around += 1.0
             if j < 0 or j >= rows or i < 0 or i >= columns:
                 continue
             r = math.sqrt(max(square, 1e-12))
-            rx, ry = ((1.0 + e1) * dx + e2 * dy) / r, (e2 * dx + (1.0 - e1) * dy) / r
+            outward_x, outward_y = ((1.0 + e1) * dx + e2 * dy) / r, (e2 * dx + (1.0 - e1) * dy) / r
             stretch = 1.0
             if smeared:
-                along = disc[5] * rx + disc[6] * ry
-                stretch = blur / math.sqrt(blur * blur + along * along / 12.0)
+                along = smear_x * outward_x + smear_y * outward_y
+                stretch = 1.0 / math.sqrt(1.0 + along * along / (12.0 * blur2))
             place = max((radius + (r - radius) * stretch) * per_px, 0.0)
             k = min(int(place), last)
             part = min(place - k, 1.0)
             p = profile[k] + part * (profile[k + 1] - profile[k])
             pull = -amplitude * (slope[k] + part * (slope[k + 1] - slope[k])) * stretch
-            residual = luma[j, i] - base - amplitude * p
-            if size == 6:
-                residual -= state[4] * dx + state[5] * dy
-                derivative[4], derivative[5] = dx, dy
-            variance = noise[0] + noise[1] * max(base + amplitude * p, 0.0)
-            beyond = residual * residual / (variance * noise[2] * noise[2])
+            gx, gy, level = pull * outward_x, pull * outward_y, base + amplitude * p
+            residual, certain = (
+                luma[j, i] - level - tilt_x * dx - tilt_y * dy,
+                1.0 / (still + per_level * max(level, 0.0)),
+            )
+            beyond = residual * residual * certain * softness
             soft = 1.0 / (1.0 + beyond * beyond)
-            derivative[0], derivative[1], derivative[2] = pull * rx, pull * ry, p
-            for m in range(size):
-                weighted = soft / variance * derivative[m]
-                right[m] += weighted * residual
-                for n in range(m, size):
-                    normal[m, n] += weighted * derivative[n]
-            sums[0] += soft / variance * residual * residual
-            sums[1] += soft
-            sums[2] += 1.0
+            w = soft * certain
+            wx, wy, wp, wr = w * gx, w * gy, w * p, w * residual
+            xx, xy, xp, xb, yy, yp = xx + wx * gx, xy + wx * gy, xp + wx * p, xb + wx, yy + wy * gy, yp + wy * p
+            yb, pp, pb, bb = yb + wy, pp + wp * p, pb + wp, bb + w
+            rx, ry, rp, rb = rx + wr * gx, ry + wr * gy, rp + wr * p, rb + wr
+            squares, trust, inside = squares + wr * residual, trust + soft, inside + 1.0
+            if sloping:
+                add_slopes(normal, right, w, dx, dy, gx, gy, p, residual)
+    normal[0, 0], normal[0, 1], normal[0, 2], normal[0, 3], normal[1, 1] = xx, xy, xp, xb, yy
+    normal[1, 2], normal[1, 3], normal[2, 2], normal[2, 3], normal[3, 3] = yp, yb, pp, pb, bb
+    right[0], right[1], right[2], right[3] = rx, ry, rp, rb
+    sums[0], sums[1], sums[2], sums[3] = squares, trust, inside, around
+
+
+@njit(cache=True, nogil=True)
+def add_slopes(normal, right, w, dx, dy, gx, gy, p, residual):
+    """Add a pixel to what the normal equations know of a background's slopes."""
+    for column, derivative in ((4, w * dx), (5, w * dy)):
+        normal[0, column] += derivative * gx
+        normal[1, column] += derivative * gy
+        normal[2, column] += derivative * p
+        normal[3, column] += derivative
+        normal[4, column] += derivative * dx
+        right[column] += derivative * residual
+    normal[5, 5] += w * dy * dy
 
 
 @njit(cache=True, nogil=True)

@@ -8,17 +8,29 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.tracking.follow import Follower
+from evaluator.tracking.follow import WRONG_DISTANCE, Follower
+from evaluator.tracking.rigid import Distance, wrong_ends
 from evaluator.tracking.shading import learn_shading
-from evaluator.tracking.uncertainty import distance_ratio, hidden_variance
+from evaluator.tracking.uncertainty import hidden_variance
 
 Array = NDArray[np.float64]
 
+# A wire or a glare comes on within some pictures: the one beside a disturbed picture may be wrong by half as much,
+# before its own residuals show it.
+ONSET = 0.25
 
-def refine(time_s: Array, kinds: Sequence[str], numbers: dict[str, Array], followers: dict[str, Follower]) -> None:
-    """Correct centres and complete variances in place.
+
+def refine(
+    time_s: Array,
+    kinds: Sequence[str],
+    numbers: dict[str, Array],
+    status: dict[str, list[str]],
+    followers: dict[str, Follower],
+) -> None:
+    """Correct centres, complete variances and take out marks at a wrong distance, in place.
 
     kinds: of the pictures. numbers: per mark (n, 5) of x, y, their variances and covariance, px and px², NaN if absent.
+    status: per mark, of every picture.
     """
     kind = np.array(list(kinds), dtype=str)
     for name, values in numbers.items():
@@ -30,12 +42,26 @@ def refine(time_s: Array, kinds: Sequence[str], numbers: dict[str, Array], follo
             shift, variance = shading.shift(values[:, :2])
             values[:, :2] -= shift
             values[:, 2:4] += variance[:, None]
+        _allow_for_onsets(values)
         values[:, 2:4] += hidden_variance(time_s, values[:, :2], values[:, 2:4].mean(axis=1), kind)[:, None]
     for first, second in combinations(numbers, 2):
         if {first, second} == {"green", "yellow"}:  # the marks of one robot; others may move apart
             one, other = numbers[first], numbers[second]
-            mean = one[:, 2:4].mean(axis=1), other[:, 2:4].mean(axis=1)
-            ratio = distance_ratio(one[:, :2], other[:, :2], mean)
+            distance = Distance(one[:, :2], other[:, :2])
+            ratio = distance.ratio(distance.variance(one[:, 2:], other[:, 2:]))
             if ratio > 1.0:
                 one[:, 2:5] *= ratio
                 other[:, 2:5] *= ratio
+            for name, wrong in zip((first, second), wrong_ends(time_s, (one, other)), strict=True):
+                numbers[name][wrong] = np.nan
+                for row in np.flatnonzero(wrong):
+                    status[name][row] = WRONG_DISTANCE
+
+
+def _allow_for_onsets(values: Array) -> None:
+    """Widen what stands beside a disturbed picture; values: (n, 5) as in `refine`, in place."""
+    known = np.nan_to_num(values[:, 2:4])
+    beside = np.zeros_like(known)
+    beside[1:] = known[:-1]
+    beside[:-1] = np.maximum(beside[:-1], known[1:])
+    values[:, 2:4] = np.maximum(values[:, 2:4], ONSET * beside)

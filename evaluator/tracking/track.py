@@ -49,7 +49,7 @@ def track(
     time_s = np.array(times)
     numbers = {name: np.array([row[k][:5] for row in rows]) for k, name in enumerate(tracker.names)}
     status = {name: [row[k].status for row in rows] for k, name in enumerate(tracker.names)}
-    refine(time_s, kinds, numbers, tracker.followers)
+    refine(time_s, kinds, numbers, status, tracker.followers)
     return to_table(frames, time_s, numbers, status)
 
 

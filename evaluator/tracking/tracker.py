@@ -10,13 +10,14 @@ from evaluator.errors import InputError
 from evaluator.recording import Frame
 from evaluator.tracking.appearance import Appearance, learn_color, learn_shape, patch_of, with_disc
 from evaluator.tracking.disc import Patch, make_disc
-from evaluator.tracking.find import Candidate, allowed_cells, candidates, cell_of, choose, color_map
+from evaluator.tracking.find import Candidate, allowed_cells, candidates, cell_of, choose, neutral_of
 from evaluator.tracking.follow import ABSENT, OK, RELEARN_AT, Array, Follower, Point, Sighting
 from evaluator.tracking.search import Search
 from evaluator.tracking.settings import TrackingSettings
 
 LEARNING_FRAMES = 12  # pictures a shape is learnt from; more do not improve the centre: shape and centre are orthogonal
-SHADING_MASK = 1  # light is measured in every second picture
+# Light is measured in every second picture at first, then in every sixteenth: it belongs to the place, not to the time.
+SHADING_MASK, SHADED, RARELY_MASK = 1, 512, 15
 UNEQUAL = 0.08  # radii of equal marks differ by less: halation of a brighter mark, learning from noisy pictures
 UNEQUAL_NOISE = 4.0  # and so does their noise: light and codec treat them alike
 PATIENCE = 30  # pictures to wait for both marks of a pair before following one alone
@@ -96,7 +97,7 @@ class Tracker:
             if follower.seen in RELEARN_AT and follower.looks_changed():
                 self._relearn(follower, follower.views)
                 self._agree()
-            if not frame.index & SHADING_MASK:
+            if not frame.index & (SHADING_MASK if follower.seen < SHADED else RARELY_MASK):
                 follower.note_shading(frame)
         elif follower.missed > PATIENCE and follower.seen < LEARNING_FRAMES:
             del self.followers[name]
@@ -140,7 +141,7 @@ class Tracker:
         self._waited += 1
         if not chosen or (pair and len(chosen) < len(wanted) and self._waited < PATIENCE):
             return
-        neutral = color_map(frame, allowed_cells(frame, self.settings)).neutral_uv
+        neutral = neutral_of(frame, allowed_cells(frame, self.settings))
         for name, candidate in chosen.items():
             others = [other.chroma_uv for key, other in chosen.items() if key != name]
             others += [tuple(known.color[:2] + known.color[2:4]) for known in self.followers.values()]

@@ -1,9 +1,8 @@
-"""Errors that a single picture cannot show: those of the video codec, from how smoothly marks move and stay apart.
+"""Errors that a single picture cannot show: those of the video codec, from how smoothly marks move.
 
 A codec moves a mark as a whole by a fraction of its motion vector's step (a quarter of a pixel in H.264) and leaves no
 trace in the residuals of the fit. Between pictures the error shows: marks move smoothly, so what a picture's centre
-differs from the course of its neighbours is error, and the distance of two marks on one body is constant, so what is
-left of its changes is error too.
+differs from the course of its neighbours is error.
 """
 
 from __future__ import annotations
@@ -69,7 +68,7 @@ def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: N
         errors = course_error(time_s, centers_px, stride)
         errors = errors[np.isfinite(errors).all(axis=1)]
         if len(errors) >= LEAST * stride:
-            most = max(most, _robust_square(errors) / (1 + WEIGHTS @ WEIGHTS) - own)
+            most = max(most, robust_square(errors) / (1 + WEIGHTS @ WEIGHTS) - own)
     return extra + (most - typical)
 
 
@@ -98,7 +97,7 @@ def codec_variance(errors: Array, variances: Array, kinds: NDArray[np.str_]) -> 
     matrix, right = np.zeros((len(usable), len(usable))), np.zeros(len(usable))
     for k, name in enumerate(usable):
         mine = kinds[rows] == name
-        right[k] = _robust_square(errors[rows[mine]]) - known[mine].mean()
+        right[k] = robust_square(errors[rows[mine]]) - known[mine].mean()
         for m, other in enumerate(usable):
             matrix[k, m] = (k == m) + ((kinds[around[mine]] == other) @ WEIGHTS**2).mean()
     # What all kinds have in common is well known, what tells them apart is not: no kind gets less than a third of it.
@@ -113,7 +112,7 @@ def codec_variance(errors: Array, variances: Array, kinds: NDArray[np.str_]) -> 
     return extra
 
 
-def _robust_square(errors: Array) -> float:
+def robust_square(errors: Array) -> float:
     """Mean square per axis, with what lies beyond 4 robust sigmas (starts, bumps) brought back to there."""
     sigma = 1.4826 * np.median(np.abs(errors)) + 1e-12
     return float(np.mean(np.minimum(errors**2, (4 * sigma) ** 2)))
@@ -132,25 +131,3 @@ def _non_negative(matrix: Array, right: Array) -> Array:
         if (trial >= 0).all() and misfit < cost * (1 - 1e-9):
             best, cost = trial, misfit
     return best
-
-
-def distance_ratio(first_px: Array, second_px: Array, variances: tuple[Array, Array]) -> float:
-    """Square of the scatter of the distance of two marks over what their variances say; NaN where too few are seen.
-
-    Perspective and lens change the distance smoothly with place and direction: a second-order surface in place, with
-    the second harmonic of direction, is taken out first.
-    """
-    apart = second_px - first_px
-    distance = np.hypot(apart[:, 0], apart[:, 1])
-    seen = np.isfinite(distance)
-    if seen.sum() < 4 * LEAST:
-        return float("nan")
-    angle = np.arctan2(apart[seen, 1], apart[seen, 0])
-    middle = (first_px[seen] + second_px[seen]) / 2
-    x, y = ((middle - middle.mean(axis=0)) / (np.ptp(middle) + 1e-9)).T
-    smooth = np.column_stack(
-        [np.ones_like(x), x, y, x * x, x * y, y * y, np.cos(2 * angle), np.sin(2 * angle), np.cos(angle), np.sin(angle)]
-    )
-    left = distance[seen] - smooth @ np.linalg.lstsq(smooth, distance[seen], rcond=None)[0]
-    normal = left / np.sqrt(variances[0][seen] + variances[1][seen])
-    return float(_robust_square(normal[:, None]) * len(left) / (len(left) - smooth.shape[1]))
