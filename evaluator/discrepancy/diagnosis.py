@@ -30,8 +30,8 @@ Progress = Callable[[str, float], None]
 # An effect stays in the model where leaving it out costs this much of the log posterior, by the size of the set: odds
 # of 20 to 1 for one. Several named effects together can imitate physics that has no name, so sets must earn more.
 KEEP = (3.0, 3.0, 4.0, 12.0)
-# A free-form term speaks against the named effects where it wins by this much. Its prior already asks for a fall of chi
-# square of 23, which chance offers to one of 112 families in a thousandth of the experiments with named effects.
+# A free-form term speaks against the named effects where it wins by this much, on top of its prior. Set by hand on few
+# development experiments, like KEEP and EXCESS: the blind bank is still to calibrate them.
 ABSTAIN = 2.0
 # Left-overs above noise: mean square and its standard errors. The noise of slow modes is carried over from fast ones,
 # which is good to some ten per cent; beyond, motion is left.
