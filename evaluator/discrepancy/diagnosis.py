@@ -15,6 +15,7 @@ from evaluator.discrepancy.experiment import Session, held_out_runs, shortcoming
 from evaluator.discrepancy.fit import Fit, fit_model, place_runs, place_starts
 from evaluator.discrepancy.free import free_terms
 from evaluator.discrepancy.gap import Gap, noise_floor, rms, run_gaps
+from evaluator.discrepancy.horizon import LARGE_MISFIT_RAD, misfit_rad, short_horizon_fits
 from evaluator.discrepancy.next_run import NextRun, best_next_run
 from evaluator.discrepancy.problem import Point, Problem, build_problem, with_noise_of
 from evaluator.discrepancy.rivals import Set, Standing, is_free, predictive_score, separations, standing
@@ -92,8 +93,9 @@ def diagnose(session: Session, progress: Progress) -> Diagnosis:
     held_out = held_out_runs(data)
     fitted = tuple(run for run in range(len(data)) if run not in held_out)
     part = Search(problem, named, session.tolerance, fitted)
-    run_search(part, start, progress)
-    part = _with_settled_noise(part, progress)
+    large = misfit_rad(problem, start) > LARGE_MISFIT_RAD
+    run_search(part, start, progress, short_horizon_fits(part, start, progress) if large else ())
+    part = _with_settled_noise(part, progress, large=large)
     problem = part.problem
     everything = _on_all_runs(part, terms)
     _challenge(everything, free, progress)
@@ -165,7 +167,7 @@ def _levels(session: Session) -> tuple[float, ...]:
     return tuple(sorted({abs(rpm) for run in session.data for rpm in run.command}))
 
 
-def _with_settled_noise(part: Search, progress: Progress) -> Search:
+def _with_settled_noise(part: Search, progress: Progress, *, large: bool) -> Search:
     """The search with the noise that its best model leaves; repeated where a misfit had been taken for noise."""
     for _ in range(2):
         best = part.fits[part.ranked()[0]]
@@ -174,8 +176,9 @@ def _with_settled_noise(part: Search, progress: Progress) -> Search:
         pairs = zip(problem.noise, part.problem.noise, strict=True)
         if np.median([new[0].sigma_mm / old[0].sigma_mm for new, old in pairs]) > SETTLED_NOISE:
             break
+        seeds = [part.fits[ids] for ids in part.ranked()[:RIVALS_KEPT]] if large else []
         part = Search(problem, part.terms, part.tolerance, part.runs)
-        run_search(part, Point(point.own), progress)
+        run_search(part, Point(point.own), progress, seeds)
     return part
 
 

@@ -57,11 +57,11 @@ class Compression:
 def compression(time_s: Floats, used: NDArray[np.bool_], noise: tuple[Noise, ...]) -> Compression:
     """Modes and whitening of one run. noise: one per channel of CHANNELS."""
     seen = time_s[used]
-    span = max(float(time_s[-1] - time_s[0]), 1e-9)
+    span = max(float(seen[-1] - seen[0]), 1e-9)
     count = int(np.clip(2 * span * FASTEST_HZ, 8, MOST_MODES))
     count = min(count, max(len(seen) // 3, 1))
-    phase = np.pi * (time_s - time_s[0]) / span
-    modes = np.cos(np.arange(count)[None, :] * phase[:, None])[used]
+    phase = np.pi * (seen - seen[0]) / span
+    modes = np.cos(np.arange(count)[None, :] * phase[:, None])
     parts = []
     for channel, part in enumerate(noise):
         kept = modes[:, :DISTANCE_MODES] if channel == 3 else modes

@@ -24,7 +24,9 @@ SETTLED = 0.05
 # A step that fails at this promise met the noise of finite differences, not a wrong direction.
 STALLED = 0.5
 DAMPINGS = (1.0, 0.4, 0.12, 0.03)
-OWN_PASSES = 3
+OWN_PASSES = 8
+OWN_SETTLED = 0.02  # of one run's -2 log density: a hundredth of a sigma
+SHORTER = 0.3
 MOST_SCATTER = 0.5  # relative friction or gain of one run: beyond, a linear step has lost its way
 
 
@@ -120,34 +122,56 @@ def _line_search(
     return None
 
 
-def _settled(problem: Problem, point: Point, runs: Sequence[int], scatter: Floats) -> tuple[Point, float]:
-    """Start pose, friction and gains of every run fitted at a point, and -2 log density of the runs there."""
-    best, least = point, np.inf
+def _settled(problem: Problem, point: Point, runs: Sequence[int], scatter: Floats | None) -> tuple[Point, float]:
+    """Start pose, friction and gains (scatter None: the start pose alone) of every run fitted at a point, and -2 log density.
+
+    Runs do not depend on one another here: each goes on until its own density settles, with shorter steps where a step
+    made it worse. FloatingPointError where a run cannot be simulated at the point.
+    """
+    best = point.own.copy()
+    value = np.full(len(best), np.inf)
+    step = np.zeros_like(best)
+    share = np.ones(len(best))
+    pending = list(runs)
     for _ in range(OWN_PASSES):
-        try:
-            linear = problem.linearized(point, (), runs)
-        except FloatingPointError:
-            if np.isinf(least):
-                raise
-            break  # the step went where nothing can be simulated: stay at the best point so far
-        value = _objective(linear, np.zeros(0), point.own[list(runs), 3:], np.zeros(0), scatter, project=False)
-        if value < least:
-            settled = least - value < SETTLED
-            best, least = point, value
-            if settled:
-                break
-        point = _own_step(point, linear, runs, run_effects(reduce_runs(linear), np.zeros(0), scatter)[0])
-    return best, least
+        trial = replace(point, own=best + share[:, None] * step)
+        going_on = []
+        for run, item in zip(pending, problem.attempted(trial, (), pending), strict=True):
+            now = np.inf if item is None else _own_value(item, trial.own[run], scatter)
+            if now > value[run]:
+                share[run] *= SHORTER
+                going_on.append(run)
+                continue
+            if item is None:
+                raise FloatingPointError(f"run {problem.data[run].id} cannot be simulated at this point")
+            gained = value[run] - now
+            best[run], value[run], share[run] = trial.own[run], now, 1.0
+            step[run] = _own_goal(item, best[run], scatter) - best[run]
+            if gained > OWN_SETTLED:
+                going_on.append(run)
+        pending = going_on
+        if not pending:
+            break
+    return replace(point, own=best), float(value[list(runs)].sum())
 
 
-def _own_step(point: Point, linear: Sequence[Linearized], runs: Sequence[int], goal: Floats) -> Point:
-    """Every run's own numbers moved to their most probable values; the common ones stay."""
-    own = point.own.copy()
-    for index, (run, item) in enumerate(zip(runs, linear, strict=True)):
-        own[run, 3:] = np.clip(goal[index], -MOST_SCATTER, MOST_SCATTER)
-        left = item.response - item.scatter @ own[run, 3:]
-        own[run, :3] += np.linalg.lstsq(item.start, left, rcond=None)[0]
-    return replace(point, own=own)
+def _own_value(item: Linearized, own: Floats, scatter: Floats | None) -> float:
+    """-2 log density of one run where it was linearized."""
+    left = item.response - item.scatter @ own[3:]
+    return float(left @ left) + (0.0 if scatter is None else float(np.sum((own[3:] / scatter) ** 2)))
+
+
+def _own_goal(item: Linearized, own: Floats, scatter: Floats | None) -> Floats:
+    """Most probable start pose, friction and gains (6,) of one run in its linear view."""
+    goal = own.copy()
+    if scatter is not None:
+        basis = np.linalg.qr(item.start)[0]
+        slopes = item.scatter - basis @ (basis.T @ item.scatter)
+        goal[3:] = np.linalg.solve(slopes.T @ slopes + np.diag(scatter**-2.0), slopes.T @ item.response)
+        goal[3:] = np.clip(goal[3:], -MOST_SCATTER, MOST_SCATTER)
+    # the response is measured from the start pose at which it was linearized
+    goal[:3] += np.linalg.lstsq(item.start, item.response - item.scatter @ goal[3:], rcond=None)[0]
+    return goal
 
 
 def _objective(
@@ -197,9 +221,6 @@ def place_runs(problem: Problem, point: Point, runs: Sequence[int], scatter: Flo
     return _settled(problem, point, runs, scatter)[0]
 
 
-def place_starts(problem: Problem, point: Point, runs: Sequence[int], passes: int = 3) -> Point:
+def place_starts(problem: Problem, point: Point, runs: Sequence[int]) -> Point:
     """The point with only the start poses of these runs fitted: each run keeps its friction and gains."""
-    for _ in range(passes):
-        linear = problem.linearized(point, (), runs)
-        point = _own_step(point, linear, runs, point.own[list(runs), 3:])
-    return point
+    return _settled(problem, point, runs, None)[0]

@@ -96,6 +96,13 @@ class Problem:
     compressions: tuple[Compression, ...]
     noise: tuple[tuple[Noise, ...], ...]
     half_distance_mm: float
+    horizon_s: float = np.inf  # only frames up to so long after the start of the motors count
+
+    def counting_frames(self, run: int) -> NDArray[np.bool_]:
+        """Frames (n,) of a run that count: both marks seen, within the horizon."""
+        data = self.data[run]
+        seen = np.isfinite(self.channels[run]).all(axis=1)
+        return np.asarray(seen & (data.time_s <= max(data.start_s, data.time_s[0]) + self.horizon_s))
 
     def residuals(self, tasks: Sequence[Task]) -> list[Floats]:
         """Channel residuals (n, 4) in mm of every task."""
@@ -105,25 +112,27 @@ class Problem:
         ]
 
     def linearized(
-        self,
-        point: Point,
-        columns: Sequence[Column],
-        runs: Sequence[int] | None = None,
-        progress: Callable[[float], None] | None = None,
+        self, point: Point, columns: Sequence[Column], runs: Sequence[int] | None = None
     ) -> list[Linearized]:
         """Response and derivatives of the runs at a point; FloatingPointError where the simulation fails there."""
         chosen = list(range(len(self.data)) if runs is None else runs)
-        result: list[Linearized] = []
+        found = self.attempted(point, columns, chosen)
+        failed = [self.data[run].id for run, item in zip(chosen, found, strict=True) if item is None]
+        if failed:
+            raise FloatingPointError(f"run {failed[0]} cannot be simulated at this point")
+        return [item for item in found if item is not None]
+
+    def attempted(self, point: Point, columns: Sequence[Column], runs: Sequence[int]) -> list[Linearized | None]:
+        """The same, with None for runs that cannot be simulated."""
+        result: list[Linearized | None] = []
         at_once = max(1, TASKS_AT_ONCE // (len(columns) + 7))
-        for first in range(0, len(chosen), at_once):  # large batches keep all cores busy, small ones the memory
-            group = chosen[first : first + at_once]
+        for first in range(0, len(runs), at_once):  # large batches keep all cores busy, small ones the memory
+            group = runs[first : first + at_once]
             plans = [_tasks(point, columns, run) for run in group]
             residuals = self.residuals([task for tasks, _ in plans for task in tasks])
             for run, (tasks, bases) in zip(group, plans, strict=True):
                 own, residuals = residuals[: len(tasks)], residuals[len(tasks) :]
                 result.append(self._linearized(point, columns, run, own, bases))
-            if progress is not None:
-                progress(len(result) / len(chosen))
         return result
 
     def _linearized(
@@ -133,11 +142,11 @@ class Problem:
         run: int,
         channel_residuals: Sequence[Floats],
         bases: Mapping[tuple[str, tuple[float, ...]], int],
-    ) -> Linearized:
+    ) -> Linearized | None:
         residuals = np.array(channel_residuals)[:, self.compressions[run].used]
         sound: NDArray[np.bool_] = np.asarray(np.isfinite(residuals).all(axis=(1, 2)))
         if not (sound[0] and sound[-6:].all()):
-            raise FloatingPointError(f"run {self.data[run].id} cannot be simulated at this point")
+            return None
         residuals[~sound] = 0.0
         features = self.compressions[run].features(residuals)
         base = features[0]
@@ -180,15 +189,16 @@ def build_problem(data: Sequence[RunData], forward: Forward) -> tuple[Problem, P
 def with_noise_of(problem: Problem, point: Point) -> Problem:
     """The problem with its noise estimated from what a point leaves over, and every run compressed accordingly."""
     residuals = problem.residuals([point.task(run) for run in range(len(problem.data))])
+    frames = [problem.counting_frames(run) for run in range(len(problem.data))]
+    ends = [int(np.flatnonzero(used)[-1]) + 1 for used in frames]
     noise = channel_noise(
         [
-            residual_spectra(run.time_s, item, run.start_s + SETTLING_S)
-            for run, item in zip(problem.data, residuals, strict=True)
+            residual_spectra(run.time_s[:end], item[:end], run.start_s + SETTLING_S)
+            for run, item, end in zip(problem.data, residuals, ends, strict=True)
         ]
     )
     compressions = tuple(
-        compression(run.time_s, np.asarray(np.isfinite(item).all(axis=1)), parts)
-        for run, item, parts in zip(problem.data, problem.channels, noise, strict=True)
+        compression(run.time_s, used, parts) for run, used, parts in zip(problem.data, frames, noise, strict=True)
     )
     return replace(problem, compressions=compressions, noise=tuple(noise))
 

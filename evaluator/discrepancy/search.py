@@ -158,23 +158,34 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit) ->
     return search.fits[ids]
 
 
-def run_search(search: Search, start: Point, progress: Progress) -> None:
-    """Fill search.fits with the null, the promising singles, pairs and triples."""
+def run_search(search: Search, start: Point, progress: Progress, seeds: Sequence[Fit] = ()) -> None:
+    """Fill search.fits with the null, the promising singles, pairs and triples.
+
+    seeds: fits of this experiment that are near already; the search then goes on from them, not from the null.
+    """
     search.fits[frozenset()] = fit_model(search.problem, start, [], search.tolerance, search.runs)
     progress("screening", 0.1)
-    view = screen(search, search.null.point, (), search.terms.values())
-    ordered = _ordered(view, view.offers)
-    _refit(search, view, [(offer,) for offer in ordered], SINGLES_REFITTED, search.null)
-    progress("single effects", 0.3)
-    pairs = [pair for pair in itertools.combinations(ordered[:PAIRED], 2) if pair[0][0] != pair[1][0]]
-    gain = {pair: view.evidence(*pair) - max(view.evidence(pair[0]), view.evidence(pair[1])) for pair in pairs}
-    pairs = sorted((pair for pair in pairs if gain[pair] > PROMISING), key=lambda pair: -view.evidence(*pair))
-    _refit(search, view, pairs, PAIRS_FROM_NULL, search.null)
+    for seed in seeds:
+        if seed.terms:
+            fit_set(search, seed.terms, seed.point.terms, seed)
+    if len(search.fits) == 1:
+        _from_the_null(search)
     for size in range(1, LARGEST_SET):
         beam = [ids for ids in search.ranked() if len(ids) == size][: BEAM[size - 1]]
         for number, ids in enumerate(beam):
             extend(search, ids)
             progress(f"{size + 1} effects", 0.3 + 0.7 * (size - 1 + (number + 1) / len(beam)) / (LARGEST_SET - 1))
+
+
+def _from_the_null(search: Search) -> None:
+    """Fit the singles that the linear view from the null promises, and the pairs that gain by being together."""
+    view = screen(search, search.null.point, (), search.terms.values())
+    ordered = _ordered(view, view.offers)
+    _refit(search, view, [(offer,) for offer in ordered], SINGLES_REFITTED, search.null)
+    pairs = [pair for pair in itertools.combinations(ordered[:PAIRED], 2) if pair[0][0] != pair[1][0]]
+    gain = {pair: view.evidence(*pair) - max(view.evidence(pair[0]), view.evidence(pair[1])) for pair in pairs}
+    pairs = sorted((pair for pair in pairs if gain[pair] > PROMISING), key=lambda pair: -view.evidence(*pair))
+    _refit(search, view, pairs, PAIRS_FROM_NULL, search.null)
 
 
 def extend(search: Search, ids: frozenset[str]) -> None:
