@@ -27,6 +27,9 @@ MOST_STEPS = 20000
 # a displacement of 0.01·h² mm or so: within h = sqrt(tolerance in mm) their derivatives are not needed.
 MOST_TRIES = 4  # rejections in a row mean that a wheel sticks or turns over
 CREEPING_STEP_S, MOST_CREEPING = 1e-5, 40  # so many such steps in a row mean the same
+# Nothing physical is faster than SHORTEST_STEP_S: so many steps in a row of a thousandth of it mean that the forces jump
+# at this state (a motor that droops more than its load can settle) and no motion follows from them.
+STALLED_STEP_S, MOST_STALLED = 2e-9, 60
 SHORTEST_STEP_S = 2e-6  # a fraction of the shortest relaxation of rolling wheels
 LONGEST_TURN_RAD = 1.0  # within one step, where the series for the twist is exact to 1e-9
 DONE, FAILED = 0, 1
@@ -149,7 +152,7 @@ def integrate_run(
     y[:3] = 0.0
     y[3:] = state[3:]
     out[0] = state
-    row, used, creeping = 1, 0, 0
+    row, used, creeping, stalled = 1, 0, 0, 0
     for number in range(len(segments)):
         segment = segments[number]
         time, step, last = segment[BEGIN], 0.0, number == len(segments) - 1
@@ -178,12 +181,13 @@ def integrate_run(
                 tried, wanted = sticking_step(
                     pose, segment, time, min(step, remaining), y, model, tolerance, planned, work, solver, stages, end
                 )
-            if tried == 0.0 or used >= MOST_STEPS:
+            if tried == 0.0 or used >= MOST_STEPS or stalled >= MOST_STALLED:
                 return FAILED, used
             if not replay and used < len(plan):
                 plan[used, 0], plan[used, 1] = number, -tried if sticking else tried
             used += 1
             creeping = creeping + 1 if tried < CREEPING_STEP_S else 0
+            stalled = stalled + 1 if tried < min(STALLED_STEP_S, 0.5 * remaining) else 0
             following = segment[END] if tried >= remaining else time + tried
             row = _write_step(
                 out, times, row, following, last and tried >= remaining, time, tried, pose, y, stages, end, work
