@@ -1,13 +1,13 @@
 """Find marks in a whole picture without knowing where they are: coloured blobs, their shape, the likeliest pair.
 
 Works on the colour planes at their own resolution. White balance: what most of the picture shows (plate, field) is
-taken as neutral, so that hues mean the same under any lamp.
+taken as neutral, so that hues mean the same under any lamp; where that gives no good pair, the plate itself may be
+coloured, and the camera's own balance is taken.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -19,6 +19,11 @@ from evaluator.tracking.settings import Box, MarkSettings, TrackingSettings
 
 Array = NDArray[np.float64]
 LEAST_AREA_PX2 = 6.0  # a mark of 1.4 px radius: below that no shape can be told from noise
+LEVELS = 5  # doublings of the least chroma: from the faintest tint to the strongest colour that 8 bits hold
+SAME = 1.25  # blobs of two levels are one where their radii differ by less, and their centres by half a radius
+BALANCES = (1.0, 0.0)  # shares of the plate's tint that the lamp may have
+COLORED_PLATE = 2.0  # log odds against a plate that is itself coloured
+UNSEEN = 30.0  # as bad as a mark can score, and more
 
 
 @dataclass(frozen=True)
@@ -58,8 +63,11 @@ def cell_of(frame: Frame) -> tuple[int, int]:
     return -(-frame.luma.shape[1] // frame.u.shape[1]), -(-frame.luma.shape[0] // frame.u.shape[0])
 
 
-def color_map(frame: Frame, allowed: NDArray[np.bool_]) -> ColorMap:
-    """Balance a picture's colours. allowed: (rows, columns) of the colour planes, where to look."""
+def color_map(frame: Frame, allowed: NDArray[np.bool_], balance: float = 1.0) -> ColorMap:
+    """Balance a picture's colours.
+
+    allowed: (rows, columns) of the colour planes, where to look. balance: share of the plate's tint that the lamp has.
+    """
     assert frame.u is not None
     assert frame.v is not None
     rows, columns = frame.u.shape
@@ -78,7 +86,7 @@ def color_map(frame: Frame, allowed: NDArray[np.bool_]) -> ColorMap:
     rgb = [red, green, blue]
     middle = np.array([max(float(np.median(plane[allowed])), 1.0) for plane in rgb])
     # Lamps from candle to blue sky stay within a factor of two between channels.
-    gain = np.clip(middle.mean() / middle, 0.6, 1.7)
+    gain = np.clip(middle.mean() / middle, 0.6, 1.7) ** balance
     balanced = [plane * np.float32(factor) for plane, factor in zip(rgb, gain, strict=True)]
     hue, chroma = _hue_and_chroma(balanced)
     typical = chroma[allowed]
@@ -134,22 +142,52 @@ def allowed_cells(frame: Frame, settings: TrackingSettings, mark: MarkSettings |
     return allowed
 
 
-def candidates(frame: Frame, settings: TrackingSettings, names: list[str], limit: int = 12) -> list[Candidate]:
+def find_marks(frame: Frame, settings: TrackingSettings, names: list[str]) -> dict[str, Candidate]:
+    """The likeliest blob of each of the named marks, as far as there is one."""
+    best: dict[str, Candidate] = {}
+    most = -np.inf
+    for balance in BALANCES:
+        chosen, score = choose(candidates(frame, settings, names, balance), settings)
+        score -= COLORED_PLATE * (1.0 - balance) + UNSEEN * (len(names) - len(chosen))
+        if score > most:
+            best, most = chosen, score
+    return best
+
+
+def candidates(
+    frame: Frame, settings: TrackingSettings, names: list[str], balance: float = 1.0, limit: int = 12
+) -> list[Candidate]:
     """All blobs that could be one of the named marks, the most colourful first, at most `limit` a mark."""
     anywhere = allowed_cells(frame, settings)
     if not anywhere.any():
         return []
-    colors = color_map(frame, anywhere)
+    colors = color_map(frame, anywhere, balance)
     found = []
     for name in names:
         mark = settings.mark[name]
         allowed = allowed_cells(frame, settings, mark)
         low, high = mark.hue_range(name)
         within = np.mod(colors.hue_deg - np.float32(low), 360) < np.mod(high - low, 360)
-        mask = (within & allowed & (colors.chroma > colors.floor)).astype(np.uint8)
-        blobs = [blob for blob in _blobs(name, colors, mask) if _fits(blob, mark)]
+        blobs: list[Candidate] = []
+        # A mark may lie on something of its own hue (a circuit board, a reflection of itself): at each level of chroma
+        # other blobs stand apart.
+        for level in colors.floor * 2.0 ** np.arange(LEVELS):
+            mask = (within & allowed & (colors.chroma > level)).astype(np.uint8)
+            if not mask.any():
+                break
+            blobs += [one for one in _blobs(name, colors, mask) if _fits(one, mark) and not _known(one, blobs)]
         found += sorted(blobs, key=lambda blob: -blob.chroma * min(blob.radius_px, 3.0))[:limit]
     return found
+
+
+def _known(blob: Candidate, blobs: list[Candidate]) -> bool:
+    """Whether a blob is among those already found."""
+    for other in blobs:
+        small, large = sorted((blob.radius_px, other.radius_px))
+        apart = np.hypot(*np.subtract(blob.center_px, other.center_px))
+        if large < SAME * small and apart < 0.5 * small:
+            return True
+    return False
 
 
 def _fits(blob: Candidate, mark: MarkSettings) -> bool:
@@ -196,19 +234,25 @@ def _blobs(name: str, colors: ColorMap, mask: NDArray[np.uint8]) -> list[Candida
     return blobs
 
 
-def choose(found: list[Candidate], settings: TrackingSettings) -> Mapping[str, Candidate]:
-    """Choose a candidate for each mark: the best pair where green and yellow are sought, else the best of each."""
+def choose(found: list[Candidate], settings: TrackingSettings) -> tuple[dict[str, Candidate], float]:
+    """Choose a candidate for each mark: the best pair where green and yellow are sought, else the best of each.
+
+    Returns them with their log-likelihood, up to a constant.
+    """
     by_mark = {name: [one for one in found if one.mark == name] for name in settings.mark}
-    chosen: dict[str, Candidate] = {}
     strongest = max((one.chroma for one in found), default=1.0)
     if set(settings.mark) == {"green", "yellow"} and by_mark["green"] and by_mark["yellow"]:
         pairs = itertools.product(by_mark["green"], by_mark["yellow"])
-        green, yellow = max(pairs, key=lambda pair: _pair_score(pair[0], pair[1], settings, strongest))
-        return {"green": green, "yellow": yellow}
+        scored = [(_pair_score(green, yellow, settings, strongest), green, yellow) for green, yellow in pairs]
+        score, green, yellow = max(scored, key=lambda pair: pair[0])
+        return {"green": green, "yellow": yellow}, score
+    chosen, total = {}, 0.0
     for name, ones in by_mark.items():
         if ones:
-            chosen[name] = max(ones, key=lambda one: _own_score(one, settings.mark[name], strongest))
-    return chosen
+            scores = [_own_score(one, settings.mark[name], strongest) for one in ones]
+            chosen[name] = ones[int(np.argmax(scores))]
+            total += max(scores)
+    return chosen, total
 
 
 def _own_score(one: Candidate, mark: MarkSettings, strongest: float) -> float:

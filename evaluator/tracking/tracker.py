@@ -10,7 +10,7 @@ from evaluator.errors import InputError
 from evaluator.recording import Frame
 from evaluator.tracking.appearance import Appearance, learn_color, learn_shape, patch_of, with_disc
 from evaluator.tracking.disc import Patch, make_disc
-from evaluator.tracking.find import Candidate, allowed_cells, candidates, cell_of, choose, neutral_of
+from evaluator.tracking.find import Candidate, allowed_cells, cell_of, find_marks, neutral_of
 from evaluator.tracking.follow import ABSENT, OK, RELEARN_AT, Array, Follower, Point, Sighting
 from evaluator.tracking.search import Search
 from evaluator.tracking.settings import TrackingSettings
@@ -136,7 +136,7 @@ class Tracker:
     def _discover(self, frame: Frame) -> None:
         """Find marks that were never seen yet."""
         wanted = [name for name in self.names if name not in self.followers]
-        chosen = dict(choose(candidates(frame, self.settings, wanted), self.settings))
+        chosen = find_marks(frame, self.settings, wanted)
         pair = len(self.names) > 1 and not self.followers
         self._waited += 1
         if not chosen or (pair and len(chosen) < len(wanted) and self._waited < PATIENCE):
