@@ -7,7 +7,6 @@ coloured, and the camera's own balance is taken.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import cv2
@@ -15,27 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.recording import Frame
+from evaluator.tracking.choose import Candidate, choose
 from evaluator.tracking.settings import Box, MarkSettings, TrackingSettings
 
 Array = NDArray[np.float64]
 LEAST_AREA_PX2 = 6.0  # a mark of 1.4 px radius: below that no shape can be told from noise
 LEVELS = 5  # doublings of the least chroma: from the faintest tint to the strongest colour that 8 bits hold
 SAME = 1.25  # blobs of two levels are one where their radii differ by less, and their centres by half a radius
-BALANCES = (1.0, 0.0)  # shares of the plate's tint that the lamp may have
-COLORED_PLATE = 2.0  # log odds against a plate that is itself coloured
+# Share of the plate's tint that the lamp has, degrees by which hues lie beyond their usual ranges, and the log odds
+# against it: a plate may be coloured itself, a camera may render yellow as orange.
+UNUSUAL = ((0.0, 0.0, 2.0), (1.0, 15.0, 4.0), (0.0, 15.0, 6.0))
+GOOD = -4.0  # log-likelihood of two blobs that look like marks (98 % of pairs that are): nothing unusual is tried
 UNSEEN = 30.0  # as bad as a mark can score, and more
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A coloured blob. center_px: (x, y); radius_px: of the disc of equal area; chroma_uv: mean (u, v) of its core."""
-
-    mark: str
-    center_px: tuple[float, float]
-    radius_px: float
-    elongation: float
-    chroma: float
-    chroma_uv: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -144,20 +134,30 @@ def allowed_cells(frame: Frame, settings: TrackingSettings, mark: MarkSettings |
 
 def find_marks(frame: Frame, settings: TrackingSettings, names: list[str]) -> dict[str, Candidate]:
     """The likeliest blob of each of the named marks, as far as there is one."""
-    best: dict[str, Candidate] = {}
-    most = -np.inf
-    for balance in BALANCES:
-        chosen, score = choose(candidates(frame, settings, names, balance), settings)
-        score -= COLORED_PLATE * (1.0 - balance) + UNSEEN * (len(names) - len(chosen))
-        if score > most:
-            best, most = chosen, score
+    best, most = choose(candidates(frame, settings, names), settings)
+    if len(names) == 1 or (len(best) == len(names) and most > GOOD):
+        return best
+    most -= UNSEEN * (len(names) - len(best))
+    for balance, wider_deg, odds in UNUSUAL:
+        chosen, score = choose(candidates(frame, settings, names, balance, wider_deg), settings)
+        # Less than a good pair is no reason to read the colours in another way.
+        if len(chosen) == len(names) and score > GOOD and score - odds > most:
+            best, most = chosen, score - odds
     return best
 
 
 def candidates(
-    frame: Frame, settings: TrackingSettings, names: list[str], balance: float = 1.0, limit: int = 12
+    frame: Frame,
+    settings: TrackingSettings,
+    names: list[str],
+    balance: float = 1.0,
+    wider_deg: float = 0.0,
+    limit: int = 12,
 ) -> list[Candidate]:
-    """All blobs that could be one of the named marks, the most colourful first, at most `limit` a mark."""
+    """All blobs that could be one of the named marks, the most colourful first, at most `limit` a mark.
+
+    balance: of `color_map`. wider_deg: for how much hues count beyond their ranges, away from those of other marks.
+    """
     anywhere = allowed_cells(frame, settings)
     if not anywhere.any():
         return []
@@ -167,6 +167,10 @@ def candidates(
         mark = settings.mark[name]
         allowed = allowed_cells(frame, settings, mark)
         low, high = mark.hue_range(name)
+        if mark.hue_deg is None:
+            low, high = _widened(
+                low, high, wider_deg, [settings.mark[other].hue_range(other) for other in settings.mark]
+            )
         within = np.mod(colors.hue_deg - np.float32(low), 360) < np.mod(high - low, 360)
         blobs: list[Candidate] = []
         # A mark may lie on something of its own hue (a circuit board, a reflection of itself): at each level of chroma
@@ -178,6 +182,11 @@ def candidates(
             blobs += [one for one in _blobs(name, colors, mask) if _fits(one, mark) and not _known(one, blobs)]
         found += sorted(blobs, key=lambda blob: -blob.chroma * min(blob.radius_px, 3.0))[:limit]
     return found
+
+
+def _widened(low: float, high: float, by: float, ranges: list[tuple[float, float]]) -> tuple[float, float]:
+    """A range of hues widened on the sides where no other begins."""
+    return (low - by * all(low != other for _, other in ranges), high + by * all(high != other for other, _ in ranges))
 
 
 def _known(blob: Candidate, blobs: list[Candidate]) -> bool:
@@ -232,49 +241,3 @@ def _blobs(name: str, colors: ColorMap, mask: NDArray[np.uint8]) -> list[Candida
             )
         )
     return blobs
-
-
-def choose(found: list[Candidate], settings: TrackingSettings) -> tuple[dict[str, Candidate], float]:
-    """Choose a candidate for each mark: the best pair where green and yellow are sought, else the best of each.
-
-    Returns them with their log-likelihood, up to a constant.
-    """
-    by_mark = {name: [one for one in found if one.mark == name] for name in settings.mark}
-    strongest = max((one.chroma for one in found), default=1.0)
-    if set(settings.mark) == {"green", "yellow"} and by_mark["green"] and by_mark["yellow"]:
-        pairs = itertools.product(by_mark["green"], by_mark["yellow"])
-        scored = [(_pair_score(green, yellow, settings, strongest), green, yellow) for green, yellow in pairs]
-        score, green, yellow = max(scored, key=lambda pair: pair[0])
-        return {"green": green, "yellow": yellow}, score
-    chosen, total = {}, 0.0
-    for name, ones in by_mark.items():
-        if ones:
-            scores = [_own_score(one, settings.mark[name], strongest) for one in ones]
-            chosen[name] = ones[int(np.argmax(scores))]
-            total += max(scores)
-    return chosen, total
-
-
-def _own_score(one: Candidate, mark: MarkSettings, strongest: float) -> float:
-    """Log-likelihood, up to a constant, of a blob being a mark; spreads are those of real marks."""
-    score = -0.5 * (np.log(one.elongation) / 0.3) ** 2 + 2.0 * np.log(one.chroma / strongest)
-    if mark.diameter_px is not None:
-        score -= 0.5 * (np.log(2 * one.radius_px / mark.diameter_px) / 0.15) ** 2
-    elif one.radius_px > 3:
-        return float(score)
-    else:
-        score -= 0.5 * ((3 - one.radius_px) / 1.0) ** 2
-    return float(score)
-
-
-def _pair_score(green: Candidate, yellow: Candidate, settings: TrackingSettings, strongest: float) -> float:
-    """Log-likelihood of two blobs being the two marks of one robot: equal size, the known distance in diameters."""
-    score = _own_score(green, settings.mark["green"], strongest) + _own_score(
-        yellow, settings.mark["yellow"], strongest
-    )
-    score -= 0.5 * (np.log(green.radius_px / yellow.radius_px) / 0.15) ** 2
-    if settings.distance_diameters is not None:
-        distance = float(np.hypot(*np.subtract(green.center_px, yellow.center_px)))
-        ratio = distance / (green.radius_px + yellow.radius_px) / settings.distance_diameters
-        score -= min(0.5 * (np.log(max(ratio, 1e-3)) / 0.2) ** 2, 20.0)  # bounded: other robots have other distances
-    return float(score)
