@@ -38,15 +38,14 @@ def turning(
     import pandas as pd
 
     from evaluator.files import read_with, written_whole
+    from evaluator.machine import mark_geometry, robot_shape
     from evaluator.marks import read_marks
-    from evaluator.pose import MarkGeometry, poses_from_marks
-    from evaluator.turning import RobotShape, measure_turning
+    from evaluator.pose import poses_from_marks
+    from evaluator.turning import measure_turning
     from simulator.robot import load_robot
 
     machine = read_with(load_robot, Path(robot))
-    geometry = MarkGeometry(machine.marks.green_mm, machine.marks.yellow_mm, machine.marks.height_mm)
-    places = tuple((float(x), float(y)) for x, y in machine.wheel_positions_mm())
-    shape = RobotShape(places, machine.wheels.radius_mm, machine.body.length_mm, machine.body.width_mm)
+    geometry, shape = mark_geometry(machine), robot_shape(machine)
     seen_by = None
     if camera is not None:
         from calibration.store import load_camera

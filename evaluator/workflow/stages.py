@@ -18,8 +18,9 @@ from evaluator.comparison import comparison_row, simulated_counterpart
 from evaluator.errors import InputError
 from evaluator.files import read_with, write_table, write_text
 from evaluator.interchange import read_any_marks
+from evaluator.machine import mark_geometry, robot_shape
 from evaluator.marks import MARKS, read_marks, write_marks
-from evaluator.pose import MarkGeometry, Poses, poses_from_marks
+from evaluator.pose import Poses, poses_from_marks
 from evaluator.recording import TimingReport, open_recording
 from evaluator.tracking import load_settings, place_on_plate, track
 from evaluator.turning import Turning, measure_turning
@@ -69,13 +70,19 @@ class _Stages:
 
     @cached_property
     def poses(self) -> Poses:
-        marks = self.job.robot.marks
-        geometry = MarkGeometry(green_mm=marks.green_mm, yellow_mm=marks.yellow_mm, height_mm=marks.height_mm)
-        return poses_from_marks(read_marks(self.out.marks(self.run.id)), geometry, camera=self.camera)
+        marks = read_marks(self.out.marks(self.run.id))
+        return poses_from_marks(marks, mark_geometry(self.job.robot), camera=self.camera)
 
     @cached_property
     def turning(self) -> Turning:
-        return measure_turning(self.poses, start_s=self.run.start_s, stop_s=self.run.stop_s)
+        return measure_turning(
+            self.poses,
+            start_s=self.run.start_s,
+            stop_s=self.run.stop_s,
+            shape=robot_shape(self.job.robot),
+            left_rpm=self.run.left_rpm,
+            right_rpm=self.run.right_rpm,
+        )
 
     def _track(self) -> tuple[list[Path], dict[str, Any]]:
         path, pictures = self.out.marks(self.run.id), self.out.pictures(self.run.id)
