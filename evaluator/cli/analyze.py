@@ -33,7 +33,8 @@ def analyze(
 ) -> int:
     """Track, reconstruct and fit every run of an experiment.
 
-    Writes turning.csv (a row per run), marks/RUN.csv and poses/RUN.csv. What is up to date is reused, so the same
+    Writes turning.csv (a row per run), pooled.csv (a row per command, its repetitions pooled), directions.csv (backward
+    against forward), marks/RUN.csv and poses/RUN.csv. What is up to date is reused, so the same
     command goes on after an interruption.
     """
     if dry_run:

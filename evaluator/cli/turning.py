@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @click.command(
@@ -57,6 +61,23 @@ def turning(
         found = measure_turning(poses, start_s, stop_s, shape=shape, left_rpm=left_rpm, right_rpm=right_rpm)
         rows.append({"run": path.stem, "left_rpm": left_rpm, "right_rpm": right_rpm, **found.to_row()})
         click.echo(f"{path}: {found.summary()}")
+    if len(rows) > 1:
+        click.echo(_together(pd.DataFrame(rows)))
     if output is not None:
         with written_whole(output) as temporary:
             pd.DataFrame(rows).to_csv(temporary, index=False)
+
+
+def _together(rows: pd.DataFrame) -> str:
+    """All tables as repetitions of one run."""
+    from evaluator.turning.pooling import pooled
+
+    turns = rows[rows["radius_mm"].notna()]
+    radius = pooled(turns["radius_mm"].to_numpy(float), turns["radius_random_mm"].to_numpy(float))
+    if radius.runs < 2:
+        return "repetitions: fewer than two of these turn"
+    shared = radius.with_systematic(float(turns["radius_systematic_mm"].mean()))
+    return (
+        f"{radius.runs} repetitions: radius {radius.mean:.4f} mm, 95 % from {shared.low:.4f} to {shared.high:.4f}; "
+        f"scatter from run to run {radius.between:.2g} mm, of a single measurement {radius.within:.2g} mm"
+    )

@@ -23,11 +23,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Analysis:
-    """What an analysis leaves: tables with a row per run, and the reason for every run that has no numbers."""
+    """What an analysis leaves: tables with a row per run, and the reason for every run that has no numbers.
+
+    pooled: a row per command, its repetitions pooled; directions: a row per command driven both ways.
+    """
 
     experiment: Experiment
     outputs: Outputs
     turning: pd.DataFrame
+    pooled: pd.DataFrame
+    directions: pd.DataFrame
     comparison: pd.DataFrame | None
     faults: dict[str, str]
     reused: int
@@ -44,9 +49,9 @@ def analyze(
 ) -> Analysis:
     """Measure every run of an experiment (and simulate its counterpart), reusing what is up to date.
 
-    Writes turning.csv, marks/ and poses/ below out; with simulate also comparison.csv and simulated/; and
-    provenance.json. A comparison.csv of earlier results does not stay beside new ones. A run that cannot be analysed
-    is named in `faults` with its reason and does not stop the others.
+    Writes turning.csv, pooled.csv, directions.csv, marks/ and poses/ below out; with simulate also comparison.csv and
+    simulated/; and provenance.json. A comparison.csv of earlier results does not stay beside new ones. A run that
+    cannot be analysed is named in `faults` with its reason and does not stop the others.
     workers: processes, by default one per core; the results do not depend on it.
     Raises InputError where the experiment cannot be used, or none of its runs can.
     """
@@ -66,6 +71,7 @@ def analyze(
         experiment, [results[run.id].turning or {"radius_status": faults[run.id]} for run in experiment.run]
     )
     write_table(turning, outputs.turning)
+    pooled, directions = _pool(turning, outputs)
     comparison = None
     if simulate:
         comparison = _table(experiment, [results[run.id].comparison or {} for run in experiment.run])
@@ -76,7 +82,7 @@ def analyze(
         outputs.provenance, experiment_path=experiment_path, inputs=input_files(experiment), command_line=command_line
     )
     reused = sum(result.reused for result in results.values())
-    return Analysis(experiment, outputs, turning, comparison, faults, reused)
+    return Analysis(experiment, outputs, turning, pooled, directions, comparison, faults, reused)
 
 
 def plan(experiment_path: Path, out: Path, *, simulate: bool = False) -> dict[str, list[str]]:
@@ -120,6 +126,19 @@ def _table(experiment: Experiment, found: Sequence[dict[str, Any]]) -> pd.DataFr
     ]
     complete: dict[str, Any] = max(rows, key=len)
     return pd.DataFrame(rows, columns=list(complete))
+
+
+def _pool(turning: pd.DataFrame, outputs: Outputs) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Repetitions pooled, and backward set against forward where commands were driven both ways; both written."""
+    from evaluator.turning.repetitions import compare_directions, pool_runs
+
+    pooled, directions = pool_runs(turning), compare_directions(turning)
+    write_table(pooled, outputs.pooled)
+    if directions.empty:
+        outputs.directions.unlink(missing_ok=True)
+    else:
+        write_table(directions, outputs.directions)
+    return pooled, directions
 
 
 def _nothing_left(faults: dict[str, str]) -> str:
