@@ -28,7 +28,7 @@ def pool_runs(turning: pd.DataFrame) -> pd.DataFrame:
     asks for.
     """
     groups = _commands(turning)
-    sides = {key: _side(rows) for key, rows in groups.items()}
+    sides = {key: _side(rows) if key[1] != key[2] else "" for key, rows in groups.items()}
     table = [_row(key, rows, sides[key], _missing(key, rows, sides)) for key, rows in groups.items()]
     return pd.DataFrame(table, columns=list(table[0]) if table else COMMAND)
 
@@ -47,6 +47,8 @@ def compare_directions(turning: pd.DataFrame) -> pd.DataFrame:
         if backward is None or left + right <= 0:
             continue
         radii = [_pool(rows, "radius_mm", "radius_random_mm") for rows in (forward, backward)]
+        if left == right:  # a straight run has no radius that could change
+            radii = [Pooled(), Pooled()]
         change = difference(_relative(radii[0], radii[0].mean), _relative(radii[1], radii[0].mean))
         smooth = [_pool(rows, "smoothness") for rows in (forward, backward)]
         table.append(
