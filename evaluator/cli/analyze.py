@@ -80,6 +80,9 @@ def run_analysis(experiment: Path, out: Path, *, simulate: bool, workers: int | 
         )
     for run, fault in found.faults.items():
         click.echo(f"{run}: {fault}", err=True)
+    for run, notes in found.notes.items() if not quiet else ():
+        for note in notes:
+            click.echo(f"note: {run}: {note}", err=True)
     return found
 
 

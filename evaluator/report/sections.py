@@ -58,7 +58,7 @@ def sections(
         _repetitions(runs, analysis),
         _figures("speed", "How fast it runs straight", straight_speed(runs, robot.wheels.radius_mm)),
         _wheels(runs, robot),
-        _quality(runs),
+        _quality(runs, analysis.notes),
         *(_calibration(path, robot) for path in cameras),
         _run_table(runs),
     ]
@@ -144,7 +144,7 @@ def _wheels(runs: Sequence[RunView], robot: Robot) -> Section | None:
     return Section("wheels", "What the wheels do in a turn", (text,), tuple(figures), (slip_table(turning),))
 
 
-def _quality(runs: Sequence[RunView]) -> Section:
+def _quality(runs: Sequence[RunView], notes: dict[str, tuple[str, ...]]) -> Section:
     columns: dict[str, Callable[[RunView], str]] = {
         "run": lambda run: run.id,
         "frames": lambda run: f"{len(run.marks)}",
@@ -161,7 +161,8 @@ def _quality(runs: Sequence[RunView]) -> Section:
         "that is not steady, or vibration."
     )
     figures = tuple(figure for figure in (scale_check(runs), lost_frames(runs)) if figure)
-    return Section("quality", "How good the measurement is", (), figures, (table_of_runs(caption, columns, runs),))
+    odd = tuple(f"{run}: {'; '.join(found)}." for run, found in notes.items())
+    return Section("quality", "How good the measurement is", odd, figures, (table_of_runs(caption, columns, runs),))
 
 
 def _calibration(path: Path, robot: Robot) -> Section:

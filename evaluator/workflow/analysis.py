@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 class Analysis:
     """What an analysis leaves: tables with a row per run, and the reason for every run that has no numbers.
 
+    notes: what is odd about the recordings of runs.
     pooled: a row per command, its repetitions pooled; directions: a row per command driven both ways.
     """
 
@@ -35,6 +36,7 @@ class Analysis:
     directions: pd.DataFrame
     comparison: pd.DataFrame | None
     faults: dict[str, str]
+    notes: dict[str, tuple[str, ...]]
     reused: int
 
 
@@ -81,8 +83,9 @@ def analyze(
     write_provenance(
         outputs.provenance, experiment_path=experiment_path, inputs=input_files(experiment), command_line=command_line
     )
+    notes = {run.id: found for run in experiment.run if (found := results[run.id].notes)}
     reused = sum(result.reused for result in results.values())
-    return Analysis(experiment, outputs, turning, pooled, directions, comparison, faults, reused)
+    return Analysis(experiment, outputs, turning, pooled, directions, comparison, faults, notes, reused)
 
 
 def plan(experiment_path: Path, out: Path, *, simulate: bool = False) -> dict[str, list[str]]:
