@@ -29,7 +29,14 @@ others); 2 the input cannot be used at all."""
 @click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope analyze experiment.toml -o out/")
 @batch_options
 def analyze(
-    experiment: Path, out: Path, workers: int | None, as_json: bool, quiet: bool, verbose: bool, dry_run: bool
+    experiment: Path,
+    out: Path,
+    workers: int | None,
+    dask: str | None,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+    dry_run: bool,
 ) -> int:
     """Track, reconstruct and fit every run of an experiment.
 
@@ -39,7 +46,7 @@ def analyze(
     """
     if dry_run:
         return print_plan(experiment, out, simulate=False)
-    found = run_analysis(experiment, out, simulate=False, workers=workers, quiet=quiet)
+    found = run_analysis(experiment, out, simulate=False, workers=workers, dask=dask, quiet=quiet)
     if as_json:
         print_json(found.turning)
     elif not quiet:
@@ -51,7 +58,14 @@ def analyze(
 @click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope compare experiment.toml -o out/")
 @batch_options
 def compare(
-    experiment: Path, out: Path, workers: int | None, as_json: bool, quiet: bool, verbose: bool, dry_run: bool
+    experiment: Path,
+    out: Path,
+    workers: int | None,
+    dask: str | None,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+    dry_run: bool,
 ) -> int:
     """Set every run beside its simulated counterpart.
 
@@ -60,7 +74,7 @@ def compare(
     """
     if dry_run:
         return print_plan(experiment, out, simulate=True)
-    found = run_analysis(experiment, out, simulate=True, workers=workers, quiet=quiet)
+    found = run_analysis(experiment, out, simulate=True, workers=workers, dask=dask, quiet=quiet)
     assert found.comparison is not None
     if as_json:
         print_json(found.comparison)
@@ -70,13 +84,21 @@ def compare(
     return status_of(found)
 
 
-def run_analysis(experiment: Path, out: Path, *, simulate: bool, workers: int | None, quiet: bool) -> Analysis:
+def run_analysis(
+    experiment: Path, out: Path, *, simulate: bool, workers: int | None, quiet: bool, dask: str | None = None
+) -> Analysis:
     """Analyse with a progress bar, and say on standard error why runs are missing."""
     from evaluator.workflow import analyze as analyze_experiment
 
     with progress_bar("runs", quiet=quiet) as progress:
         found = analyze_experiment(
-            experiment, out, simulate=simulate, workers=workers, progress=progress, command_line=sys.argv[1:]
+            experiment,
+            out,
+            simulate=simulate,
+            workers=workers,
+            dask=dask,
+            progress=progress,
+            command_line=sys.argv[1:],
         )
     for run, fault in found.faults.items():
         click.echo(f"{run}: {fault}", err=True)
