@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from calibration.assign_grid import Lattice
 from calibration.camera import Camera
 from calibration.detect_dots import Dots
-from calibration.quality import Verdict
 from calibration.solve import Calibration
+from calibration.verdict import Verdict
 from evaluator.files import write_text, written_whole
 from evaluator.report.figures.calibration import coverage_map, distortion_map, residual_vectors
 from evaluator.report.figures.quality import camera_uncertainty
