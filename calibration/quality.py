@@ -169,7 +169,7 @@ def _ill_conditioned(calibration: Calibration, spread: float) -> list[str]:
 def _wrong_size(calibration: Calibration) -> list[str]:
     """Dots of another size than the file's: then its pitch may be as wrong, which no picture can tell."""
     ratio = float(np.median([sighting.size_ratio for sighting in calibration.sightings]))
-    if 1 / SIZE_RATIO < ratio < SIZE_RATIO:
+    if not (ratio > SIZE_RATIO or ratio < 1 / SIZE_RATIO):
         return []
     sentence = (
         f"dots are seen {ratio:.2f} times as wide against their distance as the gauge file says: pitch_mm or "

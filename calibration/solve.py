@@ -161,13 +161,8 @@ def sight(picture: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
         match = match_gauge(dots, lattice, gauge)
     except CalibrationError as error:
         raise CalibrationError(f"{name}: {error}") from None
-    ratio = size_ratio(
-        dots.centers_px[match.dot],
-        dots.diameter_px[match.dot],
-        gauge.positions_mm()[match.row, match.column],
-        gauge.diameters_mm()[match.row, match.column],
-    )
-    if not 1 / FOREIGN_SIZE < ratio < FOREIGN_SIZE:
+    ratio = size_ratio(dots.centers_px[match.dot], dots.diameter_px[match.dot], match.column, match.row, gauge)
+    if ratio > FOREIGN_SIZE or ratio < 1 / FOREIGN_SIZE:
         raise CalibrationError(
             f'{name}: dots are seen {ratio:.2g} times as wide against their distance as the gauge "{gauge.name}" has '
             "them; is it the gauge of this picture, and are its pitch_mm and diameter_mm right?"

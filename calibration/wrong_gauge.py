@@ -73,12 +73,21 @@ def _side(bare: NDArray[np.bool_], count: int) -> Side:
     return "bare" if bare.mean() > 0.5 else "hidden"
 
 
-def size_ratio(centers_px: Array, diameter_px: Array, positions_mm: Array, diameter_mm: Array) -> float:
-    """How many times as wide dots are seen, against their distance, as the gauge has them: median over (n,) dots."""
-    affine = np.column_stack([positions_mm, np.ones(len(positions_mm))])
-    px_per_mm = np.linalg.lstsq(affine, centers_px, rcond=None)[0][:2]
-    scale = float(np.sqrt(abs(np.linalg.det(px_per_mm))))
-    return float(np.median(diameter_px / diameter_mm)) / max(scale, 1e-12)
+def size_ratio(centers_px: Array, diameter_px: Array, column: Integers, row: Integers, gauge: Gauge) -> float:
+    """How many times as wide dots are seen, against their distance, as the gauge has them: median over (n,) dots.
+
+    A dot's distance is the root of the cell that it spans with its next two; NaN where no dot has both.
+    """
+    shape = (gauge.dots.rows + 1, gauge.dots.columns + 1)
+    seen = np.full((*shape, 2), np.nan)
+    seen[row, column] = centers_px
+    width = np.full(shape, np.nan)
+    width[row, column] = diameter_px / gauge.diameters_mm()[row, column]
+    across, down = seen[:-1, 1:] - seen[:-1, :-1], seen[1:, :-1] - seen[:-1, :-1]
+    cell_px2 = np.abs(across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0])
+    ratio = width[:-1, :-1] * np.sqrt(gauge.pitch_mm[0] * gauge.pitch_mm[1] / cell_px2)
+    known = ratio[np.isfinite(ratio)]
+    return float(np.median(known)) if len(known) else float("nan")
 
 
 def does_not_fit(lattice: Lattice, gauge: Gauge) -> str:
