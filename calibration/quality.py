@@ -33,6 +33,7 @@ SMALLEST_TILT_DEG = 5.0  # cos 5° = 0.996: foreshortening drowns in the scale o
 MODEST_COVERAGE, SMALLEST_COVERAGE = 0.4, 0.2
 # Dots seen wider or narrower than that against their distance: printing, blur and strong distortion make 0.85 to 1.05.
 SIZE_RATIO = 1.25
+LEFT_OUT = 0.02  # of the dots of one picture: worth a note; at most a few thousandths of sound dots are
 ARM = 0.15  # of the picture's shorter side: half the length of the chords that stand for lengths
 CELLS = (12, 9)
 
@@ -209,10 +210,13 @@ def _height_sentence(calibration: Calibration, height: float, scale: float, plat
 
 def _notes(calibration: Calibration) -> list[str]:
     notes = []
-    for sighting, rejected in zip(calibration.sightings, calibration.rejected, strict=True):
-        match = sighting.match
-        if rejected > 0.02 * len(match):
-            notes.append(f"{sighting.name}: {rejected} of {len(match)} dots left out because they contradict the rest")
+    left_out, found = np.array(calibration.rejected), np.array([len(s.match) for s in calibration.sightings])
+    worst = int(np.argmax(left_out / found))
+    if left_out[worst] > LEFT_OUT * found[worst]:
+        notes.append(
+            f"{left_out.sum()} of {found.sum()} dots left out because glare, dirt or an edge spoils them or they "
+            f"contradict the rest; most in {calibration.sightings[worst].name}, {left_out[worst]} of {found[worst]}"
+        )
     if not calibration.sightings[0].match.certain:
         notes.append(
             f"{calibration.sightings[0].name}: part of the array is out of view and no fiducial tells which, so "
