@@ -54,7 +54,11 @@ class Check:
     def summary(self) -> str:
         """The verdict in plain words with the next step."""
         lens = self.lens_sigma > ALARM_SIGMA
-        what = "the lens has changed (refocused, zoomed or another lens)" if lens else "the camera has moved"
+        what = (
+            "the lens has changed (refocused, zoomed or another lens)"
+            if lens
+            else "the camera has moved, or its lens a little"
+        )
         size = (
             f"pose {self.pose_sigma:.1f} sigma ({self.tilt_deg:.3f} degrees, {self.distance_mm:+.3f} mm), "
             f"lens {self.lens_sigma:.1f} sigma, lengths by up to {100 * self.length_change:+.3f} %"

@@ -73,15 +73,25 @@ def match_gauge(dots: Dots, lattice: Lattice, gauge: Gauge) -> Match:
             "turn the plate over, or undo the mirroring of the picture"
         )
     if np.any(promised[:, match.row, match.column]) and best.likeness <= 0:
-        raise CalibrationError(
-            f'the fiducial dots that the gauge "{gauge.name}" promises are not seen where they should be; '
-            "is it the gauge of this picture?"
-        )
+        raise CalibrationError(_no_fiducials(dots, gauge))
     seen = place_on_sheet(lattice.index @ best.turn.T + best.shift, gauge)
     free = place_on_sheet(places @ best.turn.T + best.shift, gauge)
     if goes_on(seen, gauge) or ends_early(seen, free, bare, gauge):
         raise CalibrationError(does_not_fit(lattice, gauge))
     return match
+
+
+def _no_fiducials(dots: Dots, gauge: Gauge) -> str:
+    """Why the fiducials that should be in view are not seen."""
+    if dots.color.shape[1] == 1 and any(fiducial.color for fiducial in gauge.fiducial):
+        return (
+            f'the fiducial dots of the gauge "{gauge.name}" differ by their color, which a grey picture does not show; '
+            "take a color picture, or give them a diameter_mm of their own"
+        )
+    return (
+        f'the fiducial dots that the gauge "{gauge.name}" promises are not seen where they should be; '
+        "is it the gauge of this picture?"
+    )
 
 
 @dataclass(frozen=True)

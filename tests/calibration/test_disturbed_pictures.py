@@ -136,3 +136,9 @@ def test_measured_distance_makes_one_picture_enough() -> None:
     assert assess(alone).level == "limited"
     assert assess(measured).scale_sigma < 0.0005
     assert "height correction" not in assess(measured).summary
+
+
+def test_colour_fiducials_in_a_grey_picture_are_named_as_the_cause() -> None:
+    fiducials = ({"column": 6, "row": 4, "color": "red"}, {"column": 9, "row": 4, "color": "blue"})
+    with pytest.raises(CalibrationError, match="differ by their color, which a grey picture does not show"):
+        calibrate([drawn()], Gauge.model_validate(GAUGE.model_dump() | {"fiducial": fiducials}))
