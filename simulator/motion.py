@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from simulator.compiled import compiled
+from simulator.contact import fresh_contacts
 from simulator.dynamics import accelerations
 from simulator.implicit import euler_pair
 from simulator.rosenbrock import attempt, between, invert3, linearize, moved, place_after
@@ -37,11 +38,11 @@ DONE, FAILED = 0, 1
 @compiled()
 def workspace() -> Any:
     """Scratch for one run: states and stages, linearization, solver matrices, step ends."""
-    return np.zeros((40, 6)), np.zeros((3, 3, 3)), np.zeros((4, 3))
+    return np.zeros((40, 6)), np.zeros((3, 3, 3)), np.zeros((4, 3)), fresh_contacts()
 
 
 @compiled()
-def settle(pose: Any, segment: Any, time: float, y: Any, model: Any, work: Any, solver: Any) -> bool:
+def settle(pose: Any, segment: Any, time: float, y: Any, model: Any, contacts: Any, work: Any, solver: Any) -> bool:
     """Where y (6) is close to a stable steady turn, move it there and return True.
 
     y enters linearized in work and with twist 0; it leaves with the velocity of the steady turn and the twist that the
@@ -74,7 +75,7 @@ def settle(pose: Any, segment: Any, time: float, y: Any, model: Any, work: Any, 
         if change <= 1e-13 * size + 1e-16 or moved_by > 2 * distance:
             break
         residual[0], residual[1], residual[2] = accelerations(
-            steady[3], steady[4], steady[5], drive, place, model.rest_speed, model
+            steady[3], steady[4], steady[5], drive, place, model.rest_speed, model, contacts
         )
     if not (change <= 1e-10 * size + 1e-15 and moved_by <= 2 * distance):
         return False  # forces bend within the distance: not close after all
@@ -149,7 +150,7 @@ def integrate_run(
     plan: (m, 2) of segment and step. It is filled with the accepted steps; with replay it prescribes them, so that the
     result is a smooth function of model and state. Returns DONE or FAILED and the number of steps of the plan.
     """
-    scratch, solver, bent = workspace()
+    scratch, solver, bent, contacts = workspace()
     pose, y, end, stages, work = state[:3], scratch[0], scratch[1:3], scratch[3:9], scratch[9:]
     segments = command_segments(knots, times[0], times[-1], model)
     y[:3] = 0.0
@@ -164,9 +165,9 @@ def integrate_run(
             remaining = segment[END] - time
             planned = replay and used < len(plan) and int(plan[used, 0]) == number
             expected = min(remaining, abs(plan[used, 1]) if planned else step)
-            linearize(pose, segment, time, expected > math.sqrt(tolerance), y, model, work)
+            linearize(pose, segment, time, expected > math.sqrt(tolerance), y, model, contacts, work)
             closed = segment[STEADY] == 1.0 and model.varies == 0 and not planned
-            if closed and settle(pose, segment, time, y, model, work, solver):
+            if closed and settle(pose, segment, time, y, model, contacts, work, solver):
                 row = write_arc(out, times, row, segment[END], last, time, pose, y, remaining)
                 y[:3] = 0.0
                 break
@@ -177,13 +178,37 @@ def integrate_run(
             tried, wanted = 0.0, 0.0
             if not sticking and (planned or creeping < MOST_CREEPING):
                 tried, wanted = smooth_step(
-                    pose, segment, time, min(step, remaining), y, model, tolerance, planned, work, solver, stages, end
+                    pose,
+                    segment,
+                    time,
+                    min(step, remaining),
+                    y,
+                    model,
+                    tolerance,
+                    planned,
+                    contacts,
+                    work,
+                    solver,
+                    stages,
+                    end,
                 )
             if tried == 0.0:
                 sticking = True
                 step = abs(plan[used, 1]) if planned else max(step, SHORTEST_STEP_S * shrinking)
                 tried, wanted = sticking_step(
-                    pose, segment, time, min(step, remaining), y, model, tolerance, planned, work, bent, solver, end
+                    pose,
+                    segment,
+                    time,
+                    min(step, remaining),
+                    y,
+                    model,
+                    tolerance,
+                    planned,
+                    contacts,
+                    work,
+                    bent,
+                    solver,
+                    end,
                 )
                 stages[:] = 0.0  # outputs within the step are on the straight line
             if tried == 0.0 or used >= MOST_STEPS:
@@ -214,6 +239,7 @@ def smooth_step(
     model: Any,
     tolerance: float,
     planned: bool,
+    contacts: Any,
     work: Any,
     solver: Any,
     stages: Any,
@@ -221,7 +247,7 @@ def smooth_step(
 ) -> tuple[float, float]:
     """Take a Rosenbrock step: the size accepted, 0 where friction bends too sharply, and the size wanted next."""
     for _ in range(MOST_TRIES):
-        taken = attempt(pose, segment, time, step, y, model, work, solver, stages, end)
+        taken = attempt(pose, segment, time, step, y, model, contacts, work, solver, stages, end)
         if planned and taken:
             return step, step
         norm = error_norm(step, y, end, tolerance, 0.1 * model.rest_speed) if taken else 1e6
@@ -244,6 +270,7 @@ def sticking_step(
     model: Any,
     tolerance: float,
     planned: bool,
+    contacts: Any,
     work: Any,
     bent: Any,
     solver: Any,
@@ -251,7 +278,7 @@ def sticking_step(
 ) -> tuple[float, float]:
     """Take a pair of implicit Euler steps: the size accepted, 0 where none was, and the size wanted next."""
     for _ in range(60):
-        taken = euler_pair(pose, segment, time, step, y, model, work, bent, solver, end)
+        taken = euler_pair(pose, segment, time, step, y, model, contacts, work, bent, solver, end)
         if planned and taken:
             return step, step
         norm = error_norm(step, y, end, tolerance, 0.1 * model.rest_speed) if taken else 1e6

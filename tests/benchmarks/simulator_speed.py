@@ -19,6 +19,7 @@ import numba
 import numpy as np
 
 from simulator.command import Command
+from simulator.contact import fresh_contacts
 from simulator.dynamics import accelerations
 from simulator.effects.catalogue import EFFECTS
 from simulator.integrate import simulate, simulate_batch
@@ -48,11 +49,12 @@ def best_of(call: Callable[[], object], times: int) -> float:
 def numba_rates(robot: Robot, left: float, right: float) -> Rates:
     """Our kernel as a right-hand side for scipy."""
     model: Any = compile_robot(robot)[0]
+    contacts = fresh_contacts()
     origin, rest = (0.0, 0.0, 1.0, 0.0, 0.0), float(model["rest_speed"])
 
     def rates(_time: float, y: Any) -> list[float]:
         cos, sin = np.cos(y[2]), np.sin(y[2])
-        turning = accelerations(y[3], y[4], y[5], (left, right, 0.0, 0.0), origin, rest, model)
+        turning = accelerations(y[3], y[4], y[5], (left, right, 0.0, 0.0), origin, rest, model, contacts)
         return [cos * y[3] - sin * y[4], sin * y[3] + cos * y[4], y[5], *turning]
 
     return rates
