@@ -29,6 +29,8 @@ MOST_STEPS = 20000
 # a displacement of 0.01·h² mm or so: within h = sqrt(tolerance in mm) their derivatives are not needed.
 MOST_TRIES = 4  # rejections in a row mean that a wheel sticks or turns over
 CREEPING_STEP_S, MOST_CREEPING = 1e-5, 40  # so many such steps in a row mean the same
+# Steps grow with the time since the last break of the command, but where a method chatters over a bend for ever.
+CHATTERING_SHARE = 3e-3
 SHORTEST_STEP_S = 2e-6  # a fraction of the shortest relaxation of rolling wheels
 USUAL_TOLERANCE_MM = 1e-6  # for these two; below it, steps of order 4 shrink with its fourth root
 LONGEST_TURN_RAD = 1.0  # within one step, where the series for the twist is exact to 1e-9
@@ -114,6 +116,13 @@ def first_step(work: Any, tolerance: float, length: float) -> float:
 
 
 @compiled()
+def at_rest(segment: Any, time: float, model: Any) -> bool:
+    """Whether no motor turns: an unstable balance then is within the rounding of rest, and as good as rest."""
+    drive = drive_at(segment, time, model.lag)
+    return bool(drive[0] == 0.0 and drive[1] == 0.0)
+
+
+@compiled()
 def write_arc(
     out: Any, times: Any, row: int, until: float, last: bool, time: float, pose: Any, y: Any, step: float
 ) -> int:
@@ -174,7 +183,10 @@ def integrate_run(
             if step == 0.0:
                 step = first_step(work, tolerance, remaining)
             sticking = planned and plan[used, 1] < 0.0
-            step = abs(plan[used, 1]) if planned else min(step, 1.0 / (growth_rate(work) + 1e-30))
+            if planned:
+                step = abs(plan[used, 1])
+            elif not at_rest(segment, time, model):
+                step = min(step, 1.0 / (growth_rate(work) + 1e-30))
             tried, wanted = 0.0, 0.0
             if not sticking and (planned or creeping < MOST_CREEPING):
                 tried, wanted = smooth_step(
@@ -216,7 +228,8 @@ def integrate_run(
             if not replay and used < len(plan):
                 plan[used, 0], plan[used, 1] = number, -tried if sticking else tried
             used += 1
-            creeping = creeping + 1 if tried < CREEPING_STEP_S * shrinking else 0
+            small = shrinking * max(CREEPING_STEP_S, shrinking * CHATTERING_SHARE * (time - segment[BEGIN]))
+            creeping = creeping + 1 if tried < small else 0
             following = segment[END] if tried >= remaining else time + tried
             row = _write_step(
                 out, times, row, following, last and tried >= remaining, time, tried, pose, y, stages, end, work
