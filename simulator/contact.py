@@ -30,23 +30,6 @@ def fresh_contacts() -> Any:
     return contacts
 
 
-@compiled(inline="always")  # a call that hands an array on costs a count of its users, as long as this takes
-def touch(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
-    """Bring the contacts to a velocity, a drive and a place."""
-    if model.general == 0:
-        contacts[SURFACE, 0], contacts[SURFACE, 1] = model.speed[0] * drive[0], model.speed[1] * drive[1]
-    else:
-        touch_changed(u, v, r, drive, place, rest, model, contacts)
-
-
-@compiled()
-def touch_changed(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
-    """The same for wheels that added physics changes."""
-    for wheel in range(4):
-        body_u, body_v = u - r * model.wheel_y[wheel], v + r * model.wheel_x[wheel]
-        _touch_one(wheel, body_u, body_v, r, drive, place, rest, model, contacts)
-
-
 @compiled()
 def law(u: float, v: float, wheel: int, contacts: Any, rest: float, model: Any) -> tuple[float, float]:
     """Friction along and across one wheel; u, v: of its centre in its own frame."""
@@ -113,7 +96,7 @@ def giving_way(
     return float(aside * (1.0 + gain) if gain > 0.0 else aside / (1.0 - gain))
 
 
-@compiled()
+@compiled(inline="always")
 def _touch_one(
     wheel: int, u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any
 ) -> None:
@@ -164,6 +147,23 @@ def _touch_one(
     contacts[SURFACE, wheel], contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel] = surface, cos_steer, sin_steer
     contacts[GRIP, wheel], contacts[STEEP, wheel] = scaled
     contacts[DRAG_FORCE, wheel], contacts[DROOP, wheel] = drag, droop
+
+
+@compiled(inline="always")  # a call that hands an array on costs a count of its users, as long as this takes
+def touch(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
+    """Bring the contacts to a velocity, a drive and a place."""
+    if model.general == 0:
+        contacts[SURFACE, 0], contacts[SURFACE, 1] = model.speed[0] * drive[0], model.speed[1] * drive[1]
+    else:
+        touch_changed(u, v, r, drive, place, rest, model, contacts)
+
+
+@compiled()
+def touch_changed(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
+    """The same for wheels that added physics changes."""
+    for wheel in range(4):
+        body_u, body_v = u - r * model.wheel_y[wheel], v + r * model.wheel_x[wheel]
+        _touch_one(wheel, body_u, body_v, r, drive, place, rest, model, contacts)
 
 
 @compiled(fastmath=VECTORS)

@@ -74,6 +74,18 @@ def place_after(pose: Any, x: float, y: float, angle: float, time: float, model:
 
 
 @compiled()
+def _gained(
+    u: float, v: float, r: float, drive: Any, here: Triple, there: Any, model: Any, contacts: Any, work: Any
+) -> Triple:
+    """What accelerations gain at another place; where no friction varies, only over the forces here on the body."""
+    if model.wheels_vary == 1:
+        at = accelerations(u, v, r, drive, there, model.rest_speed, model, contacts)
+        return at[0] - work[0, 0], at[1] - work[0, 1], at[2] - work[0, 2]
+    at = body_forces(u, v, r, there, model.rest_speed, model)
+    return accelerated(at[0] - here[0], at[1] - here[1], at[2] - here[2], model)
+
+
+@compiled()
 def linearize(pose: Any, segment: Any, time: float, varied: bool, y: Any, model: Any, contacts: Any, work: Any) -> None:
     """Accelerations, their derivatives by velocity and, where forces vary, by time and if varied by twist.
 
@@ -84,11 +96,14 @@ def linearize(pose: Any, segment: Any, time: float, varied: bool, y: Any, model:
     slopes(u, v, r, drive, place, rest, model, contacts, work)
     for row in range(4, 8):
         work[row, 0], work[row, 1], work[row, 2] = 0.0, 0.0, 0.0
+    here = 0.0, 0.0, 0.0
     if model.varies == 1 and varied:
+        if model.wheels_vary == 0:
+            here = body_forces(u, v, r, place, rest, model)
         for column in range(3):
             shifts = PLACE_STEP * (column == 0), PLACE_STEP * (column == 1), PLACE_STEP * (column == 2)
             there = place_after(pose, shifts[0], shifts[1], shifts[2], time, model)
-            gained = _gained(u, v, r, drive, place, there, model, contacts, work)
+            gained = _gained(u, v, r, drive, here, there, model, contacts, work)
             for row in range(3):
                 work[4 + row, column] = gained[row] / PLACE_STEP
     if model.wheels_vary == 1 or segment[STEADY] == 0.0:
@@ -103,24 +118,9 @@ def linearize(pose: Any, segment: Any, time: float, varied: bool, y: Any, model:
         for row in range(3):
             work[7, row] = (later[row] - work[0, row]) / PLACE_STEP
     elif model.varies == 1 and varied:
-        gained = _gained(u, v, r, drive, place, (*place[:4], time + PLACE_STEP), model, contacts, work)
+        gained = _gained(u, v, r, drive, here, (*place[:4], time + PLACE_STEP), model, contacts, work)
         for row in range(3):
             work[7, row] = gained[row] / PLACE_STEP
-
-
-@compiled()
-def _gained(
-    u: float, v: float, r: float, drive: Any, place: Any, there: Any, model: Any, contacts: Any, work: Any
-) -> Triple:
-    """What accelerations gain from one place to another; where no friction varies, none need be worked out."""
-    if model.wheels_vary == 1:
-        at = accelerations(u, v, r, drive, there, model.rest_speed, model, contacts)
-        return at[0] - work[0, 0], at[1] - work[0, 1], at[2] - work[0, 2]
-    at, here = (
-        body_forces(u, v, r, there, model.rest_speed, model),
-        body_forces(u, v, r, place, model.rest_speed, model),
-    )
-    return accelerated(at[0] - here[0], at[1] - here[1], at[2] - here[2], model)
 
 
 @compiled()
