@@ -27,6 +27,7 @@ STRAIGHT_PX = 6.0  # path over which the centre of a mark follows a quartic to 0
 # Errors of codecs have long tails, those of Student's t with about as many degrees of freedom: 0.5 to 1.5 % of pictures
 # lie beyond 4 sigma on H.264, HEVC and VP9 alike.
 FREEDOM = 4.0
+TAIL = 3.0  # sigmas off the course from which a picture's own error counts as a large one: nearer ones tell nothing
 
 
 CLOCK = 0.06  # of an interval: what rounding to a clock of 1 ms moves pictures by at up to 120 a second
@@ -116,7 +117,7 @@ def _tail(course: Course, variances: Array) -> Array:
     """
     square = (course.error**2).sum(axis=1) / course.variance(variances)
     factor = (FREEDOM + np.nan_to_num(square)) / (FREEDOM + course.error.shape[1])
-    return np.asarray(np.nan_to_num(variances) * np.maximum(factor - 1.0, 0.0))
+    return np.asarray(np.nan_to_num(variances) * np.where(np.nan_to_num(square) > TAIL**2, factor - 1.0, 0.0))
 
 
 def _moving(centers_px: Array) -> NDArray[np.bool_]:
