@@ -27,7 +27,9 @@ def export(analysis: Analysis) -> list[Path]:
     outputs = analysis.outputs
     provenance = json.loads(outputs.provenance.read_text(encoding="utf-8"))
     results: dict[str, Any] = {"format": 1, "provenance": provenance, "faults": analysis.faults}
-    results["turning"] = records(analysis.turning)
+    results["notes"] = analysis.notes
+    for name in ("turning", "pooled", "directions"):
+        results[name] = records(getattr(analysis, name))
     if analysis.comparison is not None:
         results["comparison"] = records(analysis.comparison)
     write_text(outputs.results, json.dumps(results, indent=1, allow_nan=False) + "\n")

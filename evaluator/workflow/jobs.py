@@ -6,6 +6,7 @@ Light to import: the parent of a batch needs no more than this; the libraries th
 from __future__ import annotations
 
 import traceback
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,8 @@ from evaluator.workflow.freshness import Record, file_hash, key_of
 from evaluator.workflow.outputs import Outputs
 from simulator.errors import SimulationError
 from simulator.robot import Robot
+
+LATE_S = 0.1  # people read a clock this well: a recording stopped with the motors is whole
 
 
 @dataclass(frozen=True)
@@ -80,13 +83,26 @@ class RunResult:
     run: str
     turning: dict[str, Any] | None = None
     comparison: dict[str, Any] | None = None
+    notes: tuple[str, ...] = ()  # what is odd about the recording
     fault: str | None = None
     reused: bool = False  # nothing had to be computed
 
     @staticmethod
     def of(job: Job, values: dict[str, dict[str, Any]], *, reused: bool) -> RunResult:
         """The result of a job from the values of its stages."""
-        return RunResult(job.run.id, values["turn"], values.get("simulate"), reused=reused)
+        notes = tuple(_notes(job.run, values["track"]))
+        return RunResult(job.run.id, values["turn"], values.get("simulate"), notes, reused=reused)
+
+
+def _notes(run: Run, tracked: dict[str, Any]) -> Iterator[str]:
+    """What is odd about a recording; only its log of commands tells that a stream without an index was cut."""
+    yield from tracked.get("notes", ())
+    last_s = tracked.get("last_s")
+    if last_s is not None and run.stop_s is not None and run.stop_s > last_s + LATE_S:
+        yield (
+            f"ends at {last_s:.2f} s, before the motors are commanded off at {run.stop_s:g} s: "
+            "is it cut off, or stop_s wrong?"
+        )
 
 
 def outdated_stages(job: Job) -> list[str]:
