@@ -27,6 +27,7 @@ SLOPING = 12.0  # fall of the squares, in variances, that two slopes bring by ch
 # picture, and in the eight after one that has it. Lenses and lamps change by up to 0.3 % a pixel (`shading`),
 # reflections by more.
 LOOKOUT, GLARING = 8, 3e-3
+SMALLEST_PX = 2.0  # radius of a mark's even inside that a slope can be seen in
 PER_MEDIAN = 1.4826  # sigma over median deviation
 # A disturbance that looked just like a shift would move the centre by √pixels times its own share of the noise; real
 # ones (wires, glare, shadows) reach a third of that.
@@ -190,11 +191,23 @@ class Follower:
         self._sloped[:4], self._sloped[4:] = plain[: kernels.BASE + 1], 0.0
         self._fit(frame, self._sloped)
         fall = (plain[kernels.RESIDUAL] - result[kernels.RESIDUAL]) * plain[kernels.PIXELS]
-        glaring = fall > SLOPING and result[kernels.SLOPE] > GLARING * abs(result[kernels.AMPLITUDE])
+        glaring = bool(fall > SLOPING) and self._glares(frame)
         self._watch = LOOKOUT if glaring else self._watch - 1
         if glaring or (suspicious and (plain[kernels.RESIDUAL] >= DISTURBED or fall > SLOPING)):
             return
         result[:] = plain
+
+    def _glares(self, frame: Frame) -> bool:
+        """Whether the fitted slope is a reflection: strong enough, and inside the mark too, unlike a body's edge."""
+        x, y, slope = self._result[0], self._result[1], self._result[kernels.SLOPE_X : kernels.SLOPE_Y + 1]
+        inner = self.radius_px - 2.5 * self.look.disc.blur_px
+        if inner < SMALLEST_PX or np.hypot(*slope) < GLARING * abs(self._result[kernels.AMPLITUDE]):
+            return False
+        kernels.interior_slope(frame.luma, frame.row_origin, frame.row_step, x, y, inner, self._slope)
+        # The slope of a plane through n samples of a disc of radius r is known to 2·noise/(r·√n).
+        sigma = 2.0 * np.sqrt(self._noise[0] / np.pi) / inner**2
+        steepness = np.hypot(*slope)
+        return bool(3.0 * sigma < steepness and np.hypot(*(self._slope - slope)) < 0.5 * steepness + 3.0 * sigma)
 
     def _fit(self, frame: Frame, start: Array) -> None:
         kernels.fit_disc(
@@ -206,7 +219,7 @@ class Follower:
         self, frame: Frame, cell: Array, seen: Point, place: Point, reach_px: float, *, crowded: bool
     ) -> Sighting:
         self._fitted = self._result.tolist()
-        x, y, amplitude, _, var_x, var_y, cov_xy, residual, used, inside, pixels, _ = self._fitted
+        x, y, amplitude, _, var_x, var_y, cov_xy, residual, used, inside, pixels, _, _ = self._fitted
         reach, slack = reach_px + 0.5 * self.radius_px + 1.0, 0.5 * self.radius_px + 1.0
         reason = ""
         if x != x:  # noqa: PLR0124 - NaN: no fit

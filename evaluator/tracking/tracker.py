@@ -226,7 +226,7 @@ class Tracker:
         self._agree()
 
     def _relearn(self, follower: Follower, patches: list[Patch]) -> None:
-        disc = learn_shape(patches, follower.radius_px, follower.look.disc.blur_px)
+        disc = learn_shape(patches, follower.radius_px)
         if disc is not None:
             follower.take_look(with_disc(follower.look, disc))
 
