@@ -18,6 +18,7 @@ from calibration.neighbours import nearest
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 SEEDS = 12  # attempts: distractors may form small lattices of their own, a torn sheet several
+ODD = 0.26  # of ln(diameter) against the dots around: a factor 1.3, fiducials differ by more, equal dots by 0.05
 SPECK = 0.4  # of the diameter of the dots around: no gauge has fiducials that small
 SMALLEST_LATTICE = 6  # dots; fewer make no lattice
 
@@ -49,6 +50,9 @@ def assign_grid(dots: Dots) -> Lattice:
     bases, mismatch = seed_bases(points, neighbours)
     size = float(np.median(distance[:, 0]))
     cells, following, origin = bucket(points, size)
+    width = np.log(dots.diameter_px)
+    odd = np.abs(width - np.median(width[neighbours], axis=1)) > ODD
+    mismatch[odd] = np.inf
     taken = np.zeros(len(points), dtype=bool)
     found: list[Lattice] = []
     for seed in np.argsort(mismatch, kind="stable"):
@@ -56,7 +60,7 @@ def assign_grid(dots: Dots) -> Lattice:
             break
         if taken[seed]:
             continue
-        index, member = grow(points, seed, bases[seed], taken, cells, following, size, origin)
+        index, member = grow(points, seed, bases[seed], odd, taken, cells, following, size, origin)
         dot = np.flatnonzero(member >= 0)
         taken[dot] = True
         if len(dot) >= SMALLEST_LATTICE:

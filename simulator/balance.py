@@ -11,29 +11,25 @@ from typing import Any
 import numpy as np
 
 from simulator.compiled import compiled
-from simulator.dynamics import accelerations
-from simulator.rosenbrock import VELOCITY_STEP, invert3
+from simulator.dynamics import accelerations, slopes
+from simulator.rosenbrock import invert3
 
 
 @compiled()
 def unbalance(model: Any, left: float, right: float, velocity: Any, out: Any) -> float:
     """Accelerations at a velocity (3) into out (3); returns their size."""
     u, v, r = velocity[0], velocity[1], velocity[2]
-    out[0], out[1], out[2] = accelerations(u, v, r, left, right, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, model)
+    drive, place = (1.0 * left, 1.0 * right, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0, 0.0)
+    out[0], out[1], out[2] = accelerations(u, v, r, drive, place, model.rest_speed, model)
     return float(np.sqrt(out[0] ** 2 + out[1] ** 2 + 4 * out[2] ** 2))
 
 
 @compiled()
 def differentiate(model: Any, left: float, right: float, velocity: Any, residual: Any, linear: Any) -> None:
-    """Derivative of the accelerations by velocity into rows 1 to 3 of linear."""
-    shifted, changed = velocity.copy(), np.empty(3)
-    for column in range(3):
-        shifted[column] = velocity[column] + VELOCITY_STEP
-        unbalance(model, left, right, shifted, changed)
-        step = shifted[column] - velocity[column]
-        for row in range(3):
-            linear[1 + row, column] = (changed[row] - residual[row]) / step
-        shifted[column] = velocity[column]
+    """Accelerations into residual, their derivative by velocity into rows 1 to 3 of linear (4, 3)."""
+    drive, place = (1.0 * left, 1.0 * right, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0, 0.0)
+    slopes(velocity[0], velocity[1], velocity[2], drive, place, model.rest_speed, model, linear)
+    residual[:] = linear[0]
 
 
 @compiled()

@@ -2,7 +2,8 @@
 
 There friction bends within a few nanometres a second, and a method that trusts one linearization must creep. Implicit
 Euler with Newton's method to the end is the classical time stepping of dry friction: two half steps are kept, and
-compared with one whole step.
+compared with one whole step. Seen from a sliding wheel, Newton's method overshoots the bend; seen from a wheel at rest
+friction only flattens, and it does not. So it starts from the motion, then from that motion with one wheel stopped.
 """
 
 from __future__ import annotations
@@ -11,77 +12,156 @@ import math
 from typing import Any
 
 from simulator.compiled import compiled
-from simulator.rosenbrock import VELOCITY_STEP, invert3, rates
+from simulator.dynamics import slopes
+from simulator.rosenbrock import invert3, place_after
+from simulator.segments import drive_at
 
-MOST_ITERATIONS = 60
-SMALLEST_SHARE = 1e-9  # of a Newton step; friction bends on 1e-6 of the velocity
+MOST_QUICK, MOST_PATIENT = 10, 60  # iterations
+SMALLEST_QUICK, SMALLEST_PATIENT = 0.2, 1e-9  # of a Newton step; friction bends on 1e-6 of the velocity
+LEVER_MM = 2.0
 
 
 @compiled()
 def excess(
-    pose: Any, segment: Any, time: float, step: float, start: Any, guess: Any, model: Any, out: Any, scratch: Any
+    pose: Any, segment: Any, time: float, step: float, start: Any, guess: Any, model: Any, bent: Any, out: Any
 ) -> float:
-    """What the velocity of guess lacks to be an implicit Euler step from start, into out (3); returns its size."""
+    """What the velocity of guess lacks to be an implicit Euler step from start, into out (3); returns its size.
+
+    bent: (4, 3), rows 1 to 3 become the derivative of the accelerations by velocity.
+    """
     for item in range(3):
         guess[item] = start[item] + 0.5 * step * (start[3 + item] + guess[3 + item])
-    rates(pose, segment, time + step, guess, model, scratch)
-    square = 0.0
+    place = place_after(pose, guess[0], guess[1], guess[2], time + step, model)
+    drive = drive_at(segment, time + step, model.lag)
+    slopes(guess[3], guess[4], guess[5], drive, place, model.rest_speed, model, bent)
     for item in range(3):
-        out[item] = guess[3 + item] - start[3 + item] - step * scratch[3 + item]
-        lever = 2.0 if item == 2 else 1.0
-        square += (lever * out[item]) ** 2
-    return math.sqrt(square)
+        out[item] = guess[3 + item] - start[3 + item] - step * bent[0, item]
+    return math.sqrt(out[0] ** 2 + out[1] ** 2 + (LEVER_MM * out[2]) ** 2)
+
+
+@compiled()
+def newton_change(step: float, bent: Any, residual: Any, solver: Any, change: Any) -> bool:
+    """Newton's change of the velocity into change (3); False where the matrix is singular."""
+    for row in range(3):
+        for column in range(3):
+            solver[2, row, column] = (1.0 if row == column else 0.0) - step * bent[1 + row, column]
+    if not invert3(solver[2], solver[0]):
+        return False
+    for row in range(3):
+        change[row] = -(
+            solver[0, row, 0] * residual[0] + solver[0, row, 1] * residual[1] + solver[0, row, 2] * residual[2]
+        )
+    return True
+
+
+@compiled()
+def descend(
+    pose: Any,
+    segment: Any,
+    time: float,
+    step: float,
+    start: Any,
+    model: Any,
+    patient: bool,
+    work: Any,
+    bent: Any,
+    solver: Any,
+    out: Any,
+) -> bool:
+    """Newton's method with backtracking from the velocity in out; False where it fails."""
+    residual, trial, further, change = work[10], work[11], work[12], work[13]
+    goal = 1e-12 * (math.sqrt(start[3] ** 2 + start[4] ** 2 + (LEVER_MM * start[5]) ** 2) + 1e-3)
+    least = SMALLEST_PATIENT if patient else SMALLEST_QUICK
+    size = excess(pose, segment, time, step, start, out, model, bent, residual)
+    for _ in range(MOST_PATIENT if patient else MOST_QUICK):
+        if not newton_change(step, bent, residual, solver, change):
+            return False
+        length = math.sqrt(change[0] ** 2 + change[1] ** 2 + (LEVER_MM * change[2]) ** 2)
+        share, smaller = 1.0, math.inf
+        while not smaller < size and share > least:
+            for item in range(3):
+                further[3 + item] = out[3 + item] + share * change[item]
+            smaller = excess(pose, segment, time, step, start, further, model, bent, trial)
+            share *= 0.4
+        if not smaller < size:  # rounding ends the descent
+            return length <= 1e4 * goal
+        out[:] = further
+        residual[:] = trial
+        size = smaller
+        if share == 0.4 and length <= goal:
+            return True
+    return patient and size <= 1e5 * goal
+
+
+@compiled()
+def stop_wheel(wheel: int, start: Any, model: Any, out: Any) -> None:
+    """The velocity of start as an impulse on one wheel that stops it leaves it, into out."""
+    x, y = model.wheel_x[wheel], model.wheel_y[wheel]
+    spin = model.mass * (y * start[3] - x * start[4]) + model.inertia * start[5]
+    r = spin / (model.mass * (x * x + y * y) + model.inertia)
+    out[3], out[4], out[5] = r * y, -r * x, r
 
 
 @compiled()
 def euler(
-    pose: Any, segment: Any, time: float, step: float, start: Any, model: Any, work: Any, solver: Any, out: Any
+    pose: Any,
+    segment: Any,
+    time: float,
+    step: float,
+    start: Any,
+    model: Any,
+    work: Any,
+    bent: Any,
+    solver: Any,
+    out: Any,
 ) -> bool:
-    """One implicit Euler step from start (6: twist, velocity) into out (6); False where Newton's method fails."""
-    residual, trial, scratch, shifted, further = work[10], work[11], work[12], work[13], work[14]
-    out[:] = start
-    size = excess(pose, segment, time, step, start, out, model, residual, scratch)
-    scale = 1e-12 * (math.sqrt(start[3] ** 2 + start[4] ** 2 + 4 * start[5] ** 2) + 1e-3)
-    for _ in range(MOST_ITERATIONS):
-        if size <= scale:
+    """One implicit Euler step from start (6: twist, velocity) into out (6), which enters as the first guess.
+
+    False where Newton's method fails from every start.
+    """
+    if descend(pose, segment, time, step, start, model, False, work, bent, solver, out):
+        return True
+    tried = -1
+    for _ in range(2):  # the wheels that move least are those that stop
+        least, chosen = math.inf, -1
+        for wheel in range(4):
+            u, v = start[3] - start[5] * model.wheel_y[wheel], start[4] + start[5] * model.wheel_x[wheel]
+            if wheel != tried and u * u + v * v < least:
+                least, chosen = u * u + v * v, wheel
+        tried = chosen
+        stop_wheel(chosen, start, model, out)
+        if descend(pose, segment, time, step, start, model, False, work, bent, solver, out):
             return True
-        for column in range(3):
-            shifted[:] = out
-            shifted[3 + column] += VELOCITY_STEP
-            excess(pose, segment, time, step, start, shifted, model, trial, scratch)
-            for row in range(3):
-                solver[2, row, column] = (trial[row] - residual[row]) / (shifted[3 + column] - out[3 + column])
-        if not invert3(solver[2], solver[0]):
-            return False
-        share, found = 1.0, False
-        while not found and share > SMALLEST_SHARE:
-            further[:] = out
-            for row in range(3):
-                for column in range(3):
-                    further[3 + row] -= share * solver[0, row, column] * residual[column]
-            smaller = excess(pose, segment, time, step, start, further, model, trial, scratch)
-            found = smaller < size
-            if not found:
-                share *= 0.4
-        if not found:
-            return size <= 1e5 * scale
-        out[:] = further
-        residual[:] = trial
-        size = smaller
-    return size <= 1e5 * scale
+    out[3], out[4], out[5] = 0.0, 0.0, 0.0
+    if descend(pose, segment, time, step, start, model, False, work, bent, solver, out):
+        return True
+    out[:] = start
+    return descend(pose, segment, time, step, start, model, True, work, bent, solver, out)
 
 
 @compiled()
 def euler_pair(
-    pose: Any, segment: Any, time: float, step: float, y: Any, model: Any, work: Any, solver: Any, end: Any
+    pose: Any,
+    segment: Any,
+    time: float,
+    step: float,
+    y: Any,
+    model: Any,
+    work: Any,
+    bent: Any,
+    solver: Any,
+    end: Any,
 ) -> bool:
     """Two half steps from y; end: (2, 6) the new state and how far one whole step differs. False where one fails."""
     whole, half = work[15], work[16]
-    if not euler(pose, segment, time, step, y, model, work, solver, whole):
+    whole[:] = y
+    if not euler(pose, segment, time, step, y, model, work, bent, solver, whole):
         return False
-    if not euler(pose, segment, time, 0.5 * step, y, model, work, solver, half):
+    half[:] = whole
+    if not euler(pose, segment, time, 0.5 * step, y, model, work, bent, solver, half):
         return False
-    if not euler(pose, segment, time + 0.5 * step, 0.5 * step, half, model, work, solver, end[0]):
+    end[0] = half
+    if not euler(pose, segment, time + 0.5 * step, 0.5 * step, half, model, work, bent, solver, end[0]):
         return False
     for item in range(6):
         end[1, item] = end[0, item] - whole[item] if item >= 3 else 0.0

@@ -50,6 +50,8 @@ MODEL = np.dtype(
         ("steer", float, 4),
         ("stiffness_follows_load", float),  # 1 or 0
         ("general", np.int64),  # 0: friction of the wheels is nominal
+        ("wheels_feel", np.int64),  # 1: what terms change about a wheel depends on the velocity
+        ("body_feels", np.int64),  # 1: forces of terms on the body do
         ("varies", np.int64),  # 1: forces change along a steady turn
         ("wheels_vary", np.int64),  # 1: friction does
         ("body_terms", np.int64),  # the first so many terms act on the body, the next on the wheels
@@ -181,6 +183,9 @@ def _fill_terms(row: Any, terms: list[Term]) -> None:
         raise SimulationError(f"{len(ordered)} terms of added physics; at most {MOST_TERMS} act at once")
     row["body_terms"] = sum(not term.acts_on_wheels for term in ordered)
     row["wheel_terms"] = sum(term.acts_on_wheels for term in ordered)
+    feels = [term for term in ordered if term.depends_on_velocity]
+    row["body_feels"] = any(not term.acts_on_wheels for term in feels)
+    row["wheels_feel"] = bool(row["compliance"]) or any(term.acts_on_wheels for term in feels)
     row["varies"] = any(term.varies for term in ordered)
     row["wheels_vary"] = any(term.varies and term.acts_on_wheels for term in ordered)
     for number, term in enumerate(ordered):

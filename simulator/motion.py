@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from simulator.compiled import compiled
+from simulator.dynamics import accelerations
 from simulator.implicit import euler_pair
-from simulator.rosenbrock import attempt, between, invert3, linearize, moved, rates
-from simulator.segments import BEGIN, END, STEADY, command_segments
+from simulator.rosenbrock import attempt, between, invert3, linearize, moved, place_after
+from simulator.segments import BEGIN, END, STEADY, command_segments, drive_at
 from simulator.stability import growth_rate, is_stable
 
 LEVER_MM = 10.0  # an error of heading counts as the displacement it makes at this distance
@@ -28,6 +29,7 @@ MOST_STEPS = 20000
 MOST_TRIES = 4  # rejections in a row mean that a wheel sticks or turns over
 CREEPING_STEP_S, MOST_CREEPING = 1e-5, 40  # so many such steps in a row mean the same
 SHORTEST_STEP_S = 2e-6  # a fraction of the shortest relaxation of rolling wheels
+USUAL_TOLERANCE_MM = 1e-6  # for these two; below it, steps of order 4 shrink with its fourth root
 LONGEST_TURN_RAD = 1.0  # within one step, where the series for the twist is exact to 1e-9
 DONE, FAILED = 0, 1
 
@@ -35,7 +37,7 @@ DONE, FAILED = 0, 1
 @compiled()
 def workspace() -> Any:
     """Scratch for one run: states and stages, linearization, solver matrices, step ends."""
-    return np.zeros((40, 6)), np.zeros((3, 3, 3))
+    return np.zeros((40, 6)), np.zeros((3, 3, 3)), np.zeros((4, 3))
 
 
 @compiled()
@@ -52,7 +54,7 @@ def settle(pose: Any, segment: Any, time: float, y: Any, model: Any, work: Any, 
     for row in range(3):
         lever = LEVER_MM if row == 2 else 1.0
         size = max(size, lever * abs(y[3 + row]))
-        to_go = inverse[row, 0] * work[0, 3] + inverse[row, 1] * work[0, 4] + inverse[row, 2] * work[0, 5]
+        to_go = inverse[row, 0] * work[0, 0] + inverse[row, 1] * work[0, 1] + inverse[row, 2] * work[0, 2]
         distance = max(distance, lever * abs(to_go))
     if distance > max(STEADY_SHARE * size, model.rest_speed):
         return False
@@ -61,16 +63,19 @@ def settle(pose: Any, segment: Any, time: float, y: Any, model: Any, work: Any, 
     steady[:] = y
     residual[:] = work[0]
     change, moved_by = 1.0, 0.0
+    drive, place = drive_at(segment, time, model.lag), place_after(pose, 0.0, 0.0, 0.0, time, model)
     for _ in range(8):  # the first Jacobian is good to the share above, so that each pass gains digits
         change = 0.0
         for row in range(3):
-            step = inverse[row, 0] * residual[3] + inverse[row, 1] * residual[4] + inverse[row, 2] * residual[5]
+            step = inverse[row, 0] * residual[0] + inverse[row, 1] * residual[1] + inverse[row, 2] * residual[2]
             steady[3 + row] -= step
             change = max(change, (LEVER_MM if row == 2 else 1.0) * abs(step))
         moved_by += change
         if change <= 1e-13 * size + 1e-16 or moved_by > 2 * distance:
             break
-        rates(pose, segment, time, steady, model, residual)
+        residual[0], residual[1], residual[2] = accelerations(
+            steady[3], steady[4], steady[5], drive, place, model.rest_speed, model
+        )
     if not (change <= 1e-10 * size + 1e-15 and moved_by <= 2 * distance):
         return False  # forces bend within the distance: not close after all
     for row in range(3):
@@ -88,19 +93,20 @@ def error_norm(step: float, y: Any, end: Any, tolerance: float, rest_speed: floa
     norm, size = 0.0, 0.0
     for item in range(3):
         size = max(size, abs(y[3 + item]), abs(end[0, 3 + item]))
+    # A velocity error that moves nothing yet must still not spoil the relaxation, nor how a wheel breaks loose.
+    spoiling = (0.02 * size + rest_speed) * min(1.0, tolerance / USUAL_TOLERANCE_MM)
     for item in range(3):
         lever = LEVER_MM if item == 2 else 1.0
         displaced = lever * max(abs(end[1, item]), step * abs(end[1, 3 + item])) / tolerance
-        # A velocity error that moves nothing yet must still not spoil the relaxation, nor how a wheel breaks loose.
-        norm = max(norm, displaced, abs(end[1, 3 + item]) / (0.02 * size + rest_speed))
+        norm = max(norm, displaced, abs(end[1, 3 + item]) / spoiling)
     return float(max(norm, abs(end[0, 2]) / LONGEST_TURN_RAD))
 
 
 @compiled()
 def first_step(work: Any, tolerance: float, length: float) -> float:
     """A step over which the acceleration, or its growth, moves the robot by a hundred tolerances."""
-    rate = math.sqrt(work[0, 3] ** 2 + work[0, 4] ** 2 + (LEVER_MM * work[0, 5]) ** 2)
-    growth = math.sqrt(work[7, 3] ** 2 + work[7, 4] ** 2 + (LEVER_MM * work[7, 5]) ** 2)
+    rate = math.sqrt(work[0, 0] ** 2 + work[0, 1] ** 2 + (LEVER_MM * work[0, 2]) ** 2)
+    growth = math.sqrt(work[7, 0] ** 2 + work[7, 1] ** 2 + (LEVER_MM * work[7, 2]) ** 2)
     moving = math.sqrt(200.0 * tolerance / (rate + 1e-30))
     starting = (600.0 * tolerance / (growth + 1e-30)) ** (1 / 3)
     return float(min(length, moving, starting))
@@ -143,13 +149,14 @@ def integrate_run(
     plan: (m, 2) of segment and step. It is filled with the accepted steps; with replay it prescribes them, so that the
     result is a smooth function of model and state. Returns DONE or FAILED and the number of steps of the plan.
     """
-    scratch, solver = workspace()
+    scratch, solver, bent = workspace()
     pose, y, end, stages, work = state[:3], scratch[0], scratch[1:3], scratch[3:9], scratch[9:]
     segments = command_segments(knots, times[0], times[-1], model)
     y[:3] = 0.0
     y[3:] = state[3:]
     out[0] = state
     row, used, creeping = 1, 0, 0
+    shrinking = min(1.0, (tolerance / USUAL_TOLERANCE_MM) ** 0.25)
     for number in range(len(segments)):
         segment = segments[number]
         time, step, last = segment[BEGIN], 0.0, number == len(segments) - 1
@@ -174,16 +181,17 @@ def integrate_run(
                 )
             if tried == 0.0:
                 sticking = True
-                step = abs(plan[used, 1]) if planned else max(step, SHORTEST_STEP_S)
+                step = abs(plan[used, 1]) if planned else max(step, SHORTEST_STEP_S * shrinking)
                 tried, wanted = sticking_step(
-                    pose, segment, time, min(step, remaining), y, model, tolerance, planned, work, solver, stages, end
+                    pose, segment, time, min(step, remaining), y, model, tolerance, planned, work, bent, solver, end
                 )
+                stages[:] = 0.0  # outputs within the step are on the straight line
             if tried == 0.0 or used >= MOST_STEPS:
                 return FAILED, used
             if not replay and used < len(plan):
                 plan[used, 0], plan[used, 1] = number, -tried if sticking else tried
             used += 1
-            creeping = creeping + 1 if tried < CREEPING_STEP_S else 0
+            creeping = creeping + 1 if tried < CREEPING_STEP_S * shrinking else 0
             following = segment[END] if tried >= remaining else time + tried
             row = _write_step(
                 out, times, row, following, last and tried >= remaining, time, tried, pose, y, stages, end, work
@@ -221,7 +229,7 @@ def smooth_step(
         if norm <= 1.0:
             return step, step * factor
         step *= min(factor, 0.7)
-        if step < SHORTEST_STEP_S:
+        if step < SHORTEST_STEP_S * min(1.0, (tolerance / USUAL_TOLERANCE_MM) ** 0.25):
             break
     return 0.0, 0.0
 
@@ -237,14 +245,13 @@ def sticking_step(
     tolerance: float,
     planned: bool,
     work: Any,
+    bent: Any,
     solver: Any,
-    stages: Any,
     end: Any,
 ) -> tuple[float, float]:
     """Take a pair of implicit Euler steps: the size accepted, 0 where none was, and the size wanted next."""
-    stages[:] = 0.0  # outputs within the step are on the straight line
     for _ in range(60):
-        taken = euler_pair(pose, segment, time, step, y, model, work, solver, end)
+        taken = euler_pair(pose, segment, time, step, y, model, work, bent, solver, end)
         if planned and taken:
             return step, step
         norm = error_norm(step, y, end, tolerance, 0.1 * model.rest_speed) if taken else 1e6

@@ -15,18 +15,19 @@ from typing import Any
 import numpy as np
 
 from simulator.compiled import compiled
-from simulator.dynamics import accelerated, accelerations, body_terms
+from simulator.dynamics import Triple, accelerated, accelerations, body_forces, slopes
 from simulator.segments import STEADY, drive_at
 
 STAGES = 6
 GAMMA = 0.25
 A = np.array(
     [
-        [0.0, 0.0, 0.0, 0.0],
-        [1.544, 0.0, 0.0, 0.0],
-        [0.9466785280815826, 0.2557011698983284, 0.0, 0.0],
-        [3.314825187068521, 2.896124015972201, 0.9986419139977817, 0.0],
-        [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950],
+        [0.0, 0.0, 0.0, 0.0, 0.0],
+        [1.544, 0.0, 0.0, 0.0, 0.0],
+        [0.9466785280815826, 0.2557011698983284, 0.0, 0.0, 0.0],
+        [3.314825187068521, 2.896124015972201, 0.9986419139977817, 0.0, 0.0],
+        [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 0.0],
+        [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1.0],
     ]
 )
 C = np.array(
@@ -47,9 +48,7 @@ DENSE = np.array(
         [-0.6762803392801253, 6.087714651680015, 16.43084320892478, 24.76722511418386, -6.594389125716872],
     ]
 )
-# Differences for derivatives: rounding over step, and step over curvature, stay below 1e-5 of the derivative.
-VELOCITY_STEP = 3e-10  # mm/s, rad/s; far below the rest speed, where forces bend most
-PLACE_STEP = 1e-6  # mm, rad, s
+PLACE_STEP = 1e-6  # mm, rad, s: differences whose error stays below 1e-5 of the derivative
 
 
 @compiled()
@@ -65,79 +64,59 @@ def moved(pose: Any, x: float, y: float, angle: float) -> tuple[float, float, fl
 
 
 @compiled()
-def rates(pose: Any, segment: Any, time: float, y: Any, model: Any, out: Any) -> None:
-    """Derivative of the six states of a step into out."""
-    left, right, left_angle, right_angle = drive_at(segment, time, model.lag)
-    x, at_y, cos, sin = 0.0, 0.0, 1.0, 0.0
-    if model.varies == 1:
-        x, at_y, heading = moved(pose, y[0], y[1], y[2])
-        cos, sin = math.cos(heading), math.sin(heading)
-    u, v, r = y[3], y[4], y[5]
-    out[3], out[4], out[5] = accelerations(
-        u, v, r, left, right, left_angle, right_angle, x, at_y, cos, sin, time, model
-    )
-    # dexpinv: velocity + bracket/2 + series·J·bracket, bracket = [twist, velocity]
-    angle = y[2]
-    bracket_x, bracket_y = r * y[1] - angle * v, angle * u - r * y[0]
-    square = angle * angle
-    series = angle * (1.0 / 12.0 + square * (1.0 / 720.0 + square / 30240.0))
-    out[0] = u + 0.5 * bracket_x - series * bracket_y
-    out[1] = v + 0.5 * bracket_y + series * bracket_x
-    out[2] = r
+def place_after(pose: Any, x: float, y: float, angle: float, time: float, model: Any) -> Any:
+    """The place a twist leads to; the origin where no force varies with it."""
+    if model.varies == 0:
+        return 0.0, 0.0, 1.0, 0.0, time
+    at_x, at_y, heading = moved(pose, x, y, angle)
+    return at_x, at_y, math.cos(heading), math.sin(heading), time
 
 
 @compiled()
 def linearize(pose: Any, segment: Any, time: float, varied: bool, y: Any, model: Any, work: Any) -> None:
-    """Rates, their derivatives by velocity and, where forces vary, by time and if varied by twist, at a step's start.
+    """Accelerations, their derivatives by velocity and, where forces vary, by time and if varied by twist.
 
-    work: 0 rates (6); 1..3 derivative by velocity, rows of (3); 4..6 by twist; 7 by time; 8, 9 scratch.
+    work, rows of (3): 0 accelerations; 1..3 derivative by velocity; 4..6 by twist; 7 by time. The twist of y is 0.
     """
-    rates(pose, segment, time, y, model, work[0])
-    scratch, changed = work[8], work[9]
-    changed[:] = y
-    for column in range(3, 6):
-        changed[column] = y[column] + VELOCITY_STEP
-        rates(pose, segment, time, changed, model, scratch)
-        change = changed[column] - y[column]
-        for row in range(3):
-            work[1 + row, column - 3] = (scratch[3 + row] - work[0, 3 + row]) / change
-        changed[column] = y[column]
+    u, v, r, rest = y[3], y[4], y[5], model.rest_speed
+    place, drive = place_after(pose, 0.0, 0.0, 0.0, time, model), drive_at(segment, time, model.lag)
+    slopes(u, v, r, drive, place, rest, model, work)
     for row in range(4, 8):
-        work[row] = 0.0
+        work[row, 0], work[row, 1], work[row, 2] = 0.0, 0.0, 0.0
     if model.varies == 1 and varied:
-        if model.wheels_vary == 0:
-            vary_body(pose, time, y, model, work)
-        else:
-            for column in range(3):
-                changed[column] = PLACE_STEP
-                rates(pose, segment, time, changed, model, scratch)
-                for row in range(3):
-                    work[4 + row, column] = (scratch[3 + row] - work[0, 3 + row]) / PLACE_STEP
-                changed[column] = 0.0
+        for column in range(3):
+            shifts = PLACE_STEP * (column == 0), PLACE_STEP * (column == 1), PLACE_STEP * (column == 2)
+            there = place_after(pose, shifts[0], shifts[1], shifts[2], time, model)
+            gained = _gained(u, v, r, drive, place, there, model, work)
+            for row in range(3):
+                work[4 + row, column] = gained[row] / PLACE_STEP
     if model.wheels_vary == 1 or segment[STEADY] == 0.0:
-        rates(pose, segment, time + PLACE_STEP, y, model, scratch)
+        later = accelerations(
+            *(u, v, r),
+            drive_at(segment, time + PLACE_STEP, model.lag),
+            (place[0], place[1], place[2], place[3], time + PLACE_STEP),
+            rest,
+            model,
+        )
         for row in range(3):
-            work[7, 3 + row] = (scratch[3 + row] - work[0, 3 + row]) / PLACE_STEP
+            work[7, row] = (later[row] - work[0, row]) / PLACE_STEP
+    elif model.varies == 1 and varied:
+        gained = _gained(u, v, r, drive, place, (*place[:4], time + PLACE_STEP), model, work)
+        for row in range(3):
+            work[7, row] = gained[row] / PLACE_STEP
 
 
 @compiled()
-def vary_body(pose: Any, time: float, y: Any, model: Any, work: Any) -> None:
-    """Derivatives by twist and time where only forces on the body vary: no friction need be worked out."""
-    u, v, r = y[3], y[4], y[5]
-    for column in range(-1, 4):
-        x, at_y, heading = moved(
-            pose, PLACE_STEP * (column == 0), PLACE_STEP * (column == 1), PLACE_STEP * (column == 2)
-        )
-        later = time + PLACE_STEP * (column == 3)
-        force = body_terms(u, v, r, x, at_y, math.cos(heading), math.sin(heading), later, model)
-        gained = accelerated(force[0], force[1], force[2], model)
-        for row in range(3):
-            if column < 0:
-                work[8, row] = gained[row]
-            elif column < 3:
-                work[4 + row, column] = (gained[row] - work[8, row]) / PLACE_STEP
-            else:
-                work[7, 3 + row] = (gained[row] - work[8, row]) / PLACE_STEP
+def _gained(u: float, v: float, r: float, drive: Any, place: Any, there: Any, model: Any, work: Any) -> Triple:
+    """What accelerations gain from one place to another; where no friction varies, none need be worked out."""
+    if model.wheels_vary == 1:
+        at = accelerations(u, v, r, drive, there, model.rest_speed, model)
+        return at[0] - work[0, 0], at[1] - work[0, 1], at[2] - work[0, 2]
+    at, here = (
+        body_forces(u, v, r, there, model.rest_speed, model),
+        body_forces(u, v, r, place, model.rest_speed, model),
+    )
+    return accelerated(at[0] - here[0], at[1] - here[1], at[2] - here[2], model)
 
 
 @compiled()
@@ -162,25 +141,32 @@ def invert3(a: Any, out: Any) -> bool:
 
 @compiled()
 def factorize(y: Any, step: float, varies: bool, work: Any, solver: Any) -> bool:
-    """Inverses for the stages of a step: solver[0] of the velocity block, solver[1] of the twist block.
+    """Inverse of the velocity block for the stages of a step, into solver[0].
 
-    The system is [[B, -1], [-G, W]]·(twist, velocity); B = 1/(gamma·step) - d twist'/d twist, G = d velocity'/d twist.
+    The system is [[B, -1], [-G, W]]·(twist, velocity); B = 1/(gamma·step) - d twist'/d twist, G = d velocity'/d twist,
+    the velocity block W - G·B⁻¹.
     """
     diagonal = 1.0 / (GAMMA * step)
-    u, v, r = y[3], y[4], y[5]
     block = solver[2]
-    block[0, 0], block[0, 1], block[0, 2] = diagonal, -0.5 * r, 0.5 * v
-    block[1, 0], block[1, 1], block[1, 2] = 0.5 * r, diagonal, -0.5 * u
-    block[2, 0], block[2, 1], block[2, 2] = 0.0, 0.0, diagonal
-    invert3(block, solver[1])
     for row in range(3):
         for column in range(3):
             block[row, column] = -work[1 + row, column]
-            if varies:
-                for inner in range(3):
-                    block[row, column] -= work[4 + row, inner] * solver[1, inner, column]
         block[row, row] += diagonal
+    if varies:
+        for column in range(3):
+            x, at_y, angle = untwist(diagonal, y, column == 0, column == 1, column == 2)
+            for row in range(3):
+                block[row, column] -= work[4 + row, 0] * x + work[4 + row, 1] * at_y + work[4 + row, 2] * angle
     return invert3(block, solver[0])
+
+
+@compiled()
+def untwist(diagonal: float, y: Any, x: float, at_y: float, angle: float) -> tuple[float, float, float]:
+    """B⁻¹ applied to a vector; B is [[d, -r/2, v/2], [r/2, d, -u/2], [0, 0, d]]."""
+    turn, half = angle / diagonal, 0.5 * y[5]
+    x, at_y = x - 0.5 * y[4] * turn, at_y + 0.5 * y[3] * turn
+    scale = 1.0 / (diagonal * diagonal + half * half)
+    return scale * (diagonal * x + half * at_y), scale * (diagonal * at_y - half * x), turn
 
 
 @compiled()
@@ -191,28 +177,39 @@ def attempt(
     varies = model.varies == 1
     if not factorize(y, step, varies, work, solver):
         return False
-    state, right = work[8], work[9]
+    diagonal, per_step = 1.0 / (GAMMA * step), 1.0 / step
     for stage in range(STAGES):
         for item in range(6):
-            if stage < 5:
-                value = y[item]
-                for before in range(min(stage, 4)):
-                    value += A[stage, before] * stages[before, item]
-            else:
-                value = end[0, item] + stages[4, item]
-            state[item] = value
-            if stage >= 4:
-                end[0, item] = value
-        if stage == 0:
-            right[:] = work[0]
-        else:
-            rates(pose, segment, time + NODES[stage] * step, state, model, right)
-        for item in range(6):
-            for before in range(stage):
-                right[item] += C[stage, before] / step * stages[before, item]
+            end[0, item] = y[item]
+            end[1, item] = 0.0
+        for before in range(stage):
+            share, memory = A[stage, before], C[stage, before] * per_step
+            for item in range(6):
+                end[0, item] += share * stages[before, item]
+                end[1, item] += memory * stages[before, item]
+        x, at_y, angle, u, v, r = end[0]
+        at = time + NODES[stage] * step
+        gained = work[0, 0], work[0, 1], work[0, 2]
+        if stage > 0:
+            place = place_after(pose, x, at_y, angle, at, model)
+            gained = accelerations(u, v, r, drive_at(segment, at, model.lag), place, model.rest_speed, model)
+        ahead, aside = twisting(x, at_y, angle, u, v, r)
+        ahead, aside, turning = ahead + end[1, 0], aside + end[1, 1], r + end[1, 2]
+        fading = step * D[stage]
+        g_u = gained[0] + end[1, 3] + fading * work[7, 0]
+        g_v = gained[1] + end[1, 4] + fading * work[7, 1]
+        g_r = gained[2] + end[1, 5] + fading * work[7, 2]
+        if varies:
+            x, at_y, angle = untwist(diagonal, y, ahead, aside, turning)
+            g_u += work[4, 0] * x + work[4, 1] * at_y + work[4, 2] * angle
+            g_v += work[5, 0] * x + work[5, 1] * at_y + work[5, 2] * angle
+            g_r += work[6, 0] * x + work[6, 1] * at_y + work[6, 2] * angle
         for row in range(3):
-            right[3 + row] += step * D[stage] * work[7, 3 + row]
-        _solve(right, varies, work, solver, stages[stage])
+            stages[stage, 3 + row] = solver[0, row, 0] * g_u + solver[0, row, 1] * g_v + solver[0, row, 2] * g_r
+        x, at_y, angle = untwist(
+            diagonal, y, ahead + stages[stage, 3], aside + stages[stage, 4], turning + stages[stage, 5]
+        )
+        stages[stage, 0], stages[stage, 1], stages[stage, 2] = x, at_y, angle
     finite = True
     for item in range(6):
         end[1, item] = stages[5, item]
@@ -222,19 +219,12 @@ def attempt(
 
 
 @compiled()
-def _solve(right: Any, varies: bool, work: Any, solver: Any, out: Any) -> None:
-    """Solve one stage by block elimination."""
-    velocity, twist = solver[0], solver[1]
-    if varies:
-        for inner in range(3):
-            moved_by = twist[inner, 0] * right[0] + twist[inner, 1] * right[1] + twist[inner, 2] * right[2]
-            for row in range(3):
-                right[3 + row] += work[4 + row, inner] * moved_by
-    for row in range(3):
-        out[3 + row] = velocity[row, 0] * right[3] + velocity[row, 1] * right[4] + velocity[row, 2] * right[5]
-    x, y, angle = right[0] + out[3], right[1] + out[4], right[2] + out[5]
-    for row in range(3):
-        out[row] = twist[row, 0] * x + twist[row, 1] * y + twist[row, 2] * angle
+def twisting(x: float, y: float, angle: float, u: float, v: float, r: float) -> tuple[float, float]:
+    """dexpinv: rate of the twist's x and y; velocity + bracket/2 + series·J·bracket, bracket = [twist, velocity]."""
+    bracket_x, bracket_y = r * y - angle * v, angle * u - r * x
+    square = angle * angle
+    series = angle * (1.0 / 12.0 + square * (1.0 / 720.0 + square / 30240.0))
+    return u + 0.5 * bracket_x - series * bracket_y, v + 0.5 * bracket_y + series * bracket_x
 
 
 @compiled()

@@ -20,9 +20,11 @@ from simulator.stability import is_stable
 from simulator.wheels import wheel_states
 
 Array = NDArray[np.float64]
-# Where Newton starts to look for every balance, as shares: forward speed of the mean surface speed, yaw rate of that
-# without slip, and distance of the pivot ahead of the centre of half the wheelbase.
-STARTS = [(u, r, p) for u in (1.0, 0.5, 0.0, -0.5) for r in (0.9, 0.5, 0.3, 0.1, 0.0, -0.3) for p in (0.0, 0.5, 0.9)]
+# Where Newton starts to look for every balance, as shares: forward speed of the surface speeds left and right (in
+# opposition the robot may follow either), yaw rate of that without slip, and distance of the pivot ahead of the centre
+# of half the wheelbase.
+FORWARD = [(0.5, 0.5), (0.25, 0.25), (0.0, 0.0), (-0.25, -0.25), (0.95, 0.0), (0.0, 0.95)]
+STARTS = [(u, r, p) for u in FORWARD for r in (0.9, 0.5, 0.3, 0.1, 0.0, -0.3) for p in (0.0, 0.5, 0.9)]
 SETTLING_S = np.array([0.0, 2.0])  # relaxations last milliseconds, those from a near standstill tenths of a second
 NO_PLAN = np.zeros((0, 2))
 SAME = 1e-6  # balances closer than this share of the largest surface speed are one
@@ -106,7 +108,7 @@ def steady_turns(robot: Robot, left_rpm: float, right_rpm: float) -> list[Steady
     for forward, yaw_share, ahead in STARTS:
         yaw_rate = yaw_share * per_rpm * (right_rpm - left_rpm) / robot.wheels.track_mm
         aside = -ahead * yaw_rate * robot.wheels.wheelbase_mm / 2
-        velocity = np.array([forward * per_rpm * (left_rpm + right_rpm) / 2, aside, yaw_rate])
+        velocity = np.array([per_rpm * (forward[0] * left_rpm + forward[1] * right_rpm), aside, yaw_rate])
         if newton(models[0], left_rpm, right_rpm, velocity, linear):
             distances = [np.abs(velocity - known).max() for known, _ in found]
             if min(distances, default=np.inf) > SAME * largest:

@@ -85,6 +85,11 @@ class Term:
         return self.channel >= SPEED
 
     @property
+    def depends_on_velocity(self) -> bool:
+        """Whether the term changes with the velocity while the place is held."""
+        return ONE < self.basis < COS or self.basis >= SLIDE_COS2
+
+    @property
     def varies(self) -> bool:
         """Whether the term changes along a steady turn."""
         return self.basis >= COS or self.channel in (FORCE_PLATE_X, FORCE_PLATE_Y)

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from simulator.compiled import compiled
-from simulator.dynamics import wheel_state
+from simulator.contact import contact, contact_force, turned
 from simulator.model import UN_PER_MN
 from simulator.run import WheelStates
 from simulator.segments import END, command_segments, drive_at
+from simulator.slip.law import slip_ratio
 
 
 def wheel_states(model: Any, knots: Any, times_s: Any, states: Any) -> WheelStates:
@@ -31,11 +32,14 @@ def _fill(model: Any, knots: Any, times: Any, states: Any, table: Any) -> None:
         # At a jump the later value counts.
         while number < len(segments) - 1 and times[row] >= segments[number, END]:
             number += 1
-        left, right, left_angle, right_angle = drive_at(segments[number], times[row], model.lag)
+        drive = drive_at(segments[number], times[row], model.lag)
         x, y, heading, u, v, r = states[row]
-        cos, sin = math.cos(heading), math.sin(heading)
+        place, rest = (x, y, math.cos(heading), math.sin(heading), times[row]), model.rest_speed
         for wheel in range(4):
-            rpm, angle = (left, left_angle) if wheel == 0 else (right, right_angle)
-            found = wheel_state(wheel, u, v, r, rpm, angle, x, y, cos, sin, times[row], model)
-            for item in range(4):
-                table[item, row, wheel] = found[2 + item]
+            body_u, body_v = u - r * model.wheel_y[wheel], v + r * model.wheel_x[wheel]
+            touch = contact(wheel, body_u, body_v, r, drive, place, rest, model)
+            _, _, force_x, force_y, surface = contact_force(wheel, body_u, body_v, touch, rest, model)
+            _, _, wheel_u, wheel_v = turned(body_u, body_v, touch[1])
+            table[0, row, wheel] = slip_ratio(wheel_u, surface, rest) if wheel < 2 else 0.0
+            table[1, row, wheel] = math.atan2(wheel_v, math.sqrt(wheel_u * wheel_u + rest * rest))
+            table[2, row, wheel], table[3, row, wheel] = force_x, force_y

@@ -55,3 +55,78 @@ def wheel_force(
         return -slide * along, -sin_angle * along
     across = level * grip_y * math.sin(shape_y * math.atan(steep_y * sigma))
     return -slide * along, -sin_angle * across
+
+
+@compiled()
+def wheel_slopes(
+    u: float,
+    v: float,
+    surface_speed: float,
+    driven_by_motor: bool,
+    grip_x: float,
+    grip_y: float,
+    steep_x: float,
+    steep_y: float,
+    ratio: float,
+    shape_x: float,
+    shape_y: float,
+    decrease: float,
+    rest_speed: float,
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """Both forces of wheel_force, then their derivatives: F_x and F_y by u, by v, by the surface speed.
+
+    driven_by_motor: False for a wheel that rolls freely, whose slip ratio is 0.
+    """
+    forward = math.sqrt(u * u + rest_speed * rest_speed)
+    per_speed = 1.0 / math.sqrt(forward * forward + v * v)
+    along, aside = forward * per_speed, v * per_speed  # cosine and sine of the slip angle
+    side_u, side_v = -aside * u * per_speed * per_speed, along * along * per_speed
+    slide, slide_u, slide_v, slide_w = 0.0, 0.0, 0.0, 0.0
+    if driven_by_motor:
+        slip, turning = u - surface_speed, abs(surface_speed)
+        if forward >= turning:
+            scale = ratio * per_speed
+            slide, slide_w = scale * slip, -scale
+            slide_u = scale - slide * u * per_speed * per_speed
+        else:
+            scale = ratio * along / turning
+            slide, slide_w = scale * slip, -scale * u / surface_speed
+            slide_u = scale * (1.0 + slip * u * aside * aside / (forward * forward))
+        slide_v = -slide * aside * per_speed
+    sigma = math.sqrt(aside * aside + slide * slide)
+    if sigma < 1e-12:
+        stiff_x, stiff_y = grip_x * shape_x * steep_x, grip_y * shape_y * steep_y
+        return (
+            *(-slide * stiff_x, -aside * stiff_y),
+            *(-slide_u * stiff_x, -slide_v * stiff_x, -side_u * stiff_y, -side_v * stiff_y),
+            *(-slide_w * stiff_x, 0.0),
+        )
+    per_sigma = 1.0 / sigma
+    gain_u = (aside * side_u + slide * slide_u) * per_sigma
+    gain_v = (aside * side_v + slide * slide_v) * per_sigma
+    gain_w = slide * slide_w * per_sigma
+    pull, pull_by = _secant(sigma, per_sigma, grip_x, steep_x, shape_x, decrease)
+    push, push_by = pull, pull_by
+    if grip_x != grip_y or shape_x != shape_y:
+        push, push_by = _secant(sigma, per_sigma, grip_y, steep_y, shape_y, decrease)
+    return (
+        *(-slide * pull, -aside * push),
+        *(-slide_u * pull - slide * pull_by * gain_u, -slide_v * pull - slide * pull_by * gain_v),
+        *(-side_u * push - aside * push_by * gain_u, -side_v * push - aside * push_by * gain_v),
+        *(-slide_w * pull - slide * pull_by * gain_w, -aside * push_by * gain_w),
+    )
+
+
+@compiled(inline="always")
+def _secant(
+    sigma: float, per_sigma: float, grip: float, steep: float, shape: float, decrease: float
+) -> tuple[float, float]:
+    """Friction over sigma, and its derivative by sigma."""
+    level = per_sigma - decrease
+    if level <= 0.0:
+        return 0.0, 0.0
+    bent = steep * sigma
+    angle = shape * math.atan(bent)
+    sine = grip * math.sin(angle)
+    bend = grip * math.cos(angle) * shape * steep / (1.0 + bent * bent)
+    return sine * level, bend * level - sine * per_sigma * per_sigma

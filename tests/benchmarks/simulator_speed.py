@@ -48,10 +48,11 @@ def best_of(call: Callable[[], object], times: int) -> float:
 def numba_rates(robot: Robot, left: float, right: float) -> Rates:
     """Our kernel as a right-hand side for scipy."""
     model: Any = compile_robot(robot)[0]
+    origin, rest = (0.0, 0.0, 1.0, 0.0, 0.0), float(model["rest_speed"])
 
     def rates(_time: float, y: Any) -> list[float]:
         cos, sin = np.cos(y[2]), np.sin(y[2])
-        turning = accelerations(y[3], y[4], y[5], left, right, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, model)
+        turning = accelerations(y[3], y[4], y[5], (left, right, 0.0, 0.0), origin, rest, model)
         return [cos * y[3] - sin * y[4], sin * y[3] + cos * y[4], y[5], *turning]
 
     return rates
