@@ -2,7 +2,7 @@
 
 Left-overs of every run, freed of start pose and the run's own friction and gains, are compared with the tracking
 noise mode by mode: slow modes hold motion, fast ones noise, so their ratio does not depend on the level of the noise.
-The scatter that a model needs between runs is compared with the scatter between repeats of one command.
+What is left to chance between runs, friction and gains, must look like chance: it must not depend on anything known.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from evaluator.discrepancy.experiment import repeats
 from evaluator.discrepancy.fit import Fit
 from evaluator.discrepancy.forward import RunData
-from evaluator.discrepancy.mixed import run_effects
+from evaluator.discrepancy.mixed import SCATTER, run_effects
 
 Floats = NDArray[np.float64]
+
+
+FEWEST_FREEDOM = 6  # an F test on fewer says little
 
 
 @dataclass(frozen=True)
@@ -27,15 +29,16 @@ class Adequacy:
     """What is left over under a fit.
 
     excess: mean square of whitened left-overs, 1 for pure noise; excess_sigma: its distance from 1 in standard errors.
-    by_run: the same per run. repeat_p: probability that run-to-run scatter within repeats is as small as it is, were
-    all scatter chance; NaN without repeats. own: each run's friction and gains (n, 3).
+    by_run: the same per run. own: each run's friction and gains (n, 3). order_p: probability that these depend so much on
+    something known were they chance, Bonferroni over all that was asked; depends_on: on what.
     """
 
     excess: float
     excess_sigma: float
     by_run: Floats
-    repeat_p: float
     own: Floats
+    order_p: float
+    depends_on: str
 
 
 def adequacy(fit: Fit, data: Sequence[RunData]) -> Adequacy:
@@ -50,28 +53,51 @@ def adequacy(fit: Fit, data: Sequence[RunData]) -> Adequacy:
         square, count = float(left @ left), float(len(left) - basis.shape[1])
         by_run.append(square / max(count, 1.0))
         total, freedom = total + square, freedom + count
-    own, _ = run_effects(fit.reduced, theta, fit.posterior.scatter)
+    own = run_effects(fit.reduced, theta, fit.posterior.scatter)[0]
     excess = total / max(freedom, 1.0)
-    return Adequacy(
-        excess,
-        (excess - 1) / np.sqrt(2 / max(freedom, 1.0)),
-        np.array(by_run),
-        _repeat_probability(own, [data[run] for run in fit.runs]),
-        own,
-    )
+    order_p, depends_on = _order(own, [data[run] for run in fit.runs])
+    return Adequacy(excess, (excess - 1) / np.sqrt(2 / max(freedom, 1.0)), np.array(by_run), own, order_p, depends_on)
 
 
-def _repeat_probability(own: Floats, data: Sequence[RunData]) -> float:
-    """F test of each run effect between commands against within repeats; the smallest of three, Bonferroni."""
-    groups = list(repeats(data).values())
-    within_freedom = sum(len(group) - 1 for group in groups)
-    between_freedom = len(own) - 1 - within_freedom
-    if within_freedom < 4 or between_freedom < 1:
-        return float("nan")
-    probabilities = []
-    for column in own.T:
-        within = sum(float(np.sum((column[group] - column[group].mean()) ** 2)) for group in groups)
-        total = float(np.sum((column - column.mean()) ** 2))
-        ratio = (total - within) / between_freedom / max(within / within_freedom, 1e-30)
-        probabilities.append(float(stats.f.sf(ratio, between_freedom, within_freedom)))
-    return min(1.0, 3 * min(probabilities))
+def _order(own: Floats, data: Sequence[RunData]) -> tuple[float, str]:
+    """F test of each run effect on each thing that is known of a run: the smallest probability and its reason."""
+    tests = 0
+    least, reason = 1.0, ""
+    for by, columns in _known(data).items():
+        design = np.column_stack([np.ones(len(own)), columns])
+        tested, freedom = design.shape[1] - 1, len(own) - design.shape[1]
+        if freedom < FEWEST_FREEDOM or np.linalg.matrix_rank(design) <= tested:
+            continue
+        for what, column in zip(SCATTER, own.T, strict=True):
+            tests += 1
+            left = column - design @ np.linalg.lstsq(design, column, rcond=None)[0]
+            rest = float(left @ left)
+            told = float(np.sum((column - column.mean()) ** 2)) - rest
+            p = float(stats.f.sf(told / tested / max(rest / freedom, 1e-30), tested, freedom))
+            if p < least:
+                least, reason = p, f"{what.replace('_', ' ')} of the runs depends on {by}"
+    return min(1.0, least * max(tests, 1)), reason
+
+
+def _known(data: Sequence[RunData]) -> dict[str, Floats]:
+    """What is known of every run before its friction and gains: command, heading, place, order."""
+    left = np.array([run.left_rpm for run in data])
+    right = np.array([run.right_rpm for run in data])
+    green, yellow = (np.array([_mean_place(run.marks_mm[:, mark]) for run in data]) for mark in ([0, 1], [2, 3]))
+    angle = np.arctan2(*(green - yellow).T)
+    direction, side = np.sign(left + right), np.sign(right - left)
+    return {
+        "direction": direction[:, None],
+        "side": side[:, None],
+        "direction and side together": (direction * side)[:, None],
+        "speed": np.abs(left + right)[:, None],
+        "the difference of the wheels": np.abs(right - left)[:, None],
+        "heading": np.column_stack([np.cos(angle), np.sin(angle)]),
+        "twice the heading": np.column_stack([np.cos(2 * angle), np.sin(2 * angle)]),
+        "place": (green + yellow) / 2,
+        "order": np.array([[run.order] for run in data], dtype=np.float64),
+    }
+
+
+def _mean_place(marks_mm: Floats) -> Floats:
+    return np.asarray(np.nanmean(marks_mm, axis=0))

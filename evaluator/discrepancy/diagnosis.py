@@ -11,15 +11,16 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.discrepancy.adequacy import Adequacy, adequacy
+from evaluator.discrepancy.crossval import Constancy, advantage, constancy
 from evaluator.discrepancy.experiment import Session, held_out_runs, shortcomings
 from evaluator.discrepancy.fit import Fit, fit_model, place_runs, place_starts
 from evaluator.discrepancy.free import free_terms
-from evaluator.discrepancy.gap import Gap, noise_floor, rms, run_gaps
-from evaluator.discrepancy.horizon import LARGE_MISFIT_RAD, misfit_rad, short_horizon_fits
+from evaluator.discrepancy.gap import Gap, noise_floor, run_gaps
+from evaluator.discrepancy.horizon import is_large, short_horizon_fits
 from evaluator.discrepancy.next_run import NextRun, best_next_run
 from evaluator.discrepancy.problem import Point, Problem, build_problem, with_noise_of
 from evaluator.discrepancy.rivals import Set, Standing, is_free, predictive_score, separations, standing
-from evaluator.discrepancy.search import Screen, Search, fit_set, run_search, screen
+from evaluator.discrepancy.search import Search, fit_set, run_search, screen
 from evaluator.discrepancy.simulated import Simulated
 from evaluator.discrepancy.terms import Term, named_terms
 from evaluator.discrepancy.where import Dependence, dependences, pieces
@@ -38,9 +39,16 @@ ABSTAIN = 2.0
 # which is good to some ten per cent; beyond, motion is left.
 EXCESS = 1.12
 EXCESS_SIGMA = 5.0
-# Whatever the evidences say, a model that misses the marks by so many times the noise floor explains nothing. Where the
-# verdict was right the gap lay between 0.9 and 1.12 floors; fits that had not settled left 50 and more.
-MISSED = 2.0
+# ... or where it predicts commands left out better by so much, and by so many of its standard errors. Of right answers in
+# the development bank no free-form term gained more than 1.5, of wrong ones eight and more.
+FORETOLD, FORETOLD_SIGMA = 4.0, 2.0
+# Friction and gains that depend on something known are not chance: the probability at which that is believed.
+NOT_CHANCE = 1e-3
+# Whatever the evidences say, a model that misses the marks of a run by so many times the noise floor does not follow
+# it. Where the verdict was right the gap lay between 0.9 and 1.12 floors; fits that had not settled left 50 and more.
+# One run in eight may be astray (dust, a snagged tether, the edge between two steady states) and is named.
+MISSED = 2.5
+ASTRAY_SHARE = 0.125
 SETTLED_NOISE = 0.9  # a search is repeated where its best model lowers the noise below this share
 RIVALS_KEPT = 4
 FREE_REFITTED = 3
@@ -69,6 +77,8 @@ class Diagnosis:
     pieces: pd.DataFrame | None = None
     where: tuple[Dependence, ...] = ()
     next_run: NextRun | None = None
+    astray: tuple[int, ...] = ()  # runs that the chosen model does not follow
+    constancy: tuple[Constancy, ...] = ()  # of the best named effects
 
     @property
     def fit(self) -> Fit:
@@ -93,7 +103,7 @@ def diagnose(session: Session, progress: Progress) -> Diagnosis:
     held_out = held_out_runs(data)
     fitted = tuple(run for run in range(len(data)) if run not in held_out)
     part = Search(problem, named, session.tolerance, fitted)
-    large = misfit_rad(problem, start) > LARGE_MISFIT_RAD
+    large = is_large(problem, start)
     run_search(part, start, progress, short_horizon_fits(part, start, progress) if large else ())
     part = _with_settled_noise(part, progress, large=large)
     problem = part.problem
@@ -102,15 +112,12 @@ def diagnose(session: Session, progress: Progress) -> Diagnosis:
     table = standing(everything, len(free))
     best_named = _kept(everything, table)
     chosen, verdict, reason = _decide(everything, table, best_named)
-    problem_runs = range(len(data))
     left = adequacy(everything.fits[chosen], data)
-    if verdict != "unknown" and left.excess > EXCESS and left.excess_sigma > EXCESS_SIGMA:
-        verdict, reason = (
-            "unknown",
-            f"left-overs are {left.excess:.2f} times the tracking noise ({left.excess_sigma:.0f} sigmas)",
-        )
+    constant = constancy(everything.fits[best_named], data, session.tolerance)
+    if verdict != "unknown" and (doubt := _doubt(left, constant)):
+        verdict, reason = "unknown", doubt
         chosen = next((ids for ids in table.sets if any(is_free(effect) for effect in ids)), chosen)
-    progress("confirmation", 0.9)
+    problem_runs = range(len(data))
     fit = everything.fits[chosen]
     gap_fit = part.fits.get(chosen) or _refit_on(part, everything, chosen)
     after = place_runs(problem, replace(gap_fit.point, own=fit.point.own), problem_runs, fit.posterior.scatter)
@@ -120,7 +127,8 @@ def diagnose(session: Session, progress: Progress) -> Diagnosis:
         run_gaps(problem, after, problem_runs),
         noise_floor(problem, problem_runs),
     )
-    if verdict != "unknown" and rms(gap.after_mm, problem_runs) > MISSED * rms(gap.floor_mm, problem_runs):
+    astray = tuple(int(run) for run in np.flatnonzero(gap.after_mm > MISSED * gap.floor_mm))
+    if verdict != "unknown" and len(astray) > ASTRAY_SHARE * len(data):
         verdict, reason = "unknown", "neither the nominal model nor any effect that could be fitted follows the marks"
     gain = float("nan")
     if held_out and chosen:
@@ -148,6 +156,8 @@ def diagnose(session: Session, progress: Progress) -> Diagnosis:
         table_of_pieces,
         tuple(dependences(table_of_pieces)),
         following,
+        astray,
+        tuple(constant),
     )
 
 
@@ -193,6 +203,8 @@ def _on_all_runs(part: Search, terms: Mapping[str, Term]) -> Search:
     for ids in sorted(wanted, key=lambda ids: (len(ids), sorted(ids))):
         origin = part.fits.get(ids) or part.null
         fit_set(whole, ids, {effect: origin.point.terms.get(effect, terms[effect].neutral) for effect in ids}, origin)
+    if leading[0] in whole.failed:  # a run kept aside is not followed: the verdict stays with those that were fitted
+        return Search(part.problem, terms, part.tolerance, part.runs, dict(part.fits))
     return whole
 
 
@@ -231,15 +243,25 @@ def _kept(search: Search, table: Standing) -> Set:
 
 def _decide(search: Search, table: Standing, named: Set) -> tuple[Set, Verdict, str]:
     """Verdict between the best named set and everything free-form."""
-    top = next((ids for ids in table.sets if any(is_free(effect) for effect in ids)), None)
-    if top is not None and table.of(top) - table.of(named) > ABSTAIN:
-        return top, "unknown", "a free-form term explains the runs better than any named effect"
-    del search
+    free = [ids for ids in table.sets if any(is_free(effect) for effect in ids)]
+    if free and table.of(free[0]) - table.of(named) > ABSTAIN:
+        return free[0], "unknown", "a free-form term explains the runs better than any named effect"
+    for ids in free:
+        gain, error = advantage(search.fits[ids], search.fits[named], search.problem.data, search.tolerance)
+        if gain > FORETOLD and gain > FORETOLD_SIGMA * error:
+            return ids, "unknown", "a free-form term foretells commands left out better than any named effect"
     if named:
         return named, "effect", "each effect pays for itself, and nothing is left that a free-form term could explain"
     return named, "none", "the model explains the data within noise and tolerances"
 
 
-def unused(view: Screen) -> int:
-    """Number of candidates a screen offers."""
-    return len({effect for effect, _ in view.offers})
+def _doubt(left: Adequacy, constant: Sequence[Constancy]) -> str:
+    """Why what a model leaves over is not noise and chance; empty where it is."""
+    if left.excess > EXCESS and left.excess_sigma > EXCESS_SIGMA:
+        return f"left-overs are {left.excess:.2f} times the tracking noise ({left.excess_sigma:.0f} sigmas)"
+    if left.order_p < NOT_CHANCE:
+        return f"the {left.depends_on}, which is not chance (probability {left.order_p:.1g})"
+    for item in constant:
+        if item.probability < NOT_CHANCE:
+            return f"the effect differs in size between {item.halves} (probability {item.probability:.1g})"
+    return ""

@@ -87,12 +87,12 @@ def shortcomings(data: Sequence[RunData]) -> list[str]:
     return reasons
 
 
-def repeats(data: Sequence[RunData]) -> dict[tuple[float, float], list[int]]:
-    """Runs by command, for commands given more than once."""
+def runs_by_command(data: Sequence[RunData]) -> dict[tuple[float, float], list[int]]:
+    """Numbers of the runs of every command, in the order of the experiment."""
     groups: dict[tuple[float, float], list[int]] = {}
     for number, run in enumerate(data):
         groups.setdefault(run.command, []).append(number)
-    return {command: runs for command, runs in groups.items() if len(runs) > 1}
+    return groups
 
 
 def held_out_runs(data: Sequence[RunData]) -> tuple[int, ...]:
@@ -104,9 +104,7 @@ def held_out_runs(data: Sequence[RunData]) -> tuple[int, ...]:
     wanted = len(data) // 6 if len(data) >= 6 else 0
     if not wanted:
         return ()
-    groups: dict[tuple[float, float], list[int]] = {}
-    for number, run in enumerate(data):
-        groups.setdefault(run.command, []).append(number)
+    groups = runs_by_command(data)
     chosen: list[int] = []
     whole = [
         (len(runs), -abs(command[0]) - abs(command[1]), command)

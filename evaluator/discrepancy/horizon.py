@@ -17,18 +17,21 @@ from evaluator.discrepancy.problem import Point, Problem, with_noise_of
 from evaluator.discrepancy.search import Search, run_search
 
 HORIZONS_S = (1.0, 2.5)
-# Misfit of heading, rad, from which on a linear view errs by more than a tenth: the whole run is then not a place to
-# begin. Below it the fits of development experiments converged from the nominal model.
-LARGE_MISFIT_RAD = 0.2
+# Misfit of the nominal model in one run, RMS, from which on the whole run is no place to begin: a linear view errs by
+# about the square of the angle, and of the misplacement over the ten to twenty millimetres that a run covers, which
+# is then many times the tracking noise. Below it the fits of development experiments converged from the nominal model.
+LARGE_TURN_RAD, LARGE_SHIFT_MM = 0.1, 1.0
 KEPT = 4  # sets that go on to the next horizon
 
 Progress = Callable[[str, float], None]
 
 
-def misfit_rad(problem: Problem, point: Point) -> float:
-    """Largest misfit of the direction of the marks over all runs, as an RMS over each run, rad."""
+def is_large(problem: Problem, point: Point) -> bool:
+    """Whether a point misses some run by so much that a search should begin with short horizons."""
     residuals = problem.residuals([point.task(run) for run in range(len(problem.data))])
-    return max(float(np.sqrt(np.nanmean(item[:, 2] ** 2))) for item in residuals) / problem.half_distance_mm
+    misfit = np.array([np.sqrt(np.nanmean(item**2, axis=0)) for item in residuals])
+    turn, shift = misfit[:, 2] / problem.half_distance_mm, np.hypot(misfit[:, 0], misfit[:, 1])
+    return bool(np.any(turn > LARGE_TURN_RAD) or np.any(shift > LARGE_SHIFT_MM))
 
 
 def short_horizon_fits(whole: Search, start: Point, progress: Progress) -> list[Fit]:

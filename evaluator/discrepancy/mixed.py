@@ -173,3 +173,13 @@ def run_effects(reduced: Reduced, theta: Floats, tau: Floats) -> tuple[Floats, F
     covariance = np.linalg.inv(reduced.A + np.diag(tau**-2.0))
     mean = np.einsum("nij,nj->ni", covariance, reduced.c - reduced.C @ theta)
     return np.asarray(mean, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
+
+
+def at_scatter(reduced: Reduced, tau: Floats) -> tuple[Floats, Floats, Floats]:
+    """Inner products of every run, (n,), (n, p), (n, p, p), with its own friction and gains free within the scatter."""
+    weight = np.linalg.inv(reduced.A + np.diag(tau**-2.0))
+    weighted = np.einsum("nij,njp->nip", weight, reduced.C)
+    s = reduced.s - np.einsum("ni,nij,nj->n", reduced.c, weight, reduced.c)
+    g = reduced.g - np.einsum("nip,ni->np", weighted, reduced.c)
+    G = reduced.G - np.einsum("nip,niq->npq", reduced.C, weighted)
+    return s, g, G

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from evaluator.discrepancy.features import channels_of, compression
 from evaluator.discrepancy.fit import Fit
 from evaluator.discrepancy.forward import RunData
-from evaluator.discrepancy.mixed import Reduced, reduce_runs
+from evaluator.discrepancy.mixed import at_scatter, reduce_runs
 from evaluator.discrepancy.noise import Noise
 from evaluator.discrepancy.problem import Column, Point, Problem
 from evaluator.discrepancy.rivals import SAME_SIGMAS, Set, Standing
@@ -96,16 +96,6 @@ def expected_separations(problem: Problem, placed: Point, rival: Fit) -> Floats:
         square = left - excess @ np.linalg.lstsq(known + G[index], excess, rcond=None)[0]
         result[run] = np.sqrt(max(float(square), 0.0))
     return result
-
-
-def at_scatter(reduced: Reduced, tau: Floats) -> tuple[Floats, Floats, Floats]:
-    """Inner products of every run, (n,), (n, p), (n, p, p), with its own friction and gains free within the scatter."""
-    weight = np.linalg.inv(reduced.A + np.diag(tau**-2.0))
-    weighted = np.einsum("nij,njp->nip", weight, reduced.C)
-    s = reduced.s - np.einsum("ni,nij,nj->n", reduced.c, weight, reduced.c)
-    g = reduced.g - np.einsum("nip,ni->np", weighted, reduced.c)
-    G = reduced.G - np.einsum("nip,niq->npq", reduced.C, weighted)
-    return s, g, G
 
 
 @dataclass(frozen=True)

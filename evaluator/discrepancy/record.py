@@ -52,6 +52,8 @@ def record(diagnosis: Diagnosis) -> Json:
         ],
         "rivals": _rivals(diagnosis),
         "next_experiment": _next(diagnosis),
+        "constancy": {item.halves: _rounded(item.probability) for item in diagnosis.constancy},
+        "runs_not_followed": [diagnosis.session.data[run].id for run in diagnosis.astray],
         "noise": _noise(diagnosis),
         "nominal": _nominal(diagnosis),
         "skipped_runs": dict(diagnosis.session.skipped),

@@ -81,8 +81,8 @@ def _polar(effect: str, size: str, angle: str, step: float, limit: float, fold: 
 
 def _spring(values: tuple[float, ...]) -> Parameters:
     stiffness, pull_x, pull_y = values
-    divisor = stiffness if abs(stiffness) > 1e-9 else 1e-9
-    return {"stiffness_mN_mm": stiffness, "anchor_x_mm": pull_x / divisor, "anchor_y_mm": pull_y / divisor}
+    softest = max(stiffness, 1e-9)  # a pull without stiffness is a soft spring from afar
+    return {"stiffness_mN_mm": softest, "anchor_x_mm": pull_x / softest, "anchor_y_mm": pull_y / softest}
 
 
 def named_terms(reach_mm: float, command_levels_rpm: tuple[float, ...]) -> dict[str, Term]:

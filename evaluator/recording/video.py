@@ -62,8 +62,8 @@ class Recording:
 
     def _open(self) -> Any:
         try:
-            options = {"fflags": "nobuffer"} if self.live else {}
-            container = av.open(self.name, format=self._format, options=options)
+            # No "nobuffer" for live sources: it throws away the pictures that the format was recognised from.
+            container = av.open(self.name, format=self._format)
         except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
             raise InputError(f"{self.name}: {str(error.strerror).lower()}") from error
         except (av.error.FFmpegError, ValueError, OSError) as error:

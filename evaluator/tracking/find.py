@@ -224,7 +224,7 @@ def _blobs(name: str, colors: ColorMap, mask: NDArray[np.uint8]) -> list[Candida
         w = weight[y, x] / weight[y, x].sum()
         cx, cy = float(w @ x), float(w @ y)
         px, py = (x - cx) * colors.cell_px[0], (y - cy) * colors.cell_px[1]
-        spread = np.cov(np.stack([px, py])) + np.diag([colors.cell_px[0] ** 2, colors.cell_px[1] ** 2]) / 12
+        spread = np.cov(np.stack([px, py]), ddof=0) + np.diag([colors.cell_px[0] ** 2, colors.cell_px[1] ** 2]) / 12
         small, large = np.linalg.eigvalsh(spread)
         core = strong & (chroma > 0.8 * np.percentile(chroma[strong], 90))
         blobs.append(

@@ -23,10 +23,16 @@ DISTURBED = 1.5
 # background is tried, and from which the uncertainty allows for what is in the way.
 SUSPECT, ODD = 2.0, 3.0
 SLOPING = 12.0  # fall of the squares, in variances, that two slopes bring by chance once in 400 pictures
+# A slope that was there from the start, or came slowly, looks just like a shift: it is looked for in every eighth
+# picture, and in the eight after one that has it. Lenses and lamps change by up to 0.3 % a pixel (`shading`),
+# reflections by more.
+LOOKOUT, GLARING = 8, 3e-3
+SMALLEST_PX = 2.0  # radius of a mark's even inside that a slope can be seen in
 PER_MEDIAN = 1.4826  # sigma over median deviation
 # A disturbance that looked just like a shift would move the centre by √pixels times its own share of the noise; real
 # ones (wires, glare, shadows) reach a third of that.
 LIKENESS = 0.11
+VAGUE = 0.125  # of a mark's radius: what is known no better (no contrast to the body) is colour, not a disc
 HOPELESS = 8.0  # residual at which a disc is no longer what is seen
 
 # Sigmas beyond which a pixel is taken for something else than mark or background. Noise loses nothing (weights fall as
@@ -40,6 +46,7 @@ SMEARED_PX = 2.0  # motion in an interval from which the share matters
 
 BRIGHTER = 1.2  # amplitude over what it was, from which the light has changed rather than flickered
 NOISE_STEP = 1.03
+CALMER = 0.7  # of the noise: residuals of 100 pixels stay above by chance in 98 %
 NOISE_RANGE = 30.0  # least and most noise of a recording, compressed or not, in variance
 
 VIEW_EVERY = 10
@@ -71,7 +78,7 @@ class Follower:
         self._slope_places: list[Point] = []
         self._slopes: list[Point] = []
         self._slope = np.zeros(2)
-        self.black = 0.0
+        self.black, self._watch = 0.0, 0
         self._scatter = (DISTURBED - 1.0) / ODD  # of residuals about 1, one sigma; the largest that is believed
         self.take_look(self.look)
 
@@ -151,8 +158,9 @@ class Follower:
             start[2], start[3] = result[kernels.AMPLITUDE], result[kernels.BASE]
             self._fit(frame, start)
             residual = float(result[kernels.RESIDUAL])
-        if residual > 1.0 + SUSPECT * self._scatter:
-            self._try_slope(frame)
+        suspicious = residual > 1.0 + SUSPECT * self._scatter
+        if suspicious or self._watch > 0 or frame.index % LOOKOUT == 0:
+            self._try_slope(frame, suspicious=suspicious)
         return self._judged(frame, cell, seen, place, reach_px, crowded=crowded)
 
     def _smear(self, velocity: Point, exposure_s: float) -> None:
@@ -178,14 +186,29 @@ class Follower:
         self._shutter = tried[-1][1]
         return tried[-1][0]
 
-    def _try_slope(self, frame: Frame) -> None:
+    def _try_slope(self, frame: Frame, *, suspicious: bool) -> None:
         """Fit a sloping background too, and keep that where the slope is there: the onset of glare or shadow."""
-        plain = self._result.copy()
+        plain, result = self._result.copy(), self._result
         self._sloped[:4], self._sloped[4:] = plain[: kernels.BASE + 1], 0.0
         self._fit(frame, self._sloped)
-        fall = plain[kernels.RESIDUAL] - self._result[kernels.RESIDUAL]
-        if plain[kernels.RESIDUAL] < DISTURBED and not fall * plain[kernels.PIXELS] > SLOPING:
-            self._result[:] = plain
+        fall = (plain[kernels.RESIDUAL] - result[kernels.RESIDUAL]) * plain[kernels.PIXELS]
+        glaring = bool(fall > SLOPING) and self._glares(frame)
+        self._watch = LOOKOUT if glaring else self._watch - 1
+        if glaring or (suspicious and (plain[kernels.RESIDUAL] >= DISTURBED or fall > SLOPING)):
+            return
+        result[:] = plain
+
+    def _glares(self, frame: Frame) -> bool:
+        """Whether the fitted slope is a reflection: strong enough, and inside the mark too, unlike a body's edge."""
+        x, y, slope = self._result[0], self._result[1], self._result[kernels.SLOPE_X : kernels.SLOPE_Y + 1]
+        inner = self.radius_px - 2.5 * self.look.disc.blur_px
+        if inner < SMALLEST_PX or np.hypot(*slope) < GLARING * abs(self._result[kernels.AMPLITUDE]):
+            return False
+        kernels.interior_slope(frame.luma, frame.row_origin, frame.row_step, x, y, inner, self._slope)
+        # The slope of a plane through n samples of a disc of radius r is known to 2·noise/(r·√n).
+        sigma = 2.0 * np.sqrt(self._noise[0] / np.pi) / inner**2
+        steepness = np.hypot(*slope)
+        return bool(3.0 * sigma < steepness and np.hypot(*(self._slope - slope)) < 0.5 * steepness + 3.0 * sigma)
 
     def _fit(self, frame: Frame, start: Array) -> None:
         kernels.fit_disc(
@@ -197,7 +220,7 @@ class Follower:
         self, frame: Frame, cell: Array, seen: Point, place: Point, reach_px: float, *, crowded: bool
     ) -> Sighting:
         self._fitted = self._result.tolist()
-        x, y, amplitude, _, var_x, var_y, cov_xy, residual, used, inside, pixels = self._fitted
+        x, y, amplitude, _, var_x, var_y, cov_xy, residual, used, inside, pixels, _, _ = self._fitted
         reach, slack = reach_px + 0.5 * self.radius_px + 1.0, 0.5 * self.radius_px + 1.0
         reason = ""
         if x != x:  # noqa: PLR0124 - NaN: no fit
@@ -214,6 +237,8 @@ class Follower:
             reason = self._crowd(frame, cell, (x, y), slack)
         if reason:
             return ABSENT[reason]
+        if max(var_x, var_y) * max(1.0, residual) > (VAGUE * self.radius_px) ** 2:
+            return ABSENT["no disc"]
         # Residuals above the learnt noise (codec, wire, texture) widen the uncertainty; a chance calm keeps it.
         scale = max(1.0, residual) + LIKENESS * pixels * max(residual - 1.0 - ODD * self._scatter, 0.0)
         return Sighting(x, y, scale * var_x, scale * var_y, scale * cov_xy, OK)
@@ -271,7 +296,8 @@ class Follower:
         self._base += rate * (self._fitted[kernels.BASE] - self._base)
         # Noise is what residuals usually are: a codec leaves more of it on a moving mark than on one at rest. Steps of
         # equal size toward either side follow the median, which a passing disturbance does not move.
-        step = NOISE_STEP if residual > 1.0 else 1.0 / NOISE_STEP
+        # After a disturbance that lasted they are clearly lower, and must not hide the next one.
+        step = NOISE_STEP if residual > 1.0 else 1.0 / NOISE_STEP if residual > CALMER else CALMER
         self._noise[0] = min(max(float(self._noise[0]) * step, self._least_noise), NOISE_RANGE * self._least_noise)
         off = PER_MEDIAN * abs(residual - 1.0)
         scatter = self._scatter * (NOISE_STEP if off > self._scatter else 1.0 / NOISE_STEP)

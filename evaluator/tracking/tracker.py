@@ -44,7 +44,7 @@ class Tracker:
         self._time_s: float | None = None
         self._shape: tuple[int, ...] = ()
         self._search: Search | None = None
-        self._waited = 0
+        self._waited, self._source = 0, "the recording"
         self.body = Body()
         self._light, self._dimmed = 0.0, 1.0
 
@@ -53,6 +53,7 @@ class Tracker:
 
         The first LEARNING_FRAMES pictures with a mark are held back until its shape is learnt from them.
         """
+        self._source = getattr(recording, "name", self._source)
         pictures = iter(recording)
         held: list[tuple[Frame, list[Sighting]]] = []
         for frame in pictures:
@@ -111,7 +112,7 @@ class Tracker:
 
     def _prepare(self, frame: Frame) -> None:
         if frame.u is None:
-            raise InputError("the recording has no colour: green and yellow marks cannot be told apart in it")
+            raise InputError(f"{self._source} has no colour: green and yellow marks cannot be told apart in it")
         across, down = cell_of(frame)
         step = frame.row_step
         self.cell = np.array([across, down * step, (across - 1) / 2, frame.row_origin + (down - 1) / 2 * step], float)

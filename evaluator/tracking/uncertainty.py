@@ -19,6 +19,7 @@ REACH = 5
 # The course is the quartic through the neighbours by least squares: on a circle of 100 px radius at 0.05 rad a step it
 # leaves 1e-3 px. Two more neighbours than it has unknowns, two of them on either side, tell a picture's error.
 ORDER, NEIGHBORS, EITHER_SIDE = 5, 7, 2
+EVEN = 1e-3  # of the span: neighbours that are as evenly timed as this share one set of weights
 LEAST = 24  # differences that a variance is estimated from: its own relative uncertainty is then below 0.3
 FEW = 8  # enough to tell that there is an error, where a recording moves no longer than that
 MOVING_PX = 0.1  # a step that codecs still take for rest, give or take their own error
@@ -27,6 +28,7 @@ STRAIGHT_PX = 6.0  # path over which the centre of a mark follows a quartic to 0
 # Errors of codecs have long tails, those of Student's t with about as many degrees of freedom: 0.5 to 1.5 % of pictures
 # lie beyond 4 sigma on H.264, HEVC and VP9 alike.
 FREEDOM = 4.0
+TAIL = 3.0  # sigmas off the course from which a picture's own error counts as a large one: nearer ones tell nothing
 
 
 CLOCK = 0.06  # of an interval: what rounding to a clock of 1 ms moves pictures by at up to 120 a second
@@ -65,18 +67,25 @@ class Course:
         enough = (before + after >= NEIGHBORS) & (before >= EITHER_SIDE) & (after >= EITHER_SIDE)
         self.known: NDArray[np.bool_] = seen & enough
         lapse = time_s[self.around] - time_s[:, None]
-        powers = (lapse / (np.abs(lapse).max(initial=1e-9)))[..., None] ** np.arange(ORDER) * usable[..., None]
-        # Where too few are usable, any regular matrix does: nothing of it is used.
-        normal = np.where(self.known[:, None, None], powers.transpose(0, 2, 1) @ powers, np.eye(ORDER))
-        first = np.eye(ORDER)[:, :1]
-        self.weights = (powers @ np.linalg.solve(normal, np.broadcast_to(first, (n, ORDER, 1))))[..., 0]
-        self.weights[~self.known] = 0.0
+        usual = stride * OFFSETS * float(np.median(np.diff(time_s))) if n > 1 else OFFSETS
+        even = usable.all(axis=1) & (np.abs(lapse - usual).max(axis=1) < EVEN * abs(usual[0]))
+        self.weights = np.zeros((n, len(OFFSETS)))
+        self.weights[even] = _to_the_middle(usual[None], np.ones((1, len(OFFSETS)), bool))[0]
+        odd = self.known & ~even
+        self.weights[odd] = _to_the_middle(lapse[odd], usable[odd])
         course = np.einsum("nj,njk->nk", self.weights, np.nan_to_num(centers_px)[self.around])
         self.error = np.where(self.known[:, None], centers_px - course, np.nan)
 
     def variance(self, variances: Array) -> Array:
         """Variance of the errors, from that of the centres (n,), NaN where absent."""
         return np.asarray(variances + (self.weights**2 * np.nan_to_num(variances)[self.around]).sum(axis=1))
+
+
+def _to_the_middle(lapse_s: Array, usable: NDArray[np.bool_]) -> Array:
+    """Weights of neighbours that give the value of their polynomial at lapse 0; (m, 10) all."""
+    powers = (lapse_s / np.abs(lapse_s).max(initial=1e-9))[..., None] ** np.arange(ORDER) * usable[..., None]
+    first = np.broadcast_to(np.eye(ORDER)[:, :1], (len(powers), ORDER, 1))
+    return np.asarray((powers @ np.linalg.solve(powers.transpose(0, 2, 1) @ powers, first))[..., 0])
 
 
 def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: NDArray[np.str_]) -> Array:
@@ -116,7 +125,7 @@ def _tail(course: Course, variances: Array) -> Array:
     """
     square = (course.error**2).sum(axis=1) / course.variance(variances)
     factor = (FREEDOM + np.nan_to_num(square)) / (FREEDOM + course.error.shape[1])
-    return np.asarray(np.nan_to_num(variances) * np.maximum(factor - 1.0, 0.0))
+    return np.asarray(np.nan_to_num(variances) * np.where(np.nan_to_num(square) > TAIL**2, factor - 1.0, 0.0))
 
 
 def _moving(centers_px: Array) -> NDArray[np.bool_]:
