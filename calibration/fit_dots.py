@@ -13,16 +13,19 @@ estimate, and the inverse normal matrix times the residual variance its covarian
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from math import exp, pi, sqrt
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 PARAMETERS = 10  # cx, cy, A11, A12, A22, s, b, a, gx, gy
 ITERATIONS = 25
 ROOT_TWO_PI = 1 / sqrt(2 * pi)
+SHARED = 1000  # dots from which on threads are worth their start
 # Each step leaves an error 25 times smaller or less (measured at SNR 30), since the residuals are small against the
 # contrast: a step this short, and of the blur and contrast by so small a share, is the last, and leaves 2e-4 px.
 RESTS_PX, RESTS_SHARE = 5e-3, 0.03
@@ -37,61 +40,86 @@ def _tail(t, density):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
 
 
 @njit(cache=True, fastmath=True)
-def _accumulate(plane, x0, y0, half, reach, start, p, rows, N, rhs):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Normal equations over the pixels within reach of the start ellipse; returns (sum of squares, count).
+def _pixels(plane, start, reach, longest, pixels):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Collect x, y and value of the pixels within reach of the start ellipse in (3, m) work space; returns their count.
 
-    rows: (11, pixels) work space for derivatives and residual of the pixels on the edge.
+    They are chosen once, so that every iteration sees the same ones.
     """
-    cx, cy, a11, a12, a22, s, b, a, gx, gy = p
-    N[:] = 0.0
-    rhs[:] = 0.0
-    flat = np.empty(4)
-    total, count, m = 0.0, 0, 0
-    top, bottom = max(0, y0 - half), min(plane.shape[0] - 1, y0 + half)
-    left, right = max(0, x0 - half), min(plane.shape[1] - 1, x0 + half)
-    for iy in range(top, bottom + 1):
-        for ix in range(left, right + 1):
-            # pixels are chosen by the start ellipse, so that every iteration sees the same ones
+    x0, y0, half = round(start[0]), round(start[1]), int(longest + reach + 2.5)
+    count = 0
+    for iy in range(max(0, y0 - half), min(plane.shape[0] - 1, y0 + half) + 1):
+        for ix in range(max(0, x0 - half), min(plane.shape[1] - 1, x0 + half) + 1):
             dx, dy = ix - start[0], iy - start[1]
             ux, uy = start[2] * dx + start[3] * dy, start[3] * dx + start[4] * dy
             q2 = dx * ux + dy * uy
             if q2 > 1.0 and (q2 - sqrt(q2)) > reach * sqrt(ux * ux + uy * uy):
                 continue
-            dx, dy = ix - cx, iy - cy
-            ux, uy = a11 * dx + a12 * dy, a12 * dx + a22 * dy
-            q2 = dx * ux + dy * uy
-            q = sqrt(q2) + 1e-9
-            w = sqrt(ux * ux + uy * uy) + 1e-12
-            d = (q2 - q) / w
-            t = d / s
-            light = 1.0 + gx * dx + gy * dy
+            pixels[0, count], pixels[1, count], pixels[2, count] = ix, iy, plane[iy, ix]
             count += 1
-            if t > 4.0 or t < -4.0:  # flat inside and outside: only levels and slope of the light
-                cover = 0.0 if t > 0.0 else 1.0
-                level = b + a * cover
-                residual = plane[iy, ix] - light * level
-                flat[0], flat[1], flat[2], flat[3] = light, light * cover, level * dx, level * dy
-                for i in range(4):
-                    rhs[6 + i] += flat[i] * residual
-                    for j in range(i + 1):
-                        N[6 + i, 6 + j] += flat[i] * flat[j]
-                total += residual * residual
-                continue
-            edge = exp(-0.5 * t * t) * ROOT_TWO_PI
-            cover = _tail(t, edge)
+    return count
+
+
+@njit(cache=True, fastmath=True)
+def _accumulate(pixels, count, p, rows, N, rhs):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Normal equations over the pixels; returns the sum of squares.
+
+    rows: (11, pixels) work space for derivatives and residual of the pixels on the edge.
+    """
+    cx, cy, a11, a12, a22, s, b, a, gx, gy = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9]
+    for i in range(10):
+        rhs[i] = 0.0
+        for j in range(10):
+            N[i, j] = 0.0
+    total, m = 0.0, 0
+    for k in range(count):
+        dx, dy = pixels[0, k] - cx, pixels[1, k] - cy
+        ux, uy = a11 * dx + a12 * dy, a12 * dx + a22 * dy
+        q2 = dx * ux + dy * uy
+        q = sqrt(q2) + 1e-9
+        w = sqrt(ux * ux + uy * uy) + 1e-12
+        d = (q2 - q) / w
+        t = d / s
+        light = 1.0 + gx * dx + gy * dy
+        if t > 4.0 or t < -4.0:  # flat inside and outside: only levels and slope of the light
+            cover = 0.0 if t > 0.0 else 1.0
             level = b + a * cover
-            down = -light * a * edge / s  # dI/dd
-            along_q, along_w = down * (2.0 * q - 1.0) / (w * q), -down * d / (w * w)
-            rows[0, m] = -along_q * ux - along_w * (a11 * ux + a12 * uy) - gx * level
-            rows[1, m] = -along_q * uy - along_w * (a12 * ux + a22 * uy) - gy * level
-            rows[2, m] = 0.5 * along_q * dx * dx + along_w * ux * dx
-            rows[3, m] = along_q * dx * dy + along_w * (ux * dy + uy * dx)
-            rows[4, m] = 0.5 * along_q * dy * dy + along_w * uy * dy
-            rows[5, m] = light * a * edge * t / s
-            rows[6, m], rows[7, m], rows[8, m], rows[9, m] = light, light * cover, level * dx, level * dy
-            rows[10, m] = plane[iy, ix] - light * level
-            m += 1
-    return total + _add_products(rows, m, N, rhs), count
+            total += _add_flat(light, light * cover, level * dx, level * dy, pixels[2, k] - light * level, N, rhs)
+            continue
+        edge = exp(-0.5 * t * t) * ROOT_TWO_PI
+        cover = _tail(t, edge)
+        level = b + a * cover
+        down = -light * a * edge / s  # dI/dd
+        along_q, along_w = down * (2.0 * q - 1.0) / (w * q), -down * d / (w * w)
+        rows[0, m] = -along_q * ux - along_w * (a11 * ux + a12 * uy) - gx * level
+        rows[1, m] = -along_q * uy - along_w * (a12 * ux + a22 * uy) - gy * level
+        rows[2, m] = 0.5 * along_q * dx * dx + along_w * ux * dx
+        rows[3, m] = along_q * dx * dy + along_w * (ux * dy + uy * dx)
+        rows[4, m] = 0.5 * along_q * dy * dy + along_w * uy * dy
+        rows[5, m] = light * a * edge * t / s
+        rows[6, m], rows[7, m], rows[8, m], rows[9, m] = light, light * cover, level * dx, level * dy
+        rows[10, m] = pixels[2, k] - light * level
+        m += 1
+    return total + _add_products(rows, m, N, rhs)
+
+
+@njit(cache=True, fastmath=True)
+def _add_flat(light, inside, across, down, residual, N, rhs):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Add one pixel that only the last four parameters move; returns its squared residual."""
+    rhs[6] += light * residual
+    rhs[7] += inside * residual
+    rhs[8] += across * residual
+    rhs[9] += down * residual
+    N[6, 6] += light * light
+    N[7, 6] += inside * light
+    N[7, 7] += inside * inside
+    N[8, 6] += across * light
+    N[8, 7] += across * inside
+    N[8, 8] += across * across
+    N[9, 6] += down * light
+    N[9, 7] += down * inside
+    N[9, 8] += down * across
+    N[9, 9] += down * down
+    return residual * residual
 
 
 @njit(cache=True, fastmath=True)
@@ -153,6 +181,28 @@ def _solve(L, scale, rhs, x):  # type: ignore[no-untyped-def]  # noqa: ANN001, A
 
 
 @njit(cache=True, fastmath=True)
+def _center_covariance(L, scale, variance, rhs, step, cov):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Covariance (2, 2) of the first two parameters from the factor of the normal matrix; rhs, step: work space."""
+    for k in range(2):
+        for m in range(10):
+            rhs[m] = 0.0
+        rhs[k] = variance
+        _solve(L, scale, rhs, step)
+        cov[0, k] = step[0]
+        cov[1, k] = step[1]
+
+
+@njit(cache=True, fastmath=True)
+def _moved(p, step, rhs, trial):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Set the trial a step away; returns by how much the sum of squares falls if the problem is linear."""
+    gain = 0.0
+    for k in range(10):
+        trial[k] = p[k] + step[k]
+        gain += rhs[k] * step[k]
+    return gain
+
+
+@njit(cache=True, fastmath=True)
 def _is_disc(trial, start, longest):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Whether a trial is still an ellipse with an edge, near where it started."""
     ellipse = trial[5] > 0.15 and trial[2] > 0 and trial[2] * trial[4] > trial[3] * trial[3]
@@ -170,67 +220,68 @@ def _rests(p, step):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
 
 
 @njit(cache=True, fastmath=True)
-def _fit_one(plane, start, reach, out, cov):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _fit_one(plane, start, reach, p, cov):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Fit one dot in place; returns the residual standard deviation, NaN where the fit failed."""
-    p = start.copy()
-    N, L = np.empty((10, 10)), np.zeros((10, 10))
-    rhs, scale, step = np.empty(10), np.empty(10), np.empty(10)
-    determinant = p[2] * p[4] - p[3] * p[3]
-    longest = sqrt(max(p[2], p[4]) / determinant)
-    half = int(longest + reach + 2.5)
-    x0, y0 = round(p[0]), round(p[1])
-    rows = np.empty((11, (2 * half + 1) ** 2))
-    total, count = _accumulate(plane, x0, y0, half, reach, start, p, rows, N, rhs)
+    N, L, work = np.empty((10, 10)), np.zeros((10, 10)), np.empty((4, 10))
+    rhs, scale, step, trial = work[0], work[1], work[2], work[3]
+    longest = sqrt(max(start[2], start[4]) / (start[2] * start[4] - start[3] * start[3]))
+    box = (2 * int(longest + reach + 2.5) + 1) ** 2
+    pixels, rows = np.empty((3, box)), np.empty((11, box))
+    count = _pixels(plane, start, reach, longest, pixels)
+    for k in range(10):
+        p[k] = start[k]
+    total = _accumulate(pixels, count, p, rows, N, rhs)
     damping, done = 1e-3, False
-    trial = np.empty(10)
     for _ in range(ITERATIONS):
         if count < 20 or not _factor(N, damping, scale, L):
             return np.nan
         _solve(L, scale, rhs, step)
-        trial[:] = p + step
+        gain = _moved(p, step, rhs, trial)
         good = _is_disc(trial, start, longest)
-        if good and _rests(p, step):  # the normal matrix and what the step gains are known: no need to look again
-            p[:] = trial
-            total -= (rhs * step).sum()
-            done = True
-            break
-        if good:
-            before = total
-            total, count = _accumulate(plane, x0, y0, half, reach, start, trial, rows, N, rhs)
+        rests = good and _rests(p, step)  # the normal matrix and what the step gains are known: no need to look again
+        before = total
+        if rests:
+            total -= gain
+        elif good:
+            total = _accumulate(pixels, count, trial, rows, N, rhs)
             good = total <= before * (1.0 + 1e-9)
         if good:
-            p[:] = trial
+            for k in range(10):
+                p[k] = trial[k]
             damping *= 0.1
         else:
             damping = max(damping * 10.0, 1e-4)
-            total, count = _accumulate(plane, x0, y0, half, reach, start, p, rows, N, rhs)
-            if abs(step[0]) + abs(step[1]) < 2e-3:  # no better value within what the pixels can tell
-                done = True
-                break
+            total = _accumulate(pixels, count, p, rows, N, rhs)
+            rests = abs(step[0]) + abs(step[1]) < 2e-3  # no better value within what the pixels can tell
+        if rests:
+            done = True
+            break
     if not done or count <= 12 or not _factor(N, 0.0, scale, L):
         return np.nan
     variance = total / (count - 10)
-    for k in range(2):
-        rhs[:] = 0.0
-        rhs[k] = variance
-        _solve(L, scale, rhs, step)
-        cov[0, k] = step[0]
-        cov[1, k] = step[1]
-    out[:] = p
+    _center_covariance(L, scale, variance, rhs, step, cov)
     return sqrt(variance)
 
 
-@njit(cache=True, parallel=True)
-def fit_dots(plane, starts, reach):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Fit all dots. plane: (h, w) float32; starts: (n, 10); reach: (n,) px beyond the edge to use.
+@njit(cache=True, nogil=True)
+def _fit_some(plane, starts, reach, first, last, fitted, covariance, noise):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Fit the dots from first to before last into the arrays handed in."""
+    for i in range(first, last):
+        noise[i] = _fit_one(plane, starts[i], reach[i], fitted[i], covariance[i])
+
+
+def fit_dots(plane: NDArray[np.float32], starts: Array, reach: Array) -> tuple[Array, Array, Array]:
+    """Fit all dots. plane: (h, w); starts: (n, 10); reach: (n,) px beyond the edge to use.
 
     Returns parameters (n, 10), covariance of the centre (n, 2, 2) px², residual standard deviation (n,), NaN where a
     fit failed.
     """
     n = len(starts)
-    fitted = np.full((n, 10), np.nan)
-    covariance = np.full((n, 2, 2), np.nan)
-    noise = np.full(n, np.nan)
-    for i in prange(n):
-        noise[i] = _fit_one(plane, starts[i], reach[i], fitted[i], covariance[i])
-    return fitted, covariance, noise
+    found = np.full((n, PARAMETERS), np.nan), np.full((n, 2, 2), np.nan), np.full(n, np.nan)
+    if n < SHARED:
+        _fit_some(plane, starts, reach, 0, n, *found)
+        return found
+    ends = np.linspace(0, n, (os.cpu_count() or 1) + 1).astype(int).tolist()
+    with ThreadPoolExecutor(len(ends) - 1) as pool:
+        list(pool.map(lambda first, last: _fit_some(plane, starts, reach, first, last, *found), ends, ends[1:]))
+    return found

@@ -47,9 +47,13 @@ def _ring(plane, cx, cy, radius):  # type: ignore[no-untyped-def]  # noqa: ANN00
     for k in range(16):
         x, y = round(cx + radius * cos(k * pi / 8)), round(cy + radius * sin(k * pi / 8))
         if 0 <= x < plane.shape[1] and 0 <= y < plane.shape[0]:
-            values[count] = plane[y, x]
+            value, place = plane[y, x], count
+            while place > 0 and values[place - 1] > value:
+                values[place] = values[place - 1]
+                place -= 1
+            values[place] = value
             count += 1
-    return np.median(values[:count]) if count >= 6 else np.nan
+    return 0.5 * (values[(count - 1) // 2] + values[count // 2]) if count >= 6 else np.nan
 
 
 @njit(cache=True)

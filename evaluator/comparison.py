@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.pose import MarkGeometry, Poses, poses_from_marks
+from evaluator.machine import mark_geometry, robot_shape
+from evaluator.pose import Poses, poses_from_marks
 from evaluator.settings import Run
 from evaluator.turning import Turning, measure_turning
 from simulator.command import Command
 from simulator.integrate import simulate
 from simulator.observation import marks_of_run
-from simulator.robot import Robot
+from simulator.robot import WHEELS, Robot
 from simulator.run import Run as Motion
 from simulator.run import State
 
@@ -27,6 +28,19 @@ Array = NDArray[np.float64]
 START_SPAN_S = 0.25  # the start pose is read from this much of the recording: 15 frames at 60/s halve their noise twice
 
 STRAIGHT_MM = 1e6  # rounding bends a simulated straight line; over 100 mm of plate this circle departs by 1 nm
+
+
+# Columns of turning.csv that are set beside their simulated counterparts as they are.
+BESIDE = (
+    "speed_mm_s",
+    "yaw_rate_deg_s",
+    "green_speed_mm_s",
+    "yellow_speed_mm_s",
+    "body_slip_angle_deg",
+    "front_left_slip_ratio",
+    "front_right_slip_ratio",
+    *(f"{wheel}_slip_angle_deg" for wheel in WHEELS),
+)
 
 
 @dataclass(frozen=True)
@@ -42,9 +56,16 @@ def simulated_counterpart(robot: Robot, run: Run, poses: Poses) -> Counterpart:
     command = Command.constant(run.left_rpm, run.right_rpm, start_s=run.start_s, stop_s=run.stop_s)
     x, y, heading = start_pose(poses, run.start_s)
     motion = simulate(robot, command, poses.time_s, start=State(x_mm=x, y_mm=y, heading_rad=heading))
-    geometry = MarkGeometry(green_mm=robot.marks.green_mm, yellow_mm=robot.marks.yellow_mm)
-    seen = poses_from_marks(marks_of_run(robot, motion), geometry)
-    return Counterpart(motion, measure_turning(seen, start_s=run.start_s, stop_s=run.stop_s))
+    seen = poses_from_marks(marks_of_run(robot, motion), mark_geometry(robot))
+    turning = measure_turning(
+        seen,
+        start_s=run.start_s,
+        stop_s=run.stop_s,
+        shape=robot_shape(robot),
+        left_rpm=run.left_rpm,
+        right_rpm=run.right_rpm,
+    )
+    return Counterpart(motion, turning)
 
 
 def start_pose(poses: Poses, start_s: float) -> tuple[float, float, float]:
@@ -85,7 +106,7 @@ def comparison_row(turning: dict[str, Any], poses: Poses, counterpart: Counterpa
         row[f"{stem}_low_mm"], row[f"{stem}_high_mm"] = turning[f"{stem}_low_mm"], turning[f"{stem}_high_mm"]
         row[f"simulated_{name}"] = simulated[name]
         row[f"{stem}_difference_percent"] = 100 * (simulated[name] / turning[name] - 1)
-    for name in ("speed_mm_s", "yaw_rate_deg_s", "green_speed_mm_s", "yellow_speed_mm_s"):
+    for name in BESIDE:
         row[name], row[f"simulated_{name}"] = turning[name], simulated[name]
     return {**row, **trajectory_gap(poses, counterpart.motion)}
 

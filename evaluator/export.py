@@ -27,7 +27,9 @@ def export(analysis: Analysis) -> list[Path]:
     outputs = analysis.outputs
     provenance = json.loads(outputs.provenance.read_text(encoding="utf-8"))
     results: dict[str, Any] = {"format": 1, "provenance": provenance, "faults": analysis.faults}
-    results["turning"] = records(analysis.turning)
+    results["notes"] = analysis.notes
+    for name in ("turning", "pooled", "directions"):
+        results[name] = records(getattr(analysis, name))
     if analysis.comparison is not None:
         results["comparison"] = records(analysis.comparison)
     write_text(outputs.results, json.dumps(results, indent=1, allow_nan=False) + "\n")
@@ -58,6 +60,9 @@ def write_netcdf(outputs: Outputs, run: str, path: Path, provenance: dict[str, A
             _labels(file, name, labels)
         _variable(file, "position", DIMENSIONS, position[..., None], "mm")
         _variable(file, "position_sigma", DIMENSIONS, sigma[..., None], "mm")
+        # movement asks for a confidence of every point; how well it is known says position_sigma.
+        measured = np.isfinite(position).all(axis=1).astype(float)
+        _variable(file, "confidence", DIMENSIONS[:1] + DIMENSIONS[2:], measured[..., None], "1 measured, 0 absent")
         _variable(file, "heading", ("time",), poses["heading_deg"].to_numpy(), "degree")
         attributes = {"ds_type": "poses", "time_unit": "seconds", "source_software": "turnscope", "run": run}
         for key, value in {**attributes, "provenance": json.dumps(provenance, sort_keys=True)}.items():

@@ -179,7 +179,10 @@ def _read_movement(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array]]
         raise InputError(f"{path}: netCDF needs xarray: pip install 'turnscope[netcdf]'") from error
 
     try:
-        data = xr.load_dataset(path)
+        # By name: what xarray chooses by itself depends on what else is installed.
+        with path.open("rb") as file:
+            engine = "scipy" if file.read(3) == b"CDF" else "h5netcdf"
+        data = xr.load_dataset(path, engine=engine)
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: not a netCDF file that can be read ({str(error).splitlines()[0]})") from error
     if "position" not in data or not {"time", "space", "keypoints"} <= set(data["position"].dims):

@@ -29,7 +29,7 @@ def results_of(
     this machine otherwise. Raises InputError where the scheduler cannot be reached.
     """
     if dask is not None:
-        with _on_dask(work, list(jobs), dask) as results:
+        with results_on_dask(work, list(jobs), dask) as results:
             yield results
         return
     threads = os.environ.get("NUMBA_NUM_THREADS")
@@ -49,9 +49,16 @@ def results_of(
 
 
 @contextmanager
-def _on_dask(work: Callable[..., Value], jobs: list[Job], address: str) -> Iterator[Iterator[tuple[int, Value]]]:
+def results_on_dask(
+    work: Callable[..., Value], jobs: list[Job], address: str, when_killed: Callable[..., Value] | None = None
+) -> Iterator[Iterator[tuple[int, Value]]]:
+    """The same on the cluster whose scheduler listens at an address.
+
+    when_killed: the answer, from the items of a job, for one that takes every worker down that it is given to; without
+    it such a job is an error.
+    """
     try:
-        from distributed import Client
+        from distributed import Client, KilledWorker
         from distributed import as_completed as completed
     except ImportError as error:
         raise InputError('--dask needs the optional extra: pip install "turnscope[dask]"') from error
@@ -69,7 +76,18 @@ def _on_dask(work: Callable[..., Value], jobs: list[Job], address: str) -> Itera
             time.sleep(0.1)
         futures = [client.submit(work, *job, pure=False, retries=DASK_RETRIES) for job in jobs]
         numbers = {future.key: number for number, future in enumerate(futures)}
-        yield ((numbers[future.key], future.result()) for future in completed(futures, loop=client.loop))
+
+        def answers() -> Iterator[tuple[int, Value]]:
+            for future in completed(futures, loop=client.loop):
+                number = numbers[future.key]
+                try:
+                    yield number, future.result()
+                except KilledWorker:
+                    if when_killed is None:
+                        raise
+                    yield number, when_killed(*jobs[number])
+
+        yield answers()
         client.cancel(futures)
     finally:
         client.close()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from evaluator.workflow import Analysis
 
+MOST_NAMED = 6  # runs in a remark that many share
 SOME_FAILED = 1  # exit status: results for the good runs, a reason for each of the others
 
 STATUS_NOTE = """\b
@@ -29,16 +30,24 @@ others); 2 the input cannot be used at all."""
 @click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope analyze experiment.toml -o out/")
 @batch_options
 def analyze(
-    experiment: Path, out: Path, workers: int | None, as_json: bool, quiet: bool, verbose: bool, dry_run: bool
+    experiment: Path,
+    out: Path,
+    workers: int | None,
+    dask: str | None,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+    dry_run: bool,
 ) -> int:
     """Track, reconstruct and fit every run of an experiment.
 
-    Writes turning.csv (a row per run), marks/RUN.csv and poses/RUN.csv. What is up to date is reused, so the same
+    Writes turning.csv (a row per run), pooled.csv (a row per command, its repetitions pooled), directions.csv (backward
+    against forward), marks/RUN.csv and poses/RUN.csv. What is up to date is reused, so the same
     command goes on after an interruption.
     """
     if dry_run:
         return print_plan(experiment, out, simulate=False)
-    found = run_analysis(experiment, out, simulate=False, workers=workers, quiet=quiet)
+    found = run_analysis(experiment, out, simulate=False, workers=workers, dask=dask, quiet=quiet)
     if as_json:
         print_json(found.turning)
     elif not quiet:
@@ -50,7 +59,14 @@ def analyze(
 @click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope compare experiment.toml -o out/")
 @batch_options
 def compare(
-    experiment: Path, out: Path, workers: int | None, as_json: bool, quiet: bool, verbose: bool, dry_run: bool
+    experiment: Path,
+    out: Path,
+    workers: int | None,
+    dask: str | None,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+    dry_run: bool,
 ) -> int:
     """Set every run beside its simulated counterpart.
 
@@ -59,7 +75,7 @@ def compare(
     """
     if dry_run:
         return print_plan(experiment, out, simulate=True)
-    found = run_analysis(experiment, out, simulate=True, workers=workers, quiet=quiet)
+    found = run_analysis(experiment, out, simulate=True, workers=workers, dask=dask, quiet=quiet)
     assert found.comparison is not None
     if as_json:
         print_json(found.comparison)
@@ -69,16 +85,37 @@ def compare(
     return status_of(found)
 
 
-def run_analysis(experiment: Path, out: Path, *, simulate: bool, workers: int | None, quiet: bool) -> Analysis:
+def run_analysis(
+    experiment: Path, out: Path, *, simulate: bool, workers: int | None, quiet: bool, dask: str | None = None
+) -> Analysis:
     """Analyse with a progress bar, and say on standard error why runs are missing."""
     from evaluator.workflow import analyze as analyze_experiment
 
     with progress_bar("runs", quiet=quiet) as progress:
         found = analyze_experiment(
-            experiment, out, simulate=simulate, workers=workers, progress=progress, command_line=sys.argv[1:]
+            experiment,
+            out,
+            simulate=simulate,
+            workers=workers,
+            dask=dask,
+            progress=progress,
+            command_line=sys.argv[1:],
         )
     for run, fault in found.faults.items():
         click.echo(f"{run}: {fault}", err=True)
+    if not quiet:
+        for note, runs in runs_by_note(found.notes).items():
+            named = ", ".join(runs[:MOST_NAMED]) + (f", … ({len(runs)} runs)" if len(runs) > MOST_NAMED else "")
+            click.echo(f"note: {named}: {note}", err=True)
+    return found
+
+
+def runs_by_note(notes: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
+    """Runs that share each remark, in the order of the first."""
+    found: dict[str, list[str]] = {}
+    for run, said in notes.items():
+        for note in said:
+            found.setdefault(note, []).append(run)
     return found
 
 

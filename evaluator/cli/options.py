@@ -19,6 +19,9 @@ out_option = click.option(
 workers_option = click.option(
     "--workers", type=click.IntRange(min=1), metavar="N", help="Processes to work with. [default: one per core]"
 )
+dask_option = click.option(
+    "--dask", metavar="ADDRESS", help="Scheduler of a running Dask cluster, as tcp://host:8786, to work on instead."
+)
 json_option = click.option("--json", "as_json", is_flag=True, help="Print the results as JSON, for programs.")
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
 verbose_option = click.option("-v", "--verbose", is_flag=True, help="Say more about every run.")
@@ -27,7 +30,7 @@ dry_run_option = click.option("--dry-run", is_flag=True, help="Say what would be
 
 def batch_options(command: Command) -> Command:
     """Add the options of every command that works through the runs of an experiment."""
-    options = (out_option, workers_option, json_option, quiet_option, verbose_option, dry_run_option)
+    options = (out_option, workers_option, dask_option, json_option, quiet_option, verbose_option, dry_run_option)
     for option in reversed((experiment_argument, *options)):
         command = option(command)
     return command

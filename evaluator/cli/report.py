@@ -14,7 +14,14 @@ from evaluator.cli.options import batch_options
 @click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope report experiment.toml -o out/")
 @batch_options
 def report(
-    experiment: Path, out: Path, workers: int | None, as_json: bool, quiet: bool, verbose: bool, dry_run: bool
+    experiment: Path,
+    out: Path,
+    workers: int | None,
+    dask: str | None,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+    dry_run: bool,
 ) -> int:
     """Make the report of an experiment, computing what it needs.
 
@@ -23,7 +30,7 @@ def report(
     """
     if dry_run:
         return print_plan(experiment, out, simulate=True)
-    found = run_analysis(experiment, out, simulate=True, workers=workers, quiet=quiet)
+    found = run_analysis(experiment, out, simulate=True, workers=workers, dask=dask, quiet=quiet)
     from evaluator.report.build import write_report
 
     write_report(found)

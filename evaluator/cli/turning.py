@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @click.command(
@@ -20,7 +24,7 @@ Example:
 @click.option("--stop-s", type=float, help="When the motors were commanded off.")
 @click.option("--left-rpm", type=float, help="Commanded rotation, for the slip ratio.")
 @click.option("--right-rpm", type=float, help="Commanded rotation, for the slip ratio.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="A turning.csv to write, a row per table.")
+@click.option("-o", "--out", "output", type=click.Path(path_type=Path), help="A turning.csv to write, a row per table.")
 def turning(
     marks: tuple[Path, ...],
     robot: str,
@@ -38,15 +42,14 @@ def turning(
     import pandas as pd
 
     from evaluator.files import read_with, written_whole
+    from evaluator.machine import mark_geometry, robot_shape
     from evaluator.marks import read_marks
-    from evaluator.pose import MarkGeometry, poses_from_marks
-    from evaluator.turning import RobotShape, measure_turning
+    from evaluator.pose import poses_from_marks
+    from evaluator.turning import measure_turning
     from simulator.robot import load_robot
 
     machine = read_with(load_robot, Path(robot))
-    geometry = MarkGeometry(machine.marks.green_mm, machine.marks.yellow_mm, machine.marks.height_mm)
-    places = tuple((float(x), float(y)) for x, y in machine.wheel_positions_mm())
-    shape = RobotShape(places, machine.wheels.radius_mm, machine.body.length_mm, machine.body.width_mm)
+    geometry, shape = mark_geometry(machine), robot_shape(machine)
     seen_by = None
     if camera is not None:
         from calibration.store import load_camera
@@ -58,6 +61,23 @@ def turning(
         found = measure_turning(poses, start_s, stop_s, shape=shape, left_rpm=left_rpm, right_rpm=right_rpm)
         rows.append({"run": path.stem, "left_rpm": left_rpm, "right_rpm": right_rpm, **found.to_row()})
         click.echo(f"{path}: {found.summary()}")
+    if len(rows) > 1:
+        click.echo(_together(pd.DataFrame(rows)))
     if output is not None:
         with written_whole(output) as temporary:
             pd.DataFrame(rows).to_csv(temporary, index=False)
+
+
+def _together(rows: pd.DataFrame) -> str:
+    """All tables as repetitions of one run."""
+    from evaluator.turning.pooling import pooled
+
+    turns = rows[rows["radius_mm"].notna()]
+    radius = pooled(turns["radius_mm"].to_numpy(float), turns["radius_random_mm"].to_numpy(float))
+    if radius.runs < 2:
+        return "repetitions: fewer than two of these turn"
+    shared = radius.with_systematic(float(turns["radius_systematic_mm"].mean()))
+    return (
+        f"{radius.runs} repetitions: radius {radius.mean:.4f} mm, 95 % from {shared.low:.4f} to {shared.high:.4f}; "
+        f"scatter from run to run {radius.between:.2g} mm, of a single measurement {radius.within:.2g} mm"
+    )

@@ -40,6 +40,7 @@ class ImageSequence:
         self.nominal_rate: Fraction | None = rate_hz
         self.tick = 1 / rate_hz
         self.expected_frames = len(self._paths)
+        self.expected_s: float | None = None
         self.threads = 0  # as of `Recording`; nothing here decodes in threads
         self._duplicates: list[int] = []
         self._done = 0

@@ -76,5 +76,7 @@ class Layout:
 
 
 def _same(one: Plane, other: Plane) -> bool:
-    """Whether two pictures are equal, seen from every 37th row: noise differs in every row."""
-    return one.shape == other.shape and one[18::37].tobytes() == other[18::37].tobytes()
+    """Whether two pictures are equal; nearly all that are not differ in every 37th row already."""
+    if one.shape != other.shape or one[18::37].tobytes() != other[18::37].tobytes():
+        return False
+    return bool(np.array_equal(one, other))

@@ -47,6 +47,9 @@ class Recording:
         stream = container.streams.video[0]
         self.nominal_rate: Fraction | None = stream.average_rate or stream.guessed_rate
         self.expected_frames: int = stream.frames  # 0 where the container does not say
+        # What a container says of its whole length speaks of the pictures only where it holds nothing else.
+        alone = container.duration is not None and len(container.streams) == 1 and not live
+        self.expected_s: float | None = container.duration / av.time_base if alone else None
         self.tick: Fraction = stream.time_base
         self._opened: Any = container
         self._reset()
@@ -59,8 +62,8 @@ class Recording:
 
     def _open(self) -> Any:
         try:
-            options = {"fflags": "nobuffer"} if self.live else {}
-            container = av.open(self.name, format=self._format, options=options)
+            # No "nobuffer" for live sources: it throws away the pictures that the format was recognised from.
+            container = av.open(self.name, format=self._format)
         except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
             raise InputError(f"{self.name}: {str(error.strerror).lower()}") from error
         except (av.error.FFmpegError, ValueError, OSError) as error:

@@ -11,23 +11,38 @@ import numpy as np
 from calibration.store import load_camera_file
 from evaluator.files import read_with
 from evaluator.report.figures.agreement import radius_agreement
+from evaluator.report.figures.calibration import distortion_map
 from evaluator.report.figures.gap import gap_before_after
 from evaluator.report.figures.quality import camera_uncertainty, lost_frames, scale_check
 from evaluator.report.figures.radius import radius_against_difference, radius_against_ratio, radius_by_group
+from evaluator.report.figures.repetitions import repetitions
 from evaluator.report.figures.speed import straight_speed
 from evaluator.report.figures.trajectory import representative, trajectories
 from evaluator.report.figures.wheel_states import wheel_states_figure
 from evaluator.report.pages import Section, Table
 from evaluator.report.runs import RunView
 from evaluator.report.style import Figure
+from evaluator.report.tables import (
+    UNKNOWN,
+    directions_table,
+    interval,
+    number,
+    outline_table,
+    pooled_table,
+    slip_table,
+    standard_sentence,
+    table_of_runs,
+)
+from evaluator.workflow import Analysis
 from simulator.robot import Robot
 from simulator.steady import steady_turn
 
 
 def sections(
-    runs: Sequence[RunView], robot: Robot, cameras: Sequence[Path], diagnosis: dict[str, Any] | None
+    runs: Sequence[RunView], robot: Robot, cameras: Sequence[Path], diagnosis: dict[str, Any] | None, analysis: Analysis
 ) -> tuple[Section, ...]:
     """Every section these runs have something to say in."""
+    turning = [run for run in runs if run.turns]
     there = [
         diagnosis_section(diagnosis),
         _figures("trajectories-section", "Trajectories", trajectories(runs)),
@@ -38,10 +53,12 @@ def sections(
             radius_against_ratio(runs),
             radius_by_group(runs),
             radius_agreement(runs),
+            tables=(outline_table(turning),) if turning else (),
         ),
+        _repetitions(runs, analysis),
         _figures("speed", "How fast it runs straight", straight_speed(runs, robot.wheels.radius_mm)),
         _wheels(runs, robot),
-        _quality(runs),
+        _quality(runs, analysis.notes),
         *(_calibration(path, robot) for path in cameras),
         _run_table(runs),
     ]
@@ -86,15 +103,32 @@ def diagnosis_section(diagnosis: dict[str, Any] | None) -> Section | None:
     return Section("diagnosis", "What is missing in the model", tuple(filter(None, text)), figures, tuple(tables))
 
 
-def _figures(name: str, title: str, *figures: Figure | None) -> Section | None:
+def _figures(name: str, title: str, *figures: Figure | None, tables: tuple[Table, ...] = ()) -> Section | None:
     there = tuple(figure for figure in figures if figure is not None)
-    return Section(name, title, figures=there) if there else None
+    return Section(name, title, figures=there, tables=tables) if there else None
+
+
+def _repetitions(runs: Sequence[RunView], analysis: Analysis) -> Section | None:
+    """Repetitions of each command, and backward against forward."""
+    if not (analysis.pooled["side"] != "").any():
+        return None
+    tables = [pooled_table(analysis.pooled)]
+    if not analysis.directions.empty:
+        tables.append(directions_table(analysis.directions))
+    figure = repetitions(runs, analysis.pooled)
+    return Section(
+        "repetitions-section",
+        "Repetitions, sides and directions",
+        (standard_sentence(analysis.pooled),),
+        (figure,) if figure else (),
+        tuple(tables),
+    )
 
 
 def _wheels(runs: Sequence[RunView], robot: Robot) -> Section | None:
     """Figures 20 and 21: a forward and a backward turn of the same speeds, where there are both."""
-    turning = [run for run in representative(runs, len(runs)) if run.turns]
-    chosen = {run.backward: run for run in reversed(turning)}
+    turning = [run for run in runs if run.turns]
+    chosen = {run.backward: run for run in reversed(representative(turning, len(turning)))}
     figures = []
     for backward in sorted(chosen):
         run = chosen[backward]
@@ -102,31 +136,33 @@ def _wheels(runs: Sequence[RunView], robot: Robot) -> Section | None:
         title = f"{'Backward' if backward else 'Forward'}, {run.command}"
         figures.append(wheel_states_figure(f"wheels-{'backward' if backward else 'forward'}", title, robot, turn))
     text = (
-        "Simulated: slip cannot be seen from above. The larger the friction arrows across the wheels, the more of the "
-        "motors' work goes into skidding. (Figures 20 and 21 of the paper.)"
+        "Forces are simulated: they cannot be seen from above. The larger the friction arrows across the wheels, the "
+        "more of the motors' work goes into skidding. (Figures 20 and 21 of the paper.)"
     )
-    return Section("wheels", "What the wheels do in a turn", (text,), tuple(figures)) if figures else None
+    if not figures:
+        return None
+    return Section("wheels", "What the wheels do in a turn", (text,), tuple(figures), (slip_table(turning),))
 
 
-def _quality(runs: Sequence[RunView]) -> Section:
+def _quality(runs: Sequence[RunView], notes: dict[str, tuple[str, ...]]) -> Section:
     columns: dict[str, Callable[[RunView], str]] = {
         "run": lambda run: run.id,
         "frames": lambda run: f"{len(run.marks)}",
-        "both marks seen, %": lambda run: _number(100 * float(run.poses["x_mm"].notna().mean()), 1),
-        "green, µm": lambda run: _number(_mark_sigma_um(run, "green"), 2),
-        "yellow, µm": lambda run: _number(_mark_sigma_um(run, "yellow"), 2),
-        "residual, µm": lambda run: _number(1000 * run.value("residual_rms_mm"), 2),
-        "frame-to-frame correlation": lambda run: _number(run.value("noise_correlation"), 2),
-        "start delay, s": lambda run: _number(run.value("start_delay_s"), 3),
+        "both marks seen, %": lambda run: number(100 * float(run.poses["x_mm"].notna().mean()), 1),
+        "green, µm": lambda run: number(_mark_sigma_um(run, "green"), 2),
+        "yellow, µm": lambda run: number(_mark_sigma_um(run, "yellow"), 2),
+        "residual, µm": lambda run: number(1000 * run.value("residual_rms_mm"), 2),
+        "frame-to-frame correlation": lambda run: number(run.value("noise_correlation"), 2),
+        "start delay, s": lambda run: number(run.value("start_delay_s"), 3),
     }
-    rows = tuple(tuple(cell(run) for cell in columns.values()) for run in runs)
     caption = (
         "Green, yellow: median standard uncertainty that the tracker states for a coordinate of the mark. Residual: "
         "RMS distance of the poses from the fitted motion; much more than the stated uncertainty means a motion "
         "that is not steady, or vibration."
     )
     figures = tuple(figure for figure in (scale_check(runs), lost_frames(runs)) if figure)
-    return Section("quality", "How good the measurement is", (), figures, (Table(caption, tuple(columns), rows),))
+    odd = tuple(f"{run}: {'; '.join(found)}." for run, found in notes.items())
+    return Section("quality", "How good the measurement is", odd, figures, (table_of_runs(caption, columns, runs),))
 
 
 def _calibration(path: Path, robot: Robot) -> Section:
@@ -137,8 +173,9 @@ def _calibration(path: Path, robot: Robot) -> Section:
         for picture in stored.pictures
     )
     table = Table("Gauge pictures.", ("picture", "dots used", "left out", "residual, px RMS"), rows)
-    figure = camera_uncertainty(stored.camera(), robot.marks.height_mm)
-    return Section(f"calibration-{path.stem}", f"Calibration ({path.name})", _sentences(text), (figure,), (table,))
+    camera = stored.camera()
+    figures = (camera_uncertainty(camera, robot.marks.height_mm), distortion_map(camera))
+    return Section(f"calibration-{path.stem}", f"Calibration ({path.name})", _sentences(text), figures, (table,))
 
 
 def _sentences(parts: Sequence[str]) -> tuple[str, ...]:
@@ -156,32 +193,23 @@ def _run_table(runs: Sequence[RunView]) -> Section:
     columns: dict[str, Callable[[RunView], str]] = {
         "run": lambda run: run.id,
         "left / right, rpm": lambda run: f"{run.left_rpm:g} / {run.right_rpm:g}".replace("-", "−"),
-        "radius, mm": lambda run: _number(run.value("radius_mm"), 3),
-        "95 %, mm": lambda run: _range(run.value("radius_low_mm"), run.value("radius_high_mm")),
-        "simulated, mm": lambda run: _number(run.value("simulated_radius_mm", "comparison"), 3),
-        "difference, %": lambda run: _number(run.value("radius_difference_percent", "comparison"), 2, sign=True),
-        "speed, mm/s": lambda run: _number(run.value("speed_mm_s"), 3),
-        "yaw rate, deg/s": lambda run: _number(run.value("yaw_rate_deg_s"), 2),
-        "path gap RMS, mm": lambda run: _number(run.value("gap_rms_mm", "comparison"), 3),
-        "frames used, %": lambda run: _number(100 * run.value("share_used"), 1),
+        "radius, mm": lambda run: number(run.value("radius_mm"), 3) if run.turns else UNKNOWN,
+        "95 %, mm": lambda run: (
+            interval(run.value("radius_low_mm"), run.value("radius_high_mm")) if run.turns else UNKNOWN
+        ),
+        "simulated, mm": lambda run: number(run.value("simulated_radius_mm", "comparison"), 3),
+        "difference, %": lambda run: number(run.value("radius_difference_percent", "comparison"), 2, sign=True),
+        "speed, mm/s": lambda run: number(run.value("speed_mm_s"), 3),
+        "yaw rate, deg/s": lambda run: number(run.value("yaw_rate_deg_s"), 2),
+        "path gap RMS, mm": lambda run: number(run.value("gap_rms_mm", "comparison"), 3),
+        "frames used, %": lambda run: number(100 * run.value("share_used"), 1),
     }
     if any(run.group for run in runs):
         columns["group"] = lambda run: run.group
-    rows = tuple(tuple(cell(run) for cell in columns.values()) for run in runs)
     caption = (
         "Radius: smallest sustained turning radius of the robot's centre; a dash where the run does not turn. The full "
         "tables are turning.csv and comparison.csv."
     )
     status = {run.id: str(run.turning["radius_status"]) for run in runs}
     text = tuple(f"{run}: {reason.replace(': ', ', ')}." for run, reason in status.items() if reason != "ok")
-    return Section("runs", "All runs", text, tables=(Table(caption, tuple(columns), rows),))
-
-
-def _number(value: float, digits: int, *, sign: bool = False) -> str:
-    if not np.isfinite(value):
-        return "–" if np.isnan(value) else "∞"
-    return f"{round(value, digits) + 0.0:{'+' if sign else ''}.{digits}f}".replace("-", "−")  # no minus before zero
-
-
-def _range(low: float, high: float) -> str:
-    return "–" if np.isnan(low) else f"{_number(low, 3)} to {_number(high, 3)}"
+    return Section("runs", "All runs", text, tables=(table_of_runs(caption, columns, runs),))

@@ -7,8 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from evaluator.report.runs import RunView, column
+from evaluator.turning.pooling import Z_975, pooled
+from evaluator.workflow.jobs import SPACING_PERCENT
 
 
 @dataclass(frozen=True)
@@ -20,13 +23,16 @@ class Number:
     range: str
 
 
-def summary(runs: Sequence[RunView], faults: dict[str, str], diagnosis: dict[str, Any] | None) -> list[str]:
+def summary(
+    runs: Sequence[RunView], faults: dict[str, str], diagnosis: dict[str, Any] | None, directions: pd.DataFrame
+) -> list[str]:
     """Sentences, most important first."""
     turning = [run for run in runs if run.turns]
     sentences = [_tightest(turning)] if turning else ["No run turns: there is no turning radius to report."]
-    sentences += [_directions(turning), _agreement(turning), _speed(runs)]
+    sentences += [_directions(directions), _agreement(turning), _speed(runs)]
     if diagnosis is not None:
         sentences.append(diagnosis_sentence(diagnosis))
+    sentences.insert(0, _scale(runs))
     if faults:
         named = ", ".join(list(faults)[:5]) + (", …" if len(faults) > 5 else "")
         sentences.append(f"{len(faults)} of {len(faults) + len(runs)} runs gave no result ({named}); reasons below.")
@@ -39,9 +45,7 @@ def headline(runs: Sequence[RunView]) -> list[Number]:
     numbers = []
     if turning:
         best = min(turning, key=lambda run: run.value("radius_mm"))
-        numbers.append(
-            Number("tightest turn", f"{best.value('radius_mm'):.2f} mm", f"95 %: {_interval(best)}, run {best.id}")
-        )
+        numbers.append(Number("tightest turn", _radius(best), f"95 %: {_interval(best)}, run {best.id}"))
         off = np.abs(column(turning, "radius_difference_percent", "comparison"))
         worst = turning[int(np.nanargmax(off))]
         numbers.append(
@@ -80,13 +84,22 @@ def diagnosis_sentence(diagnosis: dict[str, Any]) -> str:
     return verdicts.get(str(diagnosis.get("verdict")), "")
 
 
+def _scale(runs: Sequence[RunView]) -> str:
+    """A warning where the marks are not as far apart as they should be: every length is then in doubt."""
+    off = 100 * (column(runs, "mark_spacing_ratio") - 1)
+    if not np.isfinite(off).any() or abs(np.nanmedian(off)) < SPACING_PERCENT:
+        return ""
+    way = "farther apart" if np.nanmedian(off) > 0 else "nearer"
+    return (
+        f"Every length below is in doubt: the marks are {abs(np.nanmedian(off)):.0f} % {way} than robot.toml says "
+        "(reasons under How good the measurement is)."
+    )
+
+
 def _tightest(turning: Sequence[RunView]) -> str:
     best = min(turning, key=lambda run: run.value("radius_mm"))
     widest = max(turning, key=lambda run: run.value("radius_mm"))
-    text = (
-        f"The tightest turn has a radius of {best.value('radius_mm'):.2f} mm "
-        f"(95 %: {_interval(best)}; run {best.id}, {best.command})"
-    )
+    text = f"The tightest turn has a radius of {_radius(best)} (95 %: {_interval(best)}; run {best.id}, {best.command})"
     return text + (
         f"; the widest {widest.value('radius_mm'):.1f} mm (run {widest.id}, {widest.command})."
         if widest is not best
@@ -94,27 +107,23 @@ def _tightest(turning: Sequence[RunView]) -> str:
     )
 
 
-def _directions(turning: Sequence[RunView]) -> str:
-    """Forward against backward at the same wheel speeds; a difference is only called one beyond its own scatter."""
-    changes = np.array(
-        [
-            100 * (other.value("radius_mm") / run.value("radius_mm") - 1)
-            for run in turning
-            for other in turning
-            if not run.backward
-            and (other.left_rpm, other.right_rpm, other.group) == (-run.left_rpm, -run.right_rpm, run.group)
-        ]
-    )
-    if len(changes) < 2:
+def _directions(directions: pd.DataFrame) -> str:
+    """Backward against forward at the same wheel speeds, over all commands driven both ways."""
+    if directions.empty:
         return ""
-    mean, error = float(changes.mean()), float(changes.std(ddof=1) / np.sqrt(len(changes)))
-    pairs = f"over {len(changes)} pairs of runs at the same wheel speeds"
-    if abs(mean) < 2 * error:
-        return (
-            f"Forward and backward turns do not differ beyond their scatter ({mean:+.2g} ± {2 * error:.1g} % {pairs})."
-        )
-    way = "tighter" if mean < 0 else "wider"
-    return f"Backward turns are {_percent(abs(mean))} {way} than forward ones (± {2 * error:.1g} %, {pairs})."
+    known = directions[np.isfinite(directions["radius_change_low_percent"])]
+    if known.empty:
+        return ""
+    low, high = known["radius_change_low_percent"], known["radius_change_high_percent"]
+    change = pooled(known["radius_change_percent"].to_numpy(float), ((high - low) / (2 * Z_975)).to_numpy(float))
+    over = f"{len(known)} pairs of commands" if len(known) > 1 else "one pair of commands"
+    bounds = f"95 %: {change.low:+.2g} to {change.high:+.2g} %, {over}".replace("-", "−")
+    if change.low <= 0 <= change.high:
+        return f"Forward and backward turns do not differ beyond their scatter ({bounds})."
+    way = "tighter" if change.mean < 0 else "wider"
+    return (
+        f"Backward turns are {_percent(abs(change.mean))} {way} than forward ones of the same wheel speeds ({bounds})."
+    )
 
 
 def _agreement(turning: Sequence[RunView]) -> str:
@@ -142,10 +151,21 @@ def _speed(runs: Sequence[RunView]) -> str:
     return f"Straight runs are as fast as simulated to within {_percent(abs(off[worst]))} ({furthest})."
 
 
+def _radius(run: RunView) -> str:
+    """A radius with as many digits as its interval bears."""
+    return f"{run.value('radius_mm'):.{_digits(run)}f} mm"
+
+
 def _interval(run: RunView) -> str:
-    high = run.value("radius_high_mm")
-    upper = f"{high:.2f}" if np.isfinite(high) else "straight"
-    return f"{run.value('radius_low_mm'):.2f} to {upper} mm"
+    high, digits = run.value("radius_high_mm"), _digits(run)
+    upper = f"{high:.{digits}f}" if np.isfinite(high) else "straight"
+    return f"{run.value('radius_low_mm'):.{digits}f} to {upper} mm"
+
+
+def _digits(run: RunView) -> int:
+    """Decimals that show the width of the interval by at least one digit."""
+    width = run.value("radius_high_mm") - run.value("radius_low_mm")
+    return int(np.clip(np.ceil(-np.log10(width / 2)), 1, 5)) if 0 < width < np.inf else 2
 
 
 def _percent(value: float) -> str:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.recording import Frame
+from evaluator.tracking.choose import Candidate
 from evaluator.tracking.disc import Disc, Patch, cut_patch, learn_disc
-from evaluator.tracking.find import Candidate
 
 Array = NDArray[np.float64]
 ENOUGH = 1009  # samples of a patch that a shape is learnt from: all of a mark of 8 px radius

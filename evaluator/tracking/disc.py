@@ -111,9 +111,10 @@ def learn_disc(patches: list[Patch], radius_px: float, blur_px: float = 1.0) -> 
         left = np.concatenate([residual[np.isfinite(residual)] for residual in residuals])
         spread = max(1.4826 * float(np.median(np.abs(left))), 0.3)  # rounding to whole levels leaves 0.29
         if np.mean(np.abs(left) > 5 * spread) < 0.005:
-            spread = max(float(np.sqrt(np.mean(np.minimum(left**2, (5 * spread) ** 2)))), 0.3)
             break
         weights = [1.0 / (1.0 + (np.nan_to_num(residual) / (3 * spread)) ** 4) for residual in residuals]
+    # A codec leaves a flat mark without noise and its edge with much: the median sees the flat alone.
+    spread = max(float(np.sqrt(np.mean(np.minimum(left**2, (5 * spread) ** 2)))), 0.3)
     amplitude, base = np.median([mine[2:] for mine in own], axis=0)
     radius, blur = float(np.exp(shared[0])), float(np.exp(shared[1]))
     slant, level = (float(shared[2]), float(shared[3])), (float(amplitude), float(base))

@@ -1,13 +1,12 @@
 """Find marks in a whole picture without knowing where they are: coloured blobs, their shape, the likeliest pair.
 
 Works on the colour planes at their own resolution. White balance: what most of the picture shows (plate, field) is
-taken as neutral, so that hues mean the same under any lamp.
+taken as neutral, so that hues mean the same under any lamp; where that gives no good pair, the plate itself may be
+coloured, and the camera's own balance is taken.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -15,22 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.recording import Frame
+from evaluator.tracking.choose import Candidate, choose
 from evaluator.tracking.settings import Box, MarkSettings, TrackingSettings
 
 Array = NDArray[np.float64]
 LEAST_AREA_PX2 = 6.0  # a mark of 1.4 px radius: below that no shape can be told from noise
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A coloured blob. center_px: (x, y); radius_px: of the disc of equal area; chroma_uv: mean (u, v) of its core."""
-
-    mark: str
-    center_px: tuple[float, float]
-    radius_px: float
-    elongation: float
-    chroma: float
-    chroma_uv: tuple[float, float]
+LEVELS = 5  # doublings of the least chroma: from the faintest tint to the strongest colour that 8 bits hold
+SAME = 1.25  # blobs of two levels are one where their radii differ by less, and their centres by half a radius
+# Share of the plate's tint that the lamp has, degrees by which hues lie beyond their usual ranges, and the log odds
+# against it: a plate may be coloured itself, a camera may render yellow as orange.
+UNUSUAL = ((0.0, 0.0, 2.0), (1.0, 15.0, 4.0), (0.0, 15.0, 6.0))
+GOOD = -4.0  # log-likelihood of two blobs that look like marks (98 % of pairs that are): nothing unusual is tried
+UNSEEN = 30.0  # as bad as a mark can score, and more
 
 
 @dataclass(frozen=True)
@@ -58,8 +53,11 @@ def cell_of(frame: Frame) -> tuple[int, int]:
     return -(-frame.luma.shape[1] // frame.u.shape[1]), -(-frame.luma.shape[0] // frame.u.shape[0])
 
 
-def color_map(frame: Frame, allowed: NDArray[np.bool_]) -> ColorMap:
-    """Balance a picture's colours. allowed: (rows, columns) of the colour planes, where to look."""
+def color_map(frame: Frame, allowed: NDArray[np.bool_], balance: float = 1.0) -> ColorMap:
+    """Balance a picture's colours.
+
+    allowed: (rows, columns) of the colour planes, where to look. balance: share of the plate's tint that the lamp has.
+    """
     assert frame.u is not None
     assert frame.v is not None
     rows, columns = frame.u.shape
@@ -78,7 +76,7 @@ def color_map(frame: Frame, allowed: NDArray[np.bool_]) -> ColorMap:
     rgb = [red, green, blue]
     middle = np.array([max(float(np.median(plane[allowed])), 1.0) for plane in rgb])
     # Lamps from candle to blue sky stay within a factor of two between channels.
-    gain = np.clip(middle.mean() / middle, 0.6, 1.7)
+    gain = np.clip(middle.mean() / middle, 0.6, 1.7) ** balance
     balanced = [plane * np.float32(factor) for plane, factor in zip(rgb, gain, strict=True)]
     hue, chroma = _hue_and_chroma(balanced)
     typical = chroma[allowed]
@@ -134,22 +132,71 @@ def allowed_cells(frame: Frame, settings: TrackingSettings, mark: MarkSettings |
     return allowed
 
 
-def candidates(frame: Frame, settings: TrackingSettings, names: list[str], limit: int = 12) -> list[Candidate]:
-    """All blobs that could be one of the named marks, the most colourful first, at most `limit` a mark."""
+def find_marks(frame: Frame, settings: TrackingSettings, names: list[str]) -> dict[str, Candidate]:
+    """The likeliest blob of each of the named marks, as far as there is one."""
+    best, most = choose(candidates(frame, settings, names), settings)
+    if len(names) == 1 or (len(best) == len(names) and most > GOOD):
+        return best
+    most -= UNSEEN * (len(names) - len(best))
+    for balance, wider_deg, odds in UNUSUAL:
+        chosen, score = choose(candidates(frame, settings, names, balance, wider_deg), settings)
+        # Less than a good pair is no reason to read the colours in another way.
+        if len(chosen) == len(names) and score > GOOD and score - odds > most:
+            best, most = chosen, score - odds
+    return best
+
+
+def candidates(
+    frame: Frame,
+    settings: TrackingSettings,
+    names: list[str],
+    balance: float = 1.0,
+    wider_deg: float = 0.0,
+    limit: int = 12,
+) -> list[Candidate]:
+    """All blobs that could be one of the named marks, the most colourful first, at most `limit` a mark.
+
+    balance: of `color_map`. wider_deg: for how much hues count beyond their ranges, away from those of other marks.
+    """
     anywhere = allowed_cells(frame, settings)
     if not anywhere.any():
         return []
-    colors = color_map(frame, anywhere)
+    colors = color_map(frame, anywhere, balance)
     found = []
     for name in names:
         mark = settings.mark[name]
         allowed = allowed_cells(frame, settings, mark)
         low, high = mark.hue_range(name)
+        if mark.hue_deg is None:
+            low, high = _widened(
+                low, high, wider_deg, [settings.mark[other].hue_range(other) for other in settings.mark]
+            )
         within = np.mod(colors.hue_deg - np.float32(low), 360) < np.mod(high - low, 360)
-        mask = (within & allowed & (colors.chroma > colors.floor)).astype(np.uint8)
-        blobs = [blob for blob in _blobs(name, colors, mask) if _fits(blob, mark)]
+        blobs: list[Candidate] = []
+        # A mark may lie on something of its own hue (a circuit board, a reflection of itself): at each level of chroma
+        # other blobs stand apart.
+        for level in colors.floor * 2.0 ** np.arange(LEVELS):
+            mask = (within & allowed & (colors.chroma > level)).astype(np.uint8)
+            if not mask.any():
+                break
+            blobs += [one for one in _blobs(name, colors, mask) if _fits(one, mark) and not _known(one, blobs)]
         found += sorted(blobs, key=lambda blob: -blob.chroma * min(blob.radius_px, 3.0))[:limit]
     return found
+
+
+def _widened(low: float, high: float, by: float, ranges: list[tuple[float, float]]) -> tuple[float, float]:
+    """A range of hues widened on the sides where no other begins."""
+    return (low - by * all(low != other for _, other in ranges), high + by * all(high != other for other, _ in ranges))
+
+
+def _known(blob: Candidate, blobs: list[Candidate]) -> bool:
+    """Whether a blob is among those already found."""
+    for other in blobs:
+        small, large = sorted((blob.radius_px, other.radius_px))
+        apart = np.hypot(*np.subtract(blob.center_px, other.center_px))
+        if large < SAME * small and apart < 0.5 * small:
+            return True
+    return False
 
 
 def _fits(blob: Candidate, mark: MarkSettings) -> bool:
@@ -177,7 +224,7 @@ def _blobs(name: str, colors: ColorMap, mask: NDArray[np.uint8]) -> list[Candida
         w = weight[y, x] / weight[y, x].sum()
         cx, cy = float(w @ x), float(w @ y)
         px, py = (x - cx) * colors.cell_px[0], (y - cy) * colors.cell_px[1]
-        spread = np.cov(np.stack([px, py])) + np.diag([colors.cell_px[0] ** 2, colors.cell_px[1] ** 2]) / 12
+        spread = np.cov(np.stack([px, py]), ddof=0) + np.diag([colors.cell_px[0] ** 2, colors.cell_px[1] ** 2]) / 12
         small, large = np.linalg.eigvalsh(spread)
         core = strong & (chroma > 0.8 * np.percentile(chroma[strong], 90))
         blobs.append(
@@ -194,43 +241,3 @@ def _blobs(name: str, colors: ColorMap, mask: NDArray[np.uint8]) -> list[Candida
             )
         )
     return blobs
-
-
-def choose(found: list[Candidate], settings: TrackingSettings) -> Mapping[str, Candidate]:
-    """Choose a candidate for each mark: the best pair where green and yellow are sought, else the best of each."""
-    by_mark = {name: [one for one in found if one.mark == name] for name in settings.mark}
-    chosen: dict[str, Candidate] = {}
-    strongest = max((one.chroma for one in found), default=1.0)
-    if set(settings.mark) == {"green", "yellow"} and by_mark["green"] and by_mark["yellow"]:
-        pairs = itertools.product(by_mark["green"], by_mark["yellow"])
-        green, yellow = max(pairs, key=lambda pair: _pair_score(pair[0], pair[1], settings, strongest))
-        return {"green": green, "yellow": yellow}
-    for name, ones in by_mark.items():
-        if ones:
-            chosen[name] = max(ones, key=lambda one: _own_score(one, settings.mark[name], strongest))
-    return chosen
-
-
-def _own_score(one: Candidate, mark: MarkSettings, strongest: float) -> float:
-    """Log-likelihood, up to a constant, of a blob being a mark; spreads are those of real marks."""
-    score = -0.5 * (np.log(one.elongation) / 0.3) ** 2 + 2.0 * np.log(one.chroma / strongest)
-    if mark.diameter_px is not None:
-        score -= 0.5 * (np.log(2 * one.radius_px / mark.diameter_px) / 0.15) ** 2
-    elif one.radius_px > 3:
-        return float(score)
-    else:
-        score -= 0.5 * ((3 - one.radius_px) / 1.0) ** 2
-    return float(score)
-
-
-def _pair_score(green: Candidate, yellow: Candidate, settings: TrackingSettings, strongest: float) -> float:
-    """Log-likelihood of two blobs being the two marks of one robot: equal size, the known distance in diameters."""
-    score = _own_score(green, settings.mark["green"], strongest) + _own_score(
-        yellow, settings.mark["yellow"], strongest
-    )
-    score -= 0.5 * (np.log(green.radius_px / yellow.radius_px) / 0.15) ** 2
-    if settings.distance_diameters is not None:
-        distance = float(np.hypot(*np.subtract(green.center_px, yellow.center_px)))
-        ratio = distance / (green.radius_px + yellow.radius_px) / settings.distance_diameters
-        score -= min(0.5 * (np.log(max(ratio, 1e-3)) / 0.2) ** 2, 20.0)  # bounded: other robots have other distances
-    return float(score)

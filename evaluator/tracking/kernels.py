@@ -14,8 +14,8 @@ import numpy as np
 from numba import njit
 
 # Places of the numbers that `fit_disc` gives.
-X, Y, AMPLITUDE, BASE, VAR_X, VAR_Y, COV_XY, RESIDUAL, USED, INSIDE, PIXELS = range(11)
-RESULTS = 11
+X, Y, AMPLITUDE, BASE, VAR_X, VAR_Y, COV_XY, RESIDUAL, USED, INSIDE, PIXELS, SLOPE_X, SLOPE_Y = range(13)
+RESULTS = 13
 
 # Liberties of floating point that keep NaN and order: what a fit loses by them is below its rounding.
 QUICK = {"contract", "arcp", "nsz"}
@@ -118,6 +118,7 @@ def fit_disc(luma, row_origin, row_step, start, disc, profile, slope, per_px, no
             break
     invert_leading(normal, result)
     result[X : BASE + 1] = state[:4]
+    result[SLOPE_X], result[SLOPE_Y] = (state[4], state[5]) if size == 6 else (0.0, 0.0)
     result[RESIDUAL] = sums[0] / max(sums[1] - size, 1.0)
     result[USED] = sums[1] / max(sums[2], 1.0)
     result[INSIDE] = sums[2] / max(sums[3], 1.0)

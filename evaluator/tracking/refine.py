@@ -8,10 +8,12 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.tracking.follow import WRONG_DISTANCE, Follower
+from evaluator.tracking.follow import Follower
+from evaluator.tracking.repeated import repeated_pictures
 from evaluator.tracking.rigid import Distance, wrong_ends
 from evaluator.tracking.shading import learn_shading
-from evaluator.tracking.uncertainty import hidden_variance
+from evaluator.tracking.sighting import REPEATED, WRONG_DISTANCE
+from evaluator.tracking.uncertainty import hidden_variance, steady_times
 
 Array = NDArray[np.float64]
 
@@ -32,8 +34,12 @@ def refine(
     kinds: of the pictures. numbers: per mark (n, 5) of x, y, their variances and covariance, px and px², NaN if absent.
     status: per mark, of every picture.
     """
-    kind = np.array(list(kinds), dtype=str)
-    for name, values in numbers.items():
+    kind, time_s = np.array(list(kinds), dtype=str), steady_times(time_s)
+    again = repeated_pictures([values[:, :2] for values in numbers.values()])
+    for (name, values), shown in zip(numbers.items(), again, strict=True):
+        values[shown] = np.nan
+        for row in np.flatnonzero(shown):
+            status[name][row] = REPEATED
         follower = followers.get(name)
         if follower is None or not len(values):
             continue

@@ -59,6 +59,8 @@ class Distance:
         """Square of the scatter of the distance over what the variance says; NaN where too few are seen."""
         normal = self.error / np.sqrt(variance)
         normal = normal[np.isfinite(normal)]
+        # What lies far beyond the tails is a wrong end (`wrong_ends`), not the marks' usual error.
+        normal = normal[np.abs(normal) <= 2 * CLIPPED * 1.4826 * np.median(np.abs(normal))] if len(normal) else normal
         return robust_square(normal[:, None]) / self.freedom if len(normal) else float("nan")
 
 

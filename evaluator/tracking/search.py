@@ -15,6 +15,9 @@ from evaluator.tracking.settings import TrackingSettings
 Array = NDArray[np.float64]
 
 
+WEAKER = 0.5  # of the usual least chroma: a blurred mark is weaker at its rim
+
+
 class Search:
     """Finds blobs of a learnt colour and size; keeps its masks from picture to picture."""
 
@@ -25,12 +28,11 @@ class Search:
         self._allowed = {name: allowed_cells(frame, settings, mark) for name, mark in settings.mark.items()}
         self._mask = np.zeros(frame.u.shape, np.uint8)
 
-    def places(self, name: str, frame: Frame, follower: Follower) -> list[tuple[float, float]]:
-        """Centres of the blobs that may be the mark, likeliest size first."""
+    def places(self, name: str, frame: Frame, follower: Follower, light: float) -> list[tuple[float, float]]:
+        """Centres of the blobs that may be the mark, likeliest size first; light: of what there was."""
         color, area, cell = follower.color, follower.look.area_px2, self._cell
-        # A mark that was lost because the light fell is weaker than it was: half of the usual threshold.
         count, top, bottom, left, right = kernels.color_scan(
-            frame.u, frame.v, self._allowed[name], color, 0.5 * color[4], self._mask
+            frame.u, frame.v, self._allowed[name], color, min(WEAKER, light) * color[4], self._mask
         )
         cell_area = cell[0] * cell[1]
         if count * cell_area < 0.35 * area:

@@ -57,7 +57,7 @@ class TrackingSettings(Table):
     mark: by name; a name begins with its colour (green, yellow, yellow_left …) unless color or hue_deg says it.
     region_px: search here only. mask_px: boxes never to look at. distance_diameters: distance of green and yellow over
     their diameter, used to choose between candidates in the first picture (3.66 on the paper's robot). exposure: share
-    of the frame interval that the shutter is open.
+    of the frame interval that the shutter is open; learnt from fast marks where it is not said.
     """
 
     format: Literal[1] = 1
@@ -65,7 +65,7 @@ class TrackingSettings(Table):
     region_px: Box | None = None
     mask_px: tuple[Box, ...] = ()
     distance_diameters: Finite | None = Field(default=3.66, gt=0)
-    exposure: Annotated[float, Field(ge=0, le=1)] = 0.5
+    exposure: Annotated[float, Field(ge=0, le=1)] | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from evaluator.errors import InputError
 from evaluator.progress import Progress, no_progress
 from evaluator.recording import Frame
-from evaluator.tracking.follow import Sighting
 from evaluator.tracking.refine import refine
 from evaluator.tracking.settings import TrackingSettings
+from evaluator.tracking.sighting import Sighting
 from evaluator.tracking.tracker import Tracker
 
 Array = NDArray[np.float64]

@@ -9,20 +9,26 @@ import numpy as np
 from evaluator.errors import InputError
 from evaluator.recording import Frame
 from evaluator.tracking.appearance import Appearance, learn_color, learn_shape, patch_of, with_disc
+from evaluator.tracking.body import PAIR, Body
+from evaluator.tracking.choose import Candidate
 from evaluator.tracking.disc import Patch, make_disc
-from evaluator.tracking.find import Candidate, allowed_cells, candidates, cell_of, choose, neutral_of
-from evaluator.tracking.follow import ABSENT, OK, RELEARN_AT, Array, Follower, Point, Sighting
+from evaluator.tracking.find import allowed_cells, cell_of, find_marks, neutral_of
+from evaluator.tracking.follow import RELEARN_AT, Array, Follower, Point
 from evaluator.tracking.search import Search
 from evaluator.tracking.settings import TrackingSettings
+from evaluator.tracking.sighting import ABSENT, OK, REPEATED, Sighting
 
 LEARNING_FRAMES = 12  # pictures a shape is learnt from; more do not improve the centre: shape and centre are orthogonal
 # Light is measured in every second picture at first, then in every sixteenth: it belongs to the place, not to the time.
 SHADING_MASK, SHADED, RARELY_MASK = 1, 512, 15
 UNEQUAL = 0.08  # radii of equal marks differ by less: halation of a brighter mark, learning from noisy pictures
 UNEQUAL_NOISE = 4.0  # and so does their noise: light and codec treat them alike
+NEAR_MISSES = 8  # pictures for which a lost mark is sought first where it was going to
+DARKEST = 0.2  # of the light there was: below that, marks that can still be told are found as never seen before
+LIGHT_MASK = 7  # light is looked at in every eighth picture
 PATIENCE = 30  # pictures to wait for both marks of a pair before following one alone
 STILL_PX = 0.3  # a mark that moves less a picture rests, and a codec may well repeat its picture
-NOT_SEEN, REPEATED = ABSENT["not seen"], ABSENT["repeated picture"]
+NOT_SEEN, AGAIN = ABSENT["not seen"], ABSENT[REPEATED]
 
 
 class Tracker:
@@ -38,13 +44,16 @@ class Tracker:
         self._time_s: float | None = None
         self._shape: tuple[int, ...] = ()
         self._search: Search | None = None
-        self._waited = 0
+        self._waited, self._source = 0, "the recording"
+        self.body = Body()
+        self._light, self._dimmed = 0.0, 1.0
 
     def run(self, recording: Iterable[Frame]) -> Iterator[tuple[Frame, list[Sighting]]]:
         """Give every picture with the sightings of its marks, in the order of `names`.
 
         The first LEARNING_FRAMES pictures with a mark are held back until its shape is learnt from them.
         """
+        self._source = getattr(recording, "name", self._source)
         pictures = iter(recording)
         held: list[tuple[Frame, list[Sighting]]] = []
         for frame in pictures:
@@ -73,16 +82,15 @@ class Tracker:
         followers = self.followers
         if frame.repeated and any(f.step_px(self.interval_s) > STILL_PX for f in followers.values()):
             # The recorder filled a gap with the picture before: it shows where the marks were, not where they are.
-            return [REPEATED] * len(self.names)
+            return [AGAIN] * len(self.names)
         if len(followers) < len(self.names):
             self._discover(frame)
-        sightings = []
-        for name in self.names:
-            follower = followers.get(name)
-            one = NOT_SEEN if follower is None else self._followed(follower, frame, time_s)
-            if one.status != OK and follower is not None:
-                one = self._found_again(name, frame, one)
-            sightings.append(one)
+        sightings = [self._followed(followers.get(name), frame, time_s) for name in self.names]
+        if any(one.status != OK for one in sightings):
+            self._recover(frame, sightings)
+        elif not frame.index & LIGHT_MASK:
+            self._light = _light(frame)
+        self._note_distance(sightings)
         for name, one in zip(self.names, sightings, strict=True):
             if name in followers:
                 followers[name].accept(one, time_s)
@@ -104,39 +112,89 @@ class Tracker:
 
     def _prepare(self, frame: Frame) -> None:
         if frame.u is None:
-            raise InputError("the recording has no colour: green and yellow marks cannot be told apart in it")
+            raise InputError(f"{self._source} has no colour: green and yellow marks cannot be told apart in it")
         across, down = cell_of(frame)
         step = frame.row_step
         self.cell = np.array([across, down * step, (across - 1) / 2, frame.row_origin + (down - 1) / 2 * step], float)
         self._search = Search(frame, self.settings, self.cell)
         self._shape = frame.luma.shape
 
-    def _followed(self, follower: Follower, frame: Frame, time_s: float) -> Sighting:
-        place = follower.predicted(time_s)
-        if place is None or follower.missed > 8:
+    def _followed(self, follower: Follower | None, frame: Frame, time_s: float) -> Sighting:
+        place = None if follower is None else follower.predicted(time_s)
+        if follower is None or place is None or follower.missed > NEAR_MISSES:
             return NOT_SEEN
         # An acceleration may change the step by half of itself from one picture to the next; every miss adds to that.
         reach = (2.0 + 0.5 * follower.step_px(self.interval_s)) * (1 + follower.missed)
         return follower.look_at(frame, self.cell, place, reach, self.interval_s)
 
-    def _found_again(self, name: str, frame: Frame, miss: Sighting) -> Sighting:
-        """Look in the whole picture for a mark that is not where it should be."""
+    def _recover(self, frame: Frame, sightings: list[Sighting]) -> None:
+        """Look in the whole picture for marks that are not where they should be; in place.
+
+        Two marks of one robot are found at their distance only, or alone where the robot can have come to.
+        """
+        pair, body = set(self.names) == PAIR, self.body
+        lost = [k for k, one in enumerate(sightings) if one.status != OK and self.names[k] in self.followers]
+        self._dimmed = max(_light(frame) / self._light, DARKEST) if self._light else 1.0
+        places = {k: self._places(self.names[k], frame) for k in lost}
+        for k in lost:
+            follower, mine = self.followers[self.names[k]], places[k]
+            partner = sightings[1 - k] if pair else NOT_SEEN
+            guide = (0.0, 0.0)
+            if partner.status == OK:
+                mine = body.paired(mine, [partner[:2]])
+                guide = self.followers[self.names[1 - k]].velocity
+            elif pair and body.known:
+                mine = body.paired(mine, places.get(1 - k, [])) or [place for place in mine if self._reached(place, k)]
+            sightings[k] = self._found_again(follower, frame, mine, guide, sightings[k])
+            if sightings[k].status == OK and partner.status != OK:
+                body.confirmed = False
+            if pair and partner.status == OK and not mine and places[k] and not body.confirmed and body.known:
+                self._leave_lookalike(frame, sightings, k, places[k])
+
+    def _leave_lookalike(self, frame: Frame, sightings: list[Sighting], k: int, mine: list[Point]) -> None:
+        """Where a mark was found alone and its partner lies elsewhere, follow the pair that fits instead; in place."""
+        name, other = self.names[k], self.names[1 - k]
+        theirs = self._places(other, frame)
+        for key, places in ((1 - k, self.body.paired(theirs, mine)), (k, self.body.paired(mine, theirs))):
+            follower = self.followers[(name, other)[key != k]]
+            found = self._found_again(follower, frame, places, (0.0, 0.0), sightings[key])
+            if found.status != OK:
+                return
+            sightings[key] = found
+
+    def _places(self, name: str, frame: Frame) -> list[Point]:
         assert self._search is not None
-        follower = self.followers[name]
-        places = self._search.places(name, frame, follower)
+        return self._search.places(name, frame, self.followers[name], self._dimmed)
+
+    def _reached(self, place: Point, k: int) -> bool:
+        """Whether a robot can have come to a place since its mark was lost."""
+        follower = self.followers[self.names[k]]
+        if follower.position is None:
+            return True
+        reach = self.body.distance_px + 2.0 * follower.step_px(self.interval_s) * (1 + follower.missed)
+        return abs(place[0] - follower.position[0]) + abs(place[1] - follower.position[1]) < reach
+
+    def _found_again(
+        self, follower: Follower, frame: Frame, places: list[Point], guide: Point, miss: Sighting
+    ) -> Sighting:
+        """Measure a mark in the likeliest of the places that it may be at."""
         expected = follower.predicted(frame.time_s)
-        if expected is not None and follower.missed < 8:
-            places.sort(key=lambda place: abs(place[0] - expected[0]) + abs(place[1] - expected[1]))
+        if expected is not None and follower.missed < NEAR_MISSES:
+            places = sorted(places, key=lambda place: abs(place[0] - expected[0]) + abs(place[1] - expected[1]))
         for place in places[:3]:
-            one = follower.look_at(frame, self.cell, place, 3.0, 0.0)
+            one = follower.look_again(frame, self.cell, place, self.interval_s, guide, self._dimmed)
             if one.status == OK:
                 return one
         return miss
 
+    def _note_distance(self, sightings: list[Sighting]) -> None:
+        if len(sightings) == len(PAIR) and sightings[0].status == OK == sightings[1].status:
+            self.body.note(sightings[0][:2], sightings[1][:2])
+
     def _discover(self, frame: Frame) -> None:
         """Find marks that were never seen yet."""
         wanted = [name for name in self.names if name not in self.followers]
-        chosen = dict(choose(candidates(frame, self.settings, wanted), self.settings))
+        chosen = find_marks(frame, self.settings, wanted)
         pair = len(self.names) > 1 and not self.followers
         self._waited += 1
         if not chosen or (pair and len(chosen) < len(wanted) and self._waited < PATIENCE):
@@ -191,3 +249,9 @@ class Tracker:
         if one.status != OK:
             return one
         return self.followers[name].look_at(frame, self.cell, (one.x, one.y), 2.0, 0.0)
+
+
+def _light(frame: Frame) -> float:
+    """Mean luma of the picture above black, from a few hundred of its pixels."""
+    black = 0.0 if frame.full_range else 16.0 * 2 ** (frame.depth - 8)
+    return max(float(frame.luma[::37, ::23].mean()) - black, 1e-9)

@@ -15,32 +15,77 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 OFFSETS = np.array([-5, -4, -3, -2, -1, 1, 2, 3, 4, 5])
-# Weights that predict the middle of eleven from the quartic through the other ten by least squares: on a circle of 100
-# px radius at 0.05 rad a step, the course itself leaves 1e-3 px.
-WEIGHTS = np.linalg.pinv(np.vander(OFFSETS, 5, increasing=True))[0]
 REACH = 5
+# The course is the quartic through the neighbours by least squares: on a circle of 100 px radius at 0.05 rad a step it
+# leaves 1e-3 px. Two more neighbours than it has unknowns, two of them on either side, tell a picture's error.
+ORDER, NEIGHBORS, EITHER_SIDE = 5, 7, 2
+EVEN = 1e-3  # of the span: neighbours that are as evenly timed as this share one set of weights
 LEAST = 24  # differences that a variance is estimated from: its own relative uncertainty is then below 0.3
+FEW = 8  # enough to tell that there is an error, where a recording moves no longer than that
 MOVING_PX = 0.1  # a step that codecs still take for rest, give or take their own error
 STRIDES = (1, 2, 4, 8)
 STRAIGHT_PX = 6.0  # path over which the centre of a mark follows a quartic to 0.01 px on turns of 20 px radius
+# Errors of codecs have long tails, those of Student's t with about as many degrees of freedom: 0.5 to 1.5 % of pictures
+# lie beyond 4 sigma on H.264, HEVC and VP9 alike.
+FREEDOM = 4.0
+TAIL = 3.0  # sigmas off the course from which a picture's own error counts as a large one: nearer ones tell nothing
 
 
-def course_error(time_s: Array, centers_px: Array, stride: int = 1) -> Array:
+CLOCK = 0.06  # of an interval: what rounding to a clock of 1 ms moves pictures by at up to 120 a second
+
+
+def steady_times(time_s: Array) -> Array:
+    """Times of a recording of constant rate without the rounding of its container's clock; others as they are; (n,).
+
+    A mark moves a tenth of a pixel in the half millisecond that some containers round by: more than its centre errs.
+    """
+    steps = np.diff(time_s)
+    if len(steps) < LEAST:
+        return time_s
+    count = np.concatenate([[0.0], np.cumsum(np.rint(steps / np.median(steps)))])
+    middle = count - count.mean()
+    interval = float(middle @ time_s / (middle @ middle))
+    steady = time_s.mean() + interval * middle
+    return steady if np.abs(steady - time_s).max() < CLOCK * interval else time_s
+
+
+class Course:
     """What each centre differs from the course of its neighbours.
 
-    stride: pictures between neighbours. Returns (n, 2), NaN where a neighbour is absent or times are uneven.
+    error: (n, 2), NaN where too few neighbours are seen. weights: of the neighbours, (n, 10), 0 where absent.
     """
-    n, margin = len(time_s), REACH * stride
-    error = np.full((n, 2), np.nan)
-    if n <= 2 * margin:
-        return error
-    rows = np.arange(margin, n - margin)
-    around = rows[:, None] + stride * OFFSETS
-    error[rows] = centers_px[rows] - np.einsum("j,njk->nk", WEIGHTS, centers_px[around])
-    usual = np.median(np.diff(time_s))
-    lapse = time_s[around] - time_s[rows][:, None] - stride * OFFSETS * usual
-    error[rows[np.abs(lapse).max(axis=1) > 0.1 * usual]] = np.nan
-    return error
+
+    def __init__(self, time_s: Array, centers_px: Array, stride: int = 1) -> None:
+        """time_s: (n,). centers_px: (n, 2), NaN where absent. stride: pictures between neighbours."""
+        n = len(time_s)
+        self.around = np.arange(n)[:, None] + stride * OFFSETS
+        inside = (self.around >= 0) & (self.around < n)
+        self.around = np.clip(self.around, 0, max(n - 1, 0))
+        seen: NDArray[np.bool_] = np.asarray(np.isfinite(centers_px).all(axis=1))
+        usable = inside & seen[self.around]
+        before, after = usable[:, :REACH].sum(axis=1), usable[:, REACH:].sum(axis=1)
+        enough = (before + after >= NEIGHBORS) & (before >= EITHER_SIDE) & (after >= EITHER_SIDE)
+        self.known: NDArray[np.bool_] = seen & enough
+        lapse = time_s[self.around] - time_s[:, None]
+        usual = stride * OFFSETS * float(np.median(np.diff(time_s))) if n > 1 else OFFSETS
+        even = usable.all(axis=1) & (np.abs(lapse - usual).max(axis=1) < EVEN * abs(usual[0]))
+        self.weights = np.zeros((n, len(OFFSETS)))
+        self.weights[even] = _to_the_middle(usual[None], np.ones((1, len(OFFSETS)), bool))[0]
+        odd = self.known & ~even
+        self.weights[odd] = _to_the_middle(lapse[odd], usable[odd])
+        course = np.einsum("nj,njk->nk", self.weights, np.nan_to_num(centers_px)[self.around])
+        self.error = np.where(self.known[:, None], centers_px - course, np.nan)
+
+    def variance(self, variances: Array) -> Array:
+        """Variance of the errors, from that of the centres (n,), NaN where absent."""
+        return np.asarray(variances + (self.weights**2 * np.nan_to_num(variances)[self.around]).sum(axis=1))
+
+
+def _to_the_middle(lapse_s: Array, usable: NDArray[np.bool_]) -> Array:
+    """Weights of neighbours that give the value of their polynomial at lapse 0; (m, 10) all."""
+    powers = (lapse_s / np.abs(lapse_s).max(initial=1e-9))[..., None] ** np.arange(ORDER) * usable[..., None]
+    first = np.broadcast_to(np.eye(ORDER)[:, :1], (len(powers), ORDER, 1))
+    return np.asarray((powers @ np.linalg.solve(powers.transpose(0, 2, 1) @ powers, first))[..., 0])
 
 
 def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: NDArray[np.str_]) -> Array:
@@ -51,25 +96,36 @@ def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: N
     """
     # Pictures where something was in the way have an uncertainty of their own, and tell nothing of the codec.
     calm = variances < 3.0 * np.nanmedian(variances) if np.isfinite(variances).any() else np.zeros(len(variances), bool)
-    centers_px, variances = np.where(calm[:, None], centers_px, np.nan), np.where(calm, variances, np.nan)
-    errors = course_error(time_s, centers_px)
+    centers_px, quiet = np.where(calm[:, None], centers_px, np.nan), np.where(calm, variances, np.nan)
+    course = Course(time_s, centers_px)
     moving = _moving(centers_px)
-    extra = codec_variance(np.where(moving[:, None], errors, np.nan), variances, kinds)
+    extra = codec_variance(course, course.known & moving, quiet, kinds)
     # At rest a codec keeps one error for long, which nothing shows: it is smaller than in motion, by a third at most.
-    rest = codec_variance(np.where(moving[:, None], np.nan, errors), variances, kinds)
+    rest = codec_variance(course, course.known & ~moving, quiet, kinds)
     extra = np.where(moving, extra, np.maximum(rest, extra / 3))
     steps = np.hypot(*np.diff(centers_px, axis=0).T)
     speed = float(np.nanmedian(steps)) if np.isfinite(steps).any() else 0.0
-    own = float(np.nanmean(variances)) if np.isfinite(variances).any() else 0.0
+    own = float(np.nanmean(quiet)) if np.isfinite(quiet).any() else 0.0
     most = typical = float(extra.mean())
     for stride in STRIDES[1:]:
         if REACH * stride * speed > STRAIGHT_PX:
             break
-        errors = course_error(time_s, centers_px, stride)
-        errors = errors[np.isfinite(errors).all(axis=1)]
-        if len(errors) >= LEAST * stride:
-            most = max(most, robust_square(errors) / (1 + WEIGHTS @ WEIGHTS) - own)
-    return extra + (most - typical)
+        wide = Course(time_s, centers_px, stride)
+        if wide.known.sum() >= LEAST * stride:
+            share = 1 + float((wide.weights[wide.known] ** 2).sum(axis=1).mean())
+            most = max(most, robust_square(wide.error[wide.known]) / share - own)
+    extra = extra + (most - typical)
+    return extra + _tail(course, quiet + extra)
+
+
+def _tail(course: Course, variances: Array) -> Array:
+    """Variance to add where a picture lies so far off its course that its own error is a large one; (n,).
+
+    The mean of the variance of an error that follows Student's t, once the error is seen.
+    """
+    square = (course.error**2).sum(axis=1) / course.variance(variances)
+    factor = (FREEDOM + np.nan_to_num(square)) / (FREEDOM + course.error.shape[1])
+    return np.asarray(np.nan_to_num(variances) * np.where(np.nan_to_num(square) > TAIL**2, factor - 1.0, 0.0))
 
 
 def _moving(centers_px: Array) -> NDArray[np.bool_]:
@@ -80,26 +136,27 @@ def _moving(centers_px: Array) -> NDArray[np.bool_]:
     return np.pad(np.nan_to_num(step, nan=np.inf) > MOVING_PX, 3, mode="edge")
 
 
-def codec_variance(errors: Array, variances: Array, kinds: NDArray[np.str_]) -> Array:
+def codec_variance(course: Course, chosen: NDArray[np.bool_], variances: Array, kinds: NDArray[np.str_]) -> Array:
     """Variance to add to every picture, one value for each kind of picture (I, P, B); (n,).
 
-    errors: of `course_error` (n, 2). variances: known already (n,), NaN where absent. kinds: (n,).
+    chosen: pictures to learn it from (n,). variances: known already (n,), NaN where absent. kinds: (n,).
     """
     names = np.unique(kinds)
-    seen = np.isfinite(errors).all(axis=1)
-    rows = np.flatnonzero(seen)
+    rows = np.flatnonzero(chosen)
     usable = [name for name in names if (kinds[rows] == name).sum() >= LEAST]
     extra = np.zeros(len(kinds))
-    if not usable:
+    if len(rows) < FEW:
         return extra
-    around = rows[:, None] + OFFSETS
-    known = variances[rows] + variances[around] @ WEIGHTS**2
+    if not usable:
+        usable, kinds = ["any"], np.full(len(kinds), "any")
+    squares, neighbors = course.weights[rows] ** 2, kinds[course.around[rows]]
+    known = course.variance(variances)[rows]
     matrix, right = np.zeros((len(usable), len(usable))), np.zeros(len(usable))
     for k, name in enumerate(usable):
         mine = kinds[rows] == name
-        right[k] = robust_square(errors[rows[mine]]) - known[mine].mean()
+        right[k] = robust_square(course.error[rows[mine]]) - known[mine].mean()
         for m, other in enumerate(usable):
-            matrix[k, m] = (k == m) + ((kinds[around[mine]] == other) @ WEIGHTS**2).mean()
+            matrix[k, m] = (k == m) + float((squares * (neighbors == other))[mine].sum(axis=1).mean())
     # What all kinds have in common is well known, what tells them apart is not: no kind gets less than a third of it.
     share = np.array([(kinds[rows] == name).mean() for name in usable])
     common = max(float(share @ right / (share @ matrix.sum(axis=1))), 0.0)

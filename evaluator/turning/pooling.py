@@ -2,22 +2,20 @@
 
 Random-effects model: every run has a value of its own around the mean of all, measured with an uncertainty of its own.
 The scatter between runs is that of Paule and Mandel (1982, doi:10.6028/jres.087.022); the interval of the mean that of
-Hartung and Knapp (2001, doi:10.1002/sim.791), which holds for few runs. ISO 4138 asks for turns to both sides and at
-least three of each.
+Hartung and Knapp (2001, doi:10.1002/sim.791), which holds for few runs. What the camera does to all runs alike no
+repetition averages out: it widens the interval of the mean and is no part of the scatter.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from scipy import special
 
 Array = NDArray[np.float64]
 NAN = float("nan")
-ISO_4138_REPETITIONS = 3
 Z_975 = 1.96
 
 
@@ -25,96 +23,83 @@ Z_975 = 1.96
 class Pooled:
     """Mean of repetitions with its 95 % interval.
 
-    between: standard deviation from run to run, measurement uncertainty taken off; within: typical standard uncertainty
-    of a single measurement (root mean square). p_same: how likely such differences are if all runs are the same.
+    error: standard error of the mean, of `freedom` degrees of freedom. between: standard deviation from run to run,
+    measurement uncertainty taken off; NaN for a single run. within: typical standard uncertainty of a single
+    measurement (root mean square). p_same: how likely such differences are if all runs are the same.
     """
 
-    mean: float
-    low: float
-    high: float
-    between: float
-    within: float
-    p_same: float
-    runs: int
+    mean: float = NAN
+    low: float = NAN
+    high: float = NAN
+    between: float = NAN
+    within: float = NAN
+    p_same: float = NAN
+    runs: int = 0
+    error: float = NAN
+    freedom: float = NAN
+
+    def with_systematic(self, systematic: float) -> Pooled:
+        """Interval widened by a standard uncertainty that all runs share; what is not finite widens nothing."""
+        reach = Z_975 * systematic if np.isfinite(systematic) else 0.0
+        low, high = np.hypot(self.mean - self.low, reach), np.hypot(self.high - self.mean, reach)
+        return replace(self, low=self.mean - float(low), high=self.mean + float(high))
 
 
 def pooled(values: Array, sigmas: Array) -> Pooled:
-    """Pool values with their standard uncertainties; values that are not finite are left out, none left gives NaN."""
+    """Pool values with their standard uncertainties; values that are not finite are left out, none left gives NaN.
+
+    Values whose uncertainty is not known (sigma zero) are pooled by their scatter alone, of which one value has none.
+    """
     values, sigmas = np.asarray(values, float), np.asarray(sigmas, float)
-    good = np.isfinite(values) & np.isfinite(sigmas) & (sigmas > 0)
+    good = np.isfinite(values) & np.isfinite(sigmas)
     values, sigmas = values[good], sigmas[good]
     n = len(values)
     if n == 0:
-        return Pooled(NAN, NAN, NAN, NAN, NAN, NAN, 0)
+        return Pooled()
     within = float(np.sqrt(np.mean(sigmas**2)))
     if n == 1:
-        reach = Z_975 * sigmas[0]
-        return Pooled(float(values[0]), float(values[0] - reach), float(values[0] + reach), NAN, within, NAN, 1)
+        value, error = float(values[0]), within or NAN
+        reach = Z_975 * error
+        return Pooled(value, value - reach, value + reach, within=within, runs=1, error=error, freedom=np.inf)
     between = paule_mandel(values, sigmas)
-    weight = 1 / (sigmas**2 + between**2)
+    least = 1e-12 * max(float(np.abs(values).max()), 1e-300)  # equal values of no uncertainty keep finite weights
+    variance = sigmas**2 + between**2 + least**2
+    weight = 1 / variance
     mean = float(weight @ values / weight.sum())
     # The factor is kept at one or more: runs that agree by chance are no reason for a narrower interval.
-    factor = max(cochran(values, sigmas, between) / (n - 1), 1.0)
-    reach = float(special.stdtrit(n - 1, 0.975) * np.sqrt(factor / weight.sum()))
-    same = float(special.chdtrc(n - 1, cochran(values, sigmas, 0.0)))
-    return Pooled(mean, mean - reach, mean + reach, between, within, same, n)
+    factor = max(float(weight @ (values - mean) ** 2) / (n - 1), 1.0)
+    error = float(np.sqrt(factor / weight.sum()))
+    reach = float(special.stdtrit(n - 1, 0.975)) * error
+    measured = bool((sigmas > 0).all())
+    same = float(special.chdtrc(n - 1, cochran(values, sigmas, 0.0))) if measured else NAN
+    return Pooled(mean, mean - reach, mean + reach, between, within, same, n, error, float(n - 1))
 
 
-def pool_runs(turning: pd.DataFrame, group: str | None = None) -> pd.DataFrame:
-    """Pool the rows of turning.csv that share their commanded rpm (and a group column, if named).
-
-    Returns a row per command: the command, side ("left", "right" or "" for straight), runs, radius_mm with its 95 %
-    bounds, radius_between_mm, radius_within_mm, p_same, and note: what ISO 4138 still asks for.
-    """
-    keys = ([group] if group else []) + ["left_rpm", "right_rpm"]
-    sides = {tuple(key): _side(rows) for key, rows in turning.groupby(keys)}
-    result = []
-    for key, rows in turning.groupby(keys):
-        pool = pooled(rows["radius_mm"].to_numpy(float), rows["radius_random_mm"].to_numpy(float))
-        mirrored = (*tuple(key)[:-2], tuple(key)[-1], tuple(key)[-2])
-        result.append(
-            dict(zip(keys, tuple(key), strict=True))
-            | {
-                "side": sides[tuple(key)],
-                "runs": pool.runs,
-                "radius_mm": pool.mean,
-                "radius_low_mm": pool.low,
-                "radius_high_mm": pool.high,
-                "radius_between_mm": pool.between,
-                "radius_within_mm": pool.within,
-                "p_same": pool.p_same,
-                "note": _missing(pool.runs, sides[tuple(key)], mirrored in sides),
-            }
-        )
-    return pd.DataFrame(result)
+def difference(first: Pooled, second: Pooled) -> tuple[float, float, float]:
+    """Second mean minus the first with its 95 % bounds (Welch 1947, doi:10.1093/biomet/34.1-2.28)."""
+    value, squares = second.mean - first.mean, np.array([first.error**2, second.error**2])
+    if not np.isfinite(value) or not np.isfinite(squares).all():
+        return value, NAN, NAN
+    shares = float((squares**2 / np.array([first.freedom, second.freedom])).sum())
+    freedom = squares.sum() ** 2 / shares if shares else 1e9  # a single run's uncertainty is taken as known
+    reach = float(special.stdtrit(freedom, 0.975) * np.sqrt(squares.sum()))
+    return value, value - reach, value + reach
 
 
 def cochran(values: Array, sigmas: Array, between: float) -> float:
     """Weighted sum of squares about the weighted mean (Cochran 1954, doi:10.2307/3001666)."""
-    weight = 1 / (sigmas**2 + between**2)
-    return float(weight @ (values - weight @ values / weight.sum()) ** 2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weight = 1 / (sigmas**2 + between**2)
+        squares = float(weight @ (values - weight @ values / weight.sum()) ** 2)
+    return squares if np.isfinite(squares) else np.inf
 
 
 def paule_mandel(values: Array, sigmas: Array) -> float:
     """Spread between the values that brings Cochran's sum to its expectation; zero where it is below already."""
     low, high = 0.0, float(np.ptp(values)) * np.sqrt(len(values)) + 1e-300
-    if cochran(values, sigmas, 0.0) <= len(values) - 1:
+    if np.ptp(values) == 0 or cochran(values, sigmas, 0.0) <= len(values) - 1:
         return 0.0
     for _ in range(60):
         middle = (low + high) / 2
         low, high = (middle, high) if cochran(values, sigmas, middle) > len(values) - 1 else (low, middle)
     return float((low + high) / 2)
-
-
-def _side(rows: pd.DataFrame) -> str:
-    rate = rows.loc[rows["radius_mm"].notna(), "yaw_rate_deg_s"].mean()
-    return "" if np.isnan(rate) else "left" if rate > 0 else "right"
-
-
-def _missing(runs: int, side: str, other_side: bool) -> str:
-    lacking = []
-    if side and runs < ISO_4138_REPETITIONS:
-        lacking.append(f"{runs} of at least {ISO_4138_REPETITIONS} repetitions")
-    if side and not other_side:
-        lacking.append("no turn to the other side")
-    return "ISO 4138: " + ", ".join(lacking) if lacking else ""

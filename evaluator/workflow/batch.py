@@ -1,4 +1,4 @@
-"""The same function over many jobs, in processes on all cores; the answers do not depend on how many there are."""
+"""The same function over many jobs, in processes on all cores or on a cluster; the answers depend on neither."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from typing import TypeVar
+
+from evaluator.scale_out import results_on_dask
 
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")
@@ -35,7 +38,7 @@ def in_processes(
     which when_killed(job) is the answer.
     """
     if workers == 1 or len(jobs) <= 1:
-        yield from (_on_one_core(work, job) for job in jobs)
+        yield from (on_one_core(work, job) for job in jobs)
         return
     orphans: list[Job] = []
     with _pool(min(workers, len(jobs))) as pool:
@@ -43,7 +46,7 @@ def in_processes(
         try:
             for job in jobs:
                 try:
-                    futures[pool.submit(_on_one_core, work, job)] = job
+                    futures[pool.submit(on_one_core, work, job)] = job
                 except BrokenProcessPool:  # already, while the later jobs were still being handed out
                     orphans.append(job)
             for future in as_completed(futures):
@@ -57,7 +60,7 @@ def in_processes(
     for job in orphans:
         with _pool(1) as pool:
             try:
-                yield pool.submit(_on_one_core, work, job).result()
+                yield pool.submit(on_one_core, work, job).result()
             except BrokenProcessPool:
                 yield when_killed(job)
 
@@ -83,7 +86,21 @@ def _end_with_parent() -> None:
     threading.Thread(target=wait, daemon=True).start()
 
 
-def _on_one_core(work: Callable[[Job], Answer], job: Job) -> Answer:
+def on_cluster(
+    work: Callable[[Job], Answer], jobs: Sequence[Job], *, address: str, when_killed: Callable[[Job], Answer]
+) -> Iterator[Answer]:
+    """Yield work(job) for every job, done by the workers of a Dask cluster, in the order of completion.
+
+    A worker that dies loses nothing: its jobs go to the others. Raises InputError where no scheduler answers.
+    """
+    if not jobs:
+        return
+    with results_on_dask(partial(on_one_core, work), [(job,) for job in jobs], address, when_killed) as results:
+        for _, answer in results:
+            yield answer
+
+
+def on_one_core(work: Callable[[Job], Answer], job: Job) -> Answer:
     """Do a job without threads of the libraries: processes share the cores, and sums keep one order of addition."""
     import cv2
     from threadpoolctl import threadpool_limits

@@ -6,6 +6,7 @@ Light to import: the parent of a batch needs no more than this; the libraries th
 from __future__ import annotations
 
 import traceback
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,11 @@ from evaluator.workflow.freshness import Record, file_hash, key_of
 from evaluator.workflow.outputs import Outputs
 from simulator.errors import SimulationError
 from simulator.robot import Robot
+
+# Marks are put on a robot to some hundredths of a millimetre, 1 to 2 % of their distance; a wrong gauge or a wrong
+# height of the marks is off by more.
+SPACING_PERCENT = 3.0
+LATE_S = 0.1  # people read a clock this well: a recording stopped with the motors is whole
 
 
 @dataclass(frozen=True)
@@ -80,13 +86,33 @@ class RunResult:
     run: str
     turning: dict[str, Any] | None = None
     comparison: dict[str, Any] | None = None
+    notes: tuple[str, ...] = ()  # what is odd about the recording
     fault: str | None = None
     reused: bool = False  # nothing had to be computed
 
     @staticmethod
     def of(job: Job, values: dict[str, dict[str, Any]], *, reused: bool) -> RunResult:
         """The result of a job from the values of its stages."""
-        return RunResult(job.run.id, values["turn"], values.get("simulate"), reused=reused)
+        notes = tuple(_notes(job.run, values["track"], values["turn"]))
+        return RunResult(job.run.id, values["turn"], values.get("simulate"), notes, reused=reused)
+
+
+def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterator[str]:
+    """What is odd about a recording; only its log of commands tells that a stream without an index was cut."""
+    off = 100 * (turning["mark_spacing_ratio"] - 1)
+    if abs(off) > SPACING_PERCENT:
+        way = "farther apart" if off > 0 else "nearer"
+        yield (
+            f"the marks are {abs(off):.0f} % {way} than robot.toml says, and every length is off by as much: is the "
+            "pitch of the gauge right, the height of the marks, their place in robot.toml?"
+        )
+    yield from tracked.get("notes", ())
+    last_s = tracked.get("last_s")
+    if last_s is not None and run.stop_s is not None and run.stop_s > last_s + LATE_S:
+        yield (
+            f"ends at {last_s:.2f} s, before the motors are commanded off at {run.stop_s:g} s: "
+            "is it cut off, or stop_s wrong?"
+        )
 
 
 def outdated_stages(job: Job) -> list[str]:

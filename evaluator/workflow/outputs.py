@@ -18,6 +18,16 @@ class Outputs:
         return self.folder / "turning.csv"
 
     @property
+    def pooled(self) -> Path:
+        """One row per command: its repetitions pooled."""
+        return self.folder / "pooled.csv"
+
+    @property
+    def directions(self) -> Path:
+        """One row per command that was driven both ways: backward against forward."""
+        return self.folder / "directions.csv"
+
+    @property
     def comparison(self) -> Path:
         """One row per run: measured beside simulated."""
         return self.folder / "comparison.csv"

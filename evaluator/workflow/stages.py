@@ -18,8 +18,9 @@ from evaluator.comparison import comparison_row, simulated_counterpart
 from evaluator.errors import InputError
 from evaluator.files import read_with, write_table, write_text
 from evaluator.interchange import read_any_marks
+from evaluator.machine import mark_geometry, robot_shape
 from evaluator.marks import MARKS, read_marks, write_marks
-from evaluator.pose import MarkGeometry, Poses, poses_from_marks
+from evaluator.pose import Poses, poses_from_marks
 from evaluator.recording import TimingReport, open_recording
 from evaluator.tracking import load_settings, place_on_plate, track
 from evaluator.turning import Turning, measure_turning
@@ -69,13 +70,19 @@ class _Stages:
 
     @cached_property
     def poses(self) -> Poses:
-        marks = self.job.robot.marks
-        geometry = MarkGeometry(green_mm=marks.green_mm, yellow_mm=marks.yellow_mm, height_mm=marks.height_mm)
-        return poses_from_marks(read_marks(self.out.marks(self.run.id)), geometry, camera=self.camera)
+        marks = read_marks(self.out.marks(self.run.id))
+        return poses_from_marks(marks, mark_geometry(self.job.robot), camera=self.camera)
 
     @cached_property
     def turning(self) -> Turning:
-        return measure_turning(self.poses, start_s=self.run.start_s, stop_s=self.run.stop_s)
+        return measure_turning(
+            self.poses,
+            start_s=self.run.start_s,
+            stop_s=self.run.stop_s,
+            shape=robot_shape(self.job.robot),
+            left_rpm=self.run.left_rpm,
+            right_rpm=self.run.right_rpm,
+        )
 
     def _track(self) -> tuple[list[Path], dict[str, Any]]:
         path, pictures = self.out.marks(self.run.id), self.out.pictures(self.run.id)
@@ -90,12 +97,12 @@ class _Stages:
         settings = read_with(load_settings, self.job.tracking) if self.job.tracking else None
         table = track(recording, settings)
         report = recording.report()
-        _refuse_cut(report, recording.expected_frames, self.run.video)
+        _refuse_cut(report, recording.expected_frames, recording.expected_s, self.run.video)
         for mark in MARKS:
             _refuse_unseen(table, mark, self.run.video)
         write_marks(place_on_plate(table, self.camera, self.job.robot.marks.height_mm), path)
         write_text(pictures, recording.to_json())
-        return [path, pictures], {"notes": list(report.notes)}
+        return [path, pictures], {"notes": list(report.notes), "last_s": float(report.last or 0)}
 
     def _turn(self) -> tuple[list[Path], dict[str, Any]]:
         path = self.out.poses(self.run.id)
@@ -109,16 +116,21 @@ class _Stages:
         return [path], comparison_row(self.record.stages["turn"]["values"], self.poses, counterpart)
 
 
-def _refuse_cut(report: TimingReport, promised: int, video: Path) -> None:
-    """Pictures lost here and there cost nothing (each keeps its own time); a lost end may be the turn itself."""
-    if report.interval is None or report.last is None or not promised:
+def _refuse_cut(report: TimingReport, promised: int, promised_s: float | None, video: Path) -> None:
+    """Pictures lost here and there cost nothing (each keeps its own time); a lost end may be the turn itself.
+
+    promised: pictures that the container says it holds, else 0; promised_s: how long it says it lasts, else None.
+    """
+    if report.interval is None or report.last is None:
         return
-    missing = promised - 1 - round(report.last / report.interval)
-    if missing > promised / 100:
-        raise InputError(
-            f"{video}: cut off after {float(report.last):.2f} s: {report.frames} of the {promised} pictures that it "
-            f"promises are there; copy it again from the camera"
-        )
+    there = 1 + round(report.last / report.interval)
+    if promised and promised - there > promised / 100:
+        promise = f"{report.frames} of the {promised} pictures that it promises are there"
+    elif not promised and promised_s and promised_s / report.interval - there > there / 100:
+        promise = f"it promises {promised_s:.2f} s"
+    else:
+        return
+    raise InputError(f"{video}: cut off after {float(report.last):.2f} s: {promise}; copy it again from the camera")
 
 
 def _refuse_unseen(table: pd.DataFrame, mark: str, video: Path) -> None:

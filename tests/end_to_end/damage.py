@@ -1,4 +1,4 @@
-"""Ten ways in which recordings arrive damaged, and the words a user needs to hear."""
+"""Eleven ways in which recordings arrive damaged, and the words a user needs to hear."""
 
 from __future__ import annotations
 
@@ -8,18 +8,34 @@ from pathlib import Path
 import av
 import numpy as np
 
+INDEX_FIRST = "mp4, index first"
 Damage = Callable[[Path, Path], None]
+
+
+def first_pictures(source: Path, target: Path, count: int | None = None, kind: str = "mp4") -> None:
+    """Copy a recording, or its first pictures, without encoding it anew; an mp4 has its index at the end."""
+    options = {"movflags": "faststart"} if kind == INDEX_FIRST else {}
+    name = "mp4" if kind == INDEX_FIRST else kind
+    with av.open(str(source)) as video, av.open(str(target), "w", format=name, options=options) as copy:
+        stream = video.streams.video[0]
+        same = copy.add_stream_from_template(stream)
+        for number, packet in enumerate(video.demux(stream)):
+            if packet.dts is None or number == count:
+                break
+            packet.stream = same
+            copy.mux(packet)
 
 
 def cut_in_the_middle(good: Path, target: Path) -> None:
     """The file stops half way; its index stands at the front, so it opens."""
-    with av.open(str(good)) as source, av.open(str(target), "w", options={"movflags": "faststart"}) as copy:
-        stream = source.streams.video[0]
-        same = copy.add_stream_from_template(stream)
-        for packet in source.demux(stream):
-            if packet.dts is not None:
-                packet.stream = same
-                copy.mux(packet)
+    first_pictures(good, target, kind=INDEX_FIRST)
+    content = target.read_bytes()
+    target.write_bytes(content[: len(content) // 2])
+
+
+def cut_matroska(good: Path, target: Path) -> None:
+    """A Matroska file stops half way: it needs no index, only its length tells."""
+    first_pictures(good, target, kind="matroska")
     content = target.read_bytes()
     target.write_bytes(content[: len(content) // 2])
 
@@ -77,6 +93,7 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "text": (text, "not a video"),
     "overwritten": (overwritten, "not a video"),
     "cut": (cut_in_the_middle, "cut off after"),
+    "cut-matroska": (cut_matroska, "it promises 1.48 s"),
     "cut-index": (cut_before_its_index, "not a video that FFmpeg can open"),
     "sound": (sound_only, "holds no video"),
     "grey": (grey, "mark is in none of the 24 pictures"),

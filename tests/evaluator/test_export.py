@@ -41,7 +41,7 @@ def test_netcdf_comes_back_as_the_same_marks(exported: Analysis) -> None:
 
 def test_netcdf_is_a_movement_dataset_with_provenance(exported: Analysis) -> None:
     xr = pytest.importorskip("xarray", reason="reading netCDF is an optional extra")
-    data = xr.load_dataset(exported.outputs.netcdf("r02"))
+    data = xr.load_dataset(exported.outputs.netcdf("r02"), engine="scipy")
     assert data["position"].dims == ("time", "space", "keypoints", "individuals")
     assert list(data["keypoints"].to_numpy()) == ["green", "yellow", "center"]
     assert data.attrs["time_unit"] == "seconds"
@@ -49,6 +49,18 @@ def test_netcdf_is_a_movement_dataset_with_provenance(exported: Analysis) -> Non
     poses = pd.read_csv(exported.outputs.poses("r02"))
     center = data["position"].sel(keypoints="center", space="x").to_numpy()[:, 0]
     np.testing.assert_array_equal(center, poses["x_mm"])
+
+
+def test_movement_opens_the_netcdf_and_finds_the_speed_of_the_robot(exported: Analysis) -> None:
+    xr = pytest.importorskip("xarray", reason="reading netCDF is an optional extra")
+    reason = "movement is an optional extra: pip install turnscope[movement]"
+    datasets = pytest.importorskip("movement.validators.datasets", reason=reason)
+    kinematics = pytest.importorskip("movement.kinematics", reason=reason)
+    data = xr.load_dataset(exported.outputs.netcdf("r01"), engine="scipy")
+    datasets.ValidPosesInputs.validate(data)
+    speed = kinematics.compute_speed(data["position"]).sel(keypoints="center", individuals="robot")
+    expected = exported.turning.set_index("run").loc["r01", "speed_mm_s"]
+    assert float(speed.median()) == pytest.approx(expected, rel=0.01)
 
 
 def test_the_same_results_give_the_same_bytes(exported: Analysis) -> None:

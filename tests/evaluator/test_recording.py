@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import os
+import threading
 from fractions import Fraction
 from pathlib import Path
 
@@ -84,6 +86,16 @@ def test_what_is_no_video_is_one_clear_sentence(tmp_path: Path, content: bytes, 
     path.write_bytes(content)
     with pytest.raises(InputError, match=said):
         open_recording(path)
+
+
+def test_a_pipe_gives_every_picture_from_the_first(tmp_path: Path) -> None:
+    video, pipe = write_video(tmp_path / "v.mkv", noise_pictures(30)), tmp_path / "pipe"
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=lambda: pipe.write_bytes(video.read_bytes()))
+    writer.start()
+    frames = [(frame.index, frame.luma.tobytes()) for frame in open_recording(pipe)]
+    writer.join()
+    assert frames == [(frame.index, frame.luma.tobytes()) for frame in open_recording(video)]
 
 
 def test_a_missing_video_is_named() -> None:

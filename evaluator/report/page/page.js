@@ -62,7 +62,7 @@ function startPlayer({ runs, robot }) {
     const known = (values) => values.filter((value) => value !== null);
     const xs = known([...run.gx, ...run.yx, ...run.x, ...run.sx]), ys = known([...run.gy, ...run.yy, ...run.y, ...run.sy]);
     const [left, right] = [Math.min(...xs), Math.max(...xs)], [low, high] = [Math.min(...ys), Math.max(...ys)];
-    const pad = robot.length / 2 + 1;
+    const pad = Math.hypot(robot.length, robot.width) / 2;
     let width = right - left + 2 * pad, height = high - low + 2 * pad;
     width = Math.max(width, (height * 4) / 3);
     height = Math.max(height, (width * 3) / 4);

@@ -1,14 +1,17 @@
 from __future__ import annotations
 
+import base64
 import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
 
+import cv2
 import numpy as np
 import pytest
 
+from evaluator.files import write_text
 from evaluator.report.build import report_html
 from evaluator.report.style import THEME
 from evaluator.workflow import analyze
@@ -70,8 +73,28 @@ def test_the_player_has_every_run_with_gaps_as_null(page: str) -> None:
     assert len({len(runs[0][name]) for name in ("t", "x", "y", "heading", "gx", "sy")}) == 1
 
 
-def test_the_summary_names_the_tightest_turn(page: str) -> None:
-    assert "The tightest turn has a radius of 3.50 mm" in page
+def test_the_summary_names_the_tightest_turn_with_the_digits_its_interval_bears(page: str) -> None:
+    (found,) = re.findall(r"The tightest turn has a radius of ([0-9.]+) mm \(95 %: ([0-9.]+) to ([0-9.]+) mm", page)
+    radius, low, high = map(float, found)
+    assert radius == pytest.approx(3.5, rel=2e-3)
+    assert low < radius < high
+
+
+def test_slips_of_the_wheels_stand_measured_beside_simulated(page: str) -> None:
+    table = page[page.index("Measured | simulated") :]
+    row = re.sub("<[^>]*>", " ", table[: table.index("</tr>", table.index("<tbody>"))])
+    assert "slip ratio, front left" in row
+    assert len(re.findall(r"[−0-9.]+ \| [−0-9.]+", row.split("r01")[-1])) == 7
+
+
+def test_repetitions_and_directions_are_pooled_on_the_page(tmp_path: Path) -> None:
+    runs = [(f"f{k}", 14.4, 33.3, circling_marks(6.0 + 0.05 * k, seed=k, seconds=3)) for k in range(3)]
+    runs += [(f"b{k}", -14.4, -33.3, circling_marks(5.5, speed_mm_s=-2.0, seed=9 + k, seconds=3)) for k in range(2)]
+    html = report_html(analyze(write_experiment(tmp_path, runs), tmp_path / "out", simulate=True, workers=1))
+    assert 'id="repetitions"' in html
+    assert "1 of 2 commands have fewer; 14.4 / 33.3, −14.4 / −33.3 rpm were driven to one side only" in html
+    (bounds,) = re.findall(r"Backward turns are ([0-9.]+) % tighter than forward ones", html)
+    assert float(bounds) == pytest.approx(100 * (1 - 5.5 / 6.05), rel=0.1)
 
 
 def test_the_same_results_give_the_same_page(tmp_path: Path) -> None:
@@ -92,3 +115,16 @@ def test_straight_runs_alone_make_a_report_without_a_radius(tmp_path: Path) -> N
     experiment = write_experiment(tmp_path, [("r01", 30.0, 30.0, circling_marks(np.inf))])
     html = report_html(analyze(experiment, tmp_path / "out", simulate=True, workers=1))
     assert "No run turns" in html
+
+
+def test_fifty_runs_with_rich_pictures_make_a_page_below_five_megabytes(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    runs = [(f"r{k:02d}", 14.4, 33.3, circling_marks(6.0, seed=k, seconds=4)) for k in range(50)]
+    found = analyze(write_experiment(tmp_path, runs), tmp_path / "out", simulate=True, workers=1)
+    grain = rng.normal(90, 25, (240, 320)).clip(0, 255).astype(np.uint8)  # nothing compresses worse
+    jpeg = base64.b64encode(cv2.imencode(".jpg", grain, [cv2.IMWRITE_JPEG_QUALITY, 72])[1].tobytes()).decode()
+    pictures = json.dumps([{"time_s": float(k), "jpeg": jpeg} for k in range(12)])
+    for run, *_ in runs:
+        write_text(found.outputs.pictures(run), pictures)
+    assert len(pictures) * len(runs) > 15e6
+    assert len(report_html(found).encode()) < 5e6

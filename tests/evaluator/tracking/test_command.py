@@ -55,3 +55,11 @@ def test_nothing_is_written_where_no_mark_is_in_view(tmp_path: Path) -> None:
     assert result.exit_code != 0
     assert "no mark was found" in str(result.exception)
     assert not marks.exists()
+
+
+def test_a_grey_recording_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    pictures = [draw(rng, (120, 90), {}, 4.0, 0.8, 2.0)] * 3
+    video = write_video(tmp_path / "grey.mkv", pictures, pixels="gray")
+    result = CliRunner().invoke(track, [str(video), "-o", str(tmp_path / "m.csv")])
+    assert "grey.mkv has no colour" in str(result.exception)

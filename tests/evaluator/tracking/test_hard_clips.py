@@ -11,7 +11,7 @@ from evaluator.recording import open_recording
 from evaluator.tracking import TrackingSettings, track
 from evaluator.tracking.disc import cut_patch, fit, learn_disc
 from evaluator.tracking.kernels import VAR_X, VAR_Y, X, Y
-from tests.evaluator.tracking.synthetic import GREEN, coverage, draw, turning_marks, write_video
+from tests.evaluator.tracking.synthetic import GREEN, YELLOW, coverage, draw, turning_marks, write_video
 
 SIZE = (240, 200)
 FRAMES = 60
@@ -85,6 +85,31 @@ def test_other_green_things_are_not_taken_for_the_mark(tmp_path: Path) -> None:
     assert (table["green_status"] == "ok").all()
 
 
+def test_marks_on_a_board_of_their_own_hue_are_found(tmp_path: Path) -> None:
+    def board(picture: np.ndarray, k: int) -> None:
+        del k
+        picture[picture.max(axis=2) < 70] = (18, 66, 30)
+
+    table, truth = tracked(tmp_path, board)
+    for name in truth:
+        assert (table[f"{name}_status"] == "ok").all()
+        assert np.abs(errors(table, truth, name)[0]).max() < 0.1
+
+
+def test_a_hidden_mark_is_not_taken_for_its_like_elsewhere(tmp_path: Path) -> None:
+    truth = turning_marks(FRAMES, (118.0, 100.0), 36.0, 10.0, 0.02)["yellow"]
+
+    def hide(picture: np.ndarray, k: int) -> None:
+        blend(picture, coverage(SIZE, (25.0, 30.0), 5.0, 0.8), YELLOW)
+        if 25 <= k < 40:
+            blend(picture, coverage(SIZE, tuple(truth[k]), 8.0, 0.8), (25, 25, 27))
+
+    table, _ = tracked(tmp_path, hide)
+    assert (table["yellow_status"][25:40] != "ok").all()
+    assert (table["yellow_status"].drop(range(25, 42)) == "ok").all()
+    assert (table["green_status"] == "ok").all()
+
+
 def test_marks_stay_found_when_the_lights_change(tmp_path: Path) -> None:
     def lights(picture: np.ndarray, k: int) -> None:
         picture[:] = np.rint(picture * (0.4 if k < 20 else 1.0 if k < 40 else 0.55))
@@ -120,6 +145,20 @@ def test_centres_reach_the_cramer_rao_bound_and_state_their_error(radius: float,
     bound = np.sqrt(2 * np.sqrt(np.pi) * edge / (np.pi * radius)) / snr
     assert np.sqrt(np.mean(error**2)) < 1.2 * bound
     assert 0.85 < np.std(error / np.sqrt(fits[:, [VAR_X, VAR_Y]])) < 1.15
+
+
+def test_a_glare_that_was_there_from_the_start_does_not_pull_a_mark(tmp_path: Path) -> None:
+    x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
+    start = turning_marks(1, (118.0, 100.0), 36.0, 10.0, 0.02)["green"][0]
+    light = 90.0 * np.exp(-0.5 * ((x - start[0] - 16.0) ** 2 + (y - start[1]) ** 2) / 9.0**2)
+
+    def glare(picture: np.ndarray, k: int) -> None:
+        del k
+        picture[:] = np.clip(picture + light[..., None], 0, 255)
+
+    table, truth = tracked(tmp_path, glare)
+    normal = errors(table, truth, "green")[1]
+    assert (np.abs(normal[np.isfinite(normal)]) < 5).all()
 
 
 def test_settings_refuse_what_they_do_not_know() -> None:

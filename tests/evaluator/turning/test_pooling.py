@@ -1,10 +1,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from evaluator.turning.pooling import pool_runs, pooled
+from evaluator.turning.pooling import difference, pooled
 
 
 def test_scatter_between_runs_is_told_from_measurement_uncertainty() -> None:
@@ -34,16 +33,32 @@ def test_interval_of_few_repetitions_holds(runs: int) -> None:
     assert 0.91 <= held / 300 <= 0.99  # three standard errors of 300 runs
 
 
-def test_nothing_to_pool_gives_nothing() -> None:
+@pytest.mark.parametrize("known", [True, False])
+def test_interval_of_a_difference_holds_for_unequal_scatter(known: bool) -> None:
+    rng = np.random.default_rng(2)
+    held = 0
+    for _ in range(300):
+        parts = []
+        for mean, between, runs in ((5.0, 0.02, 3), (4.9, 0.08, 5)):
+            sigmas = np.full(runs, 0.01)
+            values = mean + between * rng.normal(size=runs) + sigmas * rng.normal(size=runs)
+            parts.append(pooled(values, sigmas if known else np.zeros(runs)))
+        value, low, high = difference(*parts)
+        assert low < value < high
+        held += low <= -0.1 <= high
+    assert 0.91 <= held / 300 <= 0.99
+
+
+def test_nothing_to_pool_gives_nothing_and_one_value_its_own_interval() -> None:
     assert pooled(np.array([np.nan]), np.array([0.1])).runs == 0
+    one = pooled(np.array([5.0]), np.array([0.1]))
+    assert (one.low, one.high) == pytest.approx((4.804, 5.196))
+    assert np.isnan(one.between)
+    assert np.isnan(pooled(np.array([5.0]), np.array([0.0])).low)
 
 
-def test_commands_are_pooled_one_by_one_and_what_the_standard_asks_for_is_said() -> None:
-    rows = [(33.0, 14.0, 7.8, -20.0)] * 3 + [(14.0, 33.0, 7.9, 20.0)] * 2 + [(33.0, 33.0, np.nan, 0.0)]
-    table = pd.DataFrame(rows, columns=["left_rpm", "right_rpm", "radius_mm", "yaw_rate_deg_s"])
-    table["radius_random_mm"] = 0.01
-    pools = pool_runs(table).set_index(["left_rpm", "right_rpm"])
-    assert pools.loc[(33.0, 14.0), "side"] == "right"
-    assert pools.loc[(33.0, 14.0), "note"] == ""
-    assert "2 of at least 3" in pools.loc[(14.0, 33.0), "note"]
-    assert pools.loc[(33.0, 33.0), "runs"] == 0
+def test_what_all_runs_share_widens_the_mean_and_is_no_scatter() -> None:
+    pool = pooled(np.array([5.0, 5.001, 4.999]), np.array([0.001, 0.001, 0.001]))
+    wide = pool.with_systematic(0.05)
+    assert wide.between == pool.between
+    assert wide.high - wide.mean == pytest.approx(1.96 * 0.05, rel=0.01)

@@ -8,6 +8,7 @@ import pytest
 
 from evaluator.errors import InputError
 from evaluator.workflow import Analysis, analyze, plan
+from simulator.robot import WHEELS
 from tests.evaluator.synthetic import circling_marks, three_runs, write_experiment
 
 
@@ -43,6 +44,20 @@ def test_a_second_analysis_reuses_everything_and_changes_nothing(analysed: tuple
     second = analyze(experiment, first.outputs.folder, simulate=True, workers=1)
     assert second.reused == 3
     assert contents(second.outputs.folder) == before
+
+
+def test_wheels_of_every_run_have_their_slips_beside_the_simulated_ones(analysed: tuple[Path, Analysis]) -> None:
+    _, found = analysed
+    assert found.comparison is not None
+    outer = found.turning["wall_to_wall_radius_mm"]
+    assert (outer[:2] > found.turning["outer_wheel_radius_mm"][:2]).all()
+    assert outer[0] == pytest.approx(np.hypot(2.5, 6.0 + 4.5), rel=0.01)  # the circle that the marks were put on
+    for wheel in WHEELS:
+        for name in (f"{wheel}_slip_angle_deg", *([f"{wheel}_slip_ratio"] if "front" in wheel else [])):
+            assert found.turning[name].notna().all()
+            assert found.comparison[f"simulated_{name}"].notna().all()
+    # 2 mm/s on the outer circle of r01: the front right wheel is 8 mm from the centre of rotation, 6 mm ahead of it
+    assert found.turning["front_right_slip_ratio"][0] == pytest.approx(1 - 33.3 * np.pi / 60 / (2 * 8 / 6), abs=2e-3)
 
 
 def test_only_what_a_changed_file_touches_is_computed_again(tmp_path: Path) -> None:
@@ -120,3 +135,12 @@ def test_a_comparison_of_earlier_results_does_not_stay_beside_new_ones(tmp_path:
     circling_marks(7.0, seed=9).to_csv(tmp_path / "r01.csv", index=False)
     analyze(experiment, tmp_path / "out", workers=1)
     assert not (tmp_path / "out" / "comparison.csv").exists()
+
+
+def test_marks_too_far_apart_put_every_length_in_doubt(tmp_path: Path) -> None:
+    marks = circling_marks(6.0, seconds=3)
+    marks.iloc[:, 1:] *= 1.1  # a gauge of 2.0 mm taken for one of 2.2 mm
+    found = analyze(write_experiment(tmp_path, [("r01", 14.4, 33.3, marks)]), tmp_path / "out", workers=1)
+    (note,) = found.notes["r01"]
+    assert note.startswith("the marks are 10 % farther apart")
+    assert not analyze(three_runs(tmp_path / "good"), tmp_path / "good" / "out", workers=1).notes

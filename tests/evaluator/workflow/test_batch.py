@@ -10,7 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from evaluator import scale_out
+from evaluator.errors import InputError
+from evaluator.workflow import analyze
 from evaluator.workflow.batch import in_processes
+from tests.evaluator.synthetic import circling_marks, write_experiment
 
 
 def square(number: int) -> int:
@@ -75,3 +79,34 @@ def wait_until(condition: Callable[[], bool], seconds: float = 60) -> None:
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.1)
+
+
+@pytest.mark.filterwarnings("ignore")  # a killed worker leaves its sockets to the interpreter
+def test_nothing_is_lost_when_a_dask_worker_is_killed_half_way(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed", reason="the optional extra dask is not installed")
+    runs = [(f"r{k}", 14.4, 33.3, circling_marks(5.0 + k, seconds=2, seed=k)) for k in range(8)]
+    experiment = write_experiment(tmp_path, runs)
+    here = analyze(experiment, tmp_path / "here", workers=1)
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        victim = next(iter(cluster.workers.values())).pid
+
+        def kill(done: int, total: int) -> None:
+            assert total == 8
+            if done == 1:
+                os.kill(victim, signal.SIGKILL)
+
+        there = analyze(experiment, tmp_path / "there", dask=cluster.scheduler_address, progress=kill)
+    assert there.faults == {}
+    assert there.outputs.turning.read_bytes() == here.outputs.turning.read_bytes()
+    for run in ("r0", "r7"):
+        assert there.outputs.poses(run).read_bytes() == here.outputs.poses(run).read_bytes()
+
+
+def test_a_scheduler_that_does_not_answer_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed", reason="the optional extra dask is not installed")
+    monkeypatch.setattr(scale_out, "DASK_TIMEOUT_S", 0.2)
+    experiment = write_experiment(tmp_path, [("r0", 14.4, 33.3, circling_marks(5.0, seconds=1))])
+    with pytest.raises(InputError, match="no Dask scheduler answers"):
+        analyze(experiment, tmp_path / "out", dask="tcp://127.0.0.1:1")

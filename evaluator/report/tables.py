@@ -1,0 +1,153 @@
+"""Tables of a turning report: numbers as people read them, a row per run or per command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pandas as pd
+
+from evaluator.report.pages import Table
+from evaluator.report.runs import RunView
+from simulator.robot import WHEELS
+
+UNKNOWN = "–"
+MOST_NAMED = 6
+Column = Callable[[RunView], str]
+
+
+def number(value: float, digits: int, *, sign: bool = False) -> str:
+    """A number with a true minus sign; a dash where it is unknown."""
+    if not np.isfinite(value):
+        return UNKNOWN if np.isnan(value) else "∞"
+    return f"{round(value, digits) + 0.0:{'+' if sign else ''}.{digits}f}".replace("-", "−")  # no minus before zero
+
+
+def interval(low: float, high: float, digits: int = 3, *, sign: bool = False) -> str:
+    """Bounds as "low to high"; a dash where they are unknown."""
+    return UNKNOWN if np.isnan(low) else f"{number(low, digits, sign=sign)} to {number(high, digits, sign=sign)}"
+
+
+def command(left_rpm: float, right_rpm: float, group: str = "") -> str:
+    """A command as people write it."""
+    return f"{left_rpm:g} / {right_rpm:g}".replace("-", "−") + (f" ({group})" if group else "")
+
+
+def table_of_runs(caption: str, columns: dict[str, Column], runs: Sequence[RunView]) -> Table:
+    """A row per run; columns are functions of the run, and one that is unknown for every run is left out."""
+    cells = {head: tuple(cell(run) for run in runs) for head, cell in columns.items()}
+    known = {head: column for head, column in cells.items() if set(column) != {UNKNOWN}}
+    return Table(caption, tuple(known), tuple(zip(*known.values(), strict=True)))
+
+
+def slip_table(runs: Sequence[RunView]) -> Table:
+    """Slip ratio of the driving and slip angle of all wheels, measured and simulated."""
+    columns: dict[str, Column] = {"run": lambda run: run.id, "rpm": lambda run: command(run.left_rpm, run.right_rpm)}
+    for name in ("front_left", "front_right"):
+        columns[f"slip ratio, {name.replace('_', ' ')}"] = _beside(f"{name}_slip_ratio", 4)
+    for name in WHEELS:
+        columns[f"slip angle, {name.replace('_', ' ')}, °"] = _beside(f"{name}_slip_angle_deg", 2)
+    columns["slip angle of the body, °"] = _beside("body_slip_angle_deg", 2)
+    caption = (
+        "Measured | simulated. Slip angles follow from the measured motion; slip ratios take the commanded rotation "
+        "for the true one, so that a motor which turns slower than commanded shows as slip."
+    )
+    return table_of_runs(caption, columns, runs)
+
+
+def outline_table(runs: Sequence[RunView]) -> Table:
+    """Radii of marks, wheels and corners, where the robot turns about, and how smoothly it drives."""
+    columns: dict[str, Column] = {
+        "run": lambda run: run.id,
+        "green, mm": lambda run: number(run.value("green_radius_mm"), 3),
+        "yellow, mm": lambda run: number(run.value("yellow_radius_mm"), 3),
+        "outermost wheel, mm": lambda run: number(run.value("outer_wheel_radius_mm"), 3),
+        "wall to wall, mm": lambda run: number(run.value("wall_to_wall_radius_mm"), 3),
+        "turns about (x, y), mm": lambda run: (
+            f"{number(run.value('rotation_x_mm'), 3)}, {number(run.value('rotation_y_mm'), 3)}"
+        ),
+        "wander of that centre, µm": lambda run: number(1000 * run.value("center_wander_mm"), 1),
+        "path efficiency, %": lambda run: number(100 * run.value("path_efficiency"), 2),
+        "speed ripple, %": lambda run: number(100 * run.value("speed_ripple"), 1),
+        "smoothness": lambda run: number(run.value("smoothness"), 2),
+    }
+    caption = (
+        "Radii about the centre of rotation, of the marks, the outermost wheel and the outermost corner (wall to wall, "
+        "SAE J695); that centre in the frame of the body. Path efficiency: length of the fitted path over the driven "
+        "one. Smoothness: spectral arc length of the speed, nearer zero is smoother."
+    )
+    return table_of_runs(caption, columns, runs)
+
+
+def pooled_table(pooled: pd.DataFrame) -> Table:
+    """Repetitions of every command that turns."""
+    rows = [
+        (
+            command(row["left_rpm"], row["right_rpm"], str(row["group"])),
+            f"{row['side']}, {row['direction']}",
+            f"{row['runs']}",
+            number(row["radius_mm"], 3),
+            interval(row["radius_low_mm"], row["radius_high_mm"]),
+            *(
+                number(100 * row[f"radius_{part}_mm"] / row["radius_mm"], 3)
+                for part in ("between", "within", "systematic")
+            ),
+        )
+        for row in pooled[pooled["side"] != ""].to_dict("records")
+    ]
+    caption = (
+        "Run to run: standard deviation between repetitions, measurement uncertainty taken off; a dash where there is "
+        "one run. Noise: standard uncertainty of a single run, which more frames reduce. Camera: that part of it which "
+        "all runs share and only a better calibration reduces. The 95 % interval of the mean holds all three."
+    )
+    head = ("left / right, rpm", "turn", "runs", "radius, mm", "95 %, mm", "run to run, %", "noise, %", "camera, %")
+    return Table(caption, head, tuple(rows))
+
+
+def standard_sentence(pooled: pd.DataFrame) -> str:
+    """What ISO 4138 still asks for, in one sentence."""
+    turns = pooled[pooled["side"] != ""]
+    asks = "ISO 4138 asks for turns to both sides and at least three repetitions of each: "
+    if (turns["note"] == "").all():
+        return asks + "all of these have them."
+    few = turns.loc[turns["note"].str.contains("repetitions")]
+    alone = turns.loc[turns["note"].str.contains("side")]
+    parts = [f"{len(few)} of {len(turns)} commands have fewer" if len(few) else ""]
+    if len(alone):
+        names = [command(left, right) for left, right in zip(alone["left_rpm"], alone["right_rpm"], strict=True)]
+        listed = ", ".join(names[:MOST_NAMED]) + (", …" if len(names) > MOST_NAMED else "")
+        parts.append(f"{listed} rpm {'were' if len(names) > 1 else 'was'} driven to one side only")
+    return asks + "; ".join(filter(None, parts)) + "."
+
+
+def directions_table(directions: pd.DataFrame) -> Table:
+    """Backward against forward of the same speeds."""
+    rows = [
+        (
+            command(row["left_rpm"], row["right_rpm"], str(row["group"])),
+            f"{row['forward_runs']} + {row['backward_runs']}",
+            number(row["forward_radius_mm"], 3),
+            number(row["backward_radius_mm"], 3),
+            number(row["radius_change_percent"], 2, sign=True),
+            interval(row["radius_change_low_percent"], row["radius_change_high_percent"], 2, sign=True),
+            number(row["forward_smoothness"], 3),
+            number(row["backward_smoothness"], 3),
+            interval(row["smoothness_change_low"], row["smoothness_change_high"], 3, sign=True),
+        )
+        for row in directions.to_dict("records")
+    ]
+    caption = (
+        "Change: backward against forward. Its interval comes from the scatter of the repetitions; with one run each "
+        "way it holds the measurement alone, and smoothness has none."
+    )
+    head = (
+        *("left / right, rpm", "runs", "forward, mm", "backward, mm", "change, %", "95 %, %"),
+        *("smoothness forward", "backward", "change, 95 %"),
+    )
+    return Table(caption, head, tuple(rows))
+
+
+def _beside(name: str, digits: int) -> Column:
+    return lambda run: (
+        f"{number(run.value(name), digits)} | {number(run.value(f'simulated_{name}', 'comparison'), digits)}"
+    )

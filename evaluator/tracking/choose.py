@@ -1,0 +1,68 @@
+"""Which of the coloured blobs of a picture are the marks: colour, roundness, size, and the distance of a pair."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from evaluator.tracking.settings import MarkSettings, TrackingSettings
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A coloured blob. center_px: (x, y); radius_px: of the disc of equal area; chroma_uv: mean (u, v) of its core."""
+
+    mark: str
+    center_px: tuple[float, float]
+    radius_px: float
+    elongation: float
+    chroma: float
+    chroma_uv: tuple[float, float]
+
+
+def choose(found: list[Candidate], settings: TrackingSettings) -> tuple[dict[str, Candidate], float]:
+    """Choose a candidate for each mark: the best pair where green and yellow are sought, else the best of each.
+
+    Returns them with their log-likelihood, up to a constant.
+    """
+    by_mark = {name: [one for one in found if one.mark == name] for name in settings.mark}
+    strongest = max((one.chroma for one in found), default=1.0)
+    if set(settings.mark) == {"green", "yellow"} and by_mark["green"] and by_mark["yellow"]:
+        pairs = itertools.product(by_mark["green"], by_mark["yellow"])
+        scored = [(_pair_score(green, yellow, settings, strongest), green, yellow) for green, yellow in pairs]
+        score, green, yellow = max(scored, key=lambda pair: pair[0])
+        return {"green": green, "yellow": yellow}, score
+    chosen, total = {}, 0.0
+    for name, ones in by_mark.items():
+        if ones:
+            scores = [_own_score(one, settings.mark[name], strongest) for one in ones]
+            chosen[name] = ones[int(np.argmax(scores))]
+            total += max(scores)
+    return chosen, total
+
+
+def _own_score(one: Candidate, mark: MarkSettings, strongest: float) -> float:
+    """Log-likelihood, up to a constant, of a blob being a mark; spreads are those of real marks."""
+    score = -0.5 * (np.log(one.elongation) / 0.3) ** 2 + 2.0 * np.log(one.chroma / strongest)
+    if mark.diameter_px is not None:
+        score -= 0.5 * (np.log(2 * one.radius_px / mark.diameter_px) / 0.15) ** 2
+    elif one.radius_px > 3:
+        return float(score)
+    else:
+        score -= 0.5 * ((3 - one.radius_px) / 1.0) ** 2
+    return float(score)
+
+
+def _pair_score(green: Candidate, yellow: Candidate, settings: TrackingSettings, strongest: float) -> float:
+    """Log-likelihood of two blobs being the two marks of one robot: equal size, the known distance in diameters."""
+    score = _own_score(green, settings.mark["green"], strongest) + _own_score(
+        yellow, settings.mark["yellow"], strongest
+    )
+    score -= 0.5 * (np.log(green.radius_px / yellow.radius_px) / 0.15) ** 2
+    if settings.distance_diameters is not None:
+        distance = float(np.hypot(*np.subtract(green.center_px, yellow.center_px)))
+        ratio = distance / (green.radius_px + yellow.radius_px) / settings.distance_diameters
+        score -= min(0.5 * (np.log(max(ratio, 1e-3)) / 0.2) ** 2, 20.0)  # bounded: other robots have other distances
+    return float(score)

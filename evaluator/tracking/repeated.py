@@ -1,0 +1,53 @@
+"""Pictures that show the picture before once more, found from how the marks move.
+
+A recorder that fills a gap repeats a picture, and a codec then stores it anew, not quite the same. What gives it away:
+every mark stands still for a picture in the midst of motion and then makes up for it in one step.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+AROUND = 5  # pictures to either side that the usual step is taken from
+MOVING_PX = 0.5  # a usual step from which standing still is told from the codec's own errors
+STILL = 0.25  # of the usual step: what a mark may seem to move by while it is shown again
+AGAIN = 0.35  # relative difference between the step after and what was to be made up for
+LONGEST = 5  # pictures repeated in a row
+
+
+def repeated_pictures(marks_px: list[Array]) -> list[NDArray[np.bool_]]:
+    """Per mark the pictures in which it moves, but all marks that move are seen to stand still and then to catch up.
+
+    marks_px: (n, 2) each, NaN where absent. A mark at rest is where it is seen, shown again or not.
+    """
+    each = [_of_mark(points) for points in marks_px]
+    again = np.all([shown | ~moving for moving, shown in each], axis=0)
+    return [moving & again for moving, _ in each]
+
+
+def _of_mark(points: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Where a mark moves around a picture, and where it is shown again."""
+    n = len(points)
+    moving, shown = np.zeros(n, bool), np.zeros(n, bool)
+    step = np.concatenate([[np.nan], np.hypot(*np.diff(points, axis=0).T)])
+    if n <= 2 * AROUND or np.isfinite(step).sum() <= AROUND:
+        return moving, shown
+    padded = np.pad(step, AROUND, constant_values=np.nan)
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
+    known = np.isfinite(around).sum(axis=1) > AROUND
+    usual = np.zeros(n)
+    usual[known] = np.nanmedian(around[known], axis=1)
+    moving = usual > MOVING_PX
+    still = moving & (step < STILL * usual)
+    for first in np.flatnonzero(still & ~np.roll(still, 1)):
+        last = first
+        while last + 1 < n and still[last + 1]:
+            last += 1
+        count = last - first + 1
+        if count <= LONGEST and last + 1 < n:
+            due = (count + 1) * usual[first]
+            shown[first : last + 1] = abs(step[last + 1] - due) < AGAIN * due
+    return moving, shown

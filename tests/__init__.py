@@ -1,0 +1,1 @@
+"""A package by this file, lest the `tests` of another installed distribution take its name."""

@@ -1,0 +1,1 @@
+"""Figures of the tracker; `python -m tests.benchmarks.tracking` says which."""

@@ -1,0 +1,84 @@
+"""Error against the Cramér-Rao bound, and on H.264 beside peers."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from evaluator.tracking import track
+from tests.benchmarks.tracking.clips import clip, frames_in_memory, still_pictures
+from tests.benchmarks.tracking.peers import contours, hsv_centroid, luma_centroid, ours, trackpy_places
+
+Array = np.ndarray
+
+
+def bound_px(radius: float, blur: float, snr: float) -> float:
+    """Cramér-Rao bound per axis of the centre of a disc whose edge is blurred by a Gaussian."""
+    return float(np.sqrt(2 * np.sqrt(np.pi) * blur / (np.pi * radius)) / snr)
+
+
+def bound() -> None:
+    """Error of lossless clips over the bound, pixel locking, and the normalised error."""
+    print("lossless, 150 pictures of slow drift; s: blur of the lens, to which pixels add 1/12 px²")
+    print(
+        f"{'R px':>5} {'s px':>5} {'SNR':>4} {'error px':>9} {'/ bound':>8} {'sd error/sigma':>15} {'locking px':>11}"
+    )
+    rng = np.random.default_rng(5)
+    for radius, blur, snr in [
+        (3, 0.5, 10), (3, 0.5, 60), (3, 1.0, 30), (3, 1.5, 30), (5, 0.8, 30), (10, 0.5, 10), (10, 0.8, 30),
+        (10, 0.8, 60),
+        (20, 0.5, 60), (20, 1.5, 10), (20, 1.5, 60),
+    ]:  # fmt: skip
+        pictures, truth = still_pictures(rng, radius, blur, snr)
+        table = track(frames_in_memory(pictures))
+        error = table[["green_x_px", "green_y_px"]].to_numpy() - truth
+        normal = error / table[["green_x_sigma_px", "green_y_sigma_px"]].to_numpy()
+        phase = truth % 1.0 * 2 * np.pi
+        locking = 2 * np.hypot((error * np.cos(phase)).mean(), (error * np.sin(phase)).mean())
+        rms = np.sqrt(np.nanmean(error**2))
+        print(
+            f"{radius:5g} {blur:5g} {snr:4g} {rms:9.4f} {rms / bound_px(radius, blur, snr):8.2f}"
+            f" {np.nanstd(normal):15.2f} {locking:7.4f} ±{2 * rms / np.sqrt(error.size):.4f}"
+        )
+
+
+def h264() -> None:
+    """Error and speed on H.264 4:2:0 at quality 18, marks of 5 and 8 px radius, beside peers."""
+    for scale in (10.0, 16.0):
+        with tempfile.TemporaryDirectory() as folder:
+            path, truth = clip(Path(folder), (640, 480), "libx264", scale, 240)
+            radius = scale / 2
+            peers: dict[str, Callable[[], dict[str, Array]]] = {
+                "turnscope": lambda path=path: ours(path),
+                "luma-weighted centroid": lambda path=path, t=truth, r=radius: luma_centroid(path, t, r),
+                "HSV mask centroid": lambda path=path: hsv_centroid(path),
+                "OpenCV contours": lambda path=path: contours(path),
+                "trackpy": lambda path=path, t=truth, r=radius: trackpy_places(path, t, r),
+            }
+            print(f"\nH.264 4:2:0, quality 18, marks of {radius:g} px radius, 240 pictures of 640×480")
+            print(f"{'':>24} {'error px':>9} {'missed':>7} {'pictures/s':>11} {'centre µm':>10} {'heading deg':>12}")
+            for name, run in peers.items():
+                try:
+                    run()  # compiled and cached
+                    began = time.perf_counter()
+                    places = run()
+                except ImportError:
+                    print(f"{name:>24} (not installed)")
+                    continue
+                rate = 240 / (time.perf_counter() - began)
+                error = np.stack([places[mark] - truth[mark] for mark in ("green", "yellow")])
+                across = truth["yellow"] - truth["green"]
+                spacing = np.hypot(*across.T)[:, None]
+                along, normal = across / spacing, np.stack([-across[:, 1], across[:, 0]], axis=-1) / spacing
+                turn = ((error[1] - error[0]) * normal).sum(axis=1) / spacing[:, 0]
+                lever = 1.55 * scale
+                center = error.mean(axis=0) + lever * turn[:, None] * along
+                print(
+                    f"{name:>24} {np.sqrt(np.nanmean(error**2)):9.4f} {np.isnan(error).any(axis=2).mean():7.1%}"
+                    f" {rate:11.0f} {1000 / scale * np.sqrt(np.nanmean(center**2)):10.2f}"
+                    f" {np.degrees(np.sqrt(np.nanmean(turn**2))):12.4f}"
+                )

@@ -1,0 +1,79 @@
+"""Clips with exact truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+
+from evaluator.recording import Frame
+from tests.evaluator.tracking.synthetic import GREEN, YELLOW, coverage, draw, turning_marks, write_video
+
+Array = np.ndarray
+LUMA = np.array([0.299, 0.587, 0.114])
+
+
+def frames_in_memory(pictures: list[Array]) -> Iterator[Frame]:
+    """Luma and full-resolution colour planes without any codec."""
+    for index, picture in enumerate(pictures):
+        luma = picture @ LUMA
+        u, v = 128 + (picture[..., 2] - luma) / 1.772, 128 + (picture[..., 0] - luma) / 1.402
+        planes = [np.clip(np.rint(plane), 0, 255).astype(np.uint8) for plane in (luma, u, v)]
+        yield Frame(
+            index, index, Fraction(1, 60), *planes, 8, full_range=True, matrix="bt601", row_origin=0, row_step=1,
+            kind="", repeated=False, owner=None,
+        )  # fmt: skip
+
+
+def still_pictures(rng: np.random.Generator, radius: float, blur: float, snr: float) -> tuple[list[Array], Array]:
+    """Two marks on black, drifting slowly over all places within a pixel; pictures and centres of the green one."""
+    distance = 3.66 * 2 * radius
+    size = (int(distance + 5 * radius + 24), int(5 * radius + 24))
+    pictures, truth = [], []
+    for k in range(150):
+        green = np.array(size) / 2 - [distance / 2, 0] + [0.047 * (k - 75), 0.031 * (k - 75)]
+        picture = np.full((size[1], size[0], 3), 25.0)
+        for place, color in ((green, GREEN), (green + np.array([distance, 0.0]), YELLOW)):
+            share = coverage(size, tuple(place), radius, blur)[..., None]
+            picture = picture * (1 - share) + share * np.array(color)
+        # The same noise in all channels: it is the luma's then; SNR is that of the green mark.
+        noise = (np.array(GREEN) @ LUMA - 25.0) / snr
+        picture += rng.normal(0, noise, picture.shape[:2])[..., None]
+        pictures.append(np.clip(picture, 0, 255))
+        truth.append(green)
+    return pictures, np.array(truth)
+
+
+def clip(folder: Path, size: tuple[int, int], codec: str, scale: float, frames: int) -> tuple[Path, dict[str, Array]]:
+    """A robot on a circle, encoded; the truth of its marks."""
+    rng = np.random.default_rng(1)
+    truth = turning_marks(frames, (size[0] / 2, size[1] / 2), 0.2 * size[1], scale, 0.004)
+    pictures = [
+        draw(rng, size, {name: tuple(points[k]) for name, points in truth.items()}, scale / 2, 0.8, 2.0)
+        for k in range(frames)
+    ]
+    options = {"crf": "18"} if codec == "libx264" else {"qmin": "3", "qmax": "3"}
+    pixels = "yuv420p" if codec == "libx264" else "yuvj420p"
+    name = folder / f"{codec}-{size[0]}.{'mp4' if codec == 'libx264' else 'avi'}"
+    return write_video(name, pictures, codec=codec, pixels=pixels, options=options), truth
+
+
+def lengthen(path: Path, repeat: int) -> Path:
+    """The same packets over and over: a long recording without encoding one."""
+    longer = path.with_stem(path.stem + "-long")
+    with av.open(str(path)) as source, av.open(str(longer), "w") as target:
+        stream = source.streams.video[0]
+        copy = target.add_stream_from_template(stream)
+        packets = [(bytes(p), p.pts, p.dts, p.is_keyframe) for p in source.demux(stream) if p.dts is not None]
+        span = max(pts for _, pts, _, _ in packets) + packets[1][1] - packets[0][1] if len(packets) > 1 else 1
+        span = round(Fraction(len(packets)) / stream.average_rate / stream.time_base)
+        for k in range(repeat):
+            for data, pts, dts, key in packets:
+                packet = av.Packet(data)
+                packet.stream, packet.pts, packet.dts, packet.is_keyframe = copy, pts + k * span, dts + k * span, key
+                packet.time_base = stream.time_base
+                target.mux(packet)
+    return longer

@@ -1,0 +1,50 @@
+"""Latency from the arrival of a picture to its marks."""
+
+from __future__ import annotations
+
+import gc
+import tempfile
+import time
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from evaluator.recording import Frame, open_recording
+from evaluator.tracking import TrackingSettings
+from evaluator.tracking.tracker import Tracker
+from tests.benchmarks.tracking.clips import clip
+
+
+def live(seconds: float = 20.0) -> None:
+    """Latency from the arrival of a picture to its marks, at 60 pictures a second of 640×480."""
+    with tempfile.TemporaryDirectory() as folder:
+        path, _ = clip(Path(folder), (640, 480), "mjpeg", 16.0, 120)
+        frames = list(open_recording(path))
+        tracker, waits, late = Tracker(TrackingSettings()), [], 0
+        arrivals: list[float] = []
+        gc.freeze()  # what a live program does too: what is loaded by now stays, and need not be looked through
+        began = time.perf_counter()
+
+        def paced() -> Iterator[Frame]:
+            nonlocal late
+            for k in range(int(60 * seconds)):
+                due = began + k / 60
+                late += time.perf_counter() > due + 1 / 60
+                while time.perf_counter() < due:
+                    time.sleep(max(0.0, min(0.002, due - time.perf_counter())))
+                arrivals.append(time.perf_counter())
+                there_and_back = k % 238
+                source = frames[there_and_back if there_and_back < 120 else 238 - there_and_back]
+                yield Frame(k, k, Fraction(1, 60), source.luma, source.u, source.v, 8, full_range=True, matrix="bt601",
+                            row_origin=0, row_step=1, kind="", repeated=False, owner=source)  # fmt: skip
+
+        for frame, _ in tracker.run(paced()):
+            waits.append(time.perf_counter() - arrivals[frame.index])
+        wait = 1000 * np.array(waits[12:])
+        print(
+            f"\nlive, {seconds:g} s at 60/s: {len(waits)} of {int(60 * seconds)} pictures out, {late} a picture late;"
+        )
+        print(f"  latency median {np.median(wait):.2f} ms, 99.9 % {np.quantile(wait, 0.999):.2f} ms; within 8 ms"
+              f" {np.mean(wait < 8):.2%} (the first 12 pictures wait for the marks' shape to be learnt)")  # fmt: skip

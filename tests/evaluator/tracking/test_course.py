@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evaluator.tracking.body import Body
+from evaluator.tracking.repeated import repeated_pictures
+from evaluator.tracking.uncertainty import hidden_variance, steady_times
+from tests.evaluator.tracking.synthetic import turning_marks
+
+FRAMES, OWN = 400, 0.005
+
+
+def course() -> np.ndarray:
+    return turning_marks(FRAMES, (200.0, 150.0), 60.0, 10.0, 0.02)["green"]
+
+
+@pytest.mark.parametrize("gaps", [0.0, 0.25])
+@pytest.mark.parametrize("jitter_s", [0.0, 0.004])
+def test_errors_of_the_codec_are_found_across_gaps_and_on_any_clock(gaps: float, jitter_s: float) -> None:
+    rng = np.random.default_rng(5)
+    time_s = np.arange(FRAMES) / 60 + rng.uniform(-jitter_s, jitter_s, FRAMES)
+    phase = time_s * 60 * 0.02
+    centers = 60 * np.column_stack([np.sin(phase), np.cos(phase)]) + rng.normal(0, 0.05, (FRAMES, 2))
+    variances = np.full(FRAMES, OWN**2)
+    centers[rng.random(FRAMES) < gaps] = np.nan
+    variances[np.isnan(centers[:, 0])] = np.nan
+    found = np.median(hidden_variance(time_s, centers, variances, np.full(FRAMES, "P")))
+    assert np.sqrt(found + OWN**2) == pytest.approx(0.05, rel=0.12)
+
+
+def test_a_picture_far_off_its_course_is_less_certain_than_the_others() -> None:
+    rng = np.random.default_rng(5)
+    centers = course() + rng.normal(0, 0.02, (FRAMES, 2))
+    centers[200] += 0.15
+    found = hidden_variance(np.arange(FRAMES) / 60, centers, np.full(FRAMES, OWN**2), np.full(FRAMES, "P"))
+    assert 4 * np.sqrt(found[200]) > 0.15
+    assert found[100] < 0.3 * found[200]
+
+
+def test_times_rounded_to_milliseconds_become_even_and_truly_uneven_ones_stay() -> None:
+    exact = np.delete(np.arange(200), [20, 21, 90]) / 59.94
+    assert np.abs(steady_times(np.round(exact, 3)) - exact).max() < 2e-4
+    uneven = exact + np.random.default_rng(1).uniform(-0.004, 0.004, len(exact))
+    assert steady_times(uneven) is uneven
+
+
+def test_a_picture_stored_again_is_told_from_a_rest() -> None:
+    moving = course()
+    moving[100:102] = moving[99] + 0.02
+    rest = np.full((FRAMES, 2), 50.0)
+    again, still = repeated_pictures([moving, rest])
+    assert set(np.flatnonzero(again)) == {100, 101}
+    assert not still.any()
+    stopped = course()
+    stopped[200:] = stopped[200]
+    assert not repeated_pictures([stopped])[0].any()
+
+
+def test_places_of_a_lost_mark_are_those_at_the_distance_of_its_partner() -> None:
+    body = Body()
+    assert body.fits((0.0, 0.0), (500.0, 0.0))
+    for k in range(10):
+        body.note((10.0 * k, 0.0), (10.0 * k + 40.0, 1.0))
+    assert body.paired([(100.0, 0.0), (142.0, 3.0)], [(185.0, 0.0)]) == [(142.0, 3.0)]

@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evaluator.turning.repetitions import compare_directions, pool_runs
+
+LEFT = {"yaw_rate_deg_s": 20.0, "speed_mm_s": 2.0}
+RIGHT = {"yaw_rate_deg_s": -20.0, "speed_mm_s": 2.0}
+
+
+def runs_of(left: float, right: float, radii: list[float], motion: dict[str, float], **more: object) -> pd.DataFrame:
+    sign = -1.0 if motion["yaw_rate_deg_s"] * motion["speed_mm_s"] < 0 else 1.0
+    curvature = np.nan_to_num(sign / np.array(radii))
+    return pd.DataFrame(
+        {
+            "left_rpm": left,
+            "right_rpm": right,
+            "radius_mm": radii,
+            "radius_random_mm": 0.01,
+            "radius_systematic_mm": 0.02,
+            "curvature_per_mm": curvature,
+            "curvature_low_per_mm": curvature - 1e-4,
+            "curvature_high_per_mm": curvature + 1e-4,
+            "speed_sigma_mm_s": 0.001,
+            "path_efficiency": 1.0,
+            "smoothness": -2.0,
+            **motion,
+            **more,
+        }
+    )
+
+
+def test_commands_are_pooled_one_by_one_and_what_the_standard_asks_for_is_said() -> None:
+    table = pd.concat(
+        [
+            runs_of(33.0, 14.0, [7.8, 7.9, 7.85], RIGHT),
+            runs_of(14.0, 33.0, [7.9, 7.8], LEFT),
+            runs_of(-33.0, -14.0, [7.8] * 3, {"yaw_rate_deg_s": 20.0, "speed_mm_s": -2.0}),
+            runs_of(33.0, 33.0, [np.nan], RIGHT),
+        ]
+    )
+    pools = pool_runs(table).set_index(["left_rpm", "right_rpm"])
+    assert pools["side"].tolist() == ["right", "left", "right", ""]
+    assert pools["runs"].tolist() == [3, 2, 3, 1]
+    assert pools.loc[(33.0, 14.0), "note"] == ""
+    assert "2 of at least 3" in pools.loc[(14.0, 33.0), "note"]
+    assert pools.loc[(-33.0, -14.0), "note"] == "ISO 4138: no turn to the other side"
+    assert pools.loc[(33.0, 14.0), "radius_between_mm"] == pytest.approx(np.hypot(0.05, 0.0), rel=0.05)
+    assert np.isnan(pools.loc[(33.0, 33.0), "radius_mm"])
+    assert np.isfinite(pools.loc[(33.0, 33.0), "curvature_low_per_mm"])
+
+
+def test_the_camera_is_no_part_of_the_scatter_but_of_the_interval() -> None:
+    table = runs_of(33.0, 14.0, [7.8] * 3, RIGHT)
+    (row,) = pool_runs(table).to_dict("records")
+    assert row["radius_between_mm"] == 0.0
+    assert row["radius_high_mm"] - 7.8 > 1.96 * 0.02
+
+
+def test_backward_is_set_against_forward_of_the_same_speeds_with_an_interval() -> None:
+    rng = np.random.default_rng(3)
+    back = {"yaw_rate_deg_s": 20.0, "speed_mm_s": -2.0}
+    forward = runs_of(33.0, 14.0, (8.0 + 0.02 * rng.normal(size=5)).tolist(), RIGHT)
+    backward = runs_of(
+        -33.0, -14.0, (7.6 + 0.02 * rng.normal(size=5)).tolist(), back, smoothness=[-3.0, -3.1, -2.9, -3.0, -3.0]
+    )
+    (row,) = compare_directions(pd.concat([backward, forward])).to_dict("records")
+    assert row["radius_change_low_percent"] < -5.0 < row["radius_change_high_percent"] < 0
+    assert row["smoothness_change"] == pytest.approx(-1.0)
+    assert row["smoothness_change_high"] < 0
+
+
+def test_runs_without_a_partner_or_a_result_are_not_compared() -> None:
+    failed = runs_of(-33.0, -14.0, [np.nan], {"yaw_rate_deg_s": np.nan, "speed_mm_s": np.nan})
+    assert compare_directions(pd.concat([runs_of(33.0, 14.0, [8.0], RIGHT), failed])).empty
+    assert len(pool_runs(pd.concat([runs_of(33.0, 14.0, [8.0], RIGHT), failed]))) == 1
