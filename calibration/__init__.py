@@ -13,9 +13,10 @@ if TYPE_CHECKING:
     from calibration.errors import CalibrationError
     from calibration.gauge import Gauge, load_gauge
     from calibration.picture import read_picture
-    from calibration.quality import Verdict, assess
+    from calibration.quality import assess
     from calibration.solve import Calibration, calibrate
     from calibration.store import camera_to_json, load_camera
+    from calibration.verdict import Verdict
 
 __all__ = [
     "Calibration",
@@ -39,9 +40,10 @@ _HOMES = {
     "calibration.errors": ("CalibrationError",),
     "calibration.gauge": ("Gauge", "load_gauge"),
     "calibration.picture": ("read_picture",),
-    "calibration.quality": ("Verdict", "assess"),
+    "calibration.quality": ("assess",),
     "calibration.solve": ("Calibration", "calibrate"),
     "calibration.store": ("camera_to_json", "load_camera"),
+    "calibration.verdict": ("Verdict",),
 }
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +21,9 @@ Integers = NDArray[np.int64]
 SEEDS = 12  # attempts: distractors may form small lattices of their own, a torn sheet several
 ODD = 0.26  # of ln(diameter) against the dots around: a factor 1.3, fiducials differ by more, equal dots by 0.05
 SPECK = 0.4  # of the diameter of the dots around: no gauge has fiducials that small
+# Of the median contrast: vignetting and uneven light leave 0.25 and more (0.4 on a real fisheye); the images of the
+# array in the dark surround of a lens are fainter, and lie pixels beside the places they seem to continue.
+FAINT = 0.15
 SMALLEST_LATTICE = 6  # dots; fewer make no lattice
 
 
@@ -75,10 +79,10 @@ def assign_grid(dots: Dots) -> Lattice:
 
 
 def _without_specks(dots: Dots, lattice: Lattice) -> Lattice:
-    """Drop members far smaller than those around them: dirt and reflections that happen to lie on a place."""
+    """Drop members far smaller than those around them, and faint ones: dirt and reflections that lie near a place."""
     _, neighbours = nearest(dots.centers_px[lattice.dot], 8)
-    size = dots.diameter_px[lattice.dot]
-    keep = size > SPECK * np.median(size[neighbours], axis=1)
+    size, contrast = dots.diameter_px[lattice.dot], dots.contrast[lattice.dot]
+    keep = (size > SPECK * np.median(size[neighbours], axis=1)) & (contrast > FAINT * np.median(contrast))
     return Lattice(lattice.dot[keep], lattice.index[keep], lattice.others)
 
 
@@ -121,24 +125,35 @@ def rows_and_columns(lattice: Lattice) -> tuple[str, Integers]:
     return layout, np.stack([column, down - down.min()], 1)
 
 
-def places_seen_empty(dots: Dots, lattice: Lattice) -> Integers:
-    """Lattice places next to dots seen, well inside the picture, that hold no dot: (k, 2)."""
+# A place is bare where the picture there is as bright as the sheet next to it, to this share of the dots' contrast.
+BARE = 0.35
+
+
+def places_without_dot(dots: Dots, lattice: Lattice) -> tuple[Integers, NDArray[np.bool_]]:
+    """Lattice places next to dots seen, well inside the picture, that hold no dot: (k, 2), and which are bare (k,).
+
+    A bare place shows the sheet, so there is no dot; at the others something may hide one.
+    """
     corner = lattice.index.min(axis=0) - 2
     extent = lattice.index.max(axis=0) - corner + 3
     grid = np.full((*extent, 2), np.nan)
     at = lattice.index - corner
     grid[at[:, 0], at[:, 1]] = dots.centers_px[lattice.dot]
+    level = np.full((*extent, 2), np.nan)  # of the sheet, and of the dots below it
+    level[at[:, 0], at[:, 1]] = np.stack([dots.background, dots.contrast], axis=1)[lattice.dot]
+    smooth = cv2.blur(dots.plane, (3, 3))
     width, height = dots.size_px
     margin = float(np.median(dots.diameter_px[lattice.dot]))
-    found: set[tuple[int, int]] = set()
+    bare: dict[tuple[int, int], bool] = {}
     for da, db in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        behind = np.roll(grid, (da, db), axis=(0, 1))
-        before = np.roll(grid, (2 * da, 2 * db), axis=(0, 1))
-        guess = 2 * behind - before
+        behind, sheet = np.roll(grid, (da, db), axis=(0, 1)), np.roll(level, (da, db), axis=(0, 1))
+        guess = 2 * behind - np.roll(grid, (2 * da, 2 * db), axis=(0, 1))
         with np.errstate(invalid="ignore"):
             free = np.isnan(grid[..., 0]) & (guess[..., 0] > margin) & (guess[..., 0] < width - 1 - margin)
             free &= (guess[..., 1] > margin) & (guess[..., 1] < height - 1 - margin)
-        found |= {(int(a), int(b)) for a, b in np.argwhere(free)}
-    if not found:
-        return np.empty((0, 2), dtype=np.int64)
-    return np.asarray(np.array(sorted(found), dtype=np.int64) + corner)
+        for a, b in np.argwhere(free).tolist():
+            x, y = np.rint(guess[a, b]).astype(int)
+            like = abs(float(smooth[y, x]) - sheet[a, b, 0]) < BARE * sheet[a, b, 1]
+            bare[a, b] = bare.get((a, b), False) or bool(like)
+    places = np.array(sorted(bare), dtype=np.int64).reshape(-1, 2)
+    return places + corner, np.array([bare[a, b] for a, b in places.tolist()], dtype=bool)

@@ -51,9 +51,8 @@ def _sums(labels: NDArray[np.int32], count: int) -> Array:
     return np.stack([np.bincount(region, weight, minlength=count)[1:] for weight in weights], axis=1)
 
 
-def candidates_by_window(plane: Plane) -> Iterator[tuple[int, Candidates]]:
-    """Dark blobs of about elliptical shape, for each window in turn."""
-    noise = noise_of(plane)
+def candidates_by_window(plane: Plane, noise: float) -> Iterator[tuple[int, Candidates]]:
+    """Dark blobs of about elliptical shape, for each window in turn; noise: as `noise_of` tells it."""
     for window in WINDOWS:
         if window <= 2 * min(plane.shape):
             yield window, _at_window(plane, window, noise)

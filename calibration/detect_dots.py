@@ -6,12 +6,13 @@ gauge.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.candidates import WINDOWS, Candidates, candidates_by_window
+from calibration.candidates import WINDOWS, Candidates, candidates_by_window, noise_of
+from calibration.disturbed import doubted, fit_again
 from calibration.fit_dots import fit_dots
 from calibration.neighbours import nearest
 from calibration.picture import Plane, dark_dots
@@ -19,8 +20,8 @@ from calibration.start_dots import start_values
 
 Array = NDArray[np.float64]
 
-# A dot whose pixels leave the model by more than this share of its contrast is no blurred disc: letters and corners
-# leave 0.15 and more, dots at SNR 10 on JPEG pictures 0.12.
+# A dot whose pixels leave the model by more than this share of its contrast, the picture's white noise apart, is no
+# blurred disc: letters and corners leave 0.15 and more, dots at SNR 10 on JPEG pictures 0.12 with their noise.
 LARGEST_MISFIT = 0.14
 TRIALS = 50  # blobs fitted to judge a window: its share of dots to 7 %
 # So many dots, and so large a share of the blobs, and no dot wider than half the window: no other window can do better.
@@ -32,9 +33,10 @@ class Dots:
     """Dots found in one picture, in no order.
 
     size_px: (width, height) of the picture. centers_px: (n, 2). covariance_px2: (n, 2, 2). diameter_px: (n,) geometric
-    mean of the ellipse's axes. contrast: (n,) background minus dot, in picture units, positive. level: (n,) of the
-    dot itself. blur_px: (n,) standard deviation of the edge. noise: (n,) standard deviation of the residual. shape:
-    (n, 3) ellipse matrix A. color: (n, channels) mean inside the dot, in picture units.
+    mean of the ellipse's axes. contrast: (n,) background minus dot, in picture units, positive.
+    background: (n,) level around it. blur_px: (n,) standard deviation of the edge. noise: (n,) standard
+    deviation of the residual. shape: (n, 3) ellipse matrix A. color: (n, channels) mean inside the dot, in picture
+    units. plane: (h, w) the picture as it was searched, dots dark.
     """
 
     size_px: tuple[int, int]
@@ -42,10 +44,12 @@ class Dots:
     covariance_px2: Array
     diameter_px: Array
     contrast: Array
+    background: Array
     blur_px: Array
     noise: Array
     shape: Array
     color: Array
+    plane: Plane = field(repr=False)
 
     def __len__(self) -> int:
         """Count of dots."""
@@ -62,16 +66,18 @@ def detect_dots(picture: NDArray[np.generic], color: str | None = None, backgrou
     signs = (1.0,) if color is not None and background is not None else (1.0, -1.0)
     voted = [(sign, *_best_window(np.float32(sign) * plane)) for sign in signs]
     sign, _, candidates = max(voted, key=lambda vote: vote[1])
-    return _dots(picture, *_fit(np.float32(sign) * plane, candidates))
+    plane = np.float32(sign) * plane
+    return _dots(picture, plane, *_fit(plane, candidates, noise_of(plane)))
 
 
 def _best_window(plane: Plane) -> tuple[float, Candidates]:
     """Candidates of the window that shows most dots, counted by their diameters: a dot outweighs many specks."""
+    noise = noise_of(plane)
     votes, best = 0.0, Candidates(np.empty((0, 2)), np.empty((0, 3)), np.empty(0))
-    for window, candidates in candidates_by_window(plane):
+    for window, candidates in candidates_by_window(plane, noise):
         every = max(1, len(candidates) // TRIALS)
         tried = candidates.take(np.arange(0, len(candidates), every))
-        area = _area(_fit(plane, tried)[0])
+        area = _area(_fit(plane, tried, noise)[0])
         vote = every * float(np.sqrt(area).sum())
         if vote > votes:
             votes, best = vote, candidates
@@ -83,7 +89,7 @@ def _best_window(plane: Plane) -> tuple[float, Candidates]:
     return votes, best
 
 
-def _fit(plane: Plane, candidates: Candidates) -> tuple[Array, Array, Array]:
+def _fit(plane: Plane, candidates: Candidates, white_noise: float) -> tuple[Array, Array, Array]:
     """Parameters (n, 10), covariance (n, 2, 2) and noise (n,) of the candidates that are dots."""
     if len(candidates) == 0:
         return np.empty((0, 10)), np.empty((0, 2, 2)), np.empty(0)
@@ -91,13 +97,16 @@ def _fit(plane: Plane, candidates: Candidates) -> tuple[Array, Array, Array]:
     if len(candidates) > 1:
         gap = nearest(candidates.center_px, 1)[0][:, 0]
     starts, reach, possible = start_values(plane, candidates.center_px, candidates.moments_px2, gap)
-    fitted, covariance, noise = fit_dots(plane, starts[possible], reach[possible])
+    starts, reach = starts[possible], reach[possible]
+    fitted, covariance, noise = found = fit_dots(plane, starts, reach)
+    fit_again(plane, reach, found)
     with np.errstate(invalid="ignore", divide="ignore"):
-        good = (noise < LARGEST_MISFIT * -fitted[:, 7]) & np.isfinite(noise)
+        good = (noise**2 < (LARGEST_MISFIT * fitted[:, 7]) ** 2 + white_noise**2) & (fitted[:, 7] < 0)
         # blur wider than the dot's radius: a smudge without an edge
         good &= fitted[:, 5] < np.sqrt(_area(fitted) / np.pi)
         good &= _whole(fitted, plane.shape)
-    return fitted[good], covariance[good], noise[good]
+    fitted, covariance, noise = fitted[good], covariance[good], noise[good]
+    return fitted, doubted(fitted, covariance, noise), noise
 
 
 def _whole(fitted: Array, shape: tuple[int, ...]) -> NDArray[np.bool_]:
@@ -113,7 +122,7 @@ def _area(fitted: Array) -> Array:
     return np.asarray(np.pi / np.sqrt(np.maximum(fitted[:, 2] * fitted[:, 4] - fitted[:, 3] ** 2, 1e-12)))
 
 
-def _dots(picture: NDArray[np.generic], fitted: Array, covariance: Array, noise: Array) -> Dots:
+def _dots(picture: NDArray[np.generic], plane: Plane, fitted: Array, covariance: Array, noise: Array) -> Dots:
     height, width = picture.shape[:2]
     column = np.clip(fitted[:, 0].round().astype(int), 1, width - 2)
     row = np.clip(fitted[:, 1].round().astype(int), 1, height - 2)
@@ -125,8 +134,10 @@ def _dots(picture: NDArray[np.generic], fitted: Array, covariance: Array, noise:
         covariance_px2=covariance,
         diameter_px=2 * np.sqrt(_area(fitted) / np.pi),
         contrast=-fitted[:, 7],
+        background=fitted[:, 6],
         blur_px=fitted[:, 5],
         noise=noise,
         shape=fitted[:, 2:5],
         color=color,
+        plane=plane,
     )

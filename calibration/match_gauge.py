@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
-from calibration.assign_grid import Lattice, places_seen_empty, rows_and_columns
+from calibration.assign_grid import Lattice, places_without_dot
 from calibration.detect_dots import Dots
 from calibration.errors import CalibrationError
 from calibration.fiducials import features_promised, features_seen, of_equal_size
 from calibration.gauge import Gauge
+from calibration.wrong_gauge import does_not_fit, ends_early, goes_on, place_on_sheet
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -27,8 +28,6 @@ Integers = NDArray[np.int64]
 LARGEST_STRETCH = 2.5
 # Share of a lattice that may fall outside the gauge: glare and dirt add a few dots, a wrong gauge file whole rows.
 FOREIGN = 0.1
-# Share of the places around an array that must be seen empty for its whole extent to be in view.
-ISOLATED = 0.8
 
 
 @dataclass(frozen=True)
@@ -56,57 +55,43 @@ def match_gauge(dots: Dots, lattice: Lattice, gauge: Gauge) -> Match:
     """Lay the gauge on the lattice. Raises CalibrationError where it does not fit."""
     lattice = of_equal_size(dots, lattice, gauge)
     sites = _gauge_lattice(gauge)
-    empty = places_seen_empty(dots, lattice)
+    places, bare = places_without_dot(dots, lattice)
     affine = np.column_stack([lattice.index, np.ones(len(lattice))])
     basis = np.asarray(np.linalg.lstsq(affine, dots.centers_px[lattice.dot], rcond=None)[0][:2].T, dtype=float)
     features = features_seen(dots, lattice, gauge)
     promised = features_promised(gauge, len(features))
     placements = []
     for turn in _turns(gauge, basis):
-        placements += _placements(turn, lattice, empty, sites, features, promised)
+        placements += _placements(turn, lattice, places[bare], sites, features, promised)
     if not placements:
-        raise CalibrationError(_does_not_fit(lattice, gauge))
+        raise CalibrationError(does_not_fit(lattice, gauge))
     best = _choose(placements, bool(gauge.fiducial))
     match = _matched(best, placements, lattice, gauge)
-    objection = _objection(best, match, lattice, empty, gauge, promised)
-    if objection:
-        raise CalibrationError(objection)
-    return match
-
-
-def _objection(
-    best: _Placement, match: Match, lattice: Lattice, empty: Integers, gauge: Gauge, promised: Array
-) -> str | None:
-    """Why a placement that fits is still not the gauge of the file lying face up."""
-    if _is_front(best) is False:
-        return (
+    if not _is_front(best):
+        raise CalibrationError(
             "the gauge is seen from behind or in a mirror: its fiducials fit only the mirrored array; "
             "turn the plate over, or undo the mirroring of the picture"
         )
-    in_view = promised[:, match.row, match.column]
-    if np.any(in_view) and best.likeness <= 0:
+    if np.any(promised[:, match.row, match.column]) and best.likeness <= 0:
+        raise CalibrationError(_no_fiducials(dots, gauge))
+    seen = place_on_sheet(lattice.index @ best.turn.T + best.shift, gauge)
+    free = place_on_sheet(places @ best.turn.T + best.shift, gauge)
+    if goes_on(seen, gauge) or ends_early(seen, free, bare, gauge):
+        raise CalibrationError(does_not_fit(lattice, gauge))
+    return match
+
+
+def _no_fiducials(dots: Dots, gauge: Gauge) -> str:
+    """Why the fiducials that should be in view are not seen."""
+    if dots.color.shape[1] == 1 and any(fiducial.color for fiducial in gauge.fiducial):
         return (
-            f'the fiducial dots that the gauge "{gauge.name}" promises are not seen where they should be; '
-            "is it the gauge of this picture?"
+            f'the fiducial dots of the gauge "{gauge.name}" differ by their color, which a grey picture does not show; '
+            "take a color picture, or give them a diameter_mm of their own"
         )
-    place = _place_of(empty @ best.turn.T + best.shift, gauge)
-    low = np.array([match.column.min(), match.row.min()])
-    high = np.array([match.column.max(), match.row.max()])
-    if np.array_equal(high - low + 1, (gauge.dots.columns, gauge.dots.rows)):
-        return None
-    # every side of the array seen must show empty places beyond it, else it may go on outside the picture
-    for axis in (0, 1):
-        along = place[(place[:, 1 - axis] >= low[1 - axis]) & (place[:, 1 - axis] <= high[1 - axis])]
-        for side in (low[axis] - 1, high[axis] + 1):
-            if (along[:, axis] == side).sum() < ISOLATED * (high[1 - axis] - low[1 - axis] + 1):
-                return None
-    return _does_not_fit(lattice, gauge)
-
-
-def _place_of(sites: Integers, gauge: Gauge) -> Integers:
-    """Column and row of lattice sites, also beyond the array: the inverse of `_gauge_lattice`."""
-    column = sites[:, 0] + (sites[:, 1] // 2 if gauge.dots.layout == "staggered" else 0)
-    return np.stack([column, sites[:, 1]], axis=1)
+    return (
+        f'the fiducial dots that the gauge "{gauge.name}" promises are not seen where they should be; '
+        "is it the gauge of this picture?"
+    )
 
 
 @dataclass(frozen=True)
@@ -235,7 +220,7 @@ def _turned(angle: float) -> float:
 def _matched(best: _Placement, placements: list[_Placement], lattice: Lattice, gauge: Gauge) -> Match:
     foreign = len(lattice) - best.inside
     if foreign > max(2.0, FOREIGN * len(lattice)):
-        raise CalibrationError(_does_not_fit(lattice, gauge))
+        raise CalibrationError(does_not_fit(lattice, gauge))
     table = _places(gauge)
     where = lattice.index @ best.turn.T + best.shift
     rows, columns, kept = [], [], []
@@ -255,7 +240,14 @@ def _matched(best: _Placement, placements: list[_Placement], lattice: Lattice, g
         and not (np.array_equal(other.turn, best.turn) and np.array_equal(other.shift, best.shift))
         and not (np.array_equal(other.turn, -best.turn))
     ]
-    opposite = [other for other in placements if other.score >= best.score and np.array_equal(other.turn, -best.turn)]
+    # half a turn that nothing tells apart is settled by convention, unless it goes with a shift
+    opposite = [
+        other
+        for other in placements
+        if other.score >= best.score
+        and other.likeness >= best.likeness - 9.0
+        and np.array_equal(other.turn, -best.turn)
+    ]
     return Match(
         dot=lattice.dot[np.array(kept, dtype=np.int64)],
         column=np.array(columns, dtype=np.int64),
@@ -273,13 +265,3 @@ def _places(gauge: Gauge) -> dict[tuple[int, int], tuple[int, int]]:
         for row in range(sites.shape[0])
         for column in range(sites.shape[1])
     }
-
-
-def _does_not_fit(lattice: Lattice, gauge: Gauge) -> str:
-    layout, index = rows_and_columns(lattice)
-    columns, rows = index.max(axis=0) + 1
-    return (
-        f"the picture shows a {layout} array of about {columns} × {rows} dots ({len(lattice)} seen), which does not "
-        f'fit the gauge "{gauge.name}", {gauge.dots.layout}, {gauge.dots.columns} × {gauge.dots.rows}; '
-        "is it the gauge of this picture?"
-    )

@@ -6,8 +6,6 @@ on the covariance, on how much each parameter was learned beyond its prior, and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +13,7 @@ from numpy.typing import NDArray
 from calibration.camera import Camera
 from calibration.initial import rough_prior
 from calibration.solve import Calibration
-from calibration.store import Level
+from calibration.verdict import Level, Verdict
 
 Array = NDArray[np.float64]
 
@@ -30,39 +28,14 @@ IMPLAUSIBLE = 3.0  # prior sigmas
 # it is something else.
 MISFIT = 3.0
 SMALLEST_TILT_DEG = 5.0  # cos 5° = 0.996: foreshortening drowns in the scale of the pose
-SMALLEST_COVERAGE = 0.4
+# Below the first, corners are judged by what the covariance says of them; below the second not even that is believed,
+# since the choice of the lens model itself rests on the part that was seen.
+MODEST_COVERAGE, SMALLEST_COVERAGE = 0.4, 0.2
+# Dots seen wider or narrower than that against their distance: printing, blur and strong distortion make 0.85 to 1.05.
+SIZE_RATIO = 1.25
+LEFT_OUT = 0.02  # of the dots of one picture: worth a note; at most a few thousandths of sound dots are
+ARM = 0.15  # of the picture's shorter side: half the length of the chords that stand for lengths
 CELLS = (12, 9)
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """level: "sound", "limited" (good on some plane, with a stated doubt elsewhere) or "ill-conditioned".
-
-    reasons: why not sound. next_steps: what to do. notes: what was seen and needs no action.
-    scale_sigma: relative standard uncertainty of lengths, and so of turning radii, at mark height; plate_scale_sigma:
-    on the plate itself.
-    """
-
-    level: Level
-    reasons: tuple[str, ...]
-    next_steps: tuple[str, ...]
-    notes: tuple[str, ...]
-    mark_height_mm: float
-    scale_sigma: float
-    plate_scale_sigma: float
-    tilt_spread_deg: float
-    coverage: float
-
-    @property
-    def summary(self) -> str:
-        """The verdict in one sentence."""
-        doubt = (
-            f"lengths and turning radii at {self.mark_height_mm:g} mm are known to "
-            f"{100 * self.scale_sigma:.2g} % (1 sigma)"
-        )
-        if self.level == "sound":
-            return f"sound: {doubt}"
-        return f"{self.level}: {doubt}; " + "; ".join(self.reasons)
 
 
 def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> Verdict:
@@ -83,10 +56,18 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
     if misfit := _misfit(calibration):
         reasons += misfit
         steps.append("use a flat, rigid gauge, check pitch and layout in gauge.toml, and state its [tolerance]")
-    if covered < SMALLEST_COVERAGE:
-        reasons.append(f"dots cover {100 * covered:.0f} % of the picture: distortion is extrapolated over the rest")
-        steps.append("move the gauge so that dots reach every part of the picture that will be used")
-    alone = len(calibration.views) == 1 and scale > 1.5 * plate_scale
+    if wrong := _wrong_size(calibration):
+        reasons += wrong
+        steps.append("measure pitch and dot diameter of the plate and correct gauge.toml")
+    if covered < MODEST_COVERAGE:
+        sparse = f"dots cover {100 * covered:.0f} % of the picture: distortion is extrapolated over the rest"
+        if covered < SMALLEST_COVERAGE or not worst_scale_sigma(camera, mark_height_mm) < SCALE_TOLERANCE:
+            reasons.append(sparse)
+            steps.append("move the gauge so that dots reach every part of the picture that will be used")
+        else:
+            notes.append(sparse)
+    unchecked = len(calibration.views) == 1 and calibration.distance_mm is None
+    alone = unchecked and scale > 1.5 * plate_scale
     if alone or (scale > SCALE_TOLERANCE and scale > 1.5 * plate_scale):
         reasons.append(_height_sentence(calibration, mark_height_mm, scale, plate_scale))
         if not ill:
@@ -96,15 +77,29 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
                 "(--distance-mm VALUE SIGMA)"
             )
     level: Level = "ill-conditioned" if ill else "limited" if reasons else "sound"
+    doubt = f"lengths and turning radii at {mark_height_mm:g} mm are known to {100 * scale:.2g} % (1 sigma)"
     return Verdict(
-        level, tuple(reasons), tuple(steps), tuple(notes), mark_height_mm, scale, plate_scale, spread, covered
+        level=level,
+        summary="; ".join([f"{level}: {doubt}", *reasons]),
+        reasons=tuple(reasons),
+        next_steps=tuple(steps),
+        notes=tuple(notes),
+        mark_height_mm=mark_height_mm,
+        scale_sigma=scale,
+        plate_scale_sigma=plate_scale,
+        tilt_spread_deg=spread,
+        coverage=covered,
     )
 
 
-def scale_sigma(camera: Camera, height_mm: float) -> float:
-    """Relative standard uncertainty of lengths about the middle of the picture on a plane above the plate."""
+def scale_sigma(camera: Camera, height_mm: float, middle_px: Array | None = None) -> float:
+    """Relative standard uncertainty of lengths about a point of the picture on a plane above the plate.
+
+    middle_px: (2,), default the middle of the picture. NaN where the plane is not seen there.
+    """
     width, height = camera.size_px
-    middle, arm = np.array([(width - 1) / 2, (height - 1) / 2]), 0.15 * min(width, height)
+    middle = np.array([(width - 1) / 2, (height - 1) / 2]) if middle_px is None else middle_px
+    arm = ARM * min(width, height)
     ends = middle + arm * np.array([[-1, 0], [1, 0], [0, -1], [0, 1]])
     placed, sensitivity = camera.plate_from_picture(ends, height_mm), camera.plate_sensitivity(ends, height_mm)
     total, slope = 0.0, np.zeros(sensitivity.shape[-1])
@@ -114,6 +109,14 @@ def scale_sigma(camera: Camera, height_mm: float) -> float:
         total += length
         slope += chord / length @ (sensitivity[b] - sensitivity[a])
     return float(np.sqrt(max(float(slope @ camera.covariance @ slope), 0.0)) / total)
+
+
+def worst_scale_sigma(camera: Camera, height_mm: float) -> float:
+    """The largest `scale_sigma` of the four corners; NaN where one does not see the plane."""
+    width, height = camera.size_px
+    arm = ARM * min(width, height)
+    corners = [np.array([x, y]) for x in (arm, width - 1 - arm) for y in (arm, height - 1 - arm)]
+    return float(np.max([scale_sigma(camera, height_mm, corner) for corner in corners]))
 
 
 def tilt_spread_deg(calibration: Calibration) -> float:
@@ -164,6 +167,18 @@ def _ill_conditioned(calibration: Calibration, spread: float) -> list[str]:
     return why
 
 
+def _wrong_size(calibration: Calibration) -> list[str]:
+    """Dots of another size than the file's: then its pitch may be as wrong, which no picture can tell."""
+    ratio = float(np.median([sighting.size_ratio for sighting in calibration.sightings]))
+    if not (ratio > SIZE_RATIO or ratio < 1 / SIZE_RATIO):
+        return []
+    sentence = (
+        f"dots are seen {ratio:.2f} times as wide against their distance as the gauge file says: pitch_mm or "
+        "diameter_mm is wrong, and if it is the pitch, every length is"
+    )
+    return [sentence]
+
+
 def _misfit(calibration: Calibration) -> list[str]:
     """Residuals far beyond what the dots' own sharpness promises: then the model or the gauge file is wrong."""
     excess = float(np.sqrt(calibration.fit.variance))
@@ -195,10 +210,13 @@ def _height_sentence(calibration: Calibration, height: float, scale: float, plat
 
 def _notes(calibration: Calibration) -> list[str]:
     notes = []
-    for sighting, rejected in zip(calibration.sightings, calibration.rejected, strict=True):
-        match = sighting.match
-        if rejected > 0.02 * len(match):
-            notes.append(f"{sighting.name}: {rejected} of {len(match)} dots left out because they contradict the rest")
+    left_out, found = np.array(calibration.rejected), np.array([len(s.match) for s in calibration.sightings])
+    worst = int(np.argmax(left_out / found))
+    if left_out[worst] > LEFT_OUT * found[worst]:
+        notes.append(
+            f"{left_out.sum()} of {found.sum()} dots left out because glare, dirt or an edge spoils them or they "
+            f"contradict the rest; most in {calibration.sightings[worst].name}, {left_out[worst]} of {found[worst]}"
+        )
     if not calibration.sightings[0].match.certain:
         notes.append(
             f"{calibration.sightings[0].name}: part of the array is out of view and no fiducial tells which, so "

@@ -12,6 +12,7 @@ from calibration.assign_grid import Lattice, assign_grid
 from calibration.bundle import Fit, Prior, View, outliers, solve_discs, whitening, with_disc_offsets
 from calibration.camera import PARAMETERS, Camera
 from calibration.detect_dots import Dots, detect_dots
+from calibration.disturbed import useful
 from calibration.errors import CalibrationError
 from calibration.gauge import Gauge, Tolerance
 from calibration.initial import rough_prior, rough_start
@@ -19,6 +20,7 @@ from calibration.match_gauge import Match, match_gauge
 from calibration.model_choice import Trial, choose_model
 from calibration.neighbours import nearest
 from calibration.tolerance import covariance_with_tolerance, with_tolerance
+from calibration.wrong_gauge import size_ratio
 
 Array = NDArray[np.float64]
 FEWEST_DOTS = 12  # six for the pose, twice over
@@ -28,16 +30,24 @@ SMUDGE = (0.5, 1.2)
 # Residuals of this share of the pitch are no lens: with the right gauge file the worst real set (a bent sheet of
 # paper) has 0.7 %, a wrong pitch ratio or layout 5 %.
 FOREIGN_PITCH = 0.02
+# Dots so much wider or narrower are another plate's; less may be a wrong number in the file, which the verdict tells.
+FOREIGN_SIZE = 1.8
+# Glare and dirt spoil a tenth of the dots; a third is another camera, another plate or a bent one.
+MOST_LEFT_OUT = 1 / 3
 
 
 @dataclass(frozen=True)
 class Sighting:
-    """The gauge found in one picture."""
+    """The gauge found in one picture.
+
+    size_ratio: how many times as wide dots are seen, against their distance, as the gauge file has them.
+    """
 
     name: str
     dots: Dots
     lattice: Lattice
     match: Match
+    size_ratio: float
 
 
 @dataclass(frozen=True)
@@ -46,6 +56,7 @@ class Calibration:
 
     camera: in the frame of the plate picture. sightings: per picture. fit: solved bundle over the dots kept; views:
     those dots. trials: lens models tried, best first. rejected: per picture, count of dots left out as outliers.
+    distance_mm: measured height of the lens and its sigma, where it was given.
     """
 
     camera: Camera
@@ -56,6 +67,7 @@ class Calibration:
     trials: tuple[Trial, ...]
     rejected: tuple[int, ...]
     plate_index: int = 0
+    distance_mm: tuple[float, float] | None = None
 
     @property
     def rms_px(self) -> float:
@@ -104,8 +116,9 @@ def calibrate(
         views=tuple(kept),
         fit=fit,
         trials=tuple(trials),
-        rejected=tuple(len(view) - len(part) for view, part in zip(views, kept, strict=True)),
+        rejected=tuple(len(sightings[k].match) - len(part) for k, part in zip(order, kept, strict=True)),
         plate_index=plate_index,
+        distance_mm=distance_mm,
     )
 
 
@@ -148,7 +161,13 @@ def sight(picture: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
         match = match_gauge(dots, lattice, gauge)
     except CalibrationError as error:
         raise CalibrationError(f"{name}: {error}") from None
-    return Sighting(name, dots, lattice, match)
+    ratio = size_ratio(dots.centers_px[match.dot], dots.diameter_px[match.dot], match.column, match.row, gauge)
+    if ratio > FOREIGN_SIZE or ratio < 1 / FOREIGN_SIZE:
+        raise CalibrationError(
+            f'{name}: dots are seen {ratio:.2g} times as wide against their distance as the gauge "{gauge.name}" has '
+            "them; is it the gauge of this picture, and are its pitch_mm and diameter_mm right?"
+        )
+    return Sighting(name, dots, lattice, match, ratio)
 
 
 def _expected_diameter_px(dots: Dots, lattice: Lattice, gauge: Gauge) -> float:
@@ -159,11 +178,14 @@ def _expected_diameter_px(dots: Dots, lattice: Lattice, gauge: Gauge) -> float:
 
 
 def view_of(sighting: Sighting, gauge: Gauge, *, on_plate: bool) -> View:
-    """Dots of one picture with their places, at the gauge's height where it lies on the plate."""
+    """Dots of one picture with their places, at the gauge's height where it lies on the plate.
+
+    Dots that something else reaches into are left out.
+    """
     match, dots = sighting.match, sighting.dots
     points = gauge.positions_mm()[match.row, match.column]
     height = gauge.dots.height_mm if on_plate else 0.0
-    return View(
+    view = View(
         centers_px=dots.centers_px[match.dot],
         whitening=whitening(dots.covariance_px2[match.dot]),
         points_mm=np.column_stack([points, np.full(len(points), height)]),
@@ -172,6 +194,7 @@ def view_of(sighting: Sighting, gauge: Gauge, *, on_plate: bool) -> View:
         offset_px=np.zeros((len(points), 2)),
         name=sighting.name,
     )
+    return view.take(useful(dots.covariance_px2[match.dot]))
 
 
 def _solve_robustly(views: list[View], rough: list[Fit], prior: Prior) -> tuple[Fit, list[View], list[Trial]]:
@@ -184,13 +207,21 @@ def _solve_robustly(views: list[View], rough: list[Fit], prior: Prior) -> tuple[
         if all(part.all() for part in keep):
             break
         kept = [view.take(part) for view, part in zip(kept, keep, strict=True)]
-        short = next((view for view in kept if len(view) < FEWEST_DOTS // 2), None)
-        if short is not None:
-            raise CalibrationError(
-                f"{short.name}: its dots contradict the other pictures; leave it out or take it again"
-            )
+        _check_left_out(views, kept)
         fit, kept = solve_discs(kept, fit.state, prior)
     return fit, kept, trials
+
+
+def _check_left_out(views: list[View], kept: list[View]) -> None:
+    """Raise for a picture most of whose dots contradict the rest."""
+    for view, part in zip(views, kept, strict=True):
+        left_out = len(view) - len(part)
+        if left_out > MOST_LEFT_OUT * len(view) or len(part) < FEWEST_DOTS // 2:
+            rest = "the other pictures" if len(views) > 1 else "any camera"
+            raise CalibrationError(
+                f"{view.name}: {left_out} of {len(view)} dots contradict {rest}; are all pictures from one camera, "
+                "with pitch_mm and layout of the gauge file those of the plate? Leave this one out or take it again"
+            )
 
 
 def _camera(fit: Fit, views: list[View], tolerance: Tolerance, size_px: tuple[int, int]) -> Camera:

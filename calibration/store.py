@@ -17,12 +17,10 @@ from calibration.camera import PARAMETERS, Camera
 from calibration.errors import CalibrationError
 from calibration.gauge import Gauge
 from calibration.lens import LensModel
+from calibration.verdict import Verdict
 
 if TYPE_CHECKING:  # a camera is read far more often than solved: reading one must not wait for the solver's libraries
-    from calibration.quality import Verdict
     from calibration.solve import Calibration
-
-Level = Literal["sound", "limited", "ill-conditioned"]
 
 
 class Table(BaseModel):
@@ -40,21 +38,6 @@ class StoredPicture(Table):
     rms_px: float
 
 
-class StoredVerdict(Table):
-    """The verdict of quality.py."""
-
-    level: Level
-    summary: str
-    reasons: tuple[str, ...]
-    next_steps: tuple[str, ...]
-    notes: tuple[str, ...]
-    mark_height_mm: float
-    scale_sigma: float
-    plate_scale_sigma: float
-    tilt_spread_deg: float
-    coverage: float
-
-
 class CameraFile(Table):
     """camera.json."""
 
@@ -70,7 +53,7 @@ class CameraFile(Table):
     variance: float = Field(description="of unit weight: scatter of the residuals over the stated uncertainty, squared")
     pictures: tuple[StoredPicture, ...]
     rms_px: float
-    verdict: StoredVerdict
+    verdict: Verdict
 
     def camera(self) -> Camera:
         """The camera, with the verdict as its doubt where it is not sound."""
@@ -108,18 +91,7 @@ def camera_to_json(calibration: Calibration, verdict: Verdict | None = None) -> 
             )
         ),
         rms_px=calibration.rms_px,
-        verdict=StoredVerdict(
-            level=verdict.level,
-            summary=verdict.summary,
-            reasons=verdict.reasons,
-            next_steps=verdict.next_steps,
-            notes=verdict.notes,
-            mark_height_mm=verdict.mark_height_mm,
-            scale_sigma=verdict.scale_sigma,
-            plate_scale_sigma=verdict.plate_scale_sigma,
-            tilt_spread_deg=verdict.tilt_spread_deg,
-            coverage=verdict.coverage,
-        ),
+        verdict=verdict,
     )
     return json.dumps(stored.model_dump(mode="json"), indent=1) + "\n"
 

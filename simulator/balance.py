@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from simulator.compiled import compiled
+from simulator.contact import fresh_contacts
 from simulator.dynamics import accelerations, slopes
 from simulator.rosenbrock import invert3
 
@@ -20,7 +21,7 @@ def unbalance(model: Any, left: float, right: float, velocity: Any, out: Any) ->
     """Accelerations at a velocity (3) into out (3); returns their size."""
     u, v, r = velocity[0], velocity[1], velocity[2]
     drive, place = (1.0 * left, 1.0 * right, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0, 0.0)
-    out[0], out[1], out[2] = accelerations(u, v, r, drive, place, model.rest_speed, model)
+    out[0], out[1], out[2] = accelerations(u, v, r, drive, place, model.rest_speed, model, fresh_contacts())
     return float(np.sqrt(out[0] ** 2 + out[1] ** 2 + 4 * out[2] ** 2))
 
 
@@ -28,7 +29,7 @@ def unbalance(model: Any, left: float, right: float, velocity: Any, out: Any) ->
 def differentiate(model: Any, left: float, right: float, velocity: Any, residual: Any, linear: Any) -> None:
     """Accelerations into residual, their derivative by velocity into rows 1 to 3 of linear (4, 3)."""
     drive, place = (1.0 * left, 1.0 * right, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0, 0.0)
-    slopes(velocity[0], velocity[1], velocity[2], drive, place, model.rest_speed, model, linear)
+    slopes(velocity[0], velocity[1], velocity[2], drive, place, model.rest_speed, model, fresh_contacts(), linear)
     residual[:] = linear[0]
 
 

@@ -1,7 +1,7 @@
-"""One wheel on the plate: what added physics changes about it, the force it gets, and the derivatives of that force.
+"""The wheels on the plate: what added physics leaves of each at an instant, and the friction that follows.
 
-Units: mm, s, g, µN, rad. A contact is what terms leave of a wheel at an instant: surface speed, steering angle, factors
-of load, friction and stiffness, drag.
+Units: mm, s, g, µN, rad. Contacts are an array (7, 4): rows SURFACE (speed, mm/s), COS_STEER and SIN_STEER, GRIP and
+STEEP (factors of a wheel's grip and steepness), DRAG (µN), DROOP (loss of surface speed per µN); a column per wheel.
 """
 
 from __future__ import annotations
@@ -9,32 +9,32 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from simulator.bases import place_basis, slide_basis, velocity_basis
 from simulator.compiled import compiled
-from simulator.slip.law import slip_ratio, wheel_force, wheel_slopes
+from simulator.slip.law import VECTORS, slip_ratio, wheel_force, wheel_slopes
 from simulator.terms import COS, DRAG, FRICTION, LOAD, ONE, SLIDE_COS2, SPEED, STEER, STIFFNESS
 
-Contact = tuple[float, float, float, float, float, float]
+SURFACE, COS_STEER, SIN_STEER, GRIP, STEEP, DRAG_FORCE, DROOP, ROWS = range(8)
+Triple = tuple[float, float, float]
+Square = tuple[Triple, Triple, Triple]
 LEAST_FACTOR = 0.02  # a term may weaken load, friction or stiffness of a wheel to 2 %, never reverse it
 
 
 @compiled()
-def law(u: float, v: float, surface: float, wheel: int, scaled: Any, rest: float, model: Any) -> tuple[float, float]:
-    """Friction on a wheel; scaled: factors of its grip and of its steepness."""
-    return wheel_force(
-        u,
-        v,
-        slip_ratio(u, surface, rest) if wheel < 2 else 0.0,
-        model.grip_x[wheel] * scaled[0],
-        model.grip_y[wheel] * scaled[0],
-        model.steep_x[wheel] * scaled[1],
-        model.steep_y[wheel] * scaled[1],
-        model.ratio,
-        model.shape_x,
-        model.shape_y,
-        model.decrease,
-        rest,
-    )
+def fresh_contacts() -> Any:
+    """Contacts of wheels without any effect, at rest."""
+    contacts = np.zeros((ROWS, 4))
+    contacts[COS_STEER], contacts[GRIP], contacts[STEEP] = 1.0, 1.0, 1.0
+    return contacts
+
+
+@compiled()
+def law(u: float, v: float, wheel: int, contacts: Any, rest: float, model: Any) -> tuple[float, float]:
+    """Friction along and across one wheel; u, v: of its centre in its own frame."""
+    slopes = law_slopes(u, v, contacts[SURFACE, wheel], wheel, contacts[GRIP : STEEP + 1, wheel], rest, model)
+    return slopes[0], slopes[1]
 
 
 @compiled()
@@ -44,7 +44,7 @@ def law_slopes(u: float, v: float, surface: float, wheel: int, scaled: Any, rest
         u,
         v,
         surface,
-        wheel < 2,
+        1.0 if wheel < 2 else 0.0,
         model.grip_x[wheel] * scaled[0],
         model.grip_y[wheel] * scaled[0],
         model.steep_x[wheel] * scaled[1],
@@ -96,18 +96,12 @@ def giving_way(
     return float(aside * (1.0 + gain) if gain > 0.0 else aside / (1.0 - gain))
 
 
-@compiled()
-def contact(wheel: int, u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any) -> Contact:
-    """Surface speed, steering angle, factors of grip and steepness, drag; 0 or 1 whether the speed may droop.
-
-    u, v: of the wheel centre in the body frame; place: of the robot on the plate.
-    """
-    surface, turning = 0.0, 0.0
-    if wheel < 2:
-        surface = model.speed[wheel] * drive[wheel]
-        turning = 1.0 if drive[wheel] != 0.0 else 0.0
-    if model.general == 0:
-        return surface, 0.0, 1.0, 1.0, 0.0, 0.0
+@compiled(inline="always")
+def _touch_one(
+    wheel: int, u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any
+) -> None:
+    """The contact of one wheel; u, v: of its centre in the body frame; place: of the robot on the plate."""
+    surface = model.speed[wheel] * drive[wheel] if wheel < 2 else 0.0
     free, steer = surface, model.steer[wheel]
     load, friction, stiffness, drag = 1.0, 1.0, 1.0, 0.0
     x, y, cos, sin, time = place
@@ -143,48 +137,105 @@ def contact(wheel: int, u: float, v: float, r: float, drive: Any, place: Any, re
     scaled = (load * friction, steep)
     if model.compliance != 0.0:
         steer += giving_way(wheel, u, v, steer, surface, scaled, rest, model)
-    return surface, steer, scaled[0], scaled[1], drag, turning
-
-
-@compiled()
-def turned(u: float, v: float, steer: float) -> tuple[float, float, float, float]:
-    """Cosine and sine of a steering angle, and a body-frame velocity in the frame of the wheel."""
-    if steer == 0.0:
-        return 1.0, 0.0, u, v
-    cos, sin = math.cos(steer), math.sin(steer)
-    return cos, sin, cos * u + sin * v, cos * v - sin * u
-
-
-@compiled()
-def contact_force(wheel: int, u: float, v: float, touch: Contact, rest: float, model: Any) -> Any:
-    """Force of one wheel in the body frame, then along and across the wheel, and its surface speed under load."""
-    surface, scaled = touch[0], (touch[2], touch[3])
-    cos, sin, wheel_u, wheel_v = turned(u, v, touch[1])
-    if model.droop != 0.0 and touch[5] == 1.0:
+    cos_steer, sin_steer, wheel_u, wheel_v = 1.0, 0.0, u, v
+    if steer != 0.0:
+        cos_steer, sin_steer = math.cos(steer), math.sin(steer)
+        wheel_u, wheel_v = cos_steer * u + sin_steer * v, cos_steer * v - sin_steer * u
+    droop = model.droop if wheel < 2 and drive[wheel] != 0.0 else 0.0
+    if droop != 0.0:
         surface = drooping_speed(wheel_u, wheel_v, surface, wheel, scaled, rest, model)
-    force_x, force_y = law(wheel_u, wheel_v, surface, wheel, scaled, rest, model)
-    force_x += touch[4]
-    return cos * force_x - sin * force_y, sin * force_x + cos * force_y, force_x, force_y, surface
+    contacts[SURFACE, wheel], contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel] = surface, cos_steer, sin_steer
+    contacts[GRIP, wheel], contacts[STEEP, wheel] = scaled
+    contacts[DRAG_FORCE, wheel], contacts[DROOP, wheel] = drag, droop
+
+
+@compiled(inline="always")  # a call that hands an array on costs a count of its users, as long as this takes
+def touch(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
+    """Bring the contacts to a velocity, a drive and a place."""
+    if model.general == 0:
+        contacts[SURFACE, 0], contacts[SURFACE, 1] = model.speed[0] * drive[0], model.speed[1] * drive[1]
+    else:
+        touch_changed(u, v, r, drive, place, rest, model, contacts)
 
 
 @compiled()
-def contact_slopes(wheel: int, u: float, v: float, touch: Contact, rest: float, model: Any) -> Any:
-    """Force of one wheel in the body frame and its derivatives: F_x and F_y by u, by v; the contact is held."""
-    surface, scaled = touch[0], (touch[2], touch[3])
-    cos, sin, wheel_u, wheel_v = turned(u, v, touch[1])
-    drooping = model.droop != 0.0 and touch[5] == 1.0
-    if drooping:
-        surface = drooping_speed(wheel_u, wheel_v, surface, wheel, scaled, rest, model)
-    f_x, f_y, x_u, x_v, y_u, y_v, x_w, y_w = law_slopes(wheel_u, wheel_v, surface, wheel, scaled, rest, model)
-    f_x += touch[4]
-    if drooping:  # w = free - droop·F_x, differentiated
-        yields = 1.0 / (1.0 + model.droop * x_w)
-        y_u, y_v = y_u - y_w * model.droop * x_u * yields, y_v - y_w * model.droop * x_v * yields
-        x_u, x_v = x_u * yields, x_v * yields
-    along_u, along_v = cos * x_u - sin * x_v, sin * x_u + cos * x_v  # of the force along the wheel, by body u and v
-    aside_u, aside_v = cos * y_u - sin * y_v, sin * y_u + cos * y_v
-    return (
-        *(cos * f_x - sin * f_y, sin * f_x + cos * f_y),
-        *(cos * along_u - sin * aside_u, cos * along_v - sin * aside_v),
-        *(sin * along_u + cos * aside_u, sin * along_v + cos * aside_v),
+def touch_changed(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
+    """The same for wheels that added physics changes."""
+    for wheel in range(4):
+        body_u, body_v = u - r * model.wheel_y[wheel], v + r * model.wheel_x[wheel]
+        _touch_one(wheel, body_u, body_v, r, drive, place, rest, model, contacts)
+
+
+@compiled(fastmath=VECTORS)
+def friction(u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> Triple:
+    """Force forward, to the left, and moment of the four wheels."""
+    along, across, moment = 0.0, 0.0, 0.0
+    for wheel in range(4):
+        x, y = model.wheel_x[wheel], model.wheel_y[wheel]
+        body_u, body_v = u - r * y, v + r * x
+        cos, sin = contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel]
+        wheel_u, driving = cos * body_u + sin * body_v, 1.0 if wheel < 2 else 0.0
+        f_x, f_y = wheel_force(
+            wheel_u,
+            cos * body_v - sin * body_u,
+            driving * slip_ratio(wheel_u, contacts[SURFACE, wheel], rest),
+            model.grip_x[wheel] * contacts[GRIP, wheel],
+            model.grip_y[wheel] * contacts[GRIP, wheel],
+            model.steep_x[wheel] * contacts[STEEP, wheel],
+            model.steep_y[wheel] * contacts[STEEP, wheel],
+            model.ratio,
+            model.shape_x,
+            model.shape_y,
+            model.decrease,
+            rest,
+        )
+        f_x += contacts[DRAG_FORCE, wheel]
+        force_x, force_y = cos * f_x - sin * f_y, sin * f_x + cos * f_y
+        along += force_x
+        across += force_y
+        moment += x * force_y - y * force_x
+    return along, across, moment
+
+
+@compiled(fastmath=VECTORS)
+def friction_slopes(u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> tuple[Triple, Square]:
+    """The same, and its derivatives by u, v and r, a row for each; the contacts are held, but speeds may droop."""
+    along, across, moment = 0.0, 0.0, 0.0
+    along_u, along_v, along_r, across_u, across_v, across_r = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    moment_u, moment_v, moment_r = 0.0, 0.0, 0.0
+    for wheel in range(4):
+        x, y = model.wheel_x[wheel], model.wheel_y[wheel]
+        body_u, body_v = u - r * y, v + r * x
+        cos, sin, droop = contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel], contacts[DROOP, wheel]
+        f_x, f_y, x_1, x_2, y_1, y_2, x_w, y_w = wheel_slopes(
+            cos * body_u + sin * body_v,
+            cos * body_v - sin * body_u,
+            contacts[SURFACE, wheel],
+            1.0 if wheel < 2 else 0.0,
+            model.grip_x[wheel] * contacts[GRIP, wheel],
+            model.grip_y[wheel] * contacts[GRIP, wheel],
+            model.steep_x[wheel] * contacts[STEEP, wheel],
+            model.steep_y[wheel] * contacts[STEEP, wheel],
+            model.ratio,
+            model.shape_x,
+            model.shape_y,
+            model.decrease,
+            rest,
+        )
+        f_x += contacts[DRAG_FORCE, wheel]
+        yields = 1.0 / (1.0 + droop * x_w)  # w = free - droop·F_x, differentiated
+        y_1, y_2 = y_1 - y_w * droop * x_1 * yields, y_2 - y_w * droop * x_2 * yields
+        x_1, x_2 = x_1 * yields, x_2 * yields
+        f_u, f_v, g_u, g_v = cos * x_1 - sin * x_2, sin * x_1 + cos * x_2, cos * y_1 - sin * y_2, sin * y_1 + cos * y_2
+        force_x, force_y = cos * f_x - sin * f_y, sin * f_x + cos * f_y
+        x_u, x_v, y_u, y_v = cos * f_u - sin * g_u, cos * f_v - sin * g_v, sin * f_u + cos * g_u, sin * f_v + cos * g_v
+        turn_u, turn_v = x * y_u - y * x_u, x * y_v - y * x_v
+        along, across, moment = along + force_x, across + force_y, moment + x * force_y - y * force_x
+        along_u, along_v, along_r = along_u + x_u, along_v + x_v, along_r + x * x_v - y * x_u
+        across_u, across_v, across_r = across_u + y_u, across_v + y_v, across_r + x * y_v - y * y_u
+        moment_u, moment_v, moment_r = moment_u + turn_u, moment_v + turn_v, moment_r + x * turn_v - y * turn_u
+    return (along, across, moment), (
+        (along_u, along_v, along_r),
+        (across_u, across_v, across_r),
+        (moment_u, moment_v, moment_r),
     )

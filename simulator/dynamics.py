@@ -2,7 +2,8 @@
 
 Units: mm, s, g, µN = g·mm/s², rad. The velocity is (u, v, r): forward, to the left, yaw rate of the robot's centre.
 A drive is what the motors do at an instant: rpm of the left and right wheel, and the angles they have turned, rad.
-A place is x, y, cosine and sine of the heading, and the time. rest: width of the rounding at rest, mm/s.
+A place is x, y, cosine and sine of the heading, and the time. rest: width of the rounding at rest,
+mm/s; contacts: scratch, see simulator.contact.
 """
 
 from __future__ import annotations
@@ -11,10 +12,9 @@ from typing import Any
 
 from simulator.bases import place_basis, velocity_basis
 from simulator.compiled import compiled
-from simulator.contact import contact, contact_force, contact_slopes
+from simulator.contact import Triple, friction, friction_slopes, touch
 from simulator.terms import COS, FORCE_FORWARD, FORCE_LEFT, FORCE_PLATE_X, MOMENT, ONE
 
-Triple = tuple[float, float, float]
 # Differences for derivatives: rounding over step, and step over curvature, stay below 1e-5 of the derivative.
 VELOCITY_STEP = 3e-10  # mm/s, rad/s; far below the rest speed, where forces bend most
 
@@ -45,20 +45,14 @@ def body_forces(u: float, v: float, r: float, place: Any, rest: float, model: An
     return along, across, moment
 
 
-@compiled()
-def forces(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any) -> Triple:
+@compiled(inline="always")
+def forces(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> Triple:
     """Forces and moment on the robot, the inertia of the turning frame among them."""
-    along, across, moment = 0.0, 0.0, 0.0
+    touch(u, v, r, drive, place, rest, model, contacts)
+    along, across, moment = friction(u, v, r, contacts, rest, model)
     if model.body_terms > 0:
-        along, across, moment = body_forces(u, v, r, place, rest, model)
-    for wheel in range(4):
-        x, y = model.wheel_x[wheel], model.wheel_y[wheel]
-        wheel_u, wheel_v = u - r * y, v + r * x
-        touch = contact(wheel, wheel_u, wheel_v, r, drive, place, rest, model)
-        force = contact_force(wheel, wheel_u, wheel_v, touch, rest, model)
-        along += force[0]
-        across += force[1]
-        moment += x * force[1] - y * force[0]
+        added = body_forces(u, v, r, place, rest, model)
+        along, across, moment = along + added[0], across + added[1], moment + added[2]
     mass, ahead, aside = model.mass, model.gravity_x, model.gravity_y
     along += mass * r * (v + r * ahead)
     across -= mass * r * (u - r * aside)
@@ -66,14 +60,7 @@ def forces(u: float, v: float, r: float, drive: Any, place: Any, rest: float, mo
     return along, across, moment
 
 
-@compiled()
-def accelerations(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any) -> Triple:
-    """Rate of change of (u, v, r): forces and moment over the mass matrix."""
-    along, across, moment = forces(u, v, r, drive, place, rest, model)
-    return accelerated(along, across, moment, model)
-
-
-@compiled()
+@compiled(inline="always")
 def accelerated(along: float, across: float, moment: float, model: Any) -> Triple:
     """Accelerations that forces and a moment give."""
     inverse = model.inverse_mass
@@ -85,54 +72,67 @@ def accelerated(along: float, across: float, moment: float, model: Any) -> Tripl
 
 
 @compiled()
-def slopes(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, out: Any) -> None:
-    """Accelerations into out[0], their derivatives by velocity into rows out[1:4]; the first three columns."""
-    if model.wheels_feel == 1:
-        _differenced(u, v, r, drive, place, rest, model, out)
-        return
-    force = 0.0, 0.0, 0.0
-    mass, ahead, aside = model.mass, model.gravity_x, model.gravity_y
-    along, across, moment = mass * r * (v + r * ahead), -mass * r * (u - r * aside), -mass * r * (ahead * u + aside * v)
-    along_u, along_v, along_r = 0.0, mass * r, mass * (v + 2.0 * r * ahead)
-    across_u, across_v, across_r = -mass * r, 0.0, -mass * (u - 2.0 * r * aside)
-    moment_u, moment_v, moment_r = -mass * r * ahead, -mass * r * aside, -mass * (ahead * u + aside * v)
-    for wheel in range(4):
-        x, y = model.wheel_x[wheel], model.wheel_y[wheel]
-        wheel_u, wheel_v = u - r * y, v + r * x
-        touch = contact(wheel, wheel_u, wheel_v, r, drive, place, rest, model)
-        force_x, force_y, x_u, x_v, y_u, y_v = contact_slopes(wheel, wheel_u, wheel_v, touch, rest, model)
-        turn_u, turn_v = x * y_u - y * x_u, x * y_v - y * x_v
-        along, across, moment = along + force_x, across + force_y, moment + x * force_y - y * force_x
-        along_u, along_v, along_r = along_u + x_u, along_v + x_v, along_r + x * x_v - y * x_u
-        across_u, across_v, across_r = across_u + y_u, across_v + y_v, across_r + x * y_v - y * y_u
-        moment_u, moment_v, moment_r = moment_u + turn_u, moment_v + turn_v, moment_r + x * turn_v - y * turn_u
-    if model.body_terms > 0:
-        force = body_forces(u, v, r, place, rest, model)
-        along, across, moment = along + force[0], across + force[1], moment + force[2]
-    if model.body_feels == 1:
-        step = VELOCITY_STEP
-        by_u = body_forces(u + step, v, r, place, rest, model)
-        by_v = body_forces(u, v + step, r, place, rest, model)
-        by_r = body_forces(u, v, r + step, place, rest, model)
-        along_u, along_v = along_u + (by_u[0] - force[0]) / step, along_v + (by_v[0] - force[0]) / step
-        across_u, across_v = across_u + (by_u[1] - force[1]) / step, across_v + (by_v[1] - force[1]) / step
-        moment_u, moment_v = moment_u + (by_u[2] - force[2]) / step, moment_v + (by_v[2] - force[2]) / step
-        along_r, across_r = along_r + (by_r[0] - force[0]) / step, across_r + (by_r[1] - force[1]) / step
-        moment_r += (by_r[2] - force[2]) / step
-    out[0, 0], out[0, 1], out[0, 2] = accelerated(along, across, moment, model)
-    out[1, 0], out[2, 0], out[3, 0] = accelerated(along_u, across_u, moment_u, model)
-    out[1, 1], out[2, 1], out[3, 1] = accelerated(along_v, across_v, moment_v, model)
-    out[1, 2], out[2, 2], out[3, 2] = accelerated(along_r, across_r, moment_r, model)
+def accelerations(
+    u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any
+) -> Triple:
+    """Rate of change of (u, v, r): forces and moment over the mass matrix."""
+    along, across, moment = forces(u, v, r, drive, place, rest, model, contacts)
+    return accelerated(along, across, moment, model)
 
 
 @compiled()
-def _differenced(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, out: Any) -> None:
+def slopes(
+    u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any, out: Any
+) -> None:
+    """Accelerations into out[0], their derivatives by velocity into rows out[1:4]; the first three columns."""
+    if model.wheels_feel == 1:
+        _differenced(u, v, r, drive, place, rest, model, contacts, out)
+        return
+    touch(u, v, r, drive, place, rest, model, contacts)
+    total, by = friction_slopes(u, v, r, contacts, rest, model)
+    mass, ahead, aside = model.mass, model.gravity_x, model.gravity_y
+    along, across = total[0] + mass * r * (v + r * ahead), total[1] - mass * r * (u - r * aside)
+    moment = total[2] - mass * r * (ahead * u + aside * v)
+    by_u = by[0][0], by[1][0] - mass * r, by[2][0] - mass * r * ahead
+    by_v = by[0][1] + mass * r, by[1][1], by[2][1] - mass * r * aside
+    by_r = (
+        by[0][2] + mass * (v + 2.0 * r * ahead),
+        by[1][2] - mass * (u - 2.0 * r * aside),
+        by[2][2] - mass * (ahead * u + aside * v),
+    )
+    if model.body_terms > 0:
+        force = body_forces(u, v, r, place, rest, model)
+        along, across, moment = along + force[0], across + force[1], moment + force[2]
+        if model.body_feels == 1:
+            by_u = _grown(by_u, body_forces(u + VELOCITY_STEP, v, r, place, rest, model), force)
+            by_v = _grown(by_v, body_forces(u, v + VELOCITY_STEP, r, place, rest, model), force)
+            by_r = _grown(by_r, body_forces(u, v, r + VELOCITY_STEP, place, rest, model), force)
+    out[0, 0], out[0, 1], out[0, 2] = accelerated(along, across, moment, model)
+    out[1, 0], out[2, 0], out[3, 0] = accelerated(by_u[0], by_u[1], by_u[2], model)
+    out[1, 1], out[2, 1], out[3, 1] = accelerated(by_v[0], by_v[1], by_v[2], model)
+    out[1, 2], out[2, 2], out[3, 2] = accelerated(by_r[0], by_r[1], by_r[2], model)
+
+
+@compiled()
+def _grown(slope: Triple, further: Triple, here: Triple) -> Triple:
+    """A derivative and that of forces known here and a step further."""
+    return (
+        slope[0] + (further[0] - here[0]) / VELOCITY_STEP,
+        slope[1] + (further[1] - here[1]) / VELOCITY_STEP,
+        slope[2] + (further[2] - here[2]) / VELOCITY_STEP,
+    )
+
+
+@compiled()
+def _differenced(
+    u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any, out: Any
+) -> None:
     """The same by differences, where what acts on the wheels depends on the velocity in more ways than slip."""
     step = VELOCITY_STEP
-    held = accelerations(u, v, r, drive, place, rest, model)
-    by_u = accelerations(u + step, v, r, drive, place, rest, model)
-    by_v = accelerations(u, v + step, r, drive, place, rest, model)
-    by_r = accelerations(u, v, r + step, drive, place, rest, model)
+    held = accelerations(u, v, r, drive, place, rest, model, contacts)
+    by_u = accelerations(u + step, v, r, drive, place, rest, model, contacts)
+    by_v = accelerations(u, v + step, r, drive, place, rest, model, contacts)
+    by_r = accelerations(u, v, r + step, drive, place, rest, model, contacts)
     for row in range(3):
         out[0, row] = held[row]
         out[1 + row, 0] = (by_u[row] - held[row]) / ((u + step) - u)

@@ -23,7 +23,16 @@ LEVER_MM = 2.0
 
 @compiled()
 def excess(
-    pose: Any, segment: Any, time: float, step: float, start: Any, guess: Any, model: Any, bent: Any, out: Any
+    pose: Any,
+    segment: Any,
+    time: float,
+    step: float,
+    start: Any,
+    guess: Any,
+    model: Any,
+    contacts: Any,
+    bent: Any,
+    out: Any,
 ) -> float:
     """What the velocity of guess lacks to be an implicit Euler step from start, into out (3); returns its size.
 
@@ -33,7 +42,7 @@ def excess(
         guess[item] = start[item] + 0.5 * step * (start[3 + item] + guess[3 + item])
     place = place_after(pose, guess[0], guess[1], guess[2], time + step, model)
     drive = drive_at(segment, time + step, model.lag)
-    slopes(guess[3], guess[4], guess[5], drive, place, model.rest_speed, model, bent)
+    slopes(guess[3], guess[4], guess[5], drive, place, model.rest_speed, model, contacts, bent)
     for item in range(3):
         out[item] = guess[3 + item] - start[3 + item] - step * bent[0, item]
     return math.sqrt(out[0] ** 2 + out[1] ** 2 + (LEVER_MM * out[2]) ** 2)
@@ -63,6 +72,7 @@ def descend(
     start: Any,
     model: Any,
     patient: bool,
+    contacts: Any,
     work: Any,
     bent: Any,
     solver: Any,
@@ -72,7 +82,7 @@ def descend(
     residual, trial, further, change = work[10], work[11], work[12], work[13]
     goal = 1e-12 * (math.sqrt(start[3] ** 2 + start[4] ** 2 + (LEVER_MM * start[5]) ** 2) + 1e-3)
     least = SMALLEST_PATIENT if patient else SMALLEST_QUICK
-    size = excess(pose, segment, time, step, start, out, model, bent, residual)
+    size = excess(pose, segment, time, step, start, out, model, contacts, bent, residual)
     for _ in range(MOST_PATIENT if patient else MOST_QUICK):
         if not newton_change(step, bent, residual, solver, change):
             return False
@@ -81,7 +91,7 @@ def descend(
         while not smaller < size and share > least:
             for item in range(3):
                 further[3 + item] = out[3 + item] + share * change[item]
-            smaller = excess(pose, segment, time, step, start, further, model, bent, trial)
+            smaller = excess(pose, segment, time, step, start, further, model, contacts, bent, trial)
             share *= 0.4
         if not smaller < size:  # rounding ends the descent
             return length <= 1e4 * goal
@@ -110,6 +120,7 @@ def euler(
     step: float,
     start: Any,
     model: Any,
+    contacts: Any,
     work: Any,
     bent: Any,
     solver: Any,
@@ -119,7 +130,7 @@ def euler(
 
     False where Newton's method fails from every start.
     """
-    if descend(pose, segment, time, step, start, model, False, work, bent, solver, out):
+    if descend(pose, segment, time, step, start, model, False, contacts, work, bent, solver, out):
         return True
     tried = -1
     for _ in range(2):  # the wheels that move least are those that stop
@@ -130,13 +141,13 @@ def euler(
                 least, chosen = u * u + v * v, wheel
         tried = chosen
         stop_wheel(chosen, start, model, out)
-        if descend(pose, segment, time, step, start, model, False, work, bent, solver, out):
+        if descend(pose, segment, time, step, start, model, False, contacts, work, bent, solver, out):
             return True
     out[3], out[4], out[5] = 0.0, 0.0, 0.0
-    if descend(pose, segment, time, step, start, model, False, work, bent, solver, out):
+    if descend(pose, segment, time, step, start, model, False, contacts, work, bent, solver, out):
         return True
     out[:] = start
-    return descend(pose, segment, time, step, start, model, True, work, bent, solver, out)
+    return descend(pose, segment, time, step, start, model, True, contacts, work, bent, solver, out)
 
 
 @compiled()
@@ -147,6 +158,7 @@ def euler_pair(
     step: float,
     y: Any,
     model: Any,
+    contacts: Any,
     work: Any,
     bent: Any,
     solver: Any,
@@ -155,13 +167,13 @@ def euler_pair(
     """Two half steps from y; end: (2, 6) the new state and how far one whole step differs. False where one fails."""
     whole, half = work[15], work[16]
     whole[:] = y
-    if not euler(pose, segment, time, step, y, model, work, bent, solver, whole):
+    if not euler(pose, segment, time, step, y, model, contacts, work, bent, solver, whole):
         return False
     half[:] = whole
-    if not euler(pose, segment, time, 0.5 * step, y, model, work, bent, solver, half):
+    if not euler(pose, segment, time, 0.5 * step, y, model, contacts, work, bent, solver, half):
         return False
     end[0] = half
-    if not euler(pose, segment, time + 0.5 * step, 0.5 * step, half, model, work, bent, solver, end[0]):
+    if not euler(pose, segment, time + 0.5 * step, 0.5 * step, half, model, contacts, work, bent, solver, end[0]):
         return False
     for item in range(6):
         end[1, item] = end[0, item] - whole[item] if item >= 3 else 0.0

@@ -23,32 +23,37 @@ UN_PER_MN = 1000.0
 MOST_TERMS = 40
 Array = NDArray[np.float64]
 
+# Numbers of a record, and how many of each.
+NUMBERS = {
+    "mass": 1,
+    "inertia": 1,  # yaw, about the robot's centre
+    "inverse_mass": 9,  # (3, 3), of (u, v, r), with the centre of gravity where it is
+    "gravity_x": 1,  # centre of gravity in the body frame
+    "gravity_y": 1,
+    "wheel_x": 4,
+    "wheel_y": 4,
+    "grip_x": 4,  # mu0_x·f_z
+    "grip_y": 4,
+    "steep_x": 4,  # K_y/(mu0_x·f_z), the b of Eq. (6)
+    "steep_y": 4,
+    "ratio": 1,  # K_x/K_y
+    "shape_x": 1,
+    "shape_y": 1,
+    "decrease": 1,  # K_mu
+    "rest_speed": 1,
+    "speed": 2,  # surface speed per rpm, left and right
+    "dead_band": 1,  # rpm
+    "dead_time": 1,
+    "lag": 1,
+    "droop": 1,  # loss of surface speed per µN of driving force
+    "compliance": 1,  # rad per µN
+    "steer": 4,
+    "stiffness_follows_load": 1,  # 1 or 0
+}
+SHAPES: dict[str, int | tuple[int, int]] = {**NUMBERS, "inverse_mass": (3, 3)}
 MODEL = np.dtype(
     [
-        ("mass", float),
-        ("inertia", float),  # yaw, about the robot's centre
-        ("inverse_mass", float, (3, 3)),  # of (u, v, r), with the centre of gravity where it is
-        ("gravity_x", float),  # centre of gravity in the body frame
-        ("gravity_y", float),
-        ("wheel_x", float, 4),
-        ("wheel_y", float, 4),
-        ("grip_x", float, 4),  # mu0_x·f_z
-        ("grip_y", float, 4),
-        ("steep_x", float, 4),  # K_y/(mu0_x·f_z), the b of Eq. (6)
-        ("steep_y", float, 4),
-        ("ratio", float),  # K_x/K_y
-        ("shape_x", float),
-        ("shape_y", float),
-        ("decrease", float),  # K_mu
-        ("rest_speed", float),
-        ("speed", float, 2),  # surface speed per rpm, left and right
-        ("dead_band", float),  # rpm
-        ("dead_time", float),
-        ("lag", float),
-        ("droop", float),  # loss of surface speed per µN of driving force
-        ("compliance", float),  # rad per µN
-        ("steer", float, 4),
-        ("stiffness_follows_load", float),  # 1 or 0
+        *((name, float) if shape == 1 else (name, float, shape) for name, shape in SHAPES.items()),
         ("general", np.int64),  # 0: friction of the wheels is nominal
         ("wheels_feel", np.int64),  # 1: what terms change about a wheel depends on the velocity
         ("body_feels", np.int64),  # 1: forces of terms on the body do
@@ -108,10 +113,12 @@ class Draft:
         left = 2 * self.gravity_mm[1] / robot.wheels.track_mm
         if max(abs(forward), abs(left)) >= 1:
             raise SimulationError(f"{robot.name}: a centre of gravity at {self.gravity_mm} mm is outside the wheels")
-        front, side = np.array([1 + forward, 1 - forward]), np.array([1 + left, 1 - left])
-        weight = robot.weight_uN / 4 * np.repeat(front, 2) * np.tile(side, 2)
-        attracted = UN_PER_MN * np.array([attraction.driving_wheel_mN] * 2 + [attraction.driven_wheel_mN] * 2)
-        return weight, weight + attracted * self.attraction_factor
+        share = robot.weight_uN / 4
+        weight = np.array(
+            [share * front * side for front in (1 + forward, 1 - forward) for side in (1 + left, 1 - left)]
+        )
+        front, rear = UN_PER_MN * attraction.driving_wheel_mN, UN_PER_MN * attraction.driven_wheel_mN
+        return weight, weight + np.array([front, front, rear, rear]) * self.attraction_factor
 
     def record(self, rest_speed_mm_s: float = REST_SPEED_MM_S) -> NDArray[np.void]:
         """The compiled robot, shape (1,) of dtype MODEL."""
@@ -120,11 +127,14 @@ class Draft:
         self.last.clear()
         model = np.zeros(1, MODEL)
         row: Any = model[0]
-        _fill_body(row, self)
-        _fill_wheels(row, self)
-        row["rest_speed"] = rest_speed_mm_s
+        numbers = _numbers_of_body(self) | _numbers_of_wheels(self) | _numbers_of_motors(self)
+        numbers["rest_speed"] = (rest_speed_mm_s,)
+        flat = [number for name in NUMBERS for number in numbers[name]]
+        model.view(np.float64)[: len(flat)] = flat  # one assignment: a fit fills records by the thousand
         _fill_terms(row, self.terms)
-        row["general"] = bool(row["wheel_terms"] or row["droop"] or row["compliance"] or self.toe_rad.any())
+        row["wheels_feel"] |= self.compliance_rad_per_mN != 0
+        changed = self.droop_rpm_per_uN_mm or self.compliance_rad_per_mN or self.toe_rad.any()
+        row["general"] = bool(row["wheel_terms"] or changed)
         return model
 
 
@@ -145,50 +155,82 @@ def compile_robot(
     return draft.record(rest_speed_mm_s)
 
 
-def _fill_body(row: Any, draft: Draft) -> None:
+def _numbers_of_body(draft: Draft) -> dict[str, Sequence[float]]:
     robot = draft.robot
-    mass, (x, y) = robot.body.mass_g, draft.gravity_mm
-    # The stated yaw inertia is about the centre of gravity's nominal place; an offset adds m·d² (parallel axes).
-    inertia = robot.yaw_inertia_g_mm2 + mass * (x * x + y * y)
-    row["mass"], row["inertia"], row["gravity_x"], row["gravity_y"] = mass, inertia, x, y
-    matrix = np.array([[mass, 0.0, -mass * y], [0.0, mass, mass * x], [-mass * y, mass * x, inertia]])
-    row["inverse_mass"] = np.linalg.inv(matrix)
+    mass, inertia, (x, y) = robot.body.mass_g, robot.yaw_inertia_g_mm2, draft.gravity_mm
+    # The stated yaw inertia is about the centre of gravity's nominal place; an offset adds m·d² (parallel axes). The
+    # mass matrix [[m, 0, -m·y], [0, m, m·x], [-m·y, m·x, inertia + m·d²]] has its inverse in closed form.
+    return {
+        "mass": (mass,),
+        "inertia": (inertia + mass * (x * x + y * y),),
+        "inverse_mass": (
+            *(1 / mass + y * y / inertia, -x * y / inertia, y / inertia),
+            *(-x * y / inertia, 1 / mass + x * x / inertia, -x / inertia),
+            *(y / inertia, -x / inertia, 1 / inertia),
+        ),
+        "gravity_x": (x,),
+        "gravity_y": (y,),
+    }
 
 
-def _fill_wheels(row: Any, draft: Draft) -> None:
+def _numbers_of_wheels(draft: Draft) -> dict[str, Sequence[float]]:
     robot, slip = draft.robot, draft.robot.slip
-    weight, load = draft.loads_uN()
-    if not (load > 0).all() or not (draft.friction_factor > 0).all():
-        raise SimulationError(f"{robot.name}: every wheel needs a positive load and friction; loads are {load} µN")
-    stiffness = slip.lateral_stiffness * (load if slip.stiffness_basis == "load" else weight)
-    row["wheel_x"], row["wheel_y"] = robot.wheel_positions_mm().T
-    for axis, friction in (("x", slip.longitudinal_friction), ("y", slip.lateral_friction)):
-        row[f"grip_{axis}"] = grip = friction * draft.friction_factor * load
-        row[f"steep_{axis}"] = stiffness / grip
-    row["ratio"] = slip.longitudinal_stiffness / slip.lateral_stiffness
-    row["shape_x"], row["shape_y"] = slip.longitudinal_shape, slip.lateral_shape
-    row["decrease"] = slip.friction_decrease
-    row["stiffness_follows_load"] = slip.stiffness_basis == "load"
-    per_rpm = 2 * math.pi * robot.wheels.radius_mm / 60
-    row["speed"] = per_rpm * draft.speed_factor
-    row["dead_band"], row["dead_time"], row["lag"] = draft.dead_band_rpm, draft.dead_time_s, draft.lag_s
-    row["droop"] = per_rpm * draft.droop_rpm_per_uN_mm * robot.wheels.radius_mm
-    row["compliance"], row["steer"] = draft.compliance_rad_per_mN / UN_PER_MN, draft.toe_rad
+    weights, loads = (values.tolist() for values in draft.loads_uN())
+    frictions = draft.friction_factor.tolist()
+    if not min(loads) > 0 or not min(frictions) > 0:
+        raise SimulationError(f"{robot.name}: every wheel needs a positive load and friction; loads are {loads} µN")
+    x, y = robot.wheels.wheelbase_mm / 2, robot.wheels.track_mm / 2
+    follows = slip.stiffness_basis == "load"
+    stiffness = [slip.lateral_stiffness * value for value in (loads if follows else weights)]
+    grip_x, grip_y = (
+        [level * friction * load for friction, load in zip(frictions, loads, strict=True)]
+        for level in (slip.longitudinal_friction, slip.lateral_friction)
+    )
+    return {
+        "wheel_x": (x, x, -x, -x),
+        "wheel_y": (y, -y, y, -y),
+        "grip_x": grip_x,
+        "grip_y": grip_y,
+        "steep_x": [stiff / grip for stiff, grip in zip(stiffness, grip_x, strict=True)],
+        "steep_y": [stiff / grip for stiff, grip in zip(stiffness, grip_y, strict=True)],
+        "ratio": (slip.longitudinal_stiffness / slip.lateral_stiffness,),
+        "shape_x": (slip.longitudinal_shape,),
+        "shape_y": (slip.lateral_shape,),
+        "decrease": (slip.friction_decrease,),
+        "stiffness_follows_load": (float(follows),),
+    }
+
+
+def _numbers_of_motors(draft: Draft) -> dict[str, Sequence[float]]:
+    per_rpm = 2 * math.pi * draft.robot.wheels.radius_mm / 60
+    return {
+        "speed": [per_rpm * factor for factor in draft.speed_factor.tolist()],
+        "dead_band": (draft.dead_band_rpm,),
+        "dead_time": (draft.dead_time_s,),
+        "lag": (draft.lag_s,),
+        "droop": (per_rpm * draft.droop_rpm_per_uN_mm * draft.robot.wheels.radius_mm,),
+        "compliance": (draft.compliance_rad_per_mN / UN_PER_MN,),
+        "steer": draft.toe_rad.tolist(),
+    }
 
 
 def _fill_terms(row: Any, terms: list[Term]) -> None:
+    if not terms:
+        return
     # Friction comes last: where it depends on the direction of sliding, speed and toe must be known.
     ordered = sorted(terms, key=lambda term: (term.acts_on_wheels, term.channel == FRICTION))
-    if len(ordered) > MOST_TERMS:
-        raise SimulationError(f"{len(ordered)} terms of added physics; at most {MOST_TERMS} act at once")
-    row["body_terms"] = sum(not term.acts_on_wheels for term in ordered)
-    row["wheel_terms"] = sum(term.acts_on_wheels for term in ordered)
-    feels = [term for term in ordered if term.depends_on_velocity]
-    row["body_feels"] = any(not term.acts_on_wheels for term in feels)
-    row["wheels_feel"] = bool(row["compliance"]) or any(term.acts_on_wheels for term in feels)
-    row["varies"] = any(term.varies for term in ordered)
-    row["wheels_vary"] = any(term.varies and term.acts_on_wheels for term in ordered)
-    for number, term in enumerate(ordered):
-        row["channel"][number], row["basis"][number] = term.channel, term.basis
-        row["coefficient"][number], row["pattern"][number] = term.coefficient, term.pattern
-        row["point_x"][number], row["point_y"][number] = term.point_mm
+    count = len(ordered)
+    if count > MOST_TERMS:
+        raise SimulationError(f"{count} terms of added physics; at most {MOST_TERMS} act at once")
+    on_wheels = [term for term in ordered if term.acts_on_wheels]
+    on_body = ordered[: count - len(on_wheels)]
+    row["body_terms"], row["wheel_terms"] = len(on_body), len(on_wheels)
+    row["body_feels"] = any(term.depends_on_velocity for term in on_body)
+    row["wheels_feel"] = any(term.depends_on_velocity for term in on_wheels)
+    row["wheels_vary"] = any(term.varies for term in on_wheels)
+    row["varies"] = row["wheels_vary"] or any(term.varies for term in on_body)
+    row["channel"][:count] = [term.channel for term in ordered]
+    row["basis"][:count] = [term.basis for term in ordered]
+    row["coefficient"][:count] = [term.coefficient for term in ordered]
+    row["point_x"][:count], row["point_y"][:count] = zip(*(term.point_mm for term in ordered), strict=True)
+    row["pattern"][:count] = [term.pattern for term in ordered]

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from simulator.compiled import compiled
+from simulator.contact import fresh_contacts
 from simulator.dynamics import accelerations
 from simulator.implicit import euler_pair
 from simulator.rosenbrock import attempt, between, invert3, linearize, moved, place_after
@@ -28,6 +29,8 @@ MOST_STEPS = 20000
 # a displacement of 0.01·h² mm or so: within h = sqrt(tolerance in mm) their derivatives are not needed.
 MOST_TRIES = 4  # rejections in a row mean that a wheel sticks or turns over
 CREEPING_STEP_S, MOST_CREEPING = 1e-5, 40  # so many such steps in a row mean the same
+# Steps grow with the time since the last break of the command, but where a method chatters over a bend for ever.
+CHATTERING_SHARE = 3e-3
 SHORTEST_STEP_S = 2e-6  # a fraction of the shortest relaxation of rolling wheels
 USUAL_TOLERANCE_MM = 1e-6  # for these two; below it, steps of order 4 shrink with its fourth root
 LONGEST_TURN_RAD = 1.0  # within one step, where the series for the twist is exact to 1e-9
@@ -37,11 +40,11 @@ DONE, FAILED = 0, 1
 @compiled()
 def workspace() -> Any:
     """Scratch for one run: states and stages, linearization, solver matrices, step ends."""
-    return np.zeros((40, 6)), np.zeros((3, 3, 3)), np.zeros((4, 3))
+    return np.zeros((40, 6)), np.zeros((3, 3, 3)), np.zeros((4, 3)), fresh_contacts()
 
 
 @compiled()
-def settle(pose: Any, segment: Any, time: float, y: Any, model: Any, work: Any, solver: Any) -> bool:
+def settle(pose: Any, segment: Any, time: float, y: Any, model: Any, contacts: Any, work: Any, solver: Any) -> bool:
     """Where y (6) is close to a stable steady turn, move it there and return True.
 
     y enters linearized in work and with twist 0; it leaves with the velocity of the steady turn and the twist that the
@@ -74,7 +77,7 @@ def settle(pose: Any, segment: Any, time: float, y: Any, model: Any, work: Any, 
         if change <= 1e-13 * size + 1e-16 or moved_by > 2 * distance:
             break
         residual[0], residual[1], residual[2] = accelerations(
-            steady[3], steady[4], steady[5], drive, place, model.rest_speed, model
+            steady[3], steady[4], steady[5], drive, place, model.rest_speed, model, contacts
         )
     if not (change <= 1e-10 * size + 1e-15 and moved_by <= 2 * distance):
         return False  # forces bend within the distance: not close after all
@@ -110,6 +113,13 @@ def first_step(work: Any, tolerance: float, length: float) -> float:
     moving = math.sqrt(200.0 * tolerance / (rate + 1e-30))
     starting = (600.0 * tolerance / (growth + 1e-30)) ** (1 / 3)
     return float(min(length, moving, starting))
+
+
+@compiled()
+def at_rest(segment: Any, time: float, model: Any) -> bool:
+    """Whether no motor turns: an unstable balance then is within the rounding of rest, and as good as rest."""
+    drive = drive_at(segment, time, model.lag)
+    return bool(drive[0] == 0.0 and drive[1] == 0.0)
 
 
 @compiled()
@@ -149,7 +159,7 @@ def integrate_run(
     plan: (m, 2) of segment and step. It is filled with the accepted steps; with replay it prescribes them, so that the
     result is a smooth function of model and state. Returns DONE or FAILED and the number of steps of the plan.
     """
-    scratch, solver, bent = workspace()
+    scratch, solver, bent, contacts = workspace()
     pose, y, end, stages, work = state[:3], scratch[0], scratch[1:3], scratch[3:9], scratch[9:]
     segments = command_segments(knots, times[0], times[-1], model)
     y[:3] = 0.0
@@ -164,26 +174,53 @@ def integrate_run(
             remaining = segment[END] - time
             planned = replay and used < len(plan) and int(plan[used, 0]) == number
             expected = min(remaining, abs(plan[used, 1]) if planned else step)
-            linearize(pose, segment, time, expected > math.sqrt(tolerance), y, model, work)
+            linearize(pose, segment, time, expected > math.sqrt(tolerance), y, model, contacts, work)
             closed = segment[STEADY] == 1.0 and model.varies == 0 and not planned
-            if closed and settle(pose, segment, time, y, model, work, solver):
+            if closed and settle(pose, segment, time, y, model, contacts, work, solver):
                 row = write_arc(out, times, row, segment[END], last, time, pose, y, remaining)
                 y[:3] = 0.0
                 break
             if step == 0.0:
                 step = first_step(work, tolerance, remaining)
             sticking = planned and plan[used, 1] < 0.0
-            step = abs(plan[used, 1]) if planned else min(step, 1.0 / (growth_rate(work) + 1e-30))
+            if planned:
+                step = abs(plan[used, 1])
+            elif not at_rest(segment, time, model):
+                step = min(step, 1.0 / (growth_rate(work) + 1e-30))
             tried, wanted = 0.0, 0.0
             if not sticking and (planned or creeping < MOST_CREEPING):
                 tried, wanted = smooth_step(
-                    pose, segment, time, min(step, remaining), y, model, tolerance, planned, work, solver, stages, end
+                    pose,
+                    segment,
+                    time,
+                    min(step, remaining),
+                    y,
+                    model,
+                    tolerance,
+                    planned,
+                    contacts,
+                    work,
+                    solver,
+                    stages,
+                    end,
                 )
             if tried == 0.0:
                 sticking = True
                 step = abs(plan[used, 1]) if planned else max(step, SHORTEST_STEP_S * shrinking)
                 tried, wanted = sticking_step(
-                    pose, segment, time, min(step, remaining), y, model, tolerance, planned, work, bent, solver, end
+                    pose,
+                    segment,
+                    time,
+                    min(step, remaining),
+                    y,
+                    model,
+                    tolerance,
+                    planned,
+                    contacts,
+                    work,
+                    bent,
+                    solver,
+                    end,
                 )
                 stages[:] = 0.0  # outputs within the step are on the straight line
             if tried == 0.0 or used >= MOST_STEPS:
@@ -191,7 +228,8 @@ def integrate_run(
             if not replay and used < len(plan):
                 plan[used, 0], plan[used, 1] = number, -tried if sticking else tried
             used += 1
-            creeping = creeping + 1 if tried < CREEPING_STEP_S * shrinking else 0
+            small = shrinking * max(CREEPING_STEP_S, shrinking * CHATTERING_SHARE * (time - segment[BEGIN]))
+            creeping = creeping + 1 if tried < small else 0
             following = segment[END] if tried >= remaining else time + tried
             row = _write_step(
                 out, times, row, following, last and tried >= remaining, time, tried, pose, y, stages, end, work
@@ -214,6 +252,7 @@ def smooth_step(
     model: Any,
     tolerance: float,
     planned: bool,
+    contacts: Any,
     work: Any,
     solver: Any,
     stages: Any,
@@ -221,7 +260,7 @@ def smooth_step(
 ) -> tuple[float, float]:
     """Take a Rosenbrock step: the size accepted, 0 where friction bends too sharply, and the size wanted next."""
     for _ in range(MOST_TRIES):
-        taken = attempt(pose, segment, time, step, y, model, work, solver, stages, end)
+        taken = attempt(pose, segment, time, step, y, model, contacts, work, solver, stages, end)
         if planned and taken:
             return step, step
         norm = error_norm(step, y, end, tolerance, 0.1 * model.rest_speed) if taken else 1e6
@@ -244,6 +283,7 @@ def sticking_step(
     model: Any,
     tolerance: float,
     planned: bool,
+    contacts: Any,
     work: Any,
     bent: Any,
     solver: Any,
@@ -251,7 +291,7 @@ def sticking_step(
 ) -> tuple[float, float]:
     """Take a pair of implicit Euler steps: the size accepted, 0 where none was, and the size wanted next."""
     for _ in range(60):
-        taken = euler_pair(pose, segment, time, step, y, model, work, bent, solver, end)
+        taken = euler_pair(pose, segment, time, step, y, model, contacts, work, bent, solver, end)
         if planned and taken:
             return step, step
         norm = error_norm(step, y, end, tolerance, 0.1 * model.rest_speed) if taken else 1e6

@@ -21,6 +21,7 @@ GRAVITY_MM_S2 = 9800.0  # the paper's 9.8 m/s²
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Shape = Annotated[float, Field(gt=0, le=2)]  # beyond, friction would push a wheel that slides far
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -61,8 +62,8 @@ class Slip(Table):
     longitudinal_friction: Positive
     lateral_friction: Positive
     friction_decrease: NotNegative
-    longitudinal_shape: Positive
-    lateral_shape: Positive
+    longitudinal_shape: Shape
+    lateral_shape: Shape
     longitudinal_stiffness: Positive
     lateral_stiffness: Positive
     stiffness_basis: Literal["load", "weight"] = "load"

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from simulator.compiled import compiled
-from simulator.dynamics import Triple, accelerated, accelerations, body_forces, slopes
+from simulator.contact import Triple
+from simulator.dynamics import accelerated, accelerations, body_forces, slopes
 from simulator.segments import STEADY, drive_at
 
 STAGES = 6
@@ -73,21 +74,36 @@ def place_after(pose: Any, x: float, y: float, angle: float, time: float, model:
 
 
 @compiled()
-def linearize(pose: Any, segment: Any, time: float, varied: bool, y: Any, model: Any, work: Any) -> None:
+def _gained(
+    u: float, v: float, r: float, drive: Any, here: Triple, there: Any, model: Any, contacts: Any, work: Any
+) -> Triple:
+    """What accelerations gain at another place; where no friction varies, only over the forces here on the body."""
+    if model.wheels_vary == 1:
+        at = accelerations(u, v, r, drive, there, model.rest_speed, model, contacts)
+        return at[0] - work[0, 0], at[1] - work[0, 1], at[2] - work[0, 2]
+    at = body_forces(u, v, r, there, model.rest_speed, model)
+    return accelerated(at[0] - here[0], at[1] - here[1], at[2] - here[2], model)
+
+
+@compiled()
+def linearize(pose: Any, segment: Any, time: float, varied: bool, y: Any, model: Any, contacts: Any, work: Any) -> None:
     """Accelerations, their derivatives by velocity and, where forces vary, by time and if varied by twist.
 
     work, rows of (3): 0 accelerations; 1..3 derivative by velocity; 4..6 by twist; 7 by time. The twist of y is 0.
     """
     u, v, r, rest = y[3], y[4], y[5], model.rest_speed
     place, drive = place_after(pose, 0.0, 0.0, 0.0, time, model), drive_at(segment, time, model.lag)
-    slopes(u, v, r, drive, place, rest, model, work)
+    slopes(u, v, r, drive, place, rest, model, contacts, work)
     for row in range(4, 8):
         work[row, 0], work[row, 1], work[row, 2] = 0.0, 0.0, 0.0
+    here = 0.0, 0.0, 0.0
     if model.varies == 1 and varied:
+        if model.wheels_vary == 0:
+            here = body_forces(u, v, r, place, rest, model)
         for column in range(3):
             shifts = PLACE_STEP * (column == 0), PLACE_STEP * (column == 1), PLACE_STEP * (column == 2)
             there = place_after(pose, shifts[0], shifts[1], shifts[2], time, model)
-            gained = _gained(u, v, r, drive, place, there, model, work)
+            gained = _gained(u, v, r, drive, here, there, model, contacts, work)
             for row in range(3):
                 work[4 + row, column] = gained[row] / PLACE_STEP
     if model.wheels_vary == 1 or segment[STEADY] == 0.0:
@@ -97,26 +113,14 @@ def linearize(pose: Any, segment: Any, time: float, varied: bool, y: Any, model:
             (place[0], place[1], place[2], place[3], time + PLACE_STEP),
             rest,
             model,
+            contacts,
         )
         for row in range(3):
             work[7, row] = (later[row] - work[0, row]) / PLACE_STEP
     elif model.varies == 1 and varied:
-        gained = _gained(u, v, r, drive, place, (*place[:4], time + PLACE_STEP), model, work)
+        gained = _gained(u, v, r, drive, here, (*place[:4], time + PLACE_STEP), model, contacts, work)
         for row in range(3):
             work[7, row] = gained[row] / PLACE_STEP
-
-
-@compiled()
-def _gained(u: float, v: float, r: float, drive: Any, place: Any, there: Any, model: Any, work: Any) -> Triple:
-    """What accelerations gain from one place to another; where no friction varies, none need be worked out."""
-    if model.wheels_vary == 1:
-        at = accelerations(u, v, r, drive, there, model.rest_speed, model)
-        return at[0] - work[0, 0], at[1] - work[0, 1], at[2] - work[0, 2]
-    at, here = (
-        body_forces(u, v, r, there, model.rest_speed, model),
-        body_forces(u, v, r, place, model.rest_speed, model),
-    )
-    return accelerated(at[0] - here[0], at[1] - here[1], at[2] - here[2], model)
 
 
 @compiled()
@@ -171,7 +175,17 @@ def untwist(diagonal: float, y: Any, x: float, at_y: float, angle: float) -> tup
 
 @compiled()
 def attempt(
-    pose: Any, segment: Any, time: float, step: float, y: Any, model: Any, work: Any, solver: Any, stages: Any, end: Any
+    pose: Any,
+    segment: Any,
+    time: float,
+    step: float,
+    y: Any,
+    model: Any,
+    contacts: Any,
+    work: Any,
+    solver: Any,
+    stages: Any,
+    end: Any,
 ) -> bool:
     """Take one step from y; end: (2, 6) the new state and the estimate of its error. False where the step fails."""
     varies = model.varies == 1
@@ -192,7 +206,7 @@ def attempt(
         gained = work[0, 0], work[0, 1], work[0, 2]
         if stage > 0:
             place = place_after(pose, x, at_y, angle, at, model)
-            gained = accelerations(u, v, r, drive_at(segment, at, model.lag), place, model.rest_speed, model)
+            gained = accelerations(u, v, r, drive_at(segment, at, model.lag), place, model.rest_speed, model, contacts)
         ahead, aside = twisting(x, at_y, angle, u, v, r)
         ahead, aside, turning = ahead + end[1, 0], aside + end[1, 1], r + end[1, 2]
         fading = step * D[stage]

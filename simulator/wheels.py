@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from simulator.compiled import compiled
-from simulator.contact import contact, contact_force, turned
+from simulator.contact import COS_STEER, DRAG_FORCE, SIN_STEER, SURFACE, fresh_contacts, law, touch
 from simulator.model import UN_PER_MN
 from simulator.run import WheelStates
 from simulator.segments import END, command_segments, drive_at
@@ -27,6 +27,7 @@ def wheel_states(model: Any, knots: Any, times_s: Any, states: Any) -> WheelStat
 @compiled()
 def _fill(model: Any, knots: Any, times: Any, states: Any, table: Any) -> None:
     segments = command_segments(knots, times[0], times[-1], model)
+    contacts = fresh_contacts()
     number = 0
     for row in range(len(times)):
         # At a jump the later value counts.
@@ -35,11 +36,13 @@ def _fill(model: Any, knots: Any, times: Any, states: Any, table: Any) -> None:
         drive = drive_at(segments[number], times[row], model.lag)
         x, y, heading, u, v, r = states[row]
         place, rest = (x, y, math.cos(heading), math.sin(heading), times[row]), model.rest_speed
+        touch(u, v, r, drive, place, rest, model, contacts)
         for wheel in range(4):
             body_u, body_v = u - r * model.wheel_y[wheel], v + r * model.wheel_x[wheel]
-            touch = contact(wheel, body_u, body_v, r, drive, place, rest, model)
-            _, _, force_x, force_y, surface = contact_force(wheel, body_u, body_v, touch, rest, model)
-            _, _, wheel_u, wheel_v = turned(body_u, body_v, touch[1])
-            table[0, row, wheel] = slip_ratio(wheel_u, surface, rest) if wheel < 2 else 0.0
+            turned_cos, turned_sin = contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel]
+            wheel_u = turned_cos * body_u + turned_sin * body_v
+            wheel_v = turned_cos * body_v - turned_sin * body_u
+            force_x, force_y = law(wheel_u, wheel_v, wheel, contacts, rest, model)
+            table[0, row, wheel] = slip_ratio(wheel_u, contacts[SURFACE, wheel], rest) if wheel < 2 else 0.0
             table[1, row, wheel] = math.atan2(wheel_v, math.sqrt(wheel_u * wheel_u + rest * rest))
-            table[2, row, wheel], table[3, row, wheel] = force_x, force_y
+            table[2, row, wheel], table[3, row, wheel] = force_x + contacts[DRAG_FORCE, wheel], force_y

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from evaluator.workflow import Analysis
 
+MOST_NAMED = 6  # runs in a remark that many share
 SOME_FAILED = 1  # exit status: results for the good runs, a reason for each of the others
 
 STATUS_NOTE = """\b
@@ -102,9 +103,19 @@ def run_analysis(
         )
     for run, fault in found.faults.items():
         click.echo(f"{run}: {fault}", err=True)
-    for run, notes in found.notes.items() if not quiet else ():
-        for note in notes:
-            click.echo(f"note: {run}: {note}", err=True)
+    if not quiet:
+        for note, runs in runs_by_note(found.notes).items():
+            named = ", ".join(runs[:MOST_NAMED]) + (f", … ({len(runs)} runs)" if len(runs) > MOST_NAMED else "")
+            click.echo(f"note: {named}: {note}", err=True)
+    return found
+
+
+def runs_by_note(notes: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
+    """Runs that share each remark, in the order of the first."""
+    found: dict[str, list[str]] = {}
+    for run, said in notes.items():
+        for note in said:
+            found.setdefault(note, []).append(run)
     return found
 
 

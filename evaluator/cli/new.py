@@ -37,7 +37,7 @@ def new(folder: Path, robot: str) -> None:
     click.echo(f"{folder}: {', '.join(contents)}")
     click.echo(f"""
 Next:
-  1. edit robot.toml and gauge.toml to what stands on your bench
+  1. edit robot.toml and gauge.toml to what stands on your bench (no gauge? turnscope gauge {folder / "gauge.toml"})
   2. turnscope calibrate PICTURES… --gauge {folder / "gauge.toml"} -o {folder / "camera.json"}
   3. record runs, name them in {folder / "experiment.toml"}
   4. turnscope check {folder / "experiment.toml"}

@@ -27,7 +27,7 @@ Examples:
   turnscope render sample_videos/recipes/*.toml"""
 )
 @click.argument("scenes", nargs=-1, required=True, type=PATH, metavar="SCENE.toml...")
-@click.option("-o", "--output", type=PATH, help="Video or picture; else what the scene says.")
+@click.option("-o", "--out", "output", type=PATH, help="Video or picture; else what the scene says.")
 @click.option("--truth", type=PATH, help="Truth CSV; else what the scene says, or NAME-truth.csv.")
 @workers_option
 @quiet_option

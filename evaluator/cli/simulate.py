@@ -21,7 +21,9 @@ import click
 @click.option("--y", "y_mm", default=0.0, metavar="MM", help="Start position of the robot's centre.")
 @click.option("--heading", "heading_deg", default=0.0, metavar="DEG", help="Start heading, counter-clockwise from +x.")
 @click.option("--rate", "rate_hz", default=60.0, show_default=True, metavar="HZ", help="Rows per second.")
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Simulated run CSV to write.")
+@click.option(
+    "-o", "--out", "output", required=True, type=click.Path(path_type=Path), help="Simulated run CSV to write."
+)
 def simulate(
     robot: str,
     left_rpm: float | None,

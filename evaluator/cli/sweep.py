@@ -13,7 +13,9 @@ RUNS_A_PART = 500  # a part takes about a second: seldom lost, seldom waited for
     epilog="Example: turnscope sweep friction.toml -o friction.csv; an interrupted sweep goes on where it was.",
 )
 @click.argument("sweep_file", metavar="SWEEP.toml", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="CSV to write, a row per run.")
+@click.option(
+    "-o", "--out", "output", required=True, type=click.Path(path_type=Path), help="CSV to write, a row per run."
+)
 @click.option("--dask", metavar="ADDRESS", help="Scheduler of a running Dask cluster, as tcp://host:8786.")
 @click.option(
     "--workers", type=click.IntRange(min=1), metavar="N", help="Processes on this machine; default: all cores."

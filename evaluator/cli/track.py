@@ -25,7 +25,7 @@ Examples:
   turnscope track pictures/ --rate 60 -o r02.csv"""
 )
 @click.argument("video", type=PATH)
-@click.option("-o", "--output", required=True, type=PATH, help="The marks CSV to write.")
+@click.option("-o", "--out", "output", required=True, type=PATH, help="The marks CSV to write.")
 @click.option("--settings", type=PATH, help="tracking.toml: colors, size, region, masks.")
 @click.option("--camera", type=PATH, help="camera.json: places the marks in mm on the plate.")
 @click.option("--robot", default="barrel", show_default=True, help="Robot (name or robot.toml): where its marks are.")

@@ -24,7 +24,7 @@ Example:
 @click.option("--stop-s", type=float, help="When the motors were commanded off.")
 @click.option("--left-rpm", type=float, help="Commanded rotation, for the slip ratio.")
 @click.option("--right-rpm", type=float, help="Commanded rotation, for the slip ratio.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="A turning.csv to write, a row per table.")
+@click.option("-o", "--out", "output", type=click.Path(path_type=Path), help="A turning.csv to write, a row per table.")
 def turning(
     marks: tuple[Path, ...],
     robot: str,

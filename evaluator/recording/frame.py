@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,23 +61,28 @@ class Frame:
     def to_rgb(self) -> NDArray[np.uint8]:
         """Convert to (height, width, 3) RGB of 8 bits; a field's lines are doubled. For pictures people look at."""
         scale = 2.0 ** (self.depth - 8)
-        luma = self.luma.astype(np.float32) / scale
-        if not self.full_range:
-            luma = (luma - 16.0) * (255.0 / 219.0)
-        rgb = np.repeat(luma[..., None], 3, axis=2)
-        if self.u is not None and self.v is not None:
-            gain = 1.0 if self.full_range else 255.0 / 224.0
-            u, v = (self._upsampled(plane, scale) * gain for plane in (self.u, self.v))
+        luma = self.luma.astype(np.float32)
+        if self.u is None or self.v is None:
+            planes, to_rgb = [luma], np.ones((3, 1))
+        else:
             kr, kb = (0.2126, 0.0722) if self.matrix == "bt709" else (0.299, 0.114)
-            red, blue = 2.0 * (1.0 - kr) * v, 2.0 * (1.0 - kb) * u
-            rgb[..., 0] += red
-            rgb[..., 2] += blue
-            rgb[..., 1] -= (kr * red + kb * blue) / (1.0 - kr - kb)
+            red, blue = 2.0 * (1.0 - kr), 2.0 * (1.0 - kb)
+            green = np.array([kb * blue, kr * red]) / (1.0 - kr - kb)
+            gain = 1.0 if self.full_range else 219.0 / 224.0  # of colour over luma
+            planes = [luma, self._upsampled(self.u), self._upsampled(self.v)]
+            to_rgb = np.array([[1.0, 0.0, red * gain], [1.0, *(-gain * green)], [1.0, blue * gain, 0.0]])
+        # Black at 0, colour about its middle, all in one matrix with a constant column.
+        black, white = (0.0, 255.0) if self.full_range else (16.0, 235.0)
+        zero = scale * np.array([black, 128.0, 128.0])[: len(planes)]
+        to_rgb = to_rgb * 255.0 / ((white - black) * scale)
+        rgb = cv2.transform(cv2.merge(planes), np.column_stack([to_rgb, -to_rgb @ zero]))
         picture = np.clip(np.rint(rgb), 0, 255).astype(np.uint8)
-        return np.repeat(picture, self.row_step, axis=0)
+        return np.repeat(picture, self.row_step, axis=0) if self.row_step > 1 else picture
 
-    def _upsampled(self, plane: Plane, scale: float) -> NDArray[np.float32]:
+    def _upsampled(self, plane: Plane) -> NDArray[np.float32]:
         rows, columns = self.luma.shape
         across, down = -(-columns // plane.shape[1]), -(-rows // plane.shape[0])
-        centred = plane.astype(np.float32) / np.float32(scale) - np.float32(128.0)
-        return np.repeat(np.repeat(centred, down, axis=0), across, axis=1)[:rows, :columns]
+        values = plane.astype(np.float32)
+        if across > 1 or down > 1:
+            values = np.repeat(np.repeat(values, down, axis=0), across, axis=1)[:rows, :columns]
+        return values

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from calibration.assign_grid import Lattice
 from calibration.camera import Camera
 from calibration.detect_dots import Dots
-from calibration.quality import Verdict
 from calibration.solve import Calibration
+from calibration.verdict import Verdict
 from evaluator.files import write_text, written_whole
 from evaluator.report.figures.calibration import coverage_map, distortion_map, residual_vectors
 from evaluator.report.figures.quality import camera_uncertainty
@@ -67,7 +67,7 @@ def _tables(calibration: Calibration) -> tuple[Table, ...]:
     parameters = Table(
         "Lens parameters that were fitted.",
         ("parameter", "value", "standard uncertainty"),
-        tuple((name, f"{camera.value(name):.6g}", f"{camera.sigma(name):.2g}") for name in named),
+        tuple((name, *_with_uncertainty(camera.value(name), camera.sigma(name))) for name in named),
     )
     pictures = Table(
         "Pictures; the first one defines the plate frame.",
@@ -87,6 +87,12 @@ def _tables(calibration: Calibration) -> tuple[Table, ...]:
         ),
     )
     return parameters, pictures, models
+
+
+def _with_uncertainty(value: float, sigma: float) -> tuple[str, str]:
+    """A value and its uncertainty to the same decimals, two digits of the uncertainty."""
+    decimals = max(0, 1 - int(np.floor(np.log10(sigma))))
+    return f"{value:.{decimals}f}", f"{sigma:.{decimals}f}"
 
 
 def _sentence(text: str) -> str:

@@ -11,6 +11,7 @@ import pandas as pd
 
 from evaluator.report.runs import RunView, column
 from evaluator.turning.pooling import Z_975, pooled
+from evaluator.workflow.jobs import SPACING_PERCENT
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ def summary(
     sentences += [_directions(directions), _agreement(turning), _speed(runs)]
     if diagnosis is not None:
         sentences.append(diagnosis_sentence(diagnosis))
+    sentences.insert(0, _scale(runs))
     if faults:
         named = ", ".join(list(faults)[:5]) + (", …" if len(faults) > 5 else "")
         sentences.append(f"{len(faults)} of {len(faults) + len(runs)} runs gave no result ({named}); reasons below.")
@@ -80,6 +82,18 @@ def diagnosis_sentence(diagnosis: dict[str, Any]) -> str:
         "insufficient": "Diagnosis: these data cannot decide what is missing.",
     }
     return verdicts.get(str(diagnosis.get("verdict")), "")
+
+
+def _scale(runs: Sequence[RunView]) -> str:
+    """A warning where the marks are not as far apart as they should be: every length is then in doubt."""
+    off = 100 * (column(runs, "mark_spacing_ratio") - 1)
+    if not np.isfinite(off).any() or abs(np.nanmedian(off)) < SPACING_PERCENT:
+        return ""
+    way = "farther apart" if np.nanmedian(off) > 0 else "nearer"
+    return (
+        f"Every length below is in doubt: the marks are {abs(np.nanmedian(off)):.0f} % {way} than robot.toml says "
+        "(reasons under How good the measurement is)."
+    )
 
 
 def _tightest(turning: Sequence[RunView]) -> str:

@@ -17,8 +17,9 @@ from evaluator.pose import Poses
 from evaluator.turning.fit import FEWEST_FRAMES, TurnFit, fit_turn, part, scaled_poses
 from evaluator.turning.noise import Block, averaged_least_squares
 from evaluator.turning.phases import find_phases
-from evaluator.turning.quantities import RobotShape, body_quantities, path_quantities, slip_angle_deg
+from evaluator.turning.quantities import Rate, RobotShape, body_quantities, path_quantities, with_sigmas
 from evaluator.turning.result import Turning
+from evaluator.turning.steady_motion import linearised, moved
 from evaluator.turning.sustained import Sustained, sustained_turn
 
 Array = NDArray[np.float64]
@@ -72,8 +73,9 @@ def measure_turning(
     sustained = sustained_turn(time, scaled, regions, fit)
     total = int(((poses.time_s >= phases.steady_start_s) & (poses.time_s <= phases.steady_stop_s)).sum())
     seen = replace(seen, share_used=float(fit.used.sum() / total))
-    seen = _with_speeds(_with_radii(seen, fit, sustained), fit, time[steady])
-    body = body_quantities(fit, seen.speed_mm_s, poses.geometry, shape, (left_rpm, right_rpm))
+    rate = _path_rate(fit, time[steady], stretched[steady])
+    seen = _with_speeds(_with_radii(seen, fit, sustained), fit, rate)
+    body = body_quantities(fit, rate, poses.geometry, shape, (left_rpm, right_rpm))
     ratio = np.hypot(*fit.body_twist(scaled.offset_mm)[:2]) / max(np.hypot(*fit.body_twist(np.zeros(2))[:2]), 1e-300)
     quiet_speed = float(ratio) * abs(seen.speed_mm_s)  # of the point whose path `stretched` is
     path = path_quantities(time, stretched, scaled.sigma_mm, steady, names != "rest", quiet_speed)
@@ -87,7 +89,6 @@ def _with(seen: Turning, values: dict[str, float]) -> Turning:
 
 def _with_radii(seen: Turning, fit: TurnFit, sustained: Sustained) -> Turning:
     curvature = fit.curvature()
-    center = fit.body_twist(np.zeros(2))
     status = "ok"
     if curvature.straight:
         status = (
@@ -118,28 +119,41 @@ def _with_radii(seen: Turning, fit: TurnFit, sustained: Sustained) -> Turning:
         center_x_mm=float(place[0]),
         center_y_mm=float(place[1]),
         center_wander_mm=sustained.wander_mm if status == "ok" else NAN,
-        body_slip_angle_deg=slip_angle_deg(center),
         turned_deg=float(np.degrees(fit.motion.turn_rad)),
         noise_correlation=fit.averaged.correlation(),
         residual_rms_mm=float(np.sqrt((fit.motion.residual_mm[fit.used] ** 2).mean())),
     )
 
 
-def _with_speeds(seen: Turning, fit: TurnFit, time: Array) -> Turning:
+def _path_rate(fit: TurnFit, time: Array, stretched: Array) -> Rate:
+    """How fast the path parameter grows, mm/s: its uncertainty by noise, and how it follows the fitted motion."""
     interval = float(np.median(np.diff(time)))
     ticks = (time[fit.used] - time[fit.used].mean()) / interval
     along = fit.ahead * fit.motion.along_mm[fit.used, None]
     clock = averaged_least_squares(
         Block(ticks, np.zeros_like(ticks), along, np.stack([np.ones_like(ticks), ticks], axis=1)[:, None])
     )
-    rate = float(clock.mean()[1]) / interval  # path parameter per second
-    relative = float(np.sqrt(clock.spread()[1, 1])) / interval / abs(rate) if rate else NAN
-    twist = fit.body_twist(np.zeros(2)) * rate
-    speed, yaw = float(np.hypot(twist[0], twist[1])), float(np.degrees(twist[2]))
+    delta = 1e-5
+    gradient = []
+    for step in delta * np.eye(4):
+        ahead, behind = (
+            linearised(stretched, *moved(fit.motion, way), fit.motion.along_mm, fit.motion.length_mm).along_mm[fit.used]
+            for way in (step, -step)
+        )
+        gradient.append(fit.ahead * np.polyfit(ticks, ahead - behind, 1)[0] / (2 * delta * interval))
+    value, sigma = float(clock.mean()[1]), float(np.sqrt(clock.spread()[1, 1]))
+    return Rate(value / interval, sigma / interval, tuple(gradient))
+
+
+def _with_speeds(seen: Turning, fit: TurnFit, rate: Rate) -> Turning:
+    def speeds(twist: Array) -> Array:
+        return np.array([np.copysign(np.hypot(twist[0], twist[1]), twist[0]), np.degrees(twist[2])])
+
+    (speed, yaw), (speed_sigma, yaw_sigma) = with_sigmas(speeds, fit, rate)
     return replace(
         seen,
-        speed_mm_s=float(np.copysign(speed, twist[0])),
-        yaw_rate_deg_s=yaw,
-        speed_sigma_mm_s=speed * relative,
-        yaw_rate_sigma_deg_s=abs(yaw) * relative,
+        speed_mm_s=float(speed),
+        yaw_rate_deg_s=float(yaw),
+        speed_sigma_mm_s=float(speed_sigma),
+        yaw_rate_sigma_deg_s=float(yaw_sigma),
     )

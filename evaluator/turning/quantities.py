@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +36,18 @@ class RobotShape:
         return np.array([[x, y], [x, -y], [-x, y], [-x, -y]])
 
 
+@dataclass(frozen=True)
+class Rate:
+    """Growth of the path parameter in time, mm/s, and its standard uncertainty by noise along the path.
+
+    gradient: derivative by the four parameters of the motion, along which the frames are projected.
+    """
+
+    value: float
+    sigma: float
+    gradient: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+
+
 def slip_angle_deg(velocity: Array) -> float:
     """Slip angle of a body-frame velocity, atan2(v, |u|): the sign convention of the simulated wheels."""
     return float(np.degrees(np.arctan2(velocity[1], abs(velocity[0]))))
@@ -42,17 +55,16 @@ def slip_angle_deg(velocity: Array) -> float:
 
 def body_quantities(
     fit: TurnFit,
-    speed_mm_s: float,
+    rate: Rate,
     marks: MarkGeometry | None,
     shape: RobotShape | None,
     rpm: tuple[float | None, float | None],
 ) -> dict[str, float]:
     """Radii, speeds and slips of points of the body, by their names in turning.csv; only those that can be known.
 
-    speed_mm_s: of the centre, whose size scales the motion. rpm: of the left and right driving wheel.
+    rate: of the path parameter, which scales the motion. rpm: of the left and right driving wheel.
     """
-    center = fit.body_twist(np.zeros(2))
-    twist = center * abs(speed_mm_s) / max(float(np.hypot(center[0], center[1])), 1e-300)
+    twist = fit.body_twist(np.zeros(2)) * rate.value
     rotation = np.array([-twist[1], twist[0]]) / twist[2] if twist[2] else np.full(2, NAN)
     turning = not fit.curvature().straight
     result: dict[str, float] = {}
@@ -63,14 +75,47 @@ def body_quantities(
         result[f"{name}_speed_mm_s"] = float(np.copysign(np.hypot(*velocity), velocity[0]))
         if turning:
             result[f"{name}_radius_mm"] = float(np.linalg.norm(np.array(place) - rotation))
-    if shape is None:
-        return result
-    wheels = np.array(shape.wheel_positions_mm)
-    if turning:
+    if shape is not None and turning:
+        wheels = np.array(shape.wheel_positions_mm)
         result["outer_wheel_radius_mm"] = float(np.linalg.norm(wheels - rotation, axis=1).max())
         result["wall_to_wall_radius_mm"] = float(np.linalg.norm(shape.corners_mm() - rotation, axis=1).max())
-    for number, (name, place) in enumerate(zip(WHEELS, wheels, strict=True)):
-        velocity = _velocity(twist, place)
+    names = list(_slips(twist, shape, rpm))
+    values = with_sigmas(lambda moved: np.array(list(_slips(moved, shape, rpm).values())), fit, rate)
+    for name, slip, sigma in zip(names, *values, strict=True):
+        stem = name.removesuffix("_deg")
+        result |= {name: float(slip), f"{stem}_sigma{'_deg' if stem != name else ''}": float(sigma)}
+    return result
+
+
+def with_sigmas(quantities: Callable[[Array], Array], fit: TurnFit, rate: Rate) -> tuple[Array, Array]:
+    """Values (k,) of quantities of the centre's velocity (v_x, v_y, yaw rate), (3,), and their standard uncertainties.
+
+    Noise along the path makes the rate uncertain and noise across it the direction, independently; the camera the
+    direction alone: what it does to speed is its error of scale, the same for every run.
+    """
+    delta, here = 1e-6, fit.averaged.mean()
+
+    def at(step: Array, along: float) -> Array:
+        return quantities(fit.body_twists(step[None], np.zeros(2))[0] * along)
+
+    steps, along = delta * np.eye(4), delta * np.array(rate.gradient)
+    ends = [
+        (at(here + step, rate.value + change), at(here - step, rate.value - change))
+        for step, change in zip(steps, along, strict=True)
+    ]
+    gradient = np.stack([after - before for after, before in ends]) / (2 * delta)
+    by_rate = (at(here, rate.value + rate.sigma) - at(here, rate.value - rate.sigma)) / 2
+    noise = np.einsum("pi,pq,qi->i", gradient, fit.averaged.spread(), gradient)
+    sigma = np.sqrt(noise + ((fit.systematic.T @ gradient) ** 2).sum(axis=0) + by_rate**2)
+    return at(here, rate.value), np.asarray(sigma)
+
+
+def _slips(twist: Array, shape: RobotShape | None, rpm: tuple[float | None, float | None]) -> dict[str, float]:
+    """Slip angles of body and wheels and slip ratios of the driving wheels, for the velocity of the centre."""
+    result = {"body_slip_angle_deg": slip_angle_deg(twist)}
+    for number, (name, place) in enumerate(zip(WHEELS, shape.wheel_positions_mm if shape else (), strict=False)):
+        assert shape is not None  # there would be no wheel
+        velocity = _velocity(twist, np.array(place))
         result[f"{name}_slip_angle_deg"] = slip_angle_deg(velocity)
         speed = rpm[number] if number < 2 else None  # the rear pair rolls freely: its rotation is not known
         if speed is not None:

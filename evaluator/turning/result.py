@@ -21,7 +21,8 @@ class Turning:
     center_x_mm, center_y_mm: centre of the circle on the plate; center_wander_mm: how far it strays between quarter
     turns, noise taken off. rotation_x_mm, rotation_y_mm: the same centre in the body frame. Radii of the marks, the
     outermost wheel and the outermost corner (wall to wall) as in SAE J695. Slips as in the model: ratio
-    (u - r·phi')/max(|u|, |r·phi'|), angle atan2(v, |u|).
+    (u - r·phi')/max(|u|, |r·phi'|), angle atan2(v, |u|); their sigmas hold noise and camera, not what the marks' places
+    in robot.toml or the commanded rpm are off by.
     Quality: path_efficiency, speed_ripple, smoothness (quantities.py).
     """
 
@@ -57,12 +58,19 @@ class Turning:
     outer_wheel_radius_mm: float = NAN
     wall_to_wall_radius_mm: float = NAN
     body_slip_angle_deg: float = NAN
+    body_slip_angle_sigma_deg: float = NAN
     front_left_slip_ratio: float = NAN
+    front_left_slip_ratio_sigma: float = NAN
     front_right_slip_ratio: float = NAN
+    front_right_slip_ratio_sigma: float = NAN
     front_left_slip_angle_deg: float = NAN
+    front_left_slip_angle_sigma_deg: float = NAN
     front_right_slip_angle_deg: float = NAN
+    front_right_slip_angle_sigma_deg: float = NAN
     rear_left_slip_angle_deg: float = NAN
+    rear_left_slip_angle_sigma_deg: float = NAN
     rear_right_slip_angle_deg: float = NAN
+    rear_right_slip_angle_sigma_deg: float = NAN
     path_efficiency: float = NAN
     speed_ripple: float = NAN
     smoothness: float = NAN

@@ -62,7 +62,7 @@ def fit_steady_motion(
     else:
         start, twist, along = near.start, near.twist, near.along_mm
     for _ in range(iterations):
-        motion = _linearised(scaled, start, twist, along, length_mm)
+        motion = linearised(scaled, start, twist, along, length_mm)
         design, residual = motion.design.reshape(-1, 4), motion.residual_mm.reshape(-1)
         weighted = (weight @ motion.design).reshape(-1, 4)
         normal, right = weighted.T @ design, weighted.T @ residual
@@ -72,7 +72,7 @@ def fit_steady_motion(
         misfit = residual @ (weight @ motion.residual_mm[:, :, None]).reshape(-1)
         if step @ normal @ step < CONVERGED * misfit / len(pose) or np.all(np.abs(step) < 1e-12):
             break
-    return _linearised(scaled, start, twist, along, length_mm)
+    return linearised(scaled, start, twist, along, length_mm)
 
 
 def moved(motion: SteadyMotion, step: Array) -> tuple[Array, Array]:
@@ -123,7 +123,7 @@ def _first_along(scaled: Array, start: Array, twist: Array, length: float) -> Ar
     return np.asarray((scaled[:, :2] - start[:2]) @ direction + (scaled[:, 2] - start[2]) * twist[2])
 
 
-def _linearised(scaled: Array, start: Array, twist: Array, along: Array, length: float) -> SteadyMotion:
+def linearised(scaled: Array, start: Array, twist: Array, along: Array, length: float) -> SteadyMotion:
     """Closest points on the motion, residuals across it, and their derivatives."""
     across = _complement(twist)
     along, residual, design = linearise(scaled, start, twist, along, across, length)

@@ -20,6 +20,9 @@ from evaluator.workflow.outputs import Outputs
 from simulator.errors import SimulationError
 from simulator.robot import Robot
 
+# Marks are put on a robot to some hundredths of a millimetre, 1 to 2 % of their distance; a wrong gauge or a wrong
+# height of the marks is off by more.
+SPACING_PERCENT = 3.0
 LATE_S = 0.1  # people read a clock this well: a recording stopped with the motors is whole
 
 
@@ -90,12 +93,19 @@ class RunResult:
     @staticmethod
     def of(job: Job, values: dict[str, dict[str, Any]], *, reused: bool) -> RunResult:
         """The result of a job from the values of its stages."""
-        notes = tuple(_notes(job.run, values["track"]))
+        notes = tuple(_notes(job.run, values["track"], values["turn"]))
         return RunResult(job.run.id, values["turn"], values.get("simulate"), notes, reused=reused)
 
 
-def _notes(run: Run, tracked: dict[str, Any]) -> Iterator[str]:
+def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterator[str]:
     """What is odd about a recording; only its log of commands tells that a stream without an index was cut."""
+    off = 100 * (turning["mark_spacing_ratio"] - 1)
+    if abs(off) > SPACING_PERCENT:
+        way = "farther apart" if off > 0 else "nearer"
+        yield (
+            f"the marks are {abs(off):.0f} % {way} than robot.toml says, and every length is off by as much: is the "
+            "pitch of the gauge right, the height of the marks, their place in robot.toml?"
+        )
     yield from tracked.get("notes", ())
     last_s = tracked.get("last_s")
     if last_s is not None and run.stop_s is not None and run.stop_s > last_s + LATE_S:

@@ -28,13 +28,19 @@ class View:
         """Measured green and yellow marks (..., 2) of poses in the plate frame, mm."""
         x, y = np.asarray(x_mm, dtype=float), np.asarray(y_mm, dtype=float)
         cos, sin = np.cos(heading_rad), np.sin(heading_rad)
-        seen = []
-        for ahead, left in (self.green_mm, self.yellow_mm):
-            true = np.stack([x + cos * ahead - sin * left, y + sin * ahead + cos * left], axis=-1)
-            seen.append(self.place(true))
-        return seen[0], seen[1]
+        green, yellow = (self._mark(offset, x, y, cos, sin) for offset in (self.green_mm, self.yellow_mm))
+        return green, yellow
+
+    def _mark(self, offset_mm: tuple[float, float], x: Array, y: Array, cos: Array, sin: Array) -> Array:
+        ahead, left = offset_mm
+        true = np.empty((*x.shape, 2))
+        true[..., 0] = x + ahead * cos - left * sin
+        true[..., 1] = y + ahead * sin + left * cos
+        return self.place(true)
 
     def place(self, points_mm: Array) -> Array:
         """Where points (..., 2) on the plane of the marks are measured to be, mm."""
+        if self.keystone_per_mm == (0.0, 0.0):
+            return self.scale * points_mm
         tilt = points_mm[..., 0] * self.keystone_per_mm[0] + points_mm[..., 1] * self.keystone_per_mm[1]
         return np.asarray(self.scale * (1 + tilt)[..., None] * points_mm)

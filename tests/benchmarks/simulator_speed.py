@@ -1,8 +1,9 @@
 """Speed of the simulator beside its peers, at equal error, in one run: python -m tests.benchmarks.simulator_speed.
 
-The run: 10 s, a step and a reversal at 5 s, 601 outputs, against a reference of scipy's LSODA at rtol 1e-12. Peer:
-scipy LSODA at rtol 1e-6 with a right-hand side in plain Python.
-Times are the best of several, since other work on the machine only ever adds; ratios are to the peer.
+The run: 10 s, a step and a reversal at 5 s, 601 outputs, against a reference of scipy's LSODA at rtol 1e-12. Peers:
+scipy's LSODA at rtol 1e-6 with a right-hand side in plain Python, and CyRK's with a compiled one.
+Calls take turns, and the shortest time of each counts, since other work on the machine only ever adds; ratios are to
+the first peer. "busy" is the ratio of processor times, which other work disturbs less.
 """
 
 from __future__ import annotations
@@ -11,14 +12,18 @@ import subprocess
 import sys
 import time
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
 import numba
 import numpy as np
 
+from evaluator.discrepancy.forward import RunData, Task
+from evaluator.discrepancy.simulated import Simulated
+from evaluator.discrepancy.terms import named_terms
 from simulator.command import Command
+from simulator.contact import fresh_contacts
 from simulator.dynamics import accelerations
 from simulator.effects.catalogue import EFFECTS
 from simulator.integrate import simulate, simulate_batch
@@ -26,80 +31,105 @@ from simulator.many import Trials
 from simulator.model import compile_robot
 from simulator.robot import Effect, Robot, load_robot
 from simulator.steady import steady_map
+from tests.benchmarks import cyrk_peer
 from tests.simulator.reference import Rates, integrated, plain_rates
 
 TIMES_S = np.linspace(0.0, 10.0, 601)
 CASES = (("tire", 70.0, 100.0), ("barrel", 33.3, 14.4))
 SEVERAL = {"plate-tilt": {"angle_deg": 2.0, "azimuth_deg": 40.0}, "magnet-imbalance": {"left_over_right": 1.1}}
 SEVERAL |= {"tether-pull": {"x_mN": 0.1, "y_mN": 0.2}}
+DIAGNOSED: list[list[str]] = [
+    [],
+    ["plate-tilt", "drive-speed-mismatch"],
+    ["friction-gradient"],
+    ["plate-tilt", "friction-gradient", "drive-speed-mismatch", "mass-offset"],
+    ["speed-ripple"],
+    ["axle-compliance", "motor-droop"],
+]
+
+
+def in_turns(calls: Mapping[str, Callable[[], object]], rounds: Mapping[str, int]) -> dict[str, tuple[float, float]]:
+    """Shortest wall time and processor time of each call, s, after one to compile; each rounds times, in turns."""
+    for call in calls.values():
+        call()
+    shortest = dict.fromkeys(calls, (np.inf, np.inf))
+    for turn in range(max(rounds.values())):
+        for name, call in calls.items():
+            if turn % (max(rounds.values()) // rounds[name]) == 0:
+                wall, busy = time.perf_counter(), time.process_time()
+                call()
+                taken = time.perf_counter() - wall, time.process_time() - busy
+                shortest[name] = min(shortest[name][0], taken[0]), min(shortest[name][1], taken[1])
+    return shortest
 
 
 def best_of(call: Callable[[], object], times: int) -> float:
-    """Shortest wall time of a call, s, after one call to compile."""
-    call()
-    taken = []
-    for _ in range(times):
-        start = time.perf_counter()
-        call()
-        taken.append(time.perf_counter() - start)
-    return min(taken)
+    """Shortest wall time of a call, s."""
+    return in_turns({"": call}, {"": times})[""][0]
 
 
 def numba_rates(robot: Robot, left: float, right: float) -> Rates:
     """Our kernel as a right-hand side for scipy."""
     model: Any = compile_robot(robot)[0]
+    contacts = fresh_contacts()
     origin, rest = (0.0, 0.0, 1.0, 0.0, 0.0), float(model["rest_speed"])
 
     def rates(_time: float, y: Any) -> list[float]:
         cos, sin = np.cos(y[2]), np.sin(y[2])
-        turning = accelerations(y[3], y[4], y[5], (left, right, 0.0, 0.0), origin, rest, model)
+        turning = accelerations(y[3], y[4], y[5], (left, right, 0.0, 0.0), origin, rest, model, contacts)
         return [cos * y[3] - sin * y[4], sin * y[3] + cos * y[4], y[5], *turning]
 
     return rates
 
 
-def single_runs(name: str, left: float, right: float) -> float:
-    """Table of one case; returns the time of the peer."""
+def single_runs(name: str, left: float, right: float) -> None:
+    """Table of one case."""
     robot = load_robot(name)
     halves = [(0.0, 5.0, plain_rates(robot, left, right)), (5.0, 10.0, plain_rates(robot, -left, -right))]
-    truth = integrated(halves, TIMES_S, 1e-12, 1e-13)[:, :2]
-    peer_error = np.abs(integrated(halves, TIMES_S, 1e-6, 1e-9)[:, :2] - truth).max()
-    peer = best_of(lambda: integrated(halves, TIMES_S, 1e-6, 1e-9), 7)
-    print(f"\n{name}, {left:g} / {right:g} rpm, reversed at 5 s; largest error of the path in mm")
-    print(f"  {'scipy LSODA, Python':34s} {1e3 * peer:9.3f} ms     1.0x   {peer_error:.1e}")
     faster = [(0.0, 5.0, numba_rates(robot, left, right)), (5.0, 10.0, numba_rates(robot, -left, -right))]
-    taken = best_of(lambda: integrated(faster, TIMES_S, 1e-6, 1e-9), 7)
-    print(f"  {'scipy LSODA, our kernel':34s} {1e3 * taken:9.3f} ms {peer / taken:7.1f}x   {peer_error:.1e}")
+    truth = integrated(halves, TIMES_S, 1e-12, 1e-13)[:, :2]
     model, command = compile_robot(robot), Command.steps([(0.0, left, right), (5.0, -left, -right)])
-    for tolerance in (1e-5, 1e-6, 1e-7, 1e-8):
-        run = simulate(model, command, TIMES_S, tolerance_mm=tolerance)
-        error = np.abs(np.stack([run.x_mm, run.y_mm], axis=1) - truth).max()
-        taken = best_of(partial(simulate, model, command, TIMES_S, tolerance_mm=tolerance), 300)
+    peer = "scipy LSODA, Python"
+    calls: dict[str, Callable[[], Any]] = {
+        peer: lambda: integrated(halves, TIMES_S, 1e-6, 1e-9),
+        "scipy LSODA, our kernel": lambda: integrated(faster, TIMES_S, 1e-6, 1e-9),
+    }
+    if cyrk_peer.AVAILABLE:
+        calls["CyRK LSODA, compiled"] = partial(cyrk_peer.lsoda(robot, left, right), TIMES_S, 1e-6, 1e-9)
+    for tolerance in (1e-5, 3e-6, 1e-6, 1e-7, 1e-8):
         label = f"turnscope, tolerance {tolerance:.0e} mm"
-        print(f"  {label:34s} {1e3 * taken:9.3f} ms {peer / taken:7.1f}x   {error:.1e}")
-    return peer
+        calls[label] = partial(simulate, model, command, TIMES_S, tolerance_mm=tolerance)
+    taken = in_turns(calls, {label: 20 if label.startswith("scipy") else 400 for label in calls})
+    print(f"\n{name}, {left:g} / {right:g} rpm, reversed at 5 s; largest error of the path in mm")
+    for label, call in calls.items():
+        found = call()
+        path = found[:, :2] if isinstance(found, np.ndarray) else np.stack([found.x_mm, found.y_mm], axis=1)
+        wall, busy = (base / own for base, own in zip(taken[peer], taken[label], strict=True))
+        error = np.abs(path - truth).max()
+        print(f"  {label:34s} {1e3 * taken[label][0]:9.3f} ms {wall:7.1f}x, busy {busy:7.1f}x   {error:.1e}")
 
 
-def batches(peer: float) -> None:
+def batches() -> None:
     """A batch of summaries at the tolerance whose error is the peer's: time on the wall, processor time, memory."""
-    model = compile_robot(load_robot("tire"))
+    robot = load_robot("tire")
+    model = compile_robot(robot)
+    halves = [(0.0, 5.0, plain_rates(robot, 70.0, 100.0)), (5.0, 10.0, plain_rates(robot, -70.0, -100.0))]
     generator = np.random.default_rng(1)
     print("\nbatches on all cores, random commands with a reversal, summaries only")
     for count in (1000, 10_000):
         rpm = generator.uniform(60, 100, (count, 2))
         commands = [Command.steps([(0.0, a, b), (5.0, -a, -b)]) for a, b in rpm]
         call = partial(simulate_batch, model, commands, TIMES_S, summary=True, tolerance_mm=1e-6)
-        taken = best_of(call, 5) / count
-        start = time.process_time()
-        call()
-        busy = (time.process_time() - start) / count / numba.get_num_threads()
+        peer = partial(integrated, halves, TIMES_S, 1e-6, 1e-9)
+        taken = in_turns({"peer": peer, "batch": call}, {"peer": 30, "batch": 10})
+        wall, busy = taken["batch"][0] / count, taken["batch"][1] / count / numba.get_num_threads()
         tracemalloc.start()
         call()
         peak = tracemalloc.get_traced_memory()[1] / count
         tracemalloc.stop()
         label = f"{count} runs, per run"
-        print(f"  {label:34s} {1e3 * taken:9.4f} ms {peer / taken:7.1f}x   {peak:.0f} bytes")
-        print(f"  {'  processor time over threads':34s} {1e3 * busy:9.4f} ms {peer / busy:7.1f}x")
+        print(f"  {label:34s} {1e3 * wall:9.4f} ms {taken['peer'][0] / wall:7.1f}x   {peak:.0f} bytes")
+        print(f"  {'  processor time over threads':34s} {1e3 * busy:9.4f} ms {taken['peer'][1] / busy:7.1f}x")
 
 
 def effects() -> None:
@@ -108,20 +138,43 @@ def effects() -> None:
     robot = load_robot("barrel")
     trials = Trials([Command.steps([(0.0, 33.3, 14.4), (5.0, -33.3, -14.4)])], [TIMES_S])
 
-    def taken(chosen: dict[str, dict[str, float]]) -> float:
+    def replay(chosen: dict[str, dict[str, float]]) -> Callable[[], object]:
         entries = tuple(Effect.model_validate({"id": id_, **values}) for id_, values in chosen.items())
         model = compile_robot(robot.model_copy(update={"effect": entries}))
         plan = trials.plan(model, np.zeros(6), 1e-6)
-        return best_of(lambda: trials.states(model, np.zeros(6), plan), 200)
+        return lambda: trials.states(model, np.zeros(6), plan)
 
-    nominal = taken({})
-    several = taken(SEVERAL)
-    print(f"\nreplayed run of 10 s for fits: nominal {1e3 * nominal:.3f} ms")
-    print(f"  with {', '.join(SEVERAL)}: {several / nominal:.2f}x nominal")
+    calls = {"nominal": replay({}), f"with {', '.join(SEVERAL)}": replay(SEVERAL)}
     for id_, effect in EFFECTS.items():
         if effect.kind != "observation":
-            sizes = {item.name: item.neutral + 5 * item.step for item in effect.parameters}
-            print(f"  {id_:22s} {taken({id_: sizes}) / nominal:5.2f}x nominal")
+            calls[id_] = replay({id_: {item.name: item.neutral + 5 * item.step for item in effect.parameters}})
+    taken = in_turns(calls, dict.fromkeys(calls, 300))
+    nominal = taken.pop("nominal")
+    print(f"\nreplayed run of 10 s for fits: nominal {1e3 * nominal[0]:.3f} ms")
+    for label, (wall, _) in taken.items():
+        print(f"  {label:22s} {wall / nominal[0]:5.2f}x nominal")
+
+
+def diagnosis() -> None:
+    """A task of the diagnosis: a run with motors on and off again, 540 frames, on one thread, with its marks."""
+    robot, generator = load_robot("barrel"), np.random.default_rng(3)
+    levels = [(33.3, 14.4), (-33.3, -14.4), (33.3, 28.5), (-30.0, -10.0), (14.0, 33.0), (20.0, 40.0), (50.0, 45.0)]
+    frames = np.arange(540) / 60
+    data = [RunData(f"r{k}", *item, 0.5, 8.0, frames, np.zeros((540, 4)), k) for k, item in enumerate(levels)]
+    terms = named_terms(30.0, (10.0, 20.0, 33.0))
+    print("\na task of the diagnosis on one thread")
+    for ids in DIAGNOSED:
+        tasks = []
+        for number in range(210):
+            values = {
+                id_: tuple(item.neutral + generator.normal(4.0, 0.05) * item.step for item in terms[id_].coordinates)
+                for id_ in ids
+            }
+            own = (0.0, 0.0, 0.3, *(1e-3 * generator.standard_normal(3)).tolist())
+            tasks.append(Task(number % len(data), own, {"slip.lateral_friction": 1e-3}, values))
+        forward = Simulated([robot] * len(data), data, terms)
+        taken = in_turns({"": partial(forward.marks, tasks)}, {"": 10})[""]
+        print(f"  {', '.join(ids) or 'nominal':54s} {1e6 * taken[1] / len(tasks):7.0f} us of processor time")
 
 
 def maps() -> None:
@@ -148,9 +201,11 @@ def fresh_process() -> None:
 
 def main() -> None:
     """Print all tables."""
-    peers = [single_runs(*case) for case in CASES]
-    batches(peers[0])
+    for case in CASES:
+        single_runs(*case)
+    batches()
     effects()
+    diagnosis()
     maps()
     fresh_process()
 

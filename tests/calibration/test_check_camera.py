@@ -50,6 +50,11 @@ def test_camera_pushed_nearer_no_longer_holds(calibrated: Calibration) -> None:
     assert _outcome(calibrated, posed(CAMERA, np.eye(3), np.array([0.0, 0.0, 0.5])), 5) == "no longer holds"
 
 
+def test_camera_tilted_by_a_degree_no_longer_holds_for_what_it_does_to_the_rim(calibrated: Calibration) -> None:
+    turn = cv2.Rodrigues(np.array([np.radians(1.0), 0.0, 0.0]))[0]
+    assert _outcome(calibrated, posed(CAMERA, turn, np.zeros(3)), 7) == "no longer holds"
+
+
 def test_refocused_lens_no_longer_holds_at_equal_scale(calibrated: Calibration) -> None:
     changed = _with(focal_px=1200 * 1.03, translation_z_mm=CAMERA.value("translation_z_mm") * 1.03, k1=-0.33)
     assert _outcome(calibrated, changed, 6) == "no longer holds"

@@ -191,3 +191,23 @@ def test_toed_in_robot_pivoting_on_a_locked_wheel_is_followed_at_every_tolerance
     run = simulate(robot, Command.constant(70.0, 0.0), TIMES_S, tolerance_mm=tolerance)
     turn = steady_turn(robot, 70.0, 0.0)
     assert run.yaw_rate_rad_s[-1] == pytest.approx(turn.yaw_rate_rad_s, rel=1e-9)
+
+
+def test_robot_resting_in_an_unstable_balance_within_the_rounding_of_rest_is_followed() -> None:
+    # Case 467 of seed 12 of a study over random effects: friction grain lets friction fall within the rounding.
+    robot = affected(
+        load_robot("tire"),
+        {"id": "friction-grain", "amplitude": 0.0750445, "direction_deg": 1.1861099},
+        {"id": "tether-spring", "stiffness_mN_mm": 0.02688455, "anchor_x_mm": -23.00535, "anchor_y_mm": -22.80044},
+    )
+    run = simulate(robot, Command.constant(-90.0, -33.3, 0.3), TIMES_S, tolerance_mm=1e-6)
+    assert np.hypot(run.x_mm[18], run.y_mm[18]) < 1e-4
+    assert run.x_mm[-1] < -5
+
+
+def test_straight_run_whose_yaw_chatters_about_zero_is_followed() -> None:
+    # Case 725 of seed 16: scrub torque turns over at a yaw rate of 0, where a straight run stays.
+    robot = affected(load_robot("barrel"), {"id": "scrub-torque", "radius_mm": 0.029756866})
+    command = Command.steps([(0.3, 0.0, 5.0), (1.0, -60.0, -60.0)])
+    runs = [simulate(robot, command, TIMES_S, tolerance_mm=tolerance) for tolerance in (1e-6, 1e-8)]
+    assert np.abs(path(runs[0]) - path(runs[1])).max() < 1e-4

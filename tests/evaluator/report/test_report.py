@@ -1,14 +1,17 @@
 from __future__ import annotations
 
+import base64
 import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
 
+import cv2
 import numpy as np
 import pytest
 
+from evaluator.files import write_text
 from evaluator.report.build import report_html
 from evaluator.report.style import THEME
 from evaluator.workflow import analyze
@@ -112,3 +115,16 @@ def test_straight_runs_alone_make_a_report_without_a_radius(tmp_path: Path) -> N
     experiment = write_experiment(tmp_path, [("r01", 30.0, 30.0, circling_marks(np.inf))])
     html = report_html(analyze(experiment, tmp_path / "out", simulate=True, workers=1))
     assert "No run turns" in html
+
+
+def test_fifty_runs_with_rich_pictures_make_a_page_below_five_megabytes(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    runs = [(f"r{k:02d}", 14.4, 33.3, circling_marks(6.0, seed=k, seconds=4)) for k in range(50)]
+    found = analyze(write_experiment(tmp_path, runs), tmp_path / "out", simulate=True, workers=1)
+    grain = rng.normal(90, 25, (240, 320)).clip(0, 255).astype(np.uint8)  # nothing compresses worse
+    jpeg = base64.b64encode(cv2.imencode(".jpg", grain, [cv2.IMWRITE_JPEG_QUALITY, 72])[1].tobytes()).decode()
+    pictures = json.dumps([{"time_s": float(k), "jpeg": jpeg} for k in range(12)])
+    for run, *_ in runs:
+        write_text(found.outputs.pictures(run), pictures)
+    assert len(pictures) * len(runs) > 15e6
+    assert len(report_html(found).encode()) < 5e6

@@ -59,11 +59,19 @@ def test_jerky_drive_is_less_smooth_than_a_steady_one() -> None:
     assert measured(resting(jerky, 30, 30), 0.002).smoothness < measured(steady, 0.002).smoothness
 
 
-def test_speed_uncertainty_is_the_scatter_over_runs() -> None:
+def test_uncertainties_of_speed_and_slips_are_their_scatter_over_runs() -> None:
     truth = arc_poses(5.0, 180, 120)
-    runs = [
-        measure_turning(poses_from_marks(marks_of(truth, 0.02, np.random.default_rng(seed)), GEOMETRY))
-        for seed in range(30)
-    ]
-    stated = np.median([run.speed_sigma_mm_s for run in runs])
-    assert stated == pytest.approx(np.std([run.speed_mm_s for run in runs]), rel=0.6)
+    runs = []
+    for seed in range(100):
+        poses = poses_from_marks(marks_of(truth, 0.02, np.random.default_rng(seed)), GEOMETRY)
+        runs.append(measure_turning(poses, shape=SHAPE, left_rpm=33.0, right_rpm=14.0).to_row())
+    for name, sigma in (
+        ("speed_mm_s", "speed_sigma_mm_s"),
+        ("yaw_rate_deg_s", "yaw_rate_sigma_deg_s"),
+        ("body_slip_angle_deg", "body_slip_angle_sigma_deg"),
+        ("front_left_slip_ratio", "front_left_slip_ratio_sigma"),
+        ("rear_right_slip_angle_deg", "rear_right_slip_angle_sigma_deg"),
+    ):
+        scatter = np.std([float(run[name]) for run in runs])
+        # The scatter of 100 runs is known to 7 %; the unknown correlation of the noise widens what is stated.
+        assert 0.85 < np.median([float(run[sigma]) for run in runs]) / scatter < 1.35, name

@@ -135,3 +135,12 @@ def test_a_comparison_of_earlier_results_does_not_stay_beside_new_ones(tmp_path:
     circling_marks(7.0, seed=9).to_csv(tmp_path / "r01.csv", index=False)
     analyze(experiment, tmp_path / "out", workers=1)
     assert not (tmp_path / "out" / "comparison.csv").exists()
+
+
+def test_marks_too_far_apart_put_every_length_in_doubt(tmp_path: Path) -> None:
+    marks = circling_marks(6.0, seconds=3)
+    marks.iloc[:, 1:] *= 1.1  # a gauge of 2.0 mm taken for one of 2.2 mm
+    found = analyze(write_experiment(tmp_path, [("r01", 14.4, 33.3, marks)]), tmp_path / "out", workers=1)
+    (note,) = found.notes["r01"]
+    assert note.startswith("the marks are 10 % farther apart")
+    assert not analyze(three_runs(tmp_path / "good"), tmp_path / "good" / "out", workers=1).notes

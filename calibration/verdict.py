@@ -1,0 +1,31 @@
+"""The verdict on a calibration, as quality.py gives it and camera.json keeps it."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+Level = Literal["sound", "limited", "ill-conditioned"]
+
+
+class Verdict(BaseModel):
+    """level: "sound", "limited" (good on some plane, with a stated doubt elsewhere) or "ill-conditioned".
+
+    summary: the verdict in one sentence. reasons: why not sound. next_steps: what to do. notes: what was seen and needs
+    no action. scale_sigma: relative standard uncertainty of lengths, and so of turning radii, at mark height;
+    plate_scale_sigma: on the plate itself. coverage: share of the picture that dots cover.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    level: Level
+    summary: str
+    reasons: tuple[str, ...]
+    next_steps: tuple[str, ...]
+    notes: tuple[str, ...]
+    mark_height_mm: float
+    scale_sigma: float
+    plate_scale_sigma: float
+    tilt_spread_deg: float
+    coverage: float

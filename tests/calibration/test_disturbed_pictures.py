@@ -1,0 +1,144 @@
+"""What hides, disturbs or imitates dots costs those dots, never the plane."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from calibration.assign_grid import assign_grid
+from calibration.camera import Camera, camera_above
+from calibration.detect_dots import Dots, detect_dots
+from calibration.disc import fitted_centers
+from calibration.disturbed import useful
+from calibration.errors import CalibrationError
+from calibration.gauge import Gauge
+from calibration.match_gauge import Match, match_gauge
+from calibration.quality import assess
+from calibration.solve import calibrate
+from tests.calibration.drawing import draw_gauge, random_poses
+
+CAMERA = camera_above(size_px=(480, 360), focal_px=1200, distance_mm=120, tilt_deg=3, turn_deg=4, k1=-0.2)
+
+
+def gauge_of(columns: int = 13, rows: int = 9, **dots: object) -> Gauge:
+    table = {"columns": columns, "rows": rows, "pitch_mm": 3.0, "diameter_mm": 1.2} | dots
+    return Gauge.model_validate({"format": 1, "name": "plate", "dots": table})
+
+
+GAUGE = gauge_of()
+
+
+def drawn(seed: int = 0, snr: float = 40.0, camera: Camera = CAMERA, **options: object) -> np.ndarray:
+    return draw_gauge(camera, GAUGE, rng=np.random.default_rng(seed), snr=snr, **options)  # type: ignore[arg-type]
+
+
+def matched(picture: np.ndarray) -> tuple[Dots, Match, np.ndarray]:
+    """Dots, their places, and how far (m, 2) px the centres lie from where the camera puts them."""
+    dots = detect_dots(picture, "black", "white")
+    match = match_gauge(dots, assign_grid(dots), GAUGE)
+    points = np.pad(GAUGE.positions_mm()[match.row, match.column], ((0, 0), (0, 1)))
+    true = fitted_centers(points, np.full(len(points), 0.6), CAMERA.parameters, CAMERA.lens)
+    return dots, match, dots.centers_px[match.dot] - true
+
+
+def within(left: float, bottom: float, right: float, top: float) -> np.ndarray:
+    """Pixels that show a rectangle of the plate, mm."""
+    corners = [(left, bottom, 0.0), (right, bottom, 0.0), (right, top, 0.0), (left, top, 0.0)]
+    rim = np.rint(CAMERA.picture_from_plate(corners) * 16).astype(np.int32)
+    return cv2.fillPoly(np.zeros(CAMERA.size_px[::-1], np.uint8), [rim], 1, shift=4) > 0
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_plate_with_a_whole_side_under_a_dark_cloth_keeps_its_places(side: str) -> None:
+    picture = drawn()
+    hidden = slice(0, 190) if side == "left" else slice(300, None)
+    picture[:, hidden] = 12
+    _, match, off = matched(picture)
+    assert 60 < len(match) < 90
+    assert match.certain
+    assert np.abs(off).max() < 0.1
+
+
+@pytest.mark.parametrize("columns", [12, 14])
+def test_array_one_column_short_or_long_is_another_gauge(columns: int) -> None:
+    with pytest.raises(CalibrationError, match=r"array of about 13 × 9 dots .* does not fit the gauge"):
+        calibrate([drawn()], gauge_of(columns))
+
+
+def test_a_third_of_the_dots_missing_leaves_one_array() -> None:
+    missing = tuple(np.random.default_rng(3).choice(117, 39, replace=False).tolist())
+    _, match, off = matched(drawn(missing=missing))
+    assert len(match) == 78
+    assert np.abs(off).max() < 0.1
+
+
+def test_edge_of_the_sheet_next_to_the_dots_does_not_move_them() -> None:
+    picture = drawn()
+    picture[~within(-19, -13, 19, 13)] = 70
+    dots, match, off = matched(picture)
+    used = useful(dots.covariance_px2[match.dot])
+    sigma = np.sqrt(np.einsum("nii->ni", dots.covariance_px2[match.dot]))
+    assert used.mean() > 0.95
+    assert np.sqrt(np.mean((off / sigma)[used] ** 2)) < 1.2
+
+
+def test_large_discs_between_the_dots_do_not_shift_the_array() -> None:
+    picture = drawn()
+    for x, y in ((100, 90), (225, 145), (310, 250), (170, 250)):
+        cv2.circle(picture, (x, y), 13, 40, -1, cv2.LINE_AA)
+    dots, match, off = matched(picture)
+    used = useful(dots.covariance_px2[match.dot])
+    assert used.sum() > 95
+    assert np.abs(off[used]).max() < 0.1
+
+
+def test_faint_images_that_continue_the_array_are_not_taken_for_it() -> None:
+    dots = detect_dots(drawn(), "black", "white")
+    top = dots.centers_px[:, 1] < CAMERA.picture_from_plate([0.0, 10.5, 0.0])[1] - 12
+    faint = replace(dots, contrast=np.where(top, 0.1, 1.0) * dots.contrast)
+    assert len(assign_grid(dots)) == 117
+    assert len(assign_grid(faint)) == 117 - top.sum()
+
+
+def test_dots_in_strong_noise_are_found_and_state_it() -> None:
+    dots, match, off = matched(drawn(snr=6))
+    assert len(match) > 80
+    sigma = np.sqrt(np.einsum("nii->ni", dots.covariance_px2[match.dot]))
+    assert 0.8 < np.sqrt(np.mean((off / sigma) ** 2)) < 1.3
+
+
+def test_dots_twice_as_wide_as_the_file_says_are_another_plate() -> None:
+    with pytest.raises(CalibrationError, match="seen 2 times as wide against their distance"):
+        calibrate([drawn()], gauge_of(diameter_mm=0.6))
+
+
+def test_dots_half_as_wide_again_put_every_length_in_doubt() -> None:
+    verdict = assess(calibrate([drawn()], gauge_of(diameter_mm=0.8)))
+    assert verdict.level == "limited"
+    assert "pitch_mm or diameter_mm is wrong" in verdict.summary
+
+
+def test_picture_of_another_camera_among_the_others_is_named() -> None:
+    rng = np.random.default_rng(2)
+    other = camera_above(size_px=(480, 360), focal_px=1600, distance_mm=160, tilt_deg=3, k1=0.1)
+    views = random_poses(CAMERA, 4, rng, tilt_deg=25, shift_mm=2)
+    views += random_poses(other, 3, rng, tilt_deg=25, shift_mm=2)[1:2]
+    with pytest.raises(CalibrationError, match=r"picture \d: \d+ of 117 dots contradict the other pictures"):
+        calibrate([draw_gauge(view, GAUGE, rng=rng, snr=40) for view in views], GAUGE)
+
+
+def test_measured_distance_makes_one_picture_enough() -> None:
+    picture = drawn()
+    alone, measured = calibrate([picture], GAUGE), calibrate([picture], GAUGE, distance_mm=(120.0, 0.3))
+    assert assess(alone).level == "limited"
+    assert assess(measured).scale_sigma < 0.0005
+    assert "height correction" not in assess(measured).summary
+
+
+def test_colour_fiducials_in_a_grey_picture_are_named_as_the_cause() -> None:
+    fiducials = ({"column": 6, "row": 4, "color": "red"}, {"column": 9, "row": 4, "color": "blue"})
+    with pytest.raises(CalibrationError, match="differ by their color, which a grey picture does not show"):
+        calibrate([drawn()], Gauge.model_validate(GAUGE.model_dump() | {"fiducial": fiducials}))
