@@ -33,7 +33,8 @@ def fresh_contacts() -> Any:
 @compiled()
 def law(u: float, v: float, wheel: int, contacts: Any, rest: float, model: Any) -> tuple[float, float]:
     """Friction along and across one wheel; u, v: of its centre in its own frame."""
-    slopes = law_slopes(u, v, contacts[SURFACE, wheel], wheel, contacts[GRIP : STEEP + 1, wheel], rest, model)
+    scaled = (contacts[GRIP, wheel], contacts[STEEP, wheel])
+    slopes = law_slopes(u, v, contacts[SURFACE, wheel], wheel, scaled, rest, model)
     return slopes[0], slopes[1]
 
 

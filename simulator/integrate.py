@@ -43,7 +43,9 @@ def simulate(
     model: Any = (compile_robot(robot, run_index) if isinstance(robot, Robot) else robot)[0]
     states = np.empty((len(times), 6))
     state = (start or State()).to_array()
-    done, steps = integrate_run(model, command.knots, state, times, states, tolerance_mm, _NO_PLAN, replay=False)
+    # A kernel is compiled anew for arrays that are read-only; batches hand over their own.
+    asked = times.copy()
+    done, steps = integrate_run(model, command.knots, state, asked, states, tolerance_mm, _NO_PLAN, replay=False)
     if done != DONE:
         raise SimulationError(
             f"the motion cannot be followed beyond {steps} steps; are the effects of a sensible size?"

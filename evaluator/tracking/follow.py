@@ -32,7 +32,6 @@ PER_MEDIAN = 1.4826  # sigma over median deviation
 # A disturbance that looked just like a shift would move the centre by √pixels times its own share of the noise; real
 # ones (wires, glare, shadows) reach a third of that.
 LIKENESS = 0.11
-VAGUE = 0.125  # of a mark's radius: what is known no better (no contrast to the body) is colour, not a disc
 HOPELESS = 8.0  # residual at which a disc is no longer what is seen
 
 # Sigmas beyond which a pixel is taken for something else than mark or background. Noise loses nothing (weights fall as
@@ -237,8 +236,6 @@ class Follower:
             reason = self._crowd(frame, cell, (x, y), slack)
         if reason:
             return ABSENT[reason]
-        if max(var_x, var_y) * max(1.0, residual) > (VAGUE * self.radius_px) ** 2:
-            return ABSENT["no disc"]
         # Residuals above the learnt noise (codec, wire, texture) widen the uncertainty; a chance calm keeps it.
         scale = max(1.0, residual) + LIKENESS * pixels * max(residual - 1.0 - ODD * self._scatter, 0.0)
         return Sighting(x, y, scale * var_x, scale * var_y, scale * cov_xy, OK)
