@@ -29,8 +29,8 @@ class Adequacy:
     """What is left over under a fit.
 
     excess: mean square of whitened left-overs, 1 for pure noise; excess_sigma: its distance from 1 in standard errors.
-    by_run: the same per run. own: each run's friction and gains (n, 3). order_p: probability that these depend so much on
-    something known were they chance, Bonferroni over all that was asked; depends_on: on what.
+    by_run: the same per run. own: each run's friction and gains (n, 3). order_p: probability that these depend so much
+    on something known were they chance, Bonferroni over all that was asked; depends_on: on what.
     """
 
     excess: float

@@ -123,9 +123,9 @@ def _line_search(
 
 
 def _settled(problem: Problem, point: Point, runs: Sequence[int], scatter: Floats | None) -> tuple[Point, float]:
-    """Start pose, friction and gains (scatter None: the start pose alone) of every run fitted at a point, and -2 log density.
+    """Start pose, friction and gains of every run fitted at a point, and -2 log density there.
 
-    Runs do not depend on one another here: each goes on until its own density settles, with shorter steps where a step
+    With scatter None the start pose alone is fitted. Runs do not depend on one another here: each goes on until its own density settles, with shorter steps where a step
     made it worse. FloatingPointError where a run cannot be simulated at the point.
     """
     best = point.own.copy()
