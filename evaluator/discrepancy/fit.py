@@ -125,8 +125,9 @@ def _line_search(
 def _settled(problem: Problem, point: Point, runs: Sequence[int], scatter: Floats | None) -> tuple[Point, float]:
     """Start pose, friction and gains of every run fitted at a point, and -2 log density there.
 
-    With scatter None the start pose alone is fitted. Runs do not depend on one another here: each goes on until its own density settles, with shorter steps where a step
-    made it worse. FloatingPointError where a run cannot be simulated at the point.
+    With scatter None the start pose alone is fitted. Runs do not depend on one another here: each goes on until its own
+    density settles, with shorter steps where a step made it worse. FloatingPointError where a run cannot be simulated
+    at the point.
     """
     best = point.own.copy()
     value = np.full(len(best), np.inf)

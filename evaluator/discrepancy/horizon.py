@@ -1,8 +1,8 @@
 """Large misfits: the first seconds of every run are fitted before the whole of it.
 
 A heading that errs by θ turns every later step, so over a whole run a large effect is far from linear and a fit from
-the nominal model fails or ends in a false minimum. Over a short horizon the same effect is nearly linear. What fits there
-is a start for a longer horizon, up to the whole run.
+the nominal model fails or ends in a false minimum. Over a short horizon the same effect is nearly linear. What fits
+there is a start for a longer horizon, up to the whole run.
 """
 
 from __future__ import annotations
