@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from evaluator.cli.analyze import SOME_FAILED
 from evaluator.cli.options import experiment_argument, json_option, out_option, quiet_option
 from evaluator.cli.progress import progress_bar
 
@@ -19,7 +20,12 @@ SENTENCES = 4  # of where, on the screen; all are in diagnosis.json
 PLATE_MM = 30.0  # reach of a usual plate
 
 
-@click.command(epilog="\b\nExample:\n  turnscope diagnose experiment.toml -o out/")
+STATUS_NOTE = """\b
+Exit status: 0 every run was used; 1 some could not be (a reason for each on standard error, a diagnosis from the
+others); 2 the input cannot be used at all."""
+
+
+@click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope diagnose experiment.toml -o out/")
 @experiment_argument
 @out_option
 @json_option
@@ -27,21 +33,25 @@ PLATE_MM = 30.0  # reach of a usual plate
 def diagnose(experiment: Path, out: Path, as_json: bool, quiet: bool) -> int:
     """Name the missing effect that makes model and data disagree.
 
-    Writes diagnosis.json and, where something is missing, robot_with_effect.toml, which every other command takes as
-    --robot. Runs given as videos are tracked first. Nominal values move only within the [tolerance] of the robot file;
-    a robot file without tolerances is taken as exact.
+    Writes diagnosis.json, disagreement.csv and, where something is missing, robot_with_effect.toml, a robot for every
+    other command and for experiment files. Runs given as videos are tracked first; runs that cannot be used are named
+    and left out. Nominal values move only within the [tolerance] of the robot file; a robot file without tolerances is
+    taken as exact. Where nothing has changed since the last time, that answer is given again at once.
     """
     from evaluator.discrepancy.workflow import diagnose_experiment
 
     with progress_bar("diagnosis", quiet=quiet) as bar:
-        found, content = diagnose_experiment(experiment, out, _steps(bar))
+        computed, content = diagnose_experiment(experiment, out, _steps(bar))
+    skipped = content.get("skipped_runs") or {}
     if as_json:
         click.echo(json.dumps(content, indent=2, ensure_ascii=False))
     elif not quiet:
         click.echo("\n".join(summary(content)))
-        click.echo(f"\n{out / 'diagnosis.json'}")
-    del found
-    return 0
+        same = "" if computed else "  (nothing has changed since it was made)"
+        click.echo(f"\n{out / 'diagnosis.json'}{same}")
+    for run, reason in skipped.items():
+        click.echo(f"{run} is left out: {reason}", err=True)
+    return SOME_FAILED if skipped else 0
 
 
 def _steps(bar: Callable[[int, int], None]) -> Callable[[str, float], None]:

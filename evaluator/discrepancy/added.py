@@ -1,14 +1,17 @@
-"""The robot file with the effect in it: the original text, untouched, and [[effect]] tables after it."""
+"""The robot file with the effect in it: the user's text, nominal values that moved, and [[effect]] tables after it."""
 
 from __future__ import annotations
 
-from importlib.resources import files
-from pathlib import Path
+import tomllib
 
 from evaluator.discrepancy.diagnosis import Diagnosis
 from evaluator.discrepancy.free import FreeTerm
-from simulator.robot import shipped_robots
+from evaluator.discrepancy.robot_file import number, with_value
+from evaluator.discrepancy.simulated import varied_robot
+from simulator.robot import Robot
 
+MOVED = "before turnscope diagnose, which moved it within its tolerance"
+DEVIATION_DIGITS = 7  # a smaller change is rounding
 # Patterns of one wheel or a diagonal, as sums of those that robot.toml knows.
 PATTERN_SUMS: dict[str, tuple[tuple[str, float], ...]] = {
     "front-left": (("driving", 0.5), ("driving-left-right", 0.5)),
@@ -20,16 +23,16 @@ PATTERN_SUMS: dict[str, tuple[tuple[str, float], ...]] = {
 }
 
 
-def robot_text(name_or_path: str) -> str:
-    """Text of a robot file, shipped or the user's own."""
-    if name_or_path in shipped_robots():
-        return (Path(str(files("simulator") / "robots")) / f"{name_or_path}.toml").read_text(encoding="utf-8")
-    return Path(name_or_path).read_text(encoding="utf-8")
-
-
 def robot_with_effect(diagnosis: Diagnosis, text: str) -> str:
-    """The robot file's text with the diagnosed effects appended."""
+    """The robot file's text with the diagnosed effects appended, nominal values where the same fit has them."""
     assert diagnosis.terms is not None
+    robot = Robot.model_validate(tomllib.loads(text))
+    nominal = diagnosis.fit.point.nominal
+    moved = varied_robot(robot, nominal)
+    for key, deviation in nominal.items():
+        if round(deviation, DEVIATION_DIGITS):
+            table, name = key.split(".")
+            text = with_value(text, table, name, getattr(getattr(moved, table), name), MOVED)
     parts = [text.rstrip("\n"), ""]
     for effect in sorted(diagnosis.chosen):
         term, values = diagnosis.terms[effect], diagnosis.fit.point.terms[effect]
@@ -37,7 +40,7 @@ def robot_with_effect(diagnosis: Diagnosis, text: str) -> str:
             parts += _free_tables(term, values)
             continue
         parts += ["[[effect]]  # found by turnscope diagnose", f'id = "{effect}"']
-        parts += [f"{name} = {_number(value)}" for name, value in term.physical(values).items()]
+        parts += [f"{name} = {number(value)}" for name, value in term.physical(values).items()]
         parts.append("")
     return "\n".join(parts)
 
@@ -51,13 +54,8 @@ def _free_tables(term: FreeTerm, values: tuple[float, ...]) -> list[str]:
                 'id = "free-form"',
                 f'channel = "{item.channel}"',
                 f'basis = "{item.basis}"',
-                f"coefficient = {_number(value * share)}",
+                f"coefficient = {number(value * share)}",
                 f'pattern = "{pattern}"',
                 "",
             ]
     return lines
-
-
-def _number(value: float) -> str:
-    text = f"{value:.8g}"
-    return text if any(mark in text for mark in ".en") else f"{text}.0"

@@ -48,7 +48,11 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path]) -> Session:
         if run.id not in marks:
             skipped[run.id] = "no marks"
             continue
-        table = read_marks(marks[run.id])
+        try:
+            table = read_marks(marks[run.id])
+        except InputError as error:  # a recording that cannot be read is a fault of its run, not of the experiment
+            skipped[run.id] = str(error)
+            continue
         values = table[list(COLUMNS)].to_numpy(dtype=float)
         both = np.isfinite(values).all(axis=1)
         if both.sum() < FEWEST_FRAMES:

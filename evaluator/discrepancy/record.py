@@ -7,14 +7,17 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.discrepancy.diagnosis import Diagnosis
+from evaluator.discrepancy.fit import place_runs
 from evaluator.discrepancy.free import FreeTerm
 from evaluator.discrepancy.gap import rms
 from evaluator.discrepancy.next_run import DURATION_S
 from evaluator.discrepancy.rivals import SAME_SIGMAS, Set, is_free
 from evaluator.discrepancy.terms import Parameters, Term
+from evaluator.discrepancy.where import QUANTITIES, pieces
 from simulator.effects.catalogue import EFFECTS
 
 Floats = NDArray[np.float64]
@@ -58,6 +61,18 @@ def record(diagnosis: Diagnosis) -> Json:
         "nominal": _nominal(diagnosis),
         "skipped_runs": dict(diagnosis.session.skipped),
     }
+
+
+def disagreement(diagnosis: Diagnosis) -> pd.DataFrame | None:
+    """The pieces of the runs with what the model misses before and after (columns after_…); None where none."""
+    if diagnosis.pieces is None or diagnosis.problem is None:
+        return None
+    fit, runs = diagnosis.fit, range(len(diagnosis.session.data))
+    after = pieces(diagnosis.problem, place_runs(diagnosis.problem, fit.point, runs, fit.posterior.scatter))
+    renamed = {name: f"after_{name}" for name in QUANTITIES}
+    held = {diagnosis.session.data[run].id for run in diagnosis.held_out}
+    both = pd.concat([diagnosis.pieces, after[list(QUANTITIES)].rename(columns=renamed)], axis=1)
+    return both.assign(kept_aside=both["run"].isin(held))
 
 
 def _effect(diagnosis: Diagnosis, effect: str) -> Json:
@@ -172,16 +187,19 @@ def names(ids: Set) -> list[str]:
 def _reason(diagnosis: Diagnosis, ids: Set, odds: float) -> str:
     chosen = diagnosis.chosen
     if not ids:
-        return f"without any effect the runs are e^{-odds:.0f} times less probable"
+        return f"without any effect the runs are {_times(odds)} less probable"
     if ids < chosen:
-        return f"leaving out {', '.join(sorted(chosen - ids))} makes the runs e^{-odds:.0f} times less probable"
+        return f"leaving out {', '.join(sorted(chosen - ids))} makes the runs {_times(odds)} less probable"
     if ids > chosen:
         return f"adding {', '.join(sorted(ids - chosen))} does not pay for its parameters"
-    return (
-        f"explains the runs e^{-odds:.1f} times as well"
-        if odds < 0
-        else "not kept: an effect in it does not pay for itself"
-    )
+    return f"makes the runs {_times(odds)} less probable" if odds < 0 else "an effect in it does not pay for itself"
+
+
+def _times(odds: float) -> str:
+    """A factor for people, from the logarithm of its inverse."""
+    if -odds > math.log(1e4):
+        return f"10^{-odds / math.log(10):.0f} times"
+    return f"{math.exp(-odds):.{1 if -odds < math.log(10) else 0}f} times"
 
 
 def _next(diagnosis: Diagnosis) -> Json | None:

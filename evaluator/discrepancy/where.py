@@ -7,21 +7,28 @@ pieces (sandwich over runs: Liang & Zeger (1986), Biometrika 73, 13).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 
-from evaluator.discrepancy.problem import Point, Problem
+if TYPE_CHECKING:  # the report reads tables of pieces without a simulator
+    from evaluator.discrepancy.problem import Point, Problem
 
 Floats = NDArray[np.float64]
 
 PIECE_S = 1.0
-SHOWN_SIGMAS = 4.0  # thirty tests: chance reaches this once in five hundred experiments
+FEWEST_FRAMES = 5  # in a piece: a slope over fewer is mostly noise
+SHOWN_SIGMAS = 3.5  # forty-five tests: chance reaches this once in fifty experiments
+
+COLUMNS = (
+    *("run", "time_s", "along_mm_s", "across_mm_s", "yaw_deg_s", "direction", "side", "speed_rpm"),
+    *("difference_rpm", "heading_deg", "x_mm", "y_mm", "order"),
+)
 
 QUANTITIES = {"along_mm_s": "speed along the robot", "across_mm_s": "sideways speed", "yaw_deg_s": "yaw rate"}
 UNITS = {"along_mm_s": "mm/s", "across_mm_s": "mm/s", "yaw_deg_s": "deg/s"}
@@ -33,13 +40,17 @@ class Dependence:
 
     quantity: str
     by: str
-    parity: str  # "even" or "odd" under the reversal of what it depends on; "" where that means nothing
+    parity: str  # "even" or "odd" under the reversal of the motion or of the side; "" where that means nothing
     sigmas: float
     sentence: str
 
 
 def pieces(problem: Problem, point: Point) -> pd.DataFrame:
-    """A row per piece of a run: disagreement along, across (mm/s) and in yaw (deg/s), and what it may depend on."""
+    """A row per piece of a run: disagreement along, across (mm/s) and in yaw (deg/s), and what it may depend on.
+
+    Measured and predicted velocities are each taken in the frame of their own robot, so that a heading that went wrong
+    earlier in the run does not pass for sideways speed now.
+    """
     rows = []
     for number, run in enumerate(problem.data):
         residual = problem.residuals([point.task(number)])[0]
@@ -47,69 +58,102 @@ def pieces(problem: Problem, point: Point) -> pd.DataFrame:
         end = run.time_s[-1] if run.stop_s is None else min(run.stop_s, run.time_s[-1])
         begin = max(run.start_s, run.time_s[0])
         count = max(int((end - begin) / PIECE_S), 1)
+        speed = (run.left_rpm + run.right_rpm) / 2
         for low, high in pairwise(np.linspace(begin, end, count + 1)):
             inside = (run.time_s >= low) & (run.time_s <= high) & np.isfinite(residual).all(axis=1)
-            if inside.sum() < 5:
+            if inside.sum() < FEWEST_FRAMES:
                 continue
-            time = run.time_s[inside] - run.time_s[inside].mean()
-            slope = time @ residual[inside][:, :3] / (time @ time)
-            heading = float(channels[inside][inside.sum() // 2, 2]) - np.pi / 2
-            cos, sin = np.cos(heading), np.sin(heading)
-            speed = (run.left_rpm + run.right_rpm) / 2
+            along, across, yaw = _velocity_misfit(run.time_s[inside], channels[inside], residual[inside], problem)
             rows.append(
                 {
                     "run": run.id,
                     "time_s": (low + high) / 2 - begin,
-                    "along_mm_s": cos * slope[0] + sin * slope[1],
-                    "across_mm_s": -sin * slope[0] + cos * slope[1],
-                    "yaw_deg_s": np.degrees(slope[2] / problem.half_distance_mm),
+                    "along_mm_s": along,
+                    "across_mm_s": across,
+                    "yaw_deg_s": np.degrees(yaw),
                     "direction": float(np.sign(speed)),
                     "side": float(np.sign(run.right_rpm - run.left_rpm)),
                     "speed_rpm": abs(speed),
                     "difference_rpm": abs(run.right_rpm - run.left_rpm),
-                    "heading_deg": np.degrees(heading) % 360,
+                    "heading_deg": np.degrees(float(channels[inside][inside.sum() // 2, 2]) - np.pi / 2) % 360,
                     "x_mm": float(np.mean(channels[inside][:, 0])),
                     "y_mm": float(np.mean(channels[inside][:, 1])),
                     "order": run.order,
                 }
             )
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def _velocity_misfit(
+    time_s: Floats, channels: Floats, residual: Floats, problem: Problem
+) -> tuple[float, float, float]:
+    """Measured minus predicted speed along and across, mm/s, and yaw rate, rad/s, over one piece of a run."""
+    time = time_s - time_s.mean()
+    off = time @ residual[:, :3] / (time @ time)
+    predicted = time @ (channels[:, :2] - residual[:, :2]) / (time @ time)
+    heading = float(channels[len(time) // 2, 2]) - np.pi / 2
+    turned = float(np.mean(residual[:, 2])) / problem.half_distance_mm  # measured minus predicted heading
+    body_from_plate = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
+    back = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
+    along, across = body_from_plate @ (off[:2] + predicted) - body_from_plate @ back @ predicted
+    return float(along), float(across), float(off[2] / problem.half_distance_mm)
 
 
 def dependences(table: pd.DataFrame) -> list[Dependence]:
     """Everything that stands out, the most significant first."""
+    shown = [item for item in every_dependence(table) if item.sigmas >= SHOWN_SIGMAS]
+    return sorted(shown, key=lambda item: -item.sigmas)
+
+
+def every_dependence(table: pd.DataFrame) -> list[Dependence]:
+    """All that was asked of a table of pieces and that these runs can answer, significant or not."""
     found = []
+    runs = table["run"].to_numpy()
     for quantity in QUANTITIES:
-        values = table[quantity].to_numpy()
-        runs = table["run"].to_numpy()
-        for by, columns in _designs(table).items():
+        values = table[quantity].to_numpy(dtype=float)
+        for (by, parity), (common, tested) in _designs(table, quantity).items():
+            columns = np.column_stack([*common, *tested])
             if np.linalg.matrix_rank(columns) < columns.shape[1]:
                 continue
-            tested = columns.shape[1] - 1 if by != "everywhere" else 1
-            size, sigmas = _clustered(values, columns, runs, tested)
-            if sigmas >= SHOWN_SIGMAS:
-                found.append(Dependence(quantity, by, _parity(by), sigmas, _sentence(quantity, by, size, sigmas)))
-    return sorted(found, key=lambda item: -item.sigmas)
+            size, sigmas = _clustered(values, columns, runs, len(tested))
+            found.append(Dependence(quantity, by, parity, sigmas, _sentence(quantity, by, parity, size, sigmas)))
+    return found
 
 
-def _designs(table: pd.DataFrame) -> dict[str, Floats]:
-    """Regressors by what is asked; those tested come last."""
+Regressors = list[Floats]
+
+
+def _designs(table: pd.DataFrame, quantity: str) -> dict[tuple[str, str], tuple[Regressors, Regressors]]:
+    """Regressors by what is asked and parity under reversal of the motion: those taken for granted, those tested.
+
+    Wheels that slip make errors that grow with speed: what depends on heading, place or order is therefore scaled by
+    the speed over its mean, so that sizes hold at the mean speed. A pull is even, it stays when the robot drives back;
+    an error of the wheels or of the scale is odd.
+    """
     one = np.ones(len(table))
-    angle = np.radians(table["heading_deg"].to_numpy())
-    column = {name: table[name].to_numpy(dtype=float) for name in table if name != "run"}
+    column = {str(name): table[name].to_numpy(dtype=float) for name in table if name != "run"}
     direction, side = column["direction"], column["side"]
+    motion = side if quantity == "yaw_deg_s" else direction
+    fast = column["speed_rpm"] / max(float(column["speed_rpm"].mean()), 1e-9)
+    angle = np.radians(column["heading_deg"])
+    over = {
+        "heading": [np.cos(angle), np.sin(angle)],
+        "twice the heading": [np.cos(2 * angle), np.sin(2 * angle)],
+        "place": [column["x_mm"], column["y_mm"]],
+    }
+    first = np.where(column["time_s"] < PIECE_S, 1.0, 0.0)
     return {
-        "everywhere": one[:, None],
-        "forward and backward": np.column_stack([one, direction]),
-        "left and right": np.column_stack([one, side]),
-        "direction times side": np.column_stack([one, direction, side, direction * side]),
-        "speed": np.column_stack([one, direction, direction * column["speed_rpm"]]),
-        "difference of the wheels": np.column_stack([one, side, side * column["difference_rpm"]]),
-        "heading": np.column_stack([one, np.cos(angle), np.sin(angle)]),
-        "twice the heading": np.column_stack([one, np.cos(2 * angle), np.sin(2 * angle)]),
-        "place": np.column_stack([one, column["x_mm"], column["y_mm"]]),
-        "time since the command": np.column_stack([one, column["time_s"]]),
-        "order of the runs": np.column_stack([one, direction, direction * column["order"]]),
+        ("everywhere", "even"): ([], [one]),
+        ("forward and backward", "odd"): ([one], [direction]),
+        ("left and right", "odd"): ([one], [side]),
+        ("direction times side", ""): ([one, direction, side], [direction * side]),
+        ("speed", "odd"): ([one, motion], [motion * column["speed_rpm"]]),
+        ("difference of the wheels", "odd"): ([one, side], [side * column["difference_rpm"]]),
+        **{(by, "even"): ([one], [fast * item for item in basis]) for by, basis in over.items()},
+        **{(by, "odd"): ([one, direction], [direction * fast * item for item in basis]) for by, basis in over.items()},
+        ("the first second", "odd"): ([one, motion], [motion * first]),
+        ("time since the command", ""): ([one], [column["time_s"]]),
+        ("order of the runs", "odd"): ([one, motion], [motion * fast * column["order"]]),
     }
 
 
@@ -130,14 +174,11 @@ def _clustered(values: Floats, columns: Floats, runs: NDArray[np.object_], teste
     return size[-tested:], float(stats.norm.isf(max(probability, 1e-300) / 2))
 
 
-def _parity(by: str) -> str:
-    return {"everywhere": "even", "forward and backward": "odd", "left and right": "odd", "speed": "odd"}.get(by, "")
-
-
-def _sentence(quantity: str, by: str, size: Sequence[float] | Floats, sigmas: float) -> str:
+def _sentence(quantity: str, by: str, parity: str, size: Floats, sigmas: float) -> str:
     what, unit = QUANTITIES[quantity], UNITS[quantity]
     tail = f" ({sigmas:.0f} sigmas)"
     value = float(size[-1])
+    reversing = ", with the opposite sign when driving backward" if parity == "odd" else ", whichever way it drives"
     if by == "everywhere":
         return f"measured {what} is off by {value:+.3g} {unit} in all runs together{tail}"
     if by == "forward and backward":
@@ -146,16 +187,22 @@ def _sentence(quantity: str, by: str, size: Sequence[float] | Floats, sigmas: fl
         return f"measured {what} differs by {value:+.3g} {unit} in left and {-value:+.3g} {unit} in right turns{tail}"
     if by in ("heading", "twice the heading"):
         fold = 1 if by == "heading" else 2
-        peak = float(np.degrees(np.arctan2(size[1], size[0])) / fold % (360 / fold))
+        peak = round(float(np.degrees(np.arctan2(size[1], size[0])) / fold % (360 / fold)))
+        at = f"{peak} degrees" if fold == 1 else f"{peak} and {peak + 180} degrees"
         amount = float(np.hypot(size[0], size[1]))
-        return f"measured {what} varies with {by}: {amount:.3g} {unit} more at heading {peak:.0f} degrees{tail}"
+        return f"measured {what} varies with {by}: {amount:.3g} {unit} more at {at}{reversing}{tail}"
     if by == "place":
-        return f"measured {what} changes across the plate: {size[0]:+.2g} {unit} per mm in x, {size[1]:+.2g} in y{tail}"
+        across = f"{size[0]:+.2g} {unit} per mm in x, {size[1]:+.2g} in y"
+        return f"measured {what} changes across the plate: {across}{reversing}{tail}"
+    signed = "the side of the turn" if quantity == "yaw_deg_s" else "the sign of the motion"
     per = {
-        "speed": "per rpm, with the sign of the motion",
+        "speed": f"per rpm, with {signed}",
         "difference of the wheels": "per rpm of difference, with the side of the turn",
+        "the first second": f"in the first second after the command, with {signed}",
         "time since the command": "per second of a run",
-        "order of the runs": "per run of the session, with the sign of the motion",
+        "order of the runs": f"per run of the session, with {signed}",
         "direction times side": "for forward left and backward right turns, the opposite for the others",
     }[by]
-    return f"measured {what} changes with {by}: {value:+.3g} {unit} {per}{tail}"
+    return f"measured {what} changes with {by}: {value:+.3g} {unit} {per}{tail}".replace(
+        "changes with the first second", "is different at the start"
+    )

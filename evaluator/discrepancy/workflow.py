@@ -7,51 +7,90 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from evaluator.discrepancy.added import robot_text, robot_with_effect
+from evaluator.discrepancy.added import robot_with_effect
 from evaluator.discrepancy.diagnosis import Diagnosis, diagnose
 from evaluator.discrepancy.experiment import Session, session_of
-from evaluator.discrepancy.record import record
+from evaluator.discrepancy.kept import is_current, keep, key_of_diagnosis
+from evaluator.discrepancy.record import disagreement, record
+from evaluator.discrepancy.robot_file import robot_text
 from evaluator.errors import InputError
-from evaluator.files import read_with, write_text
-from evaluator.settings import Experiment, load_experiment
+from evaluator.files import read_with, write_table, write_text
+from evaluator.interchange import program_of
+from evaluator.settings import Experiment, Run, load_experiment
 from evaluator.workflow.outputs import Outputs
 
 Progress = Callable[[str, float], None]
 
 
-def diagnose_experiment(path: Path, out: Path, progress: Progress) -> tuple[Diagnosis, dict[str, Any]]:
-    """Diagnose an experiment and write the results below out; gives the diagnosis and the content of diagnosis.json.
+def diagnose_experiment(path: Path, out: Path, progress: Progress) -> tuple[bool, dict[str, Any]]:
+    """Diagnose an experiment and write the results below out.
 
+    Gives whether anything had to be computed (not where inputs and code are those of the diagnosis that is there), and
+    the content of diagnosis.json.
     Raises InputError where the experiment, a robot or all recordings cannot be used.
     """
-    experiment = read_with(load_experiment, path)
-    session = _session(path, experiment, out, progress)
+    experiment, outputs = read_with(load_experiment, path), Outputs(Path(out))
+    key = key_of_diagnosis(experiment, outputs)
+    if is_current(outputs, key):
+        content: dict[str, Any] = json.loads(outputs.diagnosis.read_text(encoding="utf-8"))
+        return False, content
+    session = _session(path, experiment, outputs, progress)
     try:
         found = diagnose(session, progress)
     except FloatingPointError as error:
         raise InputError(f"{path}: {error}; are the robot file and the command of that run right?") from error
     content = record(found)
-    if found.verdict in ("effect", "unknown") and found.search is not None and found.chosen:
+    keep(outputs, key, _written(found, content, experiment, outputs))
+    return True, content
+
+
+def _written(found: Diagnosis, content: dict[str, Any], experiment: Experiment, outputs: Outputs) -> list[Path]:
+    """Write the results; what an earlier diagnosis left and this one does not have is removed."""
+    files = [outputs.diagnosis]
+    table, added = disagreement(found), found.verdict in ("effect", "unknown") and found.search is not None
+    for path, there in ((outputs.disagreement, table is not None), (outputs.robot_with_effect, added and found.chosen)):
+        if there:
+            files.append(path)
+        else:
+            path.unlink(missing_ok=True)
+    if table is not None:
+        write_table(table, outputs.disagreement)
+    if outputs.robot_with_effect in files:
         text = robot_with_effect(found, read_with(robot_text, experiment.robot))  # type: ignore[arg-type]
-        write_text(out / "robot_with_effect.toml", text)
-    write_text(Outputs(out).diagnosis, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
-    return found, content
+        write_text(outputs.robot_with_effect, text)
+    write_text(outputs.diagnosis, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    return files
 
 
-def _session(path: Path, experiment: Experiment, out: Path, progress: Progress) -> Session:
+def _session(path: Path, experiment: Experiment, outputs: Outputs, progress: Progress) -> Session:
     """Marks as given, or tracked where a run is a video (what is up to date is reused)."""
-    marks = {run.id: run.marks for run in experiment.run if run.marks is not None}
+    marks = {run.id: run.marks for run in experiment.run if run.marks is not None and not _to_be_read(run, experiment)}
     faults: dict[str, str] = {}
     if len(marks) < len(experiment.run):
         from evaluator.workflow import analyze
 
         progress("tracking", 0.0)
-        analysis = analyze(path, out, progress=lambda done, total: progress("tracking", done / max(total, 1)))
+        analysis = analyze(
+            path, outputs.folder, progress=lambda done, total: progress("tracking", done / max(total, 1))
+        )
         faults = dict(analysis.faults)
         marks |= {
-            run.id: analysis.outputs.marks(run.id) for run in experiment.run if run.video and run.id not in faults
+            run.id: analysis.outputs.marks(run.id)
+            for run in experiment.run
+            if run.id not in marks and run.id not in faults
         }
     session = session_of(experiment, marks)
+    skipped = {**session.skipped, **faults}
     if not session.data:
-        raise InputError(f"{path}: no run has marks that can be used")
-    return Session(session.data, session.robots, {**session.skipped, **faults})
+        reasons = "; ".join(f"{run}: {reason}" for run, reason in list(skipped.items())[:REASONS_SHOWN])
+        raise InputError(f"{path}: no run has marks that can be used ({reasons})")
+    return Session(session.data, session.robots, skipped)
+
+
+REASONS_SHOWN = 3
+
+
+def _to_be_read(run: Run, experiment: Experiment) -> bool:
+    """Whether a marks file is of another program: px, other names, other units."""
+    assert run.marks is not None
+    return experiment.tracks is not None or (run.marks.is_file() and program_of(run.marks) != "turnscope")

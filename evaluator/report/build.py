@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from evaluator.files import write_text
+from evaluator.report.diagnosis_view import known_diagnosis
 from evaluator.report.figures.trajectory import LEGEND
 from evaluator.report.pages import Page, page_html
 from evaluator.report.player import player_data
 from evaluator.report.runs import RunView, views_of
 from evaluator.report.sections import sections
 from evaluator.report.summary import headline, summary
-from evaluator.workflow import Analysis, Outputs
+from evaluator.workflow import Analysis
 from simulator.robot import Robot, load_robot
 
 
@@ -27,13 +28,13 @@ def report_html(analysis: Analysis) -> str:
     """The page as text."""
     runs = views_of(analysis)
     robot = load_robot(analysis.experiment.robot)
-    diagnosis = _diagnosis(analysis.outputs)
+    diagnosis = known_diagnosis(analysis.experiment, analysis.outputs)
     provenance = json.loads(analysis.outputs.provenance.read_text(encoding="utf-8"))
     page = Page(
         kind="turning report",
         title=analysis.experiment.name,
         facts=_facts(analysis, runs, robot),
-        summary=tuple(summary(runs, analysis.faults, diagnosis, analysis.directions)),
+        summary=tuple(summary(runs, analysis.faults, diagnosis.content if diagnosis else None, analysis.directions)),
         numbers=tuple(headline(runs)),
         faults=analysis.faults,
         sections=sections(runs, robot, _cameras(analysis), diagnosis, analysis),
@@ -66,10 +67,3 @@ def _cameras(analysis: Analysis) -> list[Path]:
     """Calibrations that the runs with results were seen through."""
     runs = [run for run in analysis.experiment.run if run.id not in analysis.faults]
     return list(dict.fromkeys(run.camera for run in runs if run.video and run.camera))
-
-
-def _diagnosis(outputs: Outputs) -> dict[str, Any] | None:
-    if not outputs.diagnosis.is_file():
-        return None
-    found: dict[str, Any] = json.loads(outputs.diagnosis.read_text(encoding="utf-8"))
-    return found

@@ -13,11 +13,12 @@ from evaluator.report.summary import Number
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the page; cells are text."""
+    """A table of the page; cells are text. words: cells hold sentences, which are broken into lines."""
 
     caption: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    words: bool = False
 
 
 @dataclass(frozen=True)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from calibration.store import load_camera_file
 from evaluator.files import read_with
+from evaluator.report.diagnosis_sections import diagnosis_sections
+from evaluator.report.diagnosis_view import DiagnosisView
 from evaluator.report.figures.agreement import radius_agreement
 from evaluator.report.figures.calibration import distortion_map
-from evaluator.report.figures.gap import gap_before_after
 from evaluator.report.figures.quality import camera_uncertainty, lost_frames, scale_check
 from evaluator.report.figures.radius import radius_against_difference, radius_against_ratio, radius_by_group
 from evaluator.report.figures.repetitions import repetitions
@@ -39,12 +39,12 @@ from simulator.steady import steady_turn
 
 
 def sections(
-    runs: Sequence[RunView], robot: Robot, cameras: Sequence[Path], diagnosis: dict[str, Any] | None, analysis: Analysis
+    runs: Sequence[RunView], robot: Robot, cameras: Sequence[Path], diagnosis: DiagnosisView | None, analysis: Analysis
 ) -> tuple[Section, ...]:
     """Every section these runs have something to say in."""
     turning = [run for run in runs if run.turns]
     there = [
-        diagnosis_section(diagnosis),
+        *diagnosis_sections(diagnosis),
         _figures("trajectories-section", "Trajectories", trajectories(runs)),
         _figures(
             "radius",
@@ -63,44 +63,6 @@ def sections(
         _run_table(runs),
     ]
     return tuple(section for section in there if section is not None)
-
-
-def diagnosis_section(diagnosis: dict[str, Any] | None) -> Section | None:
-    """What is missing in the model, if it was asked: effects, the gap before and after, rivals."""
-    if diagnosis is None:
-        return None
-    effects, gap = diagnosis.get("effects") or [], diagnosis.get("gap") or {}
-    text = [str(diagnosis["reason"])] if diagnosis.get("reason") else []
-    text += [item if isinstance(item, str) else str(item.get("sentence", "")) for item in diagnosis.get("where") or []]
-    text += [
-        f"These data cannot tell {effect['name']} from {', '.join(effect['equivalent'])}."
-        for effect in effects
-        if effect.get("equivalent")
-    ]
-    found = [
-        (effect["name"], name.replace("_", " "), f"{value['value']:.4g}", f"{value['low']:.4g} to {value['high']:.4g}")
-        for effect in effects
-        for name, value in effect["parameters"].items()
-    ]
-    rivals = [
-        (
-            ", ".join(rival["effects"]) or "nothing missing",
-            f"{100 * rival['probability']:.2g} %",
-            str(rival.get("reason", "")),
-        )
-        for rival in diagnosis.get("rivals") or []
-        if isinstance(rival, dict) and "effects" in rival
-    ]
-    tables = []
-    if found:
-        tables.append(
-            Table("What was found, with 95 % intervals.", ("effect", "parameter", "value", "95 %"), tuple(found))
-        )
-    if rivals:
-        tables.append(Table("What else was tried.", ("effects", "probability", "why not"), tuple(rivals)))
-    figure = gap_before_after(gap)
-    figures = (figure,) if figure else ()
-    return Section("diagnosis", "What is missing in the model", tuple(filter(None, text)), figures, tuple(tables))
 
 
 def _figures(name: str, title: str, *figures: Figure | None, tables: tuple[Table, ...] = ()) -> Section | None:

@@ -48,6 +48,21 @@ class Outputs:
         return self.folder / "diagnosis.json"
 
     @property
+    def disagreement(self) -> Path:
+        """Where measurement and model disagree, a row per second of a run, before and after the diagnosis."""
+        return self.folder / "disagreement.csv"
+
+    @property
+    def robot_with_effect(self) -> Path:
+        """The robot file with what the diagnosis found in it."""
+        return self.folder / "robot_with_effect.toml"
+
+    @property
+    def diagnosis_record(self) -> Path:
+        """What the diagnosis was made from; no run id begins like this."""
+        return self.folder / "records" / "_diagnosis.json"
+
+    @property
     def results(self) -> Path:
         """All tables and their provenance, for programs."""
         return self.folder / "results.json"

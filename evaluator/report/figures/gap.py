@@ -2,53 +2,65 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from evaluator.report.style import BLUE, SOFT, VERMILLION, Figure, drawing, plain_numbers
+from evaluator.report.style import BLUE, FAINT, INK, SOFT, VERMILLION, Figure, drawing, plain_numbers
 
 MOST_ROWS = 40
 
 
-def gap_before_after(gap: dict[str, Any]) -> Figure | None:
+def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = ()) -> Figure | None:
     """Distance between simulated and measured marks, run by run, before and after; the noise floor between."""
-    by_run: dict[str, dict[str, float]] = gap.get("by_run") or {}
+    by_run: dict[str, dict[str, float | None]] = gap.get("by_run") or {}
     if not by_run:
         return None
+    table = pd.DataFrame.from_dict(by_run, orient="index").astype(float)
     held = set(gap.get("held_out_runs", []))
-    chosen = sorted(by_run, key=lambda run: -by_run[run]["before"])[:MOST_ROWS]
-    before, after, floor = (
-        np.array([by_run[run][name] for run in chosen]) for name in ("before", "after", "noise_floor")
-    )
+    order = table["before"].sort_values(ascending=False, kind="stable").index
+    chosen = list(table.loc[order].index[:MOST_ROWS])
+    before, after, floor = (1000 * table.loc[chosen, name].to_numpy() for name in ("before", "after", "noise_floor"))
+    aside = np.array([run in held for run in chosen])
     rows = np.arange(len(chosen))[::-1]
     with drawing("gap", height=1.1 + 0.2 * len(chosen)) as canvas:
         (axes,) = canvas.axes
+        for row in rows[aside]:
+            axes.axhspan(row - 0.5, row + 0.5, color=FAINT, lw=0)
         axes.hlines(rows, after, before, color=SOFT, lw=0.8)
         axes.plot(before, rows, color=VERMILLION, marker="s", mfc="none", ls="none", label="before")
         axes.plot(after, rows, color=BLUE, marker="o", ls="none", label="after")
-        axes.plot(floor, rows, color=SOFT, marker="|", ms=9, ls="none", label="noise")
-        axes.set_yticks(rows, [f"{run} (kept aside)" if run in held else run for run in chosen])
+        axes.plot(floor, rows, color=INK, marker="|", ms=10, ls="none", label="noise")
+        axes.set_yticks(rows, [_label(run, run in held, run in not_followed) for run in chosen])
         axes.set_ylim(-0.7, len(chosen) - 0.3)
         axes.grid(visible=False, axis="y")
         axes.set_xscale("log")
         plain_numbers(axes.xaxis)
-        axes.set_xlabel("distance between model and data, mm RMS")
+        axes.set_xlabel("distance between model and marks, µm RMS")
         canvas.canvas.legend(loc="outside upper right", ncols=3)
+    shown = "" if len(chosen) == len(table) else f" The {MOST_ROWS} runs with the largest gap of {len(table)}."
     return Figure(
         "gap",
         "The gap, before and after",
-        "Squares: the model as robot.toml has it, within its tolerances; dots: with what was found. Dots at the "
-        "strokes mean that nothing is left but noise. The runs kept aside took no part in finding it.",
+        "Squares: the model as robot.toml has it; dots: with what was found. Dots at the strokes mean that nothing is "
+        "left but noise. Start pose and the scatter of the run are taken out of both. The shaded runs were kept aside "
+        f"from the beginning: they took no part in finding what is added.{shown}",
         (canvas.svg,),
         pd.DataFrame(
             {
                 "run": chosen,
-                "kept_aside": [run in held for run in chosen],
-                "before_mm": before,
-                "after_mm": after,
-                "noise_floor_mm": floor,
+                "kept_aside": aside,
+                "followed": [run not in not_followed for run in chosen],
+                "before_um": before,
+                "after_um": after,
+                "noise_floor_um": floor,
             }
         ),
     )
+
+
+def _label(run: str, aside: bool, lost: bool) -> str:
+    said = [word for word, true in (("kept aside", aside), ("not followed", lost)) if true]
+    return f"{run} ({', '.join(said)})" if said else run

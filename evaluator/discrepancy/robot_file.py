@@ -1,0 +1,61 @@
+"""The text of a robot file, changed in single values and otherwise as its author wrote it."""
+
+from __future__ import annotations
+
+import copy
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from simulator.robot import shipped_robot_text, shipped_robots
+
+
+def robot_text(name_or_path: str) -> str:
+    """Text of a robot file, shipped or the user's own."""
+    name = str(name_or_path)
+    return shipped_robot_text(name) if name in shipped_robots() else Path(name).read_text(encoding="utf-8")
+
+
+def with_value(text: str, table: str, name: str, value: float, remark: str) -> str:
+    """The text with table.name set, the former value and the remark in a comment where there is room for one.
+
+    However the file writes the key (in its table, dotted, inline), the one place is changed that sets this key and
+    nothing else; a key that the file leaves to its default is added.
+    """
+    content = tomllib.loads(text)
+    wanted = copy.deepcopy(content)
+    written = float(number(value))
+    wanted.setdefault(table, {})[name] = written
+    for match in re.finditer(rf"(?<![\w-]){re.escape(name)}[\"']?\s*=\s*([^\s,#}}\]]+)", text):
+        changed = text[: match.start(1)] + number(value) + text[match.end(1) :]
+        if _parsed(changed) != wanted:
+            continue
+        return _remarked(changed, match.start(1), f"{match[1]} {remark}", wanted)
+    line = f"{name} = {number(value)}  # the default {remark}"
+    header = re.search(rf"^\[{re.escape(table)}\][^\n]*\n", text, flags=re.MULTILINE)
+    if header:
+        return f"{text[: header.end()]}{line}\n{text[header.end() :]}"
+    return f"{text.rstrip()}\n\n[{table}]\n{line}\n"
+
+
+def number(value: float) -> str:
+    """A float as TOML writes it."""
+    text = f"{value:.8g}"
+    return text if any(mark in text for mark in ".en") else f"{text}.0"
+
+
+def _remarked(text: str, at: int, remark: str, wanted: dict[str, Any]) -> str:
+    """The text with a remark at the end of a line, after the comment that is there, if that changes nothing else."""
+    end = text.find("\n", at)
+    end = len(text) if end < 0 else end
+    joint = "; " if "#" in text[at:end] else "  # "
+    remarked = f"{text[:end].rstrip()}{joint}{remark}{text[end:]}"
+    return remarked if _parsed(remarked) == wanted else text
+
+
+def _parsed(text: str) -> dict[str, Any] | None:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        return None

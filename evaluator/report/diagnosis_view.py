@@ -1,0 +1,30 @@
+"""What the report knows of a diagnosis: the content of diagnosis.json, the pieces behind it, and whether it holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from evaluator.discrepancy.kept import kept_diagnosis
+from evaluator.settings import Experiment
+from evaluator.workflow.outputs import Outputs
+
+
+@dataclass(frozen=True)
+class DiagnosisView:
+    """content: of diagnosis.json. pieces: of disagreement.csv, None where it is not there. outdated: see `kept`."""
+
+    content: dict[str, Any]
+    pieces: pd.DataFrame | None
+    outdated: bool
+
+
+def known_diagnosis(experiment: Experiment, outputs: Outputs) -> DiagnosisView | None:
+    """The diagnosis in an output folder; None where none was made."""
+    kept = kept_diagnosis(experiment, outputs)
+    if kept is None:
+        return None
+    pieces = pd.read_csv(outputs.disagreement, dtype={"run": str}) if outputs.disagreement.is_file() else None
+    return DiagnosisView(kept.content, pieces, kept.outdated)

@@ -1,0 +1,178 @@
+"""Where measurement and model disagree: what it depends on, in sigmas, and the pieces of the runs themselves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+
+from evaluator.discrepancy.where import QUANTITIES, SHOWN_SIGMAS, UNITS, Dependence, every_dependence
+from evaluator.report.style import BLUE, INK, PAPER, SOFT, VERMILLION, Figure, drawing
+
+MOST_PANELS = 6
+MOST_POINTS = 250  # of a panel: more hide each other, and make the page heavy
+SHORT = {"along_mm_s": "along", "across_mm_s": "sideways", "yaw_deg_s": "yaw rate"}
+FULL_SIGMAS = 12.0  # the darkest shade
+BEFORE: dict[str, Any] = {"color": VERMILLION, "marker": "s", "mfc": "none", "mew": 0.8, "ms": 4.0, "ls": "none"}
+AFTER: dict[str, Any] = {"color": BLUE, "marker": "o", "ms": 2.6, "ls": "none"}
+
+
+def after_pieces(pieces: pd.DataFrame) -> pd.DataFrame:
+    """The table of pieces with what is left after the diagnosis in the place of what was there before."""
+    return pieces.drop(columns=list(QUANTITIES)).rename(columns={f"after_{name}": name for name in QUANTITIES})
+
+
+def disagreement_map(pieces: pd.DataFrame) -> Figure:
+    """Sigmas of every quantity by everything it was asked about, before and after."""
+    tables = {"before": pieces, "after": after_pieces(pieces)}
+    sigmas = {
+        (name, item.quantity, _label(item)): item.sigmas
+        for name, table in tables.items()
+        for item in every_dependence(table)
+    }
+    labels = list(dict.fromkeys(label for _, _, label in sigmas))
+    columns = [(quantity, name) for quantity in QUANTITIES for name in tables]
+    with drawing("disagreement-map", height=1.1 + 0.2 * len(labels)) as canvas:
+        (axes,) = canvas.axes
+        for row, label in enumerate(labels):
+            for column, (quantity, name) in enumerate(columns):
+                value = sigmas.get((name, quantity, label))
+                if value is not None:
+                    _cell(axes, column + 0.25 * (column // 2), -row, value)
+        at = [column + 0.25 * (column // 2) for column in range(len(columns))]
+        axes.set_xlim(-0.55, at[-1] + 0.55)
+        axes.set_ylim(-len(labels) + 0.4, 0.6)
+        axes.set_yticks(-np.arange(len(labels)), labels)
+        axes.set_xticks(at, [name for _, name in columns])
+        axes.tick_params(length=0, labelsize=8)
+        axes.xaxis.tick_top()
+        top = axes.secondary_xaxis(1.08)
+        top.set_xticks(at[::2] + np.array(0.5), list(SHORT.values()))
+        top.tick_params(length=0)
+        for spine in (*axes.spines.values(), *top.spines.values()):
+            spine.set_visible(False)
+        axes.grid(visible=False)
+    rows = [(SHORT[quantity], label, name, value) for (name, quantity, label), value in sigmas.items()]
+    return Figure(
+        "disagreement-map",
+        "What the disagreement depends on",
+        f"Significance in sigmas, run-to-run scatter counted; {SHOWN_SIGMAS:g} and more, in bold, is not chance. Even: "
+        "the same whichever way the robot drives; odd: of opposite sign when it drives backward. An empty place: these "
+        "runs cannot tell.",
+        (canvas.svg,),
+        pd.DataFrame(rows, columns=["quantity", "by", "model", "sigmas"]),
+    )
+
+
+def _label(item: Dependence) -> str:
+    both_ways = item.by in ("heading", "twice the heading", "place")
+    return f"{item.by}, {item.parity}" if both_ways else item.by
+
+
+def _cell(axes: Axes, x: float, y: float, sigmas: float) -> None:
+    """A shaded number; a strong shade takes the colour of the paper for its ink."""
+    shade = min(sigmas / FULL_SIGMAS, 1.0) if sigmas >= SHOWN_SIGMAS else 0.0
+    if shade:
+        axes.add_patch(Rectangle((x - 0.47, y - 0.44), 0.94, 0.88, fc=VERMILLION, ec="none", alpha=0.25 + 0.75 * shade))
+    strong = shade > 0.5
+    axes.text(
+        *(x, y, f"{sigmas:.1f}" if sigmas < 9.95 else f"{sigmas:.0f}"),
+        ha="center",
+        va="center",
+        fontsize=8,
+        color=PAPER if strong else INK if shade else SOFT,
+        fontweight="bold" if shade else "normal",
+    )
+
+
+def disagreement_panels(pieces: pd.DataFrame) -> Figure | None:
+    """The pieces against what they depend on most, before and after; None where nothing stands out."""
+    found = sorted(every_dependence(pieces), key=lambda item: -item.sigmas)
+    chosen: dict[tuple[str, str, str], Dependence] = {}
+    for item in found:
+        if item.sigmas >= SHOWN_SIGMAS:
+            chosen.setdefault((item.quantity, _axis(item), item.parity if _axis(item) == "heading_deg" else ""), item)
+    shown = list(chosen.values())[:MOST_PANELS]
+    if not shown:
+        return None
+    panels = []
+    for number, item in enumerate(shown):
+        with drawing(f"disagreement-{number}", width=3.0, height=2.7) as canvas:
+            (axes,) = canvas.axes
+            axes.set_title(f"{QUANTITIES[item.quantity]}, {item.sigmas:.0f} sigmas")
+            (_on_plate if _axis(item) == "place" else _against)(axes, pieces, item)
+        panels.append(canvas.svg)
+    return Figure(
+        "disagreement",
+        "The disagreement itself, second by second",
+        "Measured minus simulated, a point for about a second of a run. Open squares: before, with the model as "
+        "robot.toml has it; dots: after, with what was found. Where a sign follows the motion, backward pieces are "
+        "turned over, so that one line shows it. On the plate: triangles up more, down less than simulated, before.",
+        tuple(panels),
+        pieces,
+        (("vermillion", "before"), ("blue", "after")),
+    )
+
+
+def _axis(item: Dependence) -> str:
+    """What to draw a dependence against."""
+    if "heading" in item.by:
+        return "heading_deg"
+    if item.by == "place":
+        return "place"
+    if item.by in ("the first second", "time since the command"):
+        return "time_s"
+    if item.by == "order of the runs":
+        return "order"
+    return "speed" if item.by in ("everywhere", "forward and backward", "speed") else "difference"
+
+
+def _against(axes: Axes, pieces: pd.DataFrame, item: Dependence) -> None:
+    kind, motion = _axis(item), "side" if item.quantity == "yaw_deg_s" else "direction"
+    some = _thinned(pieces)
+    sign = some["direction" if kind == "heading_deg" else motion] if _turned_over(item) else 1.0
+    signed = {"speed": ("direction", "speed_rpm"), "difference": ("side", "difference_rpm")}
+    across = some[list(signed.get(kind, (kind,)))].prod(axis=1)
+    axes.axhline(0, color=INK, lw=0.8)
+    axes.plot(across, sign * some[item.quantity], **BEFORE)
+    axes.plot(across, sign * some[f"after_{item.quantity}"], **AFTER)
+    if kind == "heading_deg":
+        axes.set_xlim(0, 360)
+        axes.set_xticks(range(0, 361, 90))
+    names = {
+        "speed": "commanded speed, rpm (backward negative)",
+        "difference": "right minus left, rpm",
+        "heading_deg": "heading on the plate, °",
+        "time_s": "time since the command, s",
+        "order": "run of the session",
+    }
+    axes.set_xlabel(names[kind])
+    unit = UNITS[item.quantity].replace("deg", "°")
+    axes.set_ylabel(f"{unit}, sign of the motion" if _turned_over(item) else unit)
+
+
+def _turned_over(item: Dependence) -> bool:
+    return item.parity == "odd" and _axis(item) in ("heading_deg", "time_s", "order")
+
+
+def _on_plate(axes: Axes, pieces: pd.DataFrame, item: Dependence) -> None:
+    some = _thinned(pieces)
+    sign = some["direction"].to_numpy() if item.parity == "odd" else 1.0
+    value = np.asarray(sign * some[item.quantity].to_numpy(), dtype=float)
+    size = 55 * np.abs(value) / max(float(np.quantile(np.abs(value), 0.95)), 1e-12)
+    for chosen, marker, look in (
+        (value >= 0, "^", {"fc": VERMILLION, "ec": "none"}),
+        (value < 0, "v", {"fc": "none", "ec": BLUE, "lw": 0.9}),
+    ):
+        axes.scatter(some["x_mm"][chosen], some["y_mm"][chosen], s=np.minimum(size[chosen], 90), marker=marker, **look)
+    axes.set_aspect("equal", "datalim")
+    axes.set_xlabel("x on the plate, mm" + (", sign of the motion" if item.parity == "odd" else ""))
+    axes.set_ylabel("y, mm")
+
+
+def _thinned(pieces: pd.DataFrame) -> pd.DataFrame:
+    step = -(-len(pieces) // MOST_POINTS)
+    return pieces.iloc[::step]
