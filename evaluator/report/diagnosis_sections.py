@@ -11,7 +11,7 @@ from evaluator.report.diagnosis_view import DiagnosisView
 from evaluator.report.figures.disagreement import disagreement_map, disagreement_panels
 from evaluator.report.figures.gap import gap_before_after
 from evaluator.report.pages import Section, Table
-from evaluator.report.tables import UNKNOWN
+from evaluator.report.tables import UNKNOWN, number
 from simulator.effects.catalogue import EFFECTS
 
 Json = dict[str, Any]
@@ -195,7 +195,7 @@ def _rivals(content: Json) -> Section | None:
         (
             _names(rival["effects"]),
             _percent(rival.get("probability")),
-            _value(-rival["log_odds"]) if rival.get("log_odds") is not None else UNKNOWN,
+            number(-float(rival["log_odds"]), 1) if rival.get("log_odds") is not None else UNKNOWN,
             _in_words(str(rival.get("reason", ""))),
         )
         for rival in content.get("rivals") or []
@@ -217,7 +217,7 @@ def _small_print(content: Json) -> Section | None:
     if noise:
         scatter = noise.get("run_to_run") or {}
         text.append(
-            f"Estimated from these runs, before any effect was sought: marks scatter by {_um(noise['mark_sigma_mm'])}, "
+            f"Estimated from these runs: marks scatter by {_um(noise['mark_sigma_mm'])}, "
             f"correlated over {_value(noise['correlation_s'])} s; from run to run friction varies by "
             f"{_percent(scatter.get('friction'))} and wheel speed by {_percent(scatter.get('wheel_speed'))}."
         )
@@ -226,7 +226,9 @@ def _small_print(content: Json) -> Section | None:
         (key, _signed(item["relative_change"]), _percent(item["sigma"]), _percent(item["tolerance"]))
         for key, item in nominal.items()
     )
-    caption = "Nominal values moved before anything was added, each within its tolerance of robot.toml."
+    caption = (
+        "Nominal values: in every fit, without and with effects, they may move within the tolerance of robot.toml."
+    )
     tables = (Table(caption, ("value", "moved", "standard uncertainty", "tolerance"), rows),) if rows else ()
     if not _full(text) and not tables:
         return None
