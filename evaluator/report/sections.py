@@ -21,9 +21,8 @@ from evaluator.report.figures.trajectory import representative, trajectories
 from evaluator.report.figures.wheel_states import wheel_states_figure
 from evaluator.report.pages import Section, Table
 from evaluator.report.runs import RunView
-from evaluator.report.style import Figure
+from evaluator.report.style import UNKNOWN, Figure
 from evaluator.report.tables import (
-    UNKNOWN,
     directions_table,
     interval,
     number,

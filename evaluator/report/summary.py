@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from evaluator.report.diagnosis_words import gap_sentence, verdict_sentence
 from evaluator.report.runs import RunView, column
 from evaluator.turning.pooling import Z_975, pooled
 from evaluator.workflow.jobs import SPACING_PERCENT
@@ -73,15 +74,9 @@ def headline(runs: Sequence[RunView]) -> list[Number]:
 
 
 def diagnosis_sentence(diagnosis: dict[str, Any]) -> str:
-    """What `turnscope diagnose` found, in one sentence."""
-    names = " and ".join(f"{effect['name']} ({effect['id']})" for effect in diagnosis.get("effects", []))
-    verdicts = {
-        "none": "Diagnosis: the model explains the data within noise and tolerances; nothing is missing.",
-        "effect": f"Diagnosis: the missing effect is {names}; with it in the model the gap shrinks (see below).",
-        "unknown": "Diagnosis: a real disagreement that no known effect explains.",
-        "insufficient": "Diagnosis: these data cannot decide what is missing.",
-    }
-    return verdicts.get(str(diagnosis.get("verdict")), "")
+    """What `turnscope diagnose` found, in a sentence or two."""
+    gap = gap_sentence(diagnosis) if diagnosis.get("effects") else ""
+    return " ".join(filter(None, (verdict_sentence(diagnosis), gap)))
 
 
 def _scale(runs: Sequence[RunView]) -> str:

@@ -9,9 +9,9 @@ import pandas as pd
 
 from evaluator.report.pages import Table
 from evaluator.report.runs import RunView
+from evaluator.report.style import UNKNOWN
 from simulator.robot import WHEELS
 
-UNKNOWN = "–"
 MOST_NAMED = 6
 Column = Callable[[RunView], str]
 

@@ -16,6 +16,7 @@ MOST_PANELS = 6
 MOST_POINTS = 250  # of a panel: more hide each other, and make the page heavy
 SHORT = {"along_mm_s": "along", "across_mm_s": "sideways", "yaw_deg_s": "yaw rate"}
 FULL_SIGMAS = 12.0  # the darkest shade
+AFTER_WORDS = "; dots: after, with what was found"
 BEFORE: dict[str, Any] = {"color": VERMILLION, "marker": "s", "mfc": "none", "mew": 0.8, "ms": 4.0, "ls": "none"}
 AFTER: dict[str, Any] = {"color": BLUE, "marker": "o", "ms": 2.6, "ls": "none"}
 
@@ -25,9 +26,9 @@ def after_pieces(pieces: pd.DataFrame) -> pd.DataFrame:
     return pieces.drop(columns=list(QUANTITIES)).rename(columns={f"after_{name}": name for name in QUANTITIES})
 
 
-def disagreement_map(pieces: pd.DataFrame) -> Figure:
-    """Sigmas of every quantity by everything it was asked about, before and after."""
-    tables = {"before": pieces, "after": after_pieces(pieces)}
+def disagreement_map(pieces: pd.DataFrame, *, after: bool = True) -> Figure:
+    """Sigmas of every quantity by everything it was asked about, before and, where there is one, after."""
+    tables = {"before": pieces} | ({"after": after_pieces(pieces)} if after else {})
     sigmas = {
         (name, item.quantity, _label(item)): item.sigmas
         for name, table in tables.items()
@@ -41,8 +42,8 @@ def disagreement_map(pieces: pd.DataFrame) -> Figure:
             for column, (quantity, name) in enumerate(columns):
                 value = sigmas.get((name, quantity, label))
                 if value is not None:
-                    _cell(axes, column + 0.25 * (column // 2), -row, value)
-        at = [column + 0.25 * (column // 2) for column in range(len(columns))]
+                    _cell(axes, column + 0.25 * (column // len(tables)), -row, value)
+        at = [column + 0.25 * (column // len(tables)) for column in range(len(columns))]
         axes.set_xlim(-0.55, at[-1] + 0.55)
         axes.set_ylim(-len(labels) + 0.4, 0.6)
         axes.set_yticks(-np.arange(len(labels)), labels)
@@ -50,7 +51,7 @@ def disagreement_map(pieces: pd.DataFrame) -> Figure:
         axes.tick_params(length=0, labelsize=8)
         axes.xaxis.tick_top()
         top = axes.secondary_xaxis(1.08)
-        top.set_xticks(at[::2] + np.array(0.5), list(SHORT.values()))
+        top.set_xticks(np.add(at[:: len(tables)], (len(tables) - 1) / 2), list(SHORT.values()))
         top.tick_params(length=0)
         for spine in (*axes.spines.values(), *top.spines.values()):
             spine.set_visible(False)
@@ -88,7 +89,7 @@ def _cell(axes: Axes, x: float, y: float, sigmas: float) -> None:
     )
 
 
-def disagreement_panels(pieces: pd.DataFrame) -> Figure | None:
+def disagreement_panels(pieces: pd.DataFrame, *, after: bool = True) -> Figure | None:
     """The pieces against what they depend on most, before and after; None where nothing stands out."""
     found = sorted(every_dependence(pieces), key=lambda item: -item.sigmas)
     chosen: dict[tuple[str, str, str], Dependence] = {}
@@ -100,20 +101,23 @@ def disagreement_panels(pieces: pd.DataFrame) -> Figure | None:
         return None
     panels = []
     for number, item in enumerate(shown):
-        with drawing(f"disagreement-{number}", width=3.0, height=2.7) as canvas:
+        with drawing(f"disagreement-{number}", width=4.4 if len(shown) == 1 else 3.0, height=2.9) as canvas:
             (axes,) = canvas.axes
             axes.set_title(f"{QUANTITIES[item.quantity]}, {item.sigmas:.0f} sigmas")
-            (_on_plate if _axis(item) == "place" else _against)(axes, pieces, item)
+            if _axis(item) == "place":
+                _on_plate(axes, pieces, item)
+            else:
+                _against(axes, pieces, item, after=after)
         panels.append(canvas.svg)
     return Figure(
         "disagreement",
         "The disagreement itself, second by second",
         "Measured minus simulated, a point for about a second of a run. Open squares: before, with the model as "
-        "robot.toml has it; dots: after, with what was found. Where a sign follows the motion, backward pieces are "
-        "turned over, so that one line shows it. On the plate: triangles up more, down less than simulated, before.",
+        f"robot.toml has it{AFTER_WORDS if after else ''}. Where a sign follows the motion, backward pieces are turned "
+        "over, so that one line shows it. On the plate: triangles up more, down less than simulated, before.",
         tuple(panels),
         pieces,
-        (("vermillion", "before"), ("blue", "after")),
+        (("vermillion", "before"), ("blue", "after")) if after else (),
     )
 
 
@@ -130,7 +134,7 @@ def _axis(item: Dependence) -> str:
     return "speed" if item.by in ("everywhere", "forward and backward", "speed") else "difference"
 
 
-def _against(axes: Axes, pieces: pd.DataFrame, item: Dependence) -> None:
+def _against(axes: Axes, pieces: pd.DataFrame, item: Dependence, *, after: bool) -> None:
     kind, motion = _axis(item), "side" if item.quantity == "yaw_deg_s" else "direction"
     some = _thinned(pieces)
     sign = some["direction" if kind == "heading_deg" else motion] if _turned_over(item) else 1.0
@@ -138,7 +142,8 @@ def _against(axes: Axes, pieces: pd.DataFrame, item: Dependence) -> None:
     across = some[list(signed.get(kind, (kind,)))].prod(axis=1)
     axes.axhline(0, color=INK, lw=0.8)
     axes.plot(across, sign * some[item.quantity], **BEFORE)
-    axes.plot(across, sign * some[f"after_{item.quantity}"], **AFTER)
+    if after:
+        axes.plot(across, sign * some[f"after_{item.quantity}"], **AFTER)
     if kind == "heading_deg":
         axes.set_xlim(0, 360)
         axes.set_xticks(range(0, 361, 90))

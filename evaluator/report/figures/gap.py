@@ -11,10 +11,14 @@ import pandas as pd
 from evaluator.report.style import BLUE, FAINT, INK, SOFT, VERMILLION, Figure, drawing, plain_numbers
 
 MOST_ROWS = 40
+AFTER = "; dots: with what was found"
 
 
-def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = ()) -> Figure | None:
-    """Distance between simulated and measured marks, run by run, before and after; the noise floor between."""
+def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, after: bool = True) -> Figure | None:
+    """Distance between simulated and measured marks, run by run, before and after; the noise floor between.
+
+    after: False where there is no model after, because nothing explains the runs.
+    """
     by_run: dict[str, dict[str, float | None]] = gap.get("by_run") or {}
     if not by_run:
         return None
@@ -22,18 +26,21 @@ def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = ()) -> F
     held = set(gap.get("held_out_runs", []))
     order = table["before"].sort_values(ascending=False, kind="stable").index
     chosen = list(table.loc[order].index[:MOST_ROWS])
-    before, after, floor = (1000 * table.loc[chosen, name].to_numpy() for name in ("before", "after", "noise_floor"))
+    before_um, after_um, floor_um = (
+        1000 * table.loc[chosen, name].to_numpy() for name in ("before", "after", "noise_floor")
+    )
     aside = np.array([run in held for run in chosen])
     rows = np.arange(len(chosen))[::-1]
     with drawing("gap", height=1.1 + 0.2 * len(chosen)) as canvas:
         (axes,) = canvas.axes
         for row in rows[aside]:
             axes.axhspan(row - 0.5, row + 0.5, color=FAINT, lw=0)
-        axes.hlines(rows, after, before, color=SOFT, lw=0.8)
-        axes.plot(before, rows, color=VERMILLION, marker="s", mfc="none", ls="none", label="before")
-        axes.plot(after, rows, color=BLUE, marker="o", ls="none", label="after")
-        axes.plot(floor, rows, color=INK, marker="|", ms=10, ls="none", label="noise")
-        axes.set_yticks(rows, [_label(run, run in held, run in not_followed) for run in chosen])
+        axes.hlines(rows, after_um if after else floor_um, before_um, color=SOFT, lw=0.8)
+        axes.plot(before_um, rows, color=VERMILLION, marker="s", mfc="none", ls="none", label="before")
+        if after:
+            axes.plot(after_um, rows, color=BLUE, marker="o", ls="none", label="after")
+        axes.plot(floor_um, rows, color=INK, marker="|", ms=10, ls="none", label="noise")
+        axes.set_yticks(rows, [_label(run, run in held, after and run in not_followed) for run in chosen])
         axes.set_ylim(-0.7, len(chosen) - 0.3)
         axes.grid(visible=False, axis="y")
         axes.set_xscale("log")
@@ -43,19 +50,19 @@ def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = ()) -> F
     shown = "" if len(chosen) == len(table) else f" The {MOST_ROWS} runs with the largest gap of {len(table)}."
     return Figure(
         "gap",
-        "The gap, before and after",
-        "Squares: the model as robot.toml has it; dots: with what was found. Dots at the strokes mean that nothing is "
-        "left but noise. Start pose and the scatter of the run are taken out of both. The shaded runs were kept aside "
-        f"from the beginning: they took no part in finding what is added.{shown}",
+        "The gap, before and after" if after else "The gap",
+        f"Squares: the model as robot.toml has it{AFTER if after else ''}. Points at the strokes mean that nothing is "
+        "left but noise. Start pose and the scatter of the run are taken out. The shaded runs were kept aside from the "
+        f"beginning: they took no part in finding anything.{shown}",
         (canvas.svg,),
         pd.DataFrame(
             {
                 "run": chosen,
                 "kept_aside": aside,
                 "followed": [run not in not_followed for run in chosen],
-                "before_um": before,
-                "after_um": after,
-                "noise_floor_um": floor,
+                "before_um": before_um,
+                "after_um": after_um,
+                "noise_floor_um": floor_um,
             }
         ),
     )

@@ -1,0 +1,111 @@
+"""The sections on a diagnosis, from diagnosis.json alone, whoever wrote it and whatever it says."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evaluator.discrepancy.where import COLUMNS, QUANTITIES, SHOWN_SIGMAS, every_dependence
+from evaluator.report.diagnosis_sections import diagnosis_sections
+from evaluator.report.diagnosis_view import DiagnosisView
+from evaluator.report.diagnosis_words import parameter
+from simulator.effects.catalogue import EFFECTS
+
+# As the file contract shows it: another program may write no more than this.
+CONTRACT: dict[str, Any] = {
+    "format": 1,
+    "verdict": "effect",
+    "effects": [
+        {
+            "id": "plate-tilt",
+            "name": "the plate is not level",
+            "parameters": {"angle_deg": {"value": 1.81, "low": 1.72, "high": 1.90}},
+            "equivalent": ["tether-spring"],
+            "probability": 0.998,
+        }
+    ],
+    "gap": {
+        "unit": "mm",
+        "held_out_runs": ["r03", "r09"],
+        "before": {"fit": 0.41, "held_out": 0.44},
+        "after": {"fit": 0.006, "held_out": 0.007},
+        "noise_floor": 0.006,
+    },
+    "where": [],
+    "rivals": [],
+    "next_experiment": None,
+}
+SENTENCE = "measured sideways speed varies with heading: 0.04 mm/s more at 278 degrees, whichever way it drives"
+
+
+def pieces_of(across: float, seed: int = 0) -> pd.DataFrame:
+    """Pieces of twelve runs that slide sideways by so much, in mm/s, at heading 0, and back at 180 degrees."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for run in range(12):
+        for second, heading in enumerate(rng.uniform(0, 360, 6)):
+            slide = across * np.cos(np.radians(heading))
+            misfit = {"along_mm_s": 0.0, "across_mm_s": slide, "yaw_deg_s": 0.0}
+            misfit = {name: value + 0.003 * rng.normal() for name, value in misfit.items()}
+            place = dict(zip(("x_mm", "y_mm"), rng.uniform(-20, 20, 2), strict=True))
+            speeds = {"direction": (-1.0) ** run, "side": float(run % 3 - 1), "speed_rpm": 30.0 + run % 4}
+            turn = {"difference_rpm": 20.0 * (run % 3 - 1) ** 2, "heading_deg": heading}
+            rows.append({"run": f"r{run}", "time_s": second + 0.5, "order": run, **misfit, **place, **speeds, **turn})
+    table = pd.DataFrame(rows)[list(COLUMNS)]
+    return table.assign(**{f"after_{name}": 0.003 * rng.normal(size=len(table)) for name in QUANTITIES})
+
+
+def test_a_diagnosis_of_another_program_is_shown_with_verdict_size_equivalents_and_gap() -> None:
+    verdict, gap = diagnosis_sections(DiagnosisView(CONTRACT, None, outdated=False))
+    assert verdict.text == (
+        "Missing in the model: the plate is not level (plate-tilt), angle 1.81° [95 %: 1.72 to 1.9].",
+        "These runs cannot tell it from: a wire pulls toward a fixed anchor (tether-spring).",
+    )
+    assert "from 410 µm to 6 µm on the runs that were fitted and from 440 µm to 7 µm on runs kept aside" in gap.text[0]
+
+
+@pytest.mark.parametrize(
+    ("verdict", "said"),
+    [("none", "Nothing is missing"), ("insufficient", "cannot decide"), ("unknown", "278 degrees")],
+)
+def test_every_verdict_is_one_sentence(verdict: str, said: str) -> None:
+    content = {"format": 1, "verdict": verdict, "effects": [], "gap": None, "where": [{"sentence": SENTENCE}]}
+    sections = diagnosis_sections(DiagnosisView(content, None, outdated=True))
+    assert "run turnscope diagnose again" in sections[0].text[0]
+    assert said in sections[0].text[1]
+
+
+def test_what_the_pieces_hold_is_found_drawn_and_gone_after() -> None:
+    pieces = pieces_of(0.02)
+    strongest = max(every_dependence(pieces), key=lambda item: item.sigmas)
+    assert (strongest.quantity, strongest.by, strongest.parity) == ("across_mm_s", "heading", "even")
+    view = DiagnosisView({**CONTRACT, "where": [{"sentence": strongest.sentence}]}, pieces, outdated=False)
+    (where,) = (section for section in diagnosis_sections(view) if section.name == "diagnosis-where")
+    over, panels = where.figures
+    table = over.data.set_index(["quantity", "by", "model"])["sigmas"]
+    assert table["sideways", "heading, even", "before"] > 5
+    assert table["sideways", "heading, even", "after"] < SHOWN_SIGMAS
+    assert "sideways speed" in panels.panels[0]
+    plain = " ".join((*over.panels, *panels.panels))
+    assert all(f"var({variable}" in plain for variable in ("--vermillion", "--blue", "--ink"))
+
+
+def test_chance_alone_stands_out_in_few_experiments() -> None:
+    found = [
+        max(item.sigmas for item in every_dependence(pieces_of(0.0, seed)) if item.quantity == "along_mm_s")
+        for seed in range(30)
+    ]
+    assert sum(value >= SHOWN_SIGMAS for value in found) <= 2
+
+
+def test_every_parameter_of_every_effect_has_words_and_no_underscore() -> None:
+    for effect in EFFECTS.values():
+        for item in effect.parameters:
+            words, _ = parameter(item.name)
+            assert words
+            assert "_" not in words
+    assert parameter("speed.cos_heading.driving") == ("speed cos heading driving", "")
+    assert parameter("moment.u_abs_u") == ("moment u abs u", "µN·mm/(mm/s)²")
