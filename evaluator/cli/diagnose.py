@@ -64,37 +64,27 @@ def _steps(bar: Callable[[int, int], None]) -> Callable[[str, float], None]:
 
 def summary(content: dict[str, Any]) -> list[str]:
     """The verdict in a few lines."""
-    headline = {
-        "none": "The model explains the data.",
-        "effect": "Missing in the model:",
-        "unknown": "Something is missing that no known effect explains:",
-        "insufficient": "The data cannot decide:",
-    }
-    lines = [headline[content["verdict"]], f"  {content['reason']}."]
+    from evaluator.report.diagnosis_words import (
+        as_sentence,
+        equivalents_sentence,
+        gap_sentence,
+        in_words,
+        next_run_sentence,
+        verdict_sentence,
+    )
+
+    lines = [verdict_sentence(content), as_sentence(in_words(content["reason"]))]
     for effect in content["effects"]:
-        lines.append(f"  {effect['id']}: {effect['name']} (probability {effect['probability']:.3f})")
-        lines += [
-            f"    {name} = {p['value']:.4g}  [{p['low']:.4g}, {p['high']:.4g}]"
-            for name, p in effect["parameters"].items()
-        ]
-        if effect["equivalent"]:
-            lines.append(f"    these runs cannot tell it from {', '.join(effect['equivalent'])}")
-    gap = content["gap"]
-    if gap:
-        before, after = gap["before"], gap["after"]
-        lines.append(
-            f"  gap on fitted runs {_mm(before['fit'])} -> {_mm(after['fit'])}, on runs kept aside "
-            f"{_mm(before['held_out'])} -> {_mm(after['held_out'])}; noise floor {_mm(gap['noise_floor'])}"
-        )
-    lines += [f"  {item['sentence']}" for item in content["where"][:SENTENCES]]
-    following = content["next_experiment"]
-    if following:
-        apart = ", ".join(f"{name} {sigmas:.1f} sigmas" for name, sigmas in following["separation_sigmas"].items())
-        lines.append(
-            f"  next run: {following['left_rpm']:g} / {following['right_rpm']:g} rpm, start heading "
-            f"{following['heading_deg']:g} degrees, {following['duration_s']:g} s; expected separation: {apart}"
-        )
-    return lines
+        lines.append(f"{effect['id']}, probability {effect['probability']:.3f}:")
+        for name, value in effect["parameters"].items():
+            lines.append(f"  {name} = {value['value']:.4g}  [{value['low']:.4g}, {value['high']:.4g}]")
+        lines.append(equivalents_sentence(effect))
+    lines.append(gap_sentence(content))
+    if content.get("runs_not_followed"):
+        lines.append(f"Not followed, look at these recordings first: {', '.join(content['runs_not_followed'])}.")
+    lines += [as_sentence(item["sentence"]) for item in content["where"][:SENTENCES]]
+    lines.append(next_run_sentence(content["next_experiment"]))
+    return [line for line in lines if line]
 
 
 @click.command(epilog="\b\nExample:\n  turnscope plan --robot barrel --runs 16 --rpm 30 --rpm 60")
@@ -132,7 +122,3 @@ def plan(robot: str, runs: int, levels: tuple[float, ...], as_json: bool) -> int
     for number, run in enumerate(rows, 1):
         click.echo(f"{number:4d} {run['left_rpm']:9.1f} {run['right_rpm']:9.1f} {run['heading_deg']:10.0f} deg")
     return 0
-
-
-def _mm(value: float | None) -> str:
-    return "-" if value is None else f"{value:.4f} mm"

@@ -20,12 +20,12 @@ from evaluator.report.diagnosis_words import (
     signed_percent,
     value_text,
     verdict_sentence,
+    with_interval,
 )
 from evaluator.report.figures.disagreement import disagreement_map, disagreement_panels
 from evaluator.report.figures.gap import gap_before_after
+from evaluator.report.numbers import UNKNOWN, number
 from evaluator.report.pages import Section, Table
-from evaluator.report.style import UNKNOWN
-from evaluator.report.tables import number
 
 Json = dict[str, Any]
 
@@ -49,14 +49,10 @@ def _verdict(view: DiagnosisView) -> Section:
     text += [equivalents_sentence(effect) for effect in content.get("effects") or []]
     text.append(next_run_sentence(content.get("next_experiment")))
     rows = [
-        (
-            effect["name"],
-            *parameter(name),
-            value_text(value["value"]),
-            f"{value_text(value['low'])} to {value_text(value['high'])}",
-        )
+        (effect["name"], *parameter(name), best, f"{low} to {high}")
         for effect in content.get("effects") or []
         for name, value in effect["parameters"].items()
+        for best, low, high in [with_interval(value)]
     ]
     table = Table("What was found, with 95 % intervals.", ("effect", "parameter", "unit", "value", "95 %"), tuple(rows))
     return Section("diagnosis", "What is missing in the model", _full(text), (), (table,) if rows else ())

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Any
 
 from evaluator.discrepancy.free import BASIS_WORDS, CHANNEL_WORDS, PREFIX, free_terms
-from evaluator.report.style import UNKNOWN
+from evaluator.report.numbers import UNKNOWN, number
 from simulator.effects.catalogue import EFFECTS
 
 Json = dict[str, Any]
@@ -61,9 +62,9 @@ def _sizes(effect: Json) -> str:
     parts: list[str] = []
     for name, value in effect["parameters"].items():
         words, unit = parameter(name)
-        size = f"{value_text(value['value'])} {unit}".replace(" °", "°").rstrip()
-        bounds = "" if parts else "95 %: "
-        parts.append(f"{words} {size} [{bounds}{value_text(value['low'])} to {value_text(value['high'])}]")
+        best, low, high = with_interval(value)
+        size = f"{best} {unit}".replace(" °", "°").rstrip()
+        parts.append(f"{words} {size} [{'' if parts else '95 %: '}{low} to {high}]")
     return ", " + ", ".join(parts) if parts else ""
 
 
@@ -79,6 +80,16 @@ def parameter(name: str) -> tuple[str, str]:
     if name.startswith("per_mm_"):
         return f"along {name[-1]}", "per mm"
     return name.replace("_", " "), ""
+
+
+def with_interval(value: Json) -> tuple[str, str, str]:
+    """A value and its bounds, with as many decimals as their distance bears."""
+    three = value["value"], value["low"], value["high"]
+    if None in three or not three[2] > three[1]:
+        return value_text(three[0]), value_text(three[1]), value_text(three[2])
+    decimals = max(0, -math.floor(math.log10((three[2] - three[1]) / 4)))
+    best, low, high = (number(float(item), decimals) for item in three)
+    return best, low, high
 
 
 def equivalents_sentence(effect: Json) -> str:

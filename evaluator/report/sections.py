@@ -19,13 +19,12 @@ from evaluator.report.figures.repetitions import repetitions
 from evaluator.report.figures.speed import straight_speed
 from evaluator.report.figures.trajectory import representative, trajectories
 from evaluator.report.figures.wheel_states import wheel_states_figure
+from evaluator.report.numbers import UNKNOWN, interval, number
 from evaluator.report.pages import Section, Table
 from evaluator.report.runs import RunView
-from evaluator.report.style import UNKNOWN, Figure
+from evaluator.report.style import Figure
 from evaluator.report.tables import (
     directions_table,
-    interval,
-    number,
     outline_table,
     pooled_table,
     slip_table,

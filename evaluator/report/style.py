@@ -20,7 +20,6 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-UNKNOWN = "–"  # in the place of a number that is not known
 INK, SOFT, FAINT, PAPER = "#1b1f24", "#626a73", "#d9dde2", "#fefefe"
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, YELLOW = (
     "#0072b2", "#d55e00", "#009e73", "#a8518a", "#e69f00", "#4a9fd0", "#b39700",

@@ -4,28 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
 import pandas as pd
 
+from evaluator.report.numbers import UNKNOWN, interval, number
 from evaluator.report.pages import Table
 from evaluator.report.runs import RunView
-from evaluator.report.style import UNKNOWN
 from simulator.robot import WHEELS
 
 MOST_NAMED = 6
 Column = Callable[[RunView], str]
-
-
-def number(value: float, digits: int, *, sign: bool = False) -> str:
-    """A number with a true minus sign; a dash where it is unknown."""
-    if not np.isfinite(value):
-        return UNKNOWN if np.isnan(value) else "∞"
-    return f"{round(value, digits) + 0.0:{'+' if sign else ''}.{digits}f}".replace("-", "−")  # no minus before zero
-
-
-def interval(low: float, high: float, digits: int = 3, *, sign: bool = False) -> str:
-    """Bounds as "low to high"; a dash where they are unknown."""
-    return UNKNOWN if np.isnan(low) else f"{number(low, digits, sign=sign)} to {number(high, digits, sign=sign)}"
 
 
 def command(left_rpm: float, right_rpm: float, group: str = "") -> str:

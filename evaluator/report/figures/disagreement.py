@@ -131,6 +131,8 @@ def _axis(item: Dependence) -> str:
         return "time_s"
     if item.by == "order of the runs":
         return "order"
+    if item.by == "direction times side":
+        return "both"
     return "speed" if item.by in ("everywhere", "forward and backward", "speed") else "difference"
 
 
@@ -138,7 +140,11 @@ def _against(axes: Axes, pieces: pd.DataFrame, item: Dependence, *, after: bool)
     kind, motion = _axis(item), "side" if item.quantity == "yaw_deg_s" else "direction"
     some = _thinned(pieces)
     sign = some["direction" if kind == "heading_deg" else motion] if _turned_over(item) else 1.0
-    signed = {"speed": ("direction", "speed_rpm"), "difference": ("side", "difference_rpm")}
+    signed = {
+        "speed": ("direction", "speed_rpm"),
+        "difference": ("side", "difference_rpm"),
+        "both": ("direction", "side", "difference_rpm"),
+    }
     across = some[list(signed.get(kind, (kind,)))].prod(axis=1)
     axes.axhline(0, color=INK, lw=0.8)
     axes.plot(across, sign * some[item.quantity], **BEFORE)
@@ -150,6 +156,7 @@ def _against(axes: Axes, pieces: pd.DataFrame, item: Dependence, *, after: bool)
     names = {
         "speed": "commanded speed, rpm (backward negative)",
         "difference": "right minus left, rpm",
+        "both": "right minus left, rpm, backward turned over",
         "heading_deg": "heading on the plate, °",
         "time_s": "time since the command, s",
         "order": "run of the session",

@@ -61,7 +61,7 @@ def pieces_of(across: float, seed: int = 0) -> pd.DataFrame:
 def test_a_diagnosis_of_another_program_is_shown_with_verdict_size_equivalents_and_gap() -> None:
     verdict, gap = diagnosis_sections(DiagnosisView(CONTRACT, None, outdated=False))
     assert verdict.text == (
-        "Missing in the model: the plate is not level (plate-tilt), angle 1.81° [95 %: 1.72 to 1.9].",
+        "Missing in the model: the plate is not level (plate-tilt), angle 1.81° [95 %: 1.72 to 1.90].",
         "These runs cannot tell it from: a wire pulls toward a fixed anchor (tether-spring).",
     )
     assert "from 410 µm to 6 µm on the runs that were fitted and from 440 µm to 7 µm on runs kept aside" in gap.text[0]

@@ -1,0 +1,19 @@
+"""Numbers as people read them; light to import."""
+
+from __future__ import annotations
+
+import numpy as np
+
+UNKNOWN = "–"  # in the place of a number that is not known
+
+
+def number(value: float, digits: int, *, sign: bool = False) -> str:
+    """A number with a true minus sign; a dash where it is unknown."""
+    if not np.isfinite(value):
+        return UNKNOWN if np.isnan(value) else "∞"
+    return f"{round(value, digits) + 0.0:{'+' if sign else ''}.{digits}f}".replace("-", "−")  # no minus before zero
+
+
+def interval(low: float, high: float, digits: int = 3, *, sign: bool = False) -> str:
+    """Bounds as "low to high"; a dash where they are unknown."""
+    return UNKNOWN if np.isnan(low) else f"{number(low, digits, sign=sign)} to {number(high, digits, sign=sign)}"
