@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluator.discrepancy.robot_file import robot_text
+from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.settings import Experiment
 from evaluator.workflow.analysis import jobs_of
@@ -26,8 +27,8 @@ def key_of_diagnosis(experiment: Experiment, outputs: Outputs) -> str:
     for job in jobs_of(experiment, outputs, simulate=True):
         try:
             runs.append([job.run.id, job.keys()["simulate"]])
-        except OSError as error:  # a recording that is not there: its run is left out until it is
-            runs.append([job.run.id, str(error.strerror)])
+        except (OSError, InputError) as error:  # a recording that is not there: its run is left out until it is
+            runs.append([job.run.id, str(error)])
     text = read_with(robot_text, experiment.robot)  # type: ignore[arg-type]
     return key_of({"runs": runs, "robot": text})
 
@@ -47,10 +48,21 @@ def kept_diagnosis(experiment: Experiment, outputs: Outputs) -> Kept | None:
     """
     if not outputs.diagnosis.is_file():
         return None
-    content: dict[str, Any] = json.loads(outputs.diagnosis.read_text(encoding="utf-8"))
+    content = read_with(load_diagnosis, outputs.diagnosis)
     record = Record.load(outputs.diagnosis_record)
     outdated = STAGE in record.stages and record.fresh(STAGE, key_of_diagnosis(experiment, outputs)) is None
     return Kept(content, outdated)
+
+
+def load_diagnosis(path: Path) -> dict[str, Any]:
+    """Read diagnosis.json. Raises OSError, InputError."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: not valid JSON ({error}); run turnscope diagnose again") from error
+    if not isinstance(content, dict) or "verdict" not in content:
+        raise InputError(f"{path}: has no verdict; run turnscope diagnose again")
+    return content
 
 
 def keep(outputs: Outputs, key: str, files: list[Path]) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 from evaluator.discrepancy.added import robot_with_effect
 from evaluator.discrepancy.diagnosis import Diagnosis, diagnose
 from evaluator.discrepancy.experiment import Session, session_of
-from evaluator.discrepancy.kept import is_current, keep, key_of_diagnosis
+from evaluator.discrepancy.kept import is_current, keep, key_of_diagnosis, load_diagnosis
 from evaluator.discrepancy.record import disagreement, record
 from evaluator.discrepancy.robot_file import robot_text
 from evaluator.errors import InputError
@@ -32,8 +32,7 @@ def diagnose_experiment(path: Path, out: Path, progress: Progress) -> tuple[bool
     experiment, outputs = read_with(load_experiment, path), Outputs(Path(out))
     key = key_of_diagnosis(experiment, outputs)
     if is_current(outputs, key):
-        content: dict[str, Any] = json.loads(outputs.diagnosis.read_text(encoding="utf-8"))
-        return False, content
+        return False, load_diagnosis(outputs.diagnosis)
     session = _session(path, experiment, outputs, progress)
     try:
         found = diagnose(session, progress)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from evaluator.discrepancy.kept import kept_diagnosis
+from evaluator.discrepancy.where import COLUMNS, QUANTITIES
 from evaluator.settings import Experiment
 from evaluator.workflow.outputs import Outputs
 
@@ -26,5 +28,14 @@ def known_diagnosis(experiment: Experiment, outputs: Outputs) -> DiagnosisView |
     kept = kept_diagnosis(experiment, outputs)
     if kept is None:
         return None
-    pieces = pd.read_csv(outputs.disagreement, dtype={"run": str}) if outputs.disagreement.is_file() else None
-    return DiagnosisView(kept.content, pieces, kept.outdated)
+    return DiagnosisView(kept.content, _pieces(outputs.disagreement), kept.outdated)
+
+
+def _pieces(path: Path) -> pd.DataFrame | None:
+    """Pieces of the runs; None where there are none, or the file is not what a diagnosis writes."""
+    try:
+        table = pd.read_csv(path, dtype={"run": str})
+    except (OSError, ValueError):
+        return None
+    needed = {*COLUMNS, *(f"after_{name}" for name in QUANTITIES)}
+    return table if needed <= set(table) else None

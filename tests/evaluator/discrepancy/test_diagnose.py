@@ -147,3 +147,14 @@ def test_bad_input_ends_in_one_sentence(tmp_path: Path, old: str, new: str, said
     assert isinstance(done.exception, InputError)
     assert said in str(done.exception)
     assert not (tmp_path / "out" / "diagnosis.json").exists()
+
+
+def test_a_spoiled_diagnosis_is_named_by_the_report_and_made_anew_by_the_command(tmp_path: Path) -> None:
+    experiment = write_hidden(tmp_path, {}, commands=[(30.0, 30.0)])
+    outputs = Outputs(tmp_path / "out")
+    run(experiment, "-q")
+    outputs.diagnosis.write_text("{", encoding="utf-8")
+    with pytest.raises(InputError, match=r"diagnosis.json: not valid JSON .* run turnscope diagnose again"):
+        known_diagnosis(load_experiment(experiment), outputs)
+    run(experiment, "-q")
+    assert found(experiment)["verdict"] == "insufficient"
