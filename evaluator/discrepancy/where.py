@@ -159,7 +159,7 @@ def _designs(table: pd.DataFrame, quantity: str) -> dict[tuple[str, str], tuple[
 
 
 def _clustered(values: Floats, columns: Floats, runs: NDArray[np.object_], tested: int) -> tuple[Floats, float]:
-    """Least squares, errors over runs: the tested last coefficients and their joint significance in sigmas.
+    """Least squares, errors over runs: all coefficients, and the joint significance of the tested last ones in sigmas.
 
     Errors are those of the jackknife over runs, which few runs do not make too small: Bell & McCaffrey (2002), Survey
     Methodology 28, 169.
@@ -170,7 +170,7 @@ def _clustered(values: Floats, columns: Floats, runs: NDArray[np.object_], teste
     names = np.unique(runs)
     freedom = len(names) - columns.shape[1]
     if freedom < FEWEST_FREEDOM:
-        return size[-tested:], 0.0
+        return size, 0.0
     scores = []
     for name in names:
         own = columns[runs == name]
@@ -181,7 +181,7 @@ def _clustered(values: Floats, columns: Floats, runs: NDArray[np.object_], teste
     part = covariance[-tested:, -tested:]
     ratio = float(size[-tested:] @ np.linalg.pinv(part) @ size[-tested:]) / tested
     probability = float(stats.f.sf(ratio, tested, freedom))
-    return size[-tested:], float(stats.norm.isf(max(probability, 1e-300) / 2))
+    return size, float(stats.norm.isf(max(probability, 1e-300) / 2))
 
 
 def _sentence(quantity: str, by: str, parity: str, size: Floats, sigmas: float) -> str:
@@ -191,18 +191,20 @@ def _sentence(quantity: str, by: str, parity: str, size: Floats, sigmas: float) 
     reversing = ", with the opposite sign when driving backward" if parity == "odd" else ", whichever way it drives"
     if by == "everywhere":
         return f"measured {what} is off by {value:+.3g} {unit} in all runs together{tail}"
-    if by == "forward and backward":
-        return f"measured {what} differs by {value:+.3g} {unit} forward and {-value:+.3g} {unit} backward{tail}"
-    if by == "left and right":
-        return f"measured {what} differs by {value:+.3g} {unit} in left and {-value:+.3g} {unit} in right turns{tail}"
+    if by in ("forward and backward", "left and right"):
+        first, second = size[0] + value, size[0] - value
+        one, other = ("forward", "backward") if by == "forward and backward" else ("in left", "in right turns")
+        if quantity == "along_mm_s" and one == "forward":
+            one, other = f"forward ({_pace(first)})", f"backward ({_pace(-second)})"
+        return f"measured {what} is off by {first:+.3g} {unit} {one} and {second:+.3g} {unit} {other}{tail}"
     if by in ("heading", "twice the heading"):
         fold = 1 if by == "heading" else 2
-        peak = round(float(np.degrees(np.arctan2(size[1], size[0])) / fold % (360 / fold)))
+        peak = round(float(np.degrees(np.arctan2(size[-1], size[-2])) / fold % (360 / fold)))
         at = f"{peak} degrees" if fold == 1 else f"{peak} and {peak + 180} degrees"
-        amount = float(np.hypot(size[0], size[1]))
+        amount = float(np.hypot(size[-2], size[-1]))
         return f"measured {what} varies with {by}: {amount:.3g} {unit} more at {at}{reversing}{tail}"
     if by == "place":
-        across = f"{size[0]:+.2g} {unit} per mm in x, {size[1]:+.2g} in y"
+        across = f"{size[-2]:+.2g} {unit} per mm in x, {size[-1]:+.2g} in y"
         return f"measured {what} changes across the plate: {across}{reversing}{tail}"
     signed = "the side of the turn" if quantity == "yaw_deg_s" else "the sign of the motion"
     per = {
@@ -216,3 +218,7 @@ def _sentence(quantity: str, by: str, parity: str, size: Floats, sigmas: float) 
     return f"measured {what} changes with {by}: {value:+.3g} {unit} {per}{tail}".replace(
         "changes with the first second", "is different at the start"
     )
+
+
+def _pace(gain: float) -> str:
+    return "faster" if gain > 0 else "slower"

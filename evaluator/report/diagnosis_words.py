@@ -45,7 +45,8 @@ def verdict_sentence(content: Json) -> str:
 
 def _description(content: Json) -> str:
     """What is known of something that has no name: the free-form term, or else where it shows most."""
-    free = "; and ".join(f"{effect['name']}{_sizes(effect)}" for effect in content.get("effects") or [])
+    free_first = sorted(content.get("effects") or [], key=lambda effect: effect["id"] != "free-form")
+    free = "; and ".join(f"{effect['name']}{_sizes(effect)}" for effect in free_first)
     if free:
         return f"; what would explain it best: {free}"
     seen = [item["sentence"] for item in content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]

@@ -154,7 +154,7 @@ def _against(axes: Axes, pieces: pd.DataFrame, item: Dependence, *, after: bool)
         axes.set_xlim(0, 360)
         axes.set_xticks(range(0, 361, 90))
     names = {
-        "speed": "commanded speed, rpm (backward negative)",
+        "speed": "speed, rpm (backward negative)",
         "difference": "right minus left, rpm",
         "both": "right minus left, rpm, backward turned over",
         "heading_deg": "heading on the plate, °",
