@@ -41,13 +41,13 @@ def diagnose(experiment: Path, out: Path, as_json: bool, quiet: bool) -> int:
     from evaluator.discrepancy.workflow import diagnose_experiment
 
     with progress_bar("diagnosis", quiet=quiet) as bar:
-        computed, content = diagnose_experiment(experiment, out, _steps(bar))
+        found, content = diagnose_experiment(experiment, out, _steps(bar))
     skipped = content.get("skipped_runs") or {}
     if as_json:
         click.echo(json.dumps(content, indent=2, ensure_ascii=False))
     elif not quiet:
         click.echo("\n".join(summary(content)))
-        same = "" if computed else "  (nothing has changed since it was made)"
+        same = "" if found else "  (nothing has changed since it was made)"
         click.echo(f"\n{out / 'diagnosis.json'}{same}")
     for run, reason in skipped.items():
         click.echo(f"{run} is left out: {reason}", err=True)

@@ -22,17 +22,17 @@ from evaluator.workflow.outputs import Outputs
 Progress = Callable[[str, float], None]
 
 
-def diagnose_experiment(path: Path, out: Path, progress: Progress) -> tuple[bool, dict[str, Any]]:
+def diagnose_experiment(path: Path, out: Path, progress: Progress) -> tuple[Diagnosis | None, dict[str, Any]]:
     """Diagnose an experiment and write the results below out.
 
-    Gives whether anything had to be computed (not where inputs and code are those of the diagnosis that is there), and
-    the content of diagnosis.json.
+    Gives the diagnosis, None where inputs and code are those of the one that is there, and the content of
+    diagnosis.json.
     Raises InputError where the experiment, a robot or all recordings cannot be used.
     """
     experiment, outputs = read_with(load_experiment, path), Outputs(Path(out))
     key = key_of_diagnosis(experiment, outputs)
     if is_current(outputs, key):
-        return False, load_diagnosis(outputs.diagnosis)
+        return None, load_diagnosis(outputs.diagnosis)
     session = _session(path, experiment, outputs, progress)
     try:
         found = diagnose(session, progress)
@@ -40,7 +40,7 @@ def diagnose_experiment(path: Path, out: Path, progress: Progress) -> tuple[bool
         raise InputError(f"{path}: {error}; are the robot file and the command of that run right?") from error
     content = record(found)
     keep(outputs, key, _written(found, content, experiment, outputs))
-    return True, content
+    return found, content
 
 
 def _written(found: Diagnosis, content: dict[str, Any], experiment: Experiment, outputs: Outputs) -> list[Path]:
