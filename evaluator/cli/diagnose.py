@@ -66,6 +66,7 @@ def summary(content: dict[str, Any]) -> list[str]:
     """The verdict in a few lines."""
     from evaluator.report.diagnosis_words import (
         as_sentence,
+        closes,
         equivalents_sentence,
         gap_sentence,
         in_words,
@@ -80,7 +81,7 @@ def summary(content: dict[str, Any]) -> list[str]:
             lines.append(f"  {name} = {value['value']:.4g}  [{value['low']:.4g}, {value['high']:.4g}]")
         lines.append(equivalents_sentence(effect))
     lines.append(gap_sentence(content))
-    if content.get("runs_not_followed"):
+    if content.get("runs_not_followed") and closes(content):
         lines.append(f"Not followed, look at these recordings first: {', '.join(content['runs_not_followed'])}.")
     lines += [as_sentence(item["sentence"]) for item in content["where"][:SENTENCES]]
     lines.append(next_run_sentence(content["next_experiment"]))
