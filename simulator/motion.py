@@ -16,27 +16,27 @@ import numpy as np
 from simulator.compiled import compiled
 from simulator.contact import fresh_contacts
 from simulator.dynamics import accelerations
-from simulator.implicit import euler_pair
-from simulator.rosenbrock import attempt, between, invert3, linearize, moved, place_after
+from simulator.rosenbrock import between, invert3, linearize, moved, place_after
 from simulator.segments import BEGIN, END, STEADY, command_segments, drive_at
 from simulator.stability import growth_rate, is_stable
+from simulator.stepping import (
+    LEVER_MM,
+    SHORTEST_STEP_S,
+    USUAL_TOLERANCE_MM,
+    first_step,
+    smooth_step,
+    sticking_step,
+)
 
-LEVER_MM = 10.0  # an error of heading counts as the displacement it makes at this distance
 # The linear formula for the end of a relaxation errs by the square of this share of the velocity.
 STEADY_SHARE = 1e-4
 MOST_STEPS = 20000
-# In a step of h seconds forces that vary with place change by 0.01·h of themselves, and with them the velocity, for
-# a displacement of 0.01·h² mm or so: within h = sqrt(tolerance in mm) their derivatives are not needed.
-MOST_TRIES = 4  # rejections in a row mean that a wheel sticks or turns over
-CREEPING_STEP_S, MOST_CREEPING = 1e-5, 40  # so many such steps in a row mean the same
+CREEPING_STEP_S, MOST_CREEPING = 1e-5, 40  # so many such steps in a row mean that a wheel sticks or turns over
 # Steps grow with the time since the last break of the command, but where a method chatters over a bend for ever.
 CHATTERING_SHARE = 3e-3
 # Nothing physical is faster than SHORTEST_STEP_S: many steps in a row a thousand times shorter mean that the forces
 # jump at this state (a motor that droops more than its load lets it settle), and that no motion follows from them.
 STALLED_STEP_S, MOST_STALLED = 2e-9, 60
-SHORTEST_STEP_S = 2e-6  # a fraction of the shortest relaxation of rolling wheels
-USUAL_TOLERANCE_MM = 1e-6  # for these two; below it, steps of order 4 shrink with its fourth root
-LONGEST_TURN_RAD = 1.0  # within one step, where the series for the twist is exact to 1e-9
 DONE, FAILED = 0, 1
 
 
@@ -91,31 +91,6 @@ def settle(pose: Any, segment: Any, time: float, y: Any, model: Any, contacts: A
     for row in range(3):
         y[3 + row] = steady[3 + row]
     return True
-
-
-@compiled()
-def error_norm(step: float, y: Any, end: Any, tolerance: float, rest_speed: float) -> float:
-    """Error of a step over the tolerance, as displacement in mm: of the pose, and of the velocity over the step."""
-    norm, size = 0.0, 0.0
-    for item in range(3):
-        size = max(size, abs(y[3 + item]), abs(end[0, 3 + item]))
-    # A velocity error that moves nothing yet must still not spoil the relaxation, nor how a wheel breaks loose.
-    spoiling = (0.02 * size + rest_speed) * min(1.0, tolerance / USUAL_TOLERANCE_MM)
-    for item in range(3):
-        lever = LEVER_MM if item == 2 else 1.0
-        displaced = lever * max(abs(end[1, item]), step * abs(end[1, 3 + item])) / tolerance
-        norm = max(norm, displaced, abs(end[1, 3 + item]) / spoiling)
-    return float(max(norm, abs(end[0, 2]) / LONGEST_TURN_RAD))
-
-
-@compiled()
-def first_step(work: Any, tolerance: float, length: float) -> float:
-    """A step over which the acceleration, or its growth, moves the robot by a hundred tolerances."""
-    rate = math.sqrt(work[0, 0] ** 2 + work[0, 1] ** 2 + (LEVER_MM * work[0, 2]) ** 2)
-    growth = math.sqrt(work[7, 0] ** 2 + work[7, 1] ** 2 + (LEVER_MM * work[7, 2]) ** 2)
-    moving = math.sqrt(200.0 * tolerance / (rate + 1e-30))
-    starting = (600.0 * tolerance / (growth + 1e-30)) ** (1 / 3)
-    return float(min(length, moving, starting))
 
 
 @compiled()
@@ -177,6 +152,9 @@ def integrate_run(
             remaining = segment[END] - time
             planned = replay and used < len(plan) and int(plan[used, 0]) == number
             expected = min(remaining, abs(plan[used, 1]) if planned else step)
+            # In a step of h seconds forces that vary with place change by 0.01·h of themselves, and with them the
+            # velocity, for a displacement of 0.01·h² mm or so: within h = sqrt(tolerance in mm) their derivatives
+            # are not needed.
             linearize(pose, segment, time, expected > math.sqrt(tolerance), y, model, contacts, work)
             closed = segment[STEADY] == 1.0 and model.varies == 0 and not planned
             if closed and settle(pose, segment, time, y, model, contacts, work, solver):
@@ -244,66 +222,6 @@ def integrate_run(
             time, step = following, wanted
     state[3:] = y[3:]
     return DONE, used
-
-
-@compiled()
-def smooth_step(
-    pose: Any,
-    segment: Any,
-    time: float,
-    step: float,
-    y: Any,
-    model: Any,
-    tolerance: float,
-    planned: bool,
-    contacts: Any,
-    work: Any,
-    solver: Any,
-    stages: Any,
-    end: Any,
-) -> tuple[float, float]:
-    """Take a Rosenbrock step: the size accepted, 0 where friction bends too sharply, and the size wanted next."""
-    for _ in range(MOST_TRIES):
-        taken = attempt(pose, segment, time, step, y, model, contacts, work, solver, stages, end)
-        if planned and taken:
-            return step, step
-        norm = error_norm(step, y, end, tolerance, 0.1 * model.rest_speed) if taken else 1e6
-        factor = min(6.0, max(0.15, 0.9 * (norm + 1e-12) ** -0.25))
-        if norm <= 1.0:
-            return step, step * factor
-        step *= min(factor, 0.7)
-        if step < SHORTEST_STEP_S * min(1.0, (tolerance / USUAL_TOLERANCE_MM) ** 0.25):
-            break
-    return 0.0, 0.0
-
-
-@compiled()
-def sticking_step(
-    pose: Any,
-    segment: Any,
-    time: float,
-    step: float,
-    y: Any,
-    model: Any,
-    tolerance: float,
-    planned: bool,
-    contacts: Any,
-    work: Any,
-    bent: Any,
-    solver: Any,
-    end: Any,
-) -> tuple[float, float]:
-    """Take a pair of implicit Euler steps: the size accepted, 0 where none was, and the size wanted next."""
-    for _ in range(60):
-        taken = euler_pair(pose, segment, time, step, y, model, contacts, work, bent, solver, end)
-        if planned and taken:
-            return step, step
-        norm = error_norm(step, y, end, tolerance, 0.1 * model.rest_speed) if taken else 1e6
-        factor = min(4.0, max(0.2, 0.9 * (norm + 1e-12) ** -0.5))
-        if norm <= 1.0:
-            return step, step * factor
-        step *= min(factor, 0.7)
-    return 0.0, 0.0
 
 
 @compiled()

@@ -1,0 +1,101 @@
+"""One step with control of its error: order 4 where friction is smooth, implicit Euler where a wheel sticks."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from simulator.compiled import compiled
+from simulator.implicit import euler_pair
+from simulator.rosenbrock import attempt
+
+LEVER_MM = 10.0  # an error of heading counts as the displacement it makes at this distance
+MOST_TRIES = 4  # rejections in a row mean that a wheel sticks or turns over
+SHORTEST_STEP_S = 2e-6  # a fraction of the shortest relaxation of rolling wheels
+USUAL_TOLERANCE_MM = 1e-6  # for these two; below it, steps of order 4 shrink with its fourth root
+LONGEST_TURN_RAD = 1.0  # within one step, where the series for the twist is exact to 1e-9
+
+
+@compiled()
+def error_norm(step: float, y: Any, end: Any, tolerance: float, rest_speed: float) -> float:
+    """Error of a step over the tolerance, as displacement in mm: of the pose, and of the velocity over the step."""
+    norm, size = 0.0, 0.0
+    for item in range(3):
+        size = max(size, abs(y[3 + item]), abs(end[0, 3 + item]))
+    # A velocity error that moves nothing yet must still not spoil the relaxation, nor how a wheel breaks loose.
+    spoiling = (0.02 * size + rest_speed) * min(1.0, tolerance / USUAL_TOLERANCE_MM)
+    for item in range(3):
+        lever = LEVER_MM if item == 2 else 1.0
+        displaced = lever * max(abs(end[1, item]), step * abs(end[1, 3 + item])) / tolerance
+        norm = max(norm, displaced, abs(end[1, 3 + item]) / spoiling)
+    return float(max(norm, abs(end[0, 2]) / LONGEST_TURN_RAD))
+
+
+@compiled()
+def first_step(work: Any, tolerance: float, length: float) -> float:
+    """A step over which the acceleration, or its growth, moves the robot by a hundred tolerances."""
+    rate = math.sqrt(work[0, 0] ** 2 + work[0, 1] ** 2 + (LEVER_MM * work[0, 2]) ** 2)
+    growth = math.sqrt(work[7, 0] ** 2 + work[7, 1] ** 2 + (LEVER_MM * work[7, 2]) ** 2)
+    moving = math.sqrt(200.0 * tolerance / (rate + 1e-30))
+    starting = (600.0 * tolerance / (growth + 1e-30)) ** (1 / 3)
+    return float(min(length, moving, starting))
+
+
+@compiled()
+def smooth_step(
+    pose: Any,
+    segment: Any,
+    time: float,
+    step: float,
+    y: Any,
+    model: Any,
+    tolerance: float,
+    planned: bool,
+    contacts: Any,
+    work: Any,
+    solver: Any,
+    stages: Any,
+    end: Any,
+) -> tuple[float, float]:
+    """Take a Rosenbrock step: the size accepted, 0 where friction bends too sharply, and the size wanted next."""
+    for _ in range(MOST_TRIES):
+        taken = attempt(pose, segment, time, step, y, model, contacts, work, solver, stages, end)
+        if planned and taken:
+            return step, step
+        norm = error_norm(step, y, end, tolerance, 0.1 * model.rest_speed) if taken else 1e6
+        factor = min(6.0, max(0.15, 0.9 * (norm + 1e-12) ** -0.25))
+        if norm <= 1.0:
+            return step, step * factor
+        step *= min(factor, 0.7)
+        if step < SHORTEST_STEP_S * min(1.0, (tolerance / USUAL_TOLERANCE_MM) ** 0.25):
+            break
+    return 0.0, 0.0
+
+
+@compiled()
+def sticking_step(
+    pose: Any,
+    segment: Any,
+    time: float,
+    step: float,
+    y: Any,
+    model: Any,
+    tolerance: float,
+    planned: bool,
+    contacts: Any,
+    work: Any,
+    bent: Any,
+    solver: Any,
+    end: Any,
+) -> tuple[float, float]:
+    """Take a pair of implicit Euler steps: the size accepted, 0 where none was, and the size wanted next."""
+    for _ in range(60):
+        taken = euler_pair(pose, segment, time, step, y, model, contacts, work, bent, solver, end)
+        if planned and taken:
+            return step, step
+        norm = error_norm(step, y, end, tolerance, 0.1 * model.rest_speed) if taken else 1e6
+        factor = min(4.0, max(0.2, 0.9 * (norm + 1e-12) ** -0.5))
+        if norm <= 1.0:
+            return step, step * factor
+        step *= min(factor, 0.7)
+    return 0.0, 0.0
