@@ -125,11 +125,10 @@ class Recording:
         """Whether the recording is interlaced: what the file says, else what the pictures show."""
         if self.live:
             return "none"
-        rate = self.nominal_rate
-        probe = Recording(self.name, format_name=self._format, fields="none")
-        said = probe._said_order()
+        said, rate = self._said_order(), self.nominal_rate
         if said == "none" and (rate is None or rate > SLOWEST_PROGRESSIVE):
             return "none"
+        probe = Recording(self.name, format_name=self._format, fields="none")
         try:
             seen = field_order(islice(probe, PROBED))
         except InputError:
@@ -138,6 +137,7 @@ class Recording:
 
     def _said_order(self) -> Literal["none", "top", "bottom"]:
         # FFmpeg's AVFieldOrder: 2 and 5 show the top field first, 3 and 4 the bottom field.
+        self._opened = self._opened or self._open()
         order = int(getattr(self._opened.streams.video[0].codec_context, "field_order", 0) or 0)
         return "top" if order in {2, 5} else "bottom" if order in {3, 4} else "none"
 
