@@ -217,7 +217,10 @@ def _fits(blob: Candidate, mark: MarkSettings) -> bool:
 
 
 def _blobs(name: str, colors: ColorMap, mask: NDArray[np.uint8]) -> list[Candidate]:
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    first_x, first_y, width, height = cv2.boundingRect(mask)
+    window = mask[first_y : first_y + height, first_x : first_x + width]
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(window, connectivity=8)
+    stats[:, :2] += first_x, first_y
     cell_area = colors.cell_px[0] * colors.cell_px[1]
     blobs = []
     for label in range(1, count):
@@ -225,7 +228,8 @@ def _blobs(name: str, colors: ColorMap, mask: NDArray[np.uint8]) -> list[Candida
         if area * cell_area < LEAST_AREA_PX2:
             continue
         part = slice(top, top + height), slice(left, left + width)
-        own = labels[part] == label
+        within = slice(top - first_y, top - first_y + height), slice(left - first_x, left - first_x + width)
+        own = labels[within] == label
         chroma = np.where(own, colors.chroma[part], 0)
         strong = own & (chroma > 0.5 * np.percentile(chroma[own], 90))  # the blob down to its half height
         if strong.sum() * cell_area < LEAST_AREA_PX2:
