@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from evaluator.tracking.follow import Follower
 from evaluator.tracking.repeated import repeated_pictures
 from evaluator.tracking.rigid import Distance, wrong_ends
-from evaluator.tracking.shading import learn_shading
 from evaluator.tracking.sighting import REPEATED, WRONG_DISTANCE
 from evaluator.tracking.uncertainty import hidden_variance, steady_times
 
@@ -43,7 +42,7 @@ def refine(
         follower = followers.get(name)
         if follower is None or not len(values):
             continue
-        shading = learn_shading(follower.look.disc, follower.black, *follower.slopes())
+        shading = follower.light.learnt(follower.look.disc)
         if shading is not None:
             shift, variance = shading.shift(values[:, :2])
             values[:, :2] -= shift

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.recording import Frame
+from evaluator.tracking import kernels
 from evaluator.tracking.disc import PER_PX, Disc
 
 Array = NDArray[np.float64]
@@ -46,6 +48,32 @@ def interior_px(disc: Disc) -> float:
     """
     inner = disc.radius_px - 2.5 * disc.blur_px
     return inner if inner > 4.0 else 0.0
+
+
+class LightNotes:
+    """Slopes of the luma inside a mark, gathered on its way."""
+
+    def __init__(self) -> None:
+        """Start with none."""
+        self.interior_px = 0.0  # of `interior_px`; 0: nothing is noted
+        self._black, self._slope = 0.0, np.zeros(2)
+        self._places: list[tuple[float, float]] = []
+        self._slopes: list[tuple[float, float]] = []
+
+    def note(self, frame: Frame, place: tuple[float, float]) -> None:
+        """Measure how unevenly a mark is lit at its centre, px."""
+        if self.interior_px == 0.0:
+            return
+        kernels.interior_slope(frame.luma, frame.row_origin, frame.row_step, *place, self.interior_px, self._slope)
+        self._black = 0.0 if frame.full_range else 16.0 * 2 ** (frame.depth - 8)
+        self._places.append(place)
+        self._slopes.append((float(self._slope[0]), float(self._slope[1])))
+
+    def learnt(self, disc: Disc) -> Shading | None:
+        """Uneven light as far as all notes tell; disc: of the mark."""
+        if not self._places:
+            return None
+        return learn_shading(disc, self._black, np.array(self._places), np.array(self._slopes))
 
 
 def learn_shading(disc: Disc, black: float, centers_px: Array, slopes: Array) -> Shading | None:

@@ -106,7 +106,7 @@ class Tracker:
                 self._relearn(follower, follower.views[:: -(-len(follower.views) // LEARNING_FRAMES)])
                 self._agree()
             if not frame.index & (SHADING_MASK if follower.seen < SHADED else RARELY_MASK):
-                follower.note_shading(frame)
+                follower.note_light(frame)
         elif follower.missed > PATIENCE and follower.seen < LEARNING_FRAMES:
             del self.followers[name]
 
