@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 # pictures the prior wins, and nothing is taken out.
 PRIOR = np.diag([1e-3, 5e-6, 5e-6]) ** 2
 LEAST = 20
+FAR, ROUNDS = 4.0, 3  # sigmas beyond which a slope is not the light's; fits, each without the last one's outliers
 
 
 @dataclass(frozen=True)
@@ -87,9 +88,16 @@ def learn_shading(disc: Disc, black: float, centers_px: Array, slopes: Array) ->
         return None
     origin = centers_px[seen].mean(axis=0)
     basis, beta = _basis(centers_px[seen], origin), slopes[seen] / light
-    variance = float(np.mean((1.4826 * np.median(np.abs(beta - np.median(beta, axis=0)), axis=0)) ** 2)) + 1e-18
-    covariance = np.linalg.inv(basis.T @ basis / variance + np.linalg.inv(PRIOR))
-    coefficients = np.asarray(covariance @ basis.T @ beta / variance)
+    usual = np.median(beta, axis=0)
+    for _ in range(ROUNDS):
+        # A wire or a glare that passes makes slopes thirty times those of the light: they have no say.
+        off = beta - usual
+        spread = 1.4826 * np.median(np.abs(off), axis=0) + 1e-9
+        kept = (np.abs(off) < FAR * spread).all(axis=1)
+        variance = float(np.mean(spread**2))
+        covariance = np.linalg.inv(basis[kept].T @ basis[kept] / variance + np.linalg.inv(PRIOR))
+        coefficients = np.asarray(covariance @ basis[kept].T @ beta[kept] / variance)
+        usual = basis @ coefficients
     return Shading(origin, coefficients, np.asarray(covariance), _gain(disc, black))
 
 
