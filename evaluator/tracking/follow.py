@@ -218,7 +218,7 @@ class Follower:
         self, frame: Frame, cell: Array, seen: Point, place: Point, reach_px: float, *, crowded: bool
     ) -> Sighting:
         self._fitted = self._result.tolist()
-        x, y, amplitude, _, var_x, var_y, cov_xy, residual, used, inside, pixels, _, _ = self._fitted
+        x, y, amplitude, _, var_x, var_y, cov_xy, residual, used, inside, pixels, slope, _ = self._fitted
         reach, slack = reach_px + 0.5 * self.radius_px + 1.0, 0.5 * self.radius_px + 1.0
         reason = ""
         if x != x:  # noqa: PLR0124 - NaN: no fit
@@ -239,6 +239,7 @@ class Follower:
         # scatter; a chance calm keeps it.
         chance = (2.0 / max(pixels, 1.0)) ** 0.5
         scale = max(1.0, residual - chance) + LIKENESS * pixels * max(residual - 1.0 - ODD * self._scatter, 0.0)
+        self.light.note_fit(frame.time_s, sloped=slope != 0.0)
         return Sighting(x, y, scale * var_x, scale * var_y, scale * cov_xy, OK)
 
     def keep_view(self, frame: Frame) -> None:
@@ -254,7 +255,7 @@ class Follower:
 
     def note_light(self, frame: Frame) -> None:
         """Note how unevenly the mark is lit where it was just seen."""
-        if not self.missed and self.position is not None:
+        if not self.missed and self.position is not None and self._fitted[kernels.SLOPE_X] == 0.0:
             self.light.note(frame, self.position)
 
     def _crowd(self, frame: Frame, cell: Array, place: Point, slack: float) -> str:

@@ -33,7 +33,7 @@ def refine(
     kinds: of the pictures. numbers: per mark (n, 5) of x, y, their variances and covariance, px and px², NaN if absent.
     status: per mark, of every picture.
     """
-    kind, time_s = np.array(list(kinds), dtype=str), steady_times(time_s)
+    kind, times, time_s = np.array(list(kinds), dtype=str), time_s, steady_times(time_s)
     again = repeated_pictures([values[:, :2] for values in numbers.values()])
     for (name, values), shown in zip(numbers.items(), again, strict=True):
         values[shown] = np.nan
@@ -45,8 +45,9 @@ def refine(
         shading = follower.light.learnt(follower.look.disc)
         if shading is not None:
             shift, variance = shading.shift(values[:, :2])
-            values[:, :2] -= shift
-            values[:, 2:4] += variance[:, None]
+            shifted = follower.light.shifted(times)
+            values[shifted, :2] -= shift[shifted]
+            values[shifted, 2:4] += variance[shifted, None]
         _allow_for_onsets(values)
         values[:, 2:4] += hidden_variance(time_s, values[:, :2], values[:, 2:4].mean(axis=1), kind)[:, None]
     for first, second in combinations(numbers, 2):

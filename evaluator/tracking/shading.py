@@ -60,6 +60,15 @@ class LightNotes:
         self._black, self._slope = 0.0, np.zeros(2)
         self._places: list[tuple[float, float]] = []
         self._slopes: list[tuple[float, float]] = []
+        self._sloped: set[float] = set()
+
+    def note_fit(self, time_s: float, *, sloped: bool) -> None:
+        """Note whether the fit at a time took out a slope itself: what it gives is not shifted any more."""
+        (self._sloped.add if sloped else self._sloped.discard)(time_s)
+
+    def shifted(self, time_s: Array) -> NDArray[np.bool_]:
+        """Whether uneven light shifts the centres that were fitted at times (n,)."""
+        return ~np.isin(time_s, list(self._sloped))
 
     def note(self, frame: Frame, place: tuple[float, float]) -> None:
         """Measure how unevenly a mark is lit at its centre, px."""
