@@ -7,6 +7,7 @@ before their callers, so a kernel is compiled anew where any file with kernels d
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -41,5 +42,6 @@ def _forget_stale(function: Callable[..., Any], kernel: Any) -> None:
         _youngest_source_s = max(_youngest_source_s, Path(source).stat().st_mtime)
     pattern = f"{Path(source).stem}.{function.__qualname__}-*.nbi"
     for index in Path(kernel.stats.cache_path).glob(pattern):
-        if index.stat().st_mtime < _youngest_source_s:
-            index.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):  # another process that starts at the same time may be first
+            if index.stat().st_mtime < _youngest_source_s:
+                index.unlink()

@@ -31,6 +31,9 @@ MOST_TRIES = 4  # rejections in a row mean that a wheel sticks or turns over
 CREEPING_STEP_S, MOST_CREEPING = 1e-5, 40  # so many such steps in a row mean the same
 # Steps grow with the time since the last break of the command, but where a method chatters over a bend for ever.
 CHATTERING_SHARE = 3e-3
+# Nothing physical is faster than SHORTEST_STEP_S: many steps in a row a thousand times shorter mean that the forces
+# jump at this state (a motor that droops more than its load lets it settle), and that no motion follows from them.
+STALLED_STEP_S, MOST_STALLED = 2e-9, 60
 SHORTEST_STEP_S = 2e-6  # a fraction of the shortest relaxation of rolling wheels
 USUAL_TOLERANCE_MM = 1e-6  # for these two; below it, steps of order 4 shrink with its fourth root
 LONGEST_TURN_RAD = 1.0  # within one step, where the series for the twist is exact to 1e-9
@@ -165,7 +168,7 @@ def integrate_run(
     y[:3] = 0.0
     y[3:] = state[3:]
     out[0] = state
-    row, used, creeping = 1, 0, 0
+    row, used, creeping, stalled = 1, 0, 0, 0
     shrinking = min(1.0, (tolerance / USUAL_TOLERANCE_MM) ** 0.25)
     for number in range(len(segments)):
         segment = segments[number]
@@ -223,13 +226,14 @@ def integrate_run(
                     end,
                 )
                 stages[:] = 0.0  # outputs within the step are on the straight line
-            if tried == 0.0 or used >= MOST_STEPS:
+            if tried == 0.0 or used >= MOST_STEPS or stalled >= MOST_STALLED:
                 return FAILED, used
             if not replay and used < len(plan):
                 plan[used, 0], plan[used, 1] = number, -tried if sticking else tried
             used += 1
             small = shrinking * max(CREEPING_STEP_S, shrinking * CHATTERING_SHARE * (time - segment[BEGIN]))
             creeping = creeping + 1 if tried < small else 0
+            stalled = stalled + 1 if tried < STALLED_STEP_S * min(shrinking, remaining) else 0
             following = segment[END] if tried >= remaining else time + tried
             row = _write_step(
                 out, times, row, following, last and tried >= remaining, time, tried, pose, y, stages, end, work

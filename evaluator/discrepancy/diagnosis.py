@@ -51,6 +51,7 @@ MISSED = 2.5
 ASTRAY_SHARE = 0.125
 SETTLED_NOISE = 0.9  # a search is repeated where its best model lowers the noise below this share
 RIVALS_KEPT = 4
+SWAP_SIGMAS, SWAPS = 10.0, 4
 FREE_REFITTED = 3
 PROMISING_FREE = 6.0  # gain in log evidence at which a free-form term is fitted; its prior takes eight
 
@@ -106,6 +107,7 @@ def diagnose(session: Session, progress: Progress) -> Diagnosis:
     large = is_large(problem, start)
     run_search(part, start, progress, short_horizon_fits(part, start, progress) if large else ())
     part = _with_settled_noise(part, progress, large=large)
+    _swap(part)
     problem = part.problem
     everything = _on_all_runs(part, terms)
     _challenge(everything, free, progress)
@@ -192,6 +194,17 @@ def _with_settled_noise(part: Search, progress: Progress, *, large: bool) -> Sea
     return part
 
 
+def _swap(part: Search) -> None:
+    """Fit what could stand for an effect of the best set: a linear view overlooks what sticks."""
+    best = part.ranked()[0]
+    for effect, others in (separations(part, best) if best else {}).items():
+        near = sorted((sigmas, other) for other, sigmas in others.items() if other and sigmas < SWAP_SIGMAS)
+        for _, other in near[:SWAPS]:
+            ids = best - {effect} | {other}
+            if ids not in part.fits and ids not in part.failed:
+                fit_set(part, ids, {}, part.null if len(ids) == 1 else part.fits[best])
+
+
 def _on_all_runs(part: Search, terms: Mapping[str, Term]) -> Search:
     """The best sets of a search fitted again, on all runs."""
     whole = Search(part.problem, terms, part.tolerance, tuple(range(len(part.problem.data))))
@@ -199,7 +212,7 @@ def _on_all_runs(part: Search, terms: Mapping[str, Term]) -> Search:
     # the null is kept even where its misfit is too large to converge: everything is measured against it
     whole.fits[frozenset()] = fit_model(part.problem, part.null.point, [], part.tolerance, whole.runs)
     wanted = {ids for ids in leading if ids}
-    wanted |= {ids - {effect} for ids in leading[:1] for effect in ids if len(ids) > 1}  # for the drop-one tests
+    wanted |= {ids - {effect} for ids in leading for effect in ids if len(ids) > 1}  # for the drop-one tests
     for ids in sorted(wanted, key=lambda ids: (len(ids), sorted(ids))):
         origin = part.fits.get(ids) or part.null
         fit_set(whole, ids, {effect: origin.point.terms.get(effect, terms[effect].neutral) for effect in ids}, origin)

@@ -24,6 +24,7 @@ SETTLED = 0.05
 # A step that fails at this promise met the noise of finite differences, not a wrong direction.
 STALLED = 0.5
 DAMPINGS = (1.0, 0.4, 0.12, 0.03)
+MOST_TOLERANCES = 5.0  # of a nominal value: farther is not recalibration but another robot
 OWN_PASSES = 8
 OWN_SETTLED = 0.02  # of one run's -2 log density: a hundredth of a sigma
 SHORTER = 0.3
@@ -85,7 +86,7 @@ def fit_model(
         scatter = posterior.scatter
         theta = np.array([point.value(column) for column in columns])
         now = _objective(linear, theta, point.own[list(chosen), 3:], prior, scatter)
-        goal = _bounded_goal(reduced, columns, prior, scatter)
+        goal = _bounded_goal(reduced, columns, tolerance, prior, scatter)
         promise = now - _objective(linear, goal, run_effects(reduced, goal, scatter)[0], prior, scatter)
         if promise < SETTLED:
             converged = True
@@ -200,10 +201,11 @@ def _at(point: Point, columns: Sequence[Column], theta: Floats) -> Point:
     return Point(point.own, nominal, {effect: tuple(value) for effect, value in values.items()})
 
 
-def _bounded_goal(reduced: Reduced, columns: Sequence[Column], prior: Floats, scatter: Floats) -> Floats:
+def _bounded_goal(
+    reduced: Reduced, columns: Sequence[Column], tolerance: Mapping[str, float], prior: Floats, scatter: Floats
+) -> Floats:
     """Most probable common parameters inside their bounds: what would leave is held at the bound it meets."""
-    low = np.array([-np.inf if c.term is None else c.term.coordinates[c.coordinate].low - c.neutral for c in columns])
-    high = np.array([np.inf if c.term is None else c.term.coordinates[c.coordinate].high - c.neutral for c in columns])
+    low, high = np.array([_bounds(column, tolerance) for column in columns]).reshape(-1, 2).T
     held = np.full(len(columns), np.nan)
     while True:
         free = np.isnan(held)
@@ -215,6 +217,15 @@ def _bounded_goal(reduced: Reduced, columns: Sequence[Column], prior: Floats, sc
         if not outside.any():
             return goal
         held[outside] = np.clip(goal, low, high)[outside]
+
+
+def _bounds(column: Column, tolerance: Mapping[str, float]) -> tuple[float, float]:
+    """How far a parameter may go from neutral: a nominal value by few tolerances, and never to nothing."""
+    if column.term is None:
+        most = min(MOST_TOLERANCES * tolerance[column.key], MOST_SCATTER)
+        return -most, most
+    coordinate = column.term.coordinates[column.coordinate]
+    return coordinate.low - column.neutral, coordinate.high - column.neutral
 
 
 def place_runs(problem: Problem, point: Point, runs: Sequence[int], scatter: Floats) -> Point:

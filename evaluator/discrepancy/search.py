@@ -23,7 +23,7 @@ from evaluator.discrepancy.terms import Term
 # Prior of no, one, two, three effects. A lab that asks is as likely as not to have one; each further one is rarer.
 SIZE_PRIOR = (0.5, 0.35, 0.12, 0.03)
 LARGEST_SET = 3
-SINGLES_REFITTED = 5
+SINGLES_REFITTED = 7
 ADDITIONS_REFITTED = 3
 PAIRS_FROM_NULL = 2
 PAIRED = 14  # offers whose pairs are screened at the null

@@ -20,6 +20,9 @@ from scipy import stats
 from evaluator.discrepancy.workflow import diagnose_experiment
 from tests.benchmarks.bank.draw import SIZES, Drawn, draw
 from tests.benchmarks.bank.outside import KINDS
+from tests.benchmarks.bank.visible import visible_sigmas
+
+DETECTABLE_SIGMAS = 5.0
 
 
 def main() -> None:
@@ -27,9 +30,14 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__)
     for name in ("clean", "singles", "pairs", "outside"):
         arguments.add_argument(f"--{name}", type=int, default=0)
-    arguments.add_argument("--seed", type=int, required=True)
+    arguments.add_argument("--seed", type=int, default=0)
     arguments.add_argument("--minutes", type=float, default=1e6, help="stop drawing after so many minutes")
+    arguments.add_argument("--rows", type=Path, help="append every scored answer to this file, as JSON")
+    arguments.add_argument("--table", type=Path, nargs="*", help="only print the table of these files")
     chosen = arguments.parse_args()
+    if chosen.table:
+        print(table([json.loads(line) for path in chosen.table for line in path.read_text().splitlines()]))
+        return
     ends = time.monotonic() + 60 * chosen.minutes
     kinds = (
         [("clean", "")] * chosen.clean
@@ -47,13 +55,16 @@ def main() -> None:
             drawn = draw(np.random.default_rng([chosen.seed, int(number)]), kind, Path(folder) / f"e{number}", name)
             rows.append(_answer(drawn))
             print(_line(rows[-1]), flush=True)
-    print(_table(rows))
+            if chosen.rows:
+                with chosen.rows.open("a", encoding="utf-8") as file:
+                    print(json.dumps(rows[-1], default=list), file=file)
+    print(table(rows))
 
 
 def _answer(drawn: Drawn) -> dict[str, Any]:
     """One diagnosis, scored."""
     began = time.perf_counter()
-    _, found = diagnose_experiment(drawn.folder / "experiment.toml", drawn.folder / "out", _silent)
+    diagnosis, found = diagnose_experiment(drawn.folder / "experiment.toml", drawn.folder / "out", _silent)
     truth, named = set(drawn.label["effects"]), {effect["id"]: effect for effect in found["effects"]}
     credited = {name: {name, *effect["equivalent"]} for name, effect in named.items()}
     hit = {item for item in truth if any(item in group for group in credited.values())}
@@ -64,15 +75,19 @@ def _answer(drawn: Drawn) -> dict[str, Any]:
         if not name.endswith(("azimuth_deg", "phase_deg", "direction_deg"))
     ]
     gap = found["gap"] or {}
+    seconds = time.perf_counter() - began
+    label = dict(drawn.label)
+    sigmas = {name: visible_sigmas(diagnosis, shift, label["scatter"]) for name, shift in label.pop("shifts").items()}
     return {
-        **drawn.label,
+        **label,
         "verdict": found["verdict"],
         "named": sorted(named),
         "exact": found["verdict"] == "effect" and truth == set(named),
         "credit": found["verdict"] == "effect" and hit == truth and len(named) == len(truth),
         "inside": inside,
         "gap": gap["after"]["held_out"] / gap["noise_floor"] if gap and gap["after"]["held_out"] else float("nan"),
-        "seconds": time.perf_counter() - began,
+        "sigmas": sigmas,
+        "seconds": seconds,
     }
 
 
@@ -85,7 +100,8 @@ def _line(row: dict[str, Any]) -> str:
     truth = row["outside"] + f" {row['size']:.3g}" if row["outside"] else json.dumps(sizes)
     return (
         f"{row['kind']:8} {truth} -> {row['verdict']} {row['named']} credit={row['credit']} "
-        f"inside={sum(row['inside'])}/{len(row['inside'])} gap={row['gap']:.2f} {row['seconds']:.0f} s"
+        f"inside={sum(row['inside'])}/{len(row['inside'])} gap={row['gap']:.2f} "
+        f"visible={min(row['sigmas'].values(), default=0.0):.1f} {row['seconds']:.0f} s"
     )
 
 
@@ -96,7 +112,7 @@ def _share(hits: int, count: int) -> str:
     return f"{hits}/{count} = {hits / count:.1%} ({interval.low:.1%} to {interval.high:.1%})"
 
 
-def _table(rows: list[dict[str, Any]]) -> str:
+def table(rows: list[dict[str, Any]]) -> str:
     def of(kind: str) -> list[dict[str, Any]]:
         return [row for row in rows if row["kind"] == kind]
 
@@ -105,6 +121,10 @@ def _table(rows: list[dict[str, Any]]) -> str:
 
     clean, single, pair, outside = of("clean"), of("single"), of("pair"), of("outside")
     inside = [value for row in rows for value in row["inside"]]
+
+    def seen(part: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        return [row for row in part if min(row["sigmas"].values()) > DETECTABLE_SIGMAS]
+
     gaps = [row["gap"] for row in single + pair if row["credit"] and np.isfinite(row["gap"])]
     return "\n".join(
         [
@@ -112,10 +132,14 @@ def _table(rows: list[dict[str, Any]]) -> str:
             f"false alarms on clean data      {_share(sum(row['verdict'] != 'none' for row in clean), len(clean))}",
             f"singles named, exact            {_share(sum(row['exact'] for row in single), len(single))}",
             f"singles named, with equivalents {_share(sum(row['credit'] for row in single), len(single))}",
+            f"  of those visible at 5 sigmas  {_share(sum(row['credit'] for row in seen(single)), len(seen(single)))}",
             f"singles taken for none          {verdicts(single, 'none')}",
             f"pairs, both named               {_share(sum(row['credit'] for row in pair), len(pair))}",
+            f"  of those visible at 5 sigmas  {_share(sum(row['credit'] for row in seen(pair)), len(seen(pair)))}",
             f"outside called unknown          {verdicts(outside, 'unknown')}",
             f"outside misnamed                {verdicts(outside, 'effect')}",
+            f"  visible at 5 sigmas: unknown  {verdicts(seen(outside), 'unknown')}",
+            f"  visible at 5 sigmas: misnamed {verdicts(seen(outside), 'effect')}",
             f"95 % intervals that cover       {_share(sum(inside), len(inside))}",
             f"gap kept aside / noise floor    {np.median(gaps):.3f}, 90 % {np.quantile(gaps, 0.9):.3f}" if gaps else "",
             f"seconds per experiment          median {np.median([row['seconds'] for row in rows]):.0f}",

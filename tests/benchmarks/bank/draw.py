@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from simulator.command import Command
@@ -16,6 +17,8 @@ from simulator.observation import marks_of_run
 from simulator.robot import Effect, Robot, load_robot
 from simulator.run import State
 from tests.benchmarks.bank.outside import KINDS, marks_of
+
+Array = NDArray[np.float64]
 
 # Sizes from just detectable to large; a sign or a direction is drawn where it has one.
 SIZES: dict[str, dict[str, tuple[float, float]]] = {
@@ -73,8 +76,9 @@ def draw(rng: np.random.Generator, kind: str, folder: Path, name: str = "") -> D
         _, low, high = KINDS[outside]
         size = float(np.exp(rng.uniform(np.log(low), np.log(high))))
     nominal = load_robot("barrel")
-    _write(rng, folder, nominal, effects, outside, size)
-    return Drawn(folder, {"kind": kind, "effects": effects, "outside": outside, "size": size})
+    shifts, scatter = _write(rng, folder, nominal, effects, outside, size)
+    label = {"kind": kind, "effects": effects, "outside": outside, "size": size, "shifts": shifts, "scatter": scatter}
+    return Drawn(folder, label)
 
 
 def _sized(rng: np.random.Generator, effect: str) -> dict[str, float]:
@@ -92,8 +96,12 @@ def _sized(rng: np.random.Generator, effect: str) -> dict[str, float]:
 
 def _write(
     rng: np.random.Generator, folder: Path, nominal: Robot, effects: dict[str, Any], outside: str, size: float
-) -> None:
+) -> tuple[dict[str, list[Array]], Array]:
+    """Write an experiment; gives, for the scorer, what each hidden effect does to the marks (n, 4) of every run, mm,
+    and the run-to-run scatter of friction and the two wheels' gains.
+    """
     folder.mkdir(parents=True)
+    shifts: dict[str, list[Array]] = {name: [] for name in (effects or ([outside] if outside else []))}
     true = _slip_changed(nominal, {key.split(".")[1]: 1 + rng.normal() * tol for key, tol in TOLERANCE.items()})
     true = true.model_copy(update={"effect": tuple(Effect(id=key, **values) for key, values in effects.items())})
     runs, count = ['format = 1\nname = "drawn"\nrobot = "robot.toml"\n'], int(rng.integers(16, 25))
@@ -107,10 +115,15 @@ def _write(
         pose = (rng.uniform(-12, 12), rng.uniform(-12, 12), rng.uniform(-np.pi, np.pi))
         rpm = (left * gains[0], right * gains[1])
         if outside:
+            bare = marks_of(own, KINDS[outside][0], 0.0, rpm, start, time, pose)
             marks = np.column_stack([time, marks_of(own, KINDS[outside][0], size, rpm, start, time, pose)])
+            shifts[outside].append(marks[:, 1:] - bare)
         else:
-            run = simulate(own, Command.constant(*rpm, start), time, State(*pose), run_index=number)
-            marks = marks_of_run(own, run).to_numpy(copy=True)
+            command = Command.constant(*rpm, start)
+            marks = _seen(own, command, time, pose, number)
+            for name in effects:
+                less = own.model_copy(update={"effect": tuple(item for item in own.effect if item.id != name)})
+                shifts[name].append((marks - _seen(less, command, time, pose, number))[:, 1:])
         white = rng.normal(size=(len(time) + 300, 4)) * np.sqrt(1 - decay**2)
         marks[:, 1:] += sigma * np.asarray(lfilter([1], [1, -decay], white, axis=0))[300:]
         header = "time_s,green_x_mm,green_y_mm,yellow_x_mm,yellow_y_mm"
@@ -119,6 +132,13 @@ def _write(
                     f'marks = "r{number:02d}.csv"\n')  # fmt: skip
     (folder / "experiment.toml").write_text("\n".join(runs), encoding="utf-8")
     (folder / "robot.toml").write_text(_robot_text(), encoding="utf-8")
+    return shifts, np.array([friction, gain, gain])
+
+
+def _seen(robot: Robot, command: Command, time_s: Array, pose: tuple[float, float, float], number: int) -> Array:
+    """Time and marks, (n, 5), of a run of this number."""
+    run = simulate(robot, command, time_s, State(*pose), run_index=number)
+    return marks_of_run(robot, run).to_numpy(copy=True)
 
 
 def _slip_changed(robot: Robot, factors: dict[str, float]) -> Robot:
