@@ -24,9 +24,9 @@ DISTURBED = 1.5
 SUSPECT, ODD = 2.0, 3.0
 SLOPING = 12.0  # fall of the squares, in variances, that two slopes bring by chance once in 400 pictures
 # A slope that was there from the start, or came slowly, looks just like a shift: it is looked for in every eighth
-# picture, and in the eight after one that has it. Lenses and lamps change by up to 0.3 % a pixel (`shading`),
+# picture, and in the eight after one that has it. Lenses and lamps change by about 0.1 % a pixel (`shading`),
 # reflections by more.
-LOOKOUT, GLARING = 8, 3e-3
+LOOKOUT, GLARING = 8, 1.5e-3
 SMALLEST_PX = 2.0  # radius of a mark's even inside that a slope can be seen in
 PER_MEDIAN = 1.4826  # sigma over median deviation
 # A disturbance that looked just like a shift would move the centre by √pixels times its own share of the noise; real
