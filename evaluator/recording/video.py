@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from fractions import Fraction
 from itertools import islice
 from typing import Any, Literal
@@ -13,6 +14,7 @@ from evaluator.errors import InputError
 from evaluator.recording.fields import Fields, field_order, fields_of
 from evaluator.recording.frame import Frame
 from evaluator.recording.layout import Layout
+from evaluator.recording.parallel import decoded, decoders_for
 from evaluator.recording.timing import TimingReport, summarise
 
 PROBED = 120  # pictures looked at for torn edges: four seconds, by when a robot has moved
@@ -100,16 +102,19 @@ class Recording:
     def _pictures(self, count: Callable[[Frame], None] | None) -> Iterator[Frame]:
         """Every picture of the recording, not yet taken apart into fields."""
         container, self._opened = self._opened or self._open(), None
-        with container:
+        with ExitStack() as opened:
+            opened.enter_context(container)
             stream = container.streams.video[0]
             # Frame threads are fastest but hold back a picture a thread; a live source must not wait for them.
             stream.thread_type = "SLICE" if self.live else "AUTO"
             stream.codec_context.thread_count = self._threads
+            count_of_decoders = 1 if self.live else decoders_for(stream, self._threads)
+            streams = [stream, *(self._again(opened) for _ in range(1, count_of_decoders))]
             layout: Layout | None = None
             origin = None if container.format.name in STREAMED or self.live else 0
             frame: Frame | None = None
             index = 0
-            for picture in self._decoded(container, stream):
+            for picture in self._decoded(container.demux(stream), streams):
                 ticks = self._ticks_of(picture, index)
                 origin = ticks if origin is None else origin
                 if layout is None or not layout.fits(picture):
@@ -125,11 +130,10 @@ class Recording:
         """Whether the recording is interlaced: what the file says, else what the pictures show."""
         if self.live:
             return "none"
-        rate = self.nominal_rate
-        probe = Recording(self.name, format_name=self._format, fields="none")
-        said = probe._said_order()
+        said, rate = self._said_order(), self.nominal_rate
         if said == "none" and (rate is None or rate > SLOWEST_PROGRESSIVE):
             return "none"
+        probe = Recording(self.name, format_name=self._format, fields="none")
         try:
             seen = field_order(islice(probe, PROBED))
         except InputError:
@@ -138,6 +142,7 @@ class Recording:
 
     def _said_order(self) -> Literal["none", "top", "bottom"]:
         # FFmpeg's AVFieldOrder: 2 and 5 show the top field first, 3 and 4 the bottom field.
+        self._opened = self._opened or self._open()
         order = int(getattr(self._opened.streams.video[0].codec_context, "field_order", 0) or 0)
         return "top" if order in {2, 5} else "bottom" if order in {3, 4} else "none"
 
@@ -145,19 +150,23 @@ class Recording:
         rate = self.nominal_rate or Fraction(30)
         return round(1 / (rate * self.tick))
 
-    def _decoded(self, container: Any, stream: Any) -> Iterator[Any]:
+    def _again(self, opened: ExitStack) -> Any:
+        """Open the stream once more, until `opened` is left."""
+        return opened.enter_context(self._open()).streams.video[0]
+
+    def _decoded(self, packets: Iterator[Any], streams: list[Any]) -> Iterator[Any]:
         """Every picture that decodes; stops, with a note, where nothing more can be read."""
-        packets = container.demux(stream)
+        results = decoded(packets, streams)
         while True:
             try:
-                packet = next(packets)
+                result = next(results)
             except StopIteration:
                 return
             except (av.error.FFmpegError, OSError) as error:
                 self._notes.append(f"the recording cannot be read beyond picture {len(self._ticks)} ({_reason(error)})")
                 return
             try:
-                pictures = packet.decode()
+                pictures = result()
             except (av.error.FFmpegError, OSError) as error:
                 note = f"damaged data near picture {len(self._ticks)} ({_reason(error)})"
                 if not self._notes:

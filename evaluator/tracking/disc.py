@@ -12,9 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import i1e
+from scipy.special import i0e, i1e
 
 from evaluator.tracking import kernels
+from evaluator.tracking.shape_kernel import PRODUCTS, add_products
 
 Array = NDArray[np.float64]
 PER_PX = 32  # entries of the profile a pixel: linear interpolation is then exact to 1e-4 of the amplitude
@@ -59,6 +60,13 @@ def tabulate(radius_px: float, blur_px: float) -> tuple[Array, Array]:
     slope = -(radius_px / s2) * np.exp(-((r - radius_px) ** 2) / (2 * s2)) * i1e(r * radius_px / s2)
     middle = np.concatenate([[0.0], np.cumsum((slope[1:] + slope[:-1]) / 2)]) / PER_PX
     return np.ascontiguousarray(middle - middle[-1]), np.ascontiguousarray(slope)
+
+
+def _by_radius(radius_px: float, blur_px: float) -> Array:
+    """Derivative of the profile by the disc's radius: a ring blurred, at the radii of `tabulate`."""
+    r = np.arange(0.0, radius_px + 6.0 * blur_px + 2.0, 1.0 / PER_PX)
+    s2 = blur_px**2
+    return np.asarray((radius_px / s2) * np.exp(-((r - radius_px) ** 2) / (2 * s2)) * i0e(r * radius_px / s2))
 
 
 def make_disc(
@@ -187,25 +195,19 @@ def _pooled(
 ) -> tuple[Array, Array, list[tuple[Array, Array]], float, int]:
     """Normal equations of the shared unknowns; per patch the own step at no move and its derivative by the move."""
     radius, blur = np.exp(shared[:2])
-    tables = [tabulate(radius, blur), tabulate(radius * 1.001, blur), tabulate(radius, blur * 1.001)]
+    shape, outer = np.array([radius, blur, *shared[2:]]), _outer(radius, blur)
+    tables = np.stack([*tabulate(radius, blur), _by_radius(radius, blur)])
     matrix, right, steps, total, count = np.zeros((4, 4)), np.zeros(4), [], 0.0, 0
+    products = np.empty((PRODUCTS, PRODUCTS))
     for patch, weight, mine in zip(patches, weights, own, strict=True):
-        dx, dy, r = _radii(patch, shared, mine)
-        p, p_radius, p_blur = (_look_up(table[0], r) for table in tables)
-        g = mine[2] * _look_up(tables[0][1], r)
-        near = np.sqrt(weight) * (r < _outer(radius, blur))
-        residual = (patch.value - mine[3] - mine[2] * p) * near
-        rx, ry = ((1 + shared[2]) * dx + shared[3] * dy) / r, (shared[3] * dx + (1 - shared[2]) * dy) / r
-        by_own = np.column_stack([-g * rx, -g * ry, p, np.ones_like(p)]) * near[:, None]
-        columns = [mine[2] * (p_radius - p) / 1e-3, mine[2] * (p_blur - p) / 1e-3]
-        by_shared = np.column_stack([*columns, g * (dx**2 - dy**2) / (2 * r), g * dx * dy / r]) * near[:, None]
-        inverse = np.linalg.inv(by_own.T @ by_own + 1e-9 * np.eye(4))
-        first, cross = inverse @ (by_own.T @ residual), inverse @ (by_own.T @ by_shared)
-        matrix += by_shared.T @ (by_shared - by_own @ cross)
-        right += by_shared.T @ (residual - by_own @ first)
+        count += add_products(patch.x, patch.y, patch.value, weight, shape, outer, mine, tables, PER_PX, products)
+        full = products + np.triu(products, 1).T
+        both, inverse = full[:4, 4:8], np.linalg.inv(full[:4, :4] + 1e-9 * np.eye(4))
+        first, cross = inverse @ full[:4, 8], inverse @ both
+        matrix += full[4:8, 4:8] - both.T @ cross
+        right += full[4:8, 8] - both.T @ first
         steps.append((first, cross))
-        total += float(residual @ residual)
-        count += int((near > 0).sum())
+        total += float(full[8, 8])
     return matrix, right, steps, total, count
 
 

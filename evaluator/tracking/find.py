@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.recording import Frame
+from evaluator.recording.frame import Plane
 from evaluator.tracking.choose import Candidate, choose
 from evaluator.tracking.settings import Box, MarkSettings, TrackingSettings
 
@@ -24,6 +25,7 @@ SAME = 1.25  # blobs of two levels are one where their radii differ by less, and
 # Share of the plate's tint that the lamp has, degrees by which hues lie beyond their usual ranges, and the log odds
 # against it: a plate may be coloured itself, a camera may render yellow as orange.
 UNUSUAL = ((0.0, 0.0, 2.0), (1.0, 15.0, 4.0), (0.0, 15.0, 6.0))
+SAMPLE = 1 << 14  # cells that medians are taken of: known to a hundredth of their spread
 GOOD = -4.0  # log-likelihood of two blobs that look like marks (98 % of pairs that are): nothing unusual is tried
 UNSEEN = 30.0  # as bad as a mark can score, and more
 
@@ -32,17 +34,17 @@ UNSEEN = 30.0  # as bad as a mark can score, and more
 class ColorMap:
     """A picture's colours at the resolution of its colour planes.
 
-    hue_deg: HSV hue against the neutral. chroma: largest minus smallest of the balanced R, G, B, levels of 8 bits.
-    floor: chroma that the picture's own noise and tints reach. neutral_uv: (u, v) of the plate. u, v: the planes,
-    levels of their own depth.
+    chroma: (rows, columns), largest minus smallest of the balanced R, G, B, levels of 8 bits. floor: chroma that the
+    picture's own noise and tints reach. colorful: (m,), the cells above it, counted along the rows; hue_deg: (m,),
+    their HSV hue against the neutral. u, v: the planes, levels of their own depth.
     """
 
-    hue_deg: NDArray[np.float32]
     chroma: NDArray[np.float32]
     floor: float
-    neutral_uv: tuple[float, float]
-    u: NDArray[np.float32]
-    v: NDArray[np.float32]
+    colorful: NDArray[np.intp]
+    hue_deg: NDArray[np.float32]
+    u: Plane
+    v: Plane
     cell_px: tuple[float, float]
     origin_px: tuple[float, float]
 
@@ -65,8 +67,7 @@ def color_map(frame: Frame, allowed: NDArray[np.bool_], balance: float = 1.0) ->
     across, down = cell_of(frame)
     small = cv2.resize(np.ascontiguousarray(frame.luma), (columns, rows), interpolation=cv2.INTER_AREA)
     luma = small.astype(np.float32) * scale
-    u, v = frame.u.astype(np.float32), frame.v.astype(np.float32)
-    du, dv = u * scale - np.float32(128), v * scale - np.float32(128)
+    du, dv = frame.u * scale - np.float32(128), frame.v * scale - np.float32(128)
     if not frame.full_range:
         luma = (luma - np.float32(16)) * np.float32(255 / 219)
         du, dv = du * np.float32(255 / 224), dv * np.float32(255 / 224)
@@ -74,38 +75,44 @@ def color_map(frame: Frame, allowed: NDArray[np.bool_], balance: float = 1.0) ->
     red, blue = luma + np.float32(2 * (1 - kr)) * dv, luma + np.float32(2 * (1 - kb)) * du
     green = (luma - np.float32(kr) * red - np.float32(kb) * blue) / np.float32(1 - kr - kb)
     rgb = [red, green, blue]
-    middle = np.array([max(float(np.median(plane[allowed])), 1.0) for plane in rgb])
+    sample = sampled(allowed)
+    middle = np.array([max(float(np.median(plane[sample])), 1.0) for plane in rgb])
     # Lamps from candle to blue sky stay within a factor of two between channels.
     gain = np.clip(middle.mean() / middle, 0.6, 1.7) ** balance
     balanced = [plane * np.float32(factor) for plane, factor in zip(rgb, gain, strict=True)]
-    hue, chroma = _hue_and_chroma(balanced)
-    typical = chroma[allowed]
+    chroma = np.maximum(np.maximum(*balanced[:2]), balanced[2]) - np.minimum(np.minimum(*balanced[:2]), balanced[2])
+    typical = chroma[sample]
     spread = float(np.median(np.abs(typical - np.median(typical)))) * 1.4826
     floor = max(float(np.median(typical)) + 6 * spread, 14.0)
-    neutral = neutral_of(frame, allowed)
+    colorful = np.flatnonzero(chroma > floor)
+    hue = _hue([plane.ravel()[colorful] for plane in balanced])
     cell = float(across), float(down * frame.row_step)
     origin = (across - 1) / 2, frame.row_origin + (down - 1) / 2 * frame.row_step
-    return ColorMap(hue, chroma, floor, neutral, u, v, cell, origin)
+    return ColorMap(chroma, floor, colorful, hue, frame.u, frame.v, cell, origin)
 
 
 def neutral_of(frame: Frame, allowed: NDArray[np.bool_]) -> tuple[float, float]:
     """(u, v) of what most of the picture shows, in levels of the planes' own depth."""
     assert frame.u is not None
     assert frame.v is not None
-    return float(np.median(frame.u[allowed])), float(np.median(frame.v[allowed]))
+    sample = sampled(allowed)
+    return float(np.median(frame.u[sample])), float(np.median(frame.v[sample]))
 
 
-def _hue_and_chroma(rgb: list[NDArray[np.float32]]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def sampled(allowed: NDArray[np.bool_]) -> tuple[NDArray[np.intp], ...]:
+    """Every so many of the allowed cells, as an index of a plane: what is usual in a picture takes no more."""
+    cells = np.flatnonzero(allowed)
+    return np.unravel_index(cells[:: max(len(cells) // SAMPLE, 1)], allowed.shape)
+
+
+def _hue(rgb: list[NDArray[np.float32]]) -> NDArray[np.float32]:
+    """HSV hue in degrees."""
     red, green, blue = rgb
     most, least = np.maximum(np.maximum(red, green), blue), np.minimum(np.minimum(red, green), blue)
-    chroma = most - least
-    safe = np.maximum(chroma, np.float32(1e-6))
-    hue = np.where(
-        most == red,
-        np.mod((green - blue) / safe, 6),
-        np.where(most == green, (blue - red) / safe + 2, (red - green) / safe + 4),
-    )
-    return np.asarray(hue * np.float32(60), np.float32), np.asarray(chroma, np.float32)
+    chroma = np.maximum(most - least, np.float32(1e-6))
+    of_green, of_blue = (blue - red) / chroma + 2, (red - green) / chroma + 4
+    hue = np.where(most == red, np.mod((green - blue) / chroma, 6), np.where(most == green, of_green, of_blue))
+    return np.asarray(hue * np.float32(60), np.float32)
 
 
 def allowed_cells(frame: Frame, settings: TrackingSettings, mark: MarkSettings | None = None) -> NDArray[np.bool_]:
@@ -172,13 +179,17 @@ def candidates(
                 low, high, wider_deg, [settings.mark[other].hue_range(other) for other in settings.mark]
             )
         within = np.mod(colors.hue_deg - np.float32(low), 360) < np.mod(high - low, 360)
+        cells = colors.colorful[within & allowed.ravel()[colors.colorful]]
+        chroma = colors.chroma.ravel()[cells]
         blobs: list[Candidate] = []
         # A mark may lie on something of its own hue (a circuit board, a reflection of itself): at each level of chroma
         # other blobs stand apart.
         for level in colors.floor * 2.0 ** np.arange(LEVELS):
-            mask = (within & allowed & (colors.chroma > level)).astype(np.uint8)
-            if not mask.any():
+            cells, chroma = cells[chroma > level], chroma[chroma > level]
+            if not len(cells):
                 break
+            mask = np.zeros(colors.chroma.shape, np.uint8)
+            mask.ravel()[cells] = 1
             blobs += [one for one in _blobs(name, colors, mask) if _fits(one, mark) and not _known(one, blobs)]
         found += sorted(blobs, key=lambda blob: -blob.chroma * min(blob.radius_px, 3.0))[:limit]
     return found
@@ -206,7 +217,10 @@ def _fits(blob: Candidate, mark: MarkSettings) -> bool:
 
 
 def _blobs(name: str, colors: ColorMap, mask: NDArray[np.uint8]) -> list[Candidate]:
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    first_x, first_y, width, height = cv2.boundingRect(mask)
+    window = mask[first_y : first_y + height, first_x : first_x + width]
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(window, connectivity=8)
+    stats[:, :2] += first_x, first_y
     cell_area = colors.cell_px[0] * colors.cell_px[1]
     blobs = []
     for label in range(1, count):
@@ -214,7 +228,8 @@ def _blobs(name: str, colors: ColorMap, mask: NDArray[np.uint8]) -> list[Candida
         if area * cell_area < LEAST_AREA_PX2:
             continue
         part = slice(top, top + height), slice(left, left + width)
-        own = labels[part] == label
+        within = slice(top - first_y, top - first_y + height), slice(left - first_x, left - first_x + width)
+        own = labels[within] == label
         chroma = np.where(own, colors.chroma[part], 0)
         strong = own & (chroma > 0.5 * np.percentile(chroma[own], 90))  # the blob down to its half height
         if strong.sum() * cell_area < LEAST_AREA_PX2:

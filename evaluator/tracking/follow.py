@@ -11,7 +11,7 @@ from evaluator.recording import Frame
 from evaluator.tracking import kernels
 from evaluator.tracking.appearance import Appearance, patch_of
 from evaluator.tracking.disc import PER_PX, Patch
-from evaluator.tracking.shading import interior_px
+from evaluator.tracking.shading import LightNotes, interior_px
 from evaluator.tracking.sighting import ABSENT, OK, Sighting
 
 Array = NDArray[np.float64]
@@ -24,9 +24,9 @@ DISTURBED = 1.5
 SUSPECT, ODD = 2.0, 3.0
 SLOPING = 12.0  # fall of the squares, in variances, that two slopes bring by chance once in 400 pictures
 # A slope that was there from the start, or came slowly, looks just like a shift: it is looked for in every eighth
-# picture, and in the eight after one that has it. Lenses and lamps change by up to 0.3 % a pixel (`shading`),
+# picture, and in the eight after one that has it. Lenses and lamps change by about 0.1 % a pixel (`shading`),
 # reflections by more.
-LOOKOUT, GLARING = 8, 3e-3
+LOOKOUT, GLARING = 8, 1.5e-3
 SMALLEST_PX = 2.0  # radius of a mark's even inside that a slope can be seen in
 PER_MEDIAN = 1.4826  # sigma over median deviation
 # A disturbance that looked just like a shift would move the centre by √pixels times its own share of the noise; real
@@ -74,10 +74,9 @@ class Follower:
         self._fitted, self._strength = self._result.tolist(), 0.0
         self._start, self._sloped = np.zeros(4), np.zeros(6)
         self.seen, self.views = 0, list[Patch]()
-        self._slope_places: list[Point] = []
-        self._slopes: list[Point] = []
+        self.light = LightNotes()
         self._slope = np.zeros(2)
-        self.black, self._watch = 0.0, 0
+        self._watch = 0
         self._scatter = (DISTURBED - 1.0) / ODD  # of residuals about 1, one sigma; the largest that is believed
         self.take_look(self.look)
 
@@ -90,7 +89,7 @@ class Follower:
         self._least_noise = 0.5 * disc.noise[0]
         self._amplitude, self._base = disc.amplitude, disc.base
         self.radius_px = disc.radius_px
-        self._interior = interior_px(disc)
+        self.light.interior_px = interior_px(disc)
         self.color = look.color.copy()
 
     def predicted(self, time_s: float) -> Point | None:
@@ -219,7 +218,7 @@ class Follower:
         self, frame: Frame, cell: Array, seen: Point, place: Point, reach_px: float, *, crowded: bool
     ) -> Sighting:
         self._fitted = self._result.tolist()
-        x, y, amplitude, _, var_x, var_y, cov_xy, residual, used, inside, pixels, _, _ = self._fitted
+        x, y, amplitude, _, var_x, var_y, cov_xy, residual, used, inside, pixels, slope, _ = self._fitted
         reach, slack = reach_px + 0.5 * self.radius_px + 1.0, 0.5 * self.radius_px + 1.0
         reason = ""
         if x != x:  # noqa: PLR0124 - NaN: no fit
@@ -236,8 +235,11 @@ class Follower:
             reason = self._crowd(frame, cell, (x, y), slack)
         if reason:
             return ABSENT[reason]
-        # Residuals above the learnt noise (codec, wire, texture) widen the uncertainty; a chance calm keeps it.
-        scale = max(1.0, residual) + LIKENESS * pixels * max(residual - 1.0 - ODD * self._scatter, 0.0)
+        # Residuals above the learnt noise (codec, wire, texture) widen the uncertainty by more than chance makes them
+        # scatter; a chance calm keeps it.
+        chance = (2.0 / max(pixels, 1.0)) ** 0.5
+        scale = max(1.0, residual - chance) + LIKENESS * pixels * max(residual - 1.0 - ODD * self._scatter, 0.0)
+        self.light.note_fit(frame.time_s, sloped=slope != 0.0)
         return Sighting(x, y, scale * var_x, scale * var_y, scale * cov_xy, OK)
 
     def keep_view(self, frame: Frame) -> None:
@@ -251,19 +253,10 @@ class Follower:
         ratio = self._noise[0] / self.look.disc.noise[0]
         return bool(not 0.6 < ratio < 1.6)
 
-    def note_shading(self, frame: Frame) -> None:
-        """Measure how unevenly the mark is lit where it was just seen, for `slopes`."""
-        if self._interior == 0.0 or self.missed or self.position is None:
-            return
-        x, y = self.position
-        kernels.interior_slope(frame.luma, frame.row_origin, frame.row_step, x, y, self._interior, self._slope)
-        self.black = 0.0 if frame.full_range else 16.0 * 2 ** (frame.depth - 8)
-        self._slope_places.append((x, y))
-        self._slopes.append((float(self._slope[0]), float(self._slope[1])))
-
-    def slopes(self) -> tuple[Array, Array]:
-        """Places, px, and slopes of the luma inside the mark, levels a px, noted so far; (m, 2) each."""
-        return np.array(self._slope_places).reshape(-1, 2), np.array(self._slopes).reshape(-1, 2)
+    def note_light(self, frame: Frame) -> None:
+        """Note how unevenly the mark is lit where it was just seen."""
+        if not self.missed and self.position is not None and self._fitted[kernels.SLOPE_X] == 0.0:
+            self.light.note(frame, self.position)
 
     def _crowd(self, frame: Frame, cell: Array, place: Point, slack: float) -> str:
         """Why the colour right around a fitted centre speaks against it, or nothing."""

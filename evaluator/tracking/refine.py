@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from evaluator.tracking.follow import Follower
 from evaluator.tracking.repeated import repeated_pictures
 from evaluator.tracking.rigid import Distance, wrong_ends
-from evaluator.tracking.shading import learn_shading
 from evaluator.tracking.sighting import REPEATED, WRONG_DISTANCE
 from evaluator.tracking.uncertainty import hidden_variance, steady_times
 
@@ -34,7 +33,7 @@ def refine(
     kinds: of the pictures. numbers: per mark (n, 5) of x, y, their variances and covariance, px and px², NaN if absent.
     status: per mark, of every picture.
     """
-    kind, time_s = np.array(list(kinds), dtype=str), steady_times(time_s)
+    kind, times, time_s = np.array(list(kinds), dtype=str), time_s, steady_times(time_s)
     again = repeated_pictures([values[:, :2] for values in numbers.values()])
     for (name, values), shown in zip(numbers.items(), again, strict=True):
         values[shown] = np.nan
@@ -43,11 +42,12 @@ def refine(
         follower = followers.get(name)
         if follower is None or not len(values):
             continue
-        shading = learn_shading(follower.look.disc, follower.black, *follower.slopes())
+        shading = follower.light.learnt(follower.look.disc)
         if shading is not None:
             shift, variance = shading.shift(values[:, :2])
-            values[:, :2] -= shift
-            values[:, 2:4] += variance[:, None]
+            shifted = follower.light.shifted(times)
+            values[shifted, :2] -= shift[shifted]
+            values[shifted, 2:4] += variance[shifted, None]
         _allow_for_onsets(values)
         values[:, 2:4] += hidden_variance(time_s, values[:, :2], values[:, 2:4].mean(axis=1), kind)[:, None]
     for first, second in combinations(numbers, 2):

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.recording import Frame
+from evaluator.tracking import kernels
 from evaluator.tracking.disc import PER_PX, Disc
 
 Array = NDArray[np.float64]
@@ -21,6 +23,7 @@ Array = NDArray[np.float64]
 # pictures the prior wins, and nothing is taken out.
 PRIOR = np.diag([1e-3, 5e-6, 5e-6]) ** 2
 LEAST = 20
+FAR, ROUNDS = 4.0, 3  # sigmas beyond which a slope is not the light's; fits, each without the last one's outliers
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,41 @@ def interior_px(disc: Disc) -> float:
     return inner if inner > 4.0 else 0.0
 
 
+class LightNotes:
+    """Slopes of the luma inside a mark, gathered on its way."""
+
+    def __init__(self) -> None:
+        """Start with none."""
+        self.interior_px = 0.0  # of `interior_px`; 0: nothing is noted
+        self._black, self._slope = 0.0, np.zeros(2)
+        self._places: list[tuple[float, float]] = []
+        self._slopes: list[tuple[float, float]] = []
+        self._sloped: set[float] = set()
+
+    def note_fit(self, time_s: float, *, sloped: bool) -> None:
+        """Note whether the fit at a time took out a slope itself: what it gives is not shifted any more."""
+        (self._sloped.add if sloped else self._sloped.discard)(time_s)
+
+    def shifted(self, time_s: Array) -> NDArray[np.bool_]:
+        """Whether uneven light shifts the centres that were fitted at times (n,)."""
+        return ~np.isin(time_s, list(self._sloped))
+
+    def note(self, frame: Frame, place: tuple[float, float]) -> None:
+        """Measure how unevenly a mark is lit at its centre, px."""
+        if self.interior_px == 0.0:
+            return
+        kernels.interior_slope(frame.luma, frame.row_origin, frame.row_step, *place, self.interior_px, self._slope)
+        self._black = 0.0 if frame.full_range else 16.0 * 2 ** (frame.depth - 8)
+        self._places.append(place)
+        self._slopes.append((float(self._slope[0]), float(self._slope[1])))
+
+    def learnt(self, disc: Disc) -> Shading | None:
+        """Uneven light as far as all notes tell; disc: of the mark."""
+        if not self._places:
+            return None
+        return learn_shading(disc, self._black, np.array(self._places), np.array(self._slopes))
+
+
 def learn_shading(disc: Disc, black: float, centers_px: Array, slopes: Array) -> Shading | None:
     """Fit the plane; None where too few pictures show it.
 
@@ -59,9 +97,16 @@ def learn_shading(disc: Disc, black: float, centers_px: Array, slopes: Array) ->
         return None
     origin = centers_px[seen].mean(axis=0)
     basis, beta = _basis(centers_px[seen], origin), slopes[seen] / light
-    variance = float(np.mean((1.4826 * np.median(np.abs(beta - np.median(beta, axis=0)), axis=0)) ** 2)) + 1e-18
-    covariance = np.linalg.inv(basis.T @ basis / variance + np.linalg.inv(PRIOR))
-    coefficients = np.asarray(covariance @ basis.T @ beta / variance)
+    usual = np.median(beta, axis=0)
+    for _ in range(ROUNDS):
+        # A wire or a glare that passes makes slopes thirty times those of the light: they have no say.
+        off = beta - usual
+        spread = 1.4826 * np.median(np.abs(off), axis=0) + 1e-9
+        kept = (np.abs(off) < FAR * spread).all(axis=1)
+        variance = float(np.mean(spread**2))
+        covariance = np.linalg.inv(basis[kept].T @ basis[kept] / variance + np.linalg.inv(PRIOR))
+        coefficients = np.asarray(covariance @ basis[kept].T @ beta[kept] / variance)
+        usual = basis @ coefficients
     return Shading(origin, coefficients, np.asarray(covariance), _gain(disc, black))
 
 

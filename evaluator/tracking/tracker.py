@@ -103,10 +103,10 @@ class Tracker:
         if one.status == OK:
             follower.keep_view(frame)
             if follower.seen in RELEARN_AT and follower.looks_changed():
-                self._relearn(follower, follower.views)
+                self._relearn(follower, follower.views[:: -(-len(follower.views) // LEARNING_FRAMES)])
                 self._agree()
             if not frame.index & (SHADING_MASK if follower.seen < SHADED else RARELY_MASK):
-                follower.note_shading(frame)
+                follower.note_light(frame)
         elif follower.missed > PATIENCE and follower.seen < LEARNING_FRAMES:
             del self.followers[name]
 

@@ -113,7 +113,9 @@ def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: N
         wide = Course(time_s, centers_px, stride)
         if wide.known.sum() >= LEAST * stride:
             share = 1 + float((wide.weights[wide.known] ** 2).sum(axis=1).mean())
-            most = max(most, robust_square(wide.error[wide.known]) / share - own)
+            square = robust_square(wide.error[wide.known]) / share
+            # Less its own standard error: the largest of some estimates is too large by about that.
+            most = max(most, square * (1.0 - float(wide.known.sum()) ** -0.5) - own)
     extra = extra + (most - typical)
     return extra + _tail(course, quiet + extra)
 

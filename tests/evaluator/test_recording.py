@@ -146,3 +146,26 @@ def test_a_progressive_recording_of_30_a_second_stays_whole(tmp_path: Path) -> N
     pictures = [draw(rng, (120, 96), {n: tuple(p[k]) for n, p in marks.items()}, 3.0, 0.8, 2.0) for k in range(24)]
     recording = open_recording(write_video(tmp_path / "v.mkv", pictures, rate=Fraction(30), pixels="yuv420p"))
     assert {frame.row_step for frame in recording} == {1}
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+def test_motion_jpeg_decoded_on_all_cores_gives_the_same_pictures_in_order(tmp_path: Path, *, damaged: bool) -> None:
+    video = write_video(tmp_path / "v.avi", noise_pictures(24), codec="mjpeg", pixels="yuvj420p")
+    if damaged:
+        content = bytearray(video.read_bytes())
+        content[len(content) // 2 : len(content) // 2 + 9000] = bytes(9000)
+        video.write_bytes(content)
+    one, three = open_recording(video, threads=1), open_recording(video, threads=3)
+    expected = [(frame.index, frame.time, frame.luma.tobytes()) for frame in one]
+    assert [(frame.index, frame.time, frame.luma.tobytes()) for frame in three] == expected
+    assert three.report() == one.report()
+    assert (len(expected) < 24) == damaged
+
+
+def test_motion_jpeg_may_be_left_before_its_end(tmp_path: Path) -> None:
+    video = write_video(tmp_path / "v.avi", noise_pictures(24), codec="mjpeg", pixels="yuvj420p")
+    before = threading.active_count()
+    for frame in open_recording(video, threads=3):
+        if frame.index == 5:
+            break
+    assert threading.active_count() == before

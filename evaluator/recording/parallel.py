@@ -1,0 +1,111 @@
+"""Decoding on all cores where FFmpeg itself uses one: codecs whose pictures stand each for itself (Motion JPEG)."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from itertools import cycle
+from queue import SimpleQueue
+from threading import Thread
+from typing import Any
+
+import av
+from av.codec.codec import Capabilities
+
+Decoded = Callable[[], list[Any]]  # gives the pictures of a packet, or raises what decoding it raised
+
+THREADED = int(Capabilities.frame_threads | Capabilities.slice_threads)
+MOST = 6  # decoders: a tracker keeps up with no more, and each holds two pictures
+AHEAD = 2  # packets a decoder is handed before its first is asked for
+
+
+def decoders_for(stream: Any, threads: int) -> int:
+    """How many decoders a stream can have; 1 where FFmpeg's own threads do as well. threads: 0 for one per core."""
+    codec = stream.codec_context.codec
+    if not codec.intra_only or codec.capabilities & THREADED or codec.name == "rawvideo":
+        return 1
+    return min(threads or os.cpu_count() or 1, MOST)
+
+
+def decoded(packets: Iterable[Any], streams: list[Any]) -> Iterator[Decoded]:
+    """Decode packets in order; what each gives may be under way while the one before is still looked at.
+
+    streams: the same stream of as many openings of one file as there are to be decoders; with one, its packets are
+    decoded when they are asked for. Raises what reading raises, after all that was read before.
+    """
+    if len(streams) == 1:
+        for packet in packets:
+            yield packet.decode
+        return
+    decoders = [_Decoder(stream.codec_context) for stream in streams]
+    waiting, failure = deque[_Decoder](), None
+    try:
+        try:
+            for decoder in _handed_out(packets, decoders):
+                waiting.append(decoder)
+                if len(waiting) == AHEAD * len(decoders):
+                    yield waiting.popleft().get
+        except (av.error.FFmpegError, OSError) as error:
+            failure = error
+        while waiting:
+            yield waiting.popleft().get
+        if failure is not None:
+            raise failure
+    finally:
+        for decoder in decoders:
+            decoder.stop()
+
+
+def _handed_out(packets: Iterable[Any], decoders: list[_Decoder]) -> Iterator[_Decoder]:
+    """Hand packets to the decoders in turn; gives the one that has each."""
+    turns = cycle(decoders)
+    for count, packet in enumerate(packets):
+        if not packet.size:  # the end: these codecs hold no picture back
+            continue
+        if count == 0:  # tables that only the first picture brings serve all that follow
+            for decoder in decoders[1:]:
+                decoder.prime(packet)
+        decoder = next(turns)
+        decoder.put(packet)
+        yield decoder
+
+
+class _Decoder:
+    """One decoder in a thread of its own; packets go in and pictures, or what was raised, come out in order."""
+
+    def __init__(self, context: Any) -> None:
+        self._context = context
+        self._packets, self._results = SimpleQueue[Any](), SimpleQueue[Any]()
+        self._stopped = False
+        self._thread = Thread(target=self._work, name="decoder", daemon=True)
+        self._thread.start()
+
+    def prime(self, packet: Any) -> None:
+        """Let the decoder see a packet that another one decodes."""
+        self.put(packet)
+        self._results.get()
+
+    def put(self, packet: Any) -> None:
+        """Hand over a packet."""
+        self._packets.put(packet)
+
+    def get(self) -> list[Any]:
+        """Give the pictures of the next packet; raises what decoding it raised."""
+        result = self._results.get()
+        if isinstance(result, Exception):
+            raise result
+        return list(result)
+
+    def stop(self) -> None:
+        """End the thread; packets not yet decoded are left."""
+        self._stopped = True
+        self._packets.put(None)
+        self._thread.join()
+
+    def _work(self) -> None:
+        while (packet := self._packets.get()) is not None and not self._stopped:
+            try:
+                self._results.put(self._context.decode(packet))
+            except Exception as error:  # noqa: BLE001 - `get` raises it where it is waited for
+                self._results.put(error)

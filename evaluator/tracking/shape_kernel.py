@@ -1,0 +1,53 @@
+"""Compiled inner loop of learning a mark's shape: products of a patch's derivatives and residuals."""
+# mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
+# ruff: noqa: ANN001, ANN201 - numba infers the types
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+# Rows and columns of the products: centre, amplitude and base of the patch, log radius, log blur and slant of the
+# shape, and the residual.
+PRODUCTS = 9
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def add_products(x, y, value, weight, shape, outer, mine, tables, per_px, products):
+    """Fill products (9, 9), the upper triangle, of a patch's derivatives and residual; returns the pixels used.
+
+    x, y, value, weight: (n,), of the patch. shape: radius, blur, e1, e2; outer: radius of the pixels used. mine: x, y,
+    amplitude, base. tables: (3, m), of a disc against radius, per_px entries a pixel: its profile, the derivatives by
+    the distance from its centre, and by its own radius.
+    """
+    radius, e1, e2, amplitude = shape[0], shape[2], shape[3], mine[2]
+    last, count = tables.shape[1] - 2, 0
+    row = np.empty(PRODUCTS)
+    products[:, :] = 0.0
+    for n in range(len(x)):
+        dx, dy = x[n] - mine[0], y[n] - mine[1]
+        square = (1.0 + e1) * dx * dx + 2.0 * e2 * dx * dy + (1.0 - e1) * dy * dy
+        if square >= outer * outer or weight[n] <= 0.0:
+            continue
+        count += 1
+        r = math.sqrt(max(square, 1e-12))
+        place = r * per_px
+        k = min(int(place), last)
+        part = min(place - k, 1.0)
+        p = tables[0, k] + part * (tables[0, k + 1] - tables[0, k])
+        g = amplitude * (tables[1, k] + part * (tables[1, k + 1] - tables[1, k]))
+        grown = amplitude * radius * (tables[2, k] + part * (tables[2, k + 1] - tables[2, k]))
+        row[0], row[1] = -g * ((1.0 + e1) * dx + e2 * dy) / r, -g * (e2 * dx + (1.0 - e1) * dy) / r
+        row[2], row[3] = p, 1.0
+        # A disc magnified as a whole, blur and all, has the same luma at the magnified distance: what a blur grown by
+        # its own size changes is what the two others leave.
+        row[4], row[5] = grown, -(r * g + grown)
+        row[6], row[7] = g * (dx * dx - dy * dy) / (2.0 * r), g * dx * dy / r
+        row[8] = value[n] - mine[3] - amplitude * p
+        for i in range(PRODUCTS):
+            scaled = weight[n] * row[i]
+            for j in range(i, PRODUCTS):
+                products[i, j] += scaled * row[j]
+    return count
