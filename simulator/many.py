@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from simulator.command import Command
 from simulator.compiled import compiled
 from simulator.errors import SimulationError
-from simulator.motion import DONE, integrate_run
+from simulator.motion import DONE, MOST_STEPS, integrate_run
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -111,11 +111,12 @@ def integrate_many(
     steps: Any,
     count: Any,
     replay: bool,
+    most_steps: int = MOST_STEPS,
 ) -> Any:
     """Run k: models[model_of[k]] under command command_of[k] from states[k]; times and outputs edges[k]:edges[k + 1].
 
     steps, count: the plan to replay or to fill, steps (n, 0, 2) for none. Returns the number of steps taken; failed
-    runs are NaN in out and states.
+    runs, and those that need more than most_steps, are NaN in out and states.
     """
     used = np.zeros(len(states), dtype=np.int64)
     for run in prange(len(states)):
@@ -131,6 +132,7 @@ def integrate_many(
             tolerance,
             plan,
             replay,
+            most_steps,
         )
         used[run] = taken
         if done != DONE:

@@ -130,7 +130,15 @@ def write_arc(
 
 @compiled()
 def integrate_run(
-    model: Any, knots: Any, state: Any, times: Any, out: Any, tolerance: float, plan: Any, replay: bool
+    model: Any,
+    knots: Any,
+    state: Any,
+    times: Any,
+    out: Any,
+    tolerance: float,
+    plan: Any,
+    replay: bool,
+    most_steps: int = MOST_STEPS,
 ) -> tuple[int, int]:
     """Integrate from state (6: pose, velocity) at times[0] to times[-1]; outputs (n, 6) into out; state is moved on.
 
@@ -204,7 +212,7 @@ def integrate_run(
                     end,
                 )
                 stages[:] = 0.0  # outputs within the step are on the straight line
-            if tried == 0.0 or used >= MOST_STEPS or stalled >= MOST_STALLED:
+            if tried == 0.0 or used >= most_steps or stalled >= MOST_STALLED:
                 return FAILED, used
             if not replay and used < len(plan):
                 plan[used, 0], plan[used, 1] = number, -tried if sticking else tried

@@ -45,6 +45,7 @@ CHANNEL_STEP = {
     "drag": 0.02,
     "friction": 0.01,
 }
+RELATIVE = {"speed", "load", "stiffness", "friction"}
 CHANNEL_WORDS = {
     "force_forward": ("a force along the robot", "mN"),
     "force_left": ("a force across the robot", "mN"),
@@ -143,15 +144,19 @@ def free_terms() -> dict[str, FreeTerm]:
 
 def _family(items: tuple[Item, ...]) -> FreeTerm:
     names = [f"{i.channel}.{i.basis}" + ("" if i.pattern == "common" else f".{i.pattern}") for i in items]
-    coordinates = tuple(
-        Coordinate(name, 0.0, CHANNEL_STEP[item.channel] / BASIS_SIZE.get(item.basis, 1.0))
-        for name, item in zip(names, items, strict=True)
-    )
+    coordinates = tuple(_coordinate(name, item) for name, item in zip(names, items, strict=True))
 
     def physical(values: tuple[float, ...]) -> Parameters:
         return dict(zip(names, map(float, values), strict=True))
 
     return FreeTerm(PREFIX + "+".join(names), coordinates, physical, items=items)
+
+
+def _coordinate(name: str, item: Item) -> Coordinate:
+    """A coefficient with its visible step, bounded so that friction, load and speed keep their sign."""
+    size = BASIS_SIZE.get(item.basis, 1.0)
+    most = 0.6 if item.channel in RELATIVE else 200 * CHANNEL_STEP[item.channel]
+    return Coordinate(name, 0.0, CHANNEL_STEP[item.channel] / size, -most / size, most / size)
 
 
 def _families() -> Iterator[tuple[Item, ...]]:

@@ -21,6 +21,9 @@ from simulator.many import integrate_many
 from simulator.model import MODEL, Draft
 from simulator.robot import Robot
 
+# Runs of a robot take up to some hundred steps. Where a fit tries what makes wheels chatter they would take any number:
+# such a point is as good as one that cannot be simulated.
+MOST_STEPS = 1500
 # Well under the tracking noise, and small enough that a difference of two runs keeps four digits.
 TOLERANCE_MM = 1e-6
 
@@ -84,6 +87,7 @@ class Simulated:
             np.zeros((count, 0, 2)),
             np.zeros(count, dtype=np.int64),
             False,
+            MOST_STEPS,
         )
         return out[:, :3]
 
