@@ -31,10 +31,11 @@ Progress = Callable[[str, float], None]
 
 # An effect stays in the model where leaving it out costs this much of the log posterior, by the size of the set: odds
 # of 90 to 1 for one, so that clean data are misread in about one experiment in a hundred (at odds of 20 to 1 it was one
-# of 54 in two blind banks), while an effect of five sigmas still earns six. Several named effects together can imitate physics that has no name, so sets must earn more.
+# of 54 in two blind banks), while an effect of five sigmas still earns six. Several named effects together can imitate
+# physics that has no name, so sets must earn more.
 KEEP = (4.5, 4.5, 4.5, 12.0)
 # A free-form term speaks against the named effects where it wins by this much, on top of its prior. Set by hand on few
-# development experiments, like KEEP and EXCESS: the blind bank is still to calibrate them.
+# development experiments, like EXCESS.
 ABSTAIN = 2.0
 # Left-overs above noise: mean square and its standard errors. The noise of slow modes is carried over from fast ones,
 # which is good to some ten per cent; beyond, motion is left.
