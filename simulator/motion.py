@@ -22,8 +22,8 @@ from simulator.stability import growth_rate, is_stable
 from simulator.stepping import (
     LEVER_MM,
     SHORTEST_STEP_S,
-    USUAL_TOLERANCE_MM,
     first_step,
+    shrinking,
     smooth_step,
     sticking_step,
 )
@@ -152,7 +152,7 @@ def integrate_run(
     y[3:] = state[3:]
     out[0] = state
     row, used, creeping, stalled = 1, 0, 0, 0
-    shrinking = min(1.0, (tolerance / USUAL_TOLERANCE_MM) ** 0.25)
+    finer = shrinking(tolerance)
     for number in range(len(segments)):
         segment = segments[number]
         time, step, last = segment[BEGIN], 0.0, number == len(segments) - 1
@@ -195,7 +195,7 @@ def integrate_run(
                 )
             if tried == 0.0:
                 sticking = True
-                step = abs(plan[used, 1]) if planned else max(step, SHORTEST_STEP_S * shrinking)
+                step = abs(plan[used, 1]) if planned else max(step, SHORTEST_STEP_S * finer)
                 tried, wanted = sticking_step(
                     pose,
                     segment,
@@ -217,9 +217,9 @@ def integrate_run(
             if not replay and used < len(plan):
                 plan[used, 0], plan[used, 1] = number, -tried if sticking else tried
             used += 1
-            small = shrinking * max(CREEPING_STEP_S, shrinking * CHATTERING_SHARE * (time - segment[BEGIN]))
+            small = finer * max(CREEPING_STEP_S, finer * CHATTERING_SHARE * (time - segment[BEGIN]))
             creeping = creeping + 1 if tried < small else 0
-            stalled = stalled + 1 if tried < STALLED_STEP_S * min(shrinking, remaining) else 0
+            stalled = stalled + 1 if tried < STALLED_STEP_S * min(finer, remaining) else 0
             following = segment[END] if tried >= remaining else time + tried
             row = _write_step(
                 out, times, row, following, last and tried >= remaining, time, tried, pose, y, stages, end, work

@@ -17,6 +17,12 @@ LONGEST_TURN_RAD = 1.0  # within one step, where the series for the twist is exa
 
 
 @compiled()
+def shrinking(tolerance: float) -> float:
+    """Share of the usual shortest steps that a tolerance below the usual one asks for."""
+    return float(min(1.0, (tolerance / USUAL_TOLERANCE_MM) ** 0.25))
+
+
+@compiled()
 def error_norm(step: float, y: Any, end: Any, tolerance: float, rest_speed: float) -> float:
     """Error of a step over the tolerance, as displacement in mm: of the pose, and of the velocity over the step."""
     norm, size = 0.0, 0.0
@@ -67,7 +73,7 @@ def smooth_step(
         if norm <= 1.0:
             return step, step * factor
         step *= min(factor, 0.7)
-        if step < SHORTEST_STEP_S * min(1.0, (tolerance / USUAL_TOLERANCE_MM) ** 0.25):
+        if step < SHORTEST_STEP_S * shrinking(tolerance):
             break
     return 0.0, 0.0
 

@@ -70,21 +70,19 @@ def constancy(fit: Fit, data: Sequence[RunData], tolerance: Mapping[str, float])
     if not effects.any():
         return []
     runs = [data[run] for run in fit.runs]
-    speed = np.array([abs(run.left_rpm + run.right_rpm) for run in runs])
+    speed = np.array([run.left_rpm + run.right_rpm for run in runs])
+    forward, slow = speed > 0, np.abs(speed) <= np.median(np.abs(speed))
     turning = np.array([run.right_rpm - run.left_rpm for run in runs])
     splits = {
-        "forward and backward": (
-            np.array([run.left_rpm + run.right_rpm > 0 for run in runs]),
-            np.full(len(runs), True),
-        ),
-        "slow and fast": (speed <= np.median(speed), np.full(len(runs), True)),
-        "left and right": (turning > 0, turning != 0),
+        "forward and backward": (forward, ~forward),
+        "slow and fast": (slow, ~slow),
+        "left and right": (turning > 0, turning < 0),
     }
     _, g, G = at_scatter(fit.reduced, fit.posterior.scatter)
     prior = np.diag(prior_precision(fit.columns, tolerance))
     found = []
-    for halves, (first, counted) in splits.items():
-        sides = [np.flatnonzero(first & counted), np.flatnonzero(~first & counted)]
+    for halves, masks in splits.items():
+        sides = [np.flatnonzero(mask) for mask in masks]
         if min(map(len, sides)) < FEWEST_IN_HALF:
             continue
         sizes, covariances = [], []

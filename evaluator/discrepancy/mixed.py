@@ -46,10 +46,6 @@ class Reduced:
     A: Floats  # (n, 3, 3)
     size: NDArray[np.int64]  # (n,) features left per run
 
-    def of_runs(self, keep: Sequence[int] | NDArray[np.int64]) -> Reduced:
-        """The same for some of the runs."""
-        return Reduced(*(np.asarray(getattr(self, name))[np.asarray(keep)] for name in self.__dataclass_fields__))
-
     def of_columns(self, keep: NDArray[np.bool_], fixed: Floats) -> Reduced:
         """The same with only some common parameters free; the others stand at the values of fixed (p,)."""
         return Reduced(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evaluator.discrepancy.fit import Fit, place_runs, prior_precision
 from evaluator.discrepancy.free import PREFIX
 from evaluator.discrepancy.mixed import MixedModel, reduce_runs
-from evaluator.discrepancy.search import Screen, Search, log_prior, screen
+from evaluator.discrepancy.search import Search, log_prior, screen
 
 Floats = NDArray[np.float64]
 Set = frozenset[str]
@@ -119,11 +119,3 @@ def predictive_score(search: Search, fit: Fit, runs: Sequence[int]) -> float:
     misfit = s - 2 * g @ theta + theta @ G @ theta - excess @ inner @ excess
     logdet = model.logdet[at] + np.linalg.slogdet(np.eye(len(columns)) + covariance @ G)[1]
     return float(-0.5 * (misfit + logdet))
-
-
-def best_view(view: Screen, above: float) -> Mapping[str, float]:
-    """Gain in log evidence of every offered candidate over a base."""
-    gains: dict[str, float] = {}
-    for offer in view.offers:
-        gains[offer[0]] = max(gains.get(offer[0], -np.inf), view.evidence(offer) - above)
-    return gains

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evaluator.discrepancy.fit import Fit, fit_model, prior_precision
 from evaluator.discrepancy.forward import Values
@@ -221,10 +220,3 @@ def _refit(
             break
         tries[ids] = tries.get(ids, 0) + 1
         fit_set(search, ids, {effect: view.start_of((effect, extra)) for effect, extra in offers}, origin)
-
-
-def probabilities(search: Search, sets: Sequence[frozenset[str]]) -> NDArray[np.float64]:
-    """Probabilities of fitted sets among themselves."""
-    scores = np.array([search.score(ids) for ids in sets])
-    weights = np.exp(scores - scores.max())
-    return np.asarray(weights / weights.sum())

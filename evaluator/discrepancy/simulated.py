@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.discrepancy.forward import Floats, RunData, Task
+from evaluator.discrepancy.free import FreeTerm
 from evaluator.discrepancy.terms import Parameters, Term
 from simulator.command import Command
 from simulator.effects.catalogue import EFFECTS, apply_effects, view_of
@@ -112,7 +113,9 @@ class Simulated:
                     if act is not None:
                         act(draft, values)
                 else:
-                    draft.add(*self._terms[effect].kernel_terms(task.terms[effect]))
+                    term = self._terms[effect]
+                    assert isinstance(term, FreeTerm)  # what is not in the catalogue is of the grammar
+                    draft.add(*term.kernel_terms(task.terms[effect]))
             draft.friction_factor = draft.friction_factor * (1 + task.own[3])
             draft.speed_factor = draft.speed_factor * (1 + np.array(task.own[4:]))
             record = draft.record()

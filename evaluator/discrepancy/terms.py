@@ -6,12 +6,10 @@ are smooth where the size is zero. Everything else keeps the parameters of the e
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-
-from simulator.terms import Term as KernelTerm
 
 Parameters = dict[str, float]
 
@@ -42,10 +40,6 @@ class Term:
     starts: tuple[tuple[float, ...], ...] = ()
     leaps: bool = False
     between: tuple[tuple[float, float], ...] = ()  # of a term that leaps: the gaps in which it may lie
-
-    def kernel_terms(self, values: Sequence[float]) -> list[KernelTerm]:
-        """Terms of the kernel, for candidates that are not in the catalogue."""
-        raise NotImplementedError(f"{self.id} acts through the catalogue, not by terms {values}")
 
     @property
     def size(self) -> int:
@@ -176,8 +170,3 @@ def named_terms(reach_mm: float, command_levels_rpm: tuple[float, ...]) -> dict[
         ),
     )
     return {term.id: term for term in terms}
-
-
-def physical_effects(values: Mapping[str, tuple[float, ...]], terms: Mapping[str, Term]) -> dict[str, Parameters]:
-    """Effects' own parameters for coordinate values by term id; neutral terms are left out."""
-    return {effect: terms[effect].physical(value) for effect, value in values.items() if value != terms[effect].neutral}

@@ -9,7 +9,7 @@ import numpy as np
 from simulator.command import Command
 from simulator.integrate import simulate
 from simulator.paper.machines import PUBLISHED_TURNS, TIRE_PEAK_FRICTION, TURN_RPM, machine_of, tire_machine
-from simulator.robot import WHEELS, Robot, load_robot
+from simulator.robot import Robot, load_robot
 from simulator.steady import SteadyTurn, steady_turn
 
 if TYPE_CHECKING:
@@ -106,19 +106,3 @@ def prototype_turn(direction: int) -> SteadyTurn:
     """The turn of Figures 20 (direction 1, forward to the left) and 21 (direction -1, backward), barrel wheels."""
     left, right = PROTOTYPE_RPM
     return steady_turn(load_robot("barrel"), direction * left, direction * right)
-
-
-def wheel_state_table(turn: SteadyTurn) -> pd.DataFrame:
-    """Figures 20, 21: slip ratio, slip angle and friction of each wheel in the body frame."""
-    import pandas as pd
-
-    wheels = turn.wheels
-    return pd.DataFrame(
-        {
-            "wheel": WHEELS,
-            "slip_ratio": wheels.slip_ratio,
-            "slip_angle_deg": np.degrees(wheels.slip_angle_rad),
-            "longitudinal_force_mN": wheels.longitudinal_force_mN,
-            "lateral_force_mN": wheels.lateral_force_mN,
-        }
-    )
