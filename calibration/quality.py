@@ -231,8 +231,8 @@ def _notes(calibration: Calibration) -> list[str]:
     notes += _flatness_notes(calibration)
     if not calibration.sightings[0].match.certain:
         notes.append(
-            f"{calibration.sightings[0].name}: part of the array is out of view and no fiducial tells which, so "
-            "the origin of the plate frame may be off by whole pitches (lengths and radii are not affected)"
+            f"{calibration.sightings[0].name}: part of the array is hidden or out of view and no fiducial tells "
+            "which, so the origin of the plate frame may be off by whole pitches (lengths and radii are not affected)"
         )
     return notes
 

@@ -30,7 +30,7 @@ from calibration.match_gauge import Match, match_gauge
 from calibration.model_choice import Trial, choose_model
 from calibration.neighbours import nearest
 from calibration.tolerance import covariance_with_tolerance, with_tolerance
-from calibration.wrong_gauge import size_ratio
+from calibration.wrong_gauge import does_not_fit, size_ratio
 
 Array = NDArray[np.float64]
 FEWEST_DOTS = 12  # six for the pose, twice over
@@ -110,6 +110,7 @@ def calibrate(
         listed = ", ".join(f"{name} {p.shape[1]}×{p.shape[0]}" for name, p in zip(names, pictures, strict=True))
         raise CalibrationError(f"pictures differ in size: {listed}; a calibration holds for one camera mode")
     sightings = [sight(picture, gauge, name) for picture, name in zip(pictures, names, strict=True)]
+    _check_extent(sightings, gauge)
     order = [plate_index, *(k for k in range(len(sightings)) if k != plate_index)]
     views = [view_of(sightings[k], gauge, on_plate=k == plate_index) for k in order]
     size_px = sightings[0].dots.size_px
@@ -134,6 +135,14 @@ def calibrate(
         distance_mm=distance_mm,
         flatness=flatness,
     )
+
+
+def _check_extent(sightings: list[Sighting], gauge: Gauge) -> None:
+    """Raise where pictures show the array end before the gauge's, and none shows the rest."""
+    for axis in (0, 1):
+        short = [sighting for sighting in sightings if sighting.match.extent[axis] == "short"]
+        if short and not any(sighting.match.extent[axis] == "whole" for sighting in sightings):
+            raise CalibrationError(f"{short[0].name}: {does_not_fit(short[0].lattice, gauge)}")
 
 
 def _faces(gauge: Gauge, views: int) -> tuple[int, ...]:
