@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from evaluator.cli.analyze import SOME_FAILED
-from evaluator.cli.options import experiment_argument, json_option, out_option, quiet_option
+from evaluator.cli.options import PATH, dask_option, json_option, out_option, quiet_option, workers_option
 from evaluator.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from evaluator.discrepancy.candidates import Candidate
     from evaluator.discrepancy.plan import Expected
+    from evaluator.discrepancy.several import Answer
 
 STEPS = 100  # of the progress bar
 SENTENCES = 4  # of where, on the screen; all are in diagnosis.json
@@ -28,30 +29,76 @@ Exit status: 0 every run was used; 1 some could not be (a reason for each on sta
 others); 2 the input cannot be used at all."""
 
 
-@click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope diagnose experiment.toml -o out/")
-@experiment_argument
+@click.command(
+    epilog=f"""{STATUS_NOTE}
+
+\b
+Examples:
+  turnscope diagnose experiment.toml -o out/
+  turnscope diagnose monday.toml tuesday.toml -o out/ --workers 2"""
+)
+@click.argument("experiments", nargs=-1, required=True, type=PATH, metavar="EXPERIMENT.toml...")
 @out_option
+@workers_option
+@dask_option
 @json_option
 @quiet_option
-def diagnose(experiment: Path, out: Path, as_json: bool, quiet: bool) -> int:
+def diagnose(
+    experiments: tuple[Path, ...], out: Path, workers: int | None, dask: str | None, as_json: bool, quiet: bool
+) -> int:
     """Name the missing effect that makes model and data disagree.
 
     Writes diagnosis.json, disagreement.csv and, where something is missing, robot_with_effect.toml, a robot for every
     other command and for experiment files. Runs given as videos are tracked first; runs that cannot be used are named
     and left out. Nominal values move only within the [tolerance] of the robot file; a robot file without tolerances is
     taken as exact. Where nothing has changed since the last time, that answer is given again at once.
+
+    Several experiments are diagnosed side by side, each into a folder of its own name in DIR. No result depends on
+    --workers or --dask.
     """
+    if len(experiments) > 1:
+        return _diagnose_several(tuple(dict.fromkeys(experiments)), out, workers, dask, as_json=as_json, quiet=quiet)
+    from evaluator.discrepancy.several import Answer
     from evaluator.discrepancy.workflow import diagnose_experiment
 
     with progress_bar("diagnosis", quiet=quiet) as bar:
-        found, content = diagnose_experiment(experiment, out, _steps(bar))
-    skipped = content.get("skipped_runs") or {}
+        found, content = diagnose_experiment(experiments[0], out, _steps(bar), workers=workers, dask=dask)
     if as_json:
         click.echo(json.dumps(content, indent=2, ensure_ascii=False))
-    elif not quiet:
-        click.echo("\n".join(summary(content)))
-        same = "" if found else "  (nothing has changed since it was made)"
-        click.echo(f"\n{out / 'diagnosis.json'}{same}")
+    return _said(Answer(experiments[0], out, content, anew=found is not None), quiet=quiet or as_json)
+
+
+def _diagnose_several(
+    experiments: tuple[Path, ...], out: Path, workers: int | None, dask: str | None, *, as_json: bool, quiet: bool
+) -> int:
+    from evaluator.discrepancy.several import diagnose_each
+    from evaluator.errors import InputError
+
+    answers = []
+    with progress_bar("experiments", quiet=quiet) as bar:
+        bar(0, len(experiments))
+        for answer in diagnose_each(experiments, out, workers=workers, dask=dask):
+            answers.append(answer)
+            bar(len(answers), len(experiments))
+    answers.sort(key=lambda answer: [path.resolve() for path in experiments].index(answer.experiment))
+    if all(answer.fault for answer in answers):
+        raise InputError("; ".join(str(answer.fault) for answer in answers))
+    if as_json:
+        click.echo(json.dumps({str(a.experiment): a.content for a in answers}, indent=2, ensure_ascii=False))
+    return max(_said(answer, quiet=quiet or as_json, titled=True) for answer in answers)
+
+
+def _said(answer: Answer, *, quiet: bool, titled: bool = False) -> int:
+    """Say what a diagnosis found and what is missing in it; gives the exit status."""
+    if answer.content is None:
+        click.echo(answer.fault, err=True)
+        return SOME_FAILED
+    if not quiet:
+        same = "" if answer.anew else "  (nothing has changed since it was made)"
+        title = [f"{answer.experiment}:"] if titled else []
+        click.echo("\n".join([*title, *summary(answer.content)]))
+        click.echo(f"\n{answer.out / 'diagnosis.json'}{same}" + ("\n" if titled else ""))
+    skipped = answer.content.get("skipped_runs") or {}
     for run, reason in skipped.items():
         click.echo(f"{run} is left out: {reason}", err=True)
     return SOME_FAILED if skipped else 0
