@@ -27,23 +27,27 @@ QUANTIZATION_MM = 1e-5  # marks files carry six decimals at most: noise below th
 
 @dataclass(frozen=True)
 class Noise:
-    """White noise plus exponentially correlated noise of one channel, mm and s."""
+    """White noise plus exponentially correlated noise of one channel, mm and s; drift: what lasts for seconds."""
 
     white_mm: float
     slow_mm: float
     correlation_s: float
+    drift_mm: float = 0.0
+    drift_s: float = 1.0
 
     def covariance(self, time_s: Floats) -> Floats:
         """Covariance between samples at time_s, (n, n), mm²."""
         lag = np.abs(time_s[:, None] - time_s[None, :])
         kernel: Floats = self.slow_mm**2 * np.exp(-lag / self.correlation_s)
+        if self.drift_mm:
+            kernel += self.drift_mm**2 * np.exp(-lag / self.drift_s)
         kernel[np.diag_indices(len(time_s))] += self.white_mm**2
         return kernel
 
     @property
     def sigma_mm(self) -> float:
         """Standard deviation of one sample, mm."""
-        return float(np.hypot(self.white_mm, self.slow_mm))
+        return float(np.hypot(np.hypot(self.white_mm, self.slow_mm), self.drift_mm))
 
     def scaled(self, factor: float) -> Noise:
         """The same correlation with all amplitudes multiplied by factor."""

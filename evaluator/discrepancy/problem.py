@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.discrepancy.drift import with_drift
 from evaluator.discrepancy.features import (
     Compression,
     channel_noise,
@@ -196,6 +197,9 @@ def with_noise_of(problem: Problem, point: Point) -> Problem:
             residual_spectra(run.time_s[:end], item[:end], run.start_s + SETTLING_S)
             for run, item, end in zip(problem.data, residuals, ends, strict=True)
         ]
+    )
+    noise = with_drift(
+        noise, [run.time_s for run in problem.data], frames, residuals, [run.marks_mm for run in problem.data]
     )
     compressions = tuple(
         compression(run.time_s, used, parts) for run, used, parts in zip(problem.data, frames, noise, strict=True)
