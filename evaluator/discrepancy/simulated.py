@@ -62,7 +62,8 @@ class Simulated:
         poses = self._poses(models[able], [tasks[number] for number in able], times, edges)
         for index, number in enumerate(able):
             x, y, heading = poses[edges[index] + 1 : edges[index + 1]].T
-            result[number] = np.concatenate(views[number].marks(x, y, heading), axis=1)
+            at = times[index][1:]
+            result[number] = np.concatenate(views[number].marks(x, y, heading, at), axis=1)
         return result
 
     def _poses(
@@ -115,7 +116,7 @@ class Simulated:
                 else:
                     term = self._terms[effect]
                     assert isinstance(term, FreeTerm)  # what is not in the catalogue is of the grammar
-                    draft.add(*term.kernel_terms(task.terms[effect]))
+                    draft.add(*(part for part in term.kernel_terms(task.terms[effect]) if not part.is_seen_only))
             draft.friction_factor = draft.friction_factor * (1 + task.own[3])
             draft.speed_factor = draft.speed_factor * (1 + np.array(task.own[4:]))
             record = draft.record()
@@ -141,6 +142,10 @@ class Simulated:
             see = EFFECTS[effect].view if effect in EFFECTS else None
             if see is not None:
                 see(view, values)
+            term = self._terms[effect]
+            if isinstance(term, FreeTerm):
+                parts = term.kernel_terms(task.terms[effect])
+                view.errors += tuple(part for part in parts if part.is_seen_only)
         return view
 
 
