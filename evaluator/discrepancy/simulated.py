@@ -7,11 +7,12 @@ start_s all the same; the start pose is then the pose at start_s, which is fitte
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.discrepancy.forward import Floats, RunData, Task
+from evaluator.discrepancy.forward import SHARED_UNIT, Floats, RunData, Task, is_shared
 from evaluator.discrepancy.free import FreeTerm
 from evaluator.discrepancy.terms import Parameters, Term
 from simulator.command import Command
@@ -44,7 +45,17 @@ class Simulated:
         self._records: dict[tuple[object, ...], NDArray[np.void] | None] = {}
 
     def marks(self, tasks: Sequence[Task]) -> list[Floats]:
-        """Marks (n, 4) of every task at the frame times of its run; NaN where the simulation fails."""
+        """Marks (n, 4) of every task at the frame times of its run; NaN where the simulation fails.
+
+        Tasks that differ only in errors which runs share (of the camera) have one simulation.
+        """
+        bare = [_without_shared(task) for task in tasks]
+        keys = [(task.run, task.own, *task.nominal.items(), *task.terms.items()) for task in bare]
+        distinct = dict(zip(keys, bare, strict=True))
+        simulated = dict(zip(distinct, self._simulated(list(distinct.values())), strict=True))
+        return [_with_shared(simulated[key], task, self._data[task.run]) for key, task in zip(keys, tasks, strict=True)]
+
+    def _simulated(self, tasks: Sequence[Task]) -> list[Floats]:
         self._records.clear()
         views = [self._view(task) for task in tasks]
         models = np.zeros(len(tasks), MODEL)
@@ -147,6 +158,19 @@ class Simulated:
                 parts = term.kernel_terms(task.terms[effect])
                 view.errors += tuple(part for part in parts if part.is_seen_only)
         return view
+
+
+def _without_shared(task: Task) -> Task:
+    return replace(task, nominal={key: value for key, value in task.nominal.items() if not is_shared(key)})
+
+
+def _with_shared(marks: Floats, task: Task, run: RunData) -> Floats:
+    """Marks as seen with the errors that runs share; always an array of its own."""
+    seen = marks.copy()
+    for key, shift in run.systematic.items():
+        if amount := task.nominal.get(key):
+            seen += amount / SHARED_UNIT * shift
+    return seen
 
 
 def varied_robot(robot: Robot, deviations: Mapping[str, float]) -> Robot:

@@ -17,6 +17,7 @@ from evaluator.errors import InputError
 from evaluator.files import read_with, write_table, write_text
 from evaluator.interchange import program_of
 from evaluator.settings import Experiment, Run, load_experiment
+from evaluator.workflow.analysis import jobs_of
 from evaluator.workflow.outputs import Outputs
 
 Progress = Callable[[str, float], None]
@@ -65,6 +66,7 @@ def _session(path: Path, experiment: Experiment, outputs: Outputs, progress: Pro
     """Marks as given, or tracked where a run is a video (what is up to date is reused)."""
     marks = {run.id: run.marks for run in experiment.run if run.marks is not None and not _to_be_read(run, experiment)}
     faults: dict[str, str] = {}
+    cameras: dict[str, Path] = {}
     if len(marks) < len(experiment.run):
         from evaluator.workflow import analyze
 
@@ -78,7 +80,9 @@ def _session(path: Path, experiment: Experiment, outputs: Outputs, progress: Pro
             for run in experiment.run
             if run.id not in marks and run.id not in faults
         }
-    session = session_of(experiment, marks)
+        placed = {job.run.id: job.camera for job in jobs_of(experiment, outputs, simulate=False)}
+        cameras = {run: camera for run, camera in placed.items() if run in marks and camera is not None}
+    session = session_of(experiment, marks, cameras)
     skipped = {**session.skipped, **faults}
     if not session.data:
         reasons = "; ".join(f"{run}: {reason}" for run, reason in list(skipped.items())[:REASONS_SHOWN])

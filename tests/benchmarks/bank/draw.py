@@ -69,7 +69,7 @@ def draw(rng: np.random.Generator, kind: str, folder: Path, name: str = "") -> D
     wanted = {"clean": 0, "single": 1, "pair": 2, "outside": 0}[kind]
     while len(ids) < wanted:
         ids = [str(item) for item in rng.choice(sorted(SIZES), size=wanted, replace=False)]
-    effects = {item: _sized(rng, item) for item in ids}
+    effects = {item: sized(rng, item) for item in ids}
     outside, size = "", 0.0
     if kind == "outside":
         outside = name or str(rng.choice(sorted(KINDS)))
@@ -81,9 +81,11 @@ def draw(rng: np.random.Generator, kind: str, folder: Path, name: str = "") -> D
     return Drawn(folder, label)
 
 
-def _sized(rng: np.random.Generator, effect: str) -> dict[str, float]:
+def sized(rng: np.random.Generator, effect: str, least: float = 0.0) -> dict[str, float]:
+    """Parameters of an effect, even in the logarithm of their range; the share least of it is left out below."""
     values = {}
-    for name, (low, high) in SIZES[effect].items():
+    for name, (lowest, high) in SIZES[effect].items():
+        low = lowest if lowest < 0 else lowest * (high / lowest) ** least
         size = rng.uniform(low, high) if low < 0 else float(np.exp(rng.uniform(np.log(low), np.log(high))))
         sign = rng.choice([-1, 1])
         if name in ("left_over_right", "factor", "driving_factor", "driven_factor"):
@@ -102,7 +104,7 @@ def _write(
     """
     folder.mkdir(parents=True)
     shifts: dict[str, list[Array]] = {name: [] for name in (effects or ([outside] if outside else []))}
-    true = _slip_changed(nominal, {key.split(".")[1]: 1 + rng.normal() * tol for key, tol in TOLERANCE.items()})
+    true = slip_changed(nominal, {key.split(".")[1]: 1 + rng.normal() * tol for key, tol in TOLERANCE.items()})
     true = true.model_copy(update={"effect": tuple(Effect(id=key, **values) for key, values in effects.items())})
     runs, count = ['format = 1\nname = "drawn"\nrobot = "robot.toml"\n'], int(rng.integers(16, 25))
     sigma, decay = np.exp(rng.uniform(np.log(0.002), np.log(0.008))), rng.uniform(0.3, 0.92)
@@ -111,7 +113,7 @@ def _write(
         left, right = COMMANDS[number % len(COMMANDS)]
         start, time = round(float(rng.uniform(0.0, 0.6)), 3), np.arange(int(rng.uniform(6, 10) * 60)) / 60
         share, gains = 1 + rng.normal() * friction, 1 + rng.normal(size=2) * gain
-        own = _slip_changed(true, {"lateral_friction": share, "longitudinal_friction": share})
+        own = slip_changed(true, {"lateral_friction": share, "longitudinal_friction": share})
         pose = (rng.uniform(-12, 12), rng.uniform(-12, 12), rng.uniform(-np.pi, np.pi))
         rpm = (left * gains[0], right * gains[1])
         if outside:
@@ -120,10 +122,10 @@ def _write(
             shifts[outside].append(marks[:, 1:] - bare)
         else:
             command = Command.constant(*rpm, start)
-            marks = _seen(own, command, time, pose, number)
+            marks = seen(own, command, time, pose, number)
             for name in effects:
                 less = own.model_copy(update={"effect": tuple(item for item in own.effect if item.id != name)})
-                shifts[name].append((marks - _seen(less, command, time, pose, number))[:, 1:])
+                shifts[name].append((marks - seen(less, command, time, pose, number))[:, 1:])
         white = rng.normal(size=(len(time) + 300, 4)) * np.sqrt(1 - decay**2)
         marks[:, 1:] += sigma * np.asarray(lfilter([1], [1, -decay], white, axis=0))[300:]
         header = "time_s,green_x_mm,green_y_mm,yellow_x_mm,yellow_y_mm"
@@ -131,22 +133,24 @@ def _write(
         runs.append(f'[[run]]\nid = "r{number:02d}"\nleft_rpm = {left}\nright_rpm = {right}\nstart_s = {start}\n'
                     f'marks = "r{number:02d}.csv"\n')  # fmt: skip
     (folder / "experiment.toml").write_text("\n".join(runs), encoding="utf-8")
-    (folder / "robot.toml").write_text(_robot_text(), encoding="utf-8")
+    (folder / "robot.toml").write_text(robot_text(), encoding="utf-8")
     return shifts, np.array([friction, gain, gain])
 
 
-def _seen(robot: Robot, command: Command, time_s: Array, pose: tuple[float, float, float], number: int) -> Array:
+def seen(robot: Robot, command: Command, time_s: Array, pose: tuple[float, float, float], number: int) -> Array:
     """Time and marks, (n, 5), of a run of this number."""
     run = simulate(robot, command, time_s, State(*pose), run_index=number)
     return marks_of_run(robot, run).to_numpy(copy=True)
 
 
-def _slip_changed(robot: Robot, factors: dict[str, float]) -> Robot:
+def slip_changed(robot: Robot, factors: dict[str, float]) -> Robot:
+    """The robot with values of its slip law multiplied by factors."""
     slip = robot.slip.model_copy(update={key: getattr(robot.slip, key) * factor for key, factor in factors.items()})
     return robot.model_copy(update={"slip": slip})
 
 
-def _robot_text() -> str:
+def robot_text() -> str:
+    """The robot file that the diagnosis gets: nominal values and the tolerances they were drawn from."""
     text = (Path(__file__).parents[3] / "simulator" / "robots" / "barrel.toml").read_text(encoding="utf-8")
     lines = [f"{json.dumps(key)} = {value}" for key, value in TOLERANCE.items()]
     return "\n".join([text, "[tolerance]", *lines, ""])
