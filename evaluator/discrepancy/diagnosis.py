@@ -20,7 +20,7 @@ from evaluator.discrepancy.horizon import is_large, short_horizon_fits
 from evaluator.discrepancy.next_run import NextRun, best_next_run
 from evaluator.discrepancy.problem import Point, Problem, build_problem, with_noise_of
 from evaluator.discrepancy.rivals import Set, Standing, is_free, predictive_score, separations, standing
-from evaluator.discrepancy.search import Search, fit_set, run_search, screen
+from evaluator.discrepancy.search import HOPELESS, Search, fit_set, run_search, screen
 from evaluator.discrepancy.simulated import Simulated
 from evaluator.discrepancy.terms import Term, named_terms
 from evaluator.discrepancy.where import Dependence, dependences, pieces
@@ -54,7 +54,7 @@ ASTRAY_SHARE = 0.125
 SETTLED_NOISE = 0.9  # a search is repeated where its best model lowers the noise below this share
 RIVALS_KEPT = 4
 SWAP_SIGMAS, SWAPS = 10.0, 4
-FREE_REFITTED = 8
+FREE_REFITTED, FREE_HOPELESS = 8, 3  # free-form terms to be fitted, at most; so many far from the best in a row end it
 PROMISING_FREE = 6.0  # gain in log evidence at which a free-form term is fitted; its prior takes eight
 
 
@@ -237,15 +237,20 @@ def _challenge(search: Search, free: Mapping[str, Term], progress: Progress) -> 
     """Let free-form terms compete: instead of the named effects, and beside them."""
     progress("free-form terms", 0.85)
     ranked = sorted(search.fits, key=lambda ids: -search.fits[ids].posterior.log_evidence)
+    top = search.fits[ranked[0]].posterior.log_evidence
     for ids in dict.fromkeys([frozenset[str](), ranked[0]]):
         fit = search.fits[ids]
         inside = [effect for effect in sorted(ids) if not search.terms[effect].leaps]
         view = screen(search, fit.point, inside, free.values())
         base = view.model.posterior(view.base).log_evidence
         gains = sorted(((view.evidence(offer) - base, offer) for offer in view.offers), reverse=True)
+        hopeless = 0
         for gain, (effect, extra) in gains[:FREE_REFITTED]:
-            if gain > PROMISING_FREE:
-                fit_set(search, ids | {effect}, {effect: view.start_of((effect, extra))}, fit)
+            if gain < PROMISING_FREE or hopeless == FREE_HOPELESS:
+                break
+            found = fit_set(search, ids | {effect}, {effect: view.start_of((effect, extra))}, fit)
+            near = found is not None and found.posterior.log_evidence > top - HOPELESS
+            hopeless = 0 if near else hopeless + 1
 
 
 def _kept(search: Search, table: Standing) -> Set:
