@@ -15,7 +15,6 @@ from evaluator.discrepancy.fit import place_runs
 from evaluator.discrepancy.forward import SHARED_UNIT, is_shared
 from evaluator.discrepancy.free import FreeTerm
 from evaluator.discrepancy.gap import rms
-from evaluator.discrepancy.next_run import DURATION_S
 from evaluator.discrepancy.rivals import SAME_SIGMAS, Set, is_free
 from evaluator.discrepancy.terms import Parameters, Term
 from evaluator.discrepancy.where import QUANTITIES, pieces
@@ -212,8 +211,10 @@ def _next(diagnosis: Diagnosis) -> Json | None:
     return {
         "left_rpm": run.left_rpm,
         "right_rpm": run.right_rpm,
+        "x_mm": run.x_mm,
+        "y_mm": run.y_mm,
         "heading_deg": run.heading_deg,
-        "duration_s": DURATION_S,
+        "duration_s": run.duration_s,
         "separation_sigmas": {name: _rounded(value) for name, value in following.sigmas.items()},
     }
 

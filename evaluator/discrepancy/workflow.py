@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,30 +19,50 @@ from evaluator.files import read_with, write_table, write_text
 from evaluator.interchange import program_of
 from evaluator.settings import Experiment, Run, load_experiment
 from evaluator.workflow.analysis import jobs_of
+from evaluator.workflow.batch import available_cores
 from evaluator.workflow.outputs import Outputs
 
 Progress = Callable[[str, float], None]
 
 
-def diagnose_experiment(path: Path, out: Path, progress: Progress) -> tuple[Diagnosis | None, dict[str, Any]]:
+def diagnose_experiment(
+    path: Path, out: Path, progress: Progress, *, workers: int | None = None, dask: str | None = None
+) -> tuple[Diagnosis | None, dict[str, Any]]:
     """Diagnose an experiment and write the results below out.
 
-    Gives the diagnosis, None where inputs and code are those of the one that is there, and the content of
-    diagnosis.json.
+    workers: cores to track and simulate on, by default all; dask: address of a scheduler whose workers track instead.
+    The results depend on neither. Gives the diagnosis, None where inputs and code are those of the one that is there,
+    and the content of diagnosis.json.
     Raises InputError where the experiment, a robot or all recordings cannot be used.
     """
     experiment, outputs = read_with(load_experiment, path), Outputs(Path(out))
     key = key_of_diagnosis(experiment, outputs)
     if is_current(outputs, key):
         return None, load_diagnosis(outputs.diagnosis)
-    session = _session(path, experiment, outputs, progress)
+    session = _session(path, experiment, outputs, progress, workers, dask)
     try:
-        found = diagnose(session, progress)
+        with _on_cores(workers or available_cores()):
+            found = diagnose(session, progress)
     except FloatingPointError as error:
         raise InputError(f"{path}: {error}; are the robot file and the command of that run right?") from error
     content = record(found)
     keep(outputs, key, _written(found, content, experiment, outputs))
     return found, content
+
+
+@contextmanager
+def _on_cores(count: int) -> Iterator[None]:
+    """Simulate on so many cores; sums of linear algebra keep one order of addition, whatever the machine."""
+    import numba
+    from threadpoolctl import threadpool_limits
+
+    before = numba.get_num_threads()
+    numba.set_num_threads(min(count, before))
+    try:
+        with threadpool_limits(1, user_api="blas"):
+            yield
+    finally:
+        numba.set_num_threads(before)
 
 
 def _written(found: Diagnosis, content: dict[str, Any], experiment: Experiment, outputs: Outputs) -> list[Path]:
@@ -62,7 +83,9 @@ def _written(found: Diagnosis, content: dict[str, Any], experiment: Experiment, 
     return files
 
 
-def _session(path: Path, experiment: Experiment, outputs: Outputs, progress: Progress) -> Session:
+def _session(
+    path: Path, experiment: Experiment, outputs: Outputs, progress: Progress, workers: int | None, dask: str | None
+) -> Session:
     """Marks as given, or tracked where a run is a video (what is up to date is reused)."""
     marks = {run.id: run.marks for run in experiment.run if run.marks is not None and not _to_be_read(run, experiment)}
     faults: dict[str, str] = {}
@@ -72,7 +95,11 @@ def _session(path: Path, experiment: Experiment, outputs: Outputs, progress: Pro
 
         progress("tracking", 0.0)
         analysis = analyze(
-            path, outputs.folder, progress=lambda done, total: progress("tracking", done / max(total, 1))
+            path,
+            outputs.folder,
+            workers=workers,
+            dask=dask,
+            progress=lambda done, total: progress("tracking", done / max(total, 1)),
         )
         faults = dict(analysis.faults)
         marks |= {
