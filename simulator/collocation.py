@@ -155,7 +155,7 @@ def collocate(time: float, length: float, tolerance: float, planned: int, model:
     before, enough, used = math.inf, SWEPT_SHARE * tolerance / length, 0
     while used < (planned if planned > 0 else MOST_SWEEPS):
         follow(length, work)
-        change = sweep(time, length, used > 0, model, work)
+        change = sweep(time, length, used > 0 and model.wheels_feel == 0, model, work)
         used += 1
         if planned > 0:
             continue

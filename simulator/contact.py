@@ -61,13 +61,16 @@ def law_slopes(u: float, v: float, surface: float, wheel: int, scaled: Any, rest
 
 
 @compiled()
-def drooping_speed(u: float, v: float, free: float, wheel: int, scaled: Any, rest: float, model: Any) -> float:
+def drooping_speed(
+    u: float, v: float, free: float, guess: float, wheel: int, scaled: Any, rest: float, model: Any
+) -> float:
     """Surface speed of a motor that yields to its load: the w with w = free - droop·F_x(w).
 
-    F_x grows with w, so the root is one; Newton's method within a bracket that friction bounds.
+    F_x grows with w, so the root is one; Newton's method from a guess within a bracket that friction bounds.
     """
     reach = model.droop * model.grip_x[wheel] * scaled[0]
-    low, high, speed = free - reach, free + reach, free
+    low, high = free - reach, free + reach
+    speed = guess if low < guess < high else free
     for _ in range(60):
         slopes = law_slopes(u, v, speed, wheel, scaled, rest, model)
         excess = speed - free + model.droop * slopes[0]
@@ -76,7 +79,7 @@ def drooping_speed(u: float, v: float, free: float, wheel: int, scaled: Any, res
         else:
             low = speed
         newton = speed - excess / (1.0 + model.droop * slopes[6])
-        if abs(newton - speed) <= 1e-9 * max(abs(free), 1e-3):  # then the next digits are right too
+        if abs(newton - speed) <= 1e-7 * max(abs(free), 1e-3):  # then as many digits more are right
             return float(newton)
         speed = newton if low < newton < high else (low + high) / 2
     return float(speed)
@@ -149,7 +152,7 @@ def _touch_one(
         wheel_u, wheel_v = cos_steer * u + sin_steer * v, cos_steer * v - sin_steer * u
     droop = model.droop if wheel < 2 and drive[wheel] != 0.0 else 0.0
     if droop != 0.0:
-        surface = drooping_speed(wheel_u, wheel_v, surface, wheel, scaled, rest, model)
+        surface = drooping_speed(wheel_u, wheel_v, surface, contacts[SURFACE, wheel], wheel, scaled, rest, model)
     contacts[SURFACE, wheel], contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel] = surface, cos_steer, sin_steer
     contacts[GRIP_X, wheel], contacts[GRIP_Y, wheel], contacts[STEEP_X, wheel], contacts[STEEP_Y, wheel] = scaled
     contacts[DRAG_FORCE, wheel], contacts[DROOP, wheel] = drag, droop
