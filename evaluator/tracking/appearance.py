@@ -20,8 +20,8 @@ ENOUGH = 1009  # samples of a patch that a shape is learnt from: all of a mark o
 class Appearance:
     """Colour and shape of one mark.
 
-    color: as `kernels.is_color` takes it. area_px2: area of the pixels that have the colour when the whole mark shows.
-    disc: its shape in the luma.
+    color: as `color_kernels.is_color` takes it. area_px2: area of the pixels that have the colour when the whole mark
+    shows. disc: its shape in the luma.
     """
 
     color: Array
@@ -30,7 +30,7 @@ class Appearance:
 
 
 def learn_color(candidate: Candidate, others_uv: Sequence[tuple[float, float]], neutral: tuple[float, float]) -> Array:
-    """Direction and extent of a mark's colour in (u, v), as `kernels.is_color` takes it.
+    """Direction and extent of a mark's colour in (u, v), as `color_kernels.is_color` takes it.
 
     others_uv: mean colours of the other marks; the half angle ends midway to the nearest of them.
     """

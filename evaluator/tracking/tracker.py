@@ -237,8 +237,8 @@ class Tracker:
         marks = [self.followers[name] for name in ("green", "yellow")]
         worse, better = sorted(marks, key=lambda mark: mark.radius_px)
         if worse.radius_px > (1 - UNEQUAL) * better.radius_px:
-            better, worse = sorted(marks, key=lambda mark: mark.look.disc.noise[0])
-            if worse.look.disc.noise[0] < UNEQUAL_NOISE * better.look.disc.noise[0]:
+            better, worse = sorted(marks, key=lambda mark: mark.look.disc.noise)
+            if worse.look.disc.noise < UNEQUAL_NOISE * better.look.disc.noise:
                 return
         shape, own = better.look.disc, worse.look.disc
         slant, level = (shape.e1, shape.e2), (own.amplitude, own.base)
