@@ -19,8 +19,8 @@ ORDERS = (3, 4, 5, 6)
 SAMPLE = 40  # dots
 FEWEST = 12  # dots
 # A square has 0.1 in its fourth order, a hexagon 0.05 in its sixth; of discs rendered with blur, noise, JPEG, colour
-# interpolation or motion over most of their width, and of real ones, none has 0.02.
-OUT_OF_ROUND = 0.025
+# interpolation or motion over most of their width, and of real ones, none has 0.02; of 6 px drawn coarsely, 0.03.
+OUT_OF_ROUND = 0.04
 NAMES = {3: "triangles", 4: "squares", 5: "pentagons", 6: "hexagons"}
 
 
