@@ -24,6 +24,8 @@ SPECK = 0.4  # of the diameter of the dots around: no gauge has fiducials that s
 # Of the median contrast: vignetting and uneven light leave 0.25 and more (0.4 on a real fisheye); the images of the
 # array in the dark surround of a lens are fainter, and lie pixels beside the places they seem to continue.
 FAINT = 0.15
+# A place is bare where the picture there is as bright as the sheet next to it, to this share of the dots' contrast.
+BARE = 0.35
 SMALLEST_LATTICE = 6  # dots; fewer make no lattice
 
 
@@ -125,14 +127,11 @@ def rows_and_columns(lattice: Lattice) -> tuple[str, Integers]:
     return layout, np.stack([column, down - down.min()], 1)
 
 
-# A place is bare where the picture there is as bright as the sheet next to it, to this share of the dots' contrast.
-BARE = 0.35
+def places_without_dot(dots: Dots, lattice: Lattice) -> tuple[Integers, Array]:
+    """Lattice places next to dots seen, well inside the picture, that hold no dot: (k, 2), and their light (k,).
 
-
-def places_without_dot(dots: Dots, lattice: Lattice) -> tuple[Integers, NDArray[np.bool_]]:
-    """Lattice places next to dots seen, well inside the picture, that hold no dot: (k, 2), and which are bare (k,).
-
-    A bare place shows the sheet, so there is no dot; at the others something may hide one.
+    The light is that above the sheet beside the nearest dots, in contrasts of those. A place within BARE of the sheet
+    shows it, so there is no dot; at the others something may hide one.
     """
     corner = lattice.index.min(axis=0) - 2
     extent = lattice.index.max(axis=0) - corner + 3
@@ -144,7 +143,7 @@ def places_without_dot(dots: Dots, lattice: Lattice) -> tuple[Integers, NDArray[
     smooth = cv2.blur(dots.plane, (3, 3))
     width, height = dots.size_px
     margin = float(np.median(dots.diameter_px[lattice.dot]))
-    bare: dict[tuple[int, int], bool] = {}
+    light: dict[tuple[int, int], float] = {}
     for da, db in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         behind, sheet = np.roll(grid, (da, db), axis=(0, 1)), np.roll(level, (da, db), axis=(0, 1))
         guess = 2 * behind - np.roll(grid, (2 * da, 2 * db), axis=(0, 1))
@@ -153,7 +152,7 @@ def places_without_dot(dots: Dots, lattice: Lattice) -> tuple[Integers, NDArray[
             free &= (guess[..., 1] > margin) & (guess[..., 1] < height - 1 - margin)
         for a, b in np.argwhere(free).tolist():
             x, y = np.rint(guess[a, b]).astype(int)
-            like = abs(float(smooth[y, x]) - sheet[a, b, 0]) < BARE * sheet[a, b, 1]
-            bare[a, b] = bare.get((a, b), False) or bool(like)
-    places = np.array(sorted(bare), dtype=np.int64).reshape(-1, 2)
-    return places + corner, np.array([bare[a, b] for a, b in places.tolist()], dtype=bool)
+            above = (float(smooth[y, x]) - sheet[a, b, 0]) / sheet[a, b, 1]
+            light[a, b] = min(light.get((a, b), above), above, key=abs)
+    places = np.array(sorted(light), dtype=np.int64).reshape(-1, 2)
+    return places + corner, np.array([light[a, b] for a, b in places.tolist()])

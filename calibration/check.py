@@ -78,10 +78,12 @@ def check_camera(
     name: str = "picture",
     variance: float = 1.0,
     height_mm: float = 6.5,
+    face_mm: tuple[float, ...] = (),
 ) -> Check:
     """Compare a camera with a new picture of the gauge on the plate.
 
-    variance: of unit weight of the calibration. height_mm: plane on which lengths are compared. Raises
+    variance: of unit weight of the calibration. height_mm: plane on which lengths are compared. face_mm: coefficients
+    of the gauge's face, where the calibration found it bent. Raises
     CalibrationError for a picture that does not show the gauge or has another size.
     """
     if picture.shape[1::-1] != camera.size_px:
@@ -91,6 +93,8 @@ def check_camera(
         )
     sighting = sight(picture, gauge, name)
     view = view_of(sighting, gauge, on_plate=True)
+    bend = view.terms[:, : len(face_mm)] @ np.array(face_mm)
+    view = replace(view, points_mm=view.points_mm + bend[:, None] * [0.0, 0.0, 1.0])
     state, view, residual, noise = _pose(camera, view)
     noise = max(noise, variance)
     change, covariance = _pose_change(camera, state, view, noise)

@@ -64,15 +64,15 @@ def detect_dots(picture: NDArray[np.generic], color: str | None = None, backgrou
     """
     plane = dark_dots(picture, color, background)
     signs = (1.0,) if color is not None and background is not None else (1.0, -1.0)
-    voted = [(sign, *_best_window(np.float32(sign) * plane)) for sign in signs]
+    noise = noise_of(plane)
+    voted = [(sign, *_best_window(np.float32(sign) * plane, noise)) for sign in signs]
     sign, _, candidates = max(voted, key=lambda vote: vote[1])
     plane = np.float32(sign) * plane
-    return _dots(picture, plane, *_fit(plane, candidates, noise_of(plane)))
+    return _dots(picture, plane, *_fit(plane, candidates, noise))
 
 
-def _best_window(plane: Plane) -> tuple[float, Candidates]:
+def _best_window(plane: Plane, noise: float) -> tuple[float, Candidates]:
     """Candidates of the window that shows most dots, counted by their diameters: a dot outweighs many specks."""
-    noise = noise_of(plane)
     votes, best = 0.0, Candidates(np.empty((0, 2)), np.empty((0, 3)), np.empty(0))
     for window, candidates in candidates_by_window(plane, noise):
         every = max(1, len(candidates) // TRIALS)
