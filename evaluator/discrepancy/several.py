@@ -16,11 +16,11 @@ from simulator.errors import SimulationError
 
 @dataclass(frozen=True)
 class Order:
-    """An experiment to diagnose, the folder of its results, and on how many cores."""
+    """An experiment to diagnose, the folder of its results, and in how many processes to track."""
 
     experiment: Path
     out: Path
-    cores: int
+    trackers: int
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,9 @@ def diagnose_each(
     The diagnoses do not depend on workers or dask. An experiment that cannot be used does not stop the others.
     """
     count = workers or available_cores()
-    cores = max(count // len(experiments), 1) if dask is None else 1
+    trackers = max(count // len(experiments), 1) if dask is None else 1
     folders = folders_of(experiments, out)
-    orders = [Order(path.resolve(), folders[path].resolve(), cores) for path in experiments]
+    orders = [Order(path.resolve(), folders[path].resolve(), trackers) for path in experiments]
     if dask is not None:
         yield from on_cluster(_diagnosed, orders, address=dask, when_killed=_lost)
     else:
@@ -68,7 +68,7 @@ def _diagnosed(order: Order) -> Answer:
     from evaluator.discrepancy.workflow import diagnose_experiment
 
     try:
-        found, content = diagnose_experiment(order.experiment, order.out, _unseen, workers=order.cores)
+        found, content = diagnose_experiment(order.experiment, order.out, _unseen, workers=order.trackers)
     except (InputError, CalibrationError, SimulationError) as error:
         return Answer(order.experiment, order.out, fault=str(error))
     except OSError as error:

@@ -19,7 +19,6 @@ from evaluator.files import read_with, write_table, write_text
 from evaluator.interchange import program_of
 from evaluator.settings import Experiment, Run, load_experiment
 from evaluator.workflow.analysis import jobs_of
-from evaluator.workflow.batch import available_cores
 from evaluator.workflow.outputs import Outputs
 
 Progress = Callable[[str, float], None]
@@ -30,9 +29,9 @@ def diagnose_experiment(
 ) -> tuple[Diagnosis | None, dict[str, Any]]:
     """Diagnose an experiment and write the results below out.
 
-    workers: cores to track and simulate on, by default all; dask: address of a scheduler whose workers track instead.
-    The results depend on neither. Gives the diagnosis, None where inputs and code are those of the one that is there,
-    and the content of diagnosis.json.
+    workers: processes that track recordings, by default one per core; dask: address of a scheduler whose workers track
+    instead. The results depend on neither. Gives the diagnosis, None where inputs and code are those of the one that is
+    there, and the content of diagnosis.json.
     Raises InputError where the experiment, a robot or all recordings cannot be used.
     """
     experiment, outputs = read_with(load_experiment, path), Outputs(Path(out))
@@ -41,7 +40,7 @@ def diagnose_experiment(
         return None, load_diagnosis(outputs.diagnosis)
     session = _session(path, experiment, outputs, progress, workers, dask)
     try:
-        with _on_cores(workers or available_cores()):
+        with _on_one_core():
             found = diagnose(session, progress)
     except FloatingPointError as error:
         raise InputError(f"{path}: {error}; are the robot file and the command of that run right?") from error
@@ -51,13 +50,18 @@ def diagnose_experiment(
 
 
 @contextmanager
-def _on_cores(count: int) -> Iterator[None]:
-    """Simulate on so many cores; sums of linear algebra keep one order of addition, whatever the machine."""
+def _on_one_core() -> Iterator[None]:
+    """Simulate and solve on one core.
+
+    A fit is small steps of Python between small batches of runs: the simulator is a quarter of its time. Threads that
+    meet after every batch save a tenth on an idle machine, but cost half as much processor time again, and on a busy
+    one the diagnosis took three times as long. Other cores have other experiments. Also, sums keep one order.
+    """
     import numba
     from threadpoolctl import threadpool_limits
 
     before = numba.get_num_threads()
-    numba.set_num_threads(min(count, before))
+    numba.set_num_threads(1)
     try:
         with threadpool_limits(1, user_api="blas"):
             yield

@@ -1,8 +1,7 @@
 """Diagnoses on one core and on several: `python -m tests.benchmarks.diagnosis_speed --experiments 4 --workers 2`.
 
 Draws experiments of the blind bank and diagnoses them through the command, one after another on one core and side by
-side; both in turns, so that other work on the machine meets both. Also one experiment with the simulator on one and on
-all cores. Prints seconds, ratios, and whether the answers are the same to the last digit.
+side. Prints seconds, their ratio, and whether the answers are the same to the last digit.
 """
 
 from __future__ import annotations
@@ -33,15 +32,12 @@ def main() -> None:
             draw(rng, "single", base / f"e{number}", sorted(SIZES)[number % len(SIZES)])
         files = [str(base / f"e{number}" / "experiment.toml") for number in range(options.experiments)]
         _timed(files[:1], base / "warm", 1)
-        for what, chosen in (("one experiment", files[:1]), (f"{len(files)} experiments", files)):
-            one = _timed(chosen, base / f"one-{len(chosen)}", 1)
-            many = _timed(chosen, base / f"many-{len(chosen)}", options.workers)
-            same = _answers(base / f"one-{len(chosen)}") == _answers(base / f"many-{len(chosen)}")
-            print(
-                f"{what}: {one:.0f} s on one core, {many:.0f} s with --workers {options.workers}: "
-                f"{one / many:.2f} times as fast, answers {'identical' if same else 'DIFFERENT'}",
-                flush=True,
-            )
+        one, many = _timed(files, base / "one", 1), _timed(files, base / "many", options.workers)
+        same = _answers(base / "one") == _answers(base / "many")
+    print(
+        f"{len(files)} experiments: {one:.0f} s on one core, {many:.0f} s with --workers {options.workers}: "
+        f"{one / many:.2f} times as fast, answers {'identical' if same else 'DIFFERENT'}"
+    )
 
 
 def _timed(files: list[str], out: Path, workers: int) -> float:
