@@ -24,6 +24,11 @@ SPECK = 0.4  # of the diameter of the dots around: no gauge has fiducials that s
 # Of the median contrast: vignetting and uneven light leave 0.25 and more (0.4 on a real fisheye); the images of the
 # array in the dark surround of a lens are fainter, and lie pixels beside the places they seem to continue.
 FAINT = 0.15
+# A place is bare where the picture there is as bright as the sheet next to it, to this share of the dots' contrast.
+BARE = 0.35
+# A part split off by a cloth or a rod: dots of the main lattice beside it that predict its places, and how far, in
+# pitches, the dots may lie from them. Distortion bends a prediction over three pitches by a few percent.
+BESIDE, OFF_PLACE = 24, 0.2
 SMALLEST_LATTICE = 6  # dots; fewer make no lattice
 
 
@@ -74,8 +79,42 @@ def assign_grid(dots: Dots) -> Lattice:
     if not found:
         return empty
     best = max(found, key=len)
-    others = sum(len(lattice) for lattice in found if lattice is not best and 2 * len(lattice) >= len(best))
+    rest = sorted((lattice for lattice in found if lattice is not best), key=len, reverse=True)
+    for lattice in list(rest):
+        joined = _joined(points, best, lattice)
+        if joined is not None:
+            best = joined
+            rest.remove(lattice)
+    others = sum(len(lattice) for lattice in rest if 2 * len(lattice) >= len(best))
     return _without_specks(dots, Lattice(best.dot, _reduced(points[best.dot], best.index), others))
+
+
+def _joined(points: Array, main: Lattice, part: Lattice) -> Lattice | None:
+    """One lattice of two that something hidden between them has split, None where the part does not continue the main.
+
+    The homography of the main's dots next to the part predicts the indices of the part's dots: they must be whole
+    numbers and run as the part's own do.
+    """
+    middle = points[part.dot].mean(axis=0)
+    near = np.argsort(np.hypot(*(points[main.dot] - middle).T))[:BESIDE]
+    if len(near) < BESIDE or len(part) < SMALLEST_LATTICE:
+        return None
+    to_index = cv2.findHomography(points[main.dot[near]], main.index[near].astype(float), 0)[0]
+    if to_index is None:
+        return None
+    guess = cv2.perspectiveTransform(points[part.dot][None], to_index)[0]
+    index = np.rint(guess).astype(np.int64)
+    own = np.column_stack([part.index, np.ones(len(part))])
+    runs = np.rint(np.linalg.lstsq(own, guess, rcond=None)[0]).astype(np.int64)
+    taken = set(map(tuple, main.index.tolist()))
+    if (
+        np.abs(guess - index).max() > OFF_PLACE
+        or abs(int(runs[0, 0] * runs[1, 1] - runs[0, 1] * runs[1, 0])) != 1
+        or not np.array_equal(part.index @ runs[:2] + runs[2], index)
+        or any(tuple(place) in taken for place in index.tolist())
+    ):
+        return None
+    return Lattice(np.concatenate([main.dot, part.dot]), np.concatenate([main.index, index]))
 
 
 def _without_specks(dots: Dots, lattice: Lattice) -> Lattice:
@@ -125,14 +164,11 @@ def rows_and_columns(lattice: Lattice) -> tuple[str, Integers]:
     return layout, np.stack([column, down - down.min()], 1)
 
 
-# A place is bare where the picture there is as bright as the sheet next to it, to this share of the dots' contrast.
-BARE = 0.35
+def places_without_dot(dots: Dots, lattice: Lattice) -> tuple[Integers, Array]:
+    """Lattice places next to dots seen, well inside the picture, that hold no dot: (k, 2), and their light (k,).
 
-
-def places_without_dot(dots: Dots, lattice: Lattice) -> tuple[Integers, NDArray[np.bool_]]:
-    """Lattice places next to dots seen, well inside the picture, that hold no dot: (k, 2), and which are bare (k,).
-
-    A bare place shows the sheet, so there is no dot; at the others something may hide one.
+    The light is that above the sheet beside the nearest dots, in contrasts of those. A place within BARE of the sheet
+    shows it, so there is no dot; at the others something may hide one.
     """
     corner = lattice.index.min(axis=0) - 2
     extent = lattice.index.max(axis=0) - corner + 3
@@ -144,7 +180,7 @@ def places_without_dot(dots: Dots, lattice: Lattice) -> tuple[Integers, NDArray[
     smooth = cv2.blur(dots.plane, (3, 3))
     width, height = dots.size_px
     margin = float(np.median(dots.diameter_px[lattice.dot]))
-    bare: dict[tuple[int, int], bool] = {}
+    light: dict[tuple[int, int], float] = {}
     for da, db in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         behind, sheet = np.roll(grid, (da, db), axis=(0, 1)), np.roll(level, (da, db), axis=(0, 1))
         guess = 2 * behind - np.roll(grid, (2 * da, 2 * db), axis=(0, 1))
@@ -153,7 +189,7 @@ def places_without_dot(dots: Dots, lattice: Lattice) -> tuple[Integers, NDArray[
             free &= (guess[..., 1] > margin) & (guess[..., 1] < height - 1 - margin)
         for a, b in np.argwhere(free).tolist():
             x, y = np.rint(guess[a, b]).astype(int)
-            like = abs(float(smooth[y, x]) - sheet[a, b, 0]) < BARE * sheet[a, b, 1]
-            bare[a, b] = bare.get((a, b), False) or bool(like)
-    places = np.array(sorted(bare), dtype=np.int64).reshape(-1, 2)
-    return places + corner, np.array([bare[a, b] for a, b in places.tolist()], dtype=bool)
+            above = (float(smooth[y, x]) - sheet[a, b, 0]) / sheet[a, b, 1]
+            light[a, b] = min(light.get((a, b), above), above, key=abs)
+    places = np.array(sorted(light), dtype=np.int64).reshape(-1, 2)
+    return places + corner, np.array([light[a, b] for a, b in places.tolist()])

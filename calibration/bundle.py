@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.camera import PARAMETERS, project
+from calibration.camera import PARAMETERS, camera_height, project
 from calibration.disc import fitted_centers
 from calibration.lens import LensModel
 
@@ -34,8 +33,9 @@ class View:
     """Dots of one picture: where they are seen and which places of the gauge they are.
 
     centers_px: (n, 2). whitening: (n, 2, 2) lower triangles that turn a residual into standard deviations. points_mm:
-    (n, 3) on the gauge, z = its height. radius_mm: (n,). site: (n,) number of the place on the gauge. name: of the
-    picture, for messages. offset_px: (n, 2) from the image of a disc's centre to the centre of its image.
+    (n, 3) on the gauge where it is flat, z = its height. radius_mm: (n,). site: (n,) number of the place on the gauge.
+    name: of the picture, for messages. offset_px: (n, 2) from the image of a disc's centre to the centre of its image.
+    terms: (n, k) values there of the terms of a face that is not flat (flatness.py).
     """
 
     centers_px: Array
@@ -44,6 +44,7 @@ class View:
     radius_mm: Array
     site: NDArray[np.int64]
     offset_px: Array
+    terms: Array
     name: str = ""
 
     def take(self, keep: NDArray[np.bool_]) -> View:
@@ -56,6 +57,7 @@ class View:
             radius_mm=self.radius_mm[keep],
             site=self.site[keep],
             offset_px=self.offset_px[keep],
+            terms=self.terms[keep],
         )
 
     def __len__(self) -> int:
@@ -74,21 +76,32 @@ def whitening(covariance_px2: Array) -> Array:
 
 @dataclass(frozen=True)
 class Prior:
-    """Independent normal priors on lens parameters, mean and sigma (10,), and optionally on the camera's distance."""
+    """Independent normal priors on lens parameters, mean and sigma (10,), and optionally on the camera's distance.
+
+    The focal length's is on its logarithm: sigma[0] / mean[0] is a factor. shortest_px: no lens is shorter; to a flat
+    model a bent gauge seen straight looks like a lens of no focal length. face_mm: sigma of each coefficient of the
+    gauge's face, about flat.
+    """
 
     mean: Array
     sigma: Array
+    shortest_px: float = 0.0
+    face_mm: float = 1.0
     distance_mm: tuple[float, float] | None = None  # of the lens from the plate along its normal, with sigma
 
 
 @dataclass(frozen=True)
 class State:
-    """Pose (n_views, 6) of the gauge in each picture, the lens (10,), its model and its free parameters."""
+    """Pose (n_views, 6) of the gauge in each picture, the lens (10,), its model and its free parameters.
+
+    face_mm: coefficients of the gauge's face that are free, of the first k terms; none where it is taken as flat.
+    """
 
     poses: Array
     lens: Array
     model: LensModel = "brown"
     free: tuple[str, ...] = ()
+    face_mm: Array = field(default_factory=lambda: np.zeros(0))
 
     def parameters(self, view: int) -> Array:
         """Camera parameters (16,) as seen from one picture's gauge."""
@@ -99,10 +112,15 @@ class State:
         """Which of the ten lens parameters are free."""
         return np.array([LENS_PARAMETERS.index(name) for name in self.free], dtype=np.int64)
 
+    @property
+    def shared(self) -> int:
+        """Count of unknowns that all pictures share: they stand before the poses."""
+        return len(self.free) + len(self.face_mm)
+
 
 @dataclass(frozen=True)
 class Fit:
-    """A solved bundle. residual_px: per view (n, 2). normal: (free + 6 n_views)² matrix.
+    """A solved bundle. residual_px: per view (n, 2). normal: (shared + 6 n_views)² matrix.
 
     variance: of unit weight: 1 where the stated dot uncertainties are right. cost: robust sum of squares.
     """
@@ -130,13 +148,23 @@ def solve_discs(views: list[View], start: State, prior: Prior) -> tuple[Fit, lis
     return fit, views
 
 
+def points_of(view: View, state: State) -> Array:
+    """Places of a view's dots (n, 3), mm, on the face of a state."""
+    if len(state.face_mm) == 0:
+        return view.points_mm
+    points = view.points_mm.copy()
+    points[:, 2] += view.terms[:, : len(state.face_mm)] @ state.face_mm
+    return points
+
+
 def with_disc_offsets(views: list[View], state: State) -> list[View]:
     """The views with the offsets that a state implies; they vary slowly, so a solve may hold them fixed."""
     renewed = []
     for k, view in enumerate(views):
         parameters = state.parameters(k)
-        center = project(view.points_mm, parameters, state.model)[0]
-        offset = fitted_centers(view.points_mm, view.radius_mm, parameters, state.model) - center
+        points = points_of(view, state)
+        center = project(points, parameters, state.model)[0]
+        offset = fitted_centers(points, view.radius_mm, parameters, state.model) - center
         renewed.append(replace(view, offset_px=np.where(np.isfinite(offset), offset, 0.0)))
     return renewed
 
@@ -196,8 +224,8 @@ def _moved(state: State, step: Array) -> State:
     count = len(state.free)
     lens[state.free_index] += step[:count]
     lens[0] = max(lens[0], 0.3 * state.lens[0])  # a focal length stays positive, and a step bounded
-    poses = state.poses + step[count:].reshape(-1, POSE_COUNT)
-    return replace(state, lens=lens, poses=poses)
+    poses = state.poses + step[state.shared :].reshape(-1, POSE_COUNT)
+    return replace(state, lens=lens, poses=poses, face_mm=state.face_mm + step[count : state.shared])
 
 
 @dataclass(frozen=True)
@@ -212,22 +240,26 @@ class _Normal:
 
 
 def view_rows(view: View, state: State, k: int) -> tuple[Array, Array, Array]:
-    """Plain (n, 2) and whitened (n, 2) residuals and whitened derivatives (n, 2, free + 6) of one view."""
-    predicted, _, by_parameter = project(view.points_mm, state.parameters(k), state.model)
+    """Plain (n, 2) and whitened (n, 2) residuals and whitened derivatives (n, 2, shared + 6) of one view."""
+    predicted, by_point, by_parameter = project(points_of(view, state), state.parameters(k), state.model)
     residual = view.centers_px - view.offset_px - predicted
-    columns = np.concatenate([6 + state.free_index, np.arange(POSE_COUNT)])
-    return residual, (view.whitening @ residual[..., None])[..., 0], view.whitening @ by_parameter[:, :, columns]
+    by_face = by_point[:, :, 2:] * view.terms[:, None, : len(state.face_mm)]
+    by_unknown = [by_parameter[:, :, POSE_COUNT + state.free_index], by_face, by_parameter[:, :, :POSE_COUNT]]
+    rows = view.whitening @ np.concatenate(by_unknown, axis=2)
+    return residual, (view.whitening @ residual[..., None])[..., 0], rows
 
 
 def places_of_view(state: State, k: int) -> NDArray[np.int64]:
     """Where the columns of `view_rows` stand in the normal matrix."""
-    count = len(state.free)
+    count = state.shared
     return np.concatenate([np.arange(count), count + POSE_COUNT * k + np.arange(POSE_COUNT)])
 
 
 def _normal(views: list[View], state: State, prior: Prior, scale: float) -> _Normal:
-    size = len(state.free) + POSE_COUNT * len(views)
+    size = state.shared + POSE_COUNT * len(views)
     matrix, gradient, cost = np.zeros((size, size)), np.zeros(size), 0.0
+    if state.lens[0] < prior.shortest_px:
+        return _Normal(matrix, gradient, np.inf, [], [])
     whitened, residuals = [], []
     for k, view in enumerate(views):
         residual, white, rows = view_rows(view, state, k)
@@ -252,25 +284,21 @@ def _add_prior(matrix: Array, gradient: Array, state: State, prior: Prior) -> fl
     """Add the priors to a normal matrix and gradient in place; returns their cost."""
     free, count = state.free_index, len(state.free)
     difference, weight = prior.mean[free] - state.lens[free], prior.sigma[free] ** -2
+    focal = free == 0
+    ratio = state.lens[0] / prior.mean[0]
+    difference[focal], weight[focal] = -state.lens[0] * np.log(ratio), weight[focal] / ratio**2
     matrix[np.arange(count), np.arange(count)] += weight
     gradient[:count] += difference * weight
     cost = float((difference**2 * weight).sum())
+    face = np.arange(count, state.shared)
+    matrix[face, face] += prior.face_mm**-2
+    gradient[face] -= state.face_mm / prior.face_mm**2
+    cost += float((state.face_mm**2).sum()) / prior.face_mm**2
     if prior.distance_mm is not None:
         mean, sigma = prior.distance_mm
         value, slope = camera_height(state.poses[0])
-        place = count + np.arange(POSE_COUNT)
+        place = state.shared + np.arange(POSE_COUNT)
         matrix[np.ix_(place, place)] += np.outer(slope, slope) / sigma**2
         gradient[place] += slope * (mean - value) / sigma**2
         cost += ((mean - value) / sigma) ** 2
     return cost
-
-
-def camera_height(pose: Array) -> tuple[float, Array]:
-    """Height of the lens above the plane z = 0 of a pose, mm, and its derivative by the pose (6,)."""
-
-    def height(p: Array) -> float:
-        return float(-(cv2.Rodrigues(np.ascontiguousarray(p[:3]))[0].T @ p[3:6])[2])
-
-    step = 1e-6
-    slope = [(height(pose + d) - height(pose - d)) / (2 * step) for d in step * np.eye(POSE_COUNT)]
-    return height(pose), np.array(slope)

@@ -21,7 +21,7 @@ PARAMETERS = (
     "rotation_x", "rotation_y", "rotation_z", "translation_x_mm", "translation_y_mm", "translation_z_mm",
     "focal_px", "aspect", "principal_x_px", "principal_y_px", "k1", "k2", "p1", "p2", "k3", "k4",
 )  # fmt: skip
-__all__ = ["PARAMETERS", "Camera", "LensModel", "camera_above", "project"]
+__all__ = ["PARAMETERS", "Camera", "LensModel", "camera_above", "camera_height", "project"]
 POSE, PINHOLE, DISTORTION = slice(0, 6), slice(6, 10), slice(10, 16)
 
 
@@ -137,6 +137,17 @@ def project(points_mm: Array, parameters: Array, lens: LensModel) -> tuple[Array
     by_parameter[:, 0, 8] = by_parameter[:, 1, 9] = 1.0
     by_parameter[:, :, DISTORTION] = scale[:, None] * by_coefficient
     return distorted * scale + principal, by_camera @ rotation, by_parameter
+
+
+def camera_height(pose: Array) -> tuple[float, Array]:
+    """Height of the lens above the plane z = 0 of a pose, mm, and its derivative by the pose (6,)."""
+
+    def height(p: Array) -> float:
+        return float(-(cv2.Rodrigues(np.ascontiguousarray(p[:3]))[0].T @ p[3:6])[2])
+
+    step = 1e-6
+    slope = [(height(pose + d) - height(pose - d)) / (2 * step) for d in step * np.eye(6)]
+    return height(pose), np.array(slope)
 
 
 def camera_above(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -41,14 +42,21 @@ class Candidates:
         return Candidates(self.center_px[index], self.moments_px2[index], self.area_px[index])
 
 
-def _sums(labels: NDArray[np.int32], count: int) -> Array:
+@njit(cache=True)
+def _sums(labels, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Area, first and second moments of each region about the corner of the picture: (count, 6), region 0 left out."""
-    inside = np.flatnonzero(labels)
-    region = labels.ravel()[inside]
-    y, x = np.divmod(inside, labels.shape[1])
-    x, y = x.astype(float), y.astype(float)
-    weights = (None, x, y, x * x, x * y, y * y)
-    return np.stack([np.bincount(region, weight, minlength=count)[1:] for weight in weights], axis=1)
+    sums = np.zeros((count, 6))
+    for y in range(labels.shape[0]):
+        for x in range(labels.shape[1]):
+            if labels[y, x] > 0:
+                row = sums[labels[y, x]]
+                row[0] += 1.0
+                row[1] += x
+                row[2] += y
+                row[3] += x * x
+                row[4] += x * y
+                row[5] += y * y
+    return sums[1:]
 
 
 def candidates_by_window(plane: Plane, noise: float) -> Iterator[tuple[int, Candidates]]:

@@ -43,10 +43,11 @@ class Fiducial(Table):
 
 
 class Tolerance(Table):
-    """How well the plate itself is made: standard deviations."""
+    """How well the plate itself is made: standard deviations, and the maker's limit of flatness."""
 
     dot_mm: NotNegative = 0.0  # of each dot about its place, x and y alike
     scale: NotNegative = 0.0  # relative, of the pitch as a whole
+    flatness_mm: Positive | None = None  # peak to valley of the face that 95 of 100 such plates keep
 
 
 class Gauge(Table):

@@ -18,6 +18,7 @@ LADDER: tuple[tuple[LensModel, float], ...] = (
     ("brown", 0.7), ("brown", 1.5), ("brown", 4.0), ("brown", 12.0),
     ("fisheye", 0.35), ("fisheye", 0.7), ("fisheye", 1.5),
 )  # fmt: skip
+SHORTEST = 0.2  # widths of the picture: a fisheye of 180 degrees has 0.32
 FEW = 80  # dots per picture that a rough start needs
 
 
@@ -30,7 +31,7 @@ def rough_prior(size_px: tuple[int, int]) -> Prior:
     width, height = size_px
     mean = np.array([1.5 * width, 1.0, (width - 1) / 2, (height - 1) / 2, 0, 0, 0, 0, 0, 0])
     sigma = np.array([1.5 * width, 0.002, 0.08 * width, 0.08 * width, 1.0, 2.0, 0.002, 0.002, 5.0, 5.0])
-    return Prior(mean, sigma)
+    return Prior(mean, sigma, shortest_px=SHORTEST * width)
 
 
 def rough_start(views: list[View], size_px: tuple[int, int], prior: Prior) -> list[Fit]:

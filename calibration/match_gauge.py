@@ -6,19 +6,19 @@ decide among those that are left, and then the smallest turn of the gauge in the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
-from calibration.assign_grid import Lattice, places_without_dot
+from calibration.assign_grid import BARE, Lattice, places_without_dot
 from calibration.detect_dots import Dots
 from calibration.errors import CalibrationError
 from calibration.fiducials import features_promised, features_seen, of_equal_size
 from calibration.gauge import Gauge
-from calibration.wrong_gauge import does_not_fit, ends_early, goes_on, place_on_sheet
+from calibration.wrong_gauge import Extent, does_not_fit, ends_early, goes_on, place_on_sheet, shows_bare_line
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -36,7 +36,8 @@ class Match:
 
     dot: (m,) indices into the Dots. column, row: (m,) of the gauge. certain: the placement is the only one, so that
     origin and direction are those of the gauge. unseen: places of the gauge
-    that lie in view but show no dot. foreign: dots of the lattice that no place of the gauge explains.
+    that lie in view but show no dot. foreign: dots of the lattice that no place of the gauge explains. extent: how the
+    array ends along columns and rows; one that is "short" may be another plate's (wrong_gauge.py).
     """
 
     dot: Integers
@@ -45,6 +46,7 @@ class Match:
     certain: bool
     unseen: int = 0
     foreign: int = 0
+    extent: tuple[Extent, Extent] = ("open", "open")
 
     def __len__(self) -> int:
         """Count of dots."""
@@ -55,7 +57,8 @@ def match_gauge(dots: Dots, lattice: Lattice, gauge: Gauge) -> Match:
     """Lay the gauge on the lattice. Raises CalibrationError where it does not fit."""
     lattice = of_equal_size(dots, lattice, gauge)
     sites = _gauge_lattice(gauge)
-    places, bare = places_without_dot(dots, lattice)
+    places, light = places_without_dot(dots, lattice)
+    bare = np.abs(light) < BARE
     affine = np.column_stack([lattice.index, np.ones(len(lattice))])
     basis = np.asarray(np.linalg.lstsq(affine, dots.centers_px[lattice.dot], rcond=None)[0][:2].T, dtype=float)
     features = features_seen(dots, lattice, gauge)
@@ -76,9 +79,14 @@ def match_gauge(dots: Dots, lattice: Lattice, gauge: Gauge) -> Match:
         raise CalibrationError(_no_fiducials(dots, gauge))
     seen = place_on_sheet(lattice.index @ best.turn.T + best.shift, gauge)
     free = place_on_sheet(places @ best.turn.T + best.shift, gauge)
-    if goes_on(seen, gauge) or ends_early(seen, free, bare, gauge):
+    if goes_on(seen, gauge):
         raise CalibrationError(does_not_fit(lattice, gauge))
-    return match
+    # fiducials where they should be say that it is this gauge, whatever hides its lines
+    told = bool(np.any(promised[:, match.row, match.column]))
+    if told:
+        return match
+    sure = match.certain and not shows_bare_line(seen, free, light, gauge)
+    return replace(match, certain=sure, extent=ends_early(seen, free, light, gauge))
 
 
 def _no_fiducials(dots: Dots, gauge: Gauge) -> str:

@@ -1,4 +1,4 @@
-"""Which lens terms the pictures ask for: cross-validation over dots held out, not habit.
+"""Which terms of the lens and of a bent gauge the pictures ask for: cross-validation over dots held out, not habit.
 
 Every dot is predicted once by a model fitted without it. Blocks of neighbouring places are held out together, so that a
 term earns its place by predicting ground the fit has not seen.
@@ -36,19 +36,50 @@ MODELS: tuple[tuple[LensModel, tuple[str, ...]], ...] = (
 
 @dataclass(frozen=True)
 class Trial:
-    """One lens model on trial: its fit to all dots and the mean squared whitened error on dots held out."""
+    """One model on trial: its fit to all dots and the mean squared whitened error on dots held out.
+
+    face: count of terms of the gauge's face that were free.
+    """
 
     model: LensModel
     free: tuple[str, ...]
     fit: Fit
     held_out: float
+    face: int = 0
 
 
-def choose_model(views: list[View], rough: list[Fit], prior: Prior) -> list[Trial]:
-    """Trials of all lens models: first the simplest of those that predict as well as the best."""
+def choose_model(views: list[View], rough: list[Fit], prior: Prior, faces: tuple[int, ...] = (0,)) -> list[Trial]:
+    """Trials of all models: first the simplest of those that predict as well as the best.
+
+    faces: counts of terms of the gauge's face that may be free. Those after the first are tried only if the next one
+    predicts better than the best lens does without: most gauges are flat.
+    """
     views = [view.take(_every(view, views)) for view in views]
+    trials = _trials(views, rough, prior, faces[0])
+    if len(faces) > 1:
+        best = min(trials, key=lambda trial: trial.held_out)
+        bent = _trials(views, [best.fit], prior, faces[1], ((best.model, best.free),))
+        if bent[0].held_out < best.held_out - _chance(best, views):
+            for face in faces[1:]:
+                trials += _trials(views, rough, prior, face)
+    near = _near(trials, views)
+    good = [trial for trial in trials if trial.held_out <= near]
+    rest = [trial for trial in trials if trial.held_out > near]
+    # at equal merit the lens that takes nothing of its focal length from its form
+    good.sort(key=lambda trial: (trial.model == "fisheye", len(trial.free) + trial.face))
+    return good + sorted(rest, key=lambda trial: trial.held_out)
+
+
+def _trials(
+    views: list[View],
+    rough: list[Fit],
+    prior: Prior,
+    face: int,
+    models: tuple[tuple[LensModel, tuple[str, ...]], ...] = MODELS,
+) -> list[Trial]:
+    """Trials of lens models with so many free terms of the face, each started from the one before it."""
     trials: list[Trial] = []
-    for model, free in MODELS:
+    for model, free in models:
         start = next((fit.state for fit in rough if fit.state.model == model), None)
         simpler = [trial for trial in trials if trial.model == model and set(trial.free) <= set(free)]
         if simpler:
@@ -58,14 +89,10 @@ def choose_model(views: list[View], rough: list[Fit], prior: Prior) -> list[Tria
         lens = start.lens.copy()
         if "k1" not in free:
             lens[4] = 0.0
-        fit = solve(views, replace(start, lens=lens, free=free), prior)
-        trials.append(Trial(model, free, fit, _held_out(views, fit)))
-    near = _near(trials, views)
-    good = [trial for trial in trials if trial.held_out <= near]
-    rest = [trial for trial in trials if trial.held_out > near]
-    # at equal merit the lens that takes nothing of its focal length from its form
-    good.sort(key=lambda trial: (trial.model == "fisheye", len(trial.free)))
-    return good + sorted(rest, key=lambda trial: trial.held_out)
+        bent = start.face_mm if len(start.face_mm) == face else np.zeros(face)
+        fit = solve(views, replace(start, lens=lens, free=free, face_mm=bent), prior)
+        trials.append(Trial(model, free, fit, _held_out(views, fit), face))
+    return trials
 
 
 def _every(view: View, views: list[View]) -> NDArray[np.bool_]:
@@ -77,7 +104,12 @@ def _every(view: View, views: list[View]) -> NDArray[np.bool_]:
 def _near(trials: list[Trial], views: list[View]) -> float:
     """Held-out error that is as good as the best: a term must gain more than it costs by chance (two σ²)."""
     best = min(trials, key=lambda trial: trial.held_out)
-    return best.held_out + 2 * best.fit.variance / max(sum(len(view) for view in views), 1)
+    return best.held_out + _chance(best, views)
+
+
+def _chance(best: Trial, views: list[View]) -> float:
+    """What a term gains by chance."""
+    return 2 * best.fit.variance / max(sum(len(view) for view in views), 1)
 
 
 def _held_out(views: list[View], fit: Fit) -> float:

@@ -10,7 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.camera import Camera
+from calibration.camera import Camera, camera_height
+from calibration.errors import CalibrationError
+from calibration.flatness import REST
 from calibration.initial import rough_prior
 from calibration.solve import Calibration
 from calibration.verdict import Level, Verdict
@@ -39,9 +41,18 @@ CELLS = (12, 9)
 
 
 def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> Verdict:
-    """Judge a calibration for a plane mark_height_mm above the plate."""
+    """Judge a calibration for a plane mark_height_mm above the plate.
+
+    Raises CalibrationError where the camera that was found does not see that plane.
+    """
     camera = calibration.camera
     scale = scale_sigma(camera, mark_height_mm)
+    if not np.isfinite(scale):
+        raise CalibrationError(
+            f"{calibration.sightings[0].name}: the plane {mark_height_mm:g} mm above the plate is not in view of the "
+            f"camera found, {camera_height(camera.parameters[:6])[0]:.3g} mm above it; is the gauge bent, and are the "
+            "mark height and the numbers of the gauge file right? Add pictures with the gauge tilted"
+        )
     plate_scale = scale_sigma(camera, calibration.gauge.dots.height_mm)
     spread = tilt_spread_deg(calibration)
     covered = coverage(calibration)
@@ -217,9 +228,30 @@ def _notes(calibration: Calibration) -> list[str]:
             f"{left_out.sum()} of {found.sum()} dots left out because glare, dirt or an edge spoils them or they "
             f"contradict the rest; most in {calibration.sightings[worst].name}, {left_out[worst]} of {found[worst]}"
         )
+    notes += _flatness_notes(calibration)
     if not calibration.sightings[0].match.certain:
         notes.append(
-            f"{calibration.sightings[0].name}: part of the array is out of view and no fiducial tells which, so "
-            "the origin of the plate frame may be off by whole pitches (lengths and radii are not affected)"
+            f"{calibration.sightings[0].name}: part of the array is hidden or out of view and no fiducial tells "
+            "which, so the origin of the plate frame may be off by whole pitches (lengths and radii are not affected)"
         )
     return notes
+
+
+def _flatness_notes(calibration: Calibration) -> list[str]:
+    """What was seen, promised or assumed of the gauge's flatness."""
+    found = calibration.flatness
+    if found is None:
+        alone = (
+            "the gauge was taken as flat: a single picture cannot tell its bend from distortion of the lens; state "
+            "flatness_mm under [tolerance] of gauge.toml to have it counted, or add pictures with the gauge tilted"
+        )
+        return [alone]
+    interval = f"{found.low_mm:.3g} to {found.high_mm:.3g} mm, 95 %"
+    if not found.used:
+        return [f"the gauge is flat as far as these pictures tell: peak to valley below {found.high_mm:.2g} mm (95 %)"]
+    rest = REST * np.sqrt(found.mean_square_mm2)
+    solved = (
+        f"the face of the gauge is solved for: peak to valley {found.peak_to_valley_mm:.3g} mm ({interval}); on which "
+        f"of its points it lies is not seen, so that the plate's height is known to {rest:.2g} mm (1 sigma, counted)"
+    )
+    return [solved]

@@ -8,46 +8,32 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.assign_grid import Lattice, assign_grid
-from calibration.bundle import Fit, Prior, View, outliers, solve_discs, whitening, with_disc_offsets
+from calibration.bundle import Fit, Prior, View, outliers, solve, solve_discs, with_disc_offsets
 from calibration.camera import PARAMETERS, Camera
-from calibration.detect_dots import Dots, detect_dots
-from calibration.disturbed import useful
 from calibration.errors import CalibrationError
-from calibration.gauge import Gauge, Tolerance
+from calibration.flatness import (
+    QUADRATIC,
+    TERMS,
+    Flatness,
+    bend_scale,
+    coefficient_sigma,
+    flatness_of,
+    rest_covariance,
+)
+from calibration.gauge import Gauge
 from calibration.initial import rough_prior, rough_start
-from calibration.match_gauge import Match, match_gauge
 from calibration.model_choice import Trial, choose_model
 from calibration.neighbours import nearest
+from calibration.sighting import FEWEST_DOTS, Sighting, sight, view_of
 from calibration.tolerance import covariance_with_tolerance, with_tolerance
-from calibration.wrong_gauge import size_ratio
+from calibration.wrong_gauge import does_not_fit
 
 Array = NDArray[np.float64]
-FEWEST_DOTS = 12  # six for the pose, twice over
-# A dot blurred beyond its own size looks like a normal distribution, which the disc model fits with an edge of 0.6
-# radii on too wide a disc. Up to there centres are still good; from there on neighbours run into each other.
-SMUDGE = (0.5, 1.2)
 # Residuals of this share of the pitch are no lens: with the right gauge file the worst real set (a bent sheet of
 # paper) has 0.7 %, a wrong pitch ratio or layout 5 %.
 FOREIGN_PITCH = 0.02
-# Dots so much wider or narrower are another plate's; less may be a wrong number in the file, which the verdict tells.
-FOREIGN_SIZE = 1.8
 # Glare and dirt spoil a tenth of the dots; a third is another camera, another plate or a bent one.
 MOST_LEFT_OUT = 1 / 3
-
-
-@dataclass(frozen=True)
-class Sighting:
-    """The gauge found in one picture.
-
-    size_ratio: how many times as wide dots are seen, against their distance, as the gauge file has them.
-    """
-
-    name: str
-    dots: Dots
-    lattice: Lattice
-    match: Match
-    size_ratio: float
 
 
 @dataclass(frozen=True)
@@ -56,7 +42,8 @@ class Calibration:
 
     camera: in the frame of the plate picture. sightings: per picture. fit: solved bundle over the dots kept; views:
     those dots. trials: lens models tried, best first. rejected: per picture, count of dots left out as outliers.
-    distance_mm: measured height of the lens and its sigma, where it was given.
+    distance_mm: measured height of the lens and its sigma, where it was given. flatness: of the gauge; None for a
+    single picture of a gauge whose flatness is not stated, which says nothing of it.
     """
 
     camera: Camera
@@ -68,6 +55,7 @@ class Calibration:
     rejected: tuple[int, ...]
     plate_index: int = 0
     distance_mm: tuple[float, float] | None = None
+    flatness: Flatness | None = None
 
     @property
     def rms_px(self) -> float:
@@ -98,17 +86,19 @@ def calibrate(
         listed = ", ".join(f"{name} {p.shape[1]}×{p.shape[0]}" for name, p in zip(names, pictures, strict=True))
         raise CalibrationError(f"pictures differ in size: {listed}; a calibration holds for one camera mode")
     sightings = [sight(picture, gauge, name) for picture, name in zip(pictures, names, strict=True)]
+    _check_extent(sightings, gauge)
     order = [plate_index, *(k for k in range(len(sightings)) if k != plate_index)]
     views = [view_of(sightings[k], gauge, on_plate=k == plate_index) for k in order]
     size_px = sightings[0].dots.size_px
-    prior = replace(rough_prior(size_px), distance_mm=distance_mm)
+    prior = replace(rough_prior(size_px), distance_mm=distance_mm, face_mm=coefficient_sigma(gauge))
     rough = rough_start(views, size_px, prior)
     if not rough:
         raise CalibrationError(f"{names[0]}: no camera explains the dots; do all show the gauge {gauge.name!r}?")
     views = with_tolerance(views, rough[0].state, gauge.tolerance)
-    fit, kept, trials = _solve_robustly(views, rough, prior)
+    fit, kept, trials = _solve_robustly(views, rough, prior, _faces(gauge, len(views)))
     _check_pitch(fit, kept, gauge)
-    camera = _camera(fit, kept, gauge.tolerance, size_px)
+    flatness = _flatness(fit, kept, gauge, prior)
+    camera = _camera(fit, kept, gauge, flatness, size_px)
     return Calibration(
         camera=camera,
         gauge=gauge,
@@ -119,7 +109,39 @@ def calibrate(
         rejected=tuple(len(sightings[k].match) - len(part) for k, part in zip(order, kept, strict=True)),
         plate_index=plate_index,
         distance_mm=distance_mm,
+        flatness=flatness,
     )
+
+
+def _check_extent(sightings: list[Sighting], gauge: Gauge) -> None:
+    """Raise where pictures show the array end before the gauge's, and none shows the rest."""
+    for axis in (0, 1):
+        short = [sighting for sighting in sightings if sighting.match.extent[axis] == "short"]
+        if short and not any(sighting.match.extent[axis] == "whole" for sighting in sightings):
+            raise CalibrationError(f"{short[0].name}: {does_not_fit(short[0].lattice, gauge)}")
+
+
+def _faces(gauge: Gauge, views: int) -> tuple[int, ...]:
+    """Counts of terms of the gauge's face to try.
+
+    Where flatness is stated all terms are free within it. Else evidence decides, and a single picture has none: it
+    cannot tell a bend of the gauge from distortion of the lens.
+    """
+    if gauge.tolerance.flatness_mm is not None:
+        return (TERMS,)
+    return (0, QUADRATIC, TERMS) if views > 1 else (0,)
+
+
+def _flatness(fit: Fit, views: list[View], gauge: Gauge, prior: Prior) -> Flatness | None:
+    """The gauge's face as the pictures show it; where it was taken as flat, what bend they could have missed."""
+    used = len(fit.state.face_mm) > 0
+    if not used:
+        if len(views) == 1:
+            return None
+        fit = solve(views, replace(fit.state, face_mm=np.zeros(QUADRATIC)), prior)
+    face = slice(len(fit.state.free), fit.state.shared)
+    covariance = np.asarray(np.linalg.inv(fit.normal)[face, face] * max(fit.variance, 1.0), dtype=float)
+    return flatness_of(gauge, fit.state.face_mm, covariance, used=used)
 
 
 def _check_pitch(fit: Fit, views: list[View], gauge: Gauge) -> None:
@@ -134,73 +156,12 @@ def _check_pitch(fit: Fit, views: list[View], gauge: Gauge) -> None:
             )
 
 
-def sight(picture: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
-    """Find the gauge in one picture. Raises CalibrationError that names the picture."""
-    dots = detect_dots(picture, gauge.dots.color, gauge.dots.background)
-    if len(dots) < FEWEST_DOTS:
-        raise CalibrationError(
-            f"{name}: {len(dots)} dots of color {gauge.dots.color} found, at least {FEWEST_DOTS} are needed; "
-            "is it a sharp picture of the gauge?"
-        )
-    lattice = assign_grid(dots)
-    if len(lattice) < FEWEST_DOTS:
-        raise CalibrationError(
-            f"{name}: {len(dots)} dots found, but only {len(lattice)} of them form a regular array; is it the gauge?"
-        )
-    if lattice.others:
-        raise CalibrationError(
-            f"{name}: two dot arrays in view, of {len(lattice)} and {lattice.others} dots; show one gauge at a time"
-        )
-    blur = float(np.median(2 * dots.blur_px / dots.diameter_px))
-    swollen = float(np.median(dots.diameter_px[lattice.dot])) / _expected_diameter_px(dots, lattice, gauge)
-    if blur > SMUDGE[0] and swollen > SMUDGE[1]:
-        raise CalibrationError(
-            f"{name}: blurred beyond use, dots are smeared to {swollen:.1f} times their size; focus the lens"
-        )
-    try:
-        match = match_gauge(dots, lattice, gauge)
-    except CalibrationError as error:
-        raise CalibrationError(f"{name}: {error}") from None
-    ratio = size_ratio(dots.centers_px[match.dot], dots.diameter_px[match.dot], match.column, match.row, gauge)
-    if ratio > FOREIGN_SIZE or ratio < 1 / FOREIGN_SIZE:
-        raise CalibrationError(
-            f'{name}: dots are seen {ratio:.2g} times as wide against their distance as the gauge "{gauge.name}" has '
-            "them; is it the gauge of this picture, and are its pitch_mm and diameter_mm right?"
-        )
-    return Sighting(name, dots, lattice, match, ratio)
-
-
-def _expected_diameter_px(dots: Dots, lattice: Lattice, gauge: Gauge) -> float:
-    """Diameter of the gauge's dots at the scale of their distances in the picture, px."""
-    along, down = gauge.pitch_mm
-    next_mm = min(along, down if gauge.dots.layout == "square" else float(np.hypot(along / 2, down)))
-    return gauge.dots.diameter_mm / next_mm * float(np.median(nearest(dots.centers_px[lattice.dot], 1)[0]))
-
-
-def view_of(sighting: Sighting, gauge: Gauge, *, on_plate: bool) -> View:
-    """Dots of one picture with their places, at the gauge's height where it lies on the plate.
-
-    Dots that something else reaches into are left out.
-    """
-    match, dots = sighting.match, sighting.dots
-    points = gauge.positions_mm()[match.row, match.column]
-    height = gauge.dots.height_mm if on_plate else 0.0
-    view = View(
-        centers_px=dots.centers_px[match.dot],
-        whitening=whitening(dots.covariance_px2[match.dot]),
-        points_mm=np.column_stack([points, np.full(len(points), height)]),
-        radius_mm=gauge.diameters_mm()[match.row, match.column] / 2,
-        site=match.row * gauge.dots.columns + match.column,
-        offset_px=np.zeros((len(points), 2)),
-        name=sighting.name,
-    )
-    return view.take(useful(dots.covariance_px2[match.dot]))
-
-
-def _solve_robustly(views: list[View], rough: list[Fit], prior: Prior) -> tuple[Fit, list[View], list[Trial]]:
-    """Choose the lens model with outliers held back by the robust cost, then leave them out and solve again."""
+def _solve_robustly(
+    views: list[View], rough: list[Fit], prior: Prior, faces: tuple[int, ...]
+) -> tuple[Fit, list[View], list[Trial]]:
+    """Choose the model with outliers held back by the robust cost, then leave them out and solve again."""
     kept = with_disc_offsets(views, rough[0].state)
-    trials = choose_model(kept, rough, prior)
+    trials = choose_model(kept, rough, prior, faces)
     fit, kept = solve_discs(kept, trials[0].fit.state, prior)
     for _ in range(3):
         keep = outliers(fit)
@@ -224,11 +185,17 @@ def _check_left_out(views: list[View], kept: list[View]) -> None:
             )
 
 
-def _camera(fit: Fit, views: list[View], tolerance: Tolerance, size_px: tuple[int, int]) -> Camera:
+def _camera(fit: Fit, views: list[View], gauge: Gauge, flatness: Flatness | None, size_px: tuple[int, int]) -> Camera:
     free = fit.state.free_index
-    count = len(free)
+    tolerance = gauge.tolerance
+    bent = flatness if flatness is not None and flatness.used else None
+    if bent is not None:
+        tolerance = tolerance.model_copy(update={"scale": float(np.hypot(tolerance.scale, bend_scale(bent)))})
     joint = covariance_with_tolerance(views, fit, tolerance)
     covariance = np.zeros((len(PARAMETERS), len(PARAMETERS)))
     rows = np.concatenate([6 + free, np.arange(6)])
-    covariance[np.ix_(rows, rows)] = joint[: count + 6, : count + 6]
+    known = np.concatenate([np.arange(len(free)), fit.state.shared + np.arange(6)])
+    covariance[np.ix_(rows, rows)] = joint[np.ix_(known, known)]
+    if bent is not None:
+        covariance[:6, :6] += rest_covariance(bent, gauge, fit.state.poses[0])
     return Camera(size_px=size_px, parameters=fit.state.parameters(0), lens=fit.state.model, covariance=covariance)

@@ -20,6 +20,7 @@ from calibration.lens import LensModel
 from calibration.verdict import Verdict
 
 if TYPE_CHECKING:  # a camera is read far more often than solved: reading one must not wait for the solver's libraries
+    from calibration.flatness import Flatness
     from calibration.solve import Calibration
 
 
@@ -38,6 +39,19 @@ class StoredPicture(Table):
     rms_px: float
 
 
+class StoredFlatness(Table):
+    """Shape of the gauge's face over its array: peak to valley with its 95 % interval, mm; see flatness.py.
+
+    used: whether the camera was solved with it; else the face was taken as flat, and high_mm bounds what was missed.
+    """
+
+    peak_to_valley_mm: float
+    low_mm: float
+    high_mm: float
+    used: bool
+    coefficients_mm: tuple[float, ...]
+
+
 class CameraFile(Table):
     """camera.json."""
 
@@ -54,6 +68,7 @@ class CameraFile(Table):
     pictures: tuple[StoredPicture, ...]
     rms_px: float
     verdict: Verdict
+    flatness: StoredFlatness | None = None
 
     def camera(self) -> Camera:
         """The camera, with the verdict as its doubt where it is not sound."""
@@ -92,8 +107,19 @@ def camera_to_json(calibration: Calibration, verdict: Verdict | None = None) -> 
         ),
         rms_px=calibration.rms_px,
         verdict=verdict,
+        flatness=None if calibration.flatness is None else _stored_flatness(calibration.flatness),
     )
     return json.dumps(stored.model_dump(mode="json"), indent=1) + "\n"
+
+
+def _stored_flatness(found: Flatness) -> StoredFlatness:
+    return StoredFlatness(
+        peak_to_valley_mm=found.peak_to_valley_mm,
+        low_mm=found.low_mm,
+        high_mm=found.high_mm,
+        used=found.used,
+        coefficients_mm=tuple(found.coefficients_mm.tolist()),
+    )
 
 
 def load_camera_file(path: Path) -> CameraFile:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.bundle import Fit, State, View, places_of_view, view_rows, whitening
+from calibration.bundle import Fit, State, View, places_of_view, points_of, view_rows, whitening
 from calibration.camera import project
 from calibration.gauge import Tolerance
 
@@ -61,4 +61,4 @@ def covariance_with_tolerance(views: list[View], fit: Fit, tolerance: Tolerance)
 
 def _by_plane(view: View, state: State, k: int) -> Array:
     """Derivative of the picture points by x and y on the gauge, (n, 2, 2)."""
-    return project(view.points_mm, state.parameters(k), state.model)[1][:, :, :2]
+    return project(points_of(view, state), state.parameters(k), state.model)[1][:, :, :2]

@@ -134,6 +134,7 @@ def check_camera(context: click.Context, camera_file: Path, picture: Path, gauge
 
     stored = read_with(load_camera_file, camera_file)
     gauge = stored.gauge if gauge_file is None else read_with(load_gauge, gauge_file)
+    bent = stored.flatness is not None and stored.flatness.used and gauge == stored.gauge
     found = check(
         stored.camera(),
         gauge,
@@ -141,6 +142,7 @@ def check_camera(context: click.Context, camera_file: Path, picture: Path, gauge
         name=str(picture),
         variance=stored.variance,
         height_mm=stored.verdict.mark_height_mm,
+        face_mm=stored.flatness.coefficients_mm if bent and stored.flatness is not None else (),
     )
     click.echo(f"{picture}: {found.dots} dots, residual {found.rms_px:.3f} px RMS, gauge moved {found.shift_mm:.2f} mm")
     click.echo(found.summary)

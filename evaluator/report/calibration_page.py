@@ -11,12 +11,16 @@ from numpy.typing import NDArray
 from calibration.assign_grid import Lattice
 from calibration.camera import Camera
 from calibration.detect_dots import Dots
+from calibration.flatness import QUADRATIC, TERMS
 from calibration.solve import Calibration
 from calibration.verdict import Verdict
 from evaluator.files import write_text, written_whole
-from evaluator.report.figures.calibration import coverage_map, distortion_map, residual_vectors
+from evaluator.report.figures.calibration import coverage_map, distortion_map, gauge_face, residual_vectors
 from evaluator.report.figures.quality import camera_uncertainty
 from evaluator.report.pages import Page, Section, Table, page_html
+from evaluator.report.style import Figure
+
+FACES = {0: "flat", QUADRATIC: "bent, second order", TERMS: "bent, third order"}
 
 
 def write_calibration_page(calibration: Calibration, verdict: Verdict, path: Path, tolerance_um: float) -> None:
@@ -44,12 +48,18 @@ def write_calibration_page(calibration: Calibration, verdict: Verdict, path: Pat
                 (),
                 (camera_uncertainty(camera, verdict.mark_height_mm), coverage_map(calibration)),
             ),
-            Section("fit", "How the model fits", (), (residual_vectors(calibration), distortion_map(camera))),
+            Section("fit", "How the model fits", (), _fit_figures(calibration)),
             Section("numbers", "Numbers", tuple(map(_sentence, verdict.notes)), (), _tables(calibration)),
         ),
         footer="Written by turnscope calibrate. Uncertainties are standard ones unless 95 % is said.",
     )
     write_text(path, page_html(page))
+
+
+def _fit_figures(calibration: Calibration) -> tuple[Figure, ...]:
+    face = gauge_face(calibration)
+    always = residual_vectors(calibration), distortion_map(calibration.camera)
+    return always if face is None else (*always, face)
 
 
 def measurement_range(camera: Camera, height_mm: float, tolerance_um: float) -> float:
@@ -80,10 +90,11 @@ def _tables(calibration: Calibration) -> tuple[Table, ...]:
         ),
     )
     models = Table(
-        "Lens models tried, first the simplest of those that predict unseen dots as well as the best.",
-        ("lens", "free parameters", "held-out error, sigmas"),
+        "Models tried, first the simplest of those that predict unseen dots as well as the best.",
+        ("lens", "free parameters", "gauge", "held-out error, sigmas"),
         tuple(
-            (trial.model, ", ".join(trial.free), f"{np.sqrt(trial.held_out / 2):.4g}") for trial in calibration.trials
+            (trial.model, ", ".join(trial.free), FACES[trial.face], f"{np.sqrt(trial.held_out / 2):.4g}")
+            for trial in calibration.trials
         ),
     )
     return parameters, pictures, models

@@ -20,8 +20,8 @@ ENOUGH = 1009  # samples of a patch that a shape is learnt from: all of a mark o
 class Appearance:
     """Colour and shape of one mark.
 
-    color: as `kernels.is_color` takes it. area_px2: area of the pixels that have the colour when the whole mark shows.
-    disc: its shape in the luma.
+    color: as `color_kernels.is_color` takes it. area_px2: area of the pixels that have the colour when the whole mark
+    shows. disc: its shape in the luma.
     """
 
     color: Array
@@ -30,7 +30,7 @@ class Appearance:
 
 
 def learn_color(candidate: Candidate, others_uv: Sequence[tuple[float, float]], neutral: tuple[float, float]) -> Array:
-    """Direction and extent of a mark's colour in (u, v), as `kernels.is_color` takes it.
+    """Direction and extent of a mark's colour in (u, v), as `color_kernels.is_color` takes it.
 
     others_uv: mean colours of the other marks; the half angle ends midway to the nearest of them.
     """
@@ -51,13 +51,13 @@ def patch_of(frame: Frame, center_px: tuple[float, float], radius_px: float) -> 
     return cut_patch(frame.luma, (frame.row_origin, frame.row_step), center_px, 1.3 * radius_px + 4.0)
 
 
-def learn_shape(patches: Sequence[Patch], radius_px: float) -> Disc | None:
+def learn_shape(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0) -> Disc | None:
     """Learn the disc from patches around the mark; None where there is none of about that radius."""
     whole = [_thinned(patch) for patch in patches if len(patch.value) > 30]
     if not whole:
         return None
     try:
-        disc, spread = learn_disc(whole, radius_px)
+        disc, spread = learn_disc(whole, radius_px, blur_px)
     except np.linalg.LinAlgError:
         return None
     plausible = 0.4 < disc.radius_px / radius_px < 2.0

@@ -1,7 +1,7 @@
-"""Compiled inner loops: where a colour is in a window, and where exactly a disc is in the luma.
+"""Compiled inner loops: where exactly a disc is in the luma.
 
-Picture frame, px. Luma row j lies at y = row_origin + row_step·j; a chroma sample covers across × down luma samples.
-Numbers only in and out; the meaning is in disc.py and follow.py.
+Picture frame, px. Luma row j lies at y = row_origin + row_step·j. Numbers only in and
+out; the meaning is in disc.py and follow.py.
 """
 # mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
 # ruff: noqa: ANN001, ANN201 - numba infers the types
@@ -17,92 +17,29 @@ from numba import njit
 X, Y, AMPLITUDE, BASE, VAR_X, VAR_Y, COV_XY, RESIDUAL, USED, INSIDE, PIXELS, SLOPE_X, SLOPE_Y = range(13)
 RESULTS = 13
 
-# Liberties of floating point that keep NaN and order: what a fit loses by them is below its rounding.
-QUICK = {"contract", "arcp", "nsz"}
-
-# Places of the numbers that `color_window` gives.
-AREA, CENTER_X, CENTER_Y, STRENGTH, CLIPPED = range(5)
-
-
-@njit(cache=True, nogil=True)
-def color_window(u, v, cell, x, y, half, color, found):
-    """Weigh the pixels of a colour in a square window around (x, y); fills found.
-
-    cell: width and height in px that a chroma sample covers, and where the first one's centre lies (x, y). color: see
-    `is_color`. found: area of the pixels that have the colour, px²; their centre; their mean chroma; share of the
-    window that lies outside the picture.
-    """
-    rows, columns = u.shape
-    first_i, last_i = math.floor((x - half - cell[2]) / cell[0]), math.ceil((x + half - cell[2]) / cell[0])
-    first_j, last_j = math.floor((y - half - cell[3]) / cell[1]), math.ceil((y + half - cell[3]) / cell[1])
-    seen, count, weights, sum_x, sum_y = 0, 0, 0.0, 0.0, 0.0
-    for j in range(max(first_j, 0), min(last_j, rows - 1) + 1):
-        for i in range(max(first_i, 0), min(last_i, columns - 1) + 1):
-            seen += 1
-            along = is_color(u[j, i], v[j, i], color)
-            if along > 0.0:
-                count += 1
-                weights += along
-                sum_x += along * i
-                sum_y += along * j
-    found[AREA] = count * cell[0] * cell[1]
-    found[CENTER_X] = cell[2] + cell[0] * sum_x / weights if count else np.nan
-    found[CENTER_Y] = cell[3] + cell[1] * sum_y / weights if count else np.nan
-    found[STRENGTH] = weights / count if count else 0.0
-    found[CLIPPED] = 1.0 - seen / ((last_i - first_i + 1) * (last_j - first_j + 1))
-
-
-@njit(cache=True, nogil=True, inline="always")
-def is_color(u, v, color):
-    """Chroma along a colour's direction if (u, v) is of that colour, else 0.
-
-    color: neutral u, v; unit vector of the colour from it; least chroma; tangent of the half angle about the direction.
-    """
-    du, dv = u - color[0], v - color[1]
-    along = du * color[2] + dv * color[3]
-    if along > color[4] and abs(dv * color[2] - du * color[3]) < color[5] * along:
-        return along
-    return 0.0
+single = np.float32
+# Liberties of floating point that let sums of a row be taken several pixels at once; NaN stays what it is.
+SUMS = {"contract", "arcp", "nsz", "reassoc"}
+LANES = 8  # pixels that processors of today take at once
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def color_scan(u, v, allowed, color, least, mask):
-    """Mark all allowed pixels of a colour in mask; returns their number and bounds (rows, then columns, inclusive).
-
-    least: the chroma asked for in place of color's own.
-    """
-    rows, columns = u.shape
-    count, top, bottom, left, right = 0, rows, -1, columns, -1
-    wanted = color.copy()
-    wanted[4] = least
-    neutral_u, neutral_v, toward_u, toward_v = wanted[0], wanted[1], wanted[2], wanted[3]
-    mask[:, :] = 0
-    for j in range(rows):
-        for i in range(columns):
-            # Few cells are colourful at all: the first comparison settles nearly all of them.
-            if (u[j, i] - neutral_u) * toward_u + (v[j, i] - neutral_v) * toward_v <= least or not allowed[j, i]:
-                continue
-            if is_color(u[j, i], v[j, i], wanted) > 0.0:
-                mask[j, i] = 1
-                count += 1
-                top, bottom, left, right = min(top, j), max(bottom, j), min(left, i), max(right, i)
-    return count, top, bottom, left, right
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def fit_disc(luma, row_origin, row_step, start, disc, profile, slope, per_px, noise, result):
+def fit_disc(luma, row_origin, row_step, start, slopes, disc, table, noise, result):
     """Fit centre, amplitude and base of a blurred disc to the luma by iteratively reweighted least squares.
 
-    start: x, y, amplitude, base. disc: radius, blur, e1, e2, outer radius of the pixels used, smear along x and y
-    (px during the exposure). profile, slope: of the disc against radius, per_px entries a pixel. noise: variance at
-    level 0, variance per level, softness of the outlier weights in sigmas. result: see the names at the top.
-    start may hold two more numbers, the slopes of a background that is not level; they are then fitted as well.
+    start: x, y, amplitude, base. slopes: None for a level background; else those it may have (two), fitted as well.
+    disc: radius, blur, e1, e2, outer radius of the pixels used, smear along x and y (px during the exposure), entries
+    of the table per px². table: of the disc against the square of the radius, its profile and its slope over the
+    radius. noise: variance, softness of the outlier weights in sigmas. result: see the names at the top.
     """
-    size = len(start)
-    state, sums = start.copy(), np.empty(4)
+    size = 4 if slopes is None else 6
+    state, sums = np.zeros(6), np.empty(3)
+    state[:4] = start
     normal, right, move = np.empty((size, size)), np.empty(size), np.empty(size)
+    reach = disc[4] / math.sqrt(1.0 - math.sqrt(disc[2] * disc[2] + disc[3] * disc[3]))
     for _ in range(12):
-        accumulate(luma, row_origin, row_step, state, disc, profile, slope, per_px, noise, normal, right, sums)
+        window = window_around(luma, row_origin, row_step, state, reach)
+        accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, noise, normal, right, sums)
         if sums[2] < 6.0 or not solve(normal, right, move):
             result[X] = result[Y] = result[RESIDUAL] = np.nan
             return
@@ -117,89 +54,116 @@ def fit_disc(luma, row_origin, row_step, start, disc, profile, slope, per_px, no
         if length < 0.02:
             break
     invert_leading(normal, result)
-    result[X : BASE + 1] = state[:4]
-    result[SLOPE_X], result[SLOPE_Y] = (state[4], state[5]) if size == 6 else (0.0, 0.0)
+    result[X : BASE + 1], result[SLOPE_X], result[SLOPE_Y] = state[:4], state[4], state[5]
     result[RESIDUAL] = sums[0] / max(sums[1] - size, 1.0)
     result[USED] = sums[1] / max(sums[2], 1.0)
-    result[INSIDE] = sums[2] / max(sums[3], 1.0)
+    result[INSIDE] = sums[2] / max(surroundings(luma, row_origin, row_step, state, reach, disc), sums[2])
     result[PIXELS] = sums[2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=QUICK)
-def accumulate(luma, row_origin, row_step, state, disc, profile, slope, per_px, noise, normal, right, sums):
-    """Fill the upper triangle of the normal equations of `fit_disc` at a state.
-
-    sums: weighted squares, sum of outlier weights, pixels in the picture, pixels in the disc's surroundings. In one
-    piece, and in scalars: taken apart, or summed in place, it takes twice as long.
-    """
+@njit(cache=True, nogil=True)
+def window_around(luma, row_origin, row_step, state, reach):
+    """Rows and columns (first, and one beyond the last) of the picture within reach of a centre, in whole lanes."""
     rows, columns = luma.shape
-    x, y, amplitude, base = state[0], state[1], state[2], state[3]
-    sloping = len(state) == 6
-    tilt_x, tilt_y = (state[4], state[5]) if sloping else (0.0, 0.0)
-    radius, e1, e2, outer, smear_x, smear_y = disc[0], disc[2], disc[3], disc[4], disc[5], disc[6]
-    blur2, smear2, last = disc[1] * disc[1], smear_x * smear_x + smear_y * smear_y, len(profile) - 2
-    smeared = smear2 > 0.5 * blur2
-    still, per_level, softness = noise[0], noise[1], 1.0 / (noise[2] * noise[2])
+    left, right = max(math.ceil(state[0] - reach), 0), min(math.floor(state[0] + reach), columns - 1) + 1
+    top = max(math.ceil((state[1] - reach - row_origin) / row_step), 0)
+    bottom = min(math.floor((state[1] + reach - row_origin) / row_step), rows - 1) + 1
+    # Whole lanes, where the picture has them: what lies beyond the disc weighs nothing.
+    whole = left + (right - left + LANES - 1) // LANES * LANES
+    return top, bottom, left, whole if left < right and whole <= columns else right
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=SUMS)
+def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, noise, normal, right, sums):  # noqa: PLR0915 - one loop
+    """Fill the upper triangle of the normal equations of `fit_disc` at a state, from the pixels in a window.
+
+    sums: weighted squares, sum of outlier weights, pixels used. In one piece, in single precision and without branches
+    within a row, so that several pixels are taken at once: 1e-7 of the sums is below all else.
+    """
+    top, bottom, first, last = window
+    x, y, amplitude, base = state[0], state[1], single(state[2]), single(state[3])
+    tilt_x, tilt_y = single(state[4]), single(state[5])
+    radius, outer2, per_px2, end = single(disc[0]), single(disc[4] * disc[4]), single(disc[7]), single(len(table) - 1)
+    stretch_x, stretch_y, e2 = single(1.0 + disc[2]), single(1.0 - disc[2]), single(disc[3])
+    smear_x, smear_y, blur2 = single(disc[5]), single(disc[6]), disc[1] * disc[1]
+    smear2 = disc[5] * disc[5] + disc[6] * disc[6]
+    smeared, per_smear = smear2 > 0.5 * blur2, single(1.0 / (12.0 * blur2))
+    certain, softness = single(1.0 / noise[0]), single(1.0 / (noise[0] * noise[1] * noise[1]))
     edge = 3.5 * math.sqrt(blur2 + smear2 / 12.0)
-    flat_in, flat_out = max(disc[0] - edge, 0.0) ** 2, (disc[0] + edge) ** 2
-    normal[:, :], right[:], sums[:] = 0.0, 0.0, 0.0
-    xx = xy = xp = xb = yy = yp = yb = pp = pb = bb = rx = ry = rp = rb = squares = trust = inside = around = 0.0
-    reach = outer / math.sqrt(1.0 - math.sqrt(e1 * e1 + e2 * e2))
-    for j in range(math.ceil((y - reach - row_origin) / row_step), math.floor((y + reach - row_origin) / row_step) + 1):
-        dy = row_origin + row_step * j - y
-        for i in range(math.ceil(x - reach), math.floor(x + reach) + 1):
-            dx = i - x
-            square = (1.0 + e1) * dx * dx + 2.0 * e2 * dx * dy + (1.0 - e1) * dy * dy
+    flat_in, flat_out = single(max(disc[0] - edge, 0.0) ** 2), single((disc[0] + edge) ** 2)
+    none, half, one, two = single(0.0), single(0.5), single(1.0), single(2.0)
+    xx = xy = xp = xb = yy = yp = yb = pp = pb = bb = rx = ry = rp = rb = squares = count = none
+    xs = ys = ps = bs = rs = xt = yt = pt = bt = rt = ss = st = tt = none
+    for j in range(top, bottom):
+        dy = single(row_origin + row_step * j - y)
+        across, high = two * e2 * dy, stretch_y * dy * dy
+        thin = none if j & 1 else one
+        for i in range(first, last):
+            dx = single(i - x)
+            square = (stretch_x * dx + across) * dx + high
             # Flat parts tell only amplitude and base: a quarter of their pixels is plenty.
-            flat = square < flat_in or square > flat_out
-            if square > outer * outer or (flat and (i + j) & 1 | (i & 1)):
-                continue
-            around += 1.0
-            if j < 0 or j >= rows or i < 0 or i >= columns:
-                continue
-            r = math.sqrt(max(square, 1e-12))
-            outward_x, outward_y = ((1.0 + e1) * dx + e2 * dy) / r, (e2 * dx + (1.0 - e1) * dy) / r
-            stretch = 1.0
+            flat = (square < flat_in) | (square > flat_out)
+            counts = (none if i & 1 else thin) if flat else one
+            counts = counts if square <= outer2 else none
+            outward_x, outward_y = stretch_x * dx + e2 * dy, e2 * dx + stretch_y * dy
+            pull = -amplitude
             if smeared:
+                r2 = max(square, single(1e-6))
                 along = smear_x * outward_x + smear_y * outward_y
-                stretch = 1.0 / math.sqrt(1.0 + along * along / (12.0 * blur2))
-            place = max((radius + (r - radius) * stretch) * per_px, 0.0)
-            k = min(int(place), last)
-            part = min(place - k, 1.0)
-            p = profile[k] + part * (profile[k + 1] - profile[k])
-            pull = -amplitude * (slope[k] + part * (slope[k + 1] - slope[k])) * stretch
-            gx, gy, level = pull * outward_x, pull * outward_y, base + amplitude * p
-            residual, certain = (
-                luma[j, i] - level - tilt_x * dx - tilt_y * dy,
-                1.0 / (still + per_level * max(level, 0.0)),
-            )
-            beyond = residual * residual * certain * softness
-            soft = 1.0 / (1.0 + beyond * beyond)
-            w = soft * certain
+                stretch = one / math.sqrt(one + along * along * per_smear / r2)
+                r = math.sqrt(r2)
+                place = max(radius + (r - radius) * stretch, none)
+                pull *= stretch * place / r
+                square = place * place
+            k = np.int32(min(square * per_px2 + half, end))
+            p = table[k, 0]
+            pull *= table[k, 1]
+            gx, gy = pull * outward_x, pull * outward_y
+            residual = single(luma[j, i]) - base - amplitude * p
+            if slopes is not None:
+                residual -= tilt_x * dx + tilt_y * dy
+            beyond = residual * residual * softness
+            w = counts / (one + beyond * beyond)
             wx, wy, wp, wr = w * gx, w * gy, w * p, w * residual
             xx, xy, xp, xb, yy, yp = xx + wx * gx, xy + wx * gy, xp + wx * p, xb + wx, yy + wy * gy, yp + wy * p
             yb, pp, pb, bb = yb + wy, pp + wp * p, pb + wp, bb + w
             rx, ry, rp, rb = rx + wr * gx, ry + wr * gy, rp + wr * p, rb + wr
-            squares, trust, inside = squares + wr * residual, trust + soft, inside + 1.0
-            if sloping:
-                add_slopes(normal, right, w, dx, dy, gx, gy, p, residual)
+            squares, count = squares + wr * residual, count + counts
+            if slopes is not None:
+                ws, wt = w * dx, w * dy
+                xs, ys, ps, bs, rs = xs + ws * gx, ys + ws * gy, ps + ws * p, bs + ws, rs + ws * residual
+                xt, yt, pt, bt, rt = xt + wt * gx, yt + wt * gy, pt + wt * p, bt + wt, rt + wt * residual
+                ss, st, tt = ss + ws * dx, st + ws * dy, tt + wt * dy
     normal[0, 0], normal[0, 1], normal[0, 2], normal[0, 3], normal[1, 1] = xx, xy, xp, xb, yy
     normal[1, 2], normal[1, 3], normal[2, 2], normal[2, 3], normal[3, 3] = yp, yb, pp, pb, bb
     right[0], right[1], right[2], right[3] = rx, ry, rp, rb
-    sums[0], sums[1], sums[2], sums[3] = squares, trust, inside, around
+    if slopes is not None:
+        normal[0, 4], normal[1, 4], normal[2, 4], normal[3, 4], normal[4, 4] = xs, ys, ps, bs, ss
+        normal[0, 5], normal[1, 5], normal[2, 5], normal[3, 5], normal[4, 5] = xt, yt, pt, bt, st
+        normal[5, 5], right[4], right[5] = tt, rs, rt
+    normal *= certain
+    right *= certain
+    sums[0], sums[1], sums[2] = certain * squares, bb, count
 
 
-@njit(cache=True, nogil=True)
-def add_slopes(normal, right, w, dx, dy, gx, gy, p, residual):
-    """Add a pixel to what the normal equations know of a background's slopes."""
-    for column, derivative in ((4, w * dx), (5, w * dy)):
-        normal[0, column] += derivative * gx
-        normal[1, column] += derivative * gy
-        normal[2, column] += derivative * p
-        normal[3, column] += derivative
-        normal[4, column] += derivative * dx
-        right[column] += derivative * residual
-    normal[5, 5] += w * dy * dy
+@njit(cache=True, nogil=True, error_model="numpy")
+def surroundings(luma, row_origin, row_step, state, reach, disc):
+    """Count the pixels that `accumulate` would use if the picture had no border; 0 where it is not near."""
+    (rows, columns), x, y = luma.shape, state[0], state[1]
+    within = x - reach > 0.0 and x + reach < columns - 1.0
+    if within and y - reach > row_origin and y + reach < row_origin + row_step * (rows - 1.0):
+        return 0.0
+    edge = 3.5 * math.sqrt(disc[1] * disc[1] + (disc[5] * disc[5] + disc[6] * disc[6]) / 12.0)
+    flat_in, flat_out, outer2, count = max(disc[0] - edge, 0.0) ** 2, (disc[0] + edge) ** 2, disc[4] * disc[4], 0.0
+    for j in range(math.ceil((y - reach - row_origin) / row_step), math.floor((y + reach - row_origin) / row_step) + 1):
+        dy = row_origin + row_step * j - y
+        for i in range(math.ceil(x - reach), math.floor(x + reach) + 1):
+            dx = i - x
+            square = (1.0 + disc[2]) * dx * dx + 2.0 * disc[3] * dx * dy + (1.0 - disc[2]) * dy * dy
+            flat = square < flat_in or square > flat_out
+            if square <= outer2 and not (flat and (i & 1 or j & 1)):
+                count += 1.0
+    return count
 
 
 @njit(cache=True, nogil=True)

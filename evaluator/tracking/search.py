@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.recording import Frame
-from evaluator.tracking import kernels
+from evaluator.tracking import color_kernels
 from evaluator.tracking.find import allowed_cells
 from evaluator.tracking.follow import Follower
 from evaluator.tracking.settings import TrackingSettings
@@ -31,7 +31,7 @@ class Search:
     def places(self, name: str, frame: Frame, follower: Follower, light: float) -> list[tuple[float, float]]:
         """Centres of the blobs that may be the mark, likeliest size first; light: of what there was."""
         color, area, cell = follower.color, follower.look.area_px2, self._cell
-        count, top, bottom, left, right = kernels.color_scan(
+        count, top, bottom, left, right = color_kernels.color_scan(
             frame.u, frame.v, self._allowed[name], color, min(WEAKER, light) * color[4], self._mask
         )
         cell_area = cell[0] * cell[1]

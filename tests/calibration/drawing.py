@@ -32,18 +32,20 @@ def draw_gauge(
     white: float = 200.0,
     light: tuple[float, float] = (0.0, 0.0),
     missing: tuple[int, ...] = (),
+    face_mm: Array | float = 0.0,
     quantise: bool = True,
 ) -> NDArray[np.generic]:
     """Draw the gauge lying in the plane z = height (default: its own) of the camera's plate frame.
 
     snr: contrast over noise. light: relative change of illumination across the picture's width and height. missing:
-    flat indices of dots left out.
+    flat indices of dots left out. face_mm: height of each dot (rows, columns) above the plane, of a bent gauge.
     """
     height = gauge.dots.height_mm if height_mm is None else height_mm
     centers = gauge.positions_mm().reshape(-1, 2)
     radii = gauge.diameters_mm().ravel() / 2
     keep = np.setdiff1d(np.arange(len(centers)), missing)
-    coverage = disc_coverage(camera, np.column_stack([centers, np.full(len(centers), height)])[keep], radii[keep])
+    heights = height + np.broadcast_to(face_mm, gauge.diameters_mm().shape).ravel()
+    coverage = disc_coverage(camera, np.column_stack([centers, heights])[keep], radii[keep])
     if blur_px > 0:
         coverage = cv2.GaussianBlur(coverage, (0, 0), blur_px, borderType=cv2.BORDER_REPLICATE)
     low, high = (white, black) if gauge.dots.color == "white" else (black, white)

@@ -62,6 +62,25 @@ def test_plate_with_a_whole_side_under_a_dark_cloth_keeps_its_places(side: str) 
     assert np.abs(off).max() < 0.1
 
 
+def test_row_under_a_cloth_as_white_as_the_sheet_is_known_from_the_other_pictures() -> None:
+    rng = np.random.default_rng(8)
+    pictures = [draw_gauge(v, GAUGE, rng=rng, snr=40) for v in random_poses(CAMERA, 4, rng, tilt_deg=25, shift_mm=2)]
+    pictures[0][within(-25, -16, 25, -10.5)] = 200
+    found = calibrate(pictures, GAUGE)
+    assert found.sightings[0].match.extent == ("whole", "short")
+    assert any("part of the array is hidden or out of view" in note for note in assess(found).notes)
+    with pytest.raises(CalibrationError, match="does nothing hide whole rows of it"):
+        calibrate(pictures[:1], GAUGE)
+
+
+def test_row_under_a_white_cloth_darker_than_the_sheet_is_hidden_not_absent() -> None:
+    picture = drawn()
+    picture[within(-25, -16, 25, -10.5)] = 170
+    match = calibrate([picture], GAUGE).sightings[0].match
+    assert len(match) == 13 * 8
+    assert not match.certain
+
+
 @pytest.mark.parametrize("columns", [12, 14])
 def test_array_one_column_short_or_long_is_another_gauge(columns: int) -> None:
     with pytest.raises(CalibrationError, match=r"array of about 13 × 9 dots .* does not fit the gauge"):

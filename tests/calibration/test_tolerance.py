@@ -68,5 +68,5 @@ def _seen(parameters: np.ndarray, true: np.ndarray, places: np.ndarray, noise: f
     count = len(true)
     return View(
         centers, whitening(np.tile(noise**2 * np.eye(2), (count, 1, 1))), lifted(places), np.full(count, 0.6),
-        np.arange(count), np.zeros((count, 2)),
+        np.arange(count), np.zeros((count, 2)), np.zeros((count, 0)),
     )  # fmt: skip

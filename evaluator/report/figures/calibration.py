@@ -7,6 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from calibration.camera import Camera
+from calibration.flatness import face_terms
 from calibration.lens import undistort
 from calibration.solve import Calibration
 from evaluator.report.style import BLUE, GROUPS, INK, SOFT, VERMILLION, Figure, drawing
@@ -60,6 +61,31 @@ def coverage_map(calibration: Calibration) -> Figure:
         "where dots were, and extrapolated elsewhere.",
         (canvas.svg,),
         pd.DataFrame(rows, columns=["picture", "x_px", "y_px"]),
+    )
+
+
+def gauge_face(calibration: Calibration) -> Figure | None:
+    """Height of the gauge's face over its mean plane; None where it was taken as flat."""
+    found, gauge = calibration.flatness, calibration.gauge
+    if found is None or not found.used:
+        return None
+    place = gauge.positions_mm()
+    height_um = 1000 * (face_terms(gauge)[..., : len(found.coefficients_mm)] @ found.coefficients_mm)
+    with drawing("gauge-face") as canvas:
+        (axes,) = canvas.axes
+        axes.plot(*place.reshape(-1, 2).T, color=SOFT, marker=".", ls="none", ms=2.5)
+        lines = axes.contour(place[..., 0], place[..., 1], height_um, 8, colors=[BLUE], linewidths=1.0)
+        axes.clabel(lines, fontsize=8, fmt="%.3g µm")
+        axes.set_aspect("equal")
+        axes.set_xlabel("x on the gauge, mm")
+        axes.set_ylabel("y on the gauge, mm")
+    return Figure(
+        "gauge-face",
+        "How the gauge is bent",
+        f"Height of its face over its mean plane (broken lines are below it), solved from all pictures; peak to "
+        f"valley {found.peak_to_valley_mm:.3g} mm ({found.low_mm:.3g} to {found.high_mm:.3g}, 95 %).",
+        (canvas.svg,),
+        pd.DataFrame({"x_mm": place[..., 0].ravel(), "y_mm": place[..., 1].ravel(), "height_um": height_um.ravel()}),
     )
 
 

@@ -6,7 +6,7 @@ import pytest
 from evaluator.tracking.disc import make_disc
 from evaluator.tracking.shading import learn_shading
 
-DISC = make_disc(8.0, 0.9, (0.0, 0.0), (120.0, 40.0), (1.0, 0.0))
+DISC = make_disc(8.0, 0.9, (0.0, 0.0), (120.0, 40.0), 1.0)
 
 
 @pytest.mark.parametrize("covered", [0.0, 0.2])
