@@ -117,10 +117,7 @@ def _through_segment(
         remaining = end - time
         planned = replay and used < len(plan) and int(plan[used, 0]) == number
         expected, method = min(remaining, plan[used, 1] if planned else step), int(plan[used, 2]) if planned else 0
-        # In a step of h seconds forces that vary with place change by 0.01·h of themselves, and with them the
-        # velocity, for a displacement of 0.01·h² mm or so: within h = sqrt(tolerance in mm) their derivatives
-        # are not needed.
-        linearize(time, expected > math.sqrt(tolerance), model, work)
+        linearize(time, expected > _unvaried_step(tolerance), model, work)
         length, wanted = expected, 0.0
         if planned and method > 0:
             invert3(work.linear[1:4], work.inverse)
@@ -137,41 +134,54 @@ def _through_segment(
             asked = expected if planned else _asked_step(time, step, tolerance, model, work)
             length, wanted, sticking = short_step(time, asked, remaining, tolerance, planned, sticking, model, work)
             method = STICKING if sticking else ROSENBROCK
-            if length == 0.0 or stalled >= MOST_STALLED:
-                return -used - 1
-            finer = shrinking(tolerance)
-            small = finer * max(CREEPING_STEP_S, finer * CHATTERING_SHARE * (time - begin))
-            creeping = creeping + 1 if length < small else 0
-            stalled = stalled + 1 if length < STALLED_STEP_S * min(finer, remaining) else 0
-        if used >= most_steps:
+            creeping = creeping + 1 if length < _creeping_step(time - begin, tolerance) else 0
+            stalled = stalled + 1 if length < STALLED_STEP_S * min(shrinking(tolerance), remaining) else 0
+        if length == 0.0 or stalled >= MOST_STALLED or used >= most_steps:
             return -used - 1
         if not replay and used < len(plan):
             plan[used, 0], plan[used, 1], plan[used, 2] = number, length, method
         used += 1
         following = end if length >= remaining * (1.0 - 1e-12) else time + length
         until = rows[1] if following == end else output_rows(times, row, following, False)
-        if method > 0:
-            write_polynomials(out, times, (row, until), time, length, work.table)
-            go_to_end(work)
-        else:
-            _write_step(out, times, (row, until), time, length, work)
+        _write_step(out, times, (row, until), time, length, method, work)
         row, time, step = until, following, wanted
     return used
+
+
+@compiled()
+def _unvaried_step(tolerance: float) -> float:
+    """The longest step for which derivatives of forces by place are not needed.
+
+    In h seconds forces that vary with place change by 0.01·h of themselves, and with them the velocity, for a
+    displacement of 0.01·h² mm or so: h is the square root of the tolerance in mm.
+    """
+    return math.sqrt(tolerance)
+
+
+@compiled()
+def _creeping_step(since: float, tolerance: float) -> float:
+    """The longest step that counts as creeping, so long after a break of the command."""
+    finer = shrinking(tolerance)
+    return float(finer * max(CREEPING_STEP_S, finer * CHATTERING_SHARE * since))
 
 
 @compiled()
 def _asked_step(time: float, step: float, tolerance: float, model: Any, work: Any) -> float:
     """The step to try: the one wanted, or a first one, and none that could rest on an unstable balance."""
     if step == 0.0:
-        step = min(first_step(work.linear, tolerance), math.sqrt(tolerance))
+        step = min(first_step(work.linear, tolerance), _unvaried_step(tolerance))
     if is_off(time, model, work):
         return step  # an unstable balance is within the rounding of rest, and as good as rest
     return min(step, 1.0 / (growth_rate(work.linear) + 1e-30))
 
 
 @compiled()
-def _write_step(out: Any, times: Any, rows: tuple[int, int], time: float, step: float, work: Any) -> None:
-    """Outputs inside the step just taken, and its end."""
+def _write_step(out: Any, times: Any, rows: tuple[int, int], time: float, step: float, method: int, work: Any) -> None:
+    """Outputs inside the step just taken; move the run to its end."""
+    if method > 0:
+        write_polynomials(out, times, rows, time, step, work.table)
+        go_to_end(work)
+        return
     at, pose, end = work.spare[0], work.pose, work.end
     for row in range(rows[0], rows[1]):
         between((times[row] - time) / step, work, at)
