@@ -37,18 +37,33 @@ def systematic_shifts(
     points_mm: green and yellow, (n, 2) each. jacobian: (n, 2, 3, 2), derivative of the pose by either mark.
     covariances: (n, 2, 2, 2) of the marks, mm². Marks without picture columns have errors of the camera alone.
     """
-    errors = _independent_errors(camera)
-    result = np.zeros((len(marks), 3, errors.shape[1]))
-    for index, (name, points) in enumerate(points_mm.items()):
-        place = _picture_points(marks, name, points, height_mm, camera)
-        result += jacobian[:, index] @ _smoothly(lambda at: camera.plate_sensitivity(at, height_mm) @ errors, place)
+    by_camera = camera_shifts(marks, points_mm, height_mm, camera)
+    result = jacobian[:, 0] @ by_camera[:, 0] + jacobian[:, 1] @ by_camera[:, 1]
     if "green_x_px" not in marks:
         return result
-    common = _common_error_mm(marks, points_mm["green"], points_mm["yellow"], covariances)
+    common = common_error_mm(marks, points_mm["green"], points_mm["yellow"], covariances)
     return np.concatenate([result, _fixed_to_body(jacobian, heading_rad, common)], axis=2)
 
 
-def _common_error_mm(marks: pd.DataFrame, green: Array, yellow: Array, covariances: Array) -> float:
+def camera_shifts(marks: pd.DataFrame, points_mm: dict[str, Array], height_mm: float, camera: Camera) -> Array:
+    """Shifts (n, 2, 2, k) of green and yellow by one standard deviation of each independent error of the camera, mm.
+
+    points_mm: green and yellow, (n, 2) each; NaN where a mark is missing.
+    """
+    errors = _independent_errors(camera)
+    return np.stack(
+        [
+            _smoothly(
+                lambda at: camera.plate_sensitivity(at, height_mm) @ errors,
+                _picture_points(marks, name, points_mm[name], height_mm, camera),
+            )
+            for name in ("green", "yellow")
+        ],
+        axis=1,
+    )
+
+
+def common_error_mm(marks: pd.DataFrame, green: Array, yellow: Array, covariances: Array) -> float:
     """Standard uncertainty of a mark's centre that all frames of a tracked recording share, per axis."""
     picture = marks[["green_x_px", "green_y_px", "yellow_x_px", "yellow_y_px"]].to_numpy(float)
     apart_px = np.hypot(*(picture[:, :2] - picture[:, 2:]).T)

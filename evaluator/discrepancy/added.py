@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 
 from evaluator.discrepancy.diagnosis import Diagnosis
+from evaluator.discrepancy.forward import is_shared
 from evaluator.discrepancy.free import FreeTerm
 from evaluator.discrepancy.robot_file import number, with_value
 from evaluator.discrepancy.simulated import varied_robot
@@ -27,7 +28,7 @@ def robot_with_effect(diagnosis: Diagnosis, text: str) -> str:
     """The robot file's text with the diagnosed effects appended, nominal values where the same fit has them."""
     assert diagnosis.terms is not None
     robot = Robot.model_validate(tomllib.loads(text))
-    nominal = diagnosis.fit.point.nominal
+    nominal = {key: value for key, value in diagnosis.fit.point.nominal.items() if not is_shared(key)}
     moved = varied_robot(robot, nominal)
     for key, deviation in nominal.items():
         if round(deviation, DEVIATION_DIGITS):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from evaluator.discrepancy.forward import RunData
+from calibration.store import load_camera
+from evaluator.discrepancy.forward import SHARED_UNIT, RunData
+from evaluator.discrepancy.shared_errors import Sighting, shared_errors
 from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.marks import COLUMNS, read_marks
@@ -30,17 +32,23 @@ class Session:
 
     @property
     def tolerance(self) -> dict[str, float]:
-        """1-sigma relative tolerances of nominal values that may move: those that robot.toml states."""
-        return {key: value for key, value in self.robots[0].tolerance.items() if value > 0} if self.robots else {}
+        """1-sigma tolerances of what may move: nominal values as robot.toml states, errors that runs share."""
+        if not self.robots:
+            return {}
+        stated = {key: value for key, value in self.robots[0].tolerance.items() if value > 0}
+        return stated | {key: SHARED_UNIT for run in self.data for key in run.systematic}
 
 
-def session_of(experiment: Experiment, marks: Mapping[str, Path]) -> Session:
+def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mapping[str, Path] | None = None) -> Session:
     """Read the marks of every run; runs without enough frames are skipped with the reason.
 
-    marks: marks CSV by run id. Raises InputError for robots that cannot be read or differ in their tolerances.
+    marks: marks CSV by run id. cameras: camera.json of the runs whose marks it placed. Raises InputError for robots
+    that cannot be read or differ in their tolerances.
     """
     robots: dict[str, Robot] = {}
     data, used, skipped = [], [], {}
+    sightings: list[Sighting | None] = []
+    known = {path: read_with(load_camera, path) for path in dict.fromkeys((cameras or {}).values())}
     for order, run in enumerate(experiment.run):
         name = run.robot or experiment.robot
         if name not in robots:
@@ -64,8 +72,19 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path]) -> Session:
             RunData(run.id, run.left_rpm, run.right_rpm, run.start_s, run.stop_s, values[:, 0], values[:, 1:], order)
         )
         used.append(robots[name])
+        camera = (cameras or {}).get(run.id)
+        sightings.append(
+            Sighting(
+                table[inside], f"camera {list(known).index(camera) + 1}", known[camera], robots[name].marks.height_mm
+            )
+            if camera
+            else None
+        )
     _check_tolerances(used)
-    return Session(tuple(data), tuple(used), skipped)
+    errors = shared_errors(sightings)
+    return Session(
+        tuple(replace(run, systematic=error) for run, error in zip(data, errors, strict=True)), tuple(used), skipped
+    )
 
 
 def _check_tolerances(robots: Sequence[Robot]) -> None:

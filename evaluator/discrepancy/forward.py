@@ -13,6 +13,13 @@ from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
 Values = Mapping[str, tuple[float, ...]]
+# One standard deviation of an error that runs share, as a deviation: that of a nominal value known to two per cent.
+SHARED_UNIT = 0.02
+
+
+def is_shared(key: str) -> bool:
+    """Whether a key of a nominal deviation is of an error that runs share, not of robot.toml (table.name)."""
+    return "." not in key
 
 
 @dataclass(frozen=True)
@@ -20,7 +27,8 @@ class RunData:
     """One recorded run, whatever its source.
 
     time_s: (n,) presentation times. marks_mm: (n, 4) green x, y, yellow x, y in the plate frame, NaN where a mark is
-    missing. order: its place in the session, from 0.
+    missing. order: its place in the session, from 0. systematic: (n, 4) by key, what one standard deviation of an error
+    that runs share (of their camera, of how a mark looks) does to the marks, mm.
     """
 
     id: str
@@ -31,6 +39,7 @@ class RunData:
     time_s: Floats
     marks_mm: Floats
     order: int
+    systematic: Mapping[str, Floats] = field(default_factory=dict)
 
     @property
     def command(self) -> tuple[float, float]:
@@ -42,7 +51,8 @@ class RunData:
 class Task:
     """One run to predict: which, and at which parameters.
 
-    nominal: relative deviations of nominal values, by dotted key of robot.toml. terms: coordinates of candidate effects
+    nominal: relative deviations of nominal values, by dotted key of robot.toml, and errors that runs share, by their
+    key, in SHARED_UNIT to the standard deviation. terms: coordinates of candidate effects
     by id. own: the run's start x, y (mm), heading (rad) of the robot's centre, then its relative deviations of
     friction, left and right wheel speed.
     """

@@ -1,4 +1,4 @@
-"""The run that would best separate what remains, and good experiments before there are any data.
+"""The run that would best separate what remains.
 
 A candidate run is simulated under the chosen model; what no parameter of the rival within its present uncertainty, no
 start pose and no run-to-run scatter can imitate, over the tracking noise, is the separation to expect in sigmas.
@@ -6,19 +6,28 @@ start pose and no run-to-run scatter can imitate, over the tracking noise, is th
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.discrepancy.candidates import (
+    CORNERS,
+    HEADINGS_DEG,
+    MIDDLE,
+    REST_S,
+    Candidate,
+    Room,
+    commands_at,
+    placed,
+)
 from evaluator.discrepancy.features import channels_of, compression
 from evaluator.discrepancy.fit import Fit
 from evaluator.discrepancy.forward import RunData
 from evaluator.discrepancy.mixed import at_scatter, reduce_runs
 from evaluator.discrepancy.noise import Noise
-from evaluator.discrepancy.problem import Column, Point, Problem
+from evaluator.discrepancy.problem import Point, Problem
 from evaluator.discrepancy.rivals import SAME_SIGMAS, Set, Standing
 from evaluator.discrepancy.search import Search, fit_set
 from evaluator.discrepancy.simulated import Simulated
@@ -27,56 +36,39 @@ from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
 
-DURATION_S = 8.0
 RATE_HZ = 20.0
-REST_S = 0.5
-HEADINGS_DEG = tuple(range(0, 360, 45))
 RIVAL_PROBABILITY = 0.02
 MOST_RIVALS = 3
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """A run that could be made: command and start heading, from the middle of the plate."""
-
-    left_rpm: float
-    right_rpm: float
-    heading_deg: float
-
-
-def candidates(levels_rpm: Sequence[float]) -> list[Candidate]:
-    """Straight runs and turns to both sides at the given levels, both directions, eight headings."""
-    top = max(levels_rpm)
-    commands = set()
-    for level in sorted({round(level, 3) for level in levels_rpm} | {round(top, 3), round(top / 2, 3)}):
-        if level <= 0:
-            continue
-        for share in (1.0, 0.7, 0.4):
-            commands |= {(level, level * share), (level * share, level)}
-    both = sorted(commands | {(-left, -right) for left, right in commands})
-    return [Candidate(*command, heading) for command, heading in itertools.product(both, HEADINGS_DEG)]
-
-
 def hypothetical(
-    robot: Robot, terms: dict[str, Term], noise: tuple[Noise, ...], runs: Sequence[Candidate], point: Point
+    robot: Robot,
+    terms: dict[str, Term],
+    noise: tuple[Noise, ...],
+    runs: Sequence[Candidate],
+    orders: Sequence[int],
+    point: Point,
 ) -> tuple[Problem, Point]:
-    """A problem of runs that were not made; their measured marks are what the point predicts."""
-    time = np.arange(0.0, DURATION_S + REST_S, 1 / RATE_HZ)
-    blank = np.zeros((len(time), 4))
+    """A problem of runs that were not made; their measured marks are what the point predicts.
+
+    orders: the place of each run in its session.
+    """
+    times = [np.arange(0.0, item.duration_s + REST_S, 1 / RATE_HZ) for item in runs]
     data = tuple(
-        RunData(f"c{number}", item.left_rpm, item.right_rpm, REST_S, None, time, blank, 0)
-        for number, item in enumerate(runs)
+        RunData(f"c{number}", *item.command, REST_S, None, time, np.zeros((len(time), 4)), order)
+        for number, (item, time, order) in enumerate(zip(runs, times, orders, strict=True))
     )
     forward = Simulated((robot,) * len(data), data, terms)
     own = np.zeros((len(data), 6))
-    own[:, 2] = np.radians([item.heading_deg for item in runs])
-    placed = replace(point, own=own)
-    marks = forward.marks([placed.task(run) for run in range(len(data))])
+    own[:, :3] = [(item.x_mm, item.y_mm, np.radians(item.heading_deg)) for item in runs]
+    placed_at = replace(point, own=own)
+    marks = forward.marks([placed_at.task(run) for run in range(len(data))])
     channels = tuple(channels_of(item) for item in marks)
-    used = np.ones(len(time), dtype=np.bool_)
     half = float(np.nanmedian([np.nanmedian(item[:, 3]) for item in channels])) / 2
-    one = compression(time, used, noise)
-    return Problem(data, forward, channels, (one,) * len(data), (noise,) * len(data), half), placed
+    distinct = {len(time): time for time in times}
+    by_length = {size: compression(time, np.ones(size, dtype=np.bool_), noise) for size, time in distinct.items()}
+    compressions = tuple(by_length[len(time)] for time in times)
+    return Problem(data, forward, channels, compressions, (noise,) * len(data), half), placed_at
 
 
 def expected_separations(problem: Problem, placed: Point, rival: Fit) -> Floats:
@@ -113,15 +105,21 @@ def best_next_run(
     rivals = _rivals(search, chosen, table, apart)
     if not rivals:
         return None
-    fit = search.fits[chosen]
-    options = candidates(levels_rpm)
-    problem, placed = hypothetical(
-        search.problem.forward.robots[0], dict(search.terms), search.problem.noise[0], options, fit.point
-    )
-    sigmas = {name: expected_separations(problem, placed, rival) for name, rival in rivals.items()}
-    weakest = np.min(np.array(list(sigmas.values())), axis=0)
-    best = int(np.argmax(weakest))
-    return NextRun(options[best], {name: float(values[best]) for name, values in sigmas.items()})
+    fit, robot = search.fits[chosen], search.problem.forward.robots[0]
+    room = Room.of_marks([run.marks_mm for run in search.problem.data])
+
+    def best(options: Sequence[Candidate]) -> NextRun:
+        orders = [len(search.problem.data)] * len(options)
+        problem, at = hypothetical(robot, dict(search.terms), search.problem.noise[0], options, orders, fit.point)
+        sigmas = {name: expected_separations(problem, at, rival) for name, rival in rivals.items()}
+        first = int(np.argmax(np.min(np.array(list(sigmas.values())), axis=0)))
+        return NextRun(options[first], {name: float(values[first]) for name, values in sigmas.items()})
+
+    options = [run for each in commands_at(levels_rpm) for run in placed(robot, each, HEADINGS_DEG, room, (MIDDLE,))]
+    if not options:
+        return None
+    command = best(options).candidate.command
+    return best(list(placed(robot, command, HEADINGS_DEG, room, (MIDDLE, *CORNERS))))
 
 
 def _rivals(search: Search, chosen: Set, table: Standing, apart: Mapping[str, Mapping[str, float]]) -> dict[str, Fit]:
@@ -141,35 +139,3 @@ def _rivals(search: Search, chosen: Set, table: Standing, apart: Mapping[str, Ma
             if fit is not None:
                 found[" + ".join(sorted(ids))] = fit
     return dict(list(found.items())[:MOST_RIVALS])
-
-
-# What a planned experiment should be able to stand: a usual friction and gain scatter of a magnetic robot on steel.
-USUAL_SCATTER = np.array([0.02, 0.005, 0.005])
-USUAL_NOISE = (Noise(0.001, 0.003, 0.08),) * 4
-
-
-def plan_runs(robot: Robot, terms: dict[str, Term], levels_rpm: Sequence[float], count: int) -> list[Candidate]:
-    """A good experiment before any data: greedily the runs that tell most about all effects at once (D-optimal).
-
-    Effects are counted in visible steps; a run that repeats an earlier one still counts, because scatter averages out.
-    """
-    options = candidates(levels_rpm)
-    problem, placed = hypothetical(robot, terms, USUAL_NOISE, options, Point(np.zeros((len(options), 6))))
-    columns = [
-        Column(term.id, i, term, term.starts[0] if term.starts else None)
-        for term in terms.values()
-        if not term.leaps
-        for i in range(1 if term.starts else term.size)
-    ]
-    scale = np.array([column.term.coordinates[column.coordinate].step for column in columns if column.term])
-    _, _, G = at_scatter(reduce_runs(problem.linearized(placed, columns)), USUAL_SCATTER)
-    information = G * np.outer(scale, scale)
-    total = np.eye(len(columns))
-    chosen: list[int] = []
-    for _ in range(count):
-        gains = np.linalg.slogdet(total[None] + information)[1]
-        used = np.array([0.3 * chosen.count(i) for i in range(len(options))])
-        best = int(np.argmax(gains - used))
-        chosen.append(best)
-        total = total + information[best]
-    return [options[i] for i in chosen]

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from evaluator.discrepancy.diagnosis import Diagnosis
 from evaluator.discrepancy.fit import place_runs
+from evaluator.discrepancy.forward import SHARED_UNIT, is_shared
 from evaluator.discrepancy.free import FreeTerm
 from evaluator.discrepancy.gap import rms
-from evaluator.discrepancy.next_run import DURATION_S
 from evaluator.discrepancy.rivals import SAME_SIGMAS, Set, is_free
 from evaluator.discrepancy.terms import Parameters, Term
 from evaluator.discrepancy.where import QUANTITIES, pieces
@@ -59,6 +59,7 @@ def record(diagnosis: Diagnosis) -> Json:
         "runs_not_followed": [diagnosis.session.data[run].id for run in diagnosis.astray],
         "noise": _noise(diagnosis),
         "nominal": _nominal(diagnosis),
+        "shared_errors_sigmas": _shared(diagnosis),
         "skipped_runs": dict(diagnosis.session.skipped),
     }
 
@@ -210,8 +211,10 @@ def _next(diagnosis: Diagnosis) -> Json | None:
     return {
         "left_rpm": run.left_rpm,
         "right_rpm": run.right_rpm,
+        "x_mm": run.x_mm,
+        "y_mm": run.y_mm,
         "heading_deg": run.heading_deg,
-        "duration_s": DURATION_S,
+        "duration_s": run.duration_s,
         "separation_sigmas": {name: _rounded(value) for name, value in following.sigmas.items()},
     }
 
@@ -239,8 +242,15 @@ def _nominal(diagnosis: Diagnosis) -> Json:
             "tolerance": diagnosis.session.tolerance[column.key],
         }
         for i, column in enumerate(fit.columns)
-        if column.term is None
+        if column.term is None and not is_shared(column.key)
     }
+
+
+def _shared(diagnosis: Diagnosis) -> Json | None:
+    """How far the errors that runs share (of the camera) were moved, each in its sigmas; None where there are none."""
+    point = diagnosis.fit.point
+    moved = {key: point.nominal.get(key, 0.0) / SHARED_UNIT for key in diagnosis.session.tolerance if is_shared(key)}
+    return {key: _rounded(value) for key, value in moved.items()} or None
 
 
 def _rounded(value: float) -> float | None:

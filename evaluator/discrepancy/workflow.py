@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,30 +18,55 @@ from evaluator.errors import InputError
 from evaluator.files import read_with, write_table, write_text
 from evaluator.interchange import program_of
 from evaluator.settings import Experiment, Run, load_experiment
+from evaluator.workflow.analysis import jobs_of
 from evaluator.workflow.outputs import Outputs
 
 Progress = Callable[[str, float], None]
 
 
-def diagnose_experiment(path: Path, out: Path, progress: Progress) -> tuple[Diagnosis | None, dict[str, Any]]:
+def diagnose_experiment(
+    path: Path, out: Path, progress: Progress, *, workers: int | None = None, dask: str | None = None
+) -> tuple[Diagnosis | None, dict[str, Any]]:
     """Diagnose an experiment and write the results below out.
 
-    Gives the diagnosis, None where inputs and code are those of the one that is there, and the content of
-    diagnosis.json.
+    workers: processes that track recordings, by default one per core; dask: address of a scheduler whose workers track
+    instead. The results depend on neither. Gives the diagnosis, None where inputs and code are those of the one that is
+    there, and the content of diagnosis.json.
     Raises InputError where the experiment, a robot or all recordings cannot be used.
     """
     experiment, outputs = read_with(load_experiment, path), Outputs(Path(out))
     key = key_of_diagnosis(experiment, outputs)
     if is_current(outputs, key):
         return None, load_diagnosis(outputs.diagnosis)
-    session = _session(path, experiment, outputs, progress)
+    session = _session(path, experiment, outputs, progress, workers, dask)
     try:
-        found = diagnose(session, progress)
+        with _on_one_core():
+            found = diagnose(session, progress)
     except FloatingPointError as error:
         raise InputError(f"{path}: {error}; are the robot file and the command of that run right?") from error
     content = record(found)
     keep(outputs, key, _written(found, content, experiment, outputs))
     return found, content
+
+
+@contextmanager
+def _on_one_core() -> Iterator[None]:
+    """Simulate and solve on one core.
+
+    A fit is small steps of Python between small batches of runs: the simulator is a quarter of its time. Threads that
+    meet after every batch save a tenth on an idle machine, but cost half as much processor time again, and on a busy
+    one the diagnosis took three times as long. Other cores have other experiments. Also, sums keep one order.
+    """
+    import numba
+    from threadpoolctl import threadpool_limits
+
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        with threadpool_limits(1, user_api="blas"):
+            yield
+    finally:
+        numba.set_num_threads(before)
 
 
 def _written(found: Diagnosis, content: dict[str, Any], experiment: Experiment, outputs: Outputs) -> list[Path]:
@@ -61,16 +87,23 @@ def _written(found: Diagnosis, content: dict[str, Any], experiment: Experiment, 
     return files
 
 
-def _session(path: Path, experiment: Experiment, outputs: Outputs, progress: Progress) -> Session:
+def _session(
+    path: Path, experiment: Experiment, outputs: Outputs, progress: Progress, workers: int | None, dask: str | None
+) -> Session:
     """Marks as given, or tracked where a run is a video (what is up to date is reused)."""
     marks = {run.id: run.marks for run in experiment.run if run.marks is not None and not _to_be_read(run, experiment)}
     faults: dict[str, str] = {}
+    cameras: dict[str, Path] = {}
     if len(marks) < len(experiment.run):
         from evaluator.workflow import analyze
 
         progress("tracking", 0.0)
         analysis = analyze(
-            path, outputs.folder, progress=lambda done, total: progress("tracking", done / max(total, 1))
+            path,
+            outputs.folder,
+            workers=workers,
+            dask=dask,
+            progress=lambda done, total: progress("tracking", done / max(total, 1)),
         )
         faults = dict(analysis.faults)
         marks |= {
@@ -78,7 +111,9 @@ def _session(path: Path, experiment: Experiment, outputs: Outputs, progress: Pro
             for run in experiment.run
             if run.id not in marks and run.id not in faults
         }
-    session = session_of(experiment, marks)
+        placed = {job.run.id: job.camera for job in jobs_of(experiment, outputs, simulate=False)}
+        cameras = {run: camera for run, camera in placed.items() if run in marks and camera is not None}
+    session = session_of(experiment, marks, cameras)
     skipped = {**session.skipped, **faults}
     if not session.data:
         reasons = "; ".join(f"{run}: {reason}" for run, reason in list(skipped.items())[:REASONS_SHOWN])

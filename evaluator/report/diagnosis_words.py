@@ -111,7 +111,7 @@ def next_run_sentence(following: Json | None) -> str:
     command = f"{following['left_rpm']:g} / {following['right_rpm']:g} rpm".replace("-", "−")
     told = "; ".join(f"{sigmas:.1f} sigmas from {words_of(name)}" for name, sigmas in known.items())
     text = (
-        f"What would tell more: {command} for {following['duration_s']:g} s from the middle of the plate, starting at "
+        f"What would tell more: {command} for {following['duration_s']:g} s from {_place(following)}, starting at "
         f"heading {following['heading_deg']:g}°. Expected separation: {told}."
     )
     if min(known.values()) < ENOUGH_SIGMAS:
@@ -120,6 +120,12 @@ def next_run_sentence(following: Json | None) -> str:
             "or drive at other speeds and places."
         )
     return text
+
+
+def _place(following: Json) -> str:
+    if "x_mm" not in following:  # of an earlier version, or of another program
+        return "the middle of the plate"
+    return f"x {following['x_mm']:g} mm, y {following['y_mm']:g} mm".replace("-", "−")
 
 
 def words_of(effects: str) -> str:

@@ -2,7 +2,8 @@
 
 Draws experiments with hidden effects, diagnoses each through the files that a lab would have, and scores the answers
 against labels that the diagnosis never sees (they are written only after it, outside its folder). Counts come with
-their 95 % limits.
+their 95 % limits. With --next the run that a diagnosis proposes is made twice by the same hidden robot, and diagnosed
+with the others.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ import numpy as np
 from scipy import stats
 
 from evaluator.discrepancy.workflow import diagnose_experiment
-from tests.benchmarks.bank.draw import SIZES, Drawn, draw
+from tests.benchmarks.bank.draw import SIZES, Drawn, draw, repeated
 from tests.benchmarks.bank.outside import KINDS
 from tests.benchmarks.bank.visible import visible_sigmas
 
 DETECTABLE_SIGMAS = 5.0
+REPEATS = 2  # of a run that a diagnosis proposed
 
 
 def main() -> None:
@@ -32,6 +34,7 @@ def main() -> None:
         arguments.add_argument(f"--{name}", type=int, default=0)
     arguments.add_argument("--seed", type=int, default=0)
     arguments.add_argument("--minutes", type=float, default=1e6, help="stop drawing after so many minutes")
+    arguments.add_argument("--next", action="store_true", help="make the runs that a diagnosis proposes, and see")
     arguments.add_argument("--rows", type=Path, help="append every scored answer to this file, as JSON")
     arguments.add_argument("--table", type=Path, nargs="*", help="only print the table of these files")
     chosen = arguments.parse_args()
@@ -54,6 +57,11 @@ def main() -> None:
             kind, name = kinds[number]
             drawn = draw(np.random.default_rng([chosen.seed, int(number)]), kind, Path(folder) / f"e{number}", name)
             rows.append(_answer(drawn))
+            if chosen.next and rows[-1]["proposed"]:
+                wider = repeated(
+                    np.random.default_rng([chosen.seed, int(number), 1]), drawn, rows[-1]["proposed"], REPEATS
+                )
+                rows[-1]["next"] = _answer(wider)
             print(_line(rows[-1]), flush=True)
             if chosen.rows:
                 with chosen.rows.open("a", encoding="utf-8") as file:
@@ -77,9 +85,13 @@ def _answer(drawn: Drawn) -> dict[str, Any]:
     gap = found["gap"] or {}
     seconds = time.perf_counter() - began
     label = dict(drawn.label)
-    sigmas = {name: visible_sigmas(diagnosis, shift, label["scatter"]) for name, shift in label.pop("shifts").items()}
+    sigmas = {
+        name: visible_sigmas(diagnosis, shift, label["effects"].keys() - {name})
+        for name, shift in label.pop("shifts").items()
+    }
     return {
         **label,
+        "proposed": found["next_experiment"],
         "verdict": found["verdict"],
         "named": sorted(named),
         "exact": found["verdict"] == "effect" and truth == set(named),
@@ -101,8 +113,25 @@ def _line(row: dict[str, Any]) -> str:
     return (
         f"{row['kind']:8} {truth} -> {row['verdict']} {row['named']} credit={row['credit']} "
         f"inside={sum(row['inside'])}/{len(row['inside'])} gap={row['gap']:.2f} "
-        f"visible={min(row['sigmas'].values(), default=0.0):.1f} {row['seconds']:.0f} s"
+        f"visible={min(row['sigmas'].values(), default=0.0):.1f} {row['seconds']:.0f} s" + _next_line(row)
     )
+
+
+def _next_line(row: dict[str, Any]) -> str:
+    if "next" not in row:
+        return ""
+    run, then, asked = row["proposed"], row["next"], list(row["proposed"]["separation_sigmas"])
+    return (
+        f"\n         or {asked}? {run['left_rpm']:g} / {run['right_rpm']:g} rpm, made {REPEATS} times "
+        f"-> {then['verdict']} {then['named']} right={_right(then)}, again ambiguous={bool(then['proposed'])}"
+    )
+
+
+def _right(row: dict[str, Any]) -> bool:
+    """Whether an answer is the one that more data should bring: the effects exactly, none, or unknown."""
+    if row["kind"] in {"clean", "outside"}:
+        return bool(row["verdict"] == ("none" if row["kind"] == "clean" else "unknown"))
+    return bool(row["exact"])
 
 
 def _share(hits: int, count: int) -> str:
@@ -125,6 +154,7 @@ def table(rows: list[dict[str, Any]]) -> str:
     def seen(part: list[dict[str, Any]]) -> list[dict[str, Any]]:
         return [row for row in part if min(row["sigmas"].values()) > DETECTABLE_SIGMAS]
 
+    asked = [row for row in rows if "next" in row]
     gaps = [row["gap"] for row in single + pair if row["credit"] and np.isfinite(row["gap"])]
     return "\n".join(
         [
@@ -142,6 +172,9 @@ def table(rows: list[dict[str, Any]]) -> str:
             f"  visible at 5 sigmas: misnamed {verdicts(seen(outside), 'effect')}",
             f"95 % intervals that cover       {_share(sum(inside), len(inside))}",
             f"gap kept aside / noise floor    {np.median(gaps):.3f}, 90 % {np.quantile(gaps, 0.9):.3f}" if gaps else "",
+            f"proposed runs: exact before     {_share(sum(map(_right, asked)), len(asked))}" if asked else "",
+            f"  exact once they were made     {_share(sum(_right(row['next']) for row in asked), len(asked))}",
+            f"  no more ambiguous             {_share(sum(not row['next']['proposed'] for row in asked), len(asked))}",
             f"seconds per experiment          median {np.median([row['seconds'] for row in rows]):.0f}",
         ]
     )

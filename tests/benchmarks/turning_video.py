@@ -20,7 +20,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from calibration.camera import Camera
 from calibration.gauge import Gauge, load_gauge
 from calibration.solve import calibrate
 from evaluator.pose import MarkGeometry, poses_from_marks
@@ -60,8 +59,10 @@ def random_recorder(rng: np.random.Generator) -> dict[str, dict[str, Any]]:
     }
 
 
-def calibrated(rig: CameraTable, gauge: Gauge, rng: np.random.Generator, noise: dict[str, float]) -> Camera:
-    """Camera from one gauge picture on the plate and four at a tilt."""
+def gauge_pictures(
+    rig: CameraTable, gauge: Gauge, rng: np.random.Generator, noise: dict[str, float]
+) -> list[NDArray[np.uint8]]:
+    """One picture of the gauge on the plate and four at a tilt."""
     pictures = []
     for number in range(5):
         tilt = 0.0 if number == 0 else np.radians(rng.uniform(8, 20))
@@ -73,14 +74,14 @@ def calibrated(rig: CameraTable, gauge: Gauge, rng: np.random.Generator, noise: 
             rig.camera(), gauge, rotation_rad=rotation, translation_mm=(0.0, 0.0, height), seed=seed, sensor=noise
         )
         pictures.append(np.asarray(picture, dtype=np.uint8))
-    return calibrate(pictures, gauge).camera
+    return pictures
 
 
 def measured(gauge: Gauge, seed: int, number: int) -> dict[str, Any]:
     """One rig: draw it, calibrate it, render and measure one circle."""
     rng = np.random.default_rng([seed, number])
     rig, recorder = random_rig(rng), random_recorder(rng)
-    camera = calibrated(rig, gauge, rng, {"read_noise_e": float(rng.uniform(20, 200))})
+    camera = calibrate(gauge_pictures(rig, gauge, rng, {"read_noise_e": float(rng.uniform(20, 200))}), gauge).camera
     radius, turned = float(rng.uniform(3, 8)), float(np.radians(rng.choice([60, 150, 360, 360])))
     x, y = rng.uniform(-1, 1, 2)
     motion = {

@@ -158,3 +158,18 @@ def test_a_spoiled_diagnosis_is_named_by_the_report_and_made_anew_by_the_command
         known_diagnosis(load_experiment(experiment), outputs)
     run(experiment, "-q")
     assert found(experiment)["verdict"] == "insufficient"
+
+
+def test_several_experiments_are_diagnosed_beside_each_other_and_one_that_is_gone_costs_no_other(
+    tmp_path: Path,
+) -> None:
+    paths = [write_hidden(tmp_path / name, {}, commands=[(30.0, 30.0)]) for name in ("monday", "tuesday")]
+    gone = tmp_path / "gone.toml"
+    arguments = [*map(str, [*paths, gone]), "-o", str(tmp_path / "out"), "--workers", "1", "--json"]
+    done = CliRunner().invoke(diagnose, arguments, standalone_mode=False)
+    assert done.return_value == 1
+    assert "gone.toml: no such file" in done.stderr
+    told = json.loads(done.stdout)
+    assert [told[str(path)]["verdict"] for path in paths] == ["insufficient"] * 2
+    for folder in ("monday-experiment", "tuesday-experiment"):
+        assert (tmp_path / "out" / folder / "diagnosis.json").is_file()

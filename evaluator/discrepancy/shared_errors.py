@@ -1,0 +1,108 @@
+"""Errors of the measurement that all runs of a camera share, as parameters with a prior.
+
+Calibration knows a camera to within its covariance, and a tracker sees a mark a little beside its middle in all frames.
+No number of runs averages that away; a diagnosis that took the camera for exact would in the end name it as an effect
+(plane-scale, camera-tilt, mark-offset). Here each independent error becomes what one standard deviation of it does to
+the marks; the fit may move it within that, as it may move nominal values of the robot within their tolerances.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from calibration.camera import Camera
+from evaluator.pose_systematic import camera_shifts, common_error_mm
+
+Floats = NDArray[np.float64]
+
+MARKS = ("green", "yellow")
+# A direction that bends or scales no path by more than this (RMS) is left out: the distance of the marks, averaged over
+# twenty runs of H.264 at 12 px/mm, is known to about as much.
+NEGLIGIBLE_MM = 5e-5
+SAMPLES = 40  # frames of a run in which directions are compared: a lens is smooth
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """Marks of one run as a camera of this name placed them at height_mm (what evaluator.tracking writes)."""
+
+    table: pd.DataFrame
+    camera_name: str
+    camera: Camera
+    height_mm: float
+
+
+def shared_errors(sightings: Sequence[Sighting | None]) -> list[dict[str, Floats]]:
+    """What one standard deviation of each shared error does to the marks (n, 4) of every run, mm, by a key.
+
+    Runs without a sighting have none. Missing marks have zeros. Keys hold no dot, unlike those of robot.toml.
+    """
+    found: list[dict[str, Floats]] = [{} for _ in sightings]
+    groups: dict[str, list[int]] = {}
+    for number, item in enumerate(sightings):
+        if item is not None:
+            groups.setdefault(item.camera_name, []).append(number)
+    for name, runs in groups.items():
+        seen = [item for number in runs if (item := sightings[number]) is not None]
+        points = [_points(item.table) for item in seen]
+        shifts = [_of_camera(item, where) for item, where in zip(seen, points, strict=True)]
+        chosen = _main_directions(points, shifts)
+        for number, item, where, shift in zip(runs, seen, points, shifts, strict=True):
+            own = np.concatenate([shift @ chosen, _fixed_to_body(item, where)], axis=2)
+            found[number] = {f"{name}, error {k + 1}": np.nan_to_num(own[:, :, k]) for k in range(own.shape[2])}
+    return found
+
+
+def _points(table: pd.DataFrame) -> dict[str, Floats]:
+    return {mark: table[[f"{mark}_x_mm", f"{mark}_y_mm"]].to_numpy(float) for mark in MARKS}
+
+
+def _of_camera(item: Sighting, points: dict[str, Floats]) -> Floats:
+    """Shifts (n, 4, k) by the independent errors of the camera."""
+    both = np.isfinite(np.concatenate([points[mark] for mark in MARKS], axis=1)).all(axis=1)
+    points = {mark: np.where(both[:, None], where, np.nan) for mark, where in points.items()}
+    shifts = camera_shifts(item.table, points, item.height_mm, item.camera)
+    return np.asarray(shifts.reshape(len(shifts), 4, -1))
+
+
+def _main_directions(points: Sequence[Mapping[str, Floats]], shifts: Sequence[Floats]) -> Floats:
+    """Combinations (k, m) of a camera's errors that matter: orthonormal, so that each still is one standard deviation.
+
+    What moves or turns the picture of a run as a whole is left aside: every run has a start pose of its own.
+    """
+    rows = []
+    for where, shift in zip(points, shifts, strict=True):
+        there = np.flatnonzero(np.isfinite(shift).all(axis=(1, 2)))
+        frames = there[np.unique(np.linspace(0, len(there) - 1, min(len(there), SAMPLES)).astype(int))]
+        xy = np.concatenate([where[mark][frames] for mark in MARKS], axis=1).reshape(-1, 2)
+        rigid = np.zeros((len(xy), 2, 3))
+        rigid[:, 0, 0] = rigid[:, 1, 1] = 1.0
+        rigid[:, :, 2] = (xy - xy.mean(axis=0))[:, ::-1] * [-1.0, 1.0]
+        basis = np.linalg.qr(rigid.reshape(-1, 3))[0]
+        moved = shift[frames].reshape(-1, shift.shape[2])
+        rows.append(moved - basis @ (basis.T @ moved))
+    stacked = np.concatenate(rows)
+    _, size, directions = np.linalg.svd(stacked, full_matrices=False)
+    return np.asarray(directions[size / np.sqrt(len(stacked)) > NEGLIGIBLE_MM].T)
+
+
+def _fixed_to_body(item: Sighting, points: Mapping[str, Floats]) -> Floats:
+    """Shifts (n, 4, 4) by an error of either mark along and across their line; none for marks not tracked."""
+    table = item.table
+    if "green_x_px" not in table or "green_x_sigma_mm" not in table:
+        return np.zeros((len(table), 4, 0))
+    variances = np.stack([table[[f"{m}_x_sigma_mm", f"{m}_y_sigma_mm"]].to_numpy(float) ** 2 for m in MARKS], axis=1)
+    error = common_error_mm(table, points["green"], points["yellow"], variances[..., None] * np.eye(2))
+    line = points["green"] - points["yellow"]
+    line = line / np.hypot(line[:, 0], line[:, 1])[:, None]
+    across = line[:, ::-1] * [-1.0, 1.0]
+    shifts = np.zeros((len(table), 4, 4))
+    for mark in range(2):
+        shifts[:, 2 * mark : 2 * mark + 2, 2 * mark] = line
+        shifts[:, 2 * mark : 2 * mark + 2, 2 * mark + 1] = across
+    return error * shifts
