@@ -17,8 +17,10 @@ import numpy as np
 
 from simulator.compiled import compiled
 from simulator.dynamics import accelerations, slopes
+from simulator.manifold import close, is_off
 from simulator.rosenbrock import invert3, moved
 from simulator.segments import drive_at
+from simulator.stability import is_stable
 from simulator.stepping import LEVER_MM
 from simulator.work import POINTS
 
@@ -145,6 +147,21 @@ def cut_off(length: float, table: Any) -> float:
 
 
 @compiled()
+def _stays(end: float, tolerance: float, model: Any, work: Any) -> bool:
+    """Whether the manifold found is the one the velocity was near to, and still attracts it at the end."""
+    table, last, away = work.table, POINTS - 1, work.spare[0]
+    for row in range(3):
+        away[row] = table[U + row, 0] - work.y[3 + row]
+    if not close(away, 2.0 * tolerance, is_off(end, model, work), model, work):
+        return False
+    heading, drive = table[HEADING, last], drive_at(work.segment, end, model.lag)
+    place = (table[X, last], table[Y, last], math.cos(heading), math.sin(heading), end)
+    u, v, r = table[U, last], table[U + 1, last], table[U + 2, last]
+    slopes(u, v, r, drive, place, model.rest_speed, model, work.contacts, work.bent)
+    return is_stable(work.bent)
+
+
+@compiled()
 def collocate(time: float, length: float, tolerance: float, planned: int, model: Any, work: Any) -> tuple[int, float]:
     """Fill the table for a step from work.y at twist 0: the number of sweeps, 0 where it fails; the length wanted next.
 
@@ -167,7 +184,7 @@ def collocate(time: float, length: float, tolerance: float, planned: int, model:
     follow(length, work)
     if planned > 0:
         return planned, length
-    if used == MOST_SWEEPS:
+    if used == MOST_SWEEPS or not _stays(time + length, tolerance, model, work):
         return 0, 0.3 * length
     factor = 0.9 * (CUT_SHARE * tolerance / (cut_off(length, work.table) + 1e-300)) ** (1.0 / POINTS)
     return (used if factor > 0.9 else 0), length * min(2.0, max(0.3, factor))

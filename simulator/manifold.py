@@ -18,13 +18,16 @@ from simulator.stepping import LEVER_MM
 
 # Share of the velocity within which forces are linear to a few hundredths: friction bends at slips twenty times that.
 NEAR_SHARE = 1e-3
+MOVING_RESTS = 100.0  # so many rest speeds are beyond the rounding of rest
 
 
 @compiled()
-def near_manifold(tolerance: float, model: Any, work: Any) -> bool:
+def near_manifold(tolerance: float, at_rest: bool, model: Any, work: Any) -> bool:
     """Whether slip has all but relaxed: what is left of it moves the robot by less than the tolerance, and linearly.
 
     work.linear holds the linearization at work.y; the inverse of the derivative by velocity is left in work.inverse.
+    at_rest: the manifold may lie within the rounding of rest. A robot whose wheels have just begun to turn against each
+    other is held there for a moment by the rounding alone.
     """
     linear, inverse, lacking, to_go = work.linear, work.inverse, work.spare[0], work.spare[1]
     if not is_stable(linear) or not invert3(linear[1:4], inverse):
@@ -34,14 +37,29 @@ def near_manifold(tolerance: float, model: Any, work: Any) -> bool:
     for row in range(3):
         lacking[row] += linear[0, row]
     _times(inverse, lacking, to_go)
-    _times(inverse, to_go, lacking)
-    size, distance, displacement = 0.0, 0.0, 0.0
+    return close(to_go, tolerance, at_rest, model, work)
+
+
+@compiled()
+def is_off(time: float, model: Any, work: Any) -> bool:
+    """Whether no motor turns at a time within the segment."""
+    drive = drive_at(work.segment, time, model.lag)
+    return bool(drive[0] == 0.0 and drive[1] == 0.0)
+
+
+@compiled()
+def close(to_go: Any, tolerance: float, at_rest: bool, model: Any, work: Any) -> bool:
+    """Whether the velocity is close to one that differs by to_go (3): see near_manifold."""
+    size, distance, displacement, moved_by = 0.0, 0.0, 0.0, work.spare[2]
+    _times(work.inverse, to_go, moved_by)
     for row in range(3):
         lever = LEVER_MM if row == 2 else 1.0
         size = max(size, lever * abs(work.y[3 + row]))
         distance = max(distance, lever * abs(to_go[row]))
-        displacement = max(displacement, lever * abs(lacking[row]))
-    return bool(distance <= max(NEAR_SHARE * size, model.rest_speed) and displacement <= tolerance)
+        displacement = max(displacement, lever * abs(moved_by[row]))
+    if size < MOVING_RESTS * model.rest_speed and not at_rest:
+        return False
+    return bool(distance <= max(NEAR_SHARE * size, model.rest_speed if at_rest else 0.0) and displacement <= tolerance)
 
 
 @compiled()

@@ -16,9 +16,9 @@ import numpy as np
 from simulator.collocation import collocate, go_to_end, long_step, write_polynomials
 from simulator.compiled import compiled
 from simulator.contact import fresh_contacts
-from simulator.manifold import near_manifold, settle, write_arc
+from simulator.manifold import is_off, near_manifold, settle, write_arc
 from simulator.rosenbrock import between, invert3, linearize, moved
-from simulator.segments import BEGIN, END, STEADY, command_segments, drive_at
+from simulator.segments import BEGIN, END, STEADY, command_segments
 from simulator.stability import growth_rate
 from simulator.stepping import first_step, short_step, shrinking
 from simulator.work import WORK
@@ -125,7 +125,7 @@ def _through_segment(
         if planned and method > 0:
             invert3(work.linear[1:4], work.inverse)
             collocate(time, length, tolerance, method, model, work)
-        elif not planned and near_manifold(tolerance, model, work):
+        elif not planned and near_manifold(tolerance, closed or is_off(time, model, work), model, work):
             if closed and settle(time, model, work):
                 write_arc(out, times, (row, rows[1]), time, remaining, work)
                 return used
@@ -164,9 +164,8 @@ def _asked_step(time: float, step: float, tolerance: float, model: Any, work: An
     """The step to try: the one wanted, or a first one, and none that could rest on an unstable balance."""
     if step == 0.0:
         step = min(first_step(work.linear, tolerance), math.sqrt(tolerance))
-    drive = drive_at(work.segment, time, model.lag)
-    if drive[0] == 0.0 and drive[1] == 0.0:
-        return step  # no motor turns: an unstable balance is within the rounding of rest, and as good as rest
+    if is_off(time, model, work):
+        return step  # an unstable balance is within the rounding of rest, and as good as rest
     return min(step, 1.0 / (growth_rate(work.linear) + 1e-30))
 
 
