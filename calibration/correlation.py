@@ -30,7 +30,10 @@ def correlation_factors(plane: NDArray[np.float32], fitted: Array, reach: Array,
     if len(sound) < SAMPLE // 3:
         return np.ones(2)
     chosen = sound[np.linspace(0, len(sound) - 1, min(len(sound), SAMPLE)).astype(np.int64)]
-    residual, own, influence = _autocorrelations(plane, fitted[chosen], reach[chosen], noise[chosen])
+    try:
+        residual, own, influence = _autocorrelations(plane, fitted[chosen], reach[chosen], noise[chosen])
+    except np.linalg.LinAlgError:  # dots of so few pixels that these do not tell the ten parameters apart
+        return np.ones(2)
     correlation = np.median(residual, axis=0) + own
     correlation[REACH, REACH] = 1.0
     return np.asarray(np.sqrt(np.maximum((correlation * influence).sum(axis=(1, 2)), 1.0)))
@@ -53,7 +56,7 @@ def _autocorrelations(plane, fitted, reach, noise):  # type: ignore[no-untyped-d
         rows[10] /= noise[i]
         pixels[0] += half + REACH - round(p[0])
         pixels[1] += half + REACH - round(p[1])
-        lags = _lags(pixels, np.ones((1, count)), box)[0]
+        lags = np.maximum(_lags(pixels, np.ones((1, count)), box)[0], 1.0)
         residual[i] = _lags(pixels, rows[10:, :count], box)[0] / lags
         if i % every == 0:
             by = np.ascontiguousarray(rows[:10, :count])
