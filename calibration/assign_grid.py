@@ -26,6 +26,9 @@ SPECK = 0.4  # of the diameter of the dots around: no gauge has fiducials that s
 FAINT = 0.15
 # A place is bare where the picture there is as bright as the sheet next to it, to this share of the dots' contrast.
 BARE = 0.35
+# A part split off by a cloth or a rod: dots of the main lattice beside it that predict its places, and how far, in
+# pitches, the dots may lie from them. Distortion bends a prediction over three pitches by a few percent.
+BESIDE, OFF_PLACE = 24, 0.2
 SMALLEST_LATTICE = 6  # dots; fewer make no lattice
 
 
@@ -76,8 +79,42 @@ def assign_grid(dots: Dots) -> Lattice:
     if not found:
         return empty
     best = max(found, key=len)
-    others = sum(len(lattice) for lattice in found if lattice is not best and 2 * len(lattice) >= len(best))
+    rest = sorted((lattice for lattice in found if lattice is not best), key=len, reverse=True)
+    for lattice in list(rest):
+        joined = _joined(points, best, lattice)
+        if joined is not None:
+            best = joined
+            rest.remove(lattice)
+    others = sum(len(lattice) for lattice in rest if 2 * len(lattice) >= len(best))
     return _without_specks(dots, Lattice(best.dot, _reduced(points[best.dot], best.index), others))
+
+
+def _joined(points: Array, main: Lattice, part: Lattice) -> Lattice | None:
+    """One lattice of two that something hidden between them has split, None where the part does not continue the main.
+
+    The homography of the main's dots next to the part predicts the indices of the part's dots: they must be whole
+    numbers and run as the part's own do.
+    """
+    middle = points[part.dot].mean(axis=0)
+    near = np.argsort(np.hypot(*(points[main.dot] - middle).T))[:BESIDE]
+    if len(near) < BESIDE or len(part) < SMALLEST_LATTICE:
+        return None
+    to_index = cv2.findHomography(points[main.dot[near]], main.index[near].astype(float), 0)[0]
+    if to_index is None:
+        return None
+    guess = cv2.perspectiveTransform(points[part.dot][None], to_index)[0]
+    index = np.rint(guess).astype(np.int64)
+    own = np.column_stack([part.index, np.ones(len(part))])
+    runs = np.rint(np.linalg.lstsq(own, guess, rcond=None)[0]).astype(np.int64)
+    taken = set(map(tuple, main.index.tolist()))
+    if (
+        np.abs(guess - index).max() > OFF_PLACE
+        or abs(int(runs[0, 0] * runs[1, 1] - runs[0, 1] * runs[1, 0])) != 1
+        or not np.array_equal(part.index @ runs[:2] + runs[2], index)
+        or any(tuple(place) in taken for place in index.tolist())
+    ):
+        return None
+    return Lattice(np.concatenate([main.dot, part.dot]), np.concatenate([main.index, index]))
 
 
 def _without_specks(dots: Dots, lattice: Lattice) -> Lattice:

@@ -17,7 +17,7 @@ from calibration.disc import fitted_centers
 from calibration.lens import LensModel
 
 Array = NDArray[np.float64]
-POSE_COUNT, LENS_COUNT = 6, len(PARAMETERS) - 6
+POSE_COUNT = 6
 LENS_PARAMETERS = PARAMETERS[6:]
 STEPS = 60
 # Residuals beyond this many standard deviations pull with constant force (Huber); of 10 000 sound ones 27 are.
@@ -150,11 +150,8 @@ def solve_discs(views: list[View], start: State, prior: Prior) -> tuple[Fit, lis
 
 def points_of(view: View, state: State) -> Array:
     """Places of a view's dots (n, 3), mm, on the face of a state."""
-    if len(state.face_mm) == 0:
-        return view.points_mm
-    points = view.points_mm.copy()
-    points[:, 2] += view.terms[:, : len(state.face_mm)] @ state.face_mm
-    return points
+    raised = view.terms[:, : len(state.face_mm)] @ state.face_mm
+    return view.points_mm + raised[:, None] * [0.0, 0.0, 1.0]
 
 
 def with_disc_offsets(views: list[View], state: State) -> list[View]:
@@ -251,8 +248,7 @@ def view_rows(view: View, state: State, k: int) -> tuple[Array, Array, Array]:
 
 def places_of_view(state: State, k: int) -> NDArray[np.int64]:
     """Where the columns of `view_rows` stand in the normal matrix."""
-    count = state.shared
-    return np.concatenate([np.arange(count), count + POSE_COUNT * k + np.arange(POSE_COUNT)])
+    return np.concatenate([np.arange(state.shared), state.shared + POSE_COUNT * k + np.arange(POSE_COUNT)])
 
 
 def _normal(views: list[View], state: State, prior: Prior, scale: float) -> _Normal:

@@ -2,7 +2,8 @@
 
 The gauge may lie anywhere on the plate, so three numbers of its pose say nothing. The other three, tilt and distance
 of the plate as the camera sees it, must be what they were; and with the pose fitted, the residuals must show no trace
-of another lens. Both tests carry the uncertainty of the calibration and of the new picture.
+of another lens. Both tests carry the uncertainty of the calibration and of the new picture. What neither sees is a lens
+of another focal length at another distance that shows the plate alike; the check says how much that could hide.
 """
 
 from __future__ import annotations
@@ -20,13 +21,15 @@ from calibration.camera import PARAMETERS, Camera
 from calibration.errors import CalibrationError
 from calibration.gauge import Gauge
 from calibration.initial import rough_pose, rough_prior
-from calibration.quality import SCALE_TOLERANCE
-from calibration.solve import sight, view_of
+from calibration.quality import SCALE_TOLERANCE, scale_sigma
+from calibration.sighting import sight, view_of
 
 Array = NDArray[np.float64]
 Outcome = Literal["holds", "changed", "no longer holds"]
 ALARM_SIGMA = 4.0  # two tests, and one false alarm in 16 000 checks
 HIGHEST_SIGMA = 37.0  # beyond it the probability is below the smallest number
+# Focusing from infinity down to ten focal lengths changes the image distance by a tenth: two sigmas.
+FOCUSING = 0.05
 LENS = tuple(name for name in PARAMETERS[6:] if name not in {"p1", "p2"})
 
 
@@ -37,7 +40,8 @@ class Check:
     pose_sigma, lens_sigma: significance of a change of the camera's tilt and distance, and of its lens.
     length_change: relative change of lengths at mark height where it is largest. tilt_deg, distance_mm: change of the
     plate's tilt and distance. shift_mm: of the gauge on the plate (no fault). dots: count used. rms_px: residual with
-    the lens of the calibration.
+    the lens of the calibration. unseen: relative change of lengths at mark height (95 %) that refocusing with another
+    distance could hide from this picture.
     """
 
     outcome: Outcome
@@ -49,6 +53,7 @@ class Check:
     shift_mm: float
     dots: int
     rms_px: float
+    unseen: float
 
     @property
     def summary(self) -> str:
@@ -64,10 +69,20 @@ class Check:
             f"lens {self.lens_sigma:.1f} sigma, lengths by up to {100 * self.length_change:+.3f} %"
         )
         if self.outcome == "holds":
-            return f"the calibration holds: {size}"
+            return f"the calibration holds: {size}{self._hidden}"
         if self.outcome == "changed":
-            return f"{what}, by too little to matter: {size}"
+            return f"{what}, by too little to matter: {size}{self._hidden}"
         return f"the calibration no longer holds, {what}: {size}; calibrate again with new pictures"
+
+    @property
+    def _hidden(self) -> str:
+        """What the picture cannot rule out, where that matters."""
+        if self.unseen < SCALE_TOLERANCE:
+            return ""
+        return (
+            "; not seen in one picture this straight: refocusing and another distance together, which could change "
+            f"lengths at mark height by up to {100 * self.unseen:.2g} %; if the lens was touched, calibrate again"
+        )
 
 
 def check_camera(
@@ -117,6 +132,7 @@ def check_camera(
         shift_mm=float(np.hypot(*(now - middle))),
         dots=len(view),
         rms_px=float(np.sqrt(np.mean(residual**2))),
+        unseen=_unseen(moved, state, view, noise, height_mm),
     )
 
 
@@ -128,6 +144,18 @@ def _pose(camera: Camera, view: View) -> tuple[State, View, Array, float]:
     keep = outliers(fit)[0]
     fit, (view,) = solve_discs([view.take(keep)], fit.state, prior)
     return fit.state, view, fit.residual_px[0], fit.variance
+
+
+def _unseen(camera: Camera, state: State, view: View, noise: float, height_mm: float) -> float:
+    """Change of lengths at a height that the picture leaves open when its focal length and pose are free together."""
+    rows = view_rows(view, replace(state, free=("focal_px",)), 0)[2]
+    flat = rows.reshape(-1, rows.shape[-1])
+    normal = flat.T @ flat / noise
+    normal[0, 0] += (FOCUSING * state.lens[0]) ** -2
+    free = np.array([PARAMETERS.index("focal_px"), *range(6)])
+    covariance = np.zeros((len(PARAMETERS), len(PARAMETERS)))
+    covariance[np.ix_(free, free)] = np.linalg.inv(normal)
+    return 1.96 * scale_sigma(replace(camera, covariance=covariance), height_mm)
 
 
 def _plane(pose: Array) -> Array:

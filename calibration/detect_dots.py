@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.candidates import WINDOWS, Candidates, candidates_by_window, noise_of
+from calibration.correlation import correlation_factors
 from calibration.disturbed import doubted, fit_again
 from calibration.fit_dots import fit_dots
 from calibration.neighbours import nearest
@@ -68,7 +69,7 @@ def detect_dots(picture: NDArray[np.generic], color: str | None = None, backgrou
     voted = [(sign, *_best_window(np.float32(sign) * plane, noise)) for sign in signs]
     sign, _, candidates = max(voted, key=lambda vote: vote[1])
     plane = np.float32(sign) * plane
-    return _dots(picture, plane, *_fit(plane, candidates, noise))
+    return _dots(picture, plane, *_fit(plane, candidates, noise, correlated=True))
 
 
 def _best_window(plane: Plane, noise: float) -> tuple[float, Candidates]:
@@ -89,8 +90,13 @@ def _best_window(plane: Plane, noise: float) -> tuple[float, Candidates]:
     return votes, best
 
 
-def _fit(plane: Plane, candidates: Candidates, white_noise: float) -> tuple[Array, Array, Array]:
-    """Parameters (n, 10), covariance (n, 2, 2) and noise (n,) of the candidates that are dots."""
+def _fit(
+    plane: Plane, candidates: Candidates, white_noise: float, *, correlated: bool = False
+) -> tuple[Array, Array, Array]:
+    """Parameters (n, 10), covariance (n, 2, 2) and noise (n,) of the candidates that are dots.
+
+    correlated: whether to look if the noise of neighbouring pixels is alike.
+    """
     if len(candidates) == 0:
         return np.empty((0, 10)), np.empty((0, 2, 2)), np.empty(0)
     gap = np.full(len(candidates), np.inf)
@@ -105,7 +111,10 @@ def _fit(plane: Plane, candidates: Candidates, white_noise: float) -> tuple[Arra
         # blur wider than the dot's radius: a smudge without an edge
         good &= fitted[:, 5] < np.sqrt(_area(fitted) / np.pi)
         good &= _whole(fitted, plane.shape)
-    fitted, covariance, noise = fitted[good], covariance[good], noise[good]
+    fitted, covariance, noise, reach = fitted[good], covariance[good], noise[good], reach[good]
+    if correlated:
+        factors = correlation_factors(plane, fitted, reach, noise)
+        covariance = covariance * np.outer(factors, factors)
     return fitted, doubted(fitted, covariance, noise), noise
 
 

@@ -52,7 +52,7 @@ def _tail(t, density):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
 
 
 @compiled
-def _pixels(plane, start, reach, longest, pixels):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def collect_pixels(plane, start, reach, longest, pixels):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Collect x, y and value of the pixels within reach of the start ellipse in (3, m) work space; returns their count.
 
     They are chosen once, so that every iteration sees the same ones.
@@ -72,7 +72,7 @@ def _pixels(plane, start, reach, longest, pixels):  # type: ignore[no-untyped-de
 
 
 @compiled
-def _derivatives(pixels, count, p, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def derivatives(pixels, count, p, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Fill rows (11, pixels) with the ten derivatives of the model at the pixels, and the residual.
 
     Nothing branches, so that the compiler takes several pixels at once. Four blurs from the edge it is flat.
@@ -107,7 +107,7 @@ def _derivatives(pixels, count, p, rows):  # type: ignore[no-untyped-def]  # noq
 @compiled
 def _accumulate(pixels, count, p, rows, N, rhs):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Normal equations over the pixels; returns the sum of squares. rows: (11, pixels) work space."""
-    _derivatives(pixels, count, p, rows)
+    derivatives(pixels, count, p, rows)
     for i in range(10):
         for j in range(i + 1):
             value = 0.0
@@ -210,7 +210,7 @@ def _fit_one(plane, start, reach, p, cov):  # type: ignore[no-untyped-def]  # no
     longest = sqrt(max(start[2], start[4]) / (start[2] * start[4] - start[3] * start[3]))
     box = (2 * int(longest + reach + 2.5) + 1) ** 2
     pixels, rows = np.empty((3, box)), np.empty((11, box))
-    count = _pixels(plane, start, reach, longest, pixels)
+    count = collect_pixels(plane, start, reach, longest, pixels)
     for k in range(10):
         p[k] = start[k]
     total = _accumulate(pixels, count, p, rows, N, rhs)

@@ -18,7 +18,7 @@ from calibration.detect_dots import Dots
 from calibration.errors import CalibrationError
 from calibration.fiducials import features_promised, features_seen, of_equal_size
 from calibration.gauge import Gauge
-from calibration.wrong_gauge import Extent, does_not_fit, ends_early, goes_on, place_on_sheet
+from calibration.wrong_gauge import Extent, does_not_fit, ends_early, goes_on, place_on_sheet, shows_bare_line
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -83,7 +83,10 @@ def match_gauge(dots: Dots, lattice: Lattice, gauge: Gauge) -> Match:
         raise CalibrationError(does_not_fit(lattice, gauge))
     # fiducials where they should be say that it is this gauge, whatever hides its lines
     told = bool(np.any(promised[:, match.row, match.column]))
-    return match if told else replace(match, extent=ends_early(seen, free, light, gauge))
+    if told:
+        return match
+    sure = match.certain and not shows_bare_line(seen, free, light, gauge)
+    return replace(match, certain=sure, extent=ends_early(seen, free, light, gauge))
 
 
 def _no_fiducials(dots: Dots, gauge: Gauge) -> str:

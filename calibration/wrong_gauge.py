@@ -77,6 +77,22 @@ def ends_early(seen: Integers, free: Integers, light: Array, gauge: Gauge) -> tu
     return extents[0], extents[1]
 
 
+def shows_bare_line(seen: Integers, free: Integers, light: Array, gauge: Gauge) -> bool:
+    """Whether a line of the gauge next to the dots seen shows sheet instead of dots: then the dots may be shifted.
+
+    seen, free, light: as for `ends_early`.
+    """
+    size = np.array([gauge.dots.columns, gauge.dots.rows])
+    seen = seen[((seen >= 0) & (seen < size)).all(axis=1)]
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    for axis in (0, 1):
+        for line in (low[axis] - 1, high[axis] + 1):
+            here = np.abs(light[free[:, axis] == line]) < BARE
+            if 0 <= line < size[axis] and len(here) >= FEWEST_IN_LINE and here.mean() > 0.5:
+                return True
+    return False
+
+
 def _side(light: Array, count: int) -> Side:
     """What the places along one side of the array show."""
     if len(light) < IN_VIEW * count:

@@ -1,7 +1,8 @@
 """The wheels on the plate: what added physics leaves of each at an instant, and the friction that follows.
 
-Units: mm, s, g, µN, rad. Contacts are an array (7, 4): rows SURFACE (speed, mm/s), COS_STEER and SIN_STEER, GRIP and
-STEEP (factors of a wheel's grip and steepness), DRAG (µN), DROOP (loss of surface speed per µN); a column per wheel.
+Units: mm, s, g, µN, rad. Contacts are an array (9, 4): rows SURFACE (speed, mm/s), COS_STEER and SIN_STEER, GRIP and
+STEEP (factors of a wheel's grip and steepness, along X and across Y), DRAG (µN), DROOP (loss of surface speed per µN);
+a column per wheel.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ import numpy as np
 from simulator.bases import place_basis, slide_basis, velocity_basis
 from simulator.compiled import compiled
 from simulator.slip.law import VECTORS, slip_ratio, wheel_force, wheel_slopes
-from simulator.terms import COS, DRAG, FRICTION, LOAD, ONE, SLIDE_COS2, SPEED, STEER, STIFFNESS
+from simulator.terms import COS, DRAG, FRICTION, FRICTION_ACROSS, LOAD, ONE, SLIDE_COS2, SPEED, STEER, STIFFNESS
 
-SURFACE, COS_STEER, SIN_STEER, GRIP, STEEP, DRAG_FORCE, DROOP, ROWS = range(8)
+SURFACE, COS_STEER, SIN_STEER, GRIP_X, GRIP_Y, STEEP_X, STEEP_Y, DRAG_FORCE, DROOP, ROWS = range(10)
+GRIPS = slice(GRIP_X, STEEP_Y + 1)
 Triple = tuple[float, float, float]
 Square = tuple[Triple, Triple, Triple]
 LEAST_FACTOR = 0.02  # a term may weaken load, friction or stiffness of a wheel to 2 %, never reverse it
@@ -26,14 +28,14 @@ LEAST_FACTOR = 0.02  # a term may weaken load, friction or stiffness of a wheel 
 def fresh_contacts() -> Any:
     """Contacts of wheels without any effect, at rest."""
     contacts = np.zeros((ROWS, 4))
-    contacts[COS_STEER], contacts[GRIP], contacts[STEEP] = 1.0, 1.0, 1.0
+    contacts[COS_STEER], contacts[GRIPS] = 1.0, 1.0
     return contacts
 
 
 @compiled()
 def law(u: float, v: float, wheel: int, contacts: Any, rest: float, model: Any) -> tuple[float, float]:
     """Friction along and across one wheel; u, v: of its centre in its own frame."""
-    scaled = (contacts[GRIP, wheel], contacts[STEEP, wheel])
+    scaled = (contacts[GRIP_X, wheel], contacts[GRIP_Y, wheel], contacts[STEEP_X, wheel], contacts[STEEP_Y, wheel])
     slopes = law_slopes(u, v, contacts[SURFACE, wheel], wheel, scaled, rest, model)
     return slopes[0], slopes[1]
 
@@ -47,9 +49,9 @@ def law_slopes(u: float, v: float, surface: float, wheel: int, scaled: Any, rest
         surface,
         1.0 if wheel < 2 else 0.0,
         model.grip_x[wheel] * scaled[0],
-        model.grip_y[wheel] * scaled[0],
-        model.steep_x[wheel] * scaled[1],
-        model.steep_y[wheel] * scaled[1],
+        model.grip_y[wheel] * scaled[1],
+        model.steep_x[wheel] * scaled[2],
+        model.steep_y[wheel] * scaled[3],
         model.ratio,
         model.shape_x,
         model.shape_y,
@@ -59,13 +61,16 @@ def law_slopes(u: float, v: float, surface: float, wheel: int, scaled: Any, rest
 
 
 @compiled()
-def drooping_speed(u: float, v: float, free: float, wheel: int, scaled: Any, rest: float, model: Any) -> float:
+def drooping_speed(
+    u: float, v: float, free: float, guess: float, wheel: int, scaled: Any, rest: float, model: Any
+) -> float:
     """Surface speed of a motor that yields to its load: the w with w = free - droop·F_x(w).
 
-    F_x grows with w, so the root is one; Newton's method within a bracket that friction bounds.
+    F_x grows with w, so the root is one; Newton's method from a guess within a bracket that friction bounds.
     """
     reach = model.droop * model.grip_x[wheel] * scaled[0]
-    low, high, speed = free - reach, free + reach, free
+    low, high = free - reach, free + reach
+    speed = guess if low < guess < high else free
     for _ in range(60):
         slopes = law_slopes(u, v, speed, wheel, scaled, rest, model)
         excess = speed - free + model.droop * slopes[0]
@@ -74,7 +79,7 @@ def drooping_speed(u: float, v: float, free: float, wheel: int, scaled: Any, res
         else:
             low = speed
         newton = speed - excess / (1.0 + model.droop * slopes[6])
-        if abs(newton - speed) <= 1e-9 * max(abs(free), 1e-3):  # then the next digits are right too
+        if abs(newton - speed) <= 1e-7 * max(abs(free), 1e-3):  # then as many digits more are right
             return float(newton)
         speed = newton if low < newton < high else (low + high) / 2
     return float(speed)
@@ -104,7 +109,7 @@ def _touch_one(
     """The contact of one wheel; u, v: of its centre in the body frame; place: of the robot on the plate."""
     surface = model.speed[wheel] * drive[wheel] if wheel < 2 else 0.0
     free, steer = surface, model.steer[wheel]
-    load, friction, stiffness, drag = 1.0, 1.0, 1.0, 0.0
+    load, friction, across, stiffness, drag = 1.0, 1.0, 1.0, 1.0, 0.0
     x, y, cos, sin, time = place
     for term in range(model.body_terms, model.body_terms + model.wheel_terms):
         value = model.pattern[term, wheel] * model.coefficient[term]
@@ -133,9 +138,12 @@ def _touch_one(
             drag += value
         elif channel == FRICTION:
             friction += value
+        elif channel == FRICTION_ACROSS:
+            across += value
     load, friction, stiffness = max(load, LEAST_FACTOR), max(friction, LEAST_FACTOR), max(stiffness, LEAST_FACTOR)
+    across = max(across, LEAST_FACTOR)
     steep = stiffness / friction if model.stiffness_follows_load else stiffness / (load * friction)
-    scaled = (load * friction, steep)
+    scaled = (load * friction, load * friction * across, steep, steep / across)
     if model.compliance != 0.0:
         steer += giving_way(wheel, u, v, steer, surface, scaled, rest, model)
     cos_steer, sin_steer, wheel_u, wheel_v = 1.0, 0.0, u, v
@@ -144,9 +152,9 @@ def _touch_one(
         wheel_u, wheel_v = cos_steer * u + sin_steer * v, cos_steer * v - sin_steer * u
     droop = model.droop if wheel < 2 and drive[wheel] != 0.0 else 0.0
     if droop != 0.0:
-        surface = drooping_speed(wheel_u, wheel_v, surface, wheel, scaled, rest, model)
+        surface = drooping_speed(wheel_u, wheel_v, surface, contacts[SURFACE, wheel], wheel, scaled, rest, model)
     contacts[SURFACE, wheel], contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel] = surface, cos_steer, sin_steer
-    contacts[GRIP, wheel], contacts[STEEP, wheel] = scaled
+    contacts[GRIP_X, wheel], contacts[GRIP_Y, wheel], contacts[STEEP_X, wheel], contacts[STEEP_Y, wheel] = scaled
     contacts[DRAG_FORCE, wheel], contacts[DROOP, wheel] = drag, droop
 
 
@@ -180,10 +188,10 @@ def friction(u: float, v: float, r: float, contacts: Any, rest: float, model: An
             wheel_u,
             cos * body_v - sin * body_u,
             driving * slip_ratio(wheel_u, contacts[SURFACE, wheel], rest),
-            model.grip_x[wheel] * contacts[GRIP, wheel],
-            model.grip_y[wheel] * contacts[GRIP, wheel],
-            model.steep_x[wheel] * contacts[STEEP, wheel],
-            model.steep_y[wheel] * contacts[STEEP, wheel],
+            model.grip_x[wheel] * contacts[GRIP_X, wheel],
+            model.grip_y[wheel] * contacts[GRIP_Y, wheel],
+            model.steep_x[wheel] * contacts[STEEP_X, wheel],
+            model.steep_y[wheel] * contacts[STEEP_Y, wheel],
             model.ratio,
             model.shape_x,
             model.shape_y,
@@ -213,10 +221,10 @@ def friction_slopes(u: float, v: float, r: float, contacts: Any, rest: float, mo
             cos * body_v - sin * body_u,
             contacts[SURFACE, wheel],
             1.0 if wheel < 2 else 0.0,
-            model.grip_x[wheel] * contacts[GRIP, wheel],
-            model.grip_y[wheel] * contacts[GRIP, wheel],
-            model.steep_x[wheel] * contacts[STEEP, wheel],
-            model.steep_y[wheel] * contacts[STEEP, wheel],
+            model.grip_x[wheel] * contacts[GRIP_X, wheel],
+            model.grip_y[wheel] * contacts[GRIP_Y, wheel],
+            model.steep_x[wheel] * contacts[STEEP_X, wheel],
+            model.steep_y[wheel] * contacts[STEEP_Y, wheel],
             model.ratio,
             model.shape_x,
             model.shape_y,

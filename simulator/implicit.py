@@ -22,76 +22,51 @@ LEVER_MM = 2.0
 
 
 @compiled()
-def excess(
-    pose: Any,
-    segment: Any,
-    time: float,
-    step: float,
-    start: Any,
-    guess: Any,
-    model: Any,
-    contacts: Any,
-    bent: Any,
-    out: Any,
-) -> float:
+def excess(time: float, step: float, start: Any, guess: Any, model: Any, work: Any, out: Any) -> float:
     """What the velocity of guess lacks to be an implicit Euler step from start, into out (3); returns its size.
 
-    bent: (4, 3), rows 1 to 3 become the derivative of the accelerations by velocity.
+    The derivative of the accelerations by velocity is left in work.bent.
     """
     for item in range(3):
         guess[item] = start[item] + 0.5 * step * (start[3 + item] + guess[3 + item])
-    place = place_after(pose, guess[0], guess[1], guess[2], time + step, model)
-    drive = drive_at(segment, time + step, model.lag)
-    slopes(guess[3], guess[4], guess[5], drive, place, model.rest_speed, model, contacts, bent)
+    place = place_after(work.pose, guess[0], guess[1], guess[2], time + step, model)
+    drive = drive_at(work.segment, time + step, model.lag)
+    slopes(guess[3], guess[4], guess[5], drive, place, model.rest_speed, model, work.contacts, work.bent)
     for item in range(3):
-        out[item] = guess[3 + item] - start[3 + item] - step * bent[0, item]
+        out[item] = guess[3 + item] - start[3 + item] - step * work.bent[0, item]
     return math.sqrt(out[0] ** 2 + out[1] ** 2 + (LEVER_MM * out[2]) ** 2)
 
 
 @compiled()
-def newton_change(step: float, bent: Any, residual: Any, solver: Any, change: Any) -> bool:
+def newton_change(step: float, residual: Any, work: Any, change: Any) -> bool:
     """Newton's change of the velocity into change (3); False where the matrix is singular."""
     for row in range(3):
         for column in range(3):
-            solver[2, row, column] = (1.0 if row == column else 0.0) - step * bent[1 + row, column]
-    if not invert3(solver[2], solver[0]):
+            work.block[row, column] = (1.0 if row == column else 0.0) - step * work.bent[1 + row, column]
+    if not invert3(work.block, work.inverse):
         return False
+    inverse = work.inverse
     for row in range(3):
-        change[row] = -(
-            solver[0, row, 0] * residual[0] + solver[0, row, 1] * residual[1] + solver[0, row, 2] * residual[2]
-        )
+        change[row] = -(inverse[row, 0] * residual[0] + inverse[row, 1] * residual[1] + inverse[row, 2] * residual[2])
     return True
 
 
 @compiled()
-def descend(
-    pose: Any,
-    segment: Any,
-    time: float,
-    step: float,
-    start: Any,
-    model: Any,
-    patient: bool,
-    contacts: Any,
-    work: Any,
-    bent: Any,
-    solver: Any,
-    out: Any,
-) -> bool:
+def descend(time: float, step: float, start: Any, patient: bool, model: Any, work: Any, out: Any) -> bool:
     """Newton's method with backtracking from the velocity in out; False where it fails."""
-    residual, trial, further, change = work[10], work[11], work[12], work[13]
+    residual, trial, further, change = work.spare[0], work.spare[1], work.spare[2], work.spare[3]
     goal = 1e-12 * (math.sqrt(start[3] ** 2 + start[4] ** 2 + (LEVER_MM * start[5]) ** 2) + 1e-3)
     least = SMALLEST_PATIENT if patient else SMALLEST_QUICK
-    size = excess(pose, segment, time, step, start, out, model, contacts, bent, residual)
+    size = excess(time, step, start, out, model, work, residual)
     for _ in range(MOST_PATIENT if patient else MOST_QUICK):
-        if not newton_change(step, bent, residual, solver, change):
+        if not newton_change(step, residual, work, change):
             return False
         length = math.sqrt(change[0] ** 2 + change[1] ** 2 + (LEVER_MM * change[2]) ** 2)
         share, smaller = 1.0, math.inf
         while not smaller < size and share > least:
             for item in range(3):
                 further[3 + item] = out[3 + item] + share * change[item]
-            smaller = excess(pose, segment, time, step, start, further, model, contacts, bent, trial)
+            smaller = excess(time, step, start, further, model, work, trial)
             share *= 0.4
         if not smaller < size:  # rounding ends the descent
             return length <= 1e4 * goal
@@ -113,24 +88,12 @@ def stop_wheel(wheel: int, start: Any, model: Any, out: Any) -> None:
 
 
 @compiled()
-def euler(
-    pose: Any,
-    segment: Any,
-    time: float,
-    step: float,
-    start: Any,
-    model: Any,
-    contacts: Any,
-    work: Any,
-    bent: Any,
-    solver: Any,
-    out: Any,
-) -> bool:
+def euler(time: float, step: float, start: Any, model: Any, work: Any, out: Any) -> bool:
     """One implicit Euler step from start (6: twist, velocity) into out (6), which enters as the first guess.
 
     False where Newton's method fails from every start.
     """
-    if descend(pose, segment, time, step, start, model, False, contacts, work, bent, solver, out):
+    if descend(time, step, start, False, model, work, out):
         return True
     tried = -1
     for _ in range(2):  # the wheels that move least are those that stop
@@ -141,39 +104,27 @@ def euler(
                 least, chosen = u * u + v * v, wheel
         tried = chosen
         stop_wheel(chosen, start, model, out)
-        if descend(pose, segment, time, step, start, model, False, contacts, work, bent, solver, out):
+        if descend(time, step, start, False, model, work, out):
             return True
     out[3], out[4], out[5] = 0.0, 0.0, 0.0
-    if descend(pose, segment, time, step, start, model, False, contacts, work, bent, solver, out):
+    if descend(time, step, start, False, model, work, out):
         return True
     out[:] = start
-    return descend(pose, segment, time, step, start, model, True, contacts, work, bent, solver, out)
+    return descend(time, step, start, True, model, work, out)
 
 
 @compiled()
-def euler_pair(
-    pose: Any,
-    segment: Any,
-    time: float,
-    step: float,
-    y: Any,
-    model: Any,
-    contacts: Any,
-    work: Any,
-    bent: Any,
-    solver: Any,
-    end: Any,
-) -> bool:
-    """Two half steps from y; end: (2, 6) the new state and how far one whole step differs. False where one fails."""
-    whole, half = work[15], work[16]
-    whole[:] = y
-    if not euler(pose, segment, time, step, y, model, contacts, work, bent, solver, whole):
+def euler_pair(time: float, step: float, model: Any, work: Any) -> bool:
+    """Two half steps from work.y into work.end, and how far one whole step differs. False where one fails."""
+    whole, half, end = work.spare[4], work.spare[5], work.end
+    whole[:] = work.y
+    if not euler(time, step, work.y, model, work, whole):
         return False
     half[:] = whole
-    if not euler(pose, segment, time, 0.5 * step, y, model, contacts, work, bent, solver, half):
+    if not euler(time, 0.5 * step, work.y, model, work, half):
         return False
-    end[0] = half
-    if not euler(pose, segment, time + 0.5 * step, 0.5 * step, half, model, contacts, work, bent, solver, end[0]):
+    end[0, :] = half
+    if not euler(time + 0.5 * step, 0.5 * step, half, model, work, end[0]):
         return False
     for item in range(6):
         end[1, item] = end[0, item] - whole[item] if item >= 3 else 0.0

@@ -22,7 +22,7 @@ from simulator.run import Run, State
 from simulator.wheels import wheel_states
 
 Array = NDArray[np.float64]
-_NO_PLAN = np.zeros((0, 2))
+_NO_PLAN = np.zeros((0, 3))
 
 
 def simulate(
@@ -113,7 +113,7 @@ def simulate_batch(
         np.arange(runs + 1) * len(kept),
         states.reshape(-1, 6),
         tolerance_mm,
-        np.zeros((runs, 0, 2)),
+        np.zeros((runs, 0, 3)),
         np.zeros(runs, dtype=np.int64),
         replay=False,
     )

@@ -25,7 +25,7 @@ MOST_PLANNED = 1000
 class Plan:
     """Steps that a set of runs took: replayed, results are smooth functions of models and starts.
 
-    steps: (n, m, 2) segment and size of each; count: (n,) how many are meant; tolerance_mm: for which they were taken.
+    steps: (n, m, 3) segment, size and method of each; count: (n,) how many are meant; tolerance_mm: what they hold.
     """
 
     steps: Array
@@ -55,7 +55,7 @@ class Trials:
 
     def plan(self, models: NDArray[np.void], starts: Array, tolerance_mm: float = TOLERANCE_MM) -> Plan:
         """Steps for runs from starts (n, 6), each with its model (n,), or all with one (1,)."""
-        steps = np.zeros((len(self), MOST_PLANNED, 2))
+        steps = np.zeros((len(self), MOST_PLANNED, 3))
         _, count = self._run(models, starts, tolerance_mm, steps, np.zeros(len(self), dtype=np.int64), replay=False)
         return Plan(steps, np.minimum(count, MOST_PLANNED), tolerance_mm)
 
@@ -67,7 +67,7 @@ class Trials:
         starts: (n, 6) or (6,). With a plan, its steps are taken and results vary smoothly. A run that fails is NaN.
         """
         if plan is None:
-            steps, count = np.zeros((len(self), 0, 2)), np.zeros(len(self), dtype=np.int64)
+            steps, count = np.zeros((len(self), 0, 3)), np.zeros(len(self), dtype=np.int64)
             return self._run(models, starts, tolerance_mm, steps, count, replay=False)[0]
         return self._run(models, starts, plan.tolerance_mm, plan.steps, plan.count, replay=True)[0]
 
@@ -115,7 +115,7 @@ def integrate_many(
 ) -> Any:
     """Run k: models[model_of[k]] under command command_of[k] from states[k]; times and outputs edges[k]:edges[k + 1].
 
-    steps, count: the plan to replay or to fill, steps (n, 0, 2) for none. Returns the number of steps taken; failed
+    steps, count: the plan to replay or to fill, steps (n, 0, 3) for none. Returns the number of steps taken; failed
     runs, and those that need more than most_steps, are NaN in out and states.
     """
     used = np.zeros(len(states), dtype=np.int64)

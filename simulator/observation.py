@@ -20,7 +20,7 @@ def marks_of_run(robot: Robot, run: Run) -> pd.DataFrame:
     import pandas as pd
 
     view = view_of(robot)
-    green, yellow = view.marks(run.x_mm, run.y_mm, run.heading_rad)
+    green, yellow = view.marks(run.x_mm, run.y_mm, run.heading_rad, run.time_s)
     return pd.DataFrame(
         {
             "time_s": run.time_s * view.time_factor,

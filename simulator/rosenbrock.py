@@ -18,8 +18,8 @@ from simulator.compiled import compiled
 from simulator.contact import Triple
 from simulator.dynamics import accelerated, accelerations, body_forces, slopes
 from simulator.segments import STEADY, drive_at
+from simulator.work import STAGES
 
-STAGES = 6
 GAMMA = 0.25
 A = np.array(
     [
@@ -74,28 +74,23 @@ def place_after(pose: Any, x: float, y: float, angle: float, time: float, model:
 
 
 @compiled()
-def _gained(
-    u: float, v: float, r: float, drive: Any, here: Triple, there: Any, model: Any, contacts: Any, work: Any
-) -> Triple:
+def _gained(u: float, v: float, r: float, drive: Any, here: Triple, there: Any, model: Any, work: Any) -> Triple:
     """What accelerations gain at another place; where no friction varies, only over the forces here on the body."""
     if model.wheels_vary == 1:
-        at = accelerations(u, v, r, drive, there, model.rest_speed, model, contacts)
-        return at[0] - work[0, 0], at[1] - work[0, 1], at[2] - work[0, 2]
+        at = accelerations(u, v, r, drive, there, model.rest_speed, model, work.contacts)
+        return at[0] - work.linear[0, 0], at[1] - work.linear[0, 1], at[2] - work.linear[0, 2]
     at = body_forces(u, v, r, there, model.rest_speed, model)
     return accelerated(at[0] - here[0], at[1] - here[1], at[2] - here[2], model)
 
 
 @compiled()
-def linearize(pose: Any, segment: Any, time: float, varied: bool, y: Any, model: Any, contacts: Any, work: Any) -> None:
-    """Accelerations, their derivatives by velocity and, where forces vary, by time and if varied by twist.
-
-    work, rows of (3): 0 accelerations; 1..3 derivative by velocity; 4..6 by twist; 7 by time. The twist of y is 0.
-    """
-    u, v, r, rest = y[3], y[4], y[5], model.rest_speed
-    place, drive = place_after(pose, 0.0, 0.0, 0.0, time, model), drive_at(segment, time, model.lag)
-    slopes(u, v, r, drive, place, rest, model, contacts, work)
+def linearize(time: float, varied: bool, model: Any, work: Any) -> None:
+    """Fill work.linear at work.y, whose twist is 0; derivatives by twist, where forces vary, only if asked."""
+    u, v, r, rest, linear, pose = work.y[3], work.y[4], work.y[5], model.rest_speed, work.linear, work.pose
+    place, drive = place_after(pose, 0.0, 0.0, 0.0, time, model), drive_at(work.segment, time, model.lag)
+    slopes(u, v, r, drive, place, rest, model, work.contacts, linear)
     for row in range(4, 8):
-        work[row, 0], work[row, 1], work[row, 2] = 0.0, 0.0, 0.0
+        linear[row, 0], linear[row, 1], linear[row, 2] = 0.0, 0.0, 0.0
     here = 0.0, 0.0, 0.0
     if model.varies == 1 and varied:
         if model.wheels_vary == 0:
@@ -103,24 +98,19 @@ def linearize(pose: Any, segment: Any, time: float, varied: bool, y: Any, model:
         for column in range(3):
             shifts = PLACE_STEP * (column == 0), PLACE_STEP * (column == 1), PLACE_STEP * (column == 2)
             there = place_after(pose, shifts[0], shifts[1], shifts[2], time, model)
-            gained = _gained(u, v, r, drive, here, there, model, contacts, work)
+            gained = _gained(u, v, r, drive, here, there, model, work)
             for row in range(3):
-                work[4 + row, column] = gained[row] / PLACE_STEP
-    if model.wheels_vary == 1 or segment[STEADY] == 0.0:
-        later = accelerations(
-            *(u, v, r),
-            drive_at(segment, time + PLACE_STEP, model.lag),
-            (place[0], place[1], place[2], place[3], time + PLACE_STEP),
-            rest,
-            model,
-            contacts,
-        )
+                linear[4 + row, column] = gained[row] / PLACE_STEP
+    later = (place[0], place[1], place[2], place[3], time + PLACE_STEP)
+    if model.wheels_vary == 1 or work.segment[STEADY] == 0.0:
+        turned = drive_at(work.segment, time + PLACE_STEP, model.lag)
+        at = accelerations(u, v, r, turned, later, rest, model, work.contacts)
         for row in range(3):
-            work[7, row] = (later[row] - work[0, row]) / PLACE_STEP
+            linear[7, row] = (at[row] - linear[0, row]) / PLACE_STEP
     elif model.varies == 1 and varied:
-        gained = _gained(u, v, r, drive, here, (*place[:4], time + PLACE_STEP), model, contacts, work)
+        gained = _gained(u, v, r, drive, here, later, model, work)
         for row in range(3):
-            work[7, row] = gained[row] / PLACE_STEP
+            linear[7, row] = gained[row] / PLACE_STEP
 
 
 @compiled()
@@ -144,24 +134,24 @@ def invert3(a: Any, out: Any) -> bool:
 
 
 @compiled()
-def factorize(y: Any, step: float, varies: bool, work: Any, solver: Any) -> bool:
-    """Inverse of the velocity block for the stages of a step, into solver[0].
+def factorize(step: float, varies: bool, work: Any) -> bool:
+    """Inverse of the velocity block for the stages of a step, into work.inverse.
 
     The system is [[B, -1], [-G, W]]·(twist, velocity); B = 1/(gamma·step) - d twist'/d twist, G = d velocity'/d twist,
     the velocity block W - G·B⁻¹.
     """
     diagonal = 1.0 / (GAMMA * step)
-    block = solver[2]
+    block, linear = work.block, work.linear
     for row in range(3):
         for column in range(3):
-            block[row, column] = -work[1 + row, column]
+            block[row, column] = -linear[1 + row, column]
         block[row, row] += diagonal
     if varies:
         for column in range(3):
-            x, at_y, angle = untwist(diagonal, y, column == 0, column == 1, column == 2)
+            x, at_y, angle = untwist(diagonal, work.y, column == 0, column == 1, column == 2)
             for row in range(3):
-                block[row, column] -= work[4 + row, 0] * x + work[4 + row, 1] * at_y + work[4 + row, 2] * angle
-    return invert3(block, solver[0])
+                block[row, column] -= linear[4 + row, 0] * x + linear[4 + row, 1] * at_y + linear[4 + row, 2] * angle
+    return invert3(block, work.inverse)
 
 
 @compiled()
@@ -174,56 +164,41 @@ def untwist(diagonal: float, y: Any, x: float, at_y: float, angle: float) -> tup
 
 
 @compiled()
-def attempt(
-    pose: Any,
-    segment: Any,
-    time: float,
-    step: float,
-    y: Any,
-    model: Any,
-    contacts: Any,
-    work: Any,
-    solver: Any,
-    stages: Any,
-    end: Any,
-) -> bool:
-    """Take one step from y; end: (2, 6) the new state and the estimate of its error. False where the step fails."""
+def attempt(time: float, step: float, model: Any, work: Any) -> bool:
+    """Take one step from work.y into work.end. False where the step fails."""
     varies = model.varies == 1
-    if not factorize(y, step, varies, work, solver):
+    if not factorize(step, varies, work):
         return False
+    y, end, stages, linear, inverse = work.y, work.end, work.stages, work.linear, work.inverse
     diagonal, per_step = 1.0 / (GAMMA * step), 1.0 / step
     for stage in range(STAGES):
         for item in range(6):
-            end[0, item] = y[item]
-            end[1, item] = 0.0
-        for before in range(stage):
-            share, memory = A[stage, before], C[stage, before] * per_step
-            for item in range(6):
-                end[0, item] += share * stages[before, item]
-                end[1, item] += memory * stages[before, item]
-        x, at_y, angle, u, v, r = end[0]
+            reached, memory = y[item], 0.0
+            for before in range(stage):
+                reached += A[stage, before] * stages[before, item]
+                memory += C[stage, before] * stages[before, item]
+            end[0, item], end[1, item] = reached, memory * per_step
+        x, at_y, angle, u, v, r = end[0, 0], end[0, 1], end[0, 2], end[0, 3], end[0, 4], end[0, 5]
         at = time + NODES[stage] * step
-        gained = work[0, 0], work[0, 1], work[0, 2]
+        gained = linear[0, 0], linear[0, 1], linear[0, 2]
         if stage > 0:
-            place = place_after(pose, x, at_y, angle, at, model)
-            gained = accelerations(u, v, r, drive_at(segment, at, model.lag), place, model.rest_speed, model, contacts)
+            place, drive = place_after(work.pose, x, at_y, angle, at, model), drive_at(work.segment, at, model.lag)
+            gained = accelerations(u, v, r, drive, place, model.rest_speed, model, work.contacts)
         ahead, aside = twisting(x, at_y, angle, u, v, r)
         ahead, aside, turning = ahead + end[1, 0], aside + end[1, 1], r + end[1, 2]
         fading = step * D[stage]
-        g_u = gained[0] + end[1, 3] + fading * work[7, 0]
-        g_v = gained[1] + end[1, 4] + fading * work[7, 1]
-        g_r = gained[2] + end[1, 5] + fading * work[7, 2]
+        g_u = gained[0] + end[1, 3] + fading * linear[7, 0]
+        g_v = gained[1] + end[1, 4] + fading * linear[7, 1]
+        g_r = gained[2] + end[1, 5] + fading * linear[7, 2]
         if varies:
             x, at_y, angle = untwist(diagonal, y, ahead, aside, turning)
-            g_u += work[4, 0] * x + work[4, 1] * at_y + work[4, 2] * angle
-            g_v += work[5, 0] * x + work[5, 1] * at_y + work[5, 2] * angle
-            g_r += work[6, 0] * x + work[6, 1] * at_y + work[6, 2] * angle
+            g_u += linear[4, 0] * x + linear[4, 1] * at_y + linear[4, 2] * angle
+            g_v += linear[5, 0] * x + linear[5, 1] * at_y + linear[5, 2] * angle
+            g_r += linear[6, 0] * x + linear[6, 1] * at_y + linear[6, 2] * angle
         for row in range(3):
-            stages[stage, 3 + row] = solver[0, row, 0] * g_u + solver[0, row, 1] * g_v + solver[0, row, 2] * g_r
-        x, at_y, angle = untwist(
-            diagonal, y, ahead + stages[stage, 3], aside + stages[stage, 4], turning + stages[stage, 5]
-        )
-        stages[stage, 0], stages[stage, 1], stages[stage, 2] = x, at_y, angle
+            stages[stage, 3 + row] = inverse[row, 0] * g_u + inverse[row, 1] * g_v + inverse[row, 2] * g_r
+        ahead, aside, turning = ahead + stages[stage, 3], aside + stages[stage, 4], turning + stages[stage, 5]
+        stages[stage, 0], stages[stage, 1], stages[stage, 2] = untwist(diagonal, y, ahead, aside, turning)
     finite = True
     for item in range(6):
         end[1, item] = stages[5, item]
@@ -242,12 +217,12 @@ def twisting(x: float, y: float, angle: float, u: float, v: float, r: float) -> 
 
 
 @compiled()
-def between(share: float, y: Any, stages: Any, end: Any, out: Any) -> None:
+def between(share: float, work: Any, out: Any) -> None:
     """State at a share 0 … 1 of the step just taken (order 3)."""
     rest = 1.0 - share
     for item in range(6):
         bend, twist = 0.0, 0.0
         for stage in range(5):
-            bend += DENSE[0, stage] * stages[stage, item]
-            twist += DENSE[1, stage] * stages[stage, item]
-        out[item] = rest * y[item] + share * (end[0, item] + rest * (bend + share * twist))
+            bend += DENSE[0, stage] * work.stages[stage, item]
+            twist += DENSE[1, stage] * work.stages[stage, item]
+        out[item] = rest * work.y[item] + share * (work.end[0, item] + rest * (bend + share * twist))

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 FORWARD = [(0.5, 0.5), (0.25, 0.25), (0.0, 0.0), (-0.25, -0.25), (0.95, 0.0), (0.0, 0.95)]
 STARTS = [(u, r, p) for u in FORWARD for r in (0.9, 0.5, 0.3, 0.1, 0.0, -0.3) for p in (0.0, 0.5, 0.9)]
 SETTLING_S = np.array([0.0, 2.0])  # relaxations last milliseconds, those from a near standstill tenths of a second
-NO_PLAN = np.zeros((0, 2))
+NO_PLAN = np.zeros((0, 3))
 SAME = 1e-6  # balances closer than this share of the largest surface speed are one
 
 

@@ -23,13 +23,13 @@ def shrinking(tolerance: float) -> float:
 
 
 @compiled()
-def error_norm(step: float, y: Any, end: Any, tolerance: float, rest_speed: float) -> float:
+def error_norm(step: float, tolerance: float, model: Any, work: Any) -> float:
     """Error of a step over the tolerance, as displacement in mm: of the pose, and of the velocity over the step."""
-    norm, size = 0.0, 0.0
+    norm, size, y, end = 0.0, 0.0, work.y, work.end
     for item in range(3):
         size = max(size, abs(y[3 + item]), abs(end[0, 3 + item]))
     # A velocity error that moves nothing yet must still not spoil the relaxation, nor how a wheel breaks loose.
-    spoiling = (0.02 * size + rest_speed) * min(1.0, tolerance / USUAL_TOLERANCE_MM)
+    spoiling = (0.02 * size + 0.1 * model.rest_speed) * min(1.0, tolerance / USUAL_TOLERANCE_MM)
     for item in range(3):
         lever = LEVER_MM if item == 2 else 1.0
         displaced = lever * max(abs(end[1, item]), step * abs(end[1, 3 + item])) / tolerance
@@ -38,37 +38,25 @@ def error_norm(step: float, y: Any, end: Any, tolerance: float, rest_speed: floa
 
 
 @compiled()
-def first_step(work: Any, tolerance: float, length: float) -> float:
+def first_step(linear: Any, tolerance: float) -> float:
     """A step over which the acceleration, or its growth, moves the robot by a hundred tolerances."""
-    rate = math.sqrt(work[0, 0] ** 2 + work[0, 1] ** 2 + (LEVER_MM * work[0, 2]) ** 2)
-    growth = math.sqrt(work[7, 0] ** 2 + work[7, 1] ** 2 + (LEVER_MM * work[7, 2]) ** 2)
+    rate = math.sqrt(linear[0, 0] ** 2 + linear[0, 1] ** 2 + (LEVER_MM * linear[0, 2]) ** 2)
+    growth = math.sqrt(linear[7, 0] ** 2 + linear[7, 1] ** 2 + (LEVER_MM * linear[7, 2]) ** 2)
     moving = math.sqrt(200.0 * tolerance / (rate + 1e-30))
     starting = (600.0 * tolerance / (growth + 1e-30)) ** (1 / 3)
-    return float(min(length, moving, starting))
+    return float(min(moving, starting))
 
 
 @compiled()
 def smooth_step(
-    pose: Any,
-    segment: Any,
-    time: float,
-    step: float,
-    y: Any,
-    model: Any,
-    tolerance: float,
-    planned: bool,
-    contacts: Any,
-    work: Any,
-    solver: Any,
-    stages: Any,
-    end: Any,
+    time: float, step: float, tolerance: float, planned: bool, model: Any, work: Any
 ) -> tuple[float, float]:
     """Take a Rosenbrock step: the size accepted, 0 where friction bends too sharply, and the size wanted next."""
     for _ in range(MOST_TRIES):
-        taken = attempt(pose, segment, time, step, y, model, contacts, work, solver, stages, end)
+        taken = attempt(time, step, model, work)
         if planned and taken:
             return step, step
-        norm = error_norm(step, y, end, tolerance, 0.1 * model.rest_speed) if taken else 1e6
+        norm = error_norm(step, tolerance, model, work) if taken else 1e6
         factor = min(6.0, max(0.15, 0.9 * (norm + 1e-12) ** -0.25))
         if norm <= 1.0:
             return step, step * factor
@@ -80,28 +68,39 @@ def smooth_step(
 
 @compiled()
 def sticking_step(
-    pose: Any,
-    segment: Any,
-    time: float,
-    step: float,
-    y: Any,
-    model: Any,
-    tolerance: float,
-    planned: bool,
-    contacts: Any,
-    work: Any,
-    bent: Any,
-    solver: Any,
-    end: Any,
+    time: float, step: float, tolerance: float, planned: bool, model: Any, work: Any
 ) -> tuple[float, float]:
     """Take a pair of implicit Euler steps: the size accepted, 0 where none was, and the size wanted next."""
     for _ in range(60):
-        taken = euler_pair(pose, segment, time, step, y, model, contacts, work, bent, solver, end)
+        taken = euler_pair(time, step, model, work)
         if planned and taken:
             return step, step
-        norm = error_norm(step, y, end, tolerance, 0.1 * model.rest_speed) if taken else 1e6
+        norm = error_norm(step, tolerance, model, work) if taken else 1e6
         factor = min(4.0, max(0.2, 0.9 * (norm + 1e-12) ** -0.5))
         if norm <= 1.0:
             return step, step * factor
         step *= min(factor, 0.7)
     return 0.0, 0.0
+
+
+@compiled()
+def short_step(
+    time: float,
+    step: float,
+    remaining: float,
+    tolerance: float,
+    planned: bool,
+    sticking: bool,
+    model: Any,
+    work: Any,
+) -> tuple[float, float, bool]:
+    """Take a step of either kind: the size accepted, 0 where none was; the size wanted next; whether a wheel sticks."""
+    if not sticking:
+        tried, wanted = smooth_step(time, min(step, remaining), tolerance, planned, model, work)
+        if tried > 0.0:
+            return tried, wanted, False
+    if not planned:
+        step = max(step, SHORTEST_STEP_S * shrinking(tolerance))
+    tried, wanted = sticking_step(time, min(step, remaining), tolerance, planned, model, work)
+    work.stages[:] = 0.0  # outputs within the step are on the straight line
+    return tried, wanted, True

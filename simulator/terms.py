@@ -1,7 +1,8 @@
 """The grammar of added physics: a term is coefficient × basis of the state, added to a channel with a wheel pattern.
 
 {where it acts: channel} × {what it depends on: basis} × {common, left-right, front-rear: pattern over the wheels}.
-Units: mm, s, g, µN, rad. Body channels take the state of the robot's centre, wheel channels that of each wheel.
+Units: mm, s, g, µN, rad. Body channels take the state of the robot's centre, wheel channels that of each wheel, camera
+channels the place of each mark.
 """
 
 from __future__ import annotations
@@ -9,9 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 # Channels. Body: force in the body frame, moment, force in the plate frame (µN, µN·mm). Wheel: relative change of
-# surface speed, load, stiffness and friction coefficient; toe angle (rad); force along the wheel (µN).
+# surface speed, load, stiffness, friction coefficient, and of the latter across the wheel alone; toe angle (rad); force
+# along the wheel (µN). Camera: error of the measured place of a mark, mm.
 FORCE_FORWARD, FORCE_LEFT, MOMENT, FORCE_PLATE_X, FORCE_PLATE_Y = range(5)
-SPEED, STEER, LOAD, STIFFNESS, DRAG, FRICTION = range(5, 11)
+SPEED, STEER, LOAD, STIFFNESS, DRAG, FRICTION, FRICTION_ACROSS = range(5, 12)
+CAMERA_X, CAMERA_Y = 12, 13
 CHANNELS = {
     "force_forward": FORCE_FORWARD,
     "force_left": FORCE_LEFT,
@@ -24,11 +27,15 @@ CHANNELS = {
     "stiffness": STIFFNESS,
     "drag": DRAG,
     "friction": FRICTION,
+    "friction_across": FRICTION_ACROSS,
+    "camera_x": CAMERA_X,
+    "camera_y": CAMERA_Y,
 }
 
 # Bases. From COS on they change along a steady turn, so that no circle closes the motion.
 ONE, U, V, YAW, U_ABS, V_ABS, YAW_ABS, ABS_U, ABS_YAW, SIGN_U, SIGN_V, SIGN_YAW = range(12)
 COS, SIN, COS2, SIN2, X, Y, TIME, COS_ANGLE, SIN_ANGLE, TOWARD_X, TOWARD_Y, SLIDE_COS2, SLIDE_SIN2 = range(12, 25)
+X_CUBED, Y_CUBED = 25, 26
 BASES = {
     "one": ONE,
     "u": U,
@@ -55,6 +62,8 @@ BASES = {
     "toward_y": TOWARD_Y,
     "cos_2_slide": SLIDE_COS2,  # of the direction in which the contact slides over the plate
     "sin_2_slide": SLIDE_SIN2,
+    "x_r_squared": X_CUBED,  # x·(x² + y²): what a lens leaves
+    "y_r_squared": Y_CUBED,
 }
 PATTERNS = {
     "common": (1.0, 1.0, 1.0, 1.0),
@@ -82,7 +91,12 @@ class Term:
     @property
     def acts_on_wheels(self) -> bool:
         """Whether the term is evaluated at every wheel."""
-        return self.channel >= SPEED
+        return SPEED <= self.channel < CAMERA_X
+
+    @property
+    def is_seen_only(self) -> bool:
+        """Whether the term is an error of the measurement: the robot does not feel it."""
+        return self.channel >= CAMERA_X
 
     @property
     def depends_on_velocity(self) -> bool:

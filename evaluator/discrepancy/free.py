@@ -44,8 +44,19 @@ CHANNEL_STEP = {
     "stiffness": 0.01,
     "drag": 0.02,
     "friction": 0.01,
+    "friction_across": 0.01,
+    "camera_x": 0.02,
+    "camera_y": 0.02,
 }
-RELATIVE = {"speed", "load", "stiffness", "friction"}
+# What is relative keeps its sign, and stays within what a wheel can be: a law of another shape may be several times as
+# stiff at first.
+RELATIVE = {
+    "speed": (-0.6, 0.6),
+    "load": (-0.9, 2.0),
+    "stiffness": (-0.9, 6.0),
+    "friction": (-0.9, 2.0),
+    "friction_across": (-0.9, 2.0),
+}
 CHANNEL_WORDS = {
     "force_forward": ("a force along the robot", "mN"),
     "force_left": ("a force across the robot", "mN"),
@@ -58,7 +69,9 @@ CHANNEL_WORDS = {
     "stiffness": ("a relative change of the slip stiffness", "1"),
     "drag": ("a force along the wheels", "mN"),
     "friction": ("a relative change of the friction", "1"),
-    "camera": ("an error of the measured place", "mm"),
+    "friction_across": ("a relative change of the friction across the wheels", "1"),
+    "camera_x": ("an error of the measured x", "mm"),
+    "camera_y": ("an error of the measured y", "mm"),
 }
 BASIS_WORDS = {
     "one": ("that is constant", ""),
@@ -80,6 +93,8 @@ BASIS_WORDS = {
     "x": ("proportional to plate x", "/mm"),
     "y": ("proportional to plate y", "/mm"),
     "time": ("growing with time in the run", "/s"),
+    "x_r_squared": ("growing with x times the square of the distance from the origin", "/mm³"),
+    "y_r_squared": ("growing with y times the square of the distance from the origin", "/mm³"),
 }
 # Sizes of the bases on this plate and at these speeds, by which steps are divided.
 BASIS_SIZE = {
@@ -91,6 +106,8 @@ BASIS_SIZE = {
     "x": 10.0,
     "y": 10.0,
     "time": 5.0,
+    "x_r_squared": 1e3,
+    "y_r_squared": 1e3,
     "yaw_rate": 0.3,
     "abs_yaw_rate": 0.3,
     "yaw_rate_abs": 0.1,
@@ -155,8 +172,11 @@ def _family(items: tuple[Item, ...]) -> FreeTerm:
 def _coordinate(name: str, item: Item) -> Coordinate:
     """A coefficient with its visible step, bounded so that friction, load and speed keep their sign."""
     size = BASIS_SIZE.get(item.basis, 1.0)
-    most = 0.6 if item.channel in RELATIVE else 200 * CHANNEL_STEP[item.channel]
-    return Coordinate(name, 0.0, CHANNEL_STEP[item.channel] / size, -most / size, most / size)
+    most = 200 * CHANNEL_STEP[item.channel]
+    low, high = RELATIVE.get(item.channel, (-most, most))
+    if item.basis != "one":  # may have either sign
+        low, high = max(low, -high), min(high, -low)
+    return Coordinate(name, 0.0, CHANNEL_STEP[item.channel] / size, low / size, high / size)
 
 
 def _families() -> Iterator[tuple[Item, ...]]:
@@ -192,6 +212,7 @@ def _families() -> Iterator[tuple[Item, ...]]:
     for pattern in ("front-left", "front-right", "rear-left", "rear-right"):
         yield Item("friction", "one", pattern), Item("stiffness", "one", pattern)
         yield Item("friction", "one", pattern), Item("friction", "abs_u", pattern), Item("stiffness", "one", pattern)
+        yield tuple(Item(channel, "one", pattern) for channel in ("friction", "friction_across", "stiffness"))
     yield from each("steer", "one", pattern="driven")
     yield from each("steer", "one", pattern="driven-left-right")
     for pattern in ("front-rear", "driven-left-right", "diagonal"):
@@ -201,3 +222,6 @@ def _families() -> Iterator[tuple[Item, ...]]:
     yield from each("load", "sign_u", "abs_yaw_rate", pattern="front-rear")
     yield from each("load", "sign_yaw_rate", pattern="driving-left-right")
     yield from each("drag", "sign_u", "u", pattern="left-right")
+    yield Item("camera_x", "time"), Item("camera_y", "time")  # a picture that creeps
+    yield Item("camera_x", "x"), Item("camera_x", "y")  # unequal scales and a shear; the rest is a scale and a turn
+    yield Item("camera_x", "x_r_squared"), Item("camera_y", "y_r_squared")  # what a lens leaves

@@ -137,9 +137,10 @@ class MixedModel:
         )
         mean = np.linalg.solve(H, g[..., None])[..., 0]
         misfit = self.s[at] - np.einsum("tk,tk->t", g, mean) + self.logdet[at]
-        occam = np.linalg.slogdet(H)[1] - np.log(prior[~free]).sum()
-        if free.any():
-            occam = occam - np.linalg.slogdet(H[:, free][:, :, free])[1] + free.sum() * np.log(self.runs)
+        # Unit information about an effect is what a run tells of it with the nominal values unknown: an effect that a
+        # nominal value within its tolerance can stand for must not come cheaper than one that nothing can.
+        occam = np.linalg.slogdet(H[:, ~free][:, :, ~free])[1] - np.log(prior[~free]).sum()
+        occam = occam + free.sum() * np.log(self.runs)
         score = -0.5 * (misfit + occam)
         top = int(np.argmax(score))
         weight = np.exp(score - score[top])

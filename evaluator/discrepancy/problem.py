@@ -107,10 +107,11 @@ class Problem:
 
     def residuals(self, tasks: Sequence[Task]) -> list[Floats]:
         """Channel residuals (n, 4) in mm of every task."""
-        return [
-            channel_residual(self.channels[task.run], channels_of(marks), self.half_distance_mm)
-            for task, marks in zip(tasks, self.forward.marks(tasks), strict=True)
-        ]
+        marks = self.forward.marks(tasks)
+        measured = np.concatenate([self.channels[task.run] for task in tasks])
+        residual = channel_residual(measured, channels_of(np.concatenate(marks)), self.half_distance_mm)
+        ends = np.cumsum([len(item) for item in marks])
+        return [residual[end - len(item) : end] for end, item in zip(ends, marks, strict=True)]
 
     def linearized(
         self, point: Point, columns: Sequence[Column], runs: Sequence[int] | None = None
@@ -127,12 +128,13 @@ class Problem:
         """The same, with None for runs that cannot be simulated."""
         result: list[Linearized | None] = []
         at_once = max(1, TASKS_AT_ONCE // (len(columns) + 7))
+        points, bases = _points(point, columns)
+        size = len(points) + len(OWN_STEPS)
         for first in range(0, len(runs), at_once):  # large batches keep all cores busy, small ones the memory
             group = runs[first : first + at_once]
-            plans = [_tasks(point, columns, run) for run in group]
-            residuals = self.residuals([task for tasks, _ in plans for task in tasks])
-            for run, (tasks, bases) in zip(group, plans, strict=True):
-                own, residuals = residuals[: len(tasks)], residuals[len(tasks) :]
+            residuals = self.residuals([task for run in group for task in _tasks(point, points, run)])
+            for number, run in enumerate(group):
+                own = residuals[number * size : (number + 1) * size]
                 result.append(self._linearized(point, columns, run, own, bases))
         return result
 
@@ -163,19 +165,20 @@ class Problem:
         return Linearized(response, common, own[:, :3], own[:, 3:])
 
 
-def _tasks(
-    point: Point, columns: Sequence[Column], run: int
-) -> tuple[list[Task], dict[tuple[str, tuple[float, ...]], int]]:
-    """What to simulate for the derivatives of one run, and where the bases of terms with starting places stand."""
-    tasks = [point.task(run)]
+def _points(point: Point, columns: Sequence[Column]) -> tuple[list[Point], dict[tuple[str, tuple[float, ...]], int]]:
+    """Where to simulate for the derivatives of any run, and where the bases of terms with starting places stand."""
+    points = [point]
     bases: dict[tuple[str, tuple[float, ...]], int] = {}
     for column in columns:  # a term seen from its own starting place has its own base
         if column.start is not None and (column.key, column.start) not in bases:
-            bases[column.key, column.start] = len(tasks)
-            tasks.append(replace(point, terms={**point.terms, column.key: column.start}).task(run))
-    tasks += [point.moved(column, column.step).task(run) for column in columns]
-    tasks += [point.task(run, step) for step in np.diag(OWN_STEPS)]
-    return tasks, bases
+            bases[column.key, column.start] = len(points)
+            points.append(replace(point, terms={**point.terms, column.key: column.start}))
+    return points + [point.moved(column, column.step) for column in columns], bases
+
+
+def _tasks(point: Point, points: Sequence[Point], run: int) -> list[Task]:
+    """What to simulate for the derivatives of one run, those by its own numbers last."""
+    return [at.task(run) for at in points] + [point.task(run, step) for step in np.diag(OWN_STEPS)]
 
 
 def build_problem(data: Sequence[RunData], forward: Forward) -> tuple[Problem, Point]:

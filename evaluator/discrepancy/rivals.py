@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,6 +52,10 @@ class Standing:
     def of(self, ids: Set) -> float:
         """Score of a set."""
         return float(self.scores[self.sets.index(ids)])
+
+    def share_of(self, sets: Iterable[Set]) -> float:
+        """Probability of any of these sets."""
+        return float(sum(self.probability[self.sets.index(ids)] for ids in sets))
 
     def containing(self, effect: str) -> float:
         """Probability that an effect takes part."""

@@ -6,16 +6,15 @@ start_s all the same; the start pose is then the pose at start_s, which is fitte
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.discrepancy.forward import SHARED_UNIT, Floats, RunData, Task, is_shared
+from evaluator.discrepancy.forward import SHARED_UNIT, Floats, RunData, Task, Values, is_shared
 from evaluator.discrepancy.free import FreeTerm
-from evaluator.discrepancy.terms import Parameters, Term
+from evaluator.discrepancy.terms import Term
 from simulator.command import Command
 from simulator.effects.catalogue import EFFECTS, apply_effects, view_of
 from simulator.effects.view import View
@@ -29,10 +28,22 @@ from simulator.robot import Robot
 MOST_STEPS = 1500
 # Well under the tracking noise, and small enough that a difference of two runs keeps four digits.
 TOLERANCE_MM = 1e-6
-# What a run's own friction and gains change of a compiled robot (simulator.model): the grip of a wheel, the slope of
-# its law per grip, the surface speed. Compiling anew for every run took a fifth of a diagnosis.
-GRIPS, STEEPNESSES = ("grip_x", "grip_y"), ("steep_x", "steep_y")
-OF_THE_SESSION = {"speed-drift"}  # effects that ask for the number of the run
+
+
+# Effects that differ from run to run of a session; all others are compiled once for all runs of a robot.
+BY_ORDER = frozenset({"speed-drift"})
+MOST_VARIANTS = 5000
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A robot with nominal values moved and terms added, which many runs share.
+
+    record: compiled at neutral friction and gains, the words of a MODEL, None where it cannot be simulated.
+    """
+
+    record: NDArray[np.int64] | None
+    view: View
 
 
 class Simulated:
@@ -46,65 +57,66 @@ class Simulated:
         self._commands = [Command.constant(*run.command, run.start_s, run.stop_s) for run in data]
         self._knots = np.concatenate([command.knots for command in self._commands])
         self._edges = np.cumsum([0, *(len(command.time_s) for command in self._commands)])
-        alike: dict[int, int] = {}  # runs of one robot share what is compiled of it
-        self._robot_of = [alike.setdefault(id(robot), run) for run, robot in enumerate(self.robots)]
-        self._views = [view_of(robot) for robot in self.robots]
-        self._records: dict[tuple[object, ...], NDArray[np.void] | None] = {}
+        self._kinds = [self.robots.index(robot) for robot in self.robots]  # equal robots have equal variants
+        self._variants: dict[tuple[object, ...], Variant] = {}
 
     def marks(self, tasks: Sequence[Task]) -> list[Floats]:
         """Marks (n, 4) of every task at the frame times of its run; NaN where the simulation fails.
 
         Tasks that differ only in errors which runs share (of the camera) have one simulation.
         """
-        bare = [_without_shared(task) for task in tasks]
-        keys = [(task.run, task.own, *task.nominal.items(), *task.terms.items()) for task in bare]
-        distinct = dict(zip(keys, bare, strict=True))
-        simulated = dict(zip(distinct, self._simulated(list(distinct.values())), strict=True))
-        return [_with_shared(simulated[key], task, self._data[task.run]) for key, task in zip(keys, tasks, strict=True)]
+        variants = self._variants_of(tasks)
+        distinct: dict[tuple[object, ...], int] = {}
+        which = [
+            distinct.setdefault((task.run, task.own, id(variant)), len(distinct))
+            for task, variant in zip(tasks, variants, strict=True)
+        ]
+        first = dict(zip(reversed(which), range(len(tasks) - 1, -1, -1), strict=True))
+        chosen = [first[place] for place in range(len(distinct))]
+        simulated = self._simulated([tasks[number] for number in chosen], [variants[number] for number in chosen])
+        return [
+            _with_shared(simulated[place], task, self._data[task.run]) for place, task in zip(which, tasks, strict=True)
+        ]
 
-    def _simulated(self, tasks: Sequence[Task]) -> list[Floats]:
-        self._records.clear()
-        views = [self._view(task) for task in tasks]
-        models = np.zeros(len(tasks), MODEL)
-        able = []
-        for number, task in enumerate(tasks):
-            record = self._record(task)
-            if record is not None:
-                models[number] = record[0]
-                able.append(number)
+    def _simulated(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[Floats]:
         result = [np.full((len(self._data[task.run].time_s), 4), np.nan) for task in tasks]
+        able = [
+            n for n, (task, v) in enumerate(zip(tasks, variants, strict=True)) if v.record is not None and _able(task)
+        ]
         if not able:
             return result
-        times = [self._true_times(self._data[tasks[number].run], views[number]) for number in able]
-        edges = np.cumsum([0, *(len(item) for item in times)])
-        poses = self._poses(models[able], [tasks[number] for number in able], times, edges)
-        # Nearly all tasks are seen alike, and all at once is ten times as fast as one by one.
-        count = Counter(id(views[number]) for number in able)
-        usual = max((views[number] for number in able), key=lambda view: count[id(view)])
-        seen = np.concatenate(usual.marks(*poses.T), axis=1)
-        for index, number in enumerate(able):
-            rows = slice(edges[index] + 1, edges[index + 1])
-            view = views[number]
-            result[number] = seen[rows] if view is usual else np.concatenate(view.marks(*poses[rows].T), axis=1)
+        tasks, variants = [tasks[n] for n in able], [variants[n] for n in able]
+        times = self._true_times(tasks, variants)
+        edges = np.cumsum([0, *map(len, times)])
+        stacked_s = np.concatenate(times)
+        poses = self._poses(tasks, variants, stacked_s, edges)
+        frame = np.ones(len(poses), dtype=np.bool_)
+        frame[edges[:-1]] = False  # the start of the simulation is none
+        marks = _seen(poses[frame], stacked_s[frame], variants, np.diff(edges) - 1)
+        ends = edges[1:] - np.arange(1, len(edges))
+        for number, begin, end in zip(able, [0, *ends], ends, strict=False):
+            result[number] = marks[begin:end]
         return result
 
     def _poses(
-        self, models: NDArray[np.void], tasks: Sequence[Task], times: Sequence[Floats], edges: NDArray[np.int64]
+        self, tasks: Sequence[Task], variants: Sequence[Variant], times_s: Floats, edges: NDArray[np.int64]
     ) -> Floats:
         """Poses (edges[-1], 3) of all tasks, stacked."""
         count = len(tasks)
+        own = np.array([task.own for task in tasks])
+        models = np.array([variant.record for variant in variants]).view(MODEL)[:, 0]
+        _with_own(models, own)
         states = np.zeros((count, 6))
-        states[:, :3] = [task.own[:3] for task in tasks]
-        out = np.empty((edges[-1], 6))
-        command_of = np.array([task.run for task in tasks], dtype=np.int64)
+        states[:, :3] = own[:, :3]
+        out = np.empty((len(times_s), 6))
         integrate_many(
             models,
             np.arange(count),
             self._knots,
             self._edges,
-            command_of,
+            np.array([task.run for task in tasks], dtype=np.int64),
             states,
-            np.concatenate(times),
+            times_s,
             edges,
             out,
             TOLERANCE_MM,
@@ -115,74 +127,110 @@ class Simulated:
         )
         return out[:, :3]
 
-    def _true_times(self, run: RunData, view: View) -> Floats:
+    def _true_times(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[Floats]:
         """Start of the simulation, then the frames; a measured time is the true one times the time factor."""
-        frames = run.time_s / view.time_factor
-        begin = min(frames[0], run.start_s) - 1e-3
-        return np.concatenate([[begin], frames])
+        known: dict[tuple[int, float], Floats] = {}
+        result = []
+        for task, variant in zip(tasks, variants, strict=True):
+            key = task.run, variant.view.time_factor
+            if key not in known:
+                run = self._data[task.run]
+                frames = run.time_s / variant.view.time_factor
+                known[key] = np.concatenate([[min(frames[0], run.start_s) - 1e-3], frames])
+            result.append(known[key])
+        return result
 
-    def _record(self, task: Task) -> NDArray[np.void] | None:
-        """The compiled robot of a task; None where it cannot be simulated: the caller sees NaN and steps back."""
-        robot = self.robots[task.run]
-        ids = {*task.terms, *(entry.id for entry in robot.effect)}
-        order = self._data[task.run].order if ids & OF_THE_SESSION else 0
-        key = (self._robot_of[task.run], order, *task.nominal.items(), *task.terms.items())
-        if key not in self._records:
-            self._records[key] = self._compiled(task, order)
-        common = self._records[key]
-        if common is None or min(task.own[3:]) <= -1:
-            return None
-        record = common.copy()
-        for name in GRIPS:
-            record[name] *= 1 + task.own[3]
-        for name in STEEPNESSES:
-            record[name] /= 1 + task.own[3]
-        record["speed"] *= 1 + np.array(task.own[4:])
-        return record
+    def _variants_of(self, tasks: Sequence[Task]) -> list[Variant]:
+        """The variant of every task; tasks of a linearization share theirs, and so do those of later ones."""
+        if len(self._variants) > MOST_VARIANTS:
+            self._variants.clear()
+        met: dict[tuple[object, ...], Variant] = {}
+        result = []
+        for task in tasks:
+            run = self._data[task.run]
+            kind = self._kinds[task.run]
+            ordered = BY_ORDER.intersection(task.terms) or any(e.id in BY_ORDER for e in self.robots[kind].effect)
+            place = kind, run.order if ordered else 0
+            key = *place, id(task.nominal), id(task.terms)  # mappings live as long as their tasks
+            if key not in met:
+                nominal = {name: value for name, value in task.nominal.items() if not is_shared(name)}
+                lasting = *place, *nominal.items(), *task.terms.items()
+                if lasting not in self._variants:
+                    self._variants[lasting] = self._compiled(*place, nominal, task.terms)
+                met[key] = self._variants[lasting]
+            result.append(met[key])
+        return result
 
-    def _compiled(self, task: Task, order: int) -> NDArray[np.void] | None:
-        """The robot with a task's nominal values and effects, without the run's own friction and gains."""
+    def _compiled(self, kind: int, order: int, nominal: Mapping[str, float], terms: Values) -> Variant:
+        robot = varied_robot(self.robots[kind], nominal)
+        view, draft = view_of(robot), Draft(robot, order)
         try:
-            draft = Draft(varied_robot(self.robots[task.run], task.nominal), order)
             apply_effects(draft)
-            for effect, values in self._physical(task).items():
-                if effect in EFFECTS:
-                    act = EFFECTS[effect].act
-                    if act is not None:
-                        act(draft, values)
-                else:
-                    term = self._terms[effect]
-                    assert isinstance(term, FreeTerm)  # what is not in the catalogue is of the grammar
-                    draft.add(*term.kernel_terms(task.terms[effect]))
-            return draft.record()
+            for effect, values in terms.items():
+                self._add(effect, values, draft, view)
+            return Variant(draft.record().view(np.int64), view)
         except SimulationError:
-            return None
+            return Variant(None, view)  # outside what can be simulated; the caller sees NaN and steps back
 
-    def _physical(self, task: Task) -> dict[str, Parameters]:
-        return {effect: self._terms[effect].physical(values) for effect, values in task.terms.items()}
+    def _add(self, effect: str, values: tuple[float, ...], draft: Draft, view: View) -> None:
+        """Let one term act on a draft, or on the view of its marks."""
+        term = self._terms[effect]
+        if isinstance(term, FreeTerm):
+            parts = term.kernel_terms(values)
+            draft.add(*(part for part in parts if not part.is_seen_only))
+            view.errors += tuple(part for part in parts if part.is_seen_only)
+            return
+        act, see = EFFECTS[effect].act, EFFECTS[effect].view
+        if act is not None:
+            act(draft, term.physical(values))
+        if see is not None:
+            see(view, term.physical(values))
 
-    def _view(self, task: Task) -> View:
-        """How a task's marks are seen: one object for all tasks of a robot that no effect of the view changes."""
-        usual = view = self._views[self._robot_of[task.run]]
-        for effect, values in task.terms.items():
-            see = EFFECTS[effect].view if effect in EFFECTS else None
-            if see is not None:
-                view = replace(view) if view is usual else view
-                see(view, self._terms[effect].physical(values))
-        return view
+
+def _able(task: Task) -> bool:
+    """Whether friction stays above nothing."""
+    return task.own[3] > -1.0
 
 
-def _without_shared(task: Task) -> Task:
-    return replace(task, nominal={key: value for key, value in task.nominal.items() if not is_shared(key)})
+def _with_own(models: NDArray[np.void], own: Floats) -> None:
+    """Give every record (n,) the friction and gains of its run, own (n, 6); as simulator.model compiles them."""
+    friction = 1 + own[:, 3:4]
+    for name in ("grip_x", "grip_y"):
+        models[name] *= friction
+    for name in ("steep_x", "steep_y"):
+        models[name] /= friction
+    models["speed"] *= 1 + own[:, 4:]
+
+
+def _seen(poses: Floats, times_s: Floats, variants: Sequence[Variant], frames: NDArray[np.int64]) -> Floats:
+    """Marks (n, 4) of stacked poses (n, 3); frames: of each task. Most tasks are seen alike."""
+
+    def of(view: View, part: slice) -> Floats:
+        x, y, heading = poses[part].T
+        return np.concatenate(view.marks(x, y, heading, times_s[part]), axis=1)
+
+    commonest = variants[0].view
+    marks = of(commonest, slice(None))
+    ends = np.cumsum(frames)
+    for variant, end, count in zip(variants, ends, frames, strict=True):
+        if variant.view is not commonest and _look(variant.view) != _look(commonest):
+            part = slice(end - count, end)
+            marks[part] = of(variant.view, part)
+    return marks
+
+
+def _look(view: View) -> tuple[object, ...]:
+    return view.green_mm, view.yellow_mm, view.scale, view.keystone_per_mm, view.errors
 
 
 def _with_shared(marks: Floats, task: Task, run: RunData) -> Floats:
-    """Marks as seen with the errors that runs share; always an array of its own."""
-    seen = marks.copy()
-    for key, shift in run.systematic.items():
-        if amount := task.nominal.get(key):
-            seen += amount / SHARED_UNIT * shift
-    return seen
+    """Marks as seen with the errors that runs share."""
+    moved = [
+        amount / SHARED_UNIT * run.systematic[key]
+        for key, amount in task.nominal.items()
+        if amount and key in run.systematic
+    ]
+    return marks + sum(moved) if moved else marks
 
 
 def varied_robot(robot: Robot, deviations: Mapping[str, float]) -> Robot:

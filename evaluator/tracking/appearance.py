@@ -51,13 +51,13 @@ def patch_of(frame: Frame, center_px: tuple[float, float], radius_px: float) -> 
     return cut_patch(frame.luma, (frame.row_origin, frame.row_step), center_px, 1.3 * radius_px + 4.0)
 
 
-def learn_shape(patches: Sequence[Patch], radius_px: float) -> Disc | None:
+def learn_shape(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0) -> Disc | None:
     """Learn the disc from patches around the mark; None where there is none of about that radius."""
     whole = [_thinned(patch) for patch in patches if len(patch.value) > 30]
     if not whole:
         return None
     try:
-        disc, spread = learn_disc(whole, radius_px)
+        disc, spread = learn_disc(whole, radius_px, blur_px)
     except np.linalg.LinAlgError:
         return None
     plausible = 0.4 < disc.radius_px / radius_px < 2.0

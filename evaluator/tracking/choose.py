@@ -9,6 +9,9 @@ import numpy as np
 
 from evaluator.tracking.settings import MarkSettings, TrackingSettings
 
+# Spread of the logarithm of a pair's distance in diameters: of one robot, as coloured blobs show it; of all robots.
+SAID, OTHER = 0.05, 0.2
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -64,5 +67,14 @@ def _pair_score(green: Candidate, yellow: Candidate, settings: TrackingSettings,
     if settings.distance_diameters is not None:
         distance = float(np.hypot(*np.subtract(green.center_px, yellow.center_px)))
         ratio = distance / (green.radius_px + yellow.radius_px) / settings.distance_diameters
-        score -= min(0.5 * (np.log(max(ratio, 1e-3)) / 0.2) ** 2, 20.0)  # bounded: other robots have other distances
+        score += _log_odds(float(np.log(max(ratio, 1e-3))))
     return float(score)
+
+
+def _log_odds(off: float) -> float:
+    """Log-likelihood, up to a constant, of the logarithm of a pair's distance over what it should be.
+
+    Either the robot is the one that was said, or another: near it then, but bounded, for it may be any.
+    """
+    said, other = np.exp(-0.5 * (off / SAID) ** 2) / SAID, np.exp(-min(0.5 * (off / OTHER) ** 2, 20.0)) / OTHER
+    return float(np.log(said + other) - np.log(1.0 / SAID + 1.0 / OTHER))

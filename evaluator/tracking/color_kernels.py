@@ -94,3 +94,16 @@ def color_scan(u, v, allowed, color, least, mask):
                 count += 1
                 top, bottom, left, right = min(top, j), max(bottom, j), min(left, i), max(right, i)
     return count, top, bottom, left, right
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=SUMS)
+def chroma_plane(luma, u, v, to_rgb, chroma):
+    """Fill chroma: the largest less the smallest of the R, G, B that to_rgb (3, 4) gives of luma, u, v and 1."""
+    rows, columns = chroma.shape
+    for j in range(rows):
+        for i in range(columns):
+            y, b, r = single(luma[j, i]), single(u[j, i]), single(v[j, i])
+            red = to_rgb[0, 0] * y + to_rgb[0, 1] * b + to_rgb[0, 2] * r + to_rgb[0, 3]
+            green = to_rgb[1, 0] * y + to_rgb[1, 1] * b + to_rgb[1, 2] * r + to_rgb[1, 3]
+            blue = to_rgb[2, 0] * y + to_rgb[2, 1] * b + to_rgb[2, 2] * r + to_rgb[2, 3]
+            chroma[j, i] = max(red, green, blue) - min(red, green, blue)

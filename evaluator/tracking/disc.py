@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import i0e, i1e
 
 from evaluator.tracking import kernels
-from evaluator.tracking.shape_kernel import PRODUCTS, add_products
+from evaluator.tracking.shape_kernel import OWN, PRODUCTS, SHAPE, add_products
 
 Array = NDArray[np.float64]
 PER_PX = 32  # entries of the profile a pixel: linear interpolation is then exact to 1e-4 of the amplitude
@@ -122,13 +122,15 @@ def cut_patch(
 
 
 def learn_disc(patches: list[Patch], radius_px: float, blur_px: float = 1.0) -> tuple[Disc, float]:
-    """Learn radius, blur and slant common to all patches, with centre, amplitude and base free in each.
+    """Learn radius, blur and slant common to all patches, with centre, amplitude and background free in each.
 
-    Returns the disc and the standard deviation of the noise. Where some pixels are not the disc's (a wire, a glint),
-    they lose their weight in a second and third round. Raises LinAlgError where the patches do not determine a disc.
+    The background may slope in each: glare that was there from the start is no part of the shape. radius_px, blur_px:
+    about what they are. Returns the disc and the standard deviation of the noise. Where some pixels are not the disc's
+    (a wire, a glint), they lose their weight in a second and third round. Raises LinAlgError where the patches do not
+    determine a disc.
     """
     shared = np.array([np.log(radius_px), np.log(blur_px), 0.0, 0.0])
-    own = [np.array([*patch.center_px, *_levels(patch, radius_px)]) for patch in patches]
+    own = [np.array([*patch.center_px, *_levels(patch, radius_px), 0.0, 0.0]) for patch in patches]
     weights = [np.ones_like(patch.value) for patch in patches]
     spread = 1.0
     for _ in range(3):
@@ -141,7 +143,7 @@ def learn_disc(patches: list[Patch], radius_px: float, blur_px: float = 1.0) -> 
         weights = [1.0 / (1.0 + (np.nan_to_num(residual) / (3 * spread)) ** 4) for residual in residuals]
     # A codec leaves a flat mark without noise and its edge with much: the median sees the flat alone.
     spread = max(float(np.sqrt(np.mean(np.minimum(left**2, (5 * spread) ** 2)))), 0.3)
-    amplitude, base = np.median([mine[2:] for mine in own], axis=0)
+    amplitude, base = np.median([mine[2:4] for mine in own], axis=0)
     radius, blur = float(np.exp(shared[0])), float(np.exp(shared[1]))
     slant, level = (float(shared[2]), float(shared[3])), (float(amplitude), float(base))
     return make_disc(radius, blur, slant, level, spread**2), spread
@@ -185,8 +187,8 @@ def _residuals(patches: list[Patch], shared: Array, own: list[Array]) -> list[Ar
     profile, _ = tabulate(radius, blur)
     residuals = []
     for patch, mine in zip(patches, own, strict=True):
-        _, _, r = _radii(patch, shared, mine)
-        residual = patch.value - mine[3] - mine[2] * _look_up(profile, r)
+        dx, dy, r = _radii(patch, shared, mine)
+        residual = patch.value - mine[3] - mine[2] * _look_up(profile, r) - mine[4] * dx - mine[5] * dy
         residuals.append(np.where(r < _outer(radius, blur), residual, np.nan))
     return residuals
 
@@ -215,18 +217,17 @@ def _pooled(
     radius, blur = np.exp(shared[:2])
     shape, outer = np.array([radius, blur, *shared[2:]]), _outer(radius, blur)
     tables = np.stack([*tabulate(radius, blur), _by_radius(radius, blur)])
-    matrix, right, steps, total, count = np.zeros((4, 4)), np.zeros(4), [], 0.0, 0
-    products = np.empty((PRODUCTS, PRODUCTS))
-    for patch, weight, mine in zip(patches, weights, own, strict=True):
-        count += add_products(patch.x, patch.y, patch.value, weight, shape, outer, mine, tables, PER_PX, products)
-        full = products + np.triu(products, 1).T
-        both, inverse = full[:4, 4:8], np.linalg.inv(full[:4, :4] + 1e-9 * np.eye(4))
-        first, cross = inverse @ full[:4, 8], inverse @ both
-        matrix += full[4:8, 4:8] - both.T @ cross
-        right += full[4:8, 8] - both.T @ first
-        steps.append((first, cross))
-        total += float(full[8, 8])
-    return matrix, right, steps, total, count
+    products, count = np.zeros((len(patches), PRODUCTS, PRODUCTS)), 0
+    for one, patch, weight, mine in zip(products, patches, weights, own, strict=True):
+        count += add_products(patch.x, patch.y, patch.value, weight, shape, outer, mine, tables, PER_PX, one)
+    full = products + np.triu(products, 1).transpose(0, 2, 1)
+    own_part, shape_part = slice(0, OWN), slice(OWN, OWN + SHAPE)
+    both, inverse = full[:, own_part, shape_part], np.linalg.inv(full[:, own_part, own_part] + 1e-9 * np.eye(OWN))
+    first, cross = (inverse @ full[:, own_part, -1:])[..., 0], inverse @ both
+    back = both.transpose(0, 2, 1)
+    matrix = (full[:, shape_part, shape_part] - back @ cross).sum(axis=0)
+    right = (full[:, shape_part, -1] - (back @ first[..., None])[..., 0]).sum(axis=0)
+    return matrix, right, list(zip(first, cross, strict=True)), float(full[:, -1, -1].sum()), count
 
 
 def _look_up(table: Array, r: Array) -> Array:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from evaluator.recording import Frame
 from evaluator.recording.frame import Plane
+from evaluator.tracking import color_kernels
 from evaluator.tracking.choose import Candidate, choose
 from evaluator.tracking.settings import Box, MarkSettings, TrackingSettings
 
@@ -63,32 +64,42 @@ def color_map(frame: Frame, allowed: NDArray[np.bool_], balance: float = 1.0) ->
     assert frame.u is not None
     assert frame.v is not None
     rows, columns = frame.u.shape
-    scale = np.float32(2.0 ** (8 - frame.depth))
     across, down = cell_of(frame)
-    small = cv2.resize(np.ascontiguousarray(frame.luma), (columns, rows), interpolation=cv2.INTER_AREA)
-    luma = small.astype(np.float32) * scale
-    du, dv = frame.u * scale - np.float32(128), frame.v * scale - np.float32(128)
-    if not frame.full_range:
-        luma = (luma - np.float32(16)) * np.float32(255 / 219)
-        du, dv = du * np.float32(255 / 224), dv * np.float32(255 / 224)
-    kr, kb = (0.2126, 0.0722) if frame.matrix == "bt709" else (0.299, 0.114)
-    red, blue = luma + np.float32(2 * (1 - kr)) * dv, luma + np.float32(2 * (1 - kb)) * du
-    green = (luma - np.float32(kr) * red - np.float32(kb) * blue) / np.float32(1 - kr - kb)
-    rgb = [red, green, blue]
+    luma: Plane = np.asarray(
+        cv2.resize(np.ascontiguousarray(frame.luma), (columns, rows), interpolation=cv2.INTER_AREA), frame.luma.dtype
+    )
+    to_rgb = _rgb_from_planes(frame)
     sample = sampled(allowed)
-    middle = np.array([max(float(np.median(plane[sample])), 1.0) for plane in rgb])
+    middle = np.maximum(np.median(_rgb(to_rgb, luma[sample], frame.u[sample], frame.v[sample]), axis=1), 1.0)
     # Lamps from candle to blue sky stay within a factor of two between channels.
-    gain = np.clip(middle.mean() / middle, 0.6, 1.7) ** balance
-    balanced = [plane * np.float32(factor) for plane, factor in zip(rgb, gain, strict=True)]
-    chroma = np.maximum(np.maximum(*balanced[:2]), balanced[2]) - np.minimum(np.minimum(*balanced[:2]), balanced[2])
+    to_rgb *= (np.clip(middle.mean() / middle, 0.6, 1.7) ** balance)[:, None]
+    chroma = np.empty((rows, columns), np.float32)
+    color_kernels.chroma_plane(luma, frame.u, frame.v, to_rgb.astype(np.float32), chroma)
     typical = chroma[sample]
     spread = float(np.median(np.abs(typical - np.median(typical)))) * 1.4826
     floor = max(float(np.median(typical)) + 6 * spread, 14.0)
     colorful = np.flatnonzero(chroma > floor)
-    hue = _hue([plane.ravel()[colorful] for plane in balanced])
+    cells = np.unravel_index(colorful, chroma.shape)
+    hue = _hue(_rgb(to_rgb, luma[cells], frame.u[cells], frame.v[cells]))
     cell = float(across), float(down * frame.row_step)
     origin = (across - 1) / 2, frame.row_origin + (down - 1) / 2 * frame.row_step
     return ColorMap(chroma, floor, colorful, hue, frame.u, frame.v, cell, origin)
+
+
+def _rgb_from_planes(frame: Frame) -> Array:
+    """(3, 4): R, G, B, levels of 8 bits, from luma, u, v of the picture's own depth and 1."""
+    scale = 2.0 ** (8 - frame.depth)
+    kr, kb = (0.2126, 0.0722) if frame.matrix == "bt709" else (0.299, 0.114)
+    luma, color, black = (1.0, 1.0, 0.0) if frame.full_range else (255 / 219, 255 / 224, 16.0)
+    red, blue = 2 * (1 - kr) * color, 2 * (1 - kb) * color
+    of_planes = np.array([[0.0, red], [-kb * blue / (1 - kr - kb), -kr * red / (1 - kr - kb)], [blue, 0.0]])
+    constant = -luma * black - 128.0 * of_planes.sum(axis=1)
+    return np.column_stack([np.full(3, luma * scale), of_planes * scale, constant])
+
+
+def _rgb(to_rgb: Array, luma: Plane, u: Plane, v: Plane) -> NDArray[np.float32]:
+    """(3, m): R, G, B of m cells."""
+    return np.asarray(to_rgb[:, :3] @ np.stack([luma, u, v]) + to_rgb[:, 3:], np.float32)
 
 
 def neutral_of(frame: Frame, allowed: NDArray[np.bool_]) -> tuple[float, float]:
@@ -101,14 +112,14 @@ def neutral_of(frame: Frame, allowed: NDArray[np.bool_]) -> tuple[float, float]:
 
 def sampled(allowed: NDArray[np.bool_]) -> tuple[NDArray[np.intp], ...]:
     """Every so many of the allowed cells, as an index of a plane: what is usual in a picture takes no more."""
-    cells = np.flatnonzero(allowed)
-    return np.unravel_index(cells[:: max(len(cells) // SAMPLE, 1)], allowed.shape)
+    step = max(int(np.count_nonzero(allowed)) // SAMPLE, 1) | 1  # odd, and so in all columns
+    return np.unravel_index(step * np.flatnonzero(allowed.ravel()[::step]), allowed.shape)
 
 
-def _hue(rgb: list[NDArray[np.float32]]) -> NDArray[np.float32]:
+def _hue(rgb: NDArray[np.float32]) -> NDArray[np.float32]:
     """HSV hue in degrees."""
     red, green, blue = rgb
-    most, least = np.maximum(np.maximum(red, green), blue), np.minimum(np.minimum(red, green), blue)
+    most, least = rgb.max(axis=0), rgb.min(axis=0)
     chroma = np.maximum(most - least, np.float32(1e-6))
     of_green, of_blue = (blue - red) / chroma + 2, (red - green) / chroma + 4
     hue = np.where(most == red, np.mod((green - blue) / chroma, 6), np.where(most == green, of_green, of_blue))

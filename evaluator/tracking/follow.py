@@ -17,10 +17,13 @@ from evaluator.tracking.sighting import ABSENT, OK, Sighting
 Array = NDArray[np.float64]
 Point = tuple[float, float]
 SLOPING = 12.0  # fall of the squares, in variances, that two slopes bring by chance once in 400 pictures
-# A slope that was there from the start, or came slowly, looks just like a shift: it is looked for in every eighth
+# A slope that was there from the start, or came slowly, looks just like a shift: it is looked for in every fourth
 # picture, and in the eight after one that has it. Lenses and lamps change by about 0.1 % a pixel (`shading`),
 # reflections by more.
-LOOKOUT, LOOKOUT_MASK, GLARING = 8, 7, 1.5e-3
+LOOKOUT_MASK, WATCHED, GLARING = 3, 8, 1.5e-3
+# Of the shift that a slope makes, what may be left: all of it where it is not taken out, and where it is, what bends
+# (the light of a lamp's reflection, over the distance that it fades in).
+UNTAKEN, BENT = 1.0, 0.2
 SMALLEST_PX = 2.0  # radius of a mark's even inside that a slope can be seen in
 # A disturbance that looked just like a shift would move the centre by √pixels times its own share of the noise; real
 # ones (wires, glare, shadows) reach a third of that.
@@ -64,7 +67,7 @@ class Follower:
         self.seen, self.views = 0, list[Patch]()
         self.light = LightNotes()
         self._slope = np.zeros(2)
-        self._watch = 0
+        self._watch, self._shift = 0, (0.0, 0.0)
         self._usual = np.zeros(5)
         self._usual[glance.U_SCATTER] = (glance.DISTURBED - 1.0) / glance.ODD  # the largest that is believed
         self.take_look(self.look)
@@ -101,8 +104,11 @@ class Follower:
         It may be faster than it was. guide: velocity, px/s, of the body it is on. light: of what there was when it was
         last seen.
         """
-        color, velocity = self.color[4], self.velocity
+        color, velocity, usual = self.color[4], self.velocity, self._usual.copy()
         self.color[4] = min(light, 1.0) * color
+        if not 1.0 / glance.BRIGHTER < light < glance.BRIGHTER:
+            # Lights were switched: the mark has changed as all has.
+            self._usual[[glance.U_AMPLITUDE, glance.U_BASE, glance.U_LEAST_NOISE]] *= light, light, max(light, 1.0)
         lapse, velocities = frame.time_s - self.time_s, [(0.0, 0.0)]
         if guide != (0.0, 0.0):
             velocities.insert(0, guide)
@@ -114,6 +120,8 @@ class Follower:
             if one.status == OK:
                 break
         self.color[4], self.velocity = color, velocity
+        if one.status != OK:
+            self._usual[:] = usual
         return one
 
     def look_at(self, frame: Frame, cell: Array, place: Point, reach_px: float, interval_s: float) -> Sighting:
@@ -129,6 +137,7 @@ class Follower:
         )  # fmt: skip
         if verdict == glance.TOO_LITTLE:
             return ABSENT["outside the picture" if self._found[color_kernels.CLIPPED] > 0.2 else "not seen"]
+        self._shift = 0.0, 0.0
         lookout = self._watch > 0 or not frame.index & LOOKOUT_MASK
         if verdict == glance.WELL and not lookout:
             return self._measured(frame)
@@ -175,11 +184,15 @@ class Follower:
         plain, result = self._result.copy(), self._result
         self._fit(frame, plain[: kernels.BASE + 1], self._level)
         fall = (plain[kernels.RESIDUAL] - result[kernels.RESIDUAL]) * plain[kernels.PIXELS]
-        glaring = bool(fall > SLOPING) and self._glares(frame)
-        self._watch = LOOKOUT if glaring else self._watch - 1
-        if glaring or (suspicious and (plain[kernels.RESIDUAL] >= glance.DISTURBED or fall > SLOPING)):
-            return
-        result[:] = plain
+        sloping = bool(fall > SLOPING)
+        self._watch = WATCHED if sloping else self._watch - 1
+        taken = sloping and (suspicious or self._glares(frame))
+        taken |= suspicious and bool(plain[kernels.RESIDUAL] >= glance.DISTURBED)
+        if sloping:
+            share = BENT if taken else UNTAKEN
+            self._shift = tuple((share * (result[: kernels.Y + 1] - plain[: kernels.Y + 1])).tolist())
+        if not taken:
+            result[:] = plain
 
     def _glares(self, frame: Frame) -> bool:
         """Whether the fitted slope is a reflection: strong enough, and inside the mark too, unlike a body's edge."""
@@ -226,12 +239,12 @@ class Follower:
         x, y, _, _, var_x, var_y, cov_xy, residual, _, _, pixels, slope, _ = self._fitted
         # Residuals above the learnt noise (codec, wire, texture) widen the uncertainty by more than chance makes them
         # scatter; a chance calm keeps it.
-        scale = 1.0
+        scale, (dx, dy) = 1.0, self._shift
         if residual > 1.0:
             odd = residual - 1.0 - glance.ODD * float(self._usual[glance.U_SCATTER])
             scale = max(1.0, residual - (2.0 / max(pixels, 1.0)) ** 0.5) + LIKENESS * pixels * max(odd, 0.0)
         self.light.note_fit(frame.time_s, sloped=slope != 0.0)
-        return Sighting(x, y, scale * var_x, scale * var_y, scale * cov_xy, OK)
+        return Sighting(x, y, scale * var_x + dx * dx, scale * var_y + dy * dy, scale * cov_xy + dx * dy, OK)
 
     def keep_view(self, frame: Frame) -> None:
         """Keep some clear views of the mark, for learning its shape anew once it was seen in other places."""

@@ -9,18 +9,19 @@ import math
 import numpy as np
 from numba import njit
 
-# Rows and columns of the products: centre, amplitude and base of the patch, log radius, log blur and slant of the
-# shape, and the residual.
-PRODUCTS = 9
+# Rows and columns of the products: centre, amplitude, base and two slopes of the patch (what is its own), log radius,
+# log blur and slant of the shape, and the residual.
+OWN, SHAPE = 6, 4
+PRODUCTS = OWN + SHAPE + 1
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def add_products(x, y, value, weight, shape, outer, mine, tables, per_px, products):
-    """Fill products (9, 9), the upper triangle, of a patch's derivatives and residual; returns the pixels used.
+    """Fill products, the upper triangle, with those of a patch's derivatives and residual; returns the pixels used.
 
     x, y, value, weight: (n,), of the patch. shape: radius, blur, e1, e2; outer: radius of the pixels used. mine: x, y,
-    amplitude, base. tables: (3, m), of a disc against radius, per_px entries a pixel: its profile, the derivatives by
-    the distance from its centre, and by its own radius.
+    amplitude, base and slopes of the background. tables: (3, m), of a disc against radius, per_px entries a pixel: its
+    profile, the derivatives by the distance from its centre, and by its own radius. products: (PRODUCTS, PRODUCTS).
     """
     radius, e1, e2, amplitude = shape[0], shape[2], shape[3], mine[2]
     last, count = tables.shape[1] - 2, 0
@@ -40,12 +41,12 @@ def add_products(x, y, value, weight, shape, outer, mine, tables, per_px, produc
         g = amplitude * (tables[1, k] + part * (tables[1, k + 1] - tables[1, k]))
         grown = amplitude * radius * (tables[2, k] + part * (tables[2, k + 1] - tables[2, k]))
         row[0], row[1] = -g * ((1.0 + e1) * dx + e2 * dy) / r, -g * (e2 * dx + (1.0 - e1) * dy) / r
-        row[2], row[3] = p, 1.0
+        row[2], row[3], row[4], row[5] = p, 1.0, dx, dy
         # A disc magnified as a whole, blur and all, has the same luma at the magnified distance: what a blur grown by
         # its own size changes is what the two others leave.
-        row[4], row[5] = grown, -(r * g + grown)
-        row[6], row[7] = g * (dx * dx - dy * dy) / (2.0 * r), g * dx * dy / r
-        row[8] = value[n] - mine[3] - amplitude * p
+        row[6], row[7] = grown, -(r * g + grown)
+        row[8], row[9] = g * (dx * dx - dy * dy) / (2.0 * r), g * dx * dy / r
+        row[10] = value[n] - mine[3] - amplitude * p - mine[4] * dx - mine[5] * dy
         for i in range(PRODUCTS):
             scaled = weight[n] * row[i]
             for j in range(i, PRODUCTS):

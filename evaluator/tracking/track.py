@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterable
 
 import numpy as np
@@ -13,7 +14,6 @@ from evaluator.progress import Progress, no_progress
 from evaluator.recording import Frame
 from evaluator.tracking.refine import refine
 from evaluator.tracking.settings import TrackingSettings
-from evaluator.tracking.sighting import Sighting
 from evaluator.tracking.tracker import Tracker
 
 Array = NDArray[np.float64]
@@ -35,20 +35,23 @@ def track(
     times: list[float] = []
     frames: list[int] = []
     kinds: list[str] = []
-    rows: list[list[Sighting]] = []
+    # Plain numbers: kept as objects, the garbage collector would look through all of them again and again.
+    measured = {name: array("d") for name in tracker.names}
+    status: dict[str, list[str]] = {name: [] for name in tracker.names}
     for frame, sightings in tracker.run(recording):
         times.append(frame.time_s)
         frames.append(frame.index)
         kinds.append(frame.kind)
-        rows.append(sightings)
-        if len(rows) % 64 == 0:
-            progress(len(rows), max(expected, len(rows)))
-    if not rows:
+        for name, one in zip(tracker.names, sightings, strict=True):
+            measured[name].extend(one[:5])
+            status[name].append(one.status)
+        if not len(times) & 63:
+            progress(len(times), max(expected, len(times)))
+    if not times:
         raise InputError("the recording holds no pictures")
-    progress(len(rows), len(rows))
+    progress(len(times), len(times))
     time_s = np.array(times)
-    numbers = {name: np.array([row[k][:5] for row in rows]) for k, name in enumerate(tracker.names)}
-    status = {name: [row[k].status for row in rows] for k, name in enumerate(tracker.names)}
+    numbers = {name: np.array(values).reshape(-1, 5) for name, values in measured.items()}
     refine(time_s, kinds, numbers, status, tracker.followers)
     return to_table(frames, time_s, numbers, status)
 

@@ -67,10 +67,15 @@ class Course:
         enough = (before + after >= NEIGHBORS) & (before >= EITHER_SIDE) & (after >= EITHER_SIDE)
         self.known: NDArray[np.bool_] = seen & enough
         lapse = time_s[self.around] - time_s[:, None]
-        usual = stride * OFFSETS * float(np.median(np.diff(time_s))) if n > 1 else OFFSETS
-        even = usable.all(axis=1) & (np.abs(lapse - usual).max(axis=1) < EVEN * abs(usual[0]))
+        usual = stride * OFFSETS * float(np.median(np.diff(time_s))) if n > 1 else OFFSETS.astype(float)
+        even = self.known & (np.where(usable, np.abs(lapse - usual), 0.0).max(axis=1) < EVEN * abs(usual[0]))
         self.weights = np.zeros((n, len(OFFSETS)))
-        self.weights[even] = _to_the_middle(usual[None], np.ones((1, len(OFFSETS)), bool))[0]
+        # Evenly timed pictures with the same neighbours seen share their weights; nearly all do.
+        _, first, which = np.unique(
+            usable[even] @ (1 << np.arange(len(OFFSETS))), return_index=True, return_inverse=True
+        )
+        seen_alike = usable[even][first]
+        self.weights[even] = _to_the_middle(np.broadcast_to(usual, seen_alike.shape), seen_alike)[which]
         odd = self.known & ~even
         self.weights[odd] = _to_the_middle(lapse[odd], usable[odd])
         course = np.einsum("nj,njk->nk", self.weights, np.nan_to_num(centers_px)[self.around])

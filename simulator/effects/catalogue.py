@@ -98,7 +98,9 @@ def apply_effects(draft: Draft) -> None:
         raise SimulationError(f"{draft.robot.name}: {'; '.join(faults)}")
     for entry in entries:
         if entry.id == free_form.ID:
-            draft.add(free_form.term_of(entry.model_extra or {}))
+            term = free_form.term_of(entry.model_extra or {})
+            if not term.is_seen_only:
+                draft.add(term)
             continue
         act = EFFECTS[entry.id].act
         if act:
@@ -109,6 +111,9 @@ def view_of(robot: Robot) -> View:
     """How the robot's marks are seen, with its observation effects."""
     view = View(robot.marks.green_mm, robot.marks.yellow_mm)
     for entry in robot.effect:
+        if entry.id == free_form.ID:
+            term = free_form.term_of(entry.model_extra or {})
+            view.errors += (term,) if term.is_seen_only else ()
         see = EFFECTS[entry.id].view if entry.id in EFFECTS else None
         if see:
             see(view, effect_values(entry))

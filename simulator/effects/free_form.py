@@ -4,7 +4,7 @@
     id = "free-form"
     channel = "force_forward"       # where it acts, see simulator.terms.CHANNELS
     basis = "sign_u"                # what it depends on, see simulator.terms.BASES
-    coefficient = -0.4              # mN, µN·mm for moment, deg for steer, else a relative change; per unit of the basis
+    coefficient = -0.4              # mN, µN·mm, deg (steer), mm (camera) or relative; per unit of the basis
     pattern = "common"              # over the wheels, see simulator.terms.PATTERNS
     point_mm = [0.0, 0.0]           # for the bases toward_x and toward_y
 
@@ -20,6 +20,7 @@ from typing import Any
 
 from simulator.terms import (
     BASES,
+    CAMERA_X,
     CHANNELS,
     COS_ANGLE,
     DRAG,
@@ -33,13 +34,20 @@ from simulator.terms import (
     SLIDE_SIN2,
     SPEED,
     STEER,
+    TIME,
+    X_CUBED,
+    Y_CUBED,
     Term,
+    X,
+    Y,
 )
 
 ID = "free-form"
 UN_PER_MN = 1000.0
 _CHOICES: dict[str, Collection[str]] = {"channel": CHANNELS, "basis": BASES, "pattern": PATTERNS}
 _OF_WHEELS = (COS_ANGLE, SIN_ANGLE, SLIDE_COS2, SLIDE_SIN2)
+_OF_LENSES = (X_CUBED, Y_CUBED)
+_OF_CAMERAS = (X, Y, TIME, *_OF_LENSES)
 
 
 def scale_of_channel(channel: int) -> float:
@@ -81,8 +89,13 @@ def faults(given: Mapping[str, Any]) -> Iterator[str]:
     if not (isinstance(point, list | tuple) and len(point) == 2 and all(_is_number(value) for value in point)):
         yield f"effect {ID}: point_mm = {point!r} must be two numbers"
     basis, channel = BASES.get(str(given.get("basis"))), CHANNELS.get(str(given.get("channel")))
-    if basis in _OF_WHEELS and channel is not None and channel < SPEED:
-        yield f"effect {ID}: basis {given['basis']} belongs to wheels, channel {given['channel']} to the body"
+    if basis is None or channel is None:
+        return
+    of_wheels = SPEED <= channel < CAMERA_X
+    if basis in _OF_WHEELS and not of_wheels:
+        yield f"effect {ID}: basis {given['basis']} belongs to wheels, channel {given['channel']} does not"
+    if (channel >= CAMERA_X and basis not in _OF_CAMERAS) or (channel < CAMERA_X and basis in _OF_LENSES):
+        yield f"effect {ID}: channel {given['channel']} does not take basis {given['basis']}"
 
 
 def _is_number(value: object) -> bool:

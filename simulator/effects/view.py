@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from simulator.terms import CAMERA_X, TIME, X_CUBED, Y_CUBED, Term, X, Y
+
 Array = NDArray[np.float64]
 
 
@@ -15,7 +17,7 @@ class View:
     """Marks in the body frame, mm, and the errors of the observation; effects of kind "observation" change it.
 
     A measured coordinate is the true one times scale times (1 + keystone · true position); a measured time is the true
-    one times time_factor.
+    one times time_factor. errors: further errors of the measured place, terms of the camera channels.
     """
 
     green_mm: tuple[float, float]
@@ -23,24 +25,43 @@ class View:
     scale: float = 1.0
     keystone_per_mm: tuple[float, float] = (0.0, 0.0)
     time_factor: float = 1.0
+    errors: tuple[Term, ...] = ()
 
-    def marks(self, x_mm: ArrayLike, y_mm: ArrayLike, heading_rad: ArrayLike) -> tuple[Array, Array]:
-        """Measured green and yellow marks (..., 2) of poses in the plate frame, mm."""
+    def marks(
+        self, x_mm: ArrayLike, y_mm: ArrayLike, heading_rad: ArrayLike, time_s: ArrayLike = 0.0
+    ) -> tuple[Array, Array]:
+        """Measured green and yellow marks (..., 2) of poses in the plate frame, mm, at their times."""
         x, y = np.asarray(x_mm, dtype=float), np.asarray(y_mm, dtype=float)
         cos, sin = np.cos(heading_rad), np.sin(heading_rad)
-        green, yellow = (self._mark(offset, x, y, cos, sin) for offset in (self.green_mm, self.yellow_mm))
+        green, yellow = (self._mark(offset, x, y, cos, sin, time_s) for offset in (self.green_mm, self.yellow_mm))
         return green, yellow
 
-    def _mark(self, offset_mm: tuple[float, float], x: Array, y: Array, cos: Array, sin: Array) -> Array:
+    def _mark(
+        self, offset_mm: tuple[float, float], x: Array, y: Array, cos: Array, sin: Array, time_s: ArrayLike
+    ) -> Array:
         ahead, left = offset_mm
         true = np.empty((*x.shape, 2))
         true[..., 0] = x + ahead * cos - left * sin
         true[..., 1] = y + ahead * sin + left * cos
-        return self.place(true)
+        return self.place(true, time_s)
 
-    def place(self, points_mm: Array) -> Array:
-        """Where points (..., 2) on the plane of the marks are measured to be, mm."""
+    def place(self, points_mm: Array, time_s: ArrayLike = 0.0) -> Array:
+        """Where points (..., 2) on the plane of the marks are measured to be at a time, mm."""
+        if self.errors:
+            return self._scaled(points_mm) + self._error(points_mm, time_s)
+        return self._scaled(points_mm)
+
+    def _scaled(self, points_mm: Array) -> Array:
         if self.keystone_per_mm == (0.0, 0.0):
             return self.scale * points_mm
         tilt = points_mm[..., 0] * self.keystone_per_mm[0] + points_mm[..., 1] * self.keystone_per_mm[1]
         return np.asarray(self.scale * (1 + tilt)[..., None] * points_mm)
+
+    def _error(self, points_mm: Array, time_s: ArrayLike) -> Array:
+        x, y = points_mm[..., 0], points_mm[..., 1]
+        square = x * x + y * y
+        bases: dict[int, ArrayLike] = {X: x, Y: y, X_CUBED: x * square, Y_CUBED: y * square, TIME: time_s}
+        error = np.zeros_like(points_mm)
+        for term in self.errors:
+            error[..., term.channel - CAMERA_X] += term.coefficient * np.asarray(bases[term.basis])
+        return error

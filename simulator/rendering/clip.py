@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from calibration.camera import Camera
 from simulator.effects.catalogue import view_of
 from simulator.effects.view import View
+from simulator.errors import SimulationError
 from simulator.rendering.backdrop import Overlay, brushed_plate, overlay, wire_cover
 from simulator.rendering.coverage import Kernel, blur_kernel
 from simulator.rendering.motion import poses_at
@@ -28,6 +29,7 @@ from simulator.rendering.sensor import digitised
 from simulator.rendering.shots import Shot, clock_of, shots
 from simulator.rendering.video import encode
 from simulator.robot import Robot, load_robot
+from simulator.terms import TIME
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint8] | NDArray[np.uint16]
@@ -63,6 +65,8 @@ def set_stage(scene: Scene) -> Stage:
     robot, camera = load_robot(scene.robot), scene.camera.camera()
     robot = robot.model_copy(update={"effect": robot.effect + scene.effect})
     view = view_of(robot)
+    if any(term.basis == TIME for term in view.errors):
+        raise SimulationError("a camera whose picture creeps cannot be rendered; leave that effect out of the scene")
     plan = tuple(shots(scene, np.random.default_rng([scene.seed, 1]), Fraction(str(view.time_factor))))
     middle = np.array([float(shot.time_s) for shot in plan])
     times = middle[:, None] + np.array([-0.5, 0.0, 0.5]) * scene.exposure.time_s

@@ -85,7 +85,10 @@ def _answer(drawn: Drawn) -> dict[str, Any]:
     gap = found["gap"] or {}
     seconds = time.perf_counter() - began
     label = dict(drawn.label)
-    sigmas = {name: visible_sigmas(diagnosis, shift, label["scatter"]) for name, shift in label.pop("shifts").items()}
+    sigmas = {
+        name: visible_sigmas(diagnosis, shift, label["effects"].keys() - {name})
+        for name, shift in label.pop("shifts").items()
+    }
     return {
         **label,
         "proposed": found["next_experiment"],

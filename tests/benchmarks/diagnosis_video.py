@@ -190,7 +190,7 @@ def _visible(diagnosis: Any, label: dict[str, Any]) -> dict[str, float]:
             command = Command.constant(*clip["true_rpm"], START_S)
             with_it, without = (_marks(robot, command, run.time_s, clip["pose"], number) for robot in (full, bare))
             shifts.append(with_it - without)
-        found[effect] = visible_sigmas(diagnosis, shifts, np.array(label["scatter"]))
+        found[effect] = visible_sigmas(diagnosis, shifts, label["effects"].keys() - {effect})
     return found
 
 

@@ -63,6 +63,19 @@ def test_plate_upside_down_is_told_by_its_fiducials(marked: np.ndarray) -> None:
         calibrate([np.ascontiguousarray(marked[:, ::-1])], gauge_of(fiducials=True))
 
 
+@pytest.mark.parametrize(("corners", "said"), [(4, "not discs but squares"), (6, "not discs but hexagons")])
+def test_marks_that_are_not_discs_are_told(corners: int, said: str) -> None:
+    picture = np.zeros((4 * 360, 4 * 480), np.uint8)
+    angle = (np.arange(corners) + 0.5) * 2 * np.pi / corners
+    rim = 0.65 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    for x, y in GAUGE.positions_mm().reshape(-1, 2):
+        at = CAMERA.picture_from_plate(rim + np.array([x, y, 0.0]))
+        cv2.fillPoly(picture, [np.rint(16 * (4 * at + 1.5)).astype(np.int32)], 255, shift=4)
+    dark = cv2.GaussianBlur(cv2.resize(picture, (480, 360), interpolation=cv2.INTER_AREA), (0, 0), 0.8)
+    with pytest.raises(CalibrationError, match=said):
+        calibrate([(220 - 0.7 * dark).astype(np.uint8)], GAUGE)
+
+
 def test_two_plates_in_view_are_told(pictures: list[np.ndarray]) -> None:
     small = cv2.resize(pictures[0], (230, 172), interpolation=cv2.INTER_AREA)
     both = np.full((360, 480), 200, np.uint8)

@@ -27,6 +27,18 @@ def calibrated() -> Calibration:
     return calibrate([draw_gauge(view, GAUGE, rng=rng, snr=50) for view in views], GAUGE)
 
 
+def test_check_says_how_much_a_lens_refocused_at_another_distance_could_hide(calibrated: Calibration) -> None:
+    straight = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=120)
+    unbent = replace(straight, covariance=calibrated.camera.covariance)
+    farther = camera_above(size_px=(400, 300), focal_px=1260, distance_mm=126)
+    picture = draw_gauge(farther, GAUGE, rng=np.random.default_rng(3), snr=50)
+    found = check_camera(unbent, GAUGE, picture)
+    hidden = (1 - 6.5 / 120) / (1 - 6.5 / 126) - 1
+    assert abs(hidden) < found.unseen < 0.01
+    assert found.outcome == "holds"
+    assert "refocusing and another distance together" in found.summary
+
+
 def _with(**values: float) -> Camera:
     parameters = CAMERA.parameters.copy()
     for name, value in values.items():

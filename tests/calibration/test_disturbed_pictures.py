@@ -73,6 +73,15 @@ def test_row_under_a_cloth_as_white_as_the_sheet_is_known_from_the_other_picture
         calibrate(pictures[:1], GAUGE)
 
 
+def test_array_split_by_a_white_strip_stays_one_array() -> None:
+    picture = drawn()
+    picture[within(4.5, -16, 10.5, 16)] = 200
+    _, match, off = matched(picture)
+    assert len(match) == 11 * 9
+    assert set(match.column.tolist()) == set(range(13)) - {8, 9}
+    assert np.abs(off).max() < 0.1
+
+
 def test_row_under_a_white_cloth_darker_than_the_sheet_is_hidden_not_absent() -> None:
     picture = drawn()
     picture[within(-25, -16, 25, -10.5)] = 170

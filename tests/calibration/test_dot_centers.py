@@ -79,6 +79,28 @@ def test_scatter_is_within_thirteen_tenths_of_the_cramer_rao_bound_and_as_stated
     assert 0.9 < rms / np.sqrt(np.concatenate(stated).mean()) < 1.1
 
 
+@pytest.mark.parametrize(("color", "share"), [("red", (0.9, 0.85, 0.15)), ("black", (1.0, 1.0, 1.0))])
+def test_scatter_is_as_stated_where_a_single_chip_camera_interpolated_its_colours(
+    color: str, share: tuple[float, float, float]
+) -> None:
+    gauge, z = gauge_of(color=color), []
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        camera = camera_above(
+            size_px=(400, 300), focal_px=900, distance_mm=70, tilt_deg=5, turn_deg=9, center_mm=(0.1 * seed, 0.3)
+        )
+        dark = 190 - draw_gauge(camera, gauge, white=190.0, black=40.0, quantise=False)
+        full = 190 - dark[..., None] * np.array(share)
+        raw = full[..., 1].copy()
+        raw[::2, ::2], raw[1::2, 1::2] = full[::2, ::2, 0], full[1::2, 1::2, 2]
+        raw += rng.normal(0, 4, raw.shape)
+        picture = cv2.demosaicing(np.clip(np.rint(raw), 0, 255).astype(np.uint8), cv2.COLOR_BayerRG2BGR)
+        dots = detect_dots(picture, color, "white")
+        sigma = np.sqrt(np.einsum("nii->ni", dots.covariance_px2))
+        z.append(_against_truth(camera, gauge, dots)[0] / sigma)
+    assert 0.8 < np.sqrt(np.mean(np.concatenate(z) ** 2)) < 1.45  # 1.6 and 2.4 with white noise taken for granted
+
+
 def test_uneven_light_does_not_move_centres() -> None:
     camera = camera_above(size_px=(480, 360), focal_px=1500, distance_mm=80)
     gauge = gauge_of()

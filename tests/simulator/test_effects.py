@@ -176,6 +176,21 @@ def test_free_form_term_is_the_named_effect_where_they_mean_the_same(barrel: Rob
     assert np.array_equal(path(moved(named)), path(moved(free)))
 
 
+def test_friction_across_all_wheels_is_their_lateral_friction(barrel: Robot) -> None:
+    across = affected(barrel, FREE_FORM, channel="friction_across", basis="one", coefficient=0.2)
+    lateral = 1.2 * barrel.slip.lateral_friction
+    robot = barrel.model_copy(update={"slip": barrel.slip.model_copy(update={"lateral_friction": lateral})})
+    assert np.abs(path(moved(across)) - path(moved(robot))).max() < 1e-5
+
+
+def test_errors_of_the_camera_leave_the_robot_alone_and_move_its_marks(barrel: Robot) -> None:
+    run, plain = moved(barrel), marks_of_run(barrel, moved(barrel))
+    lens = affected(barrel, FREE_FORM, channel="camera_x", basis="x_r_squared", coefficient=1e-5)
+    assert np.array_equal(path(moved(lens)), path(run))
+    x, y = plain["green_x_mm"], plain["green_y_mm"]
+    assert np.allclose(marks_of_run(lens, run)["green_x_mm"], x + 1e-5 * x * (x**2 + y**2), atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("entry", "said"),
     [
@@ -188,6 +203,8 @@ def test_free_form_term_is_the_named_effect_where_they_mean_the_same(barrel: Rob
             'id = "free-form"\nchannel = "force_forwards"\nbasis = "one"\ncoefficient = 1.0',
             "did you mean force_forward?",
         ),
+        ('id = "free-form"\nchannel = "camera_x"\nbasis = "u"\ncoefficient = 1.0', "does not take basis u"),
+        ('id = "free-form"\nchannel = "moment"\nbasis = "x_r_squared"\ncoefficient = 1.0', "does not take basis"),
         ('id = "time-base"\nfactor = 1.0\n[[effect]]\nid = "time-base"\nfactor = 1.1', "stands twice"),
     ],
 )

@@ -1,39 +1,46 @@
 """How visible a hidden effect is in the data of a drawn experiment, apart from how the diagnosis answered.
 
-The effect's own change of the marks is freed of whatever start poses, nominal values within their tolerances and the
-run-to-run scatter that was drawn could imitate. What is left, in standard errors of the tracking noise, is by how much
-the best fit without the effect is worse than the fit with it.
+The best model without the effect is fitted to the marks as they are, and to the same marks freed of what the effect did
+to them. By how much the first fit is worse, in sigmas, is what leaving out the true effect costs. Start poses, nominal
+values within their tolerances, the run-to-run scatter, which nobody knows beforehand, and the other hidden effects are
+free in both.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.discrepancy.diagnosis import Diagnosis
-from evaluator.discrepancy.features import channel_residual, channels_of
-from evaluator.discrepancy.fit import model_columns, prior_precision
-from evaluator.discrepancy.mixed import at_scatter, reduce_runs
+from evaluator.discrepancy.features import channels_of
+from evaluator.discrepancy.fit import fit_model
+from evaluator.discrepancy.problem import Point
 
 Floats = NDArray[np.float64]
 
 
-def visible_sigmas(diagnosis: Diagnosis, shifts: Sequence[Floats], scatter: Floats) -> float:
-    """Sigmas by which removing an effect worsens the fit; shifts: what it does to the marks (n, 4) of every run, mm."""
+def visible_sigmas(diagnosis: Diagnosis, shifts: Sequence[Floats], others: Collection[str]) -> float:
+    """Sigmas by which leaving an effect out worsens the fit; infinite where nothing can then be fitted.
+
+    shifts: what the effect does to the marks (n, 4) of every run, mm; others: the other hidden effects.
+    """
     problem, search = diagnosis.problem, diagnosis.search
     if problem is None or search is None:
         return float("nan")
-    columns = model_columns([], search.tolerance)
-    changed: list[Any] = []
-    for run, item in enumerate(problem.linearized(diagnosis.fit.point, columns)):
-        marks = problem.data[run].marks_mm
-        difference = channel_residual(channels_of(marks), channels_of(marks - shifts[run]), problem.half_distance_mm)
-        features = problem.compressions[run].features(difference[problem.compressions[run].used])
-        changed.append(replace(item, response=features))
-    s, g, G = (np.sum(part, axis=0) for part in at_scatter(reduce_runs(changed), scatter))
-    information = G + np.diag(prior_precision(columns, search.tolerance))
-    return float(np.sqrt(max(s - g @ np.linalg.solve(information, g), 0.0)))
+    terms = [search.terms[effect] for effect in others if not search.terms[effect].leaps]
+    near = {effect: values for fit in search.fits.values() for effect, values in fit.point.terms.items()}
+    start = Point(search.null.point.own, search.null.point.nominal, {t.id: near.get(t.id, t.neutral) for t in terms})
+    misfit = []
+    for shift in ([np.zeros(1)] * len(shifts), shifts):
+        data = tuple(
+            replace(run, marks_mm=run.marks_mm - moved) for run, moved in zip(problem.data, shift, strict=True)
+        )
+        changed = replace(problem, data=data, channels=tuple(channels_of(run.marks_mm) for run in data))
+        try:
+            misfit.append(fit_model(changed, start, terms, search.tolerance).posterior.misfit)
+        except FloatingPointError:
+            misfit.append(np.inf)
+    return float(np.sqrt(max(misfit[0] - misfit[1], 0.0))) if np.isfinite(misfit[1]) else float("nan")

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from evaluator.recording import open_recording
 from evaluator.tracking import track
 from tests.benchmarks.tracking.clips import clip, frames_in_memory, still_pictures
-from tests.benchmarks.tracking.peers import contours, hsv_centroid, luma_centroid, ours, trackpy_places
+from tests.benchmarks.tracking.peers import contours, hsv_centroid, luma_centroid, ours, trackpy_places, true_shape
 
 Array = np.ndarray
 
@@ -47,38 +48,57 @@ def bound() -> None:
 
 
 def h264() -> None:
-    """Error and speed on H.264 4:2:0 at quality 18, marks of 5 and 8 px radius, beside peers."""
-    for scale in (10.0, 16.0):
-        with tempfile.TemporaryDirectory() as folder:
-            path, truth = clip(Path(folder), (640, 480), "libx264", scale, 240)
-            radius = scale / 2
-            peers: dict[str, Callable[[], dict[str, Array]]] = {
-                "turnscope": lambda path=path: ours(path),
-                "luma-weighted centroid": lambda path=path, t=truth, r=radius: luma_centroid(path, t, r),
-                "HSV mask centroid": lambda path=path: hsv_centroid(path),
-                "OpenCV contours": lambda path=path: contours(path),
-                "trackpy": lambda path=path, t=truth, r=radius: trackpy_places(path, t, r),
-            }
-            print(f"\nH.264 4:2:0, quality 18, marks of {radius:g} px radius, 240 pictures of 640×480")
-            print(f"{'':>24} {'error px':>9} {'missed':>7} {'pictures/s':>11} {'centre µm':>10} {'heading deg':>12}")
-            for name, run in peers.items():
-                try:
-                    run()  # compiled and cached
-                    began = time.perf_counter()
-                    places = run()
-                except ImportError:
-                    print(f"{name:>24} (not installed)")
-                    continue
-                rate = 240 / (time.perf_counter() - began)
-                error = np.stack([places[mark] - truth[mark] for mark in ("green", "yellow")])
-                across = truth["yellow"] - truth["green"]
-                spacing = np.hypot(*across.T)[:, None]
-                along, normal = across / spacing, np.stack([-across[:, 1], across[:, 0]], axis=-1) / spacing
-                turn = ((error[1] - error[0]) * normal).sum(axis=1) / spacing[:, 0]
-                lever = 1.55 * scale
-                center = error.mean(axis=0) + lever * turn[:, None] * along
-                print(
-                    f"{name:>24} {np.sqrt(np.nanmean(error**2)):9.4f} {np.isnan(error).any(axis=2).mean():7.1%}"
-                    f" {rate:11.0f} {1000 / scale * np.sqrt(np.nanmean(center**2)):10.2f}"
-                    f" {np.degrees(np.sqrt(np.nanmean(turn**2))):12.4f}"
-                )
+    """Error and speed on H.264 4:2:0 at quality 18, marks of 5 and 8 px radius, beside peers and the codec's limit."""
+    for rate, said in (("crf", "constant rate factor 18"), ("qp", "constant quantiser 18")):
+        for scale in (10.0, 16.0):
+            with tempfile.TemporaryDirectory() as folder:
+                path, truth = clip(Path(folder), (640, 480), "libx264", scale, 240, rate=rate)
+                radius = scale / 2
+                print(f"\nH.264 4:2:0, {said}, marks of {radius:g} px radius, 240 pictures of 640×480")
+                _beside_peers(path, truth, scale)
+
+
+def _beside_peers(path: Path, truth: dict[str, Array], scale: float) -> None:
+    radius = scale / 2
+    peers: dict[str, Callable[[], dict[str, Array]]] = {
+        "turnscope": lambda: ours(path),
+        "disc of the true shape": lambda: true_shape(path, truth, radius),
+        "luma-weighted centroid": lambda: luma_centroid(path, truth, radius),
+        "HSV mask centroid": lambda: hsv_centroid(path),
+        "OpenCV contours": lambda: contours(path),
+        "trackpy": lambda: trackpy_places(path, truth, radius),
+    }
+    kinds = np.array([frame.kind for frame in open_recording(path)])
+    print(
+        f"{'':>24} {'error px':>9} {'I':>7} {'P':>7} {'B':>7} {'missed':>7} {'pictures/s':>11} {'centre µm':>10}"
+        f" {'heading deg':>12}"
+    )
+    for name, run in peers.items():
+        try:
+            run()  # compiled and cached
+            began = time.perf_counter()
+            places = run()
+        except ImportError:
+            print(f"{name:>24} (not installed)")
+            continue
+        speed = 240 / (time.perf_counter() - began)
+        error = np.stack([places[mark] - truth[mark] for mark in ("green", "yellow")])
+        of_kind = " ".join(f"{_rms(error[:, kinds == kind]):7.4f}" for kind in "IPB")
+        center, turn = _pose_errors(error, truth["yellow"] - truth["green"], 1.55 * scale)
+        print(
+            f"{name:>24} {_rms(error):9.4f} {of_kind} {np.isnan(error).any(axis=2).mean():7.1%} {speed:11.0f}"
+            f" {1000 / scale * _rms(center):10.2f} {np.degrees(_rms(turn)):12.4f}"
+        )
+
+
+def _rms(error: Array) -> float:
+    seen = error[np.isfinite(error)]
+    return float(np.sqrt(np.mean(seen**2))) if len(seen) else float("nan")
+
+
+def _pose_errors(error: Array, across: Array, lever_px: float) -> tuple[Array, Array]:
+    """Errors of the robot's centre (n, 2), px, and of its heading (n,), rad, from those of its marks (2, n, 2)."""
+    spacing = np.hypot(*across.T)[:, None]
+    along, normal = across / spacing, np.stack([-across[:, 1], across[:, 0]], axis=-1) / spacing
+    turn = ((error[1] - error[0]) * normal).sum(axis=1) / spacing[:, 0]
+    return error.mean(axis=0) + lever_px * turn[:, None] * along, turn

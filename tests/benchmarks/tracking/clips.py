@@ -48,9 +48,13 @@ def still_pictures(rng: np.random.Generator, radius: float, blur: float, snr: fl
 
 
 def clip(
-    folder: Path, size: tuple[int, int], codec: str, scale: float, frames: int, *, back: bool = False
+    folder: Path, size: tuple[int, int], codec: str, scale: float, frames: int, *, back: bool = False, rate: str = "crf"
 ) -> tuple[Path, dict[str, Array]]:
-    """A robot on a circle, encoded; the truth of its marks. back: it also drives back to the start, to be repeated."""
+    """A robot on a circle, encoded; the truth of its marks.
+
+    back: it also drives back to the start, to be repeated. rate: how H.264 is told its quality of 18: "crf" (a quality
+    that is felt: what moves gets less) or "qp" (one quantiser for all).
+    """
     rng = np.random.default_rng(1)
     truth = turning_marks(frames, (size[0] / 2, size[1] / 2), 0.2 * size[1], scale, 0.004)
     pictures = [
@@ -59,7 +63,7 @@ def clip(
     ]
     if back:
         pictures += pictures[-2:0:-1]
-    options = {"crf": "18"} if codec == "libx264" else {"qmin": "3", "qmax": "3"}
+    options = {rate: "18"} if codec == "libx264" else {"qmin": "3", "qmax": "3"}
     pixels = "yuv420p" if codec == "libx264" else "yuvj420p"
     name = folder / f"{codec}-{size[0]}.{'mp4' if codec == 'libx264' else 'avi'}"
     return write_video(name, pictures, codec=codec, pixels=pixels, options=options), truth

@@ -10,8 +10,10 @@ import numpy as np
 
 from evaluator.recording import open_recording
 from evaluator.tracking import track
+from evaluator.tracking.disc import fit, make_disc
 
 Array = np.ndarray
+UNDOUBTED = 1e6  # variance of the noise that takes no pixel for an outlier
 RANGES = {"green": ((45, 90, 80), (80, 255, 255)), "yellow": ((22, 90, 80), (38, 255, 255))}
 
 
@@ -61,6 +63,22 @@ def luma_centroid(path: Path, truth: dict[str, Array], radius: float) -> dict[st
             weight = np.clip(window - np.percentile(window, 20), 0, None)
             weight /= weight.sum()
             places[name].append((x + (weight * grid_x).sum(), y + (weight * grid_y).sum()))
+    return {name: np.array(points) for name, points in places.items()}
+
+
+def true_shape(path: Path, truth: dict[str, Array], radius: float) -> dict[str, Array]:
+    """Fit of the disc that was drawn, from its true place, every pixel by its own weight: what the codec left to find.
+
+    No method knows as much; what it errs by, the codec has moved.
+    """
+    edge = float(np.hypot(0.8, 12**-0.5))  # of the drawing's blur, and of a pixel
+    places: dict[str, list[Array]] = {name: [] for name in truth}
+    for frame in open_recording(path):
+        for name, points in truth.items():
+            x, y = map(float, points[frame.index])
+            level = float(frame.luma[round(y), round(x)]), 25.0
+            disc = make_disc(radius, edge, (0.0, 0.0), (level[0] - level[1], level[1]), UNDOUBTED)
+            places[name].append(fit(frame.luma, (0, 1), (x, y), disc)[:2])
     return {name: np.array(points) for name, points in places.items()}
 
 

@@ -8,10 +8,16 @@ from evaluator.discrepancy.added import PATTERN_SUMS
 from evaluator.discrepancy.experiment import held_out_runs, shortcomings
 from evaluator.discrepancy.forward import RunData, Task
 from evaluator.discrepancy.free import WHEEL_PATTERNS, free_terms
-from evaluator.discrepancy.simulated import Simulated
+from evaluator.discrepancy.simulated import BY_ORDER, Simulated
 from evaluator.discrepancy.terms import named_terms
+from simulator.command import Command
 from simulator.effects.catalogue import EFFECTS
-from simulator.robot import load_robot
+from simulator.effects.free_form import ID as FREE_FORM
+from simulator.integrate import simulate
+from simulator.model import compile_robot
+from simulator.observation import marks_of_run
+from simulator.robot import Effect, load_robot
+from simulator.run import State
 from simulator.terms import PATTERNS
 
 
@@ -47,6 +53,39 @@ def test_every_free_form_term_acts() -> None:
         step = tuple(coordinate.step for coordinate in term.coordinates)
         moved = simulated.marks([Task(0, own, {}, {effect: step})])[0]
         assert np.abs(moved - plain).max() > 1e-7, effect
+
+
+def test_only_effects_that_are_compiled_run_by_run_know_the_order_of_the_runs() -> None:
+    barrel = load_robot("barrel")
+    for effect, definition in EFFECTS.items():
+        values = {parameter.name: parameter.neutral + parameter.step for parameter in definition.parameters}
+        robot = barrel.model_copy(update={"effect": (Effect.model_validate({"id": effect, **values}),)})
+        same = compile_robot(robot, 0).tobytes() == compile_robot(robot, 7).tobytes()
+        assert same == (effect not in BY_ORDER), effect
+
+
+def test_marks_of_a_task_are_those_of_a_robot_with_its_friction_gains_and_effects() -> None:
+    data = _runs([(30.0, 30.0), (33.3, 14.4)])
+    barrel, terms = load_robot("barrel"), {**named_terms(20.0, (14.4, 33.3)), **free_terms()}
+    creep = "free:camera_x.time+camera_y.time"
+    own = (1.0, 2.0, 0.3, 0.05, 0.02, -0.01)
+    task = Task(1, own, {"slip.lateral_friction": 0.1}, {"drive-speed-scale": (1.03,), creep: (0.02, -0.01)})
+    seen = Simulated([barrel, barrel], data, terms).marks([Task(0, own), task])[1]
+    slip = barrel.slip.model_copy(
+        update={
+            "lateral_friction": barrel.slip.lateral_friction * 1.1 * 1.05,
+            "longitudinal_friction": barrel.slip.longitudinal_friction * 1.05,
+        }
+    )
+    entries = [
+        {"id": "drive-speed-scale", "factor": 1.03},
+        {"id": FREE_FORM, "channel": "camera_x", "basis": "time", "coefficient": 0.02},
+        {"id": FREE_FORM, "channel": "camera_y", "basis": "time", "coefficient": -0.01},
+    ]
+    robot = barrel.model_copy(update={"slip": slip, "effect": tuple(map(Effect.model_validate, entries))})
+    command = Command.constant(33.3 * 1.02, 14.4 * 0.99, 0.1)
+    marks = marks_of_run(robot, simulate(robot, command, data[1].time_s, State(*own[:3])))
+    assert np.abs(seen - marks.iloc[:, 1:].to_numpy()).max() < 2e-5
 
 
 def test_what_cannot_be_simulated_is_nan_not_an_exception() -> None:

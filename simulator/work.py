@@ -1,0 +1,34 @@
+"""The record in which a run is worked out: where it stands, and scratch of the kernels.
+
+One record stands for a dozen arrays in the arguments of the kernels, and costs them less: numba counts the users of an
+array at every call that hands it on, a record is handed on as its place in memory. So whoever makes a record must hold
+the array it stands in while the record is in use.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simulator.contact import ROWS
+from simulator.segments import COLUMNS
+
+STAGES = 6
+POINTS, TABLE_ROWS = 12, 16  # of a step by collocation, see simulator.collocation
+WORK = np.dtype(
+    [
+        ("pose", float, 3),  # x, y, heading at the start of the step
+        ("y", float, 6),  # twist since then, and velocity
+        ("segment", float, COLUMNS),  # of the command, see simulator.segments
+        ("end", float, (2, 6)),  # y at the end of the step, and the estimate of its error
+        ("stages", float, (STAGES, 6)),
+        ("linear", float, (8, 3)),  # accelerations; derivative by velocity (3 rows), by twist (3 rows), by time
+        ("bent", float, (4, 3)),  # accelerations and derivative by velocity within an iteration
+        ("inverse", float, (3, 3)),
+        ("block", float, (3, 3)),
+        ("contacts", float, (ROWS, 4)),  # see simulator.contact
+        ("spare", float, (8, 6)),
+        ("table", float, (TABLE_ROWS, POINTS)),
+        ("inverses", float, (POINTS, 3, 3)),
+    ],
+    align=True,
+)
