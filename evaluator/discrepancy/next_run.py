@@ -127,7 +127,8 @@ def _rivals(search: Search, chosen: Set, table: Standing, apart: Mapping[str, Ma
     found = {
         " + ".join(sorted(ids)) or "no effect": search.fits[ids]
         for ids, probability in zip(table.sets, table.probability, strict=True)
-        if ids != chosen and probability > RIVAL_PROBABILITY
+        # one more effect beside those chosen did not pay for itself: no run tells it from one of size nought
+        if ids != chosen and not (chosen and ids > chosen) and probability > RIVAL_PROBABILITY
     }
     for effect, others in apart.items():
         near = sorted((sigmas, other) for other, sigmas in others.items() if other and sigmas < SAME_SIGMAS)
