@@ -22,6 +22,9 @@ Floats = NDArray[np.float64]
 
 
 FEWEST_FREEDOM = 6  # an F test on fewer says little
+LEAST_TOLD = (
+    0.01  # share of its variance that a run must tell of a friction or gain: a straight run tells nothing of it
+)
 
 
 @dataclass(frozen=True)
@@ -53,30 +56,42 @@ def adequacy(fit: Fit, data: Sequence[RunData]) -> Adequacy:
         square, count = float(left @ left), float(len(left) - basis.shape[1])
         by_run.append(square / max(count, 1.0))
         total, freedom = total + square, freedom + count
-    own = run_effects(fit.reduced, theta, fit.posterior.scatter)[0]
+    own, unknown = run_effects(fit.reduced, theta, fit.posterior.scatter)
+    told = 1 - np.diagonal(unknown, axis1=1, axis2=2) / fit.posterior.scatter**2
     excess = total / max(freedom, 1.0)
-    order_p, depends_on = _order(own, [data[run] for run in fit.runs])
+    order_p, depends_on = _order(own / fit.posterior.scatter, told, [data[run] for run in fit.runs])
     return Adequacy(excess, (excess - 1) / np.sqrt(2 / max(freedom, 1.0)), np.array(by_run), own, order_p, depends_on)
 
 
-def _order(own: Floats, data: Sequence[RunData]) -> tuple[float, str]:
-    """F test of each run effect on each thing that is known of a run: the smallest probability and its reason."""
+def _order(own: Floats, told: Floats, data: Sequence[RunData]) -> tuple[float, str]:
+    """F test of each run effect on each thing that is known of a run: the smallest probability and its reason.
+
+    own: (n, 3) in standard deviations of the scatter; told: (n, 3), the share of that variance which the run tells. An
+    effect is seen shrunk to its share and varies as much, so it is divided by the root of the share, and what it may
+    depend on is multiplied by that.
+    """
     tests = 0
     least, reason = 1.0, ""
     for by, columns in _known(data).items():
-        design = np.column_stack([np.ones(len(own)), columns])
-        tested, freedom = design.shape[1] - 1, len(own) - design.shape[1]
-        if freedom < FEWEST_FREEDOM or np.linalg.matrix_rank(design) <= tested:
-            continue
-        for what, column in zip(SCATTER, own.T, strict=True):
+        for what, column, share in zip(SCATTER, own.T, told.T, strict=True):
+            seen = share > LEAST_TOLD
+            weight = np.sqrt(share[seen])
+            design = np.column_stack([np.ones(seen.sum()), columns[seen]]) * weight[:, None]
+            tested, freedom = design.shape[1] - 1, len(design) - design.shape[1]
+            if freedom < FEWEST_FREEDOM or np.linalg.matrix_rank(design) <= tested:
+                continue
             tests += 1
-            left = column - design @ np.linalg.lstsq(design, column, rcond=None)[0]
-            rest = float(left @ left)
-            told = float(np.sum((column - column.mean()) ** 2)) - rest
-            p = float(stats.f.sf(told / tested / max(rest / freedom, 1e-30), tested, freedom))
+            without, rest = (_left(part, column[seen] / weight) for part in (design[:, :1], design))
+            p = float(stats.f.sf((without - rest) / tested / max(rest / freedom, 1e-30), tested, freedom))
             if p < least:
                 least, reason = p, f"{what.replace('_', ' ')} of the runs depends on {by}"
     return min(1.0, least * max(tests, 1)), reason
+
+
+def _left(design: Floats, values: Floats) -> float:
+    """Sum of squares that a regression leaves."""
+    left = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
+    return float(left @ left)
 
 
 def _known(data: Sequence[RunData]) -> dict[str, Floats]:
