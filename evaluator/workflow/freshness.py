@@ -66,6 +66,14 @@ def installed_version(name: str) -> str:
         return "not installed"
 
 
+def _as_in_tables(text: str) -> float:
+    """A number with the nine digits that tables have.
+
+    Two processes that compile the kernels at once may round the last bit differently.
+    """
+    return float(f"{float(text):.9g}")
+
+
 @dataclass
 class Record:
     """What is known of the stages of one run; `load` it, ask `fresh`, `keep` new results (written at once)."""
@@ -100,7 +108,7 @@ class Record:
         self.stages[stage] = {
             "key": key,
             "files": {str(path.relative_to(root).as_posix()): file_hash(path) for path in files},
-            "values": json.loads(json.dumps(values)),
+            "values": json.loads(json.dumps(values), parse_float=_as_in_tables),
         }
         write_text(self.path, json.dumps(self.stages, indent=1) + "\n")
         result: dict[str, Any] = self.stages[stage]["values"]
