@@ -112,7 +112,10 @@ def parameters(diagnosis: Diagnosis, term: Term) -> Json:
     own = [i for i, column in enumerate(fit.columns) if column.key == term.id]
     covariance = fit.posterior.covariance[np.ix_(own, own)]
     # the scatter is estimated from few runs: the spread over its grid is in the covariance, Student's tail is not
-    draws = np.random.default_rng(DRAW_SEED).multivariate_normal(values, covariance, DRAWS, method="svd")
+    # nor is a covariance that rounding has made a little uneven (effects that all but stand for each other) an error
+    draws = np.random.default_rng(DRAW_SEED).multivariate_normal(
+        values, covariance, DRAWS, check_valid="ignore", method="svd"
+    )
     physical = [term.physical(term.clipped(tuple(row))) for row in draws]
     best = term.physical(values)
     return {name: _interval(name, best, [item[name] for item in physical]) for name in best}
