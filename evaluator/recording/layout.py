@@ -76,7 +76,11 @@ class Layout:
 
 
 def _same(one: Plane, other: Plane) -> bool:
-    """Whether two pictures are equal; nearly all that are not differ in every 37th row already."""
-    if one.shape != other.shape or one[18::37].tobytes() != other[18::37].tobytes():
+    """Whether two pictures are equal; nearly all that are not differ in four of their rows, the rest in every 37th."""
+    if one.shape != other.shape:
         return False
+    quarter = max(len(one) // 4, 1)
+    for first, step in ((quarter // 2, quarter), (18, 37)):
+        if one[first::step].tobytes() != other[first::step].tobytes():
+            return False
     return bool(np.array_equal(one, other))

@@ -145,7 +145,9 @@ class Follower:
             self._look_closer(frame, interval_s)
         suspicious = bool(result[kernels.RESIDUAL] > 1.0 + glance.SUSPECT * self._usual[glance.U_SCATTER])
         if suspicious or lookout:
-            self._try_slope(frame, suspicious=suspicious)
+            taken = self._try_slope(frame, suspicious=suspicious)
+            if verdict == glance.WELL and not taken:
+                return self._measured(frame)  # what the glance has judged stands
         return self._judged(frame, cell, place, reach_px)
 
     def _look_closer(self, frame: Frame, interval_s: float) -> None:
@@ -179,8 +181,11 @@ class Follower:
         self._shutter = tried[-1][1]
         return tried[-1][0]
 
-    def _try_slope(self, frame: Frame, *, suspicious: bool) -> None:
-        """Fit a sloping background too, and keep that where the slope is there: the onset of glare or shadow."""
+    def _try_slope(self, frame: Frame, *, suspicious: bool) -> bool:
+        """Fit a sloping background too, and keep that where the slope is there: the onset of glare or shadow.
+
+        Returns whether it was kept.
+        """
         plain, result = self._result.copy(), self._result
         self._fit(frame, plain[: kernels.BASE + 1], self._level)
         fall = (plain[kernels.RESIDUAL] - result[kernels.RESIDUAL]) * plain[kernels.PIXELS]
@@ -193,6 +198,7 @@ class Follower:
             self._shift = tuple((share * (result[: kernels.Y + 1] - plain[: kernels.Y + 1])).tolist())
         if not taken:
             result[:] = plain
+        return taken
 
     def _glares(self, frame: Frame) -> bool:
         """Whether the fitted slope is a reflection: strong enough, and inside the mark too, unlike a body's edge."""
