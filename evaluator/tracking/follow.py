@@ -11,6 +11,7 @@ from evaluator.recording import Frame
 from evaluator.tracking import color_kernels, glance, kernels
 from evaluator.tracking.appearance import Appearance, patch_of
 from evaluator.tracking.disc import Patch
+from evaluator.tracking.rim import Rim, rim_power
 from evaluator.tracking.shading import LightNotes, interior_px
 from evaluator.tracking.sighting import ABSENT, OK, Sighting
 
@@ -36,7 +37,10 @@ SOFTNESS = 5.0
 
 LATELY = 4.0  # intervals since a mark was seen from which its place then tells no longer how fast it is
 
-SHUTTERS = (0.1, 0.3, 0.5, 0.7, 0.9)  # shares of an interval that are tried: smear adds variance, 1/12 of its square
+SHUTTERS, SHUTTER_STEP = (
+    (0.1, 0.3, 0.5, 0.7, 0.9),
+    0.2,
+)  # shares of an interval that are tried: smear adds variance, 1/12 of its square
 SMEARED_PX = 2.0  # motion in an interval from which the share matters
 
 VIEW_EVERY = 10
@@ -60,12 +64,13 @@ class Follower:
 
     def __post_init__(self) -> None:
         """Make the arrays the kernels read and fill."""
-        self._shutter = 0.5 if self.exposure is None else self.exposure
+        # Share of the interval that the shutter is open, and its standard uncertainty: any share is as likely.
+        self.shutter = (0.5, 12**-0.5) if self.exposure is None else (self.exposure, 0.0)
         self._found, self._result = np.zeros(5), np.zeros(kernels.RESULTS)
         self._fitted = self._result.tolist()
         self._start, self._level = np.zeros(4), np.zeros(2)
         self.seen, self.views = 0, list[Patch]()
-        self.light = LightNotes()
+        self.light, self.rim = LightNotes(), Rim()
         self._slope = np.zeros(2)
         self._watch, self._shift = 0, (0.0, 0.0)
         self._usual = np.zeros(5)
@@ -82,7 +87,7 @@ class Follower:
             disc.amplitude, disc.base, 0.5 * disc.noise, look.area_px2
         )  # fmt: skip
         self.radius_px = disc.radius_px
-        self.light.interior_px = interior_px(disc)
+        self.light.interior_px, self.rim = interior_px(disc), Rim()
         self.color = look.color.copy()
 
     def predicted(self, time_s: float) -> Point | None:
@@ -129,7 +134,7 @@ class Follower:
 
         cell: of the chroma samples, as `color_kernels.color_window` takes it.
         """
-        velocity, exposure_s, result = self.velocity, self._shutter * interval_s, self._result
+        velocity, exposure_s, result = self.velocity, self.shutter[0] * interval_s, self._result
         verdict = glance.glance(
             frame.luma, frame.u, frame.v, frame.row_origin, frame.row_step, cell, *place, reach_px,
             velocity[0] * exposure_s, velocity[1] * exposure_s, self.color, self._usual, self._disc, self._table,
@@ -176,7 +181,7 @@ class Follower:
             glance.smear(self._disc, velocity[0] * best * interval_s, velocity[1] * best * interval_s)
             self._fit(frame, start)
             tried.append((float(self._result[kernels.RESIDUAL]), best))
-        self._shutter = tried[-1][1]
+        self.shutter = tried[-1][1], SHUTTER_STEP * 12**-0.5
         return tried[-1][0]
 
     def _try_slope(self, frame: Frame, *, suspicious: bool) -> None:
@@ -231,10 +236,10 @@ class Follower:
             reason = "disturbed"
         elif colored > glance.MANY * self.look.area_px2 or abs(x - seen_x) + abs(y - seen_y) > slack:
             reason = self._crowd(frame, cell, (x, y), slack)
-        return ABSENT[reason] if reason else self._measured(frame)
+        return ABSENT[reason] if reason else self._measured(frame, closely=True)
 
-    def _measured(self, frame: Frame) -> Sighting:
-        """Give what was fitted, with its uncertainty."""
+    def _measured(self, frame: Frame, *, closely: bool = False) -> Sighting:
+        """Give what was fitted, with its uncertainty; closely: look along the rim, too."""
         self._fitted = self._result.tolist()
         x, y, _, _, var_x, var_y, cov_xy, residual, _, _, pixels, slope, _ = self._fitted
         # Residuals above the learnt noise (codec, wire, texture) widen the uncertainty by more than chance makes them
@@ -243,8 +248,15 @@ class Follower:
         if residual > 1.0:
             odd = residual - 1.0 - glance.ODD * float(self._usual[glance.U_SCATTER])
             scale = max(1.0, residual - (2.0 / max(pixels, 1.0)) ** 0.5) + LIKENESS * pixels * max(odd, 0.0)
+        if closely:
+            origin, step = frame.row_origin, frame.row_step
+            power = rim_power(frame.luma, origin, step, self._result, self._disc, self._table, self._noise)
+            self.rim.note(power, 0.5 * scale * (var_x + var_y))
         self.light.note_fit(frame.time_s, sloped=slope != 0.0)
-        return Sighting(x, y, scale * var_x + dx * dx, scale * var_y + dy * dy, scale * cov_xy + dx * dy, OK)
+        rim = self.rim.extra_px2
+        return Sighting(
+            x, y, scale * var_x + dx * dx + rim, scale * var_y + dy * dy + rim, scale * cov_xy + dx * dy, OK
+        )
 
     def keep_view(self, frame: Frame) -> None:
         """Keep some clear views of the mark, for learning its shape anew once it was seen in other places."""

@@ -24,6 +24,7 @@ LEARNING_FRAMES = 12  # pictures a shape is learnt from; more do not improve the
 SHADING_MASK, SHADED, RARELY_MASK = 1, 512, 15
 UNEQUAL = 0.08  # radii of equal marks differ by less: halation of a brighter mark, learning from noisy pictures
 UNEQUAL_NOISE = 4.0  # and so does their noise: light and codec treat them alike
+UNEQUAL_SLANT = 0.02  # and they are slanted alike: a rim that something cuts looks slanted alone
 NEAR_MISSES = 8  # pictures for which a lost mark is sought first where it was going to
 DARKEST = 0.2  # of the light there was: below that, marks that can still be told are found as never seen before
 LIGHT_MASK = 7  # light is looked at in every eighth picture
@@ -240,7 +241,8 @@ class Tracker:
         worse, better = sorted(marks, key=lambda mark: mark.radius_px)
         if worse.radius_px > (1 - UNEQUAL) * better.radius_px:
             better, worse = sorted(marks, key=lambda mark: mark.look.disc.noise)
-            if worse.look.disc.noise < UNEQUAL_NOISE * better.look.disc.noise:
+            alike = worse.look.disc.unlike(better.look.disc) < UNEQUAL_SLANT
+            if alike and worse.look.disc.noise < UNEQUAL_NOISE * better.look.disc.noise:
                 return
         shape, own = better.look.disc, worse.look.disc
         slant, level = (shape.e1, shape.e2), (own.amplitude, own.base)
