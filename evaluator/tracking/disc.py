@@ -97,6 +97,12 @@ def make_disc(
     return Disc(radius_px, blur_px, *slant, *level, noise, profile, slope, by_square(radius_px, profile, slope))
 
 
+def shaped_as(own: Disc, shape: Disc) -> Disc:
+    """A disc of its own levels with the shape, and the noise, of another."""
+    levels = own.amplitude, own.base
+    return make_disc(shape.radius_px, shape.blur_px, (shape.e1, shape.e2), levels, shape.noise)
+
+
 def by_square(radius_px: float, profile: Array, slope: Array) -> NDArray[np.float32]:
     """Profile, and slope over radius, against the square of the radius: neither root nor direction is then needed."""
     radii = np.arange(len(profile)) / PER_PX

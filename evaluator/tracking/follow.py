@@ -70,9 +70,9 @@ class Follower:
         self._fitted = self._result.tolist()
         self._start, self._level = np.zeros(4), np.zeros(2)
         self.seen, self.views = 0, list[Patch]()
-        self.light, self.rim = LightNotes(), Rim()
-        self._slope = np.zeros(2)
+        self.light, self.rim, self._slope = LightNotes(), Rim(), np.zeros(2)
         self._watch, self._shift = 0, (0.0, 0.0)
+        self.glimpse: tuple[Point | None, float] = None, 0.0  # where and when it was seen last but not measured
         self._usual = np.zeros(5)
         self._usual[glance.U_SCATTER] = (glance.DISTURBED - 1.0) / glance.ODD  # the largest that is believed
         self.take_look(self.look)
@@ -114,11 +114,12 @@ class Follower:
         if not 1.0 / glance.BRIGHTER < light < glance.BRIGHTER:
             # Lights were switched: the mark has changed as all has.
             self._usual[[glance.U_AMPLITUDE, glance.U_BASE, glance.U_LEAST_NOISE]] *= light, light, max(light, 1.0)
-        lapse, velocities = frame.time_s - self.time_s, [(0.0, 0.0)]
-        if guide != (0.0, 0.0):
-            velocities.insert(0, guide)
-        if self.position is not None and 0 < lapse < LATELY * interval_s:
-            velocities.insert(0, ((place[0] - self.position[0]) / lapse, (place[1] - self.position[1]) / lapse))
+        velocities = [(0.0, 0.0)] if guide == (0.0, 0.0) else [guide, (0.0, 0.0)]
+        # Seen in the picture before, though not measured: a jump of speed smears a mark as nothing foretold.
+        for where, when in ((self.position, self.time_s), self.glimpse):
+            lapse = frame.time_s - when
+            if where is not None and 0 < lapse < LATELY * interval_s:
+                velocities.insert(0, ((place[0] - where[0]) / lapse, (place[1] - where[1]) / lapse))
         one = ABSENT["not seen"]
         for self.velocity in velocities:
             one = self.look_at(frame, cell, place, 3.0, interval_s)
@@ -249,14 +250,12 @@ class Follower:
             odd = residual - 1.0 - glance.ODD * float(self._usual[glance.U_SCATTER])
             scale = max(1.0, residual - (2.0 / max(pixels, 1.0)) ** 0.5) + LIKENESS * pixels * max(odd, 0.0)
         if closely:
-            origin, step = frame.row_origin, frame.row_step
-            power = rim_power(frame.luma, origin, step, self._result, self._disc, self._table, self._noise)
-            self.rim.note(power, 0.5 * scale * (var_x + var_y))
+            where = frame.luma, frame.row_origin, frame.row_step, self._result
+            self.rim.note(rim_power(*where, self._disc, self._table, self._noise), 0.5 * scale * (var_x + var_y))
         self.light.note_fit(frame.time_s, sloped=slope != 0.0)
         rim = self.rim.extra_px2
-        return Sighting(
-            x, y, scale * var_x + dx * dx + rim, scale * var_y + dy * dy + rim, scale * cov_xy + dx * dy, OK
-        )
+        var_x, var_y, cov_xy = scale * var_x + dx * dx + rim, scale * var_y + dy * dy + rim, scale * cov_xy + dx * dy
+        return Sighting(x, y, var_x, var_y, cov_xy, OK)
 
     def keep_view(self, frame: Frame) -> None:
         """Keep some clear views of the mark, for learning its shape anew once it was seen in other places."""

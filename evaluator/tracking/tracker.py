@@ -12,7 +12,7 @@ from evaluator.recording import Frame
 from evaluator.tracking.appearance import Appearance, learn_color, learn_shape, patch_of, with_disc
 from evaluator.tracking.body import PAIR, Body
 from evaluator.tracking.choose import Candidate
-from evaluator.tracking.disc import Patch, make_disc
+from evaluator.tracking.disc import Patch, shaped_as
 from evaluator.tracking.find import allowed_cells, cell_of, find_marks, neutral_of
 from evaluator.tracking.follow import RELEARN_AT, Array, Follower, Point
 from evaluator.tracking.search import Search
@@ -188,6 +188,8 @@ class Tracker:
             one = follower.look_again(frame, self.cell, place, self.interval_s, guide, self._dimmed)
             if one.status == OK:
                 return one
+        if places:
+            follower.glimpse = places[0][:2], frame.time_s
         return miss
 
     def _note_distance(self, sightings: list[Sighting]) -> None:
@@ -212,6 +214,10 @@ class Tracker:
         disc = learn_shape([patch_of(frame, candidate.center_px, candidate.radius_px)], candidate.radius_px)
         if disc is None:
             return
+        partner = self.followers.get(next(iter(PAIR - {name}))) if name in PAIR else None
+        if partner is not None and partner.seen >= LEARNING_FRAMES:
+            # What hid it so long may still cut it or shine on it: its partner shows what it looks like.
+            disc = shaped_as(disc, partner.look.disc)
         area = np.pi * max(candidate.radius_px**2, 0.8 * disc.radius_px**2)
         follower = Follower(Appearance(color, area, disc), self.settings.exposure)
         follower.position, follower.time_s = candidate.center_px, frame.time_s
@@ -244,10 +250,7 @@ class Tracker:
             alike = worse.look.disc.unlike(better.look.disc) < UNEQUAL_SLANT
             if alike and worse.look.disc.noise < UNEQUAL_NOISE * better.look.disc.noise:
                 return
-        shape, own = better.look.disc, worse.look.disc
-        slant, level = (shape.e1, shape.e2), (own.amplitude, own.base)
-        disc = make_disc(shape.radius_px, shape.blur_px, slant, level, shape.noise)
-        worse.take_look(with_disc(worse.look, disc))
+        worse.take_look(with_disc(worse.look, shaped_as(worse.look.disc, better.look.disc)))
 
     def _again(self, name: str, frame: Frame, one: Sighting) -> Sighting:
         if one.status != OK:
