@@ -57,6 +57,11 @@ class Disc:
         shape = self.radius_px, self.blur_px, self.e1, self.e2
         return np.array([*shape, self.outer_px, *smear_px, _per_px2(self.radius_px)])
 
+    @property
+    def unclear(self) -> float:
+        """Variance of the noise over the square of the contrast."""
+        return self.noise / max(self.amplitude**2, 1e-9)
+
     def unlike(self, other: Disc) -> float:
         """How differently two discs are slanted, beyond three sigmas of what noise makes of that where it is learnt."""
         return float(np.hypot(self.e1 - other.e1, self.e2 - other.e2)) - 3.0 * (self._unsure() + other._unsure())

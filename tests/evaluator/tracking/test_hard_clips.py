@@ -161,22 +161,6 @@ def test_a_glare_that_was_there_from_the_start_does_not_pull_a_mark(tmp_path: Pa
     assert (np.abs(normal[np.isfinite(normal)]) < 5).all()
 
 
-def test_a_mark_that_comes_out_of_a_glare_is_measured_as_its_partner_looks(tmp_path: Path) -> None:
-    x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
-    start = turning_marks(1, (118.0, 100.0), 36.0, 10.0, 0.02)["green"][0]
-
-    def glare(picture: np.ndarray, k: int) -> None:
-        # It saturates the mark at first and withdraws from it.
-        away = np.hypot(x - start[0] - 16.0 - 0.3 * k, y - start[1])
-        light = 900.0 * np.exp(-0.5 * (away / 14.0) ** 2) if k < 45 else 0.0 * away
-        picture[:] = np.clip(picture + light[..., None], 0, 255)
-
-    table, truth = tracked(tmp_path, glare)
-    error = np.abs(errors(table, truth, "green")[0])
-    assert (table["green_status"][46:] == "ok").all()
-    assert np.nanmax(error) < 0.5
-
-
 def test_settings_refuse_what_they_do_not_know() -> None:
     with pytest.raises(ValueError, match="diametre"):
         TrackingSettings.model_validate({"mark": {"green": {"diametre": 3}}})
