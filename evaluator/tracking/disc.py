@@ -60,6 +60,26 @@ class Disc:
         shape = self.radius_px, self.blur_px, self.e1, self.e2
         return np.array([*shape, self.outer_px, *smear_px, _per_px2(self.radius_px)])
 
+    @property
+    def unclear(self) -> float:
+        """Variance of the noise over the square of the contrast."""
+        return self.noise / max(self.amplitude**2, 1e-9)
+
+    def unlike(self, other: Disc) -> float:
+        """How differently two discs are slanted, beyond three sigmas of what noise makes of that where it is learnt."""
+        return float(np.hypot(self.e1 - other.e1, self.e2 - other.e2)) - 3.0 * (self._unsure() + other._unsure())
+
+    def _unsure(self) -> float:
+        """Standard uncertainty of a slant from six pictures: an edge off by c·cos 2φ is slanted by 2c/R."""
+        return (
+            2.0
+            / self.radius_px
+            * float(
+                np.sqrt(2 * np.sqrt(np.pi) * self.blur_px / (np.pi * self.radius_px) * self.noise / 6.0)
+                / abs(self.amplitude)
+            )
+        )
+
 
 def tabulate(radius_px: float, blur_px: float) -> tuple[Array, Array]:
     """Profile and slope of a blurred disc against radius, PER_PX entries a pixel, to 6 blurs beyond the edge."""
@@ -83,6 +103,12 @@ def make_disc(
     """Build a disc with its tables. slant: e1, e2; level: amplitude, base; noise: variance."""
     profile, slope = tabulate(radius_px, blur_px)
     return Disc(radius_px, blur_px, *slant, *level, noise, profile, slope, by_square(radius_px, profile, slope))
+
+
+def shaped_as(own: Disc, shape: Disc) -> Disc:
+    """A disc of its own levels with the shape, and the noise, of another."""
+    levels = own.amplitude, own.base
+    return make_disc(shape.radius_px, shape.blur_px, (shape.e1, shape.e2), levels, shape.noise)
 
 
 def by_square(radius_px: float, profile: Array, slope: Array) -> NDArray[np.float32]:

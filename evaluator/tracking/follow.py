@@ -11,6 +11,7 @@ from evaluator.recording import Frame
 from evaluator.tracking import color_kernels, glance, kernels
 from evaluator.tracking.appearance import Appearance, patch_of
 from evaluator.tracking.disc import Patch
+from evaluator.tracking.rim import Rim, rim_power
 from evaluator.tracking.shading import LightNotes, interior_px
 from evaluator.tracking.sighting import ABSENT, OK, Sighting
 
@@ -36,7 +37,10 @@ SOFTNESS = 5.0
 
 LATELY = 4.0  # intervals since a mark was seen from which its place then tells no longer how fast it is
 
-SHUTTERS = (0.1, 0.3, 0.5, 0.7, 0.9)  # shares of an interval that are tried: smear adds variance, 1/12 of its square
+SHUTTERS, SHUTTER_STEP = (
+    (0.1, 0.3, 0.5, 0.7, 0.9),
+    0.2,
+)  # shares of an interval that are tried: smear adds variance, 1/12 of its square
 SMEARED_PX = 2.0  # motion in an interval from which the share matters
 
 VIEW_EVERY = 10
@@ -60,14 +64,15 @@ class Follower:
 
     def __post_init__(self) -> None:
         """Make the arrays the kernels read and fill."""
-        self._shutter = 0.5 if self.exposure is None else self.exposure
+        # Share of the interval that the shutter is open, and its standard uncertainty: any share is as likely.
+        self.shutter = (0.5, 12**-0.5) if self.exposure is None else (self.exposure, 0.0)
         self._found, self._result = np.zeros(5), np.zeros(kernels.RESULTS)
         self._fitted = self._result.tolist()
         self._start, self._level = np.zeros(4), np.zeros(2)
         self.seen, self.views = 0, list[Patch]()
-        self.light = LightNotes()
-        self._slope = np.zeros(2)
+        self.light, self.rim, self._slope = LightNotes(), Rim(), np.zeros(2)
         self._watch, self._shift = 0, (0.0, 0.0)
+        self.glimpse: tuple[Point | None, float] = None, 0.0  # where and when it was seen last but not measured
         self._usual = np.zeros(5)
         self._usual[glance.U_SCATTER] = (glance.DISTURBED - 1.0) / glance.ODD  # the largest that is believed
         self.take_look(self.look)
@@ -82,7 +87,7 @@ class Follower:
             disc.amplitude, disc.base, 0.5 * disc.noise, look.area_px2
         )  # fmt: skip
         self.radius_px = disc.radius_px
-        self.light.interior_px = interior_px(disc)
+        self.light.interior_px, self.rim = interior_px(disc), Rim()
         self.color = look.color.copy()
 
     def predicted(self, time_s: float) -> Point | None:
@@ -109,11 +114,12 @@ class Follower:
         if not 1.0 / glance.BRIGHTER < light < glance.BRIGHTER:
             # Lights were switched: the mark has changed as all has.
             self._usual[[glance.U_AMPLITUDE, glance.U_BASE, glance.U_LEAST_NOISE]] *= light, light, max(light, 1.0)
-        lapse, velocities = frame.time_s - self.time_s, [(0.0, 0.0)]
-        if guide != (0.0, 0.0):
-            velocities.insert(0, guide)
-        if self.position is not None and 0 < lapse < LATELY * interval_s:
-            velocities.insert(0, ((place[0] - self.position[0]) / lapse, (place[1] - self.position[1]) / lapse))
+        velocities = [(0.0, 0.0)] if guide == (0.0, 0.0) else [guide, (0.0, 0.0)]
+        # Seen in the picture before, though not measured: a jump of speed smears a mark as nothing foretold.
+        for where, when in ((self.position, self.time_s), self.glimpse):
+            lapse = frame.time_s - when
+            if where is not None and 0 < lapse < LATELY * interval_s:
+                velocities.insert(0, ((place[0] - where[0]) / lapse, (place[1] - where[1]) / lapse))
         one = ABSENT["not seen"]
         for self.velocity in velocities:
             one = self.look_at(frame, cell, place, 3.0, interval_s)
@@ -129,7 +135,7 @@ class Follower:
 
         cell: of the chroma samples, as `color_kernels.color_window` takes it.
         """
-        velocity, exposure_s, result = self.velocity, self._shutter * interval_s, self._result
+        velocity, exposure_s, result = self.velocity, self.shutter[0] * interval_s, self._result
         verdict = glance.glance(
             frame.luma, frame.u, frame.v, frame.row_origin, frame.row_step, cell, *place, reach_px,
             velocity[0] * exposure_s, velocity[1] * exposure_s, self.color, self._usual, self._disc, self._table,
@@ -178,7 +184,7 @@ class Follower:
             glance.smear(self._disc, velocity[0] * best * interval_s, velocity[1] * best * interval_s)
             self._fit(frame, start)
             tried.append((float(self._result[kernels.RESIDUAL]), best))
-        self._shutter = tried[-1][1]
+        self.shutter = tried[-1][1], SHUTTER_STEP * 12**-0.5
         return tried[-1][0]
 
     def _try_slope(self, frame: Frame, *, suspicious: bool) -> bool:
@@ -237,10 +243,10 @@ class Follower:
             reason = "disturbed"
         elif colored > glance.MANY * self.look.area_px2 or abs(x - seen_x) + abs(y - seen_y) > slack:
             reason = self._crowd(frame, cell, (x, y), slack)
-        return ABSENT[reason] if reason else self._measured(frame)
+        return ABSENT[reason] if reason else self._measured(frame, closely=True)
 
-    def _measured(self, frame: Frame) -> Sighting:
-        """Give what was fitted, with its uncertainty."""
+    def _measured(self, frame: Frame, *, closely: bool = False) -> Sighting:
+        """Give what was fitted, with its uncertainty; closely: look along the rim, too."""
         self._fitted = self._result.tolist()
         x, y, _, _, var_x, var_y, cov_xy, residual, _, _, pixels, slope, _ = self._fitted
         # Residuals above the learnt noise (codec, wire, texture) widen the uncertainty by more than chance makes them
@@ -249,8 +255,13 @@ class Follower:
         if residual > 1.0:
             odd = residual - 1.0 - glance.ODD * float(self._usual[glance.U_SCATTER])
             scale = max(1.0, residual - (2.0 / max(pixels, 1.0)) ** 0.5) + LIKENESS * pixels * max(odd, 0.0)
+        if closely:
+            where = frame.luma, frame.row_origin, frame.row_step, self._result
+            self.rim.note(rim_power(*where, self._disc, self._table, self._noise), 0.5 * scale * (var_x + var_y))
         self.light.note_fit(frame.time_s, sloped=slope != 0.0)
-        return Sighting(x, y, scale * var_x + dx * dx, scale * var_y + dy * dy, scale * cov_xy + dx * dy, OK)
+        rim = self.rim.extra_px2
+        var_x, var_y, cov_xy = scale * var_x + dx * dx + rim, scale * var_y + dy * dy + rim, scale * cov_xy + dx * dy
+        return Sighting(x, y, var_x, var_y, cov_xy, OK)
 
     def keep_view(self, frame: Frame) -> None:
         """Keep some clear views of the mark, for learning its shape anew once it was seen in other places."""

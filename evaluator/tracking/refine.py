@@ -1,4 +1,4 @@
-"""What the whole recording tells of each picture's centres: uneven light taken out, uncertainties made whole."""
+"""What the whole recording tells of each centre: uneven light and exposure taken out, uncertainties made whole."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.tracking.exposed import exposed
 from evaluator.tracking.follow import Follower
 from evaluator.tracking.repeated import repeated_pictures
 from evaluator.tracking.rigid import Distance, wrong_ends
@@ -49,6 +50,9 @@ def refine(
             values[shifted, :2] -= shift[shifted]
             values[shifted, 2:4] += variance[shifted, None]
         _allow_for_onsets(values)
+        shift, variance = exposed(time_s, values[:, :2], values[:, 2:4], follower.shutter)
+        values[:, :2] -= shift
+        values[:, 2:4] += variance
         values[:, 2:4] += hidden_variance(time_s, values[:, :2], values[:, 2:4].mean(axis=1), kind)[:, None]
     for first, second in combinations(numbers, 2):
         if {first, second} == {"green", "yellow"}:  # the marks of one robot; others may move apart

@@ -12,7 +12,7 @@ from evaluator.recording import Frame
 from evaluator.tracking.appearance import Appearance, learn_color, learn_shape, patch_of, with_disc
 from evaluator.tracking.body import PAIR, Body
 from evaluator.tracking.choose import Candidate
-from evaluator.tracking.disc import Patch, make_disc
+from evaluator.tracking.disc import Patch, shaped_as
 from evaluator.tracking.find import allowed_cells, cell_of, find_marks, neutral_of
 from evaluator.tracking.follow import RELEARN_AT, Array, Follower, Point
 from evaluator.tracking.search import Search
@@ -24,6 +24,8 @@ LEARNING_FRAMES = 12  # pictures a shape is learnt from; more do not improve the
 SHADING_MASK, SHADED, RARELY_MASK = 1, 512, 15
 UNEQUAL = 0.08  # radii of equal marks differ by less: halation of a brighter mark, learning from noisy pictures
 UNEQUAL_NOISE = 4.0  # and so does their noise: light and codec treat them alike
+UNEQUAL_SLANT = 0.02  # and they are slanted alike: a rim that something cuts looks slanted alone
+DAZZLED = 2.0  # noise over squared contrast of one over the other; by their colours alone they differ by less
 NEAR_MISSES = 8  # pictures for which a lost mark is sought first where it was going to
 DARKEST = 0.2  # of the light there was: below that, marks that can still be told are found as never seen before
 LIGHT_MASK = 7  # light is looked at in every eighth picture
@@ -187,6 +189,8 @@ class Tracker:
             one = follower.look_again(frame, self.cell, place, self.interval_s, guide, self._dimmed)
             if one.status == OK:
                 return one
+        if places:
+            follower.glimpse = places[0][:2], frame.time_s
         return miss
 
     def _note_distance(self, sightings: list[Sighting]) -> None:
@@ -211,6 +215,10 @@ class Tracker:
         disc = learn_shape([patch_of(frame, candidate.center_px, candidate.radius_px)], candidate.radius_px)
         if disc is None:
             return
+        partner = self.followers.get(next(iter(PAIR - {name}))) if name in PAIR else None
+        if partner is not None and partner.seen >= LEARNING_FRAMES:
+            # What hid it so long may still cut it or shine on it: its partner shows what it looks like.
+            disc = shaped_as(disc, partner.look.disc)
         area = np.pi * max(candidate.radius_px**2, 0.8 * disc.radius_px**2)
         follower = Follower(Appearance(color, area, disc), self.settings.exposure)
         follower.position, follower.time_s = candidate.center_px, frame.time_s
@@ -238,14 +246,16 @@ class Tracker:
             return
         marks = [self.followers[name] for name in ("green", "yellow")]
         worse, better = sorted(marks, key=lambda mark: mark.radius_px)
-        if worse.radius_px > (1 - UNEQUAL) * better.radius_px:
+        if worse.radius_px < (1 - UNEQUAL) * better.radius_px:
+            # What hides a mark makes it smaller; what dazzles it takes its contrast, and makes it larger.
+            if better.look.disc.unclear > DAZZLED * worse.look.disc.unclear:
+                worse, better = better, worse
+        else:
             better, worse = sorted(marks, key=lambda mark: mark.look.disc.noise)
-            if worse.look.disc.noise < UNEQUAL_NOISE * better.look.disc.noise:
+            alike = worse.look.disc.unlike(better.look.disc) < UNEQUAL_SLANT
+            if alike and worse.look.disc.noise < UNEQUAL_NOISE * better.look.disc.noise:
                 return
-        shape, own = better.look.disc, worse.look.disc
-        slant, level = (shape.e1, shape.e2), (own.amplitude, own.base)
-        disc = make_disc(shape.radius_px, shape.blur_px, slant, level, shape.noise)
-        worse.take_look(with_disc(worse.look, disc))
+        worse.take_look(with_disc(worse.look, shaped_as(worse.look.disc, better.look.disc)))
 
     def _again(self, name: str, frame: Frame, one: Sighting) -> Sighting:
         if one.status != OK:

@@ -1,0 +1,41 @@
+"""Where a mark was in the middle of an exposure: its picture shows where it was on the average.
+
+Speed that changes by a·t during an exposure T leaves the average off the middle by a·T²/24. Where it jumps by Δv at a
+moment t from the middle, the average is off by Δv·(T/2 - |t|)²/2T: a jump at any moment is as likely as at any other,
+and the mean square is (Δv·T)²/320.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+STEADY, JUMP = 24.0, 320.0
+# Sigmas from which a jump is more than the centres' own error; sum of the squares of their weights in it.
+CERTAIN, WEIGHTS = 3.0, 17.5
+
+
+def exposed(time_s: Array, centers_px: Array, variances: Array, shutter: tuple[float, float]) -> tuple[Array, Array]:
+    """Shift of the average off the middle of the exposure, px, and its variance per axis, px²; both (n, 2).
+
+    centers_px, variances: (n, 2), px and px², NaN where absent. shutter: share of the interval that it is open, and its
+    standard uncertainty. Beside an absent picture any change of speed may be a jump.
+    """
+    n = len(time_s)
+    if n < 3:
+        return np.zeros((n, 2)), np.zeros((n, 2))
+    share, unsure = shutter
+    interval = np.where(np.diff(time_s) > 0, np.diff(time_s), np.nan)
+    change, lapse = np.full((n, 2), np.nan), np.full((n, 1), np.nan)
+    change[1:-1] = np.diff(np.diff(centers_px, axis=0) / interval[:, None], axis=0)
+    lapse[1:-1] = np.minimum(interval[1:], interval[:-1])[:, None]
+    # A steady change goes on in the pictures around; a jump shows in one alone, or in two of three in part.
+    around = np.pad(change, ((1, 1), (0, 0)), constant_values=np.nan)
+    steady = np.nan_to_num(np.median([around[:-2], change, around[2:]], axis=0))
+    lapse, own = np.nan_to_num(lapse), np.nan_to_num(variances)
+    jump = (np.nan_to_num(change) - steady) * lapse
+    jump[jump**2 < CERTAIN**2 * WEIGHTS * own] = 0.0
+    shift = steady * lapse * share**2 / STEADY
+    of_share = steady * lapse * 2 * share * unsure / STEADY
+    return shift, of_share**2 + (jump * share) ** 2 / JUMP
