@@ -30,17 +30,13 @@ SMALLEST_PX = 2.0  # radius of a mark's even inside that a slope can be seen in
 # ones (wires, glare, shadows) reach a third of that.
 LIKENESS = 0.11
 HOPELESS = 8.0  # residual at which a disc is no longer what is seen
-
 # Sigmas beyond which a pixel is taken for something else than mark or background. Noise loses nothing (weights fall as
 # 1/(1 + (r/5)⁴): 0.4 % of the information), a wire or a glint loses its pull.
 SOFTNESS = 5.0
 
 LATELY = 4.0  # intervals since a mark was seen from which its place then tells no longer how fast it is
-
-SHUTTERS, SHUTTER_STEP = (
-    (0.1, 0.3, 0.5, 0.7, 0.9),
-    0.2,
-)  # shares of an interval that are tried: smear adds variance, 1/12 of its square
+# Shares of an interval that are tried as the shutter's: smear adds variance, 1/12 of its square.
+SHUTTERS, SHUTTER_STEP = (0.1, 0.3, 0.5, 0.7, 0.9), 0.2
 SMEARED_PX = 2.0  # motion in an interval from which the share matters
 
 VIEW_EVERY = 10
