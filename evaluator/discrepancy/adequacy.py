@@ -22,9 +22,8 @@ Floats = NDArray[np.float64]
 
 
 FEWEST_FREEDOM = 6  # an F test on fewer says little
-LEAST_TOLD = (
-    0.01  # share of its variance that a run must tell of a friction or gain: a straight run tells nothing of it
-)
+# Share of its variance that a run must tell of a friction or gain to count: a straight run tells nothing of friction.
+LEAST_TOLD = 0.01
 
 
 @dataclass(frozen=True)

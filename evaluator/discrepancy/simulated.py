@@ -66,17 +66,10 @@ class Simulated:
         Tasks that differ only in errors which runs share (of the camera) have one simulation.
         """
         variants = self._variants_of(tasks)
-        distinct: dict[tuple[object, ...], int] = {}
-        which = [
-            distinct.setdefault((task.run, task.own, id(variant)), len(distinct))
-            for task, variant in zip(tasks, variants, strict=True)
-        ]
-        first = dict(zip(reversed(which), range(len(tasks) - 1, -1, -1), strict=True))
-        chosen = [first[place] for place in range(len(distinct))]
-        simulated = self._simulated([tasks[number] for number in chosen], [variants[number] for number in chosen])
-        return [
-            _with_shared(simulated[place], task, self._data[task.run]) for place, task in zip(which, tasks, strict=True)
-        ]
+        keys = [(task.run, task.own, id(variant)) for task, variant in zip(tasks, variants, strict=True)]
+        distinct = dict(zip(keys, zip(tasks, variants, strict=True), strict=True))
+        simulated = dict(zip(distinct, self._simulated(*zip(*distinct.values(), strict=True)), strict=True))
+        return [_with_shared(simulated[key], task, self._data[task.run]) for key, task in zip(keys, tasks, strict=True)]
 
     def _simulated(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[Floats]:
         result = [np.full((len(self._data[task.run].time_s), 4), np.nan) for task in tasks]
