@@ -9,10 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.recording import Frame
+from evaluator.tracking import kernels
 from evaluator.tracking.choose import Candidate
+from evaluator.tracking.covered import fit_uncovered
 from evaluator.tracking.disc import Disc, Patch, cut_patch, learn_disc
 
 Array = NDArray[np.float64]
+# Sigmas beyond which a pixel is taken for something else than mark or background. Noise loses nothing (weights fall as
+# 1/(1 + (r/5)⁴): 0.4 % of the information), a wire or a glint loses its pull.
+SOFTNESS = 5.0
+# Times that a shape is learnt anew without what covers it: the first shape bends toward that, and hides half of it.
+CLEARINGS = 3
+SEVERAL = 3  # patches: fewer do not tell what covers a mark from what it is
+NO_DISC = 0.5  # share of the information on its centre that a mark has lost where it is no disc at all
 ENOUGH = 1009  # samples of a patch that a shape is learnt from: all of a mark of 8 px radius
 
 
@@ -53,23 +62,56 @@ def patch_of(frame: Frame, center_px: tuple[float, float], radius_px: float) -> 
 
 def learn_shape(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0) -> Disc | None:
     """Learn the disc from patches around the mark; None where there is none of about that radius."""
-    whole = [_thinned(patch) for patch in patches if len(patch.value) > 30]
+    whole = [patch for patch in patches if len(patch.value) > 30]
     if not whole:
         return None
     try:
-        disc, spread = learn_disc(whole, radius_px, blur_px)
+        disc, _ = learn_disc([_thinned(patch) for patch in whole], radius_px, blur_px)
+        better = _learn_clear(whole, disc) if len(whole) >= SEVERAL else None
     except np.linalg.LinAlgError:
         return None
+    disc = better or disc
     plausible = 0.4 < disc.radius_px / radius_px < 2.0
-    return disc if plausible and abs(disc.amplitude) > 2 * spread else None
+    return disc if plausible and abs(disc.amplitude) > 2 * disc.noise**0.5 else None
+
+
+def _learn_clear(patches: list[Patch], disc: Disc) -> Disc | None:
+    """Learn a disc anew without what covers it; None where nothing does, or so much that it is rather no disc."""
+    better = None
+    for _ in range(CLEARINGS):
+        shown, covered = zip(*[_uncovered(patch, better or disc) for patch in patches], strict=True)
+        if np.mean(covered) > NO_DISC:
+            return None
+        if not any(covered):
+            break
+        clear = [_thinned(_part(patch, kept)) for patch, kept in zip(patches, shown, strict=True)]
+        better, _ = learn_disc(clear, disc.radius_px, disc.blur_px)
+    return better
+
+
+def _uncovered(patch: Patch, disc: Disc) -> tuple[NDArray[np.bool_], float]:
+    """Which samples of a patch (a whole rectangle) nothing lies across, (n,); what share of the information is lost."""
+    columns = int(np.count_nonzero(patch.y == patch.y[0]))
+    luma = patch.value.reshape(-1, columns).astype(np.uint16)
+    rows = float(patch.y[0]), float(patch.y[columns] - patch.y[0]) if len(patch.y) > columns else 1.0
+    start = np.array([patch.center_px[0] - patch.x[0], patch.center_px[1], disc.amplitude, disc.base])
+    shown, fitted, noise = np.ones(luma.shape, bool), np.zeros(kernels.RESULTS), np.array([disc.noise, SOFTNESS])
+    shape, share = (disc.numbers(), disc.table, noise), 0.0
+    kernels.fit_disc(luma, *rows, start, np.zeros(2), *shape, fitted)
+    if np.isfinite(fitted[kernels.X]):
+        share = float(fit_uncovered(luma, *rows, fitted, *shape, fitted.copy(), shown))
+    return shown.ravel(), share
+
+
+def _part(patch: Patch, kept: NDArray[np.bool_] | NDArray[np.intp]) -> Patch:
+    return Patch(patch.x[kept], patch.y[kept], patch.value[kept], patch.center_px)
 
 
 def _thinned(patch: Patch) -> Patch:
     """At most ENOUGH samples, spread evenly: an error of the shape does not move the centre of a large mark."""
     if len(patch.value) <= ENOUGH:
         return patch
-    kept = np.linspace(0, len(patch.value) - 1, ENOUGH).astype(int)
-    return Patch(patch.x[kept], patch.y[kept], patch.value[kept], patch.center_px)
+    return _part(patch, np.linspace(0, len(patch.value) - 1, ENOUGH).astype(int))
 
 
 def with_disc(look: Appearance, disc: Disc) -> Appearance:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from evaluator.recording import Frame
 from evaluator.tracking import color_kernels, glance, kernels
-from evaluator.tracking.appearance import Appearance, patch_of
+from evaluator.tracking.appearance import SOFTNESS, Appearance, patch_of
+from evaluator.tracking.closer import Closer
 from evaluator.tracking.disc import Patch
 from evaluator.tracking.rim import Rim, rim_power
 from evaluator.tracking.shading import LightNotes, interior_px
@@ -17,22 +18,10 @@ from evaluator.tracking.sighting import ABSENT, OK, Sighting
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
-SLOPING = 12.0  # fall of the squares, in variances, that two slopes bring by chance once in 400 pictures
-# A slope that was there from the start, or came slowly, looks just like a shift: it is looked for in every fourth
-# picture, and in the eight after one that has it. Lenses and lamps change by about 0.1 % a pixel (`shading`),
-# reflections by more.
-LOOKOUT_MASK, WATCHED, GLARING = 3, 8, 1.5e-3
-# Of the shift that a slope makes, what may be left: all of it where it is not taken out, and where it is, what bends
-# (the light of a lamp's reflection, over the distance that it fades in).
-UNTAKEN, BENT = 1.0, 0.2
-SMALLEST_PX = 2.0  # radius of a mark's even inside that a slope can be seen in
 # A disturbance that looked just like a shift would move the centre by √pixels times its own share of the noise; real
 # ones (wires, glare, shadows) reach a third of that.
 LIKENESS = 0.11
 HOPELESS = 8.0  # residual at which a disc is no longer what is seen
-# Sigmas beyond which a pixel is taken for something else than mark or background. Noise loses nothing (weights fall as
-# 1/(1 + (r/5)⁴): 0.4 % of the information), a wire or a glint loses its pull.
-SOFTNESS = 5.0
 
 LATELY = 4.0  # intervals since a mark was seen from which its place then tells no longer how fast it is
 # Shares of an interval that are tried as the shutter's: smear adds variance, 1/12 of its square.
@@ -63,11 +52,9 @@ class Follower:
         # Share of the interval that the shutter is open, and its standard uncertainty: any share is as likely.
         self.shutter = (0.5, 12**-0.5) if self.exposure is None else (self.exposure, 0.0)
         self._found, self._result = np.zeros(5), np.zeros(kernels.RESULTS)
-        self._fitted = self._result.tolist()
-        self._start, self._level = np.zeros(4), np.zeros(2)
+        self._fitted, self._start = self._result.tolist(), np.zeros(4)
         self.seen, self.views = 0, list[Patch]()
-        self.light, self.rim, self._slope = LightNotes(), Rim(), np.zeros(2)
-        self._watch, self._shift = 0, (0.0, 0.0)
+        self.light, self.rim = LightNotes(), Rim()
         self.glimpse: tuple[Point | None, float] = None, 0.0  # where and when it was seen last but not measured
         self._usual = np.zeros(5)
         self._usual[glance.U_SCATTER] = (glance.DISTURBED - 1.0) / glance.ODD  # the largest that is believed
@@ -79,6 +66,8 @@ class Follower:
         self.look = look
         self._disc, self._table = disc.numbers(), disc.table
         self._noise = np.array([disc.noise, SOFTNESS])
+        inner_px = disc.radius_px - 2.5 * disc.blur_px
+        self._closer = Closer(self._disc, self._table, self._noise, self._result, inner_px, disc.blur_px)
         self._usual[[glance.U_AMPLITUDE, glance.U_BASE, glance.U_LEAST_NOISE, glance.U_AREA]] = (
             disc.amplitude, disc.base, 0.5 * disc.noise, look.area_px2
         )  # fmt: skip
@@ -139,17 +128,16 @@ class Follower:
         )  # fmt: skip
         if verdict == glance.TOO_LITTLE:
             return ABSENT["outside the picture" if self._found[color_kernels.CLIPPED] > 0.2 else "not seen"]
-        self._shift = 0.0, 0.0
-        lookout = self._watch > 0 or not frame.index & LOOKOUT_MASK
+        lookout = self._closer.begin(frame)
         if verdict == glance.WELL and not lookout:
             return self._measured(frame)
         if verdict == glance.UNUSUAL:
             self._look_closer(frame, interval_s)
         suspicious = bool(result[kernels.RESIDUAL] > 1.0 + glance.SUSPECT * self._usual[glance.U_SCATTER])
         if suspicious or lookout:
-            taken = self._try_slope(frame, suspicious=suspicious)
+            taken = self._closer.look(frame, suspicious=suspicious)
             if verdict == glance.WELL and not taken:
-                return self._measured(frame)  # what the glance has judged stands
+                return self._measured(frame, closely=True)  # what the glance has judged stands
         return self._judged(frame, cell, place, reach_px)
 
     def _look_closer(self, frame: Frame, interval_s: float) -> None:
@@ -164,7 +152,7 @@ class Follower:
             least = usual[glance.U_LEAST_NOISE]
             self._noise[0] = min(self._noise[0] * brighter**2, glance.NOISE_RANGE * least)
             start[2], start[3] = result[kernels.AMPLITUDE], result[kernels.BASE]
-            self._fit(frame, start)
+            self._closer.fit(frame, start)
 
     def _learn_exposure(self, frame: Frame, start: Array, interval_s: float) -> float:
         """See from a mark that moves fast which share of the interval the shutter is open; returns the residual."""
@@ -178,47 +166,10 @@ class Follower:
         for share in (*SHUTTERS, None):
             best = min(tried)[1] if share is None else share
             glance.smear(self._disc, velocity[0] * best * interval_s, velocity[1] * best * interval_s)
-            self._fit(frame, start)
+            self._closer.fit(frame, start)
             tried.append((float(self._result[kernels.RESIDUAL]), best))
         self.shutter = tried[-1][1], SHUTTER_STEP * 12**-0.5
         return tried[-1][0]
-
-    def _try_slope(self, frame: Frame, *, suspicious: bool) -> bool:
-        """Fit a sloping background too, and keep that where the slope is there: the onset of glare or shadow.
-
-        Returns whether it was kept.
-        """
-        plain, result = self._result.copy(), self._result
-        self._fit(frame, plain[: kernels.BASE + 1], self._level)
-        fall = (plain[kernels.RESIDUAL] - result[kernels.RESIDUAL]) * plain[kernels.PIXELS]
-        sloping = bool(fall > SLOPING)
-        self._watch = WATCHED if sloping else self._watch - 1
-        taken = sloping and (suspicious or self._glares(frame))
-        taken |= suspicious and bool(plain[kernels.RESIDUAL] >= glance.DISTURBED)
-        if sloping:
-            share = BENT if taken else UNTAKEN
-            self._shift = tuple((share * (result[: kernels.Y + 1] - plain[: kernels.Y + 1])).tolist())
-        if not taken:
-            result[:] = plain
-        return taken
-
-    def _glares(self, frame: Frame) -> bool:
-        """Whether the fitted slope is a reflection: strong enough, and inside the mark too, unlike a body's edge."""
-        x, y, slope = self._result[0], self._result[1], self._result[kernels.SLOPE_X : kernels.SLOPE_Y + 1]
-        inner = self.radius_px - 2.5 * self.look.disc.blur_px
-        if inner < SMALLEST_PX or np.hypot(*slope) < GLARING * abs(self._result[kernels.AMPLITUDE]):
-            return False
-        kernels.interior_slope(frame.luma, frame.row_origin, frame.row_step, x, y, inner, self._slope)
-        # The slope of a plane through n samples of a disc of radius r is known to 2·noise/(r·√n).
-        sigma = 2.0 * np.sqrt(self._noise[0] / np.pi) / inner**2
-        steepness = np.hypot(*slope)
-        return bool(3.0 * sigma < steepness and np.hypot(*(self._slope - slope)) < 0.5 * steepness + 3.0 * sigma)
-
-    def _fit(self, frame: Frame, start: Array, slopes: Array | None = None) -> None:
-        kernels.fit_disc(
-            frame.luma, frame.row_origin, frame.row_step, start, slopes, self._disc, self._table, self._noise,
-            self._result,
-        )  # fmt: skip
 
     def _judged(self, frame: Frame, cell: Array, place: Point, reach_px: float) -> Sighting:
         """Say why what was fitted is not the mark, or give it."""
@@ -245,16 +196,18 @@ class Follower:
         """Give what was fitted, with its uncertainty; closely: look along the rim, too."""
         self._fitted = self._result.tolist()
         x, y, _, _, var_x, var_y, cov_xy, residual, _, _, pixels, slope, _ = self._fitted
+        self.light.note_fit(frame.time_s, sloped=slope != 0.0)
+        if self._closer.covered:
+            return Sighting(x, y, var_x, var_y, cov_xy, OK)
         # Residuals above the learnt noise (codec, wire, texture) widen the uncertainty by more than chance makes them
         # scatter; a chance calm keeps it.
-        scale, (dx, dy) = 1.0, self._shift
+        scale, (dx, dy) = 1.0, self._closer.shift
         if residual > 1.0:
             odd = residual - 1.0 - glance.ODD * float(self._usual[glance.U_SCATTER])
             scale = max(1.0, residual - (2.0 / max(pixels, 1.0)) ** 0.5) + LIKENESS * pixels * max(odd, 0.0)
         if closely:
             where = frame.luma, frame.row_origin, frame.row_step, self._result
             self.rim.note(rim_power(*where, self._disc, self._table, self._noise), 0.5 * scale * (var_x + var_y))
-        self.light.note_fit(frame.time_s, sloped=slope != 0.0)
         rim = self.rim.extra_px2
         var_x, var_y, cov_xy = scale * var_x + dx * dx + rim, scale * var_y + dy * dy + rim, scale * cov_xy + dx * dy
         return Sighting(x, y, var_x, var_y, cov_xy, OK)

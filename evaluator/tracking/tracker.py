@@ -106,7 +106,7 @@ class Tracker:
         follower = self.followers[name]
         if one.status == OK:
             follower.keep_view(frame)
-            if follower.seen in RELEARN_AT and follower.looks_changed():
+            if follower.seen in RELEARN_AT and follower.views and follower.looks_changed():
                 self._relearn(follower, follower.views[:: -(-len(follower.views) // LEARNING_FRAMES)])
                 self._agree()
             if not frame.index & (SHADING_MASK if follower.seen < SHADED else RARELY_MASK):

@@ -1,0 +1,120 @@
+"""Look closer at a mark that was just fitted: whether light slopes across it, whether something covers a part of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.recording import Frame
+from evaluator.tracking import glance, kernels
+from evaluator.tracking.covered import BENT, NOTABLE, SLOPING, fit_uncovered, share_covered
+
+Array = NDArray[np.float64]
+
+# A slope or a wire that was there from the start, or came slowly, looks just like a shift: it is looked for in every
+# fourth picture, and in the eight after one that has it. Lenses and lamps change by about 0.1 % a pixel (`shading`),
+# reflections by more.
+LOOKOUT_MASK, WATCHED, GLARING = 3, 8, 1.5e-3
+UNTAKEN = 1.0  # of the shift that a slope makes, what may be left where it is not taken out
+SMALLEST_PX = 2.0  # radius of a mark's even inside that a slope can be seen in
+LEFT = 0.35  # share of a mark's information that is left where it is still measured beside what covers it
+# Of what seems covered: a slope that leaves more of it is none. Wires leave 0.95 or more of it, glare up to 0.85.
+EXPLAINED = 0.9
+# Standard uncertainty, in blurs of the edge, up to which the parts of a rim agree: beyond, steps are no longer linear.
+AGREED = 0.25
+NOWHERE = np.ones((0, 0), bool)
+
+
+@dataclass
+class Closer:
+    """Fits of one mark and what they show; the arrays are those of `kernels.fit_disc`, shared with who follows it.
+
+    inner_px: radius of the mark's even inside. watch: pictures in which to look closer. shift: of the centre by a slope
+    that was not taken out, as far as it may be wrong, px. covered: whether the result is that of what shows beside
+    something that covers the mark: its variances are then whole.
+    """
+
+    disc: Array
+    table: NDArray[np.float32]
+    noise: Array
+    result: Array
+    inner_px: float
+    blur_px: float
+    watch: int = 0
+    shift: tuple[float, float] = (0.0, 0.0)
+    covered: bool = False
+
+    def begin(self, frame: Frame) -> bool:
+        """Forget the picture before; whether a mark that looks well is to be looked at closer in this one."""
+        self.shift, self.covered = (0.0, 0.0), False
+        return self.watch > 0 or not frame.index & LOOKOUT_MASK
+
+    def fit(self, frame: Frame, start: Array, slopes: Array | None = None) -> None:
+        """Fit the disc."""
+        kernels.fit_disc(
+            frame.luma, frame.row_origin, frame.row_step, start, slopes, self.disc, self.table, self.noise, self.result
+        )
+
+    def look(self, frame: Frame, *, suspicious: bool) -> bool:
+        """Fit a sloping background too, or what shows beside something in the way; keep the one that is there.
+
+        Returns whether one was kept.
+        """
+        plain, result = self.result.copy(), self.result
+        if not np.isfinite(plain[kernels.X]):
+            return False
+        share = self._share_covered(frame)
+        self.fit(frame, plain[: kernels.BASE + 1], np.zeros(2))
+        if share > NOTABLE and self._share_covered(frame) > EXPLAINED * share:
+            sloped = result.copy()
+            result[:] = plain
+            if self._uncover(frame):
+                return True
+            result[:] = sloped
+        return self._keep_slope(frame, plain, suspicious=suspicious)
+
+    def _keep_slope(self, frame: Frame, plain: Array, *, suspicious: bool) -> bool:
+        """Keep the fit with a slope where the slope is there: the onset of glare or shadow; else the plain one."""
+        result = self.result
+        fall = (plain[kernels.RESIDUAL] - result[kernels.RESIDUAL]) * plain[kernels.PIXELS]
+        sloping = bool(fall > SLOPING)
+        self.watch = WATCHED if sloping else self.watch - 1
+        taken = sloping and (suspicious or self._glares(frame))
+        taken |= suspicious and bool(plain[kernels.RESIDUAL] >= glance.DISTURBED)
+        if sloping:
+            share = BENT if taken else UNTAKEN
+            self.shift = tuple((share * (result[: kernels.Y + 1] - plain[: kernels.Y + 1])).tolist())
+        if not taken:
+            result[:] = plain
+        return taken
+
+    def _share_covered(self, frame: Frame) -> float:
+        where = frame.luma, frame.row_origin, frame.row_step
+        return float(share_covered(*where, self.result, self.disc, self.table, self.noise))
+
+    def _uncover(self, frame: Frame) -> bool:
+        """Fit what shows of the mark where something covers it, and keep that; returns whether it was kept."""
+        result, plain = self.result, self.result.copy()
+        where = frame.luma, frame.row_origin, frame.row_step
+        share = fit_uncovered(*where, plain, self.disc, self.table, self.noise, result, NOWHERE)
+        sure = result[kernels.VAR_X] + result[kernels.VAR_Y] < 2.0 * (AGREED * self.blur_px) ** 2
+        self.covered = bool(0.0 < share < 1.0 - LEFT and sure and result[kernels.RESIDUAL] < glance.DISTURBED)
+        if self.covered:
+            self.watch = WATCHED
+        else:
+            result[:] = plain
+        return self.covered
+
+    def _glares(self, frame: Frame) -> bool:
+        """Whether the fitted slope is a reflection: strong enough, and inside the mark too, unlike a body's edge."""
+        x, y, slope = self.result[0], self.result[1], self.result[kernels.SLOPE_X : kernels.SLOPE_Y + 1]
+        inner, inside = self.inner_px, np.zeros(2)
+        if inner < SMALLEST_PX or np.hypot(*slope) < GLARING * abs(self.result[kernels.AMPLITUDE]):
+            return False
+        kernels.interior_slope(frame.luma, frame.row_origin, frame.row_step, x, y, inner, inside)
+        # The slope of a plane through n samples of a disc of radius r is known to 2·noise/(r·√n).
+        sigma = 2.0 * np.sqrt(self.noise[0] / np.pi) / inner**2
+        steepness = np.hypot(*slope)
+        return bool(3.0 * sigma < steepness and np.hypot(*(inside - slope)) < 0.5 * steepness + 3.0 * sigma)
