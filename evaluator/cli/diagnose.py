@@ -51,7 +51,8 @@ def diagnose(
     Writes diagnosis.json, disagreement.csv and, where something is missing, robot_with_effect.toml, a robot for every
     other command and for experiment files. Runs given as videos are tracked first; runs that cannot be used are named
     and left out. Nominal values move only within the [tolerance] of the robot file; a robot file without tolerances is
-    taken as exact. Where nothing has changed since the last time, that answer is given again at once.
+    taken as exact. Where nothing has changed since the last time, that answer is given again at once; where it was
+    interrupted, it goes on with the fits made so far.
 
     Several experiments are diagnosed side by side, each into a folder of its own name in DIR. No result depends on
     --workers or --dask.

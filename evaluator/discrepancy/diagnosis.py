@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from evaluator.discrepancy.adequacy import Adequacy, adequacy
 from evaluator.discrepancy.crossval import Constancy, advantage, constancy
+from evaluator.discrepancy.ends import Ends
 from evaluator.discrepancy.experiment import Session, held_out_runs, shortcomings
 from evaluator.discrepancy.fit import Fit, fit_model, place_runs, place_starts
 from evaluator.discrepancy.free import free_terms
@@ -91,8 +92,8 @@ class Diagnosis:
         return self.search.fits[self.chosen]
 
 
-def diagnose(session: Session, progress: Progress) -> Diagnosis:
-    """Find out what is missing in the model of these runs."""
+def diagnose(session: Session, progress: Progress, ends: Ends | None = None) -> Diagnosis:
+    """Find out what is missing in the model of these runs; ends: of the fits made before an interruption."""
     reasons = shortcomings(session.data)
     if reasons:
         return Diagnosis("insufficient", "; ".join(reasons), session)
@@ -103,7 +104,7 @@ def diagnose(session: Session, progress: Progress) -> Diagnosis:
     free = free_terms()
     terms: dict[str, Term] = {**named, **free}
     progress("noise", 0.0)
-    problem, start = build_problem(data, Simulated(session.robots, data, terms))
+    problem, start = build_problem(data, Simulated(session.robots, data, terms), ends)
     held_out = held_out_runs(data)
     fitted = tuple(run for run in range(len(data)) if run not in held_out)
     part = Search(problem, named, session.tolerance, fitted)
