@@ -85,7 +85,7 @@ def _learn_clear(patches: list[Patch], disc: Disc) -> Disc | None:
         if not any(covered):
             break
         clear = [_thinned(_part(patch, kept)) for patch, kept in zip(patches, shown, strict=True)]
-        better, _ = learn_disc(clear, disc.radius_px, disc.blur_px)
+        better = replace(learn_disc(clear, disc.radius_px, disc.blur_px)[0], covered=float(np.mean(covered)))
     return better
 
 

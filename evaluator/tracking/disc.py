@@ -46,6 +46,7 @@ class Disc:
     profile: Array
     slope: Array
     table: NDArray[np.float32]
+    covered: float = 0.0
 
     @property
     def outer_px(self) -> float:

@@ -25,6 +25,7 @@ SHADING_MASK, SHADED, RARELY_MASK = 1, 512, 15
 UNEQUAL = 0.08  # radii of equal marks differ by less: halation of a brighter mark, learning from noisy pictures
 UNEQUAL_NOISE = 4.0  # and so does their noise: light and codec treat them alike
 UNEQUAL_SLANT = 0.02  # and they are slanted alike: a rim that something cuts looks slanted alone
+MORE_COVERED = 0.05  # of its information, from which a mark tells less of its shape than its partner
 DAZZLED = 2.0  # noise over squared contrast of one over the other; by their colours alone they differ by less
 NEAR_MISSES = 8  # pictures for which a lost mark is sought first where it was going to
 DARKEST = 0.2  # of the light there was: below that, marks that can still be told are found as never seen before
@@ -245,6 +246,10 @@ class Tracker:
         if not {"green", "yellow"} <= self.followers.keys():
             return
         marks = [self.followers[name] for name in ("green", "yellow")]
+        better, worse = sorted(marks, key=lambda mark: mark.look.disc.covered)
+        if worse.look.disc.covered > better.look.disc.covered + MORE_COVERED:
+            worse.take_look(with_disc(worse.look, shaped_as(worse.look.disc, better.look.disc)))
+            return
         worse, better = sorted(marks, key=lambda mark: mark.radius_px)
         if worse.radius_px < (1 - UNEQUAL) * better.radius_px:
             # What hides a mark makes it smaller; what dazzles it takes its contrast, and makes it larger.
