@@ -51,7 +51,8 @@ def diagnose(
     Writes diagnosis.json, disagreement.csv and, where something is missing, robot_with_effect.toml, a robot for every
     other command and for experiment files. Runs given as videos are tracked first; runs that cannot be used are named
     and left out. Nominal values move only within the [tolerance] of the robot file; a robot file without tolerances is
-    taken as exact. Where nothing has changed since the last time, that answer is given again at once.
+    taken as exact. Where nothing has changed since the last time, that answer is given again at once; where it was
+    interrupted, it goes on with the fits made so far.
 
     Several experiments are diagnosed side by side, each into a folder of its own name in DIR. No result depends on
     --workers or --dask.
@@ -120,7 +121,7 @@ def summary(content: dict[str, Any]) -> list[str]:
         equivalents_sentence,
         gap_sentence,
         in_words,
-        next_run_sentence,
+        next_runs_sentence,
         verdict_sentence,
     )
 
@@ -134,7 +135,7 @@ def summary(content: dict[str, Any]) -> list[str]:
     if content.get("runs_not_followed") and closes(content):
         lines.append(f"Not followed, look at these recordings first: {', '.join(content['runs_not_followed'])}.")
     lines += [as_sentence(item["sentence"]) for item in content["where"][:SENTENCES]]
-    lines.append(next_run_sentence(content["next_experiment"]))
+    lines.append(next_runs_sentence(content["next_experiment"]))
     return [line for line in lines if line]
 
 

@@ -21,6 +21,7 @@ STEPS_PER_S = 10  # of the path that must have room
 REST_S = 0.5
 HEADINGS_DEG = tuple(range(0, 360, 45))
 SHARES = (1.0, 0.7, 0.4)  # of the faster wheel's speed: straight, a wide turn, a tight turn
+PIVOTS = (0.0, -1.0)  # about the wheel that stands still, and on the spot
 # Middle and corners of the room that a run leaves free, as shares of its half widths.
 MIDDLE = (0.0, 0.0)
 CORNERS = ((0.9, 0.9), (-0.9, -0.9), (0.9, -0.9), (-0.9, 0.9))
@@ -65,12 +66,16 @@ class Room:
         return Room((float(middle[0]), float(middle[1])), (float(half[0]), float(half[1])))
 
 
-def commands_at(levels_rpm: Sequence[float]) -> list[tuple[float, float]]:
-    """Straight runs and turns to both sides, forward and backward, at these levels, the highest and half of it."""
+def commands_at(levels_rpm: Sequence[float], *, pivots: bool = False) -> list[tuple[float, float]]:
+    """Straight runs and turns to both sides, forward and backward, at these levels, the highest and half of it.
+
+    pivots: also turns in which one wheel stands still or turns backward, for a rig whose wheels are driven apart.
+    """
     top = max(levels_rpm)
+    shares = SHARES + PIVOTS if pivots else SHARES
     levels = sorted({round(level, 3) for level in (*levels_rpm, top, top / 2) if level > 0})
     forward = {
-        pair for level in levels for share in SHARES for pair in ((level, level * share), (level * share, level))
+        pair for level in levels for share in shares for pair in ((level, level * share), (level * share, level))
     }
     return sorted(forward | {(-left, -right) for left, right in forward})
 

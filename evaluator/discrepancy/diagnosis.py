@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 
 from evaluator.discrepancy.adequacy import Adequacy, adequacy
 from evaluator.discrepancy.crossval import Constancy, advantage, constancy
+from evaluator.discrepancy.ends import Ends
 from evaluator.discrepancy.experiment import Session, held_out_runs, shortcomings
 from evaluator.discrepancy.fit import Fit, fit_model, place_runs, place_starts
 from evaluator.discrepancy.free import free_terms
 from evaluator.discrepancy.gap import Gap, noise_floor, run_gaps
 from evaluator.discrepancy.horizon import is_large, short_horizon_fits
-from evaluator.discrepancy.next_run import NextRun, best_next_run
+from evaluator.discrepancy.next_runs import NextRuns, best_next_runs
 from evaluator.discrepancy.problem import Point, Problem, build_problem, with_noise_of
-from evaluator.discrepancy.rivals import Set, Standing, is_free, predictive_score, separations, standing
+from evaluator.discrepancy.rivals import Set, Standing, is_free, predictive_score, score, separations, standing
 from evaluator.discrepancy.search import HOPELESS, Search, fit_set, run_search, screen
 from evaluator.discrepancy.simulated import Simulated
 from evaluator.discrepancy.terms import Term, named_terms
@@ -80,7 +81,7 @@ class Diagnosis:
     terms: Mapping[str, Term] | None = None
     pieces: pd.DataFrame | None = None
     where: tuple[Dependence, ...] = ()
-    next_run: NextRun | None = None
+    next_runs: NextRuns | None = None
     astray: tuple[int, ...] = ()  # runs that the chosen model does not follow
     constancy: tuple[Constancy, ...] = ()  # of the best named effects
 
@@ -91,8 +92,8 @@ class Diagnosis:
         return self.search.fits[self.chosen]
 
 
-def diagnose(session: Session, progress: Progress) -> Diagnosis:
-    """Find out what is missing in the model of these runs."""
+def diagnose(session: Session, progress: Progress, ends: Ends | None = None) -> Diagnosis:
+    """Find out what is missing in the model of these runs; ends: of the fits made before an interruption."""
     reasons = shortcomings(session.data)
     if reasons:
         return Diagnosis("insufficient", "; ".join(reasons), session)
@@ -103,7 +104,7 @@ def diagnose(session: Session, progress: Progress) -> Diagnosis:
     free = free_terms()
     terms: dict[str, Term] = {**named, **free}
     progress("noise", 0.0)
-    problem, start = build_problem(data, Simulated(session.robots, data, terms))
+    problem, start = build_problem(data, Simulated(session.robots, data, terms), ends)
     held_out = held_out_runs(data)
     fitted = tuple(run for run in range(len(data)) if run not in held_out)
     part = Search(problem, named, session.tolerance, fitted)
@@ -115,7 +116,7 @@ def diagnose(session: Session, progress: Progress) -> Diagnosis:
     everything = _on_all_runs(part, terms)
     _challenge(everything, free, progress)
     table = standing(everything, len(free))
-    best_named = _kept(everything, table)
+    best_named = _kept(everything, table, len(free))
     chosen, verdict, reason = _decide(everything, table, best_named)
     left = adequacy(everything.fits[chosen], data)
     constant = constancy(everything.fits[best_named], data, session.tolerance)
@@ -141,7 +142,7 @@ def diagnose(session: Session, progress: Progress) -> Diagnosis:
     apart = separations(everything, best_named) if best_named else {}
     progress("where and what next", 0.95)
     table_of_pieces = pieces(problem, before)
-    following = best_next_run(everything, chosen, table, apart, _levels(session))
+    following = best_next_runs(everything, chosen, table, apart)
     return Diagnosis(
         verdict=verdict,
         reason=reason,
@@ -160,7 +161,7 @@ def diagnose(session: Session, progress: Progress) -> Diagnosis:
         terms=terms,
         pieces=table_of_pieces,
         where=tuple(dependences(table_of_pieces)),
-        next_run=following,
+        next_runs=following,
         astray=astray,
         constancy=tuple(constant),
     )
@@ -254,13 +255,12 @@ def _challenge(search: Search, free: Mapping[str, Term], progress: Progress) -> 
             hopeless = 0 if near else hopeless + 1
 
 
-def _kept(search: Search, table: Standing) -> Set:
+def _kept(search: Search, table: Standing, families: int) -> Set:
     """The best set of named effects of which each pays for itself."""
     for ids in table.sets:
         if any(is_free(effect) for effect in ids):
             continue
-        without = [ids - {effect} for effect in ids]
-        if all(rest not in search.fits or table.of(ids) - table.of(rest) > KEEP[len(ids)] for rest in without):
+        if all(table.of(ids) - score(search, ids - {effect}, families) > KEEP[len(ids)] for effect in ids):
             return ids
     return frozenset()
 

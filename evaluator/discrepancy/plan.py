@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from evaluator.discrepancy.candidates import CORNERS, HEADINGS_DEG, MIDDLE, Candidate, Room, placed
 from evaluator.discrepancy.fit import prior_precision
 from evaluator.discrepancy.mixed import at_scatter, reduce_runs
-from evaluator.discrepancy.next_run import hypothetical
+from evaluator.discrepancy.next_runs import hypothetical
 from evaluator.discrepancy.noise import Noise
 from evaluator.discrepancy.problem import Column, Point
 from evaluator.discrepancy.terms import Term

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.discrepancy.drift import with_drift
+from evaluator.discrepancy.ends import Ends
 from evaluator.discrepancy.features import (
     Compression,
     channel_noise,
@@ -98,6 +99,7 @@ class Problem:
     noise: tuple[tuple[Noise, ...], ...]
     half_distance_mm: float
     horizon_s: float = np.inf  # only frames up to so long after the start of the motors count
+    ends: Ends = field(default_factory=Ends)  # of the fits made before
 
     def counting_frames(self, run: int) -> NDArray[np.bool_]:
         """Frames (n,) of a run that count: both marks seen, within the horizon."""
@@ -181,11 +183,14 @@ def _tasks(point: Point, points: Sequence[Point], run: int) -> list[Task]:
     return [at.task(run) for at in points] + [point.task(run, step) for step in np.diag(OWN_STEPS)]
 
 
-def build_problem(data: Sequence[RunData], forward: Forward) -> tuple[Problem, Point]:
-    """Estimate the tracking noise and compress every run; also gives the nominal point with aligned starts."""
+def build_problem(data: Sequence[RunData], forward: Forward, ends: Ends | None = None) -> tuple[Problem, Point]:
+    """Estimate the tracking noise and compress every run; also gives the nominal point with aligned starts.
+
+    ends: of the fits that an interrupted diagnosis of the same data made.
+    """
     channels = tuple(channels_of(run.marks_mm) for run in data)
     half = float(np.nanmedian(np.concatenate([item[:, 3] for item in channels]))) / 2
-    bare = Problem(tuple(data), forward, channels, (), (), half)
+    bare = Problem(tuple(data), forward, channels, (), (), half, ends=ends or Ends())
     point = Point(aligned_starts(data, forward))
     return with_noise_of(bare, point), point
 

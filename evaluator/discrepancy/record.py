@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,6 +16,7 @@ from evaluator.discrepancy.fit import place_runs
 from evaluator.discrepancy.forward import SHARED_UNIT, is_shared
 from evaluator.discrepancy.free import FreeTerm
 from evaluator.discrepancy.gap import rms
+from evaluator.discrepancy.next_runs import MOST_RUNS
 from evaluator.discrepancy.rivals import SAME_SIGMAS, Set, is_free
 from evaluator.discrepancy.terms import Parameters, Term
 from evaluator.discrepancy.where import QUANTITIES, pieces
@@ -207,18 +209,27 @@ def _times(odds: float) -> str:
 
 
 def _next(diagnosis: Diagnosis) -> Json | None:
-    following = diagnosis.next_run
+    """Runs to make, each with how many times, what they would separate, and what no runs would."""
+    following = diagnosis.next_runs
     if following is None:
         return None
-    run = following.candidate
+    times = Counter(following.runs)
     return {
-        "left_rpm": run.left_rpm,
-        "right_rpm": run.right_rpm,
-        "x_mm": run.x_mm,
-        "y_mm": run.y_mm,
-        "heading_deg": run.heading_deg,
-        "duration_s": run.duration_s,
+        "runs": [
+            {
+                "left_rpm": run.left_rpm,
+                "right_rpm": run.right_rpm,
+                "x_mm": run.x_mm,
+                "y_mm": run.y_mm,
+                "heading_deg": run.heading_deg,
+                "duration_s": run.duration_s,
+                "times": count,
+            }
+            for run, count in times.items()
+        ],
         "separation_sigmas": {name: _rounded(value) for name, value in following.sigmas.items()},
+        "most_runs": MOST_RUNS,
+        "inseparable_sigmas": {name: _rounded(value) for name, value in following.inseparable.items()},
     }
 
 

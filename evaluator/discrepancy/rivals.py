@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evaluator.discrepancy.fit import Fit, place_runs, prior_precision
 from evaluator.discrepancy.free import PREFIX
 from evaluator.discrepancy.mixed import MixedModel, reduce_runs
-from evaluator.discrepancy.search import Search, log_prior, screen
+from evaluator.discrepancy.search import Search, fit_set, log_prior, screen
 
 Floats = NDArray[np.float64]
 Set = frozenset[str]
@@ -28,12 +28,18 @@ def is_free(effect: str) -> bool:
 
 
 def score(search: Search, ids: Set, families: int) -> float:
-    """Log evidence plus log prior of a fitted set, free-form terms included."""
+    """Log evidence plus log prior of a set, free-form terms included.
+
+    Of a fit that did not converge this is the least that it can be; minus infinity where there is none at all.
+    """
+    fit = search.fits.get(ids) or search.failed.get(ids)
+    if fit is None:
+        return -np.inf
     named = [effect for effect in ids if not is_free(effect)]
     free = len(ids) - len(named)
     candidates = sum(not is_free(effect) for effect in search.terms)
     prior = log_prior(min(len(named), 3), candidates) + free * (np.log(FREE_PRIOR) - np.log(max(families, 1)))
-    return search.fits[ids].posterior.log_evidence + float(prior)
+    return fit.posterior.log_evidence + float(prior)
 
 
 @dataclass(frozen=True)
@@ -73,7 +79,9 @@ def separations(search: Search, ids: Set) -> dict[str, dict[str, float]]:
     """How many sigmas every other effect stays away from each effect of a fitted set, in these very runs.
 
     The prediction of effect A at its fitted size is fitted by B with nuisances, scatter and the rest of the set free;
-    what cannot be fitted, in sigmas, is the separation that another data set of this kind would show on average.
+    what cannot be fitted, in sigmas, is the separation that another data set of this kind would show on average. That
+    is a linear view without bounds: a B that it calls near is fitted in place of A, and stays away by what its odds
+    say where that is more.
     """
     fit = search.fits[ids]
     named = [term for effect, term in search.terms.items() if not is_free(effect)]
@@ -89,8 +97,27 @@ def separations(search: Search, ids: Set) -> dict[str, dict[str, float]]:
         for name, extra in view.offers:
             left = _left_over(view.model, int(at[0]), own, size, [*rest, *extra])
             found[name] = min(found.get(name, np.inf), left)
-        result[effect] = found
+        near = [name for name, left in found.items() if name and left < SAME_SIGMAS]
+        result[effect] = found | _by_odds(search, ids, effect, {name: found[name] for name in near})
     return result
+
+
+def _by_odds(search: Search, ids: Set, effect: str, near: Mapping[str, float]) -> dict[str, float]:
+    """Separations of near effects where these are fitted in place of one of a set."""
+    without = search.fits.get(ids - {effect})
+    if without is None or not near:
+        return {}
+    smooth = [name for name in sorted(without.terms) if not search.terms[name].leaps]
+    view = screen(search, without.point, smooth, [search.terms[name] for name in near])
+    best = search.fits[ids].posterior.log_evidence
+    found = {}
+    for offer in sorted(view.offers, key=view.evidence):
+        name = offer[0]
+        instead = fit_set(search, without.terms | {name}, {name: view.start_of(offer)}, without)
+        if instead is not None:
+            odds = best - instead.posterior.log_evidence
+            found[name] = max(near[name], float(np.sqrt(2 * max(odds, 0.0))))
+    return found
 
 
 def _left_over(model: MixedModel, at: int, own: Sequence[int], size: Floats, others: Sequence[int]) -> float:

@@ -43,7 +43,8 @@ class Search:
     tolerance: Mapping[str, float]
     runs: tuple[int, ...]
     fits: dict[frozenset[str], Fit] = field(default_factory=dict)
-    failed: set[frozenset[str]] = field(default_factory=set)
+    # sets whose fit did not converge: where it stopped, or None where runs cannot be simulated
+    failed: dict[frozenset[str], Fit | None] = field(default_factory=dict)
 
     @property
     def null(self) -> Fit:
@@ -147,13 +148,13 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit) ->
         fit = None
     if fit is None or not fit.converged:
         if ids not in search.fits:
-            search.failed.add(ids)
+            search.failed[ids] = fit
         return None
     fit = fit.counting(len(fixed))
     old = search.fits.get(ids)
     if old is None or fit.posterior.log_evidence > old.posterior.log_evidence:
         search.fits[ids] = fit
-    search.failed.discard(ids)
+    search.failed.pop(ids, None)
     return search.fits[ids]
 
 

@@ -39,7 +39,7 @@ MOST_VARIANTS = 5000
 class Variant:
     """A robot with nominal values moved and terms added, which many runs share.
 
-    record: compiled at neutral friction and gains, the words of a MODEL, None where it cannot be simulated.
+    record: compiled at neutral friction, the words of a MODEL, None where it cannot be simulated.
     """
 
     record: NDArray[np.int64] | None
@@ -54,9 +54,7 @@ class Simulated:
         self.robots: tuple[Robot, ...] = tuple(robots)
         self._data = tuple(data)
         self._terms = terms
-        self._commands = [Command.constant(*run.command, run.start_s, run.stop_s) for run in data]
-        self._knots = np.concatenate([command.knots for command in self._commands])
-        self._edges = np.cumsum([0, *(len(command.time_s) for command in self._commands)])
+        self._knots = [Command.constant(*run.command, run.start_s, run.stop_s).knots for run in data]
         self._kinds = [self.robots.index(robot) for robot in self.robots]  # equal robots have equal variants
         self._variants: dict[tuple[object, ...], Variant] = {}
 
@@ -98,16 +96,17 @@ class Simulated:
         count = len(tasks)
         own = np.array([task.own for task in tasks])
         models = np.array([variant.record for variant in variants]).view(MODEL)[:, 0]
-        _with_own(models, own)
+        _with_friction(models, own)
         states = np.zeros((count, 6))
         states[:, :3] = own[:, :3]
+        knots, knot_edges = self._told(tasks, own)
         out = np.empty((len(times_s), 6))
         integrate_many(
             models,
             np.arange(count),
-            self._knots,
-            self._edges,
-            np.array([task.run for task in tasks], dtype=np.int64),
+            knots,
+            knot_edges,
+            np.arange(count),
             states,
             times_s,
             edges,
@@ -119,6 +118,14 @@ class Simulated:
             MOST_STEPS,
         )
         return out[:, :3]
+
+    def _told(self, tasks: Sequence[Task], own: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        """Commands of all tasks, stacked, and where each begins and ends: a run's own gains are those of its motors."""
+        parts = [self._knots[task.run] for task in tasks]
+        sizes = [len(part) for part in parts]
+        knots = np.concatenate(parts)
+        knots[:, 1:] *= np.repeat(1 + own[:, 4:], sizes, axis=0)
+        return knots, np.cumsum([0, *sizes])
 
     def _true_times(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[Floats]:
         """Start of the simulation, then the frames; a measured time is the true one times the time factor."""
@@ -185,14 +192,13 @@ def _able(task: Task) -> bool:
     return task.own[3] > -1.0
 
 
-def _with_own(models: NDArray[np.void], own: Floats) -> None:
-    """Give every record (n,) the friction and gains of its run, own (n, 6); as simulator.model compiles them."""
+def _with_friction(models: NDArray[np.void], own: Floats) -> None:
+    """Give every record (n,) the friction of its run, own (n, 6); as simulator.model compiles it."""
     friction = 1 + own[:, 3:4]
     for name in ("grip_x", "grip_y"):
         models[name] *= friction
     for name in ("steep_x", "steep_y"):
         models[name] /= friction
-    models["speed"] *= 1 + own[:, 4:]
 
 
 def _seen(poses: Floats, times_s: Floats, variants: Sequence[Variant], frames: NDArray[np.int64]) -> Floats:

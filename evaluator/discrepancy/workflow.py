@@ -10,6 +10,7 @@ from typing import Any
 
 from evaluator.discrepancy.added import robot_with_effect
 from evaluator.discrepancy.diagnosis import Diagnosis, diagnose
+from evaluator.discrepancy.ends import Ends
 from evaluator.discrepancy.experiment import Session, session_of
 from evaluator.discrepancy.kept import is_current, keep, key_of_diagnosis, load_diagnosis
 from evaluator.discrepancy.record import disagreement, record
@@ -41,11 +42,12 @@ def diagnose_experiment(
     session = _session(path, experiment, outputs, progress, workers, dask)
     try:
         with _on_one_core():
-            found = diagnose(session, progress)
+            found = diagnose(session, progress, Ends(outputs.diagnosis_fits, key))
     except FloatingPointError as error:
         raise InputError(f"{path}: {error}; are the robot file and the command of that run right?") from error
     content = record(found)
     keep(outputs, key, _written(found, content, experiment, outputs))
+    outputs.diagnosis_fits.unlink(missing_ok=True)
     return found, content
 
 

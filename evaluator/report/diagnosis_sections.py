@@ -14,7 +14,7 @@ from evaluator.report.diagnosis_words import (
     gap_sentence,
     in_words,
     micrometres,
-    next_run_sentence,
+    next_runs_sentence,
     parameter,
     percent_text,
     signed_percent,
@@ -47,7 +47,7 @@ def _verdict(view: DiagnosisView) -> Section:
     if view.outdated:
         text.insert(0, "Recordings, robot or program have changed since this diagnosis: run turnscope diagnose again.")
     text += [equivalents_sentence(effect) for effect in content.get("effects") or []]
-    text.append(next_run_sentence(content.get("next_experiment")))
+    text.append(next_runs_sentence(content.get("next_experiment")))
     rows = [
         (effect["name"], *parameter(name), best, f"{low} to {high}")
         for effect in content.get("effects") or []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from typing import Any
 
 from evaluator.discrepancy.free import BASIS_WORDS, CHANNEL_WORDS, PREFIX, free_terms
@@ -12,7 +13,6 @@ from simulator.effects.catalogue import EFFECTS
 
 Json = dict[str, Any]
 
-ENOUGH_SIGMAS = 4.0  # of a run that is to decide
 # By the end of a parameter's name, the longer ends first.
 UNIT_WORDS = {
     "rpm_per_uN_mm": "rpm/(µN·mm)",
@@ -102,30 +102,42 @@ def equivalents_sentence(effect: Json) -> str:
     return f"These runs cannot tell it from: {', or '.join(named)}."
 
 
-def next_run_sentence(following: Json | None) -> str:
-    """What to run next, and whether one such run could be enough."""
-    apart = (following or {}).get("separation_sigmas") or {}
-    known = {name: sigmas for name, sigmas in apart.items() if sigmas is not None}
-    if not following or not known:
-        return ""
-    command = f"{following['left_rpm']:g} / {following['right_rpm']:g} rpm".replace("-", "−")
-    told = "; ".join(f"{sigmas:.1f} sigmas from {words_of(name)}" for name, sigmas in known.items())
-    text = (
-        f"What would tell more: {command} for {following['duration_s']:g} s from {_place(following)}, starting at "
-        f"heading {following['heading_deg']:g}°. Expected separation: {told}."
-    )
-    if min(known.values()) < ENOUGH_SIGMAS:
-        text += (
-            f" Below {ENOUGH_SIGMAS:g} one such run is not enough: look at the robot, the plate and the wires instead, "
-            "or drive at other speeds and places."
+def next_runs_sentence(following: Json | None) -> str:
+    """What to run next, what it would separate, and what no runs of this rig would; empty where nothing is left."""
+    following = following or {}
+    runs, apart = following.get("runs") or [], _known(following.get("separation_sigmas"))
+    beyond = _known(following.get("inseparable_sigmas"))
+    parts = []
+    if runs and apart:
+        told = _listed([f"{sigmas:.1f} sigmas from {words_of(name)}" for name, sigmas in apart.items()])
+        parts.append(
+            f"What would tell more: {'; '.join(map(_run_words, runs))}. Expected separation, together with the runs at "
+            f"hand: {told}."
         )
-    return text
+    if beyond:
+        told = _listed([f"{words_of(name)} ({sigmas:.1f} sigmas)" for name, sigmas in beyond.items()])
+        parts.append(
+            f"Not even {following['most_runs']} more runs at these speeds on this plate would tell it from {told}: "
+            "look at the robot, the plate and the wires, or drive faster."
+        )
+    return " ".join(parts)
 
 
-def _place(following: Json) -> str:
-    if "x_mm" not in following:  # of an earlier version, or of another program
-        return "the middle of the plate"
-    return f"x {following['x_mm']:g} mm, y {following['y_mm']:g} mm".replace("-", "−")
+def _known(sigmas: Json | None) -> dict[str, float]:
+    return {name: value for name, value in (sigmas or {}).items() if value is not None}
+
+
+def _listed(words: Sequence[str]) -> str:
+    return ", ".join(words[:-1]) + " and " + words[-1] if len(words) > 1 else words[0]
+
+
+def _run_words(run: Json) -> str:
+    times = {1: "", 2: " (twice)"}.get(run["times"], f" ({run['times']} times)")
+    text = (
+        f"{run['left_rpm']:g} / {run['right_rpm']:g} rpm for {run['duration_s']:g} s from x {run['x_mm']:g} mm, "
+        f"y {run['y_mm']:g} mm at heading {run['heading_deg']:g}°{times}"
+    )
+    return text.replace("-", "−")
 
 
 def words_of(effects: str) -> str:

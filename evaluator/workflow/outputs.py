@@ -63,6 +63,11 @@ class Outputs:
         return self.folder / "records" / "_diagnosis.json"
 
     @property
+    def diagnosis_fits(self) -> Path:
+        """Where the fits of a diagnosis under way have ended; gone once it is done."""
+        return self.folder / "records" / "_diagnosis-fits.jsonl"
+
+    @property
     def results(self) -> Path:
         """All tables and their provenance, for programs."""
         return self.folder / "results.json"

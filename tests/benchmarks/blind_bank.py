@@ -24,7 +24,6 @@ from tests.benchmarks.bank.outside import KINDS
 from tests.benchmarks.bank.visible import visible_sigmas
 
 DETECTABLE_SIGMAS = 5.0
-REPEATS = 2  # of a run that a diagnosis proposed
 
 
 def main() -> None:
@@ -57,11 +56,9 @@ def main() -> None:
             kind, name = kinds[number]
             drawn = draw(np.random.default_rng([chosen.seed, int(number)]), kind, Path(folder) / f"e{number}", name)
             rows.append(_answer(drawn))
-            if chosen.next and rows[-1]["proposed"]:
-                wider = repeated(
-                    np.random.default_rng([chosen.seed, int(number), 1]), drawn, rows[-1]["proposed"], REPEATS
-                )
-                rows[-1]["next"] = _answer(wider)
+            if chosen.next and (rows[-1]["proposed"] or {}).get("runs"):
+                rng = np.random.default_rng([chosen.seed, int(number), 1])
+                rows[-1]["next"] = _answer(repeated(rng, drawn, rows[-1]["proposed"]["runs"]))
             print(_line(rows[-1]), flush=True)
             if chosen.rows:
                 with chosen.rows.open("a", encoding="utf-8") as file:
@@ -94,6 +91,7 @@ def _answer(drawn: Drawn) -> dict[str, Any]:
         "proposed": found["next_experiment"],
         "verdict": found["verdict"],
         "named": sorted(named),
+        "chosen": " + ".join(sorted(diagnosis.chosen)) or "no effect",
         "exact": found["verdict"] == "effect" and truth == set(named),
         "credit": found["verdict"] == "effect" and hit == truth and len(named) == len(truth),
         "inside": inside,
@@ -120,11 +118,20 @@ def _line(row: dict[str, Any]) -> str:
 def _next_line(row: dict[str, Any]) -> str:
     if "next" not in row:
         return ""
-    run, then, asked = row["proposed"], row["next"], list(row["proposed"]["separation_sigmas"])
+    then, count = row["next"], sum(run["times"] for run in row["proposed"]["runs"])
     return (
-        f"\n         or {asked}? {run['left_rpm']:g} / {run['right_rpm']:g} rpm, made {REPEATS} times "
-        f"-> {then['verdict']} {then['named']} right={_right(then)}, again ambiguous={bool(then['proposed'])}"
+        f"\n         or {list(row['proposed']['separation_sigmas'])}? {count} runs made -> {then['verdict']} "
+        f"{then['named']} right={_right(then)}, resolved={_resolved(row)}"
     )
+
+
+def _resolved(row: dict[str, Any]) -> bool:
+    """Whether the runs that were made ended the ambiguity: no two of the models they were to separate remain."""
+    then = row["next"]
+    asked = {row["chosen"], *row["proposed"]["separation_sigmas"]}
+    again = then["proposed"] or {"separation_sigmas": {}, "inseparable_sigmas": {}}
+    left = {then["chosen"], *again["separation_sigmas"], *again["inseparable_sigmas"]}
+    return len(asked & left) < 2
 
 
 def _right(row: dict[str, Any]) -> bool:
@@ -172,9 +179,9 @@ def table(rows: list[dict[str, Any]]) -> str:
             f"  visible at 5 sigmas: misnamed {verdicts(seen(outside), 'effect')}",
             f"95 % intervals that cover       {_share(sum(inside), len(inside))}",
             f"gap kept aside / noise floor    {np.median(gaps):.3f}, 90 % {np.quantile(gaps, 0.9):.3f}" if gaps else "",
-            f"proposed runs: exact before     {_share(sum(map(_right, asked)), len(asked))}" if asked else "",
-            f"  exact once they were made     {_share(sum(_right(row['next']) for row in asked), len(asked))}",
-            f"  no more ambiguous             {_share(sum(not row['next']['proposed'] for row in asked), len(asked))}",
+            f"proposed runs, right before     {_share(sum(map(_right, asked)), len(asked))}" if asked else "",
+            f"  right once they were made     {_share(sum(_right(row['next']) for row in asked), len(asked))}",
+            f"  ambiguity resolved            {_share(sum(map(_resolved, asked)), len(asked))}",
             f"seconds per experiment          median {np.median([row['seconds'] for row in rows]):.0f}",
         ]
     )

@@ -97,18 +97,17 @@ def draw(rng: np.random.Generator, kind: str, folder: Path, name: str = "") -> D
     return Drawn(folder, label, hidden)
 
 
-def repeated(rng: np.random.Generator, drawn: Drawn, proposed: dict[str, Any], times: int) -> Drawn:
-    """The experiment with runs appended, as its diagnosis proposed them, made by the same robot; proposed: the
-    next_experiment of diagnosis.json. People put a robot down to within a millimetre and a few degrees.
+def repeated(rng: np.random.Generator, drawn: Drawn, proposed: list[dict[str, Any]]) -> Drawn:
+    """The experiment with runs appended, as its diagnosis proposed them, made by the same robot; proposed: the runs of
+    next_experiment in diagnosis.json. People put a robot down to within a millimetre and a few degrees.
     """
     path = drawn.folder / "experiment.toml"
     text, shifts = path.read_text(encoding="utf-8"), {key: list(value) for key, value in drawn.label["shifts"].items()}
-    first = text.count("[[run]]")
-    moments = np.arange(int((proposed["duration_s"] + PROPOSED_START_S) * 60)) / 60
-    command = (proposed["left_rpm"], proposed["right_rpm"])
-    for number in range(first, first + times):
-        place = np.array([proposed.get("x_mm", 0.0), proposed.get("y_mm", 0.0)]) + rng.normal(size=2)
-        pose = (*place, np.radians(proposed["heading_deg"] + 3 * rng.normal()))
+    for number, run in enumerate([item for item in proposed for _ in range(item["times"])], text.count("[[run]]")):
+        moments = np.arange(int((run["duration_s"] + PROPOSED_START_S) * 60)) / 60
+        place = np.array([run["x_mm"], run["y_mm"]]) + rng.normal(size=2)
+        pose = (*place, np.radians(run["heading_deg"] + 3 * rng.normal()))
+        command = (run["left_rpm"], run["right_rpm"])
         text += "\n" + _run(rng, drawn.folder, drawn.hidden, shifts, number, command, PROPOSED_START_S, moments, pose)
     path.write_text(text, encoding="utf-8")
     return Drawn(drawn.folder, {**drawn.label, "shifts": shifts}, drawn.hidden)

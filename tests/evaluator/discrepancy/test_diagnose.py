@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from evaluator.cli.diagnose import diagnose
+from evaluator.discrepancy.ends import End, Ends
+from evaluator.discrepancy.workflow import diagnose_experiment
 from evaluator.errors import InputError
 from evaluator.report.diagnosis_sections import diagnosis_sections
 from evaluator.report.diagnosis_view import known_diagnosis
@@ -88,6 +91,37 @@ def test_an_unchanged_experiment_is_answered_at_once_and_a_changed_one_anew(puzz
     view = known_diagnosis(edited, outputs)
     assert view is not None
     assert view.outdated
+
+
+def test_an_interrupted_diagnosis_goes_on_where_it_stopped_and_ends_with_the_same_answer(
+    puzzle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = shutil.copytree(puzzle.parent, tmp_path / "again", ignore=shutil.ignore_patterns("out"))
+    experiment = Path(folder) / puzzle.name
+    made: list[str] = []
+    remember = Ends.__setitem__
+
+    def counted(ends: Ends, question: str, end: End | None) -> None:
+        made.append(question)
+        remember(ends, question, end)
+
+    def until_pairs(what: str, share: float) -> None:
+        del share
+        if what == "2 effects":
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Ends, "__setitem__", counted)
+    outputs = Outputs(experiment.parent / "out")
+    with pytest.raises(KeyboardInterrupt):
+        diagnose_experiment(experiment, outputs.folder, until_pairs)
+    with outputs.diagnosis_fits.open("a", encoding="utf-8") as file:
+        file.write('["torn in the mid')
+    before, made[:] = set(made), []
+    assert run(experiment, "-q").return_value == 0
+    assert before
+    assert before.isdisjoint(made)
+    assert found(experiment) == found(puzzle)
+    assert not outputs.diagnosis_fits.exists()
 
 
 def test_the_report_shows_every_step_of_the_diagnosis(puzzle: Path) -> None:

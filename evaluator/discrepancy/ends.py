@@ -1,0 +1,95 @@
+"""Where fits ended, written down as they are made: an interrupted diagnosis goes on where it stopped.
+
+The search of a diagnosis is deterministic, so a second run asks for the same fits in the same order. What is kept of a
+fit is its end point only, a line of JSON; its linear view is made anew, which costs one step of the several of a fit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.files import write_text
+
+DIGITS = 9  # of the numbers of a question: processes that compile the kernels at once may round the last bits apart
+
+
+@dataclass(frozen=True)
+class End:
+    """Where a fit ended: own (n, 6), nominal and terms as in Point."""
+
+    own: NDArray[np.float64]
+    nominal: Mapping[str, float]
+    terms: Mapping[str, tuple[float, ...]]
+    converged: bool
+
+
+class Ends:
+    """The ends of all fits of one diagnosis by what was asked; on disk where a path is given."""
+
+    def __init__(self, path: Path | None = None, key: str = "") -> None:
+        """key: of the inputs and the code of the diagnosis; a file with another one is begun anew."""
+        self._path = path
+        self._known: dict[str, End | None] = {}
+        if path is None:
+            return
+        lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+        if not lines or lines[0] != key:
+            lines = [key]
+        for line in lines[1:]:
+            try:
+                question, content = json.loads(line)
+            except ValueError:
+                continue  # the interruption came in the middle of this line
+            self._known[question] = _end_of(content)
+        write_text(path, "\n".join([*lines, ""]))
+
+    def __contains__(self, question: str) -> bool:
+        """Whether a fit was made before."""
+        return question in self._known
+
+    def __getitem__(self, question: str) -> End | None:
+        """The end of a fit that was made before; None where it met runs that cannot be simulated."""
+        return self._known[question]
+
+    def __setitem__(self, question: str, end: End | None) -> None:
+        """Remember the end of a fit."""
+        self._known[question] = end
+        if self._path is not None:
+            with self._path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps([question, _content_of(end)]) + "\n")
+
+
+def question_of(*conditions: object) -> str:
+    """One hash of where a fit starts and of everything else that its end depends on."""
+    return hashlib.sha256(json.dumps(_rounded(conditions), sort_keys=True).encode()).hexdigest()
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, float):
+        return f"{value:.{DIGITS}g}"
+    if isinstance(value, Mapping):
+        return {str(key): _rounded(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _rounded(value.tolist())
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [_rounded(item) for item in value]
+    return value
+
+
+def _content_of(end: End | None) -> list[Any] | None:
+    return None if end is None else [end.own.tolist(), dict(end.nominal), dict(end.terms), end.converged]
+
+
+def _end_of(content: list[Any] | None) -> End | None:
+    if content is None:
+        return None
+    own, nominal, terms, converged = content
+    return End(np.array(own), nominal, {key: tuple(values) for key, values in terms.items()}, converged)
