@@ -5,6 +5,7 @@ The full dynamics are integrated, starts and reversals included; see simulator.m
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,13 +17,14 @@ from simulator.command import Command
 from simulator.errors import SimulationError
 from simulator.many import TOLERANCE_MM, integrate_many
 from simulator.model import MODEL, compile_robot
-from simulator.motion import DONE, integrate_run
+from simulator.motion import DONE, MOST_STEPS, integrate_run
 from simulator.robot import Robot
 from simulator.run import Run, State
 from simulator.wheels import wheel_states
 
 Array = NDArray[np.float64]
 _NO_PLAN = np.zeros((0, 3))
+LARGEST_LOGARITHM = 700.0  # of a double
 
 
 def simulate(
@@ -36,8 +38,10 @@ def simulate(
     """Integrate the full dynamics from start at times_s[0]; outputs at times_s (n,), increasing.
 
     robot: a Robot, with its effects, or its record from compile_robot. run_index: number of the run within its session,
-    from 0. tolerance_mm: local error of a step. Raises SimulationError for times that do not increase or are not
-    finite, and where the motion cannot be followed.
+    from 0. tolerance_mm: local error of a step; a robot that added forces drag away over sliding wheels does not forget
+    errors of its velocity, and is off by up to 1e-3 of its way. Where the smallest disturbance decides which turn is
+    taken, the Run says so (is_by_chance). Raises SimulationError for times that do not increase or are not finite, and
+    where the motion cannot be followed.
     """
     times = _checked_times(times_s)
     model: Any = (compile_robot(robot, run_index) if isinstance(robot, Robot) else robot)[0]
@@ -45,14 +49,21 @@ def simulate(
     state = (start or State()).to_array()
     # A kernel is compiled anew for arrays that are read-only; batches hand over their own.
     asked = times.copy()
-    done, steps = integrate_run(model, command.knots, state, asked, states, tolerance_mm, _NO_PLAN, replay=False)
+    done, steps, grown = integrate_run(
+        model, command.knots, state, asked, states, tolerance_mm, _NO_PLAN, False, MOST_STEPS
+    )
     if done != DONE:
         raise SimulationError(
             f"the motion cannot be followed beyond {steps} steps; are the effects of a sensible size?"
         )
     states.setflags(write=False)
     x, y, heading, u, v, yaw_rate = states.T
-    return Run(times, x, y, heading, u, v, yaw_rate, lambda: wheel_states(model, command.knots, times, states))
+    amplification = math.exp(min(grown, LARGEST_LOGARITHM))
+    return Run(
+        *(times, x, y, heading, u, v, yaw_rate),
+        lambda: wheel_states(model, command.knots, times, states),
+        amplification,
+    )
 
 
 @dataclass(frozen=True)
@@ -115,7 +126,8 @@ def simulate_batch(
         tolerance_mm,
         np.zeros((runs, 0, 3)),
         np.zeros(runs, dtype=np.int64),
-        replay=False,
+        False,
+        MOST_STEPS,
     )
     states.setflags(write=False)
     return Batch(kept, states)

@@ -14,11 +14,10 @@ from simulator.dynamics import accelerations
 from simulator.rosenbrock import invert3, moved, place_after
 from simulator.segments import drive_at
 from simulator.stability import is_stable
-from simulator.stepping import LEVER_MM
+from simulator.stepping import LEVER_MM, MOVING_RESTS
 
 # Share of the velocity within which forces are linear to a few hundredths: friction bends at slips twenty times that.
 NEAR_SHARE = 1e-3
-MOVING_RESTS = 100.0  # so many rest speeds are beyond the rounding of rest
 
 
 @compiled()

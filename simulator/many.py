@@ -92,6 +92,7 @@ class Trials:
             steps,
             count,
             replay,
+            MOST_STEPS,
         )
         return out, used
 
@@ -111,7 +112,7 @@ def integrate_many(
     steps: Any,
     count: Any,
     replay: bool,
-    most_steps: int = MOST_STEPS,
+    most_steps: int,
 ) -> Any:
     """Run k: models[model_of[k]] under command command_of[k] from states[k]; times and outputs edges[k]:edges[k + 1].
 
@@ -123,7 +124,7 @@ def integrate_many(
         command = command_of[run]
         own = out[edges[run] : edges[run + 1]]
         plan = steps[run, : count[run]] if replay else steps[run]
-        done, taken = integrate_run(
+        done, taken, _ = integrate_run(
             models[model_of[run]],
             knots[knot_edges[command] : knot_edges[command + 1]],
             states[run],

@@ -49,7 +49,8 @@ DENSE = np.array(
         [-0.6762803392801253, 6.087714651680015, 16.43084320892478, 24.76722511418386, -6.594389125716872],
     ]
 )
-PLACE_STEP = 1e-6  # mm, rad, s: differences whose error stays below 1e-5 of the derivative
+PLACE_STEP = 1e-6  # mm, rad: differences whose error stays below 1e-5 of the derivative
+TIME_STEP_S = 1e-9  # likewise, while motors that start to turn pass through the rounding of rest
 
 
 @compiled()
@@ -101,16 +102,17 @@ def linearize(time: float, varied: bool, model: Any, work: Any) -> None:
             gained = _gained(u, v, r, drive, here, there, model, work)
             for row in range(3):
                 linear[4 + row, column] = gained[row] / PLACE_STEP
-    later = (place[0], place[1], place[2], place[3], time + PLACE_STEP)
+    later = time + TIME_STEP_S
+    there = (place[0], place[1], place[2], place[3], later)
     if model.wheels_vary == 1 or work.segment[STEADY] == 0.0:
-        turned = drive_at(work.segment, time + PLACE_STEP, model.lag)
-        at = accelerations(u, v, r, turned, later, rest, model, work.contacts)
+        turned = drive_at(work.segment, later, model.lag)
+        at = accelerations(u, v, r, turned, there, rest, model, work.contacts)
         for row in range(3):
-            linear[7, row] = (at[row] - linear[0, row]) / PLACE_STEP
+            linear[7, row] = (at[row] - linear[0, row]) / (later - time)
     elif model.varies == 1 and varied:
-        gained = _gained(u, v, r, drive, here, later, model, work)
+        gained = _gained(u, v, r, drive, here, there, model, work)
         for row in range(3):
-            linear[7, row] = gained[row] / PLACE_STEP
+            linear[7, row] = gained[row] / (later - time)
 
 
 @compiled()

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Array = NDArray[np.float64]
+CHANCE_AMPLIFICATION = 1e4
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,9 @@ class Run:
     """Motion of the robot's centre: plate frame pose, body frame velocity, wheel states; all at time_s (n,).
 
     heading_rad is unwrapped. Wheel arrays are (n, 4), in the order of WHEELS. Arrays are read-only. Wheel states are
-    worked out when they are first asked for, by wheels_of; NaN where a motion is given without it.
+    worked out when they are first asked for, by wheels_of; NaN where a motion is given without it. amplification: by
+    how much a small disturbance of the velocity grows at most between two breaks of the command, while the robot passes
+    balances that are unstable; 1 where a motion is given without it.
     """
 
     time_s: Array
@@ -60,6 +63,17 @@ class Run:
     v_mm_s: Array
     yaw_rate_rad_s: Array
     wheels_of: Callable[[], WheelStates] | None = None
+    amplification: float = 1.0
+
+    @property
+    def is_by_chance(self) -> bool:
+        """Whether a disturbance of a nanometre a second grows beyond all that rest is rounded to (100 rest speeds).
+
+        So where wheels that turn against each other start from rest, and the robot may follow either: the model has two
+        stable turns (simulator.steady.steady_turns gives both), the run shows one of them, and a real robot takes
+        either.
+        """
+        return self.amplification > CHANCE_AMPLIFICATION
 
     @cached_property
     def wheels(self) -> WheelStates:

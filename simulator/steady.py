@@ -13,7 +13,7 @@ from simulator.branch import follow
 from simulator.errors import SimulationError
 from simulator.many import TOLERANCE_MM
 from simulator.model import compile_robot
-from simulator.motion import DONE, integrate_run
+from simulator.motion import DONE, MOST_STEPS, integrate_run
 from simulator.robot import Robot
 from simulator.run import WheelStates
 from simulator.stability import is_stable
@@ -83,8 +83,9 @@ class Branch:
 def steady_turn(robot: Robot, left_rpm: float, right_rpm: float) -> SteadyTurn:
     """The turn on which the robot settles from rest at constant commands; else an unstable balance, marked so.
 
-    Forces that vary with place, heading or time are taken at the origin of the plate, heading 0, time 0. Raises
-    SimulationError where no balance is found.
+    Forces that vary with place, heading or time are taken at the origin of the plate, heading 0, time 0. Of wheels that
+    turn against each other, tires have two stable turns, and the smallest disturbance at rest decides between them:
+    steady_turns gives both. Raises SimulationError where no balance is found.
     """
     models = _frozen(robot)
     velocity, linear = np.zeros(3), np.zeros((4, 3))
@@ -154,7 +155,7 @@ def settled(model: Any, left: float, right: float, velocity: Array, linear: Arra
     """
     state, out = np.zeros(6), np.empty((2, 6))
     knots = np.array([[0.0, left, right]])
-    done, _ = integrate_run(model, knots, state, SETTLING_S, out, TOLERANCE_MM, NO_PLAN, replay=False)
+    done, _, _ = integrate_run(model, knots, state, SETTLING_S, out, TOLERANCE_MM, NO_PLAN, False, MOST_STEPS)
     velocity[:] = state[3:]
     return bool(done == DONE and newton(model, left, right, velocity, linear) and is_stable(linear))
 

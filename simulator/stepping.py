@@ -13,6 +13,11 @@ LEVER_MM = 10.0  # an error of heading counts as the displacement it makes at th
 MOST_TRIES = 4  # rejections in a row mean that a wheel sticks or turns over
 SHORTEST_STEP_S = 2e-6  # a fraction of the shortest relaxation of rolling wheels
 USUAL_TOLERANCE_MM = 1e-6  # for these two; below it, steps of order 4 shrink with its fourth root
+MOVING_RESTS = 100.0  # so many rest speeds are beyond the rounding of rest
+# Within it, the smallest part of the velocity may decide which of two turns a robot leaves rest for: each part is
+# followed to a share of itself, down to a share of the rest speed, by steps as short as that takes.
+DECIDING_SHARE, DECIDING_RESTS, MOST_RESTING_TRIES = 1e-2, 1e-8, 60
+FINEST = 1e-3  # of the errors of the velocity at the usual tolerance; below, rounding within rest is all that counts
 LONGEST_TURN_RAD = 1.0  # within one step, where the series for the twist is exact to 1e-9
 
 
@@ -23,17 +28,28 @@ def shrinking(tolerance: float) -> float:
 
 
 @compiled()
+def is_resting(state: Any, model: Any) -> bool:
+    """Whether the velocity of a state (6: twist, velocity) is within the rounding of rest."""
+    return bool(max(abs(state[3]), abs(state[4]), abs(state[5])) < MOVING_RESTS * model.rest_speed)
+
+
+@compiled()
 def error_norm(step: float, tolerance: float, model: Any, work: Any) -> float:
     """Error of a step over the tolerance, as displacement in mm: of the pose, and of the velocity over the step."""
     norm, size, y, end = 0.0, 0.0, work.y, work.end
     for item in range(3):
         size = max(size, abs(y[3 + item]), abs(end[0, 3 + item]))
     # A velocity error that moves nothing yet must still not spoil the relaxation, nor how a wheel breaks loose.
-    spoiling = (0.02 * size + 0.1 * model.rest_speed) * min(1.0, tolerance / USUAL_TOLERANCE_MM)
+    spoiling = (0.02 * size + 0.1 * model.rest_speed) * min(1.0, max(tolerance / USUAL_TOLERANCE_MM, FINEST))
+    resting = is_resting(y, model) and is_resting(end[0], model)
     for item in range(3):
         lever = LEVER_MM if item == 2 else 1.0
         displaced = lever * max(abs(end[1, item]), step * abs(end[1, 3 + item])) / tolerance
-        norm = max(norm, displaced, abs(end[1, 3 + item]) / spoiling)
+        allowed = spoiling
+        if resting:
+            own = max(abs(y[3 + item]), abs(end[0, 3 + item]))
+            allowed = min(allowed, DECIDING_SHARE * own + DECIDING_RESTS * model.rest_speed)
+        norm = max(norm, displaced, abs(end[1, 3 + item]) / allowed)
     return float(max(norm, abs(end[0, 2]) / LONGEST_TURN_RAD))
 
 
@@ -52,7 +68,8 @@ def smooth_step(
     time: float, step: float, tolerance: float, planned: bool, model: Any, work: Any
 ) -> tuple[float, float]:
     """Take a Rosenbrock step: the size accepted, 0 where friction bends too sharply, and the size wanted next."""
-    for _ in range(MOST_TRIES):
+    resting = is_resting(work.y, model)
+    for _ in range(MOST_RESTING_TRIES if resting else MOST_TRIES):
         taken = attempt(time, step, model, work)
         if planned and taken:
             return step, step
@@ -61,7 +78,7 @@ def smooth_step(
         if norm <= 1.0:
             return step, step * factor
         step *= min(factor, 0.7)
-        if step < SHORTEST_STEP_S * shrinking(tolerance):
+        if step < SHORTEST_STEP_S * shrinking(tolerance) and not resting:
             break
     return 0.0, 0.0
 

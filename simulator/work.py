@@ -29,6 +29,8 @@ WORK = np.dtype(
         ("spare", float, (8, 6)),
         ("table", float, (TABLE_ROWS, POINTS)),
         ("inverses", float, (POINTS, 3, 3)),
+        ("growth", float),  # of a disturbance of the velocity at the start of the step, 1/s
+        ("grown", float),  # logarithm of what disturbances have grown by in the segment
     ],
     align=True,
 )

@@ -66,6 +66,12 @@ def simulate(
         command = read_with(Command.from_csv, log)
     described = read_with(load_robot, Path(robot)) if robot.endswith(".toml") else load_robot(robot)
     start = State(x_mm, y_mm, math.radians(heading_deg))
-    table = run_simulation(described, command, np.arange(rows) / rate_hz, start).to_table()
+    run = run_simulation(described, command, np.arange(rows) / rate_hz, start)
     with written_whole(output) as temporary:
-        table.to_csv(temporary, index=False, float_format="%.9g")
+        run.to_table().to_csv(temporary, index=False, float_format="%.9g")
+    if run.is_by_chance:
+        click.echo(
+            "note: the robot may take another turn than this one: it passes an unstable balance, as where wheels start "
+            f"against each other, from which the smallest disturbance grows {run.amplification:.0e} times",
+            err=True,
+        )

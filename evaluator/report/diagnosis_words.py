@@ -21,6 +21,8 @@ UNIT_WORDS = {
     "uN_mm_s": "µN·mm·s",
     "mN_mm": "mN/mm",
     "per_run": "per run",
+    "deg_s": "°/s",
+    "mm_s": "mm/s",
     "deg": "°",
     "mm": "mm",
     "mN": "mN",
@@ -47,15 +49,18 @@ def _description(content: Json) -> str:
     """What is known of something that has no name: the free-form term, or else where it shows most."""
     free_first = sorted(content.get("effects") or [], key=lambda effect: effect["id"] != "free-form")
     free = "; and ".join(f"{effect['name']}{_sizes(effect)}" for effect in free_first)
-    if free:
+    if free and closes(content):
         return f"; what would explain it best: {free}"
+    if free:
+        return f", and no term that was tried does: {free}"
     seen = [item["sentence"] for item in content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
     return f", and no term that was tried does; most of all, {_with_minus(seen[0])}" if seen else ""
 
 
 def closes(content: Json) -> bool:
     """Whether there is a model with which to look at the gap again: not where nothing that was tried explains it."""
-    return bool(content.get("effects")) or content.get("verdict") != "unknown"
+    effects = content.get("effects") or []
+    return content.get("verdict") != "unknown" or any(effect.get("fitted", True) for effect in effects)
 
 
 def _sizes(effect: Json) -> str:
