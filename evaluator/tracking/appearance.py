@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from evaluator.recording import Frame
 from evaluator.tracking import kernels
 from evaluator.tracking.choose import Candidate
-from evaluator.tracking.covered import fit_uncovered
-from evaluator.tracking.disc import Disc, Patch, cut_patch, learn_disc
+from evaluator.tracking.covered import NOTABLE, fit_uncovered
+from evaluator.tracking.disc import Disc, Patch, Steps, cut_patch, learn_disc
 
 Array = NDArray[np.float64]
 # Sigmas beyond which a pixel is taken for something else than mark or background. Noise loses nothing (weights fall as
@@ -60,33 +60,38 @@ def patch_of(frame: Frame, center_px: tuple[float, float], radius_px: float) -> 
     return cut_patch(frame.luma, (frame.row_origin, frame.row_step), center_px, 1.3 * radius_px + 4.0)
 
 
-def learn_shape(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0) -> Disc | None:
-    """Learn the disc from patches around the mark; None where there is none of about that radius."""
+def learn_shape(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0) -> Steps[Disc | None]:
+    """Learn the disc from patches around the mark; returns None where there is none of about that radius."""
     whole = [patch for patch in patches if len(patch.value) > 30]
     if not whole:
         return None
     try:
-        disc, _ = learn_disc([_thinned(patch) for patch in whole], radius_px, blur_px)
-        better = _learn_clear(whole, disc) if len(whole) >= SEVERAL else None
+        disc = yield from learn_disc([_thinned(patch) for patch in whole], radius_px, blur_px)
+        if len(whole) >= SEVERAL:
+            disc = yield from _learn_clear(whole, disc)
     except np.linalg.LinAlgError:
         return None
-    disc = better or disc
     plausible = 0.4 < disc.radius_px / radius_px < 2.0
     return disc if plausible and abs(disc.amplitude) > 2 * disc.noise**0.5 else None
 
 
-def _learn_clear(patches: list[Patch], disc: Disc) -> Disc | None:
-    """Learn a disc anew without what covers it; None where nothing does, or so much that it is rather no disc."""
-    better = None
+def _learn_clear(patches: list[Patch], first: Disc) -> Steps[Disc]:
+    """Learn a disc anew without what covers it; the first one where nothing does, or so much that it is no disc."""
+    disc = first
     for _ in range(CLEARINGS):
-        shown, covered = zip(*[_uncovered(patch, better or disc) for patch in patches], strict=True)
+        clear, covered = [], []
+        for patch in patches:
+            shown, share = _uncovered(patch, disc)
+            yield
+            clear.append(_thinned(_part(patch, shown)))
+            covered.append(share)
         if np.mean(covered) > NO_DISC:
-            return None
+            return first
         if not any(covered):
             break
-        clear = [_thinned(_part(patch, kept)) for patch, kept in zip(patches, shown, strict=True)]
-        better = replace(learn_disc(clear, disc.radius_px, disc.blur_px)[0], covered=float(np.mean(covered)))
-    return better
+        disc = yield from learn_disc(clear, first.radius_px, first.blur_px)
+        disc = replace(disc, covered=float(np.mean(covered)))
+    return disc
 
 
 def _uncovered(patch: Patch, disc: Disc) -> tuple[NDArray[np.bool_], float]:
@@ -99,7 +104,7 @@ def _uncovered(patch: Patch, disc: Disc) -> tuple[NDArray[np.bool_], float]:
     shape, share = (disc.numbers(), disc.table, noise), 0.0
     kernels.fit_disc(luma, *rows, start, np.zeros(2), *shape, fitted)
     if np.isfinite(fitted[kernels.X]):
-        share = float(fit_uncovered(luma, *rows, fitted, *shape, fitted.copy(), shown))
+        share = float(fit_uncovered(luma, *rows, fitted, *shape, fitted.copy(), shown, NOTABLE)[1])
     return shown.ravel(), share
 
 

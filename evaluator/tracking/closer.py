@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from evaluator.recording import Frame
 from evaluator.tracking import glance, kernels
-from evaluator.tracking.covered import BENT, NOTABLE, SLOPING, fit_uncovered, share_covered
+from evaluator.tracking.covered import BENT, NOTABLE, SLOPING, fit_uncovered
 
 Array = NDArray[np.float64]
 
@@ -24,6 +24,7 @@ LEFT = 0.35  # share of a mark's information that is left where it is still meas
 EXPLAINED = 0.9
 # Standard uncertainty, in blurs of the edge, up to which the parts of a rim agree: beyond, steps are no longer linear.
 AGREED = 0.25
+NEVER = 2.0  # share that nothing reaches
 NOWHERE = np.ones((0, 0), bool)
 
 
@@ -65,14 +66,14 @@ class Closer:
         plain, result = self.result.copy(), self.result
         if not np.isfinite(plain[kernels.X]):
             return False
-        share = self._share_covered(frame)
+        seeming, share = self._uncover(frame, NOTABLE)
+        uncovered = result.copy()
+        result[:] = plain
         self.fit(frame, plain[: kernels.BASE + 1], np.zeros(2))
-        if share > NOTABLE and self._share_covered(frame) > EXPLAINED * share:
-            sloped = result.copy()
-            result[:] = plain
-            if self._uncover(frame):
-                return True
-            result[:] = sloped
+        if self._sound(uncovered, share) and self._uncover(frame, NEVER)[0] > EXPLAINED * seeming:
+            self.watch, self.covered = WATCHED, True
+            result[:] = uncovered
+            return True
         return self._keep_slope(frame, plain, suspicious=suspicious)
 
     def _keep_slope(self, frame: Frame, plain: Array, *, suspicious: bool) -> bool:
@@ -90,22 +91,16 @@ class Closer:
             result[:] = plain
         return taken
 
-    def _share_covered(self, frame: Frame) -> float:
+    def _uncover(self, frame: Frame, least: float) -> tuple[float, float]:
+        """Fit what shows beside something that covers the mark; least, and what is returned: of `fit_uncovered`."""
         where = frame.luma, frame.row_origin, frame.row_step
-        return float(share_covered(*where, self.result, self.disc, self.table, self.noise))
+        fitted = self.result.copy()
+        return fit_uncovered(*where, fitted, self.disc, self.table, self.noise, self.result, NOWHERE, least)  # type: ignore[no-any-return]
 
-    def _uncover(self, frame: Frame) -> bool:
-        """Fit what shows of the mark where something covers it, and keep that; returns whether it was kept."""
-        result, plain = self.result, self.result.copy()
-        where = frame.luma, frame.row_origin, frame.row_step
-        share = fit_uncovered(*where, plain, self.disc, self.table, self.noise, result, NOWHERE)
-        sure = result[kernels.VAR_X] + result[kernels.VAR_Y] < 2.0 * (AGREED * self.blur_px) ** 2
-        self.covered = bool(0.0 < share < 1.0 - LEFT and sure and result[kernels.RESIDUAL] < glance.DISTURBED)
-        if self.covered:
-            self.watch = WATCHED
-        else:
-            result[:] = plain
-        return self.covered
+    def _sound(self, uncovered: Array, share: float) -> bool:
+        """Whether a fit beside something that covers a share of the mark tells where the mark is."""
+        sure = uncovered[kernels.VAR_X] + uncovered[kernels.VAR_Y] < 2.0 * (AGREED * self.blur_px) ** 2
+        return bool(0.0 < share < 1.0 - LEFT and sure and uncovered[kernels.RESIDUAL] < glance.DISTURBED)
 
     def _glares(self, frame: Frame) -> bool:
         """Whether the fitted slope is a reflection: strong enough, and inside the mark too, unlike a body's edge."""

@@ -59,18 +59,18 @@ PROFILE, ALONG_X, ALONG_Y, LEFT, MEAN, WORK = range(6)  # planes of a window
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fit_uncovered(luma, row_origin, row_step, fitted, disc, table, noise, result,
-                  shown):  # fmt: skip
-    """Fit a disc to those of its pixels that nothing covers; returns the share of information that covered ones had.
+def fit_uncovered(luma, row_origin, row_step, fitted, disc, table, noise, result, shown, least):
+    """Fit a disc to those of its pixels that nothing covers.
 
     fitted: what `kernels.fit_disc` gave, with the slopes that are kept. disc, table, noise: as it takes them. result:
-    as it gives them, but with variances as parts of the rim show them and a residual of the pixels that are left; not
-    written where less than NOTABLE is covered (0 is returned then), or where nothing is left to fit (1). shown: of the
-    luma's shape, set to False where it is covered; or empty.
+    as it gives them, but with variances as parts of the rim show them and a residual of the pixels that are left.
+    shown: of the luma's shape, set to False where it is covered; or empty. least: share of the information on the
+    centre, of pixels that seem covered at first, from which the fit is done. Returns that share, and the share that is
+    covered in the end: 0 where no fit was done, 1 where nothing is left to fit; nothing is written then.
     """
     top, bottom, left, right = _window(luma, row_origin, row_step, fitted, disc)
     if bottom - top < 5 or right - left < 5:
-        return 0.0
+        return 0.0, 0.0
     place = row_origin + row_step * top, row_step, left
     state = np.zeros(6)
     state[: BASE + 1], state[4], state[5] = fitted[: BASE + 1], fitted[SLOPE_X], fitted[SLOPE_Y]
@@ -78,20 +78,21 @@ def fit_uncovered(luma, row_origin, row_step, fitted, disc, table, noise, result
     used, covered = np.zeros((2, bottom - top, right - left), np.bool_)
     normal, move, products, pulls = np.zeros((6, 6)), np.zeros(6), np.zeros((PARTS, 6, 6)), np.zeros((PARTS, 6))
     size, level_x, level_y = 4, fitted[X], fitted[Y]
-    share = scale = weight = squares = count = 0.0
+    seeming = share = scale = weight = squares = count = 0.0
     for step in range(len(OFF_PX)):
         _model(luma[top:bottom, left:right], place, state, disc, table, planes, used)
         if step == 0:
             scale = _scale(planes, used, noise[0])
-            if _cover(planes, used, scale, OFF_PX[-1], covered) < NOTABLE:
-                return 0.0
+            seeming = _cover(planes, used, scale, OFF_PX[-1], covered)
+            if seeming < least:
+                return seeming, 0.0
         share = _cover(planes, used, scale, OFF_PX[step], covered)
         split = step == len(OFF_PX) - 1
         weight, squares, count = _pull(planes, used, covered, state, noise, place, split, products, pulls)
         for _ in range(2):
             normal[:size, :size] = products[:, :size, :size].sum(axis=0)
             if weight < LEAST_PIXELS or not solve(normal[:size, :size], pulls[:, :size].sum(axis=0), move[:size]):
-                return 1.0
+                return seeming, 1.0
             if size == 6 or step != SLOPES_AT or not _slopes(products, pulls):
                 break
             size, level_x, level_y = 6, state[0] + move[0], state[1] + move[1]
@@ -109,23 +110,10 @@ def fit_uncovered(luma, row_origin, row_step, fitted, disc, table, noise, result
     if shown.shape == luma.shape:
         shown[top:bottom, left:right] &= ~covered
     result[RESIDUAL], result[USED], result[PIXELS] = residual, weight / count, weight
-    return share
+    return seeming, share
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def share_covered(luma, row_origin, row_step, fitted, disc, table, noise):
-    """Share of the information on its centre that the pixels of a fitted mark have that something seems to cover."""
-    top, bottom, left, right = _window(luma, row_origin, row_step, fitted, disc)
-    planes = np.zeros((6, bottom - top, right - left))
-    used, covered = np.zeros((2, bottom - top, right - left), np.bool_)
-    state = np.zeros(6)
-    state[: BASE + 1], state[4], state[5] = fitted[: BASE + 1], fitted[SLOPE_X], fitted[SLOPE_Y]
-    place = row_origin + row_step * top, row_step, left
-    _model(luma[top:bottom, left:right], place, state, disc, table, planes, used)
-    return _cover(planes, used, _scale(planes, used, noise[0]), OFF_PX[-1], covered)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def _window(luma, row_origin, row_step, fitted, disc):
     """Rows and columns (first, and one beyond the last) of the pixels used, and one more on every side."""
     x, y = fitted[X], fitted[Y]
@@ -137,7 +125,7 @@ def _window(luma, row_origin, row_step, fitted, disc):
     return top, bottom, left, max(min(math.floor(x + reach) + 1, columns - 1) + 1, left)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def _model(luma, place, state, disc, table, planes, used):
     """Fill profile, slopes and residual of the pixels of a window at a state, as `kernels.accumulate` has them."""
     top_y, row_step, left = place
@@ -167,7 +155,7 @@ def _model(luma, place, state, disc, table, planes, used):
     _mean(planes[LEFT], planes[WORK], planes[MEAN])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def _mean(plane, work, mean):
     """Mean over 3 × 3 pixels; a window's border repeats itself."""
     tall, wide = plane.shape
@@ -180,7 +168,7 @@ def _mean(plane, work, mean):
             mean[j, i] = (work[above, i] + work[j, i] + work[below, i]) * (1.0 / 9.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def _scale(planes, used, noise):
     """Sigma of the mean of 3 × 3 residuals, without those far off: what the picture's own errors have in common."""
     least, scale = math.sqrt(noise) / 3.0, 2.0 * math.sqrt(noise)
@@ -196,7 +184,7 @@ def _scale(planes, used, noise):
     return scale
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def _cover(planes, used, scale, off_px, covered):
     """Mark the pixels that are covered, and those beside them; returns the share of the information they have."""
     tall, wide = used.shape
@@ -218,7 +206,7 @@ def _cover(planes, used, scale, off_px, covered):
     return lost / max(total, 1e-12)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def _pull(planes, used, covered, state, noise, place, split, products, pulls):
     """Fill the normal equations and their right hand side; returns weights, their squares and the pixels.
 
@@ -252,7 +240,7 @@ def _pull(planes, used, covered, state, noise, place, split, products, pulls):
     return weight, squares, count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def _steepest(planes):
     """Square of the steepest slope in a window."""
     most = 0.0
@@ -262,7 +250,7 @@ def _steepest(planes):
     return most
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def _slopes(products, pulls):
     """Whether the light behind the mark slopes: whether two more unknowns bring the squares down by SLOPING."""
     fall = 0.0
@@ -274,7 +262,7 @@ def _slopes(products, pulls):
     return fall > SLOPING
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def _jackknife(products, pulls, move):
     """Sum of the squares, px², of the steps that the centre makes as each part of the rim is left out."""
     total, normal, right = 0.0, np.zeros(products.shape[1:]), pulls.sum(axis=0)

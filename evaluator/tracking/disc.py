@@ -8,7 +8,9 @@ finds itself.
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,8 @@ from evaluator.tracking import kernels
 from evaluator.tracking.shape_kernel import OWN, PRODUCTS, SHAPE, add_products
 
 Array = NDArray[np.float64]
+Learnt = TypeVar("Learnt")
+Steps = Generator[None, None, Learnt]  # of something that takes long, so that pictures can be looked at in between
 PER_PX = 32  # entries of the profile a pixel: linear interpolation is then exact to 1e-4 of the amplitude
 # Entries of the kernel's table for a step of the square radius that is one px at the edge: the nearest one is then off
 # by 1/256 px at most, at the edge, and its pixels' errors (0.1 levels of a mark of 120) average out.
@@ -153,20 +157,20 @@ def cut_patch(
     return Patch(grid_x.ravel(), grid_y.ravel(), value.ravel(), center_px)
 
 
-def learn_disc(patches: list[Patch], radius_px: float, blur_px: float = 1.0) -> tuple[Disc, float]:
+def learn_disc(patches: list[Patch], radius_px: float, blur_px: float = 1.0) -> Steps[Disc]:
     """Learn radius, blur and slant common to all patches, with centre, amplitude and background free in each.
 
-    The background may slope in each: glare that was there from the start is no part of the shape. radius_px, blur_px:
-    about what they are. Returns the disc and the standard deviation of the noise. Where some pixels are not the disc's
-    (a wire, a glint), they lose their weight in a second and third round. Raises LinAlgError where the patches do not
-    determine a disc.
+    Gives way after every step of the fit, and returns the disc: run it by `finished`, or a step a picture. The
+    background may slope in each patch: glare that was there from the start is no part of the shape. radius_px, blur_px:
+    about what they are. Where some pixels are not the disc's (a wire, a glint), they lose their weight in a second and
+    third round. Raises LinAlgError where the patches do not determine a disc.
     """
     shared = np.array([np.log(radius_px), np.log(blur_px), 0.0, 0.0])
     own = [np.array([*patch.center_px, *_levels(patch, radius_px), 0.0, 0.0]) for patch in patches]
     weights = [np.ones_like(patch.value) for patch in patches]
     spread = 1.0
     for _ in range(3):
-        shared, own = _solve(patches, weights, shared, own)
+        shared, own = yield from _solve(patches, weights, shared, own)
         residuals = _residuals(patches, shared, own)
         left = np.concatenate([residual[np.isfinite(residual)] for residual in residuals])
         spread = max(1.4826 * float(np.median(np.abs(left))), 0.3)  # rounding to whole levels leaves 0.29
@@ -178,15 +182,27 @@ def learn_disc(patches: list[Patch], radius_px: float, blur_px: float = 1.0) -> 
     amplitude, base = np.median([mine[2:4] for mine in own], axis=0)
     radius, blur = float(np.exp(shared[0])), float(np.exp(shared[1]))
     slant, level = (float(shared[2]), float(shared[3])), (float(amplitude), float(base))
-    return make_disc(radius, blur, slant, level, spread**2), spread
+    return make_disc(radius, blur, slant, level, spread**2)
 
 
-def _solve(patches: list[Patch], weights: list[Array], shared: Array, own: list[Array]) -> tuple[Array, list[Array]]:
+def finished(steps: Steps[Learnt]) -> Learnt:
+    """Take all steps of something at once; returns what it returns."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value  # type: ignore[no-any-return]
+
+
+def _solve(
+    patches: list[Patch], weights: list[Array], shared: Array, own: list[Array]
+) -> Steps[tuple[Array, list[Array]]]:
     """Variable projection by Levenberg and Marquardt: each patch's own unknowns are eliminated (Schur complement)."""
     damping, cost = 1e-3, np.inf
     best, pixels, keep = (shared, own), 1, None
     for _ in range(40):
         matrix, right, steps, total, count = _pooled(patches, weights, shared, own)
+        yield
         if total < cost:
             done = cost - total < 1e-3 * total  # a shape that is wrong by a thirtieth of its own uncertainty
             best, cost, damping, pixels = (shared, own), total, max(damping / 5, 1e-6), count

@@ -228,7 +228,9 @@ class Follower:
         return bool(not 0.6 < ratio < 1.6)
 
     def note_light(self, frame: Frame) -> None:
-        """Note how unevenly the mark is lit where it was just seen."""
+        """Note how unevenly the mark is lit where it was just seen, unless it is a wire that makes it uneven."""
+        if self._closer.covered:
+            return
         if not self.missed and self.position is not None and self._fitted[kernels.SLOPE_X] == 0.0:
             self.light.note(frame, self.position)
 

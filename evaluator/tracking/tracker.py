@@ -12,13 +12,14 @@ from evaluator.recording import Frame
 from evaluator.tracking.appearance import Appearance, learn_color, learn_shape, patch_of, with_disc
 from evaluator.tracking.body import PAIR, Body
 from evaluator.tracking.choose import Candidate
-from evaluator.tracking.disc import Patch, shaped_as
+from evaluator.tracking.disc import Disc, Steps, finished, shaped_as
 from evaluator.tracking.find import allowed_cells, cell_of, find_marks, neutral_of
 from evaluator.tracking.follow import RELEARN_AT, Array, Follower, Point
 from evaluator.tracking.search import Search
 from evaluator.tracking.settings import TrackingSettings
 from evaluator.tracking.sighting import ABSENT, OK, REPEATED, Sighting
 
+STEPS = 1  # of learning a shape anew, a picture: 1 ms on a mark of 20 px radius
 LEARNING_FRAMES = 12  # pictures a shape is learnt from; more do not improve the centre: shape and centre are orthogonal
 # Light is measured in every second picture at first, then in every sixteenth: it belongs to the place, not to the time.
 SHADING_MASK, SHADED, RARELY_MASK = 1, 512, 15
@@ -52,6 +53,7 @@ class Tracker:
         self._waited, self._source = 0, "the recording"
         self.body = Body()
         self._light, self._dimmed = 0.0, 1.0
+        self._lessons: list[tuple[Follower, Steps[Disc | None]]] = []
 
     def run(self, recording: Iterable[Frame]) -> Iterator[tuple[Frame, list[Sighting]]]:
         """Give every picture with the sightings of its marks, in the order of `names`.
@@ -96,6 +98,8 @@ class Tracker:
         elif not frame.index & LIGHT_MASK:
             self._light = _light(frame)
         self._note_distance(sightings)
+        if self._lessons:
+            self._learn_on()
         for name, one in zip(self.names, sightings, strict=True):
             if name in followers:
                 followers[name].accept(one, time_s)
@@ -108,8 +112,8 @@ class Tracker:
         if one.status == OK:
             follower.keep_view(frame)
             if follower.seen in RELEARN_AT and follower.views and follower.looks_changed():
-                self._relearn(follower, follower.views[:: -(-len(follower.views) // LEARNING_FRAMES)])
-                self._agree()
+                views = follower.views[:: -(-len(follower.views) // LEARNING_FRAMES)]
+                self._lessons.append((follower, learn_shape(views, follower.radius_px, follower.look.disc.blur_px)))
             if not frame.index & (SHADING_MASK if follower.seen < SHADED else RARELY_MASK):
                 follower.note_light(frame)
         elif follower.missed > PATIENCE and follower.seen < LEARNING_FRAMES:
@@ -213,7 +217,7 @@ class Tracker:
             self._start(name, frame, candidate, learn_color(candidate, others, neutral))
 
     def _start(self, name: str, frame: Frame, candidate: Candidate, color: Array) -> None:
-        disc = learn_shape([patch_of(frame, candidate.center_px, candidate.radius_px)], candidate.radius_px)
+        disc = finished(learn_shape([patch_of(frame, candidate.center_px, candidate.radius_px)], candidate.radius_px))
         if disc is None:
             return
         partner = self.followers.get(next(iter(PAIR - {name}))) if name in PAIR else None
@@ -233,13 +237,22 @@ class Tracker:
                 continue
             seen: list[tuple[Frame, Point]] = [(f, (s[k].x, s[k].y)) for f, s in held if s[k].status == OK]
             patches = [patch_of(frame, place, follower.radius_px) for frame, place in seen[::2]]
-            self._relearn(follower, patches)
+            disc = finished(learn_shape(patches, follower.radius_px, follower.look.disc.blur_px))
+            if disc is not None:
+                follower.take_look(with_disc(follower.look, disc))
         self._agree()
 
-    def _relearn(self, follower: Follower, patches: list[Patch]) -> None:
-        disc = learn_shape(patches, follower.radius_px, follower.look.disc.blur_px)
-        if disc is not None:
-            follower.take_look(with_disc(follower.look, disc))
+    def _learn_on(self) -> None:
+        """Take some steps in learning a shape anew: no picture waits for all of it."""
+        follower, steps = self._lessons[0]
+        try:
+            for _ in range(STEPS):
+                next(steps)
+        except StopIteration as end:
+            del self._lessons[0]
+            if end.value is not None:
+                follower.take_look(with_disc(follower.look, end.value))
+                self._agree()
 
     def _agree(self) -> None:
         """Give the two marks of a robot one shape where one of them was partly hidden: they are equal discs."""

@@ -7,8 +7,8 @@ import pytest
 from evaluator.tracking import track
 from evaluator.tracking.appearance import learn_shape
 from evaluator.tracking.closer import Closer
-from evaluator.tracking.covered import fit_uncovered
-from evaluator.tracking.disc import Disc, cut_patch, fit, make_disc
+from evaluator.tracking.covered import NOTABLE, fit_uncovered
+from evaluator.tracking.disc import Disc, cut_patch, finished, fit, make_disc
 from evaluator.tracking.kernels import RESULTS, VAR_X, X, Y
 from tests.benchmarks.tracking.clips import frames_in_memory
 from tests.evaluator.tracking.synthetic import draw, turning_marks
@@ -49,7 +49,7 @@ def fits(picture: np.ndarray, disc: Disc) -> tuple[np.ndarray, np.ndarray, float
     plain = fit(picture, (0, 1), (SIZE / 2, SIZE / 2), disc)
     result = plain.copy()
     shape = disc.numbers(), disc.table, np.array([disc.noise, SOFTNESS])
-    share = fit_uncovered(picture, 0.0, 1.0, plain, *shape, result, np.ones((0, 0), bool))
+    _, share = fit_uncovered(picture, 0.0, 1.0, plain, *shape, result, np.ones((0, 0), bool), NOTABLE)
     return plain, result, share
 
 
@@ -106,7 +106,7 @@ def test_the_shape_of_a_mark_is_learnt_beside_a_wire_that_always_lies_across_it(
         cut_patch(seen(rng, 8.0, [(0.4, 0.95, 2.5)])[0], (0, 1), (SIZE / 2, SIZE / 2), 1.3 * 8.0 + 4.0)
         for _ in range(6)
     ]  # fmt: skip
-    disc = learn_shape(patches, 8.0)
+    disc = finished(learn_shape(patches, 8.0))
     assert disc is not None
     assert disc.radius_px == pytest.approx(8.0, abs=0.04)
     assert np.hypot(disc.e1, disc.e2) < 0.006

@@ -9,7 +9,7 @@ import pytest
 
 from evaluator.recording import open_recording
 from evaluator.tracking import TrackingSettings, track
-from evaluator.tracking.disc import cut_patch, fit, learn_disc
+from evaluator.tracking.disc import cut_patch, finished, fit, learn_disc
 from evaluator.tracking.kernels import VAR_X, VAR_Y, X, Y
 from tests.evaluator.tracking.synthetic import GREEN, YELLOW, coverage, draw, turning_marks, write_video
 
@@ -137,7 +137,7 @@ def test_centres_reach_the_cramer_rao_bound_and_state_their_error(radius: float,
     ]  # fmt: skip
     pictures = [picture.astype(np.uint8) for picture in pictures]
     patches = [cut_patch(picture, (0, 1), (side / 2, side / 2), radius + 6) for picture in pictures[:12]]
-    disc, _ = learn_disc(patches, 1.15 * radius)
+    disc = finished(learn_disc(patches, 1.15 * radius))
     fits = np.array([fit(picture, (0, 1), (side / 2, side / 2), disc) for picture in pictures])
     error = fits[:, [X, Y]] - centers
     # The lens blur and the pixel together, at the true number of pixels: the bound of issue and textbook.
