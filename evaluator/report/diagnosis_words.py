@@ -107,23 +107,37 @@ def equivalents_sentence(effect: Json) -> str:
     return f"These runs cannot tell it from: {', or '.join(named)}."
 
 
-def next_runs_sentence(following: Json | None) -> str:
-    """What to run next, what it would separate, and what no runs of this rig would; empty where nothing is left."""
-    following = following or {}
-    runs, apart = following.get("runs") or [], _known(following.get("separation_sigmas"))
-    beyond = _known(following.get("inseparable_sigmas"))
+RUN_KEYS = ("left_rpm", "right_rpm", "duration_s", "x_mm", "y_mm", "heading_deg", "times")
+
+
+def next_runs(content: Json) -> list[Json]:
+    """The runs that a diagnosis proposes; those of other programs may be described otherwise, and are left out."""
+    following = content.get("next_experiment")
+    runs = following.get("runs") if isinstance(following, dict) else None
+    return [run for run in runs or [] if isinstance(run, dict) and run.keys() >= set(RUN_KEYS)]
+
+
+def next_runs_sentence(content: Json) -> str:
+    """Which runs would tell more; empty where none would."""
+    runs = next_runs(content)
+    return f"What would tell more: {'; '.join(map(_run_words, runs))}." if runs else ""
+
+
+def separations_sentence(content: Json) -> str:
+    """What the proposed runs would separate, and what no runs of this rig would; empty where nothing is left."""
+    following = content.get("next_experiment")
+    if not isinstance(following, dict):
+        return ""
+    apart, beyond = _known(following.get("separation_sigmas")), _known(following.get("inseparable_sigmas"))
     parts = []
-    if runs and apart:
+    if apart:
         told = _listed([f"{sigmas:.1f} sigmas from {words_of(name)}" for name, sigmas in apart.items()])
-        parts.append(
-            f"What would tell more: {'; '.join(map(_run_words, runs))}. Expected separation, together with the runs at "
-            f"hand: {told}."
-        )
+        parts.append(f"Expected separation once such runs are made, with those at hand: {told}.")
     if beyond:
         told = _listed([f"{words_of(name)} ({sigmas:.1f} sigmas)" for name, sigmas in beyond.items()])
         parts.append(
-            f"Not even {following['most_runs']} more runs at these speeds on this plate would tell it from {told}: "
-            "look at the robot, the plate and the wires, or drive faster."
+            f"Not even {following.get('most_runs', 'many')} more runs at these speeds on this plate would tell it from "
+            f"{told}: look at the robot, the plate and the wires, or drive faster."
         )
     return " ".join(parts)
 
