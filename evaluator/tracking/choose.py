@@ -11,6 +11,8 @@ from evaluator.tracking.settings import MarkSettings, TrackingSettings
 
 # Spread of the logarithm of a pair's distance in diameters: of one robot, as coloured blobs show it; of all robots.
 SAID, OTHER = 0.05, 0.2
+# Log-likelihood by which two pairs of the same geometry differ at most: blobs are 2 % uncertain, light 10 % uneven.
+ALIKE = 2.0
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,23 @@ def choose(found: list[Candidate], settings: TrackingSettings) -> tuple[dict[str
             chosen[name] = ones[int(np.argmax(scores))]
             total += max(scores)
     return chosen, total
+
+
+def alike(found: list[Candidate], settings: TrackingSettings) -> list[dict[str, Candidate]]:
+    """Pairs of green and yellow that share no blob and are about as likely as the best one, which comes first."""
+    greens, yellows = ([one for one in found if one.mark == name] for name in ("green", "yellow"))
+    strongest = max((one.chroma for one in found), default=1.0)
+    scored = [
+        (_pair_score(green, yellow, settings, strongest), green, yellow)
+        for green, yellow in itertools.product(greens, yellows)
+    ]
+    best, chosen = max((pair[0] for pair in scored), default=0.0), list[dict[str, Candidate]]()
+    for score, green, yellow in sorted(scored, key=lambda pair: -pair[0]):
+        if score < best - ALIKE:
+            break
+        if all(green is not one["green"] and yellow is not one["yellow"] for one in chosen):
+            chosen.append({"green": green, "yellow": yellow})
+    return chosen
 
 
 def _own_score(one: Candidate, mark: MarkSettings, strongest: float) -> float:

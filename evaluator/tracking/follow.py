@@ -75,6 +75,13 @@ class Follower:
         self.light.interior_px, self.rim = interior_px(disc), Rim()
         self.color = look.color.copy()
 
+    def take_shape(self, look: Appearance) -> None:
+        """Change the shape of a mark that is being followed: its light and noise are what they were just seen to be."""
+        level, noise = self._usual[[glance.U_AMPLITUDE, glance.U_BASE]].copy(), self._noise[0]
+        self.take_look(look)
+        self._usual[[glance.U_AMPLITUDE, glance.U_BASE]] = level
+        self._noise[0] = max(noise, self._usual[glance.U_LEAST_NOISE])
+
     def predicted(self, time_s: float) -> Point | None:
         """Where the mark should be at a time, at constant velocity."""
         if self.position is None:

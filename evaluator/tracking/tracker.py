@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 
 import numpy as np
@@ -15,6 +15,7 @@ from evaluator.tracking.choose import Candidate
 from evaluator.tracking.disc import Disc, Steps, finished, shaped_as
 from evaluator.tracking.find import allowed_cells, cell_of, find_marks, neutral_of
 from evaluator.tracking.follow import RELEARN_AT, Array, Follower, Point
+from evaluator.tracking.rivals import Rivals
 from evaluator.tracking.search import Search
 from evaluator.tracking.settings import TrackingSettings
 from evaluator.tracking.sighting import ABSENT, OK, REPEATED, Sighting
@@ -34,7 +35,7 @@ LIGHT_MASK = 7  # light is looked at in every eighth picture
 PATIENCE = 30  # pictures to wait for both marks of a pair before following one alone
 STILL_PX = 0.3  # a mark that moves less a picture rests, and a codec may well repeat its picture
 BATCH = 6  # pictures decoded at once: more gain nothing and take more memory
-NOT_SEEN, AGAIN = ABSENT["not seen"], ABSENT[REPEATED]
+NOT_SEEN, AGAIN, AMBIGUOUS = ABSENT["not seen"], ABSENT[REPEATED], ABSENT["ambiguous"]
 
 
 class Tracker:
@@ -51,7 +52,7 @@ class Tracker:
         self._shape: tuple[int, ...] = ()
         self._search: Search | None = None
         self._waited, self._source = 0, "the recording"
-        self.body = Body()
+        self.body, self._rivals = Body(), Rivals()
         self._light, self._dimmed = 0.0, 1.0
         self._lessons: list[tuple[Follower, Steps[Disc | None]]] = []
 
@@ -131,7 +132,7 @@ class Tracker:
     def _followed(self, follower: Follower | None, frame: Frame, time_s: float) -> Sighting:
         place = None if follower is None else follower.predicted(time_s)
         if follower is None or place is None or follower.missed > NEAR_MISSES:
-            return NOT_SEEN
+            return AMBIGUOUS if self._rivals.undecided else NOT_SEEN
         # An acceleration may change the step by half of itself from one picture to the next; every miss adds to that.
         reach = (2.0 + 0.5 * follower.step_px(self.interval_s)) * (1 + follower.missed)
         return follower.look_at(frame, self.cell, place, reach, self.interval_s)
@@ -173,7 +174,8 @@ class Tracker:
 
     def _places(self, name: str, frame: Frame) -> list[Point]:
         assert self._search is not None
-        return self._search.places(name, frame, self.followers[name], self._dimmed)
+        places = self._search.places(name, frame, self.followers[name], self._dimmed)
+        return [place for place in places if not self._rivals.there(place, self.followers[name].radius_px)]
 
     def _reached(self, place: Point, k: int) -> bool:
         """Whether a robot can have come to a place since its mark was lost."""
@@ -208,8 +210,11 @@ class Tracker:
         chosen = find_marks(frame, self.settings, wanted)
         pair = len(self.names) > 1 and not self.followers
         self._waited += 1
-        if not chosen or (pair and len(chosen) < len(wanted) and self._waited < PATIENCE):
+        waiting = self._waited < PATIENCE or self._rivals.undecided
+        if not chosen or (pair and len(chosen) < len(wanted) and waiting):
             return
+        if chosen.keys() == PAIR:
+            chosen = self._rivals.decide(frame, self.settings, chosen)
         neutral = neutral_of(frame, allowed_cells(frame, self.settings))
         for name, candidate in chosen.items():
             others = [other.chroma_uv for key, other in chosen.items() if key != name]
@@ -251,17 +256,17 @@ class Tracker:
         except StopIteration as end:
             del self._lessons[0]
             if end.value is not None:
-                follower.take_look(with_disc(follower.look, end.value))
-                self._agree()
+                follower.take_shape(with_disc(follower.look, end.value))
+                self._agree(Follower.take_shape)
 
-    def _agree(self) -> None:
+    def _agree(self, take: Callable[[Follower, Appearance], None] = Follower.take_look) -> None:
         """Give the two marks of a robot one shape where one of them was partly hidden: they are equal discs."""
         if not {"green", "yellow"} <= self.followers.keys():
             return
         marks = [self.followers[name] for name in ("green", "yellow")]
         better, worse = sorted(marks, key=lambda mark: mark.look.disc.covered)
         if worse.look.disc.covered > better.look.disc.covered + MORE_COVERED:
-            worse.take_look(with_disc(worse.look, shaped_as(worse.look.disc, better.look.disc)))
+            take(worse, with_disc(worse.look, shaped_as(worse.look.disc, better.look.disc)))
             return
         worse, better = sorted(marks, key=lambda mark: mark.radius_px)
         if worse.radius_px < (1 - UNEQUAL) * better.radius_px:
@@ -273,7 +278,7 @@ class Tracker:
             alike = worse.look.disc.unlike(better.look.disc) < UNEQUAL_SLANT
             if alike and worse.look.disc.noise < UNEQUAL_NOISE * better.look.disc.noise:
                 return
-        worse.take_look(with_disc(worse.look, shaped_as(worse.look.disc, better.look.disc)))
+        take(worse, with_disc(worse.look, shaped_as(worse.look.disc, better.look.disc)))
 
     def _again(self, name: str, frame: Frame, one: Sighting) -> Sighting:
         if one.status != OK:
