@@ -25,8 +25,8 @@ DOUBT = 0.15
 # which is good to some ten per cent; beyond, motion is left.
 EXCESS = 1.12
 EXCESS_SIGMA = 5.0
-# A free-form term is the answer where it predicts commands left out better by so much, and by so many of its standard errors. Of right
-# answers in the development bank no free-form term gained more than 1.5, of wrong ones eight and more.
+# A free-form term is the answer where it predicts commands left out better by so much, and by so many of its standard
+# errors. Of right answers in the development bank no free-form term gained more than 1.5, of wrong ones eight and more.
 FORETOLD, FORETOLD_SIGMA = 4.0, 2.0
 # Friction and gains that depend on something known are not chance: the probability at which that is believed.
 NOT_CHANCE = 1e-3
