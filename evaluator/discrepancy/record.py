@@ -79,10 +79,10 @@ def disagreement(diagnosis: Diagnosis) -> pd.DataFrame | None:
 
 
 def _effects(diagnosis: Diagnosis) -> list[Json]:
-    """What was chosen; where nothing that could be fitted explains a real disagreement, the disagreement itself."""
-    chosen = [_effect(diagnosis, effect) for effect in sorted(diagnosis.chosen)]
-    if chosen or diagnosis.verdict != "unknown" or diagnosis.pieces is None or diagnosis.pieces.empty:
-        return chosen
+    """What was chosen; where nothing that could be fitted follows the marks, the disagreement itself."""
+    explained = diagnosis.chosen and diagnosis.follows
+    if explained or diagnosis.verdict != "unknown" or diagnosis.pieces is None or diagnosis.pieces.empty:
+        return [_effect(diagnosis, effect) for effect in sorted(diagnosis.chosen)]
     sizes = root_mean_squares(diagnosis.pieces)
     return [
         {
