@@ -8,10 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from evaluator.recording import open_recording
 from evaluator.tracking import track
-from tests.benchmarks.tracking.clips import clip, frames_in_memory, still_pictures
+from tests.benchmarks.tracking.clips import clip, distance_px, frames_in_memory, still_pictures
 from tests.benchmarks.tracking.peers import contours, hsv_centroid, luma_centroid, ours, trackpy_places, true_shape
 
 Array = np.ndarray
@@ -37,7 +38,8 @@ def bound() -> None:
         pictures, truth = still_pictures(rng, radius, blur, snr)
         table = track(frames_in_memory(pictures))
         error = table[["green_x_px", "green_y_px"]].to_numpy() - truth
-        normal = error / table[["green_x_sigma_px", "green_y_sigma_px"]].to_numpy()
+        both = {"green": truth, "yellow": truth + np.array([distance_px(radius), 0.0])}
+        normal = np.concatenate([_normal(table, name, points) for name, points in both.items()])
         phase = truth % 1.0 * 2 * np.pi
         locking = 2 * np.hypot((error * np.cos(phase)).mean(), (error * np.sin(phase)).mean())
         rms = np.sqrt(np.nanmean(error**2))
@@ -45,6 +47,12 @@ def bound() -> None:
             f"{radius:5g} {blur:5g} {snr:4g} {rms:9.4f} {rms / bound_px(radius, blur, snr):8.2f}"
             f" {np.nanstd(normal):15.2f} {locking:7.4f} ±{2 * rms / np.sqrt(error.size):.4f}"
         )
+
+
+def _normal(table: pd.DataFrame, name: str, truth: Array) -> Array:
+    """Errors of a mark over their stated uncertainties."""
+    error = table[[f"{name}_x_px", f"{name}_y_px"]].to_numpy() - truth
+    return np.asarray(error / table[[f"{name}_x_sigma_px", f"{name}_y_sigma_px"]].to_numpy())
 
 
 def h264() -> None:

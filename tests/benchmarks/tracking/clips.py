@@ -28,9 +28,14 @@ def frames_in_memory(pictures: list[Array]) -> Iterator[Frame]:
         )  # fmt: skip
 
 
+def distance_px(radius: float) -> float:
+    """From the green mark to the yellow one, on the paper's robot."""
+    return 3.66 * 2 * radius
+
+
 def still_pictures(rng: np.random.Generator, radius: float, blur: float, snr: float) -> tuple[list[Array], Array]:
     """Two marks on black, drifting slowly over all places within a pixel; pictures and centres of the green one."""
-    distance = 3.66 * 2 * radius
+    distance = distance_px(radius)
     size = (int(distance + 5 * radius + 24), int(5 * radius + 24))
     pictures, truth = [], []
     for k in range(150):
