@@ -11,8 +11,8 @@ from evaluator.tracking.settings import MarkSettings, TrackingSettings
 
 # Spread of the logarithm of a pair's distance in diameters: of one robot, as coloured blobs show it; of all robots.
 SAID, OTHER = 0.05, 0.2
-# Log-likelihood by which two pairs of the same geometry differ at most: blobs are 2 % uncertain, light 10 % uneven.
-ALIKE = 2.0
+# Log-likelihood by which two pairs of the same geometry differ: blobs are 2 % uncertain (0.1), light 10 % uneven (0.4).
+ALIKE = 0.7
 
 
 @dataclass(frozen=True)

@@ -32,9 +32,9 @@ NOWHERE = np.ones((0, 0), bool)
 class Closer:
     """Fits of one mark and what they show; the arrays are those of `kernels.fit_disc`, shared with who follows it.
 
-    inner_px: radius of the mark's even inside. watch: pictures in which to look closer. shift: of the centre by a slope
-    that was not taken out, as far as it may be wrong, px. covered: whether the result is that of what shows beside
-    something that covers the mark: its variances are then whole.
+    inner_px: radius of the mark's even inside. watch: pictures in which to look closer; covered_lately: for what covers
+    the mark, too. shift: of the centre by a slope that was not taken out, as far as it may be wrong, px. covered:
+    whether the result is that of what shows beside something that covers the mark: its variances are then whole.
     """
 
     disc: Array
@@ -44,13 +44,19 @@ class Closer:
     inner_px: float
     blur_px: float
     watch: int = 0
+    covered_lately: int = 0
     shift: tuple[float, float] = (0.0, 0.0)
     covered: bool = False
 
     def begin(self, frame: Frame) -> bool:
         """Forget the picture before; whether a mark that looks well is to be looked at closer in this one."""
         self.shift, self.covered = (0.0, 0.0), False
-        return self.watch > 0 or not frame.index & LOOKOUT_MASK
+        return self.watch > 0 or self.regular(frame)
+
+    @staticmethod
+    def regular(frame: Frame) -> bool:
+        """Whether it is the turn of a picture to be looked at closer, though nothing is odd."""
+        return not frame.index & LOOKOUT_MASK
 
     def fit(self, frame: Frame, start: Array, slopes: Array | None = None) -> None:
         """Fit the disc."""
@@ -66,12 +72,14 @@ class Closer:
         plain, result = self.result.copy(), self.result
         if not np.isfinite(plain[kernels.X]):
             return False
-        seeming, share = self._uncover(frame, NOTABLE)
+        due = suspicious or self.covered_lately > 0 or self.regular(frame)
+        seeming, share = self._uncover(frame, NOTABLE) if due else (0.0, 0.0)
+        self.covered_lately -= 1
         uncovered = result.copy()
         result[:] = plain
         self.fit(frame, plain[: kernels.BASE + 1], np.zeros(2))
         if self._sound(uncovered, share) and self._uncover(frame, NEVER)[0] > EXPLAINED * seeming:
-            self.watch, self.covered = WATCHED, True
+            self.watch, self.covered_lately, self.covered = WATCHED, WATCHED, True
             result[:] = uncovered
             return True
         return self._keep_slope(frame, plain, suspicious=suspicious)

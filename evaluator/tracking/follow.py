@@ -144,7 +144,7 @@ class Follower:
         if suspicious or lookout:
             taken = self._closer.look(frame, suspicious=suspicious)
             if verdict == glance.WELL and not taken:
-                return self._measured(frame, closely=True)  # what the glance has judged stands
+                return self._measured(frame, closely=self._closer.regular(frame))  # what the glance has judged stands
         return self._judged(frame, cell, place, reach_px)
 
     def _look_closer(self, frame: Frame, interval_s: float) -> None:

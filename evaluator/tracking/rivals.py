@@ -17,10 +17,11 @@ from evaluator.tracking.settings import TrackingSettings
 Point = tuple[float, float]
 Pair = dict[str, Candidate]
 
-# A pair has moved where one of its blobs is farther from where it was first than blobs of a codec jitter: px, or radii.
-MOVED_PX, MOVED = 2.0, 0.3
+# A pair has moved where a blob of it is farther from where it was first than this, in radii; as one body, where its
+# distance changed by less than this share of the way: two things that move on their own seldom keep it.
+MOVED, RIGID = 1.5, 0.1
 STEP = 2.0  # radii that a blob moves from picture to picture at most, to be known again
-RIGID_PX = 2.0  # by which the distance of a pair's blobs changes at most, on one body
+APART_PX = 3.0  # change of a pair's distance from which its blobs are on no one body: more than blobs jitter
 
 
 @dataclass
@@ -38,11 +39,15 @@ class _Rival:
                 return
 
     @property
+    def change_px(self) -> float:
+        """How much farther apart its blobs are than at first."""
+        return abs(_apart(*self.last.values()) - _apart(*self.first.values()))
+
+    @property
     def moved(self) -> bool:
         """Whether it has moved as one body."""
         way = max(_apart(self.last[name], self.first[name]) for name in self.first)
-        change = _apart(*self.last.values()) - _apart(*self.first.values())
-        return way > max(MOVED_PX, MOVED * self.first["green"].radius_px) and abs(change) < RIGID_PX
+        return way > MOVED * self.first["green"].radius_px and self.change_px < RIGID * way
 
 
 class Rivals:
@@ -70,6 +75,7 @@ class Rivals:
             rival.follow(pairs)
         known = [rival.last for rival in self._rivals]
         self._rivals += [_Rival(pair, pair) for pair in pairs if not any(_same(pair, one) for one in known)]
+        self._rivals = [rival for rival in self._rivals if rival.change_px < APART_PX]
         moved = [rival for rival in self._rivals if rival.moved]
         if len(moved) != 1 or moved[0].last not in pairs:
             return {}

@@ -30,7 +30,7 @@ def test_of_two_robots_at_rest_that_look_alike_the_one_that_moves_is_followed() 
     table, green = tracked(60, REST)
     status = table["green_status"].to_numpy()
     assert (status[:REST] == "ambiguous").all()
-    assert (status[REST + 6 :] == "ok").all()  # six steps of 0.7 px: as far as blobs may jitter
+    assert (status[REST + 16 :] == "ok").all()  # after a way of 1.5 radii
     error = table[["green_x_px", "green_y_px"]].to_numpy() - green
     assert np.nanmax(np.abs(error)) < 0.1
 
