@@ -42,14 +42,24 @@ def compiled(**options: Any) -> Callable[[Function], Function]:
     return decorate
 
 
+def is_kept(kernel: Callable[..., Any]) -> bool:
+    """Whether the kernel is on disk, compiled from the present source for whatever it was called with."""
+    return any(_kept(kernel))
+
+
+def _kept(kernel: Any) -> Iterator[Path]:
+    function = kernel.py_func
+    stem = Path(function.__code__.co_filename).stem
+    return Path(kernel.stats.cache_path).glob(f"{stem}.{function.__qualname__}-*.nbi")
+
+
 def _forget_stale(function: Callable[..., Any], kernel: Any) -> None:
     global _youngest_source_s  # noqa: PLW0603  # one clock for all kernels of the process
     source = function.__code__.co_filename
     if source not in _sources and Path(source).exists():
         _sources.add(source)
         _youngest_source_s = max(_youngest_source_s, Path(source).stat().st_mtime)
-    pattern = f"{Path(source).stem}.{function.__qualname__}-*.nbi"
-    for index in Path(kernel.stats.cache_path).glob(pattern):
+    for index in _kept(kernel):
         with suppress(FileNotFoundError):  # another process that starts at the same time may be first
             if index.stat().st_mtime < _youngest_source_s:
                 index.unlink()
