@@ -122,6 +122,7 @@ def summary(content: dict[str, Any]) -> list[str]:
         gap_sentence,
         in_words,
         next_runs_sentence,
+        separations_sentence,
         verdict_sentence,
     )
 
@@ -135,7 +136,7 @@ def summary(content: dict[str, Any]) -> list[str]:
     if content.get("runs_not_followed") and closes(content):
         lines.append(f"Not followed, look at these recordings first: {', '.join(content['runs_not_followed'])}.")
     lines += [as_sentence(item["sentence"]) for item in content["where"][:SENTENCES]]
-    lines.append(next_runs_sentence(content["next_experiment"]))
+    lines += [next_runs_sentence(content), separations_sentence(content)]
     return [line for line in lines if line]
 
 

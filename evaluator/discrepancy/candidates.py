@@ -90,9 +90,11 @@ def placed(
     """The run from every heading, its path as a whole at every place; shorter where the room is too small for it.
 
     places: of the middle of the path, as shares of what the path leaves free. Headings at which not even SHORTEST_S of
-    driving fit are left out.
+    driving fit are left out, and so is a command at which chance decides how the robot turns.
     """
     half, path = np.array(room.half_mm), _path(robot, command)
+    if path is None:
+        return
     for heading in headings_deg:
         for seconds in np.arange(DURATION_S, SHORTEST_S - 0.5, -1.0):
             low, high = _reach(path, heading, float(seconds))
@@ -112,8 +114,8 @@ def _reach(path: Floats, heading_deg: float, seconds: float) -> tuple[Floats, Fl
     return turned.min(axis=0), turned.max(axis=0)
 
 
-def _path(robot: Robot, command: tuple[float, float]) -> Floats:
-    """Marks (n, 4) of a run from the origin at heading 0."""
+def _path(robot: Robot, command: tuple[float, float]) -> Floats | None:
+    """Marks (n, 4) of a run from the origin at heading 0; None where the smallest disturbance decides how it turns."""
     times = np.arange(DURATION_S * STEPS_PER_S + 1) / STEPS_PER_S
     run = simulate(robot, Command.constant(*command, 0.0), times)
-    return np.asarray(marks_of_run(robot, run).to_numpy()[:, 1:])
+    return None if run.is_by_chance else np.asarray(marks_of_run(robot, run).to_numpy()[:, 1:])

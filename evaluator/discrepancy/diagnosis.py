@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.discrepancy.adequacy import Adequacy, adequacy
-from evaluator.discrepancy.crossval import Constancy, advantage, constancy
+from evaluator.discrepancy.crossval import Constancy, constancy
 from evaluator.discrepancy.ends import Ends
 from evaluator.discrepancy.experiment import Session, held_out_runs, shortcomings
 from evaluator.discrepancy.fit import Fit, fit_model, place_runs, place_starts
@@ -20,34 +19,16 @@ from evaluator.discrepancy.gap import Gap, noise_floor, run_gaps
 from evaluator.discrepancy.horizon import is_large, short_horizon_fits
 from evaluator.discrepancy.next_runs import NextRuns, best_next_runs
 from evaluator.discrepancy.problem import Point, Problem, build_problem, with_noise_of
-from evaluator.discrepancy.rivals import Set, Standing, is_free, predictive_score, score, separations, standing
+from evaluator.discrepancy.rivals import Set, Standing, is_free, predictive_score, separations, standing
 from evaluator.discrepancy.search import HOPELESS, Search, fit_set, run_search, screen
 from evaluator.discrepancy.simulated import Simulated
 from evaluator.discrepancy.terms import Term, named_terms
+from evaluator.discrepancy.verdict import Verdict, decide, doubts, kept
 from evaluator.discrepancy.where import Dependence, dependences, pieces
 
 Floats = NDArray[np.float64]
-Verdict = Literal["none", "effect", "unknown", "insufficient"]
 Progress = Callable[[str, float], None]
 
-# An effect stays in the model where leaving it out costs this much of the log posterior, by the size of the set: odds
-# of 90 to 1 for the first, or for a free-form term where no effect is named, 30 to 1 for a second, as something is
-# missing then anyway. At odds of 20 to 1 one of 61 clean experiments of earlier blind banks was misread. Several named
-# effects together can imitate physics that has no name, so sets of three must earn more.
-KEEP = (4.5, 4.5, 3.5, 12.0)
-# Named effects are the answer where the free-form terms together have at most this probability beside them. In
-# development experiments they had 8 % at most where the named effects were true (26 of 26), and 25 % or more where
-# these imitated something else (6 of 8; two, of effects hardly visible, had 7 %).
-DOUBT = 0.15
-# Left-overs above noise: mean square and its standard errors. The noise of slow modes is carried over from fast ones,
-# which is good to some ten per cent; beyond, motion is left.
-EXCESS = 1.12
-EXCESS_SIGMA = 5.0
-# ... or where it predicts commands left out better by so much, and by so many of its standard errors. Of right
-# answers in the development bank no free-form term gained more than 1.5, of wrong ones eight and more.
-FORETOLD, FORETOLD_SIGMA = 4.0, 2.0
-# Friction and gains that depend on something known are not chance: the probability at which that is believed.
-NOT_CHANCE = 1e-3
 # Whatever the evidences say, a model that misses the marks of a run by so many times the noise floor does not follow
 # it. Where the verdict was right the gap lay between 0.9 and 1.12 floors; fits that had not settled left 50 and more.
 # One run in eight may be astray (dust, a snagged tether, the edge between two steady states) and is named.
@@ -83,6 +64,7 @@ class Diagnosis:
     where: tuple[Dependence, ...] = ()
     next_runs: NextRuns | None = None
     astray: tuple[int, ...] = ()  # runs that the chosen model does not follow
+    follows: bool = True  # whether the chosen model follows nearly all runs
     constancy: tuple[Constancy, ...] = ()  # of the best named effects
 
     @property
@@ -97,58 +79,26 @@ def diagnose(session: Session, progress: Progress, ends: Ends | None = None) -> 
     reasons = shortcomings(session.data)
     if reasons:
         return Diagnosis("insufficient", "; ".join(reasons), session)
-    data = session.data
-    given = {entry.id for entry in session.robots[0].effect}
-    every = named_terms(_reach(session), _levels(session))
-    named = {effect: term for effect, term in every.items() if effect not in given}
-    free = free_terms()
-    terms: dict[str, Term] = {**named, **free}
-    progress("noise", 0.0)
-    problem, start = build_problem(data, Simulated(session.robots, data, terms), ends)
-    held_out = held_out_runs(data)
-    fitted = tuple(run for run in range(len(data)) if run not in held_out)
-    part = Search(problem, named, session.tolerance, fitted)
-    large = is_large(problem, start)
-    run_search(part, start, progress, short_horizon_fits(part, start, progress) if large else ())
-    part = _with_settled_noise(part, progress, large=large)
-    _swap(part)
-    problem = part.problem
+    part, start, terms = _searched(session, progress, ends)
     everything = _on_all_runs(part, terms)
+    free = {effect: term for effect, term in terms.items() if is_free(effect)}
     _challenge(everything, free, progress)
     table = standing(everything, len(free))
-    best_named = _kept(everything, table, len(free))
-    chosen, verdict, reason = _decide(everything, table, best_named)
-    left = adequacy(everything.fits[chosen], data)
-    constant = constancy(everything.fits[best_named], data, session.tolerance)
-    if verdict != "unknown" and (doubt := _doubt(left, constant)):
-        verdict, reason = "unknown", doubt
+    best_named = kept(everything, table, len(free))
+    chosen, verdict, reason = decide(everything, table, best_named)
+    left = adequacy(everything.fits[chosen], session.data)
+    constant = constancy(everything.fits[best_named], session.data, session.tolerance)
+    if verdict != "unknown" and (reserve := doubts(left, constant)):
+        verdict, reason = "unknown", reserve
         chosen = next((ids for ids in table.sets if any(is_free(effect) for effect in ids)), chosen)
-    problem_runs = range(len(data))
-    fit = everything.fits[chosen]
-    gap_fit = part.fits.get(chosen) or _refit_on(part, everything, chosen)
-    after = place_runs(problem, replace(gap_fit.point, own=fit.point.own), problem_runs, fit.posterior.scatter)
-    before = place_starts(problem, Point(after.own), problem_runs)
-    gap = Gap(
-        run_gaps(problem, before, problem_runs),
-        run_gaps(problem, after, problem_runs),
-        noise_floor(problem, problem_runs),
-    )
-    astray = tuple(int(run) for run in np.flatnonzero(gap.after_mm > MISSED * gap.floor_mm))
-    if verdict != "unknown" and len(astray) > ASTRAY_SHARE * len(data):
-        verdict, reason = "unknown", "neither the nominal model nor any effect that could be fitted follows the marks"
-    gain = float("nan")
-    if held_out and chosen:
-        gain = _confirmation(part, gap_fit, held_out)
-    apart = separations(everything, best_named) if best_named else {}
     progress("where and what next", 0.95)
-    table_of_pieces = pieces(problem, before)
-    following = best_next_runs(everything, chosen, table, apart)
-    return Diagnosis(
+    apart = separations(everything, best_named) if best_named else {}
+    found = Diagnosis(
         verdict=verdict,
         reason=reason,
         session=session,
-        held_out=held_out,
-        problem=problem,
+        held_out=held_out_runs(session.data),
+        problem=part.problem,
         search=everything,
         fit_search=part,
         standing=table,
@@ -156,15 +106,58 @@ def diagnose(session: Session, progress: Progress, ends: Ends | None = None) -> 
         named=best_named,
         separation=apart,
         leftover=left,
-        gap=gap,
-        confirmation=gain,
         terms=terms,
-        pieces=table_of_pieces,
-        where=tuple(dependences(table_of_pieces)),
-        next_runs=following,
-        astray=astray,
+        next_runs=best_next_runs(everything, chosen, table, apart),
         constancy=tuple(constant),
     )
+    return _looked_at_again(found, start)
+
+
+def _searched(session: Session, progress: Progress, ends: Ends | None) -> tuple[Search, Point, dict[str, Term]]:
+    """The search over named effects without the runs kept aside, the nominal point, and all terms by id."""
+    data = session.data
+    given = {entry.id for entry in session.robots[0].effect}
+    every = named_terms(_reach(session), _levels(session))
+    named = {effect: term for effect, term in every.items() if effect not in given}
+    terms: dict[str, Term] = {**named, **free_terms()}
+    progress("noise", 0.0)
+    problem, start = build_problem(data, Simulated(session.robots, data, terms), ends)
+    aside = held_out_runs(data)
+    part = Search(problem, named, session.tolerance, tuple(run for run in range(len(data)) if run not in aside))
+    large = is_large(problem, start)
+    run_search(part, start, progress, short_horizon_fits(part, start, progress) if large else ())
+    part = _with_settled_noise(part, progress, large=large)
+    _swap(part)
+    return part, start, terms
+
+
+def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
+    """The diagnosis with the gap before and after, on fitted runs and on those kept aside, and where it shows."""
+    part, everything, chosen, fit = found.fit_search, found.search, found.chosen, found.fit
+    assert part is not None
+    assert everything is not None
+    problem, runs = part.problem, range(len(found.session.data))
+    gap_fit = part.fits.get(chosen) or _refit_on(part, everything, chosen)
+    after = place_runs(problem, replace(gap_fit.point, own=fit.point.own), runs, fit.posterior.scatter)
+    after_mm, floor_mm = run_gaps(problem, after, runs), noise_floor(problem, runs)
+    astray = tuple(int(run) for run in np.flatnonzero(after_mm > MISSED * floor_mm))
+    follows = len(astray) <= ASTRAY_SHARE * len(runs)
+    # what a model that does not follow the marks says of each run's friction and gains is worth nothing
+    before = place_starts(problem, Point(after.own) if follows else nominal, runs)
+    seen = pieces(problem, before)
+    found = replace(
+        found,
+        gap=Gap(run_gaps(problem, before, runs), after_mm, floor_mm),
+        confirmation=_confirmation(part, gap_fit, found.held_out) if found.held_out and chosen else float("nan"),
+        pieces=seen,
+        where=tuple(dependences(seen)),
+        astray=astray,
+        follows=follows,
+    )
+    if found.verdict == "unknown" or follows:
+        return found
+    reason = "neither the nominal model nor any effect that could be fitted follows the marks"
+    return replace(found, verdict="unknown", reason=reason)
 
 
 def _confirmation(part: Search, fit: Fit, held_out: Sequence[int]) -> float:
@@ -253,39 +246,3 @@ def _challenge(search: Search, free: Mapping[str, Term], progress: Progress) -> 
             found = fit_set(search, ids | {effect}, {effect: view.start_of((effect, extra))}, fit)
             near = found is not None and found.posterior.log_evidence > top - HOPELESS
             hopeless = 0 if near else hopeless + 1
-
-
-def _kept(search: Search, table: Standing, families: int) -> Set:
-    """The best set of named effects of which each pays for itself."""
-    for ids in table.sets:
-        if any(is_free(effect) for effect in ids):
-            continue
-        if all(table.of(ids) - score(search, ids - {effect}, families) > KEEP[len(ids)] for effect in ids):
-            return ids
-    return frozenset()
-
-
-def _decide(search: Search, table: Standing, named: Set) -> tuple[Set, Verdict, str]:
-    """Verdict between the best named set and everything free-form."""
-    free = [ids for ids in table.sets if any(is_free(effect) for effect in ids)]
-    if free and table.of(free[0]) - table.of(frozenset()) > KEEP[1] and table.share_of(free) > DOUBT:
-        return free[0], "unknown", "a free-form term explains the runs as well as the named effects, or better"
-    for ids in free:
-        gain, error = advantage(search.fits[ids], search.fits[named], search.problem.data, search.tolerance)
-        if gain > FORETOLD and gain > FORETOLD_SIGMA * error:
-            return ids, "unknown", "a free-form term foretells commands left out better than any named effect"
-    if named:
-        return named, "effect", "each effect pays for itself, and nothing is left that a free-form term could explain"
-    return named, "none", "the model explains the data within noise and tolerances"
-
-
-def _doubt(left: Adequacy, constant: Sequence[Constancy]) -> str:
-    """Why what a model leaves over is not noise and chance; empty where it is."""
-    if left.excess > EXCESS and left.excess_sigma > EXCESS_SIGMA:
-        return f"left-overs are {left.excess:.2f} times the tracking noise ({left.excess_sigma:.0f} sigmas)"
-    if left.order_p < NOT_CHANCE:
-        return f"the {left.depends_on}, which is not chance (probability {left.order_p:.1g})"
-    for item in constant:
-        if item.probability < NOT_CHANCE:
-            return f"the effect differs in size between {item.halves} (probability {item.probability:.1g})"
-    return ""

@@ -82,7 +82,7 @@ def fit_model(
     begin = replace(start, terms={**(fixed or {}), **values})
     question = question_of(
         *(begin.own, begin.nominal, begin.terms, sorted(values), chosen, dict(tolerance)),
-        *(problem.horizon_s, [[astuple(noise) for noise in parts] for parts in problem.noise]),
+        *(problem.horizon_s, [[astuple(noise) for noise in parts] for parts in problem.noise], problem.fingerprint),
     )
     if question not in problem.ends:
         try:

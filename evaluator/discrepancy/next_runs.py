@@ -204,15 +204,15 @@ def best_next_runs(
         return None
     told = of(options)
     groups = [*told.values(), list(chain(*told.values()))]
-    worth = sorted({options[run].command for group in groups for run in _until(group)[0]})
+    worth = sorted({options[run].command for group in groups for run in runs_until_enough(group)[0]})
     options = [run for each in worth for run in placed(robot, each, HEADINGS_DEG, room, (MIDDLE, *CORNERS))]
     told = of(options)
-    reached = {name: _until(views)[1] for name, views in told.items()}
+    reached = {name: runs_until_enough(views)[1] for name, views in told.items()}
     inseparable = {name: sigmas for name, sigmas in reached.items() if sigmas < ENOUGH_SIGMAS}
     able = {name: views for name, views in told.items() if name not in inseparable}
     if not able:
         return NextRuns((), {}, inseparable)
-    made, _ = _until(list(chain(*able.values())))
+    made, _ = runs_until_enough(list(chain(*able.values())))
     sigmas = {name: _least(views, made[:-1], made[-1]) for name, views in able.items()}
     return NextRuns(tuple(options[run] for run in sorted(made)), sigmas, inseparable)
 
@@ -222,7 +222,7 @@ def _least(views: Sequence[Information], made: Sequence[int], last: int) -> floa
     return float(np.sqrt(min(view.squares(made)[last] for view in views)))
 
 
-def _until(told: Sequence[Information]) -> tuple[list[int], float]:
+def runs_until_enough(told: Sequence[Information]) -> tuple[list[int], float]:
     """Runs, one by one those that tell most, until all rivals are kept away; and by how many sigmas, at least."""
     made: list[int] = []
     least = 0.0

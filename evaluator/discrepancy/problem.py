@@ -6,6 +6,7 @@ tens of microseconds a run they cost less than any cleverness.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -100,6 +101,11 @@ class Problem:
     half_distance_mm: float
     horizon_s: float = np.inf  # only frames up to so long after the start of the motors count
     ends: Ends = field(default_factory=Ends)  # of the fits made before
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of the measured marks."""
+        return hashlib.sha256(b"".join(np.ascontiguousarray(item).data for item in self.channels)).hexdigest()
 
     def counting_frames(self, run: int) -> NDArray[np.bool_]:
         """Frames (n,) of a run that count: both marks seen, within the horizon."""

@@ -19,7 +19,7 @@ from evaluator.discrepancy.gap import rms
 from evaluator.discrepancy.next_runs import MOST_RUNS
 from evaluator.discrepancy.rivals import SAME_SIGMAS, Set, is_free
 from evaluator.discrepancy.terms import Parameters, Term
-from evaluator.discrepancy.where import QUANTITIES, pieces
+from evaluator.discrepancy.where import QUANTITIES, Interval, pieces, root_mean_squares
 from simulator.effects.catalogue import EFFECTS
 
 Floats = NDArray[np.float64]
@@ -43,7 +43,7 @@ def record(diagnosis: Diagnosis) -> Json:
             "skipped_runs": dict(diagnosis.session.skipped),
         }
     return found | {
-        "effects": [_effect(diagnosis, effect) for effect in sorted(diagnosis.chosen)],
+        "effects": _effects(diagnosis),
         "gap": _gap(diagnosis),
         "where": [
             {
@@ -76,6 +76,42 @@ def disagreement(diagnosis: Diagnosis) -> pd.DataFrame | None:
     held = {diagnosis.session.data[run].id for run in diagnosis.held_out}
     both = pd.concat([diagnosis.pieces, after[list(QUANTITIES)].rename(columns=renamed)], axis=1)
     return both.assign(kept_aside=both["run"].isin(held))
+
+
+def _effects(diagnosis: Diagnosis) -> list[Json]:
+    """What was chosen; where nothing that could be fitted follows the marks, the disagreement itself."""
+    explained = diagnosis.chosen and diagnosis.follows
+    if explained or diagnosis.verdict != "unknown" or diagnosis.pieces is None or diagnosis.pieces.empty:
+        return [_effect(diagnosis, effect) for effect in sorted(diagnosis.chosen)]
+    sizes = root_mean_squares(diagnosis.pieces)
+    return [
+        {
+            "id": "free-form",
+            "name": "an error of the robot's speed" + "".join(f"; {s}" for s in _strongest(diagnosis)),
+            "parameters": {f"rms_{name}": _bounded(values) for name, values in sizes.items()},
+            "equivalent": [],
+            "probability": 1.0,
+            "fitted": False,
+            "terms": [
+                {
+                    "channel": item.quantity,
+                    "basis": item.by,
+                    "parity": item.parity or None,
+                    "coefficients": [_bounded(values) for values in item.sizes],
+                }
+                for item in diagnosis.where
+            ],
+        }
+    ]
+
+
+def _strongest(diagnosis: Diagnosis) -> list[str]:
+    return [item.sentence for item in diagnosis.where[:1]]
+
+
+def _bounded(values: Interval) -> Json:
+    value, low, high = values
+    return {"value": _rounded(value), "low": _rounded(low), "high": _rounded(high)}
 
 
 def _effect(diagnosis: Diagnosis, effect: str) -> Json:
@@ -131,7 +167,7 @@ def _interval(name: str, best: Parameters, draws: Sequence[float]) -> Json:
         low, high = value + np.percentile(turned, [2.5, 97.5])
     else:
         low, high = np.percentile(draws, [2.5, 97.5])
-    return {"value": _rounded(value), "low": _rounded(float(low)), "high": _rounded(float(high))}
+    return _bounded((value, float(low), float(high)))
 
 
 def _leap(term: Term, values: Sequence[float]) -> Json:

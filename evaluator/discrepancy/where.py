@@ -24,7 +24,8 @@ Floats = NDArray[np.float64]
 PIECE_S = 1.0
 FEWEST_FREEDOM = 3  # runs beyond the coefficients
 FEWEST_FRAMES = 5  # in a piece: a slope over fewer is mostly noise
-SHOWN_SIGMAS = 3.5  # forty-five tests: chance reaches this once in fifty experiments
+SHOWN_SIGMAS = 3.5  # fifty-seven tests: chance reaches this once in forty experiments
+FOLDS = {"heading": 1, "twice the heading": 2, "three times the heading": 3, "four times the heading": 4}
 
 COLUMNS = (
     *("run", "time_s", "along_mm_s", "across_mm_s", "yaw_deg_s", "direction", "side", "speed_rpm"),
@@ -35,15 +36,22 @@ QUANTITIES = {"along_mm_s": "speed along the robot", "across_mm_s": "sideways sp
 UNITS = {"along_mm_s": "mm/s", "across_mm_s": "mm/s", "yaw_deg_s": "deg/s"}
 
 
+Interval = tuple[float, float, float]  # value, low, high
+
+
 @dataclass(frozen=True)
 class Dependence:
-    """A disagreement and what it depends on: effect sizes with their significance and a plain sentence."""
+    """A disagreement and what it depends on: effect sizes with their significance and a plain sentence.
+
+    sizes: coefficients of what was tested, in the order of its regressors, each with its 95 % bounds.
+    """
 
     quantity: str
     by: str
     parity: str  # "even" or "odd" under the reversal of the motion or of the side; "" where that means nothing
     sigmas: float
     sentence: str
+    sizes: tuple[Interval, ...] = ()
 
 
 def pieces(problem: Problem, point: Point) -> pd.DataFrame:
@@ -116,8 +124,10 @@ def every_dependence(table: pd.DataFrame) -> list[Dependence]:
             columns = np.column_stack([*common, *tested])
             if np.linalg.matrix_rank(columns) < columns.shape[1]:
                 continue
-            size, sigmas = _clustered(values, columns, runs, len(tested))
-            found.append(Dependence(quantity, by, parity, sigmas, _sentence(quantity, by, parity, size, sigmas)))
+            size, half, sigmas = _clustered(values, columns, runs, len(tested))
+            sizes = tuple((v, v - h, v + h) for v, h in zip(map(float, size), map(float, half), strict=True))
+            sentence = _sentence(quantity, by, parity, size, sigmas)
+            found.append(Dependence(quantity, by, parity, sigmas, sentence, sizes[-len(tested) :]))
     return found
 
 
@@ -138,8 +148,7 @@ def _designs(table: pd.DataFrame, quantity: str) -> dict[tuple[str, str], tuple[
     fast = column["speed_rpm"] / max(float(column["speed_rpm"].mean()), 1e-9)
     angle = np.radians(column["heading_deg"])
     over = {
-        "heading": [np.cos(angle), np.sin(angle)],
-        "twice the heading": [np.cos(2 * angle), np.sin(2 * angle)],
+        **{by: [np.cos(fold * angle), np.sin(fold * angle)] for by, fold in FOLDS.items()},
         "place": [column["x_mm"], column["y_mm"]],
     }
     first = np.where(column["time_s"] < PIECE_S, 1.0, 0.0)
@@ -158,8 +167,19 @@ def _designs(table: pd.DataFrame, quantity: str) -> dict[tuple[str, str], tuple[
     }
 
 
-def _clustered(values: Floats, columns: Floats, runs: NDArray[np.object_], tested: int) -> tuple[Floats, float]:
-    """Least squares, errors over runs: all coefficients, and the joint significance of the tested last ones in sigmas.
+def root_mean_squares(table: pd.DataFrame) -> dict[str, Interval]:
+    """How large each disagreement is, whatever it depends on: RMS over all pieces with 95 % bounds over runs."""
+    squares = (table[list(QUANTITIES)] ** 2).groupby(table["run"]).mean()
+    reach = float(stats.t.isf(0.025, max(len(squares) - 1, 1))) / np.sqrt(len(squares))
+    found = {}
+    for name in QUANTITIES:
+        mean, spread = float(squares[name].mean()), float(squares[name].std(ddof=1)) * reach
+        found[name] = (np.sqrt(mean), np.sqrt(max(mean - spread, 0.0)), np.sqrt(mean + spread))
+    return found
+
+
+def _clustered(values: Floats, columns: Floats, runs: NDArray[np.object_], tested: int) -> tuple[Floats, Floats, float]:
+    """Least squares: all coefficients, half their 95 % intervals, joint significance of those tested (last) in sigmas.
 
     Errors are those of the jackknife over runs, which few runs do not make too small: Bell & McCaffrey (2002), Survey
     Methodology 28, 169.
@@ -170,7 +190,7 @@ def _clustered(values: Floats, columns: Floats, runs: NDArray[np.object_], teste
     names = np.unique(runs)
     freedom = len(names) - columns.shape[1]
     if freedom < FEWEST_FREEDOM:
-        return size, 0.0
+        return size, np.full(len(size), np.inf), 0.0
     scores = []
     for name in names:
         own = columns[runs == name]
@@ -181,7 +201,8 @@ def _clustered(values: Floats, columns: Floats, runs: NDArray[np.object_], teste
     part = covariance[-tested:, -tested:]
     ratio = float(size[-tested:] @ np.linalg.pinv(part) @ size[-tested:]) / tested
     probability = float(stats.f.sf(ratio, tested, freedom))
-    return size, float(stats.norm.isf(max(probability, 1e-300) / 2))
+    half = float(stats.t.isf(0.025, freedom)) * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return size, half, float(stats.norm.isf(max(probability, 1e-300) / 2))
 
 
 def _sentence(quantity: str, by: str, parity: str, size: Floats, sigmas: float) -> str:
@@ -197,10 +218,10 @@ def _sentence(quantity: str, by: str, parity: str, size: Floats, sigmas: float) 
         if quantity == "along_mm_s" and one == "forward":
             one, other = f"forward ({_pace(first)})", f"backward ({_pace(-second)})"
         return f"measured {what} is off by {first:+.3g} {unit} {one} and {second:+.3g} {unit} {other}{tail}"
-    if by in ("heading", "twice the heading"):
-        fold = 1 if by == "heading" else 2
+    if by in FOLDS:
+        fold = FOLDS[by]
         peak = round(float(np.degrees(np.arctan2(size[-1], size[-2])) / fold % (360 / fold)))
-        at = f"{peak} degrees" if fold == 1 else f"{peak} and {peak + 180} degrees"
+        at = " and ".join(str(peak + 360 * turn // fold) for turn in range(fold)) + " degrees"
         amount = float(np.hypot(size[-2], size[-1]))
         return f"measured {what} varies with {by}: {amount:.3g} {unit} more at {at}{reversing}{tail}"
     if by == "place":

@@ -74,8 +74,8 @@ def _on_one_core() -> Iterator[None]:
 def _written(found: Diagnosis, content: dict[str, Any], experiment: Experiment, outputs: Outputs) -> list[Path]:
     """Write the results; what an earlier diagnosis left and this one does not have is removed."""
     files = [outputs.diagnosis]
-    table, added = disagreement(found), found.verdict in ("effect", "unknown") and found.search is not None
-    for path, there in ((outputs.disagreement, table is not None), (outputs.robot_with_effect, added and found.chosen)):
+    table, added = disagreement(found), bool(found.chosen) and found.follows
+    for path, there in ((outputs.disagreement, table is not None), (outputs.robot_with_effect, added)):
         if there:
             files.append(path)
         else:

@@ -7,6 +7,7 @@ from typing import Any
 
 from evaluator.report.diagnosis_view import DiagnosisView
 from evaluator.report.diagnosis_words import (
+    RUN_KEYS,
     as_sentence,
     closes,
     effect_words,
@@ -14,9 +15,10 @@ from evaluator.report.diagnosis_words import (
     gap_sentence,
     in_words,
     micrometres,
-    next_runs_sentence,
+    next_runs,
     parameter,
     percent_text,
+    separations_sentence,
     signed_percent,
     value_text,
     verdict_sentence,
@@ -47,7 +49,7 @@ def _verdict(view: DiagnosisView) -> Section:
     if view.outdated:
         text.insert(0, "Recordings, robot or program have changed since this diagnosis: run turnscope diagnose again.")
     text += [equivalents_sentence(effect) for effect in content.get("effects") or []]
-    text.append(next_runs_sentence(content.get("next_experiment")))
+    text.append(separations_sentence(content))
     rows = [
         (effect["name"], *parameter(name), best, f"{low} to {high}")
         for effect in content.get("effects") or []
@@ -55,7 +57,14 @@ def _verdict(view: DiagnosisView) -> Section:
         for best, low, high in [with_interval(value)]
     ]
     table = Table("What was found, with 95 % intervals.", ("effect", "parameter", "unit", "value", "95 %"), tuple(rows))
-    return Section("diagnosis", "What is missing in the model", _full(text), (), (table,) if rows else ())
+    tables = (table,) if rows else ()
+    return Section("diagnosis", "What is missing in the model", _full(text), (), (*tables, *_next_runs(content)))
+
+
+def _next_runs(content: Json) -> tuple[Table, ...]:
+    head = ("left, rpm", "right, rpm", "drive, s", "start x, mm", "start y, mm", "heading, °", "times")
+    rows = tuple(tuple(value_text(run[key]) for key in RUN_KEYS) for run in next_runs(content))
+    return (Table("Runs that would tell more; starts are of the robot's centre.", head, rows),) if rows else ()
 
 
 def _where(view: DiagnosisView) -> Section | None:

@@ -21,6 +21,8 @@ UNIT_WORDS = {
     "uN_mm_s": "µN·mm·s",
     "mN_mm": "mN/mm",
     "per_run": "per run",
+    "deg_s": "°/s",
+    "mm_s": "mm/s",
     "deg": "°",
     "mm": "mm",
     "mN": "mN",
@@ -47,15 +49,18 @@ def _description(content: Json) -> str:
     """What is known of something that has no name: the free-form term, or else where it shows most."""
     free_first = sorted(content.get("effects") or [], key=lambda effect: effect["id"] != "free-form")
     free = "; and ".join(f"{effect['name']}{_sizes(effect)}" for effect in free_first)
-    if free:
+    if free and closes(content):
         return f"; what would explain it best: {free}"
+    if free:
+        return f", and no term that was tried does: {free}"
     seen = [item["sentence"] for item in content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
     return f", and no term that was tried does; most of all, {_with_minus(seen[0])}" if seen else ""
 
 
 def closes(content: Json) -> bool:
     """Whether there is a model with which to look at the gap again: not where nothing that was tried explains it."""
-    return bool(content.get("effects")) or content.get("verdict") != "unknown"
+    effects = content.get("effects") or []
+    return content.get("verdict") != "unknown" or any(effect.get("fitted", True) for effect in effects)
 
 
 def _sizes(effect: Json) -> str:
@@ -102,23 +107,37 @@ def equivalents_sentence(effect: Json) -> str:
     return f"These runs cannot tell it from: {', or '.join(named)}."
 
 
-def next_runs_sentence(following: Json | None) -> str:
-    """What to run next, what it would separate, and what no runs of this rig would; empty where nothing is left."""
-    following = following or {}
-    runs, apart = following.get("runs") or [], _known(following.get("separation_sigmas"))
-    beyond = _known(following.get("inseparable_sigmas"))
+RUN_KEYS = ("left_rpm", "right_rpm", "duration_s", "x_mm", "y_mm", "heading_deg", "times")
+
+
+def next_runs(content: Json) -> list[Json]:
+    """The runs that a diagnosis proposes; those of other programs may be described otherwise, and are left out."""
+    following = content.get("next_experiment")
+    runs = following.get("runs") if isinstance(following, dict) else None
+    return [run for run in runs or [] if isinstance(run, dict) and run.keys() >= set(RUN_KEYS)]
+
+
+def next_runs_sentence(content: Json) -> str:
+    """Which runs would tell more; empty where none would."""
+    runs = next_runs(content)
+    return f"What would tell more: {'; '.join(map(_run_words, runs))}." if runs else ""
+
+
+def separations_sentence(content: Json) -> str:
+    """What the proposed runs would separate, and what no runs of this rig would; empty where nothing is left."""
+    following = content.get("next_experiment")
+    if not isinstance(following, dict):
+        return ""
+    apart, beyond = _known(following.get("separation_sigmas")), _known(following.get("inseparable_sigmas"))
     parts = []
-    if runs and apart:
+    if apart:
         told = _listed([f"{sigmas:.1f} sigmas from {words_of(name)}" for name, sigmas in apart.items()])
-        parts.append(
-            f"What would tell more: {'; '.join(map(_run_words, runs))}. Expected separation, together with the runs at "
-            f"hand: {told}."
-        )
+        parts.append(f"Expected separation once such runs are made, with those at hand: {told}.")
     if beyond:
         told = _listed([f"{words_of(name)} ({sigmas:.1f} sigmas)" for name, sigmas in beyond.items()])
         parts.append(
-            f"Not even {following['most_runs']} more runs at these speeds on this plate would tell it from {told}: "
-            "look at the robot, the plate and the wires, or drive faster."
+            f"Not even {following.get('most_runs', 'many')} more runs at these speeds on this plate would tell it from "
+            f"{told}: look at the robot, the plate and the wires, or drive faster."
         )
     return " ".join(parts)
 

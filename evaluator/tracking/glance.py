@@ -66,7 +66,7 @@ def glance(luma, u, v, row_origin, row_step, cell, x, y, reach, path_x, path_y, 
     return UNUSUAL
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def smear(disc, path_x, path_y):
     """Smear the disc as its motion does. Beyond a diameter it is a wrong velocity sooner than a fast mark."""
     keep = min(1.0, 2.0 * disc[0] / (abs(path_x) + abs(path_y) + 1e-9))
@@ -95,7 +95,7 @@ def settle(usual, noise, color, found, result):
     color[4] += follow_rate(strength / color[4]) * (strength - color[4])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def follow_rate(ratio):
     """Share of a new value in what is usual, from its ratio to it."""
     return 0.1 if 1.0 / BRIGHTER < ratio < BRIGHTER else 1.0

@@ -2,6 +2,9 @@
 
 Picture frame, px. Luma row j lies at y = row_origin + row_step·j. Numbers only in and
 out; the meaning is in disc.py and follow.py.
+
+What a kernel calls is compiled into it (forceinline): several copies of a function, each optimised within another
+caller, sum in another order, and which of them runs depends on what was compiled and what came from numba's cache.
 """
 # mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
 # ruff: noqa: ANN001, ANN201 - numba infers the types
@@ -23,7 +26,7 @@ SUMS = {"contract", "arcp", "nsz", "reassoc"}
 LANES = 8  # pixels that processors of today take at once
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def fit_disc(luma, row_origin, row_step, start, slopes, disc, table, noise, result):
     """Fit centre, amplitude and base of a blurred disc to the luma by iteratively reweighted least squares.
 
@@ -61,7 +64,7 @@ def fit_disc(luma, row_origin, row_step, start, slopes, disc, table, noise, resu
     result[PIXELS] = sums[2]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def window_around(luma, row_origin, row_step, state, reach):
     """Rows and columns (first, and one beyond the last) of the picture within reach of a centre, in whole lanes."""
     rows, columns = luma.shape
@@ -73,7 +76,7 @@ def window_around(luma, row_origin, row_step, state, reach):
     return top, bottom, left, whole if left < right and whole <= columns else right
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=SUMS)
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy", fastmath=SUMS)
 def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, noise, normal, right, sums):  # noqa: PLR0915 - one loop
     """Fill the upper triangle of the normal equations of `fit_disc` at a state, from the pixels in a window.
 
@@ -146,7 +149,7 @@ def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, n
     sums[0], sums[1], sums[2] = certain * squares, bb, count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def surroundings(luma, row_origin, row_step, state, reach, disc):
     """Count the pixels that `accumulate` would use if the picture had no border; 0 where it is not near."""
     (rows, columns), x, y = luma.shape, state[0], state[1]
@@ -166,7 +169,7 @@ def surroundings(luma, row_origin, row_step, state, reach, disc):
     return count
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def solve(normal, right, move):
     """Solve the symmetric system by Cholesky in place of normal's lower triangle; False where singular."""
     size = len(right)
@@ -194,7 +197,7 @@ def solve(normal, right, move):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def invert_leading(lower, result):
     """Covariance of the first two unknowns from the Cholesky factor."""
     size = len(lower)

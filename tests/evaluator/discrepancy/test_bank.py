@@ -30,9 +30,9 @@ def test_a_wrong_clock_shifts_marks_by_how_far_the_robot_gets_in_the_seconds_it_
 
 
 def test_a_proposed_run_is_made_by_the_same_robot_and_appended(late: Drawn) -> None:
-    proposed = {"left_rpm": 30.0, "right_rpm": 20.0, "heading_deg": 90.0, "x_mm": 4.0, "y_mm": 1.0, "duration_s": 5.0}
+    run = {"left_rpm": 30.0, "right_rpm": 20.0, "heading_deg": 90.0, "x_mm": 4.0, "y_mm": 1.0, "duration_s": 5.0}
     before = load_experiment(late.folder / "experiment.toml").run
-    wider = repeated(np.random.default_rng(1), late, proposed, 2)
+    wider = repeated(np.random.default_rng(1), late, [{**run, "times": 2}])
     after = load_experiment(late.folder / "experiment.toml").run
     assert len(after) == len(before) + 2
     assert after[-1].marks is not None

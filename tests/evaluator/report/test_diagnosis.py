@@ -11,7 +11,7 @@ import pytest
 from evaluator.discrepancy.where import COLUMNS, QUANTITIES, SHOWN_SIGMAS, every_dependence
 from evaluator.report.diagnosis_sections import diagnosis_sections
 from evaluator.report.diagnosis_view import DiagnosisView
-from evaluator.report.diagnosis_words import parameter
+from evaluator.report.diagnosis_words import next_runs_sentence, parameter
 from simulator.effects.catalogue import EFFECTS
 
 # As the file contract shows it: another program may write no more than this.
@@ -65,6 +65,29 @@ def test_a_diagnosis_of_another_program_is_shown_with_verdict_size_equivalents_a
         "These runs cannot tell it from: a wire pulls toward a fixed anchor (tether-spring).",
     )
     assert "from 410 µm to 6 µm on the runs that were fitted and from 440 µm to 7 µm on runs kept aside" in gap.text[0]
+
+
+def test_runs_to_make_stand_in_a_table_with_what_they_would_and_would_not_separate() -> None:
+    run = {"left_rpm": -60.0, "right_rpm": 42.0, "x_mm": 1.5, "y_mm": -3.0, "heading_deg": 45, "duration_s": 8.0}
+    following = {
+        "runs": [{**run, "times": 2}],
+        "separation_sigmas": {"mass-offset": 5.2},
+        "most_runs": 8,
+        "inseparable_sigmas": {"tether-spring": 1.25},
+    }
+    verdict, _ = diagnosis_sections(DiagnosisView({**CONTRACT, "next_experiment": following}, None, outdated=False))
+    assert verdict.tables[1].rows == (("−60", "42", "8", "1.5", "−3", "45", "2"),)
+    assert "5.2 sigmas from mass-offset" in verdict.text[-1]
+    assert "Not even 8 more runs" in verdict.text[-1]
+    assert "tether-spring (1.2 sigmas)" in verdict.text[-1]
+    assert "−60 / 42 rpm for 8 s" in next_runs_sentence({"next_experiment": following})
+
+
+def test_a_next_experiment_of_another_program_is_left_alone() -> None:
+    verdict, _ = diagnosis_sections(
+        DiagnosisView({**CONTRACT, "next_experiment": {"runs": ["x"]}}, None, outdated=False)
+    )
+    assert len(verdict.tables) == 1
 
 
 @pytest.mark.parametrize(
