@@ -16,7 +16,7 @@ FRAMES = 60  # of a recording, enough for every kernel of the tracker
 
 
 def compile_ahead(video: Path) -> None:
-    """Start to compile what an analysis needs, unless it is kept on disk; they end with this one at the latest.
+    """Start processes that compile what an analysis needs, unless it is on disk; they end with this one at the latest.
 
     video: a recording that the tracker is tried on. Whoever needs a kernel of the simulator earlier waits for it.
     """
@@ -25,7 +25,7 @@ def compile_ahead(video: Path) -> None:
 
     if is_kept(integrate_some):
         return
-    for work in (_simulate, partial(_measure, video)):
+    for work in (simulate_run, partial(measure_turn, video)):
         multiprocessing.get_context("spawn").Process(target=_quietly, args=(work,), daemon=True).start()
 
 
@@ -37,7 +37,7 @@ def _quietly(work: Callable[[], None]) -> None:
     work()
 
 
-def _simulate() -> None:
+def simulate_run() -> None:
     """Simulate a run, alone and as one of many."""
     import numpy as np
 
@@ -52,7 +52,7 @@ def _simulate() -> None:
     Trials([command], [times_s]).states(compile_robot(robot), np.zeros(6))
 
 
-def _measure(video: Path) -> None:
+def measure_turn(video: Path) -> None:
     """Track a few pictures, and measure the turn of marks on a circle."""
     import numpy as np
     import pandas as pd
