@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from simulator.compiled import compiled
+from simulator.compiled import compiled, counter
 from simulator.dynamics import accelerations, slopes
 from simulator.manifold import close, is_off
 from simulator.rosenbrock import invert3, moved
@@ -202,7 +202,7 @@ def long_step(
     length = longest
     while longest >= SHORTEST_COLLOCATION_S:
         length = remaining / math.ceil(remaining / longest - 1e-9)
-        sweeps, longest = collocate(time, length, tolerance, 0, model, work)
+        sweeps, longest = collocate(time, length, tolerance, counter(0), model, work)
         if sweeps > 0:
             return sweeps, length, longest
     return 0, length, length

@@ -28,8 +28,17 @@ LEAST_FACTOR = 0.02  # a term may weaken load, friction or stiffness of a wheel 
 def fresh_contacts() -> Any:
     """Contacts of wheels without any effect, at rest."""
     contacts = np.zeros((ROWS, 4))
-    contacts[COS_STEER], contacts[GRIPS] = 1.0, 1.0
+    reset_contacts(contacts)
     return contacts
+
+
+@compiled()
+def reset_contacts(contacts: Any) -> None:
+    """Contacts of wheels without any effect, at rest, into an array of zeros."""
+    for wheel in range(4):
+        contacts[COS_STEER, wheel] = 1.0
+        for row in range(GRIP_X, STEEP_Y + 1):
+            contacts[row, wheel] = 1.0
 
 
 @compiled()

@@ -11,10 +11,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from simulator.compiled import compiled
+from simulator.compiled import compiled, counter
 from simulator.dynamics import slopes
 from simulator.rosenbrock import invert3, place_after
 from simulator.segments import drive_at
+from simulator.work import copy
 
 MOST_QUICK, MOST_PATIENT = 10, 60  # iterations
 SMALLEST_QUICK, SMALLEST_PATIENT = 0.2, 1e-9  # of a Newton step; friction bends on 1e-6 of the velocity
@@ -70,8 +71,8 @@ def descend(time: float, step: float, start: Any, patient: bool, model: Any, wor
             share *= 0.4
         if not smaller < size:  # rounding ends the descent
             return length <= 1e4 * goal
-        out[:] = further
-        residual[:] = trial
+        copy(further, out)
+        copy(trial, residual)
         size = smaller
         if share == 0.4 and length <= goal:
             return True
@@ -88,42 +89,48 @@ def stop_wheel(wheel: int, start: Any, model: Any, out: Any) -> None:
 
 
 @compiled()
+def slowest_wheel(but: int, start: Any, model: Any) -> int:
+    """The wheel whose centre moves least, but for one."""
+    least, chosen = math.inf, counter(-1)
+    for wheel in range(4):
+        u, v = start[3] - start[5] * model.wheel_y[wheel], start[4] + start[5] * model.wheel_x[wheel]
+        if wheel != but and u * u + v * v < least:
+            least, chosen = u * u + v * v, wheel
+    return chosen
+
+
+@compiled()
 def euler(time: float, step: float, start: Any, model: Any, work: Any, out: Any) -> bool:
     """One implicit Euler step from start (6: twist, velocity) into out (6), which enters as the first guess.
 
     False where Newton's method fails from every start.
     """
-    if descend(time, step, start, False, model, work, out):
-        return True
-    tried = -1
-    for _ in range(2):  # the wheels that move least are those that stop
-        least, chosen = math.inf, -1
-        for wheel in range(4):
-            u, v = start[3] - start[5] * model.wheel_y[wheel], start[4] + start[5] * model.wheel_x[wheel]
-            if wheel != tried and u * u + v * v < least:
-                least, chosen = u * u + v * v, wheel
-        tried = chosen
-        stop_wheel(chosen, start, model, out)
-        if descend(time, step, start, False, model, work, out):
+    tried = counter(-1)
+    for attempt in range(5):
+        if 1 <= attempt <= 2:  # the wheels that move least are those that stop
+            tried = slowest_wheel(tried, start, model)
+            stop_wheel(tried, start, model, out)
+        elif attempt == 3:
+            out[3], out[4], out[5] = 0.0, 0.0, 0.0
+        elif attempt == 4:
+            copy(start, out)
+        if descend(time, step, start, attempt == 4, model, work, out):
             return True
-    out[3], out[4], out[5] = 0.0, 0.0, 0.0
-    if descend(time, step, start, False, model, work, out):
-        return True
-    out[:] = start
-    return descend(time, step, start, True, model, work, out)
+    return False
 
 
 @compiled()
 def euler_pair(time: float, step: float, model: Any, work: Any) -> bool:
     """Two half steps from work.y into work.end, and how far one whole step differs. False where one fails."""
-    whole, half, end = work.spare[4], work.spare[5], work.end
-    whole[:] = work.y
-    if not euler(time, step, work.y, model, work, whole):
+    whole, half, start, end = work.spare[4], work.spare[5], work.spare[6], work.end
+    copy(work.y, start)
+    copy(start, whole)
+    if not euler(time, step, start, model, work, whole):
         return False
-    half[:] = whole
-    if not euler(time, 0.5 * step, work.y, model, work, half):
+    copy(whole, half)
+    if not euler(time, 0.5 * step, start, model, work, half):
         return False
-    end[0, :] = half
+    copy(half, end[0])
     if not euler(time + 0.5 * step, 0.5 * step, half, model, work, end[0]):
         return False
     for item in range(6):

@@ -119,7 +119,7 @@ def simulate_batch(
         np.concatenate([command.knots for command in commands]),
         np.cumsum([0, *(len(command.time_s) for command in commands)]),
         _shared(len(commands), runs),
-        np.array(np.broadcast_to(begin, (runs, 6))),
+        np.array(np.broadcast_to(begin, (runs, 6)), order="C"),
         np.tile(kept, runs),
         np.arange(runs + 1) * len(kept),
         states.reshape(-1, 6),

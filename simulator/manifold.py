@@ -15,6 +15,7 @@ from simulator.rosenbrock import invert3, moved, place_after
 from simulator.segments import drive_at
 from simulator.stability import is_stable
 from simulator.stepping import LEVER_MM, MOVING_RESTS
+from simulator.work import copy
 
 # Share of the velocity within which forces are linear to a few hundredths: friction bends at slips twenty times that.
 NEAR_SHARE = 1e-3
@@ -77,7 +78,7 @@ def settle(time: float, model: Any, work: Any) -> bool:
     """
     y, inverse = work.y, work.inverse
     steady, residual, step = work.spare[0], work.spare[1], work.spare[2]
-    steady[:] = y
+    copy(y, steady)
     size, distance, change, moved_by = 0.0, 0.0, 1.0, 0.0
     for row in range(3):
         residual[row] = work.linear[0, row]

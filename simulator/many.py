@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numba import prange
+from numba import get_num_threads
 from numpy.typing import NDArray
 
 from simulator.command import Command
@@ -19,6 +21,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 TOLERANCE_MM = 1e-7  # local error of a step, as displacement; a run of 10 s ends within about ten of them
 MOST_PLANNED = 1000
+SHARES_OF_A_THREAD = 8  # runs differ in length
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,7 @@ class Trials:
     ) -> tuple[Array, Index]:
         runs = len(self)
         out = np.empty((len(self._times), 6))
-        state = np.array(np.broadcast_to(starts, (runs, 6)), dtype=float)
+        state = np.array(np.broadcast_to(starts, (runs, 6)), dtype=float, order="C")
         model_of = np.arange(runs) if len(models) == runs else np.zeros(runs, dtype=np.int64)
         used = integrate_many(
             models,
@@ -97,7 +100,6 @@ class Trials:
         return out, used
 
 
-@compiled(parallel=True)
 def integrate_many(
     models: Any,
     model_of: Any,
@@ -113,14 +115,52 @@ def integrate_many(
     count: Any,
     replay: bool,
     most_steps: int,
-) -> Any:
+) -> Index:
     """Run k: models[model_of[k]] under command command_of[k] from states[k]; times and outputs edges[k]:edges[k + 1].
 
     steps, count: the plan to replay or to fill, steps (n, 0, 3) for none. Returns the number of steps taken; failed
-    runs, and those that need more than most_steps, are NaN in out and states.
+    runs, and those that need more than most_steps, are NaN in out and states. As many threads share the runs as numba
+    may use (numba.set_num_threads): a parallel kernel of numba would take three times as long to compile.
     """
-    used = np.zeros(len(states), dtype=np.int64)
-    for run in prange(len(states)):
+    runs = len(states)
+    used: Index = np.zeros(runs, dtype=np.int64)
+    task = (models, model_of, knots, knot_edges, command_of, states, times, edges, out, tolerance, steps, count)
+    threads = min(get_num_threads(), runs)
+    if threads <= 1:
+        integrate_some(0, runs, *task, replay, most_steps, used)
+        return used
+    shares = np.linspace(0, runs, min(runs, SHARES_OF_A_THREAD * threads) + 1).astype(int).tolist()
+    with ThreadPoolExecutor(threads) as pool:
+        done = [
+            pool.submit(integrate_some, begin, end, *task, replay, most_steps, used) for begin, end in pairwise(shares)
+        ]
+        for share in done:
+            share.result()
+    return used
+
+
+@compiled(nogil=True)
+def integrate_some(
+    begin: int,
+    end: int,
+    models: Any,
+    model_of: Any,
+    knots: Any,
+    knot_edges: Any,
+    command_of: Any,
+    states: Any,
+    times: Any,
+    edges: Any,
+    out: Any,
+    tolerance: float,
+    steps: Any,
+    count: Any,
+    replay: bool,
+    most_steps: int,
+    used: Any,
+) -> None:
+    """Runs begin to before end of integrate_many; used (n,) takes the numbers of steps."""
+    for run in range(begin, end):
         command = command_of[run]
         own = out[edges[run] : edges[run + 1]]
         plan = steps[run, : count[run]] if replay else steps[run]
@@ -139,4 +179,3 @@ def integrate_many(
         if done != DONE:
             own[:] = np.nan
             states[run] = np.nan
-    return used

@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 
 from simulator.collocation import collocate, go_to_end, long_step, write_polynomials
-from simulator.compiled import compiled
-from simulator.contact import fresh_contacts
+from simulator.compiled import compiled, counter
+from simulator.contact import reset_contacts
 from simulator.manifold import is_off, near_manifold, settle, write_arc
 from simulator.rosenbrock import between, invert3, linearize, moved
 from simulator.segments import BEGIN, END, STEADY, command_segments
 from simulator.stability import growth_rate
 from simulator.stepping import first_step, is_resting, short_step, shrinking
-from simulator.work import WORK
+from simulator.work import WORK, copy
 
 MOST_STEPS = 20000
 CREEPING_STEP_S, MOST_CREEPING = 1e-5, 40  # so many such steps in a row mean that a wheel sticks or turns over
@@ -73,12 +73,13 @@ def _through(
 ) -> tuple[int, int, float]:
     """The same, segment by segment; holder (1,): the record of the run, which its array keeps."""
     work = holder[0]
-    work.pose[:], work.y[3:] = state[:3], state[3:]
-    work.contacts[:] = fresh_contacts()
-    out[0] = state
-    row, used, grown = 1, 0, 0.0
+    for item in range(3):
+        work.pose[item], work.y[3 + item] = state[item], state[3 + item]
+    reset_contacts(work.contacts)
+    copy(state, out[0])
+    row, used, grown = counter(1), counter(0), 0.0
     for number in range(len(segments)):
-        work.segment[:] = segments[number]
+        copy(segments[number], work.segment)
         work.grown = 0.0
         rows = row, output_rows(times, row, segments[number, END], number == len(segments) - 1)
         used = _through_segment(model, number, times, rows, out, tolerance, plan, replay, used, most_steps, work)
@@ -86,7 +87,8 @@ def _through(
         if used < 0:
             return FAILED, -used, grown
         grown = max(grown, work.grown)
-    state[:3], state[3:] = work.pose, work.y[3:]
+    for item in range(3):
+        state[item], state[3 + item] = work.pose[item], work.y[3 + item]
     return DONE, used, grown
 
 
@@ -147,7 +149,7 @@ def _through_segment(
             plan[used, 0], plan[used, 1], plan[used, 2] = number, length, method
         used += 1
         following = end if length >= remaining * (1.0 - 1e-12) else time + length
-        until = rows[1] if following == end else output_rows(times, row, following, False)
+        until = rows[1] if following == end else output_rows(times, row, following, following == end)
         _write_step(out, times, (row, until), time, length, method, work)
         row, time, step = until, following, wanted
     return used

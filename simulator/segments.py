@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from simulator.compiled import compiled
+from simulator.compiled import compiled, counter
 
 # Columns of a segment. Per side: constant, slope, exponential (rpm), angle at the start (rad).
 BEGIN, END, STEADY, LEFT, RIGHT, COLUMNS = 0, 1, 2, 3, 7, 11
@@ -54,7 +54,7 @@ def command_segments(knots: Any, begin: float, end: float, model: Any) -> Any:
     """
     count = len(knots)
     segments = np.zeros((12 * (count + 2), COLUMNS))
-    used = 0
+    used = counter(0)
     lagged = np.zeros(2)
     turned = np.zeros(2)
     cuts = np.empty(8)
@@ -101,7 +101,11 @@ def _cuts(knots: Any, piece: int, low: float, high: float, dead_band: float, cut
                         cuts[used] = crossing
                         used += 1
     cuts[used] = high
-    cuts[: used + 1].sort()
+    for later in range(1, used + 1):  # a handful, mostly in order
+        place = later
+        while place > 0 and cuts[place] < cuts[place - 1]:
+            cuts[place], cuts[place - 1] = cuts[place - 1], cuts[place]
+            place -= 1
     return used + 1
 
 
@@ -141,7 +145,8 @@ def _add_part(
         if slope != 0.0 or row[column + 2] != 0.0:
             row[STEADY] = 0.0
     if stop <= begin:
-        row[:] = 0.0
+        for column in range(COLUMNS):
+            row[column] = 0.0
         return used
     if start < begin:
         _advance(row, begin - start if not math.isinf(start) else 0.0, lag)
@@ -150,7 +155,8 @@ def _add_part(
     faded = row[BEGIN] + LASTING_LAGS * lag
     if row[STEADY] == 0.0 and lag > 0.0 and faded < stop:
         following = segments[used + 1]
-        following[:] = row
+        for column in range(COLUMNS):
+            following[column] = row[column]
         row[END] = faded
         drive = drive_at(row, faded, lag)
         _advance(following, faded - row[BEGIN], lag)

@@ -8,17 +8,19 @@ from typing import Any
 import numpy as np
 
 from simulator.compiled import compiled
-from simulator.contact import COS_STEER, DRAG_FORCE, SIN_STEER, SURFACE, fresh_contacts, law, touch
+from simulator.contact import COS_STEER, DRAG_FORCE, SIN_STEER, SURFACE, law, reset_contacts, touch
 from simulator.model import UN_PER_MN
 from simulator.run import WheelStates
 from simulator.segments import END, command_segments, drive_at
 from simulator.slip.law import slip_ratio
+from simulator.work import WORK
 
 
 def wheel_states(model: Any, knots: Any, times_s: Any, states: Any) -> WheelStates:
     """Wheel states of a record of dtype MODEL for states (n, 6) at times_s (n,) under a command's knots."""
     table = np.empty((4, len(times_s), 4))
-    _fill(model, knots, times_s, states, table)
+    # Copies are writable: kernels are compiled anew for arrays that are not.
+    _fill(model, knots, np.array(times_s), np.array(states), table)
     table[2:] /= UN_PER_MN
     table.setflags(write=False)
     return WheelStates(*table)
@@ -27,7 +29,9 @@ def wheel_states(model: Any, knots: Any, times_s: Any, states: Any) -> WheelStat
 @compiled()
 def _fill(model: Any, knots: Any, times: Any, states: Any, table: Any) -> None:
     segments = command_segments(knots, times[0], times[-1], model)
-    contacts = fresh_contacts()
+    holder = np.zeros(1, WORK)
+    contacts = holder[0].contacts
+    reset_contacts(contacts)
     number = 0
     for row in range(len(times)):
         # At a jump the later value counts.

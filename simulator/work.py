@@ -7,8 +7,11 @@ the array it stands in while the record is in use.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from simulator.compiled import compiled
 from simulator.contact import ROWS
 from simulator.segments import COLUMNS
 
@@ -22,7 +25,7 @@ WORK = np.dtype(
         ("end", float, (2, 6)),  # y at the end of the step, and the estimate of its error
         ("stages", float, (STAGES, 6)),
         ("linear", float, (8, 3)),  # accelerations; derivative by velocity (3 rows), by twist (3 rows), by time
-        ("bent", float, (4, 3)),  # accelerations and derivative by velocity within an iteration
+        ("bent", float, (8, 3)),  # the first four rows within an iteration
         ("inverse", float, (3, 3)),
         ("block", float, (3, 3)),
         ("contacts", float, (ROWS, 4)),  # see simulator.contact
@@ -34,3 +37,10 @@ WORK = np.dtype(
     ],
     align=True,
 )
+
+
+@compiled()
+def copy(source: Any, target: Any) -> None:
+    """Copy numbers into the target (n,), by hand: an assignment of arrays brings the text of its errors to compile."""
+    for item in range(len(target)):
+        target[item] = source[item]

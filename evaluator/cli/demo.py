@@ -41,6 +41,7 @@ def demo(out: Path, puzzle: bool, workers: int | None, quiet: bool) -> int:
     """
     from evaluator.cli.analyze import comparison_text, run_analysis, status_of
     from evaluator.report.build import write_report
+    from evaluator.workflow.ahead import compile_ahead
     from evaluator.workflow.samples import copy_samples
 
     def say(text: str = "") -> None:
@@ -49,6 +50,7 @@ def demo(out: Path, puzzle: bool, workers: int | None, quiet: bool) -> int:
 
     say("Samples: rendered recordings of the paper's robot with barrel wheels, and pictures of a dot gauge.")
     experiment = copy_samples(out / "samples")
+    compile_ahead(experiment.parent / "turn-33-5.mp4")
     say("Calibration: where every pixel lies on the plane of the marks …")
     say(f"  {calibrate_samples(experiment.parent)}")
     say("Runs: tracked, fitted, simulated …")

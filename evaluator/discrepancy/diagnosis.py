@@ -20,7 +20,7 @@ from evaluator.discrepancy.horizon import is_large, short_horizon_fits
 from evaluator.discrepancy.next_runs import NextRuns, best_next_runs
 from evaluator.discrepancy.problem import Point, Problem, build_problem, with_noise_of
 from evaluator.discrepancy.rivals import Set, Standing, is_free, predictive_score, separations, standing
-from evaluator.discrepancy.search import HOPELESS, Search, fit_set, run_search, screen
+from evaluator.discrepancy.search import HOPELESS, LARGEST_SET, Search, fit_set, run_search, screen
 from evaluator.discrepancy.simulated import Simulated
 from evaluator.discrepancy.terms import Term, named_terms
 from evaluator.discrepancy.verdict import Verdict, decide, doubts, kept
@@ -83,8 +83,7 @@ def diagnose(session: Session, progress: Progress, ends: Ends | None = None) -> 
     everything = _on_all_runs(part, terms)
     free = {effect: term for effect, term in terms.items() if is_free(effect)}
     _challenge(everything, free, progress)
-    table = standing(everything, len(free))
-    best_named = kept(everything, table, len(free))
+    table, best_named = _best_named(everything, len(free))
     chosen, verdict, reason = decide(everything, table, best_named)
     left = adequacy(everything.fits[chosen], session.data)
     constant = constancy(everything.fits[best_named], session.data, session.tolerance)
@@ -111,6 +110,22 @@ def diagnose(session: Session, progress: Progress, ends: Ends | None = None) -> 
         constancy=tuple(constant),
     )
     return _looked_at_again(found, start)
+
+
+def _best_named(search: Search, families: int) -> tuple[Standing, Set]:
+    """How all sets stand, and the best one of which every effect pays for itself.
+
+    What an effect is measured against, the set without it, is fitted from where the whole set stands too: a start pose
+    that had settled elsewhere, in one run, has passed for an effect of size nought.
+    """
+    for _ in range(LARGEST_SET):
+        best = kept(search, standing(search, families), families)
+        for effect in sorted(best):
+            fit_set(search, best - {effect}, {}, search.fits[best])
+        table = standing(search, families)
+        if kept(search, table, families) == best:
+            break
+    return table, kept(search, table, families)
 
 
 def _searched(session: Session, progress: Progress, ends: Ends | None) -> tuple[Search, Point, dict[str, Term]]:

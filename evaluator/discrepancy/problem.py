@@ -146,6 +146,18 @@ class Problem:
                 result.append(self._linearized(point, columns, run, own, bases))
         return result
 
+    def seen_again(self, point: Point, views: Sequence[Linearized], runs: Sequence[int]) -> list[Linearized | None]:
+        """Views of runs without common columns at a point nearby: the response anew, the slopes as they were."""
+        result: list[Linearized | None] = []
+        for run, view, residual in zip(runs, views, self.residuals([point.task(run) for run in runs]), strict=True):
+            used = residual[self.compressions[run].used]
+            if not np.isfinite(used).all():
+                result.append(None)
+                continue
+            response = self.compressions[run].features(used) + view.scatter @ point.own[run, 3:]
+            result.append(replace(view, response=response))
+        return result
+
     def _linearized(
         self,
         point: Point,
