@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evaluator.recording import Frame
 from evaluator.tracking import kernels
 from evaluator.tracking.choose import Candidate
-from evaluator.tracking.covered import NOTABLE, fit_uncovered
+from evaluator.tracking.covered import CORE_EXPECTED, NOTABLE, fit_uncovered
 from evaluator.tracking.disc import Disc, Patch, Steps, cut_patch, learn_disc
 
 Array = NDArray[np.float64]
@@ -104,7 +104,7 @@ def _uncovered(patch: Patch, disc: Disc) -> tuple[NDArray[np.bool_], float]:
     shape, share = (disc.numbers(), disc.table, noise), 0.0
     kernels.fit_disc(luma, *rows, start, np.zeros(2), *shape, fitted)
     if np.isfinite(fitted[kernels.X]):
-        share = float(fit_uncovered(luma, *rows, fitted, *shape, fitted.copy(), shown, NOTABLE)[1])
+        share = float(fit_uncovered(luma, *rows, fitted, *shape, fitted.copy(), shown, CORE_EXPECTED, NOTABLE)[1])
     return shown.ravel(), share
 
 

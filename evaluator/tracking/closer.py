@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from evaluator.recording import Frame
 from evaluator.tracking import glance, kernels
-from evaluator.tracking.covered import BENT, NOTABLE, SLOPING, fit_uncovered
+from evaluator.tracking.covered import BENT, CORE, CORE_EXPECTED, NOTABLE, SLOPING, fit_uncovered
 
 Array = NDArray[np.float64]
 
@@ -72,14 +72,16 @@ class Closer:
         plain, result = self.result.copy(), self.result
         if not np.isfinite(plain[kernels.X]):
             return False
-        due = suspicious or self.covered_lately > 0 or self.regular(frame)
+        # What covers a mark leaves more residual than usual.
+        due = suspicious or self.covered_lately > 0 or (self.regular(frame) and bool(plain[kernels.RESIDUAL] > 1.0))
         seeming, share = self._uncover(frame, NOTABLE) if due else (0.0, 0.0)
-        self.covered_lately -= 1
         uncovered = result.copy()
         result[:] = plain
         self.fit(frame, plain[: kernels.BASE + 1], np.zeros(2))
-        if self._sound(uncovered, share) and self._uncover(frame, NEVER)[0] > EXPLAINED * seeming:
-            self.watch, self.covered_lately, self.covered = WATCHED, WATCHED, True
+        self.covered = self._sound(uncovered, share) and self._uncover(frame, NEVER)[0] > EXPLAINED * seeming
+        self.covered_lately = WATCHED if self.covered else self.covered_lately - 1
+        if self.covered:
+            self.watch = WATCHED
             result[:] = uncovered
             return True
         return self._keep_slope(frame, plain, suspicious=suspicious)
@@ -102,8 +104,8 @@ class Closer:
     def _uncover(self, frame: Frame, least: float) -> tuple[float, float]:
         """Fit what shows beside something that covers the mark; least, and what is returned: of `fit_uncovered`."""
         where = frame.luma, frame.row_origin, frame.row_step
-        fitted = self.result.copy()
-        return fit_uncovered(*where, fitted, self.disc, self.table, self.noise, self.result, NOWHERE, least)  # type: ignore[no-any-return]
+        fitted, core = self.result.copy(), CORE_EXPECTED if self.covered_lately > 0 else CORE
+        return fit_uncovered(*where, fitted, self.disc, self.table, self.noise, self.result, NOWHERE, core, least)  # type: ignore[no-any-return]
 
     def _sound(self, uncovered: Array, share: float) -> bool:
         """Whether a fit beside something that covers a share of the mark tells where the mark is."""

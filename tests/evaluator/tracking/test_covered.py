@@ -7,7 +7,7 @@ import pytest
 from evaluator.tracking import track
 from evaluator.tracking.appearance import learn_shape
 from evaluator.tracking.closer import Closer
-from evaluator.tracking.covered import NOTABLE, fit_uncovered
+from evaluator.tracking.covered import CORE, NOTABLE, fit_uncovered
 from evaluator.tracking.disc import Disc, cut_patch, finished, fit, make_disc
 from evaluator.tracking.kernels import RESULTS, VAR_X, X, Y
 from tests.benchmarks.tracking.clips import frames_in_memory
@@ -49,7 +49,7 @@ def fits(picture: np.ndarray, disc: Disc) -> tuple[np.ndarray, np.ndarray, float
     plain = fit(picture, (0, 1), (SIZE / 2, SIZE / 2), disc)
     result = plain.copy()
     shape = disc.numbers(), disc.table, np.array([disc.noise, SOFTNESS])
-    _, share = fit_uncovered(picture, 0.0, 1.0, plain, *shape, result, np.ones((0, 0), bool), NOTABLE)
+    _, share = fit_uncovered(picture, 0.0, 1.0, plain, *shape, result, np.ones((0, 0), bool), CORE, NOTABLE)
     return plain, result, share
 
 
@@ -131,3 +131,13 @@ def test_a_wire_that_the_robot_drags_across_a_mark_from_the_start_makes_no_silen
         assert np.sqrt(np.nanmean(error**2)) < 0.03
         normal = error / table[[f"{name}_x_sigma_px", f"{name}_y_sigma_px"]].to_numpy()
         assert np.nanmax(np.abs(normal)) < 4.5
+
+
+def test_errors_that_a_codec_shares_among_neighbours_cover_nothing() -> None:
+    rng, disc, blocks = np.random.default_rng(9), disc_of(14.0), 3 * SIZE // 8
+    picture = seen(rng, 14.0, [])[0].astype(float)
+    steep = cv2.GaussianBlur(np.abs(cv2.Laplacian(cv2.GaussianBlur(picture, (0, 0), 1.5), cv2.CV_64F)), (0, 0), 1.0)
+    for _ in range(20):
+        shared = cv2.resize(rng.normal(0.0, 1.0, (blocks, blocks)), (SIZE, SIZE), interpolation=cv2.INTER_NEAREST)
+        coded = np.clip(np.rint(picture + 6.0 * shared * steep / steep.max()), 0, 255).astype(np.uint8)
+        assert fits(coded, disc)[2] == 0.0
