@@ -32,5 +32,6 @@ def test_what_only_a_value_beyond_the_bounds_would_gain_is_no_evidence(faster: S
     null, drag, scale = (fitted(faster, *effects) for effects in ((), ("rolling-drag",), ("drive-speed-scale",)))
     assert scale.posterior.log_evidence > null.posterior.log_evidence + 5
     assert drag.point.terms["rolling-drag"] == (0.0,)
-    assert drag.posterior.misfit < null.posterior.misfit - 5  # the unbounded view
+    assert drag.posterior.mean[0] < -0.001  # without bounds
     assert drag.posterior.log_evidence < null.posterior.log_evidence
+    assert drag.posterior.misfit == pytest.approx(null.posterior.misfit, abs=0.1)
