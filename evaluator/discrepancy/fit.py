@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 
 from evaluator.discrepancy.ends import End, question_of
 from evaluator.discrepancy.forward import Values
-from evaluator.discrepancy.mixed import Linearized, MixedModel, Posterior, Reduced, reduce_runs, run_effects, solve_at
+from evaluator.discrepancy.mixed import (
+    Linearized,
+    MixedModel,
+    Posterior,
+    Reduced,
+    reduce_runs,
+    run_effects,
+    solve_within,
+)
 from evaluator.discrepancy.problem import Column, Point, Problem
 from evaluator.discrepancy.terms import Term
 
@@ -110,15 +118,29 @@ def _viewed(
     reduced = reduce_runs(linear)
     prior = prior_precision(columns, tolerance)
     posterior = MixedModel(reduced, prior).posterior(range(len(columns)))
-    # what only parameters beyond their bounds would gain (a negative moment of scrub) is no evidence
-    inside = _bounded_goal(reduced, columns, tolerance, prior, posterior.scatter)
-    beyond = solve_at(reduced, prior, posterior.scatter)
-    lost = 0.5 * sum(
-        sign * _objective(linear, at, run_effects(reduced, at, posterior.scatter)[0], prior, posterior.scatter)
-        for sign, at in ((1.0, inside), (-1.0, beyond))
-    )
-    posterior = replace(posterior, log_evidence=posterior.log_evidence - lost)
+    posterior = _within_bounds(posterior, reduced, columns, tolerance)
     return Fit(frozenset(point.terms), point, columns, posterior, reduced, tuple(linear), converged=False, runs=runs)
+
+
+def _within_bounds(
+    posterior: Posterior, reduced: Reduced, columns: Sequence[Column], tolerance: Mapping[str, float]
+) -> Posterior:
+    """The posterior with evidence, scatter and misfit of the model whose parameters stop at their bounds.
+
+    What only a value beyond would gain, a negative moment of scrub, is no evidence. Mean and covariance stay.
+    """
+    prior = prior_precision(columns, tolerance)
+    low, high = _bounds(columns, tolerance)
+    goal = solve_within(reduced, prior, posterior.scatter, low, high)
+    held = (goal <= low) | (goal >= high)
+    if not held.any():
+        return posterior
+    fixed = np.where(held, goal, 0.0)
+    inside = MixedModel(reduced.of_columns(~held, fixed), prior[~held]).posterior(range(int((~held).sum())))
+    effects = np.array([column.term is not None for column in columns])
+    cost = np.sum(held & effects) * np.log(len(reduced.s)) + prior @ fixed**2
+    evidence = inside.log_evidence - 0.5 * float(cost)
+    return replace(posterior, log_evidence=evidence, scatter=inside.scatter, misfit=inside.misfit)
 
 
 def _fitted(
@@ -131,7 +153,7 @@ def _fitted(
         scatter = fit.posterior.scatter
         theta = np.array([point.value(column) for column in columns])
         now = _objective(fit.linearized, theta, point.own[list(runs), 3:], prior, scatter)
-        goal = _bounded_goal(fit.reduced, columns, tolerance, prior, scatter)
+        goal = solve_within(fit.reduced, prior, scatter, *_bounds(columns, tolerance))
         own = run_effects(fit.reduced, goal, scatter)[0]
         promise = now - _objective(fit.linearized, goal, own, prior, scatter)
         if promise < SETTLED:
@@ -251,26 +273,14 @@ def _at(point: Point, columns: Sequence[Column], theta: Floats) -> Point:
     return Point(point.own, nominal, {effect: tuple(value) for effect, value in values.items()})
 
 
-def _bounded_goal(
-    reduced: Reduced, columns: Sequence[Column], tolerance: Mapping[str, float], prior: Floats, scatter: Floats
-) -> Floats:
-    """Most probable common parameters inside their bounds: what would leave is held at the bound it meets."""
-    low, high = np.array([_bounds(column, tolerance) for column in columns]).reshape(-1, 2).T
-    held = np.full(len(columns), np.nan)
-    while True:
-        free = np.isnan(held)
-        fixed = np.where(free, 0.0, held)
-        part = reduced.of_columns(free, fixed)
-        goal = fixed.copy()
-        goal[free] = solve_at(part, prior[free], scatter)
-        outside = free & ((goal < low) | (goal > high))
-        if not outside.any():
-            return goal
-        held[outside] = np.clip(goal, low, high)[outside]
+def _bounds(columns: Sequence[Column], tolerance: Mapping[str, float]) -> tuple[Floats, Floats]:
+    """How far parameters (p,) may go from neutral."""
+    low, high = np.array([_bounds_of(column, tolerance) for column in columns]).reshape(-1, 2).T
+    return low, high
 
 
-def _bounds(column: Column, tolerance: Mapping[str, float]) -> tuple[float, float]:
-    """How far a parameter may go from neutral: a nominal value by few tolerances, and never to nothing."""
+def _bounds_of(column: Column, tolerance: Mapping[str, float]) -> tuple[float, float]:
+    """Bounds of one parameter: a nominal value may go by few tolerances, and never to nothing."""
     if column.term is None:
         most = min(MOST_TOLERANCES * tolerance[column.key], MOST_SCATTER)
         return -most, most

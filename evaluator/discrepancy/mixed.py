@@ -15,6 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.optimize import lsq_linear
 
 Floats = NDArray[np.float64]
 
@@ -22,6 +24,7 @@ FLAT = 3  # start x, y, heading
 SCATTER = ("friction", "left_gain", "right_gain")  # relative, per run
 FRICTION_SCATTER = np.geomspace(5e-4, 0.3, 15)  # a polished plate to a dirty one
 GAIN_SCATTER = np.geomspace(1e-4, 0.1, 16)  # quartz-driven steppers to poor DC motors
+RIDGE = 1e-11  # of normal equations with ones on the diagonal: parameters that stand for each other
 
 
 @dataclass(frozen=True)
@@ -156,13 +159,31 @@ class MixedModel:
 
 def solve_at(reduced: Reduced, prior_precision: Floats, tau: Floats) -> Floats:
     """Most probable common parameters (p,) at one scatter."""
-    weight = np.linalg.inv(reduced.A + np.diag(tau**-2.0))
-    weighted = np.einsum("nij,njp->nip", weight, reduced.C)
-    normal = reduced.G.sum(axis=0) - np.einsum("nip,niq->pq", reduced.C, weighted) + np.diag(prior_precision)
-    right = reduced.g.sum(axis=0) - np.einsum("nip,ni->p", weighted, reduced.c)
+    normal, right = _normal_at(reduced, prior_precision, tau)
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     solution: Floats = np.linalg.lstsq(normal / np.outer(scale, scale), right / scale, rcond=1e-11)[0] / scale
     return solution
+
+
+def solve_within(reduced: Reduced, prior_precision: Floats, tau: Floats, low: Floats, high: Floats) -> Floats:
+    """The same with every parameter between its bounds (p,). Source: Stark & Parker (1995), Comput. Stat. 10, 129."""
+    free = solve_at(reduced, prior_precision, tau)
+    if ((free >= low) & (free <= high)).all():
+        return free
+    normal, right = _normal_at(reduced, prior_precision, tau)
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    root = np.linalg.cholesky(normal / np.outer(scale, scale) + RIDGE * np.eye(len(scale)))
+    target = solve_triangular(root, right / scale, lower=True)
+    found = lsq_linear(root.T, target, (low * scale, high * scale), method="bvls").x / scale
+    return np.asarray(np.clip(found, low, high))
+
+
+def _normal_at(reduced: Reduced, prior_precision: Floats, tau: Floats) -> tuple[Floats, Floats]:
+    """Normal equations (p, p), (p,) of the common parameters at one scatter."""
+    weight = np.linalg.inv(reduced.A + np.diag(tau**-2.0))
+    weighted = np.einsum("nij,njp->nip", weight, reduced.C)
+    normal = reduced.G.sum(axis=0) - np.einsum("nip,niq->pq", reduced.C, weighted) + np.diag(prior_precision)
+    return normal, reduced.g.sum(axis=0) - np.einsum("nip,ni->p", weighted, reduced.c)
 
 
 def run_effects(reduced: Reduced, theta: Floats, tau: Floats) -> tuple[Floats, Floats]:

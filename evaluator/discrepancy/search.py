@@ -181,7 +181,9 @@ def _from_the_null(search: Search) -> None:
     """Fit the singles that the linear view from the null promises, and the pairs that gain by being together."""
     view = screen(search, search.null.point, (), search.terms.values())
     ordered = _ordered(view, view.offers)
-    _refit(search, view, [(offer,) for offer in ordered], SINGLES_REFITTED, search.null)
+    # over a short horizon the misfit is large and the linear view a poor guide: there every single effect is fitted
+    most = SINGLES_REFITTED if search.problem.horizon_s == np.inf else len(search.terms)
+    _refit(search, view, [(offer,) for offer in ordered], most, search.null)
     pairs = [pair for pair in itertools.combinations(ordered[:PAIRED], 2) if pair[0][0] != pair[1][0]]
     gain = {pair: view.evidence(*pair) - max(view.evidence(pair[0]), view.evidence(pair[1])) for pair in pairs}
     pairs = sorted((pair for pair in pairs if gain[pair] > PROMISING), key=lambda pair: -view.evidence(*pair))
@@ -217,7 +219,7 @@ def _refit(
             continue
         evidence = view.evidence(*offers)
         top = max(top, evidence)
-        if evidence < top - HOPELESS and len(tries) >= 3:
+        if evidence < top - HOPELESS and len(tries) >= 3 and most < len(search.terms):
             break
         tries[ids] = tries.get(ids, 0) + 1
         fit_set(search, ids, {effect: view.start_of((effect, extra)) for effect, extra in offers}, origin)
