@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from evaluator.recording import Frame
 from evaluator.tracking import kernels
+from evaluator.tracking.across import CORE_EXPECTED
 from evaluator.tracking.choose import Candidate
-from evaluator.tracking.covered import CORE_EXPECTED, NOTABLE, fit_uncovered
+from evaluator.tracking.covered import NOTABLE, fit_uncovered
 from evaluator.tracking.disc import Disc, Patch, Steps, cut_patch, learn_disc
 
 Array = NDArray[np.float64]
@@ -97,14 +98,16 @@ def _learn_clear(patches: list[Patch], first: Disc) -> Steps[Disc]:
 def _uncovered(patch: Patch, disc: Disc) -> tuple[NDArray[np.bool_], float]:
     """Which samples of a patch (a whole rectangle) nothing lies across, (n,); what share of the information is lost."""
     columns = int(np.count_nonzero(patch.y == patch.y[0]))
-    luma = patch.value.reshape(-1, columns).astype(np.uint16)
+    kind = np.uint8 if patch.value.max() < 256 else np.uint16
+    luma: NDArray[np.unsignedinteger] = patch.value.reshape(-1, columns).astype(kind)
     rows = float(patch.y[0]), float(patch.y[columns] - patch.y[0]) if len(patch.y) > columns else 1.0
     start = np.array([patch.center_px[0] - patch.x[0], patch.center_px[1], disc.amplitude, disc.base])
     shown, fitted, noise = np.ones(luma.shape, bool), np.zeros(kernels.RESULTS), np.array([disc.noise, SOFTNESS])
-    shape, share = (disc.numbers(), disc.table, noise), 0.0
-    kernels.fit_disc(luma, *rows, start, np.zeros(2), *shape, fitted)
+    shape, share, table = disc.numbers(), 0.0, disc.table
+    kernels.fit_disc(luma, *rows, start, np.zeros(2), shape, table, noise, fitted)
     if np.isfinite(fitted[kernels.X]):
-        share = float(fit_uncovered(luma, *rows, fitted, *shape, fitted.copy(), shown, CORE_EXPECTED, NOTABLE)[1])
+        where, result = (luma, *rows), fitted.copy()
+        _, share = fit_uncovered(*where, fitted, shape, table, noise, result, shown, CORE_EXPECTED, NOTABLE)
     return shown.ravel(), share
 
 

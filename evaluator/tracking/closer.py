@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from evaluator.recording import Frame
 from evaluator.tracking import glance, kernels
-from evaluator.tracking.covered import BENT, CORE, CORE_EXPECTED, NOTABLE, SLOPING, fit_uncovered
+from evaluator.tracking.across import CORE, CORE_EXPECTED
+from evaluator.tracking.covered import BENT, NOTABLE, SLOPING, fit_uncovered
 
 Array = NDArray[np.float64]
 
@@ -25,7 +26,6 @@ EXPLAINED = 0.9
 # Standard uncertainty, in blurs of the edge, up to which the parts of a rim agree: beyond, steps are no longer linear.
 AGREED = 0.25
 NEVER = 2.0  # share that nothing reaches
-NOWHERE = np.ones((0, 0), bool)
 
 
 @dataclass
@@ -33,8 +33,9 @@ class Closer:
     """Fits of one mark and what they show; the arrays are those of `kernels.fit_disc`, shared with who follows it.
 
     inner_px: radius of the mark's even inside. watch: pictures in which to look closer; covered_lately: for what covers
-    the mark, too. shift: of the centre by a slope that was not taken out, as far as it may be wrong, px. covered:
-    whether the result is that of what shows beside something that covers the mark: its variances are then whole.
+    the mark, too. shift: of the centre by a slope that was not taken out when it was last looked at closer, as far as
+    it may be wrong, px. covered: whether the result is that of what shows beside something that covers the mark: its
+    variances are then whole.
     """
 
     disc: Array
@@ -48,9 +49,13 @@ class Closer:
     shift: tuple[float, float] = (0.0, 0.0)
     covered: bool = False
 
+    def __post_init__(self) -> None:
+        """Make the arrays that the kernels read and fill."""
+        self.level, self.sloped, self.uncovered = np.zeros(2), np.zeros(kernels.RESULTS), np.zeros(kernels.RESULTS)
+
     def begin(self, frame: Frame) -> bool:
         """Forget the picture before; whether a mark that looks well is to be looked at closer in this one."""
-        self.shift, self.covered = (0.0, 0.0), False
+        self.covered = False
         return self.watch > 0 or self.regular(frame)
 
     @staticmethod
@@ -58,10 +63,13 @@ class Closer:
         """Whether it is the turn of a picture to be looked at closer, though nothing is odd."""
         return not frame.index & LOOKOUT_MASK
 
-    def fit(self, frame: Frame, start: Array, slopes: Array | None = None) -> None:
-        """Fit the disc."""
+    def fit(self, frame: Frame, start: Array) -> None:
+        """Fit the disc before a level background."""
+        self._fit(frame, start, None, self.result)
+
+    def _fit(self, frame: Frame, start: Array, slopes: Array | None, result: Array) -> None:
         kernels.fit_disc(
-            frame.luma, frame.row_origin, frame.row_step, start, slopes, self.disc, self.table, self.noise, self.result
+            frame.luma, frame.row_origin, frame.row_step, start, slopes, self.disc, self.table, self.noise, result
         )
 
     def look(self, frame: Frame, *, suspicious: bool) -> bool:
@@ -69,54 +77,58 @@ class Closer:
 
         Returns whether one was kept.
         """
-        plain, result = self.result.copy(), self.result
-        if not np.isfinite(plain[kernels.X]):
+        result, sloped = self.result, self.sloped
+        if not result[kernels.X] < np.inf:
             return False
         # What covers a mark leaves more residual than usual.
-        due = suspicious or self.covered_lately > 0 or (self.regular(frame) and bool(plain[kernels.RESIDUAL] > 1.0))
-        seeming, share = self._uncover(frame, NOTABLE) if due else (0.0, 0.0)
-        uncovered = result.copy()
-        result[:] = plain
-        self.fit(frame, plain[: kernels.BASE + 1], np.zeros(2))
-        self.covered = self._sound(uncovered, share) and self._uncover(frame, NEVER)[0] > EXPLAINED * seeming
+        due = suspicious or self.covered_lately > 0 or (self.regular(frame) and result[kernels.RESIDUAL] > 1.0)
+        seeming, share = self._uncover(frame, result, NOTABLE) if due else (0.0, 0.0)
+        self._fit(frame, result[: kernels.BASE + 1], self.level, sloped)
+        self.covered = (
+            share > 0.0 and self._sound(share) and self._uncover(frame, sloped, NEVER)[0] > EXPLAINED * seeming
+        )
         self.covered_lately = WATCHED if self.covered else self.covered_lately - 1
-        if self.covered:
-            self.watch = WATCHED
-            result[:] = uncovered
-            return True
-        return self._keep_slope(frame, plain, suspicious=suspicious)
+        if not self.covered:
+            return self._keep_slope(frame, suspicious=suspicious)
+        self.watch, self.shift = WATCHED, (0.0, 0.0)
+        result[:] = self.uncovered
+        return True
 
-    def _keep_slope(self, frame: Frame, plain: Array, *, suspicious: bool) -> bool:
+    def _keep_slope(self, frame: Frame, *, suspicious: bool) -> bool:
         """Keep the fit with a slope where the slope is there: the onset of glare or shadow; else the plain one."""
-        result = self.result
-        fall = (plain[kernels.RESIDUAL] - result[kernels.RESIDUAL]) * plain[kernels.PIXELS]
-        sloping = bool(fall > SLOPING)
+        result, sloped = self.result, self.sloped
+        residual = result.item(kernels.RESIDUAL)
+        sloping = (residual - sloped.item(kernels.RESIDUAL)) * result.item(kernels.PIXELS) > SLOPING
+        taken = (sloping and (suspicious or self._glares(frame))) or (suspicious and residual >= glance.DISTURBED)
         self.watch = WATCHED if sloping else self.watch - 1
-        taken = sloping and (suspicious or self._glares(frame))
-        taken |= suspicious and bool(plain[kernels.RESIDUAL] >= glance.DISTURBED)
+        self.shift = (0.0, 0.0)
         if sloping:
             share = BENT if taken else UNTAKEN
-            self.shift = tuple((share * (result[: kernels.Y + 1] - plain[: kernels.Y + 1])).tolist())
-        if not taken:
-            result[:] = plain
+            self.shift = (
+                share * (sloped.item(kernels.X) - result.item(kernels.X)),
+                share * (sloped.item(kernels.Y) - result.item(kernels.Y)),
+            )
+        if taken:
+            result[:] = sloped
         return taken
 
-    def _uncover(self, frame: Frame, least: float) -> tuple[float, float]:
+    def _uncover(self, frame: Frame, fitted: Array, least: float) -> tuple[float, float]:
         """Fit what shows beside something that covers the mark; least, and what is returned: of `fit_uncovered`."""
         where = frame.luma, frame.row_origin, frame.row_step
-        fitted, core = self.result.copy(), CORE_EXPECTED if self.covered_lately > 0 else CORE
-        return fit_uncovered(*where, fitted, self.disc, self.table, self.noise, self.result, NOWHERE, core, least)  # type: ignore[no-any-return]
+        core = CORE_EXPECTED if self.covered_lately > 0 else CORE
+        return fit_uncovered(*where, fitted, self.disc, self.table, self.noise, self.uncovered, None, core, least)
 
-    def _sound(self, uncovered: Array, share: float) -> bool:
+    def _sound(self, share: float) -> bool:
         """Whether a fit beside something that covers a share of the mark tells where the mark is."""
+        uncovered = self.uncovered
         sure = uncovered[kernels.VAR_X] + uncovered[kernels.VAR_Y] < 2.0 * (AGREED * self.blur_px) ** 2
         return bool(0.0 < share < 1.0 - LEFT and sure and uncovered[kernels.RESIDUAL] < glance.DISTURBED)
 
     def _glares(self, frame: Frame) -> bool:
         """Whether the fitted slope is a reflection: strong enough, and inside the mark too, unlike a body's edge."""
-        x, y, slope = self.result[0], self.result[1], self.result[kernels.SLOPE_X : kernels.SLOPE_Y + 1]
+        x, y, slope = self.sloped[0], self.sloped[1], self.sloped[kernels.SLOPE_X : kernels.SLOPE_Y + 1]
         inner, inside = self.inner_px, np.zeros(2)
-        if inner < SMALLEST_PX or np.hypot(*slope) < GLARING * abs(self.result[kernels.AMPLITUDE]):
+        if inner < SMALLEST_PX or np.hypot(*slope) < GLARING * abs(self.sloped[kernels.AMPLITUDE]):
             return False
         kernels.interior_slope(frame.luma, frame.row_origin, frame.row_step, x, y, inner, inside)
         # The slope of a plane through n samples of a disc of radius r is known to 2·noise/(r·√n).

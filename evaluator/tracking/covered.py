@@ -11,7 +11,7 @@ steps that the centre makes as each of them is left out (the jackknife) tell its
 within a part have in common.
 """
 # mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
-# ruff: noqa: ANN001, ANN201, ANN202 - numba infers the types
+# ruff: noqa: ANN001, ANN202 - numba infers the types
 
 from __future__ import annotations
 
@@ -19,10 +19,13 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
+from evaluator.tracking.across import ALONG_X, ALONG_Y, LEFT, PROFILE, cover, model, scale_of, stands_out
 from evaluator.tracking.kernels import (
     BASE,
     COV_XY,
+    INSIDE,
     PIXELS,
     RESIDUAL,
     SLOPE_X,
@@ -36,14 +39,8 @@ from evaluator.tracking.kernels import (
     solve,
 )
 
-# Sigmas of the mean of 3 × 3 pixels beyond which something covers them: 1 % of the clear pixels are lost.
-BEYOND = 3.0
-# What the mean of 3 × 3 residuals reaches, beyond a shift of CORE_OFF_PX, where something lies across a mark: sigmas of
-# the picture's single pixels, and share of the amplitude. Of 10,000 clear marks none reaches both; codec blocks, whose
-# errors are shared by all neighbours, reach 4 % of the amplitude, at the median 2 %. A wire over 3 % of a mark reaches
-# 30 %, one beside it 9 %; 4 % where the shape that it is seen against was learnt under it. Less is asked for where it
-# is likely: just after something was seen, and while learning, from all pictures alike.
-CORE, CORE_EXPECTED, CORE_OFF_PX = (4.0, 0.06), (2.6, 0.03), 0.1
+Array = NDArray[np.float64]
+
 # px by which the mark may be off while it is fitted; the last one is about what the edge of a real mark is untrue by.
 OFF_PX = np.array([0.4, 0.3, 0.2, 0.15, 0.1, 0.05, 0.05])
 # Share of a mark's information on its centre that what covers it takes, from which the fit without is taken. By chance
@@ -56,182 +53,94 @@ SLOPES_AT = 2  # step at which slopes are looked for: what covers the mark is ab
 BENT = 0.2
 PARTS = 12  # of the rim: 30 degrees each, as much as a thin wire blurs on a small mark
 FEW_SQUARES = 1.5  # mean of a variance that is known from about six squares alone
-MOST = (
-    2.0  # times what single pixels' noise would have the mean's be: errors of a codec's blocks are shared by neighbours
-)
 LEAST_PIXELS = 12.0  # that a disc is fitted to
 FLAT = 1e-3  # of the steepest slope: pixels below it tell only amplitude and base, and a quarter of them is plenty
-PROFILE, ALONG_X, ALONG_Y, LEFT, MEAN, WORK = range(6)  # planes of a window
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def fit_uncovered(luma, row_origin, row_step, fitted, disc, table, noise, result, shown, core, least):
+def fit_uncovered(
+    luma: NDArray[np.unsignedinteger], row_origin: float, row_step: float, fitted: Array, disc: Array,
+    table: NDArray[np.float32], noise: Array, result: Array, shown: NDArray[np.bool_] | None,
+    core: tuple[float, float], least: float,
+) -> tuple[float, float]:  # fmt: skip
     """Fit a disc to those of its pixels that nothing covers.
 
     fitted: what `kernels.fit_disc` gave, with the slopes that are kept. disc, table, noise: as it takes them. result:
     as it gives them, but with variances as parts of the rim show them and a residual of the pixels that are left.
-    shown: of the luma's shape, set to False where it is covered; or empty. core: CORE or CORE_EXPECTED. least: share of
+    shown: of the luma's shape, set to False where it is covered; or None. core: CORE or CORE_EXPECTED. least: share of
     the information on the centre, of pixels that seem covered at first, from which the fit is done. Returns that share
     (0 where nothing stands out as far as core), and the share that is covered in the end: 0 where no fit was done, 1
     where nothing is left to fit; nothing is written then.
     """
-    top, bottom, left, right = _window(luma, row_origin, row_step, fitted, disc)
+    top, bottom, left, right = _window(luma.shape, row_origin, row_step, fitted, disc)
     if bottom - top < 5 or right - left < 5:
         return 0.0, 0.0
-    place = row_origin + row_step * top, row_step, left
-    state = np.zeros(6)
-    state[: BASE + 1], state[4], state[5] = fitted[: BASE + 1], fitted[SLOPE_X], fitted[SLOPE_Y]
-    planes = np.zeros((6, bottom - top, right - left))
-    used, covered = np.zeros((2, bottom - top, right - left), np.bool_)
-    normal, move, products, pulls = np.zeros((6, 6)), np.zeros(6), np.zeros((PARTS, 6, 6)), np.zeros((PARTS, 6))
-    size, level_x, level_y = 4, fitted[X], fitted[Y]
-    seeming = share = scale = weight = squares = count = 0.0
-    for step in range(len(OFF_PX)):
-        _model(luma[top:bottom, left:right], place, state, disc, table, planes, used)
-        if step == 0:
-            if not _stands_out(planes, used, state[2], noise[0], core):
-                return 0.0, 0.0
-            scale = _scale(planes, used, noise[0])
-            seeming = _cover(planes, used, scale, OFF_PX[-1], covered)
-            if seeming < least:
-                return seeming, 0.0
-        share = _cover(planes, used, scale, OFF_PX[step], covered)
-        split = step == len(OFF_PX) - 1
-        weight, squares, count = _pull(planes, used, covered, state, noise, place, split, products, pulls)
-        for _ in range(2):
-            normal[:size, :size] = products[:, :size, :size].sum(axis=0)
-            if weight < LEAST_PIXELS or not solve(normal[:size, :size], pulls[:, :size].sum(axis=0), move[:size]):
-                return seeming, 1.0
-            if size == 6 or step != SLOPES_AT or not _slopes(products, pulls):
-                break
-            size, level_x, level_y = 6, state[0] + move[0], state[1] + move[1]
-        length = math.sqrt(move[0] * move[0] + move[1] * move[1])
-        move[:2] *= min(1.0, (0.35 * disc[0] + disc[1]) / max(length, 1e-12))
-        state[:size] += move[:size]
-    invert_leading(normal[:size, :size], result)
-    residual = squares / max(weight - size, 1.0)
-    scatter = FEW_SQUARES * _jackknife(products[:, :size, :size], pulls[:, :size], move[:size])
-    widen = max(scatter / (result[VAR_X] + result[VAR_Y]), residual, 1.0)
-    result[VAR_X : COV_XY + 1] *= widen
-    result[X : BASE + 1], result[SLOPE_X], result[SLOPE_Y] = state[: BASE + 1], state[4], state[5]
-    off_x, off_y = (BENT * (state[0] - level_x), BENT * (state[1] - level_y)) if size == 6 else (0.0, 0.0)
-    result[VAR_X : COV_XY + 1] += np.array([off_x * off_x, off_y * off_y, off_x * off_y])
-    if shown.shape == luma.shape:
+    # Compiled once, whatever a recording's samples are.
+    window = luma[top:bottom, left:right].astype(np.float64)
+    place, covered = (row_origin + row_step * float(top), float(row_step), left), np.zeros(window.shape, np.bool_)
+    seeming, share = _fit_window(window, place, fitted, disc, table, noise, result, covered, core, least)
+    if shown is not None and 0.0 < share < 1.0:
         shown[top:bottom, left:right] &= ~covered
-    result[RESIDUAL], result[USED], result[PIXELS] = residual, weight / count, weight
     return seeming, share
 
 
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def _window(luma, row_origin, row_step, fitted, disc):
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fit_window(luma, place, fitted, disc, table, noise, result, covered, core, least):
+    """Do what `fit_uncovered` does, in a window; place: y of its first row, step of its rows, its first column."""
+    state = np.zeros(6)
+    state[: BASE + 1], state[4], state[5] = fitted[: BASE + 1], fitted[SLOPE_X], fitted[SLOPE_Y]
+    planes, used = np.zeros((6, *luma.shape)), np.zeros(luma.shape, np.bool_)
+    normal, move, products, pulls = np.zeros((6, 6)), np.zeros(6), np.zeros((PARTS, 6, 6)), np.zeros((PARTS, 6))
+    size, level_x, level_y = 4, fitted[X], fitted[Y]
+    seeming = share = scale = weight = squares = count = 0.0
+    for step in range(-1, len(OFF_PX)):
+        model(luma, place, state, disc, table, planes, used)
+        if step < 0:
+            if not stands_out(planes, used, state[2], noise[0], core):
+                return 0.0, 0.0
+            scale = scale_of(planes, used, noise[0])
+        share = cover(planes, used, scale, OFF_PX[step], covered)
+        if step < 0:
+            seeming = share
+            if seeming < least:
+                return seeming, 0.0
+            continue
+        split = step == len(OFF_PX) - 1
+        weight, squares, count = _pull(planes, used, covered, state, noise, place, split, products, pulls)
+        for _ in range(2):
+            if weight < LEAST_PIXELS or not _step(products, pulls, -1, size, normal, move):
+                return seeming, 1.0
+            if size == 6 or step != SLOPES_AT or not _slopes(products, pulls, normal, np.zeros(6)):
+                break
+            size, level_x, level_y = 6, state[0] + move[0], state[1] + move[1]
+        length = math.sqrt(move[0] * move[0] + move[1] * move[1])
+        shorten = min(1.0, (0.35 * disc[0] + disc[1]) / max(length, 1e-12))
+        for m in range(size):
+            state[m] += move[m] * (shorten if m < 2 else 1.0)
+    invert_leading(normal[:size, :size], result)
+    residual = squares / max(weight - size, 1.0)
+    scatter = FEW_SQUARES * _jackknife(products, pulls, size, normal, move)
+    widen = max(scatter / (result[VAR_X] + result[VAR_Y]), residual, 1.0)
+    result[X : BASE + 1], result[SLOPE_X], result[SLOPE_Y] = state[: BASE + 1], state[4], state[5]
+    off_x, off_y = (BENT * (state[0] - level_x), BENT * (state[1] - level_y)) if size == 6 else (0.0, 0.0)
+    result[VAR_X], result[VAR_Y] = widen * result[VAR_X] + off_x * off_x, widen * result[VAR_Y] + off_y * off_y
+    result[COV_XY] = widen * result[COV_XY] + off_x * off_y
+    result[RESIDUAL], result[USED], result[PIXELS], result[INSIDE] = residual, weight / count, weight, fitted[INSIDE]
+    return seeming, share
+
+
+def _window(
+    shape: tuple[int, ...], row_origin: float, row_step: float, fitted: Array, disc: Array
+) -> tuple[int, int, int, int]:
     """Rows and columns (first, and one beyond the last) of the pixels used, and one more on every side."""
-    x, y = fitted[X], fitted[Y]
-    reach = disc[4] / math.sqrt(1.0 - math.sqrt(disc[2] * disc[2] + disc[3] * disc[3]))
-    rows, columns = luma.shape
+    x, y = fitted.item(X), fitted.item(Y)
+    if not math.isfinite(x):
+        return 0, 0, 0, 0
+    reach = disc.item(4) / math.sqrt(1.0 - math.hypot(disc.item(2), disc.item(3)))
+    rows, columns = shape
     top = max(math.ceil((y - reach - row_origin) / row_step) - 1, 0)
     bottom = max(min(math.floor((y + reach - row_origin) / row_step) + 1, rows - 1) + 1, top)
     left = max(math.ceil(x - reach) - 1, 0)
     return top, bottom, left, max(min(math.floor(x + reach) + 1, columns - 1) + 1, left)
-
-
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def _model(luma, place, state, disc, table, planes, used):
-    """Fill profile, slopes and residual of the pixels of a window at a state, as `kernels.accumulate` has them."""
-    top_y, row_step, left = place
-    radius, blur2, e1, e2, smear_x, smear_y = disc[0], disc[1] * disc[1], disc[2], disc[3], disc[5], disc[6]
-    smear2, amplitude, outer2 = smear_x * smear_x + smear_y * smear_y, state[2], disc[4] * disc[4]
-    smeared = smear2 > 0.5 * blur2
-    for j in range(luma.shape[0]):
-        dy = top_y + row_step * j - state[1]
-        for i in range(luma.shape[1]):
-            dx = left + i - state[0]
-            outward_x, outward_y = (1.0 + e1) * dx + e2 * dy, e2 * dx + (1.0 - e1) * dy
-            square = outward_x * dx + outward_y * dy
-            used[j, i] = square <= outer2
-            pull = -amplitude
-            if smeared:
-                r = math.sqrt(max(square, 1e-6))
-                along = smear_x * outward_x + smear_y * outward_y
-                stretch = 1.0 / math.sqrt(1.0 + along * along / (12.0 * blur2 * r * r))
-                nearer = max(radius + (r - radius) * stretch, 0.0)
-                pull *= stretch * nearer / r
-                square = nearer * nearer
-            k = min(int(square * disc[7] + 0.5), len(table) - 1)
-            pull *= table[k, 1]
-            planes[PROFILE, j, i] = table[k, 0]
-            planes[ALONG_X, j, i], planes[ALONG_Y, j, i] = pull * outward_x, pull * outward_y
-            planes[LEFT, j, i] = luma[j, i] - state[3] - amplitude * table[k, 0] - state[4] * dx - state[5] * dy
-    _mean(planes[LEFT], planes[WORK], planes[MEAN])
-
-
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def _mean(plane, work, mean):
-    """Mean over 3 × 3 pixels; a window's border repeats itself."""
-    tall, wide = plane.shape
-    for j in range(tall):
-        for i in range(wide):
-            work[j, i] = plane[j, max(i - 1, 0)] + plane[j, i] + plane[j, min(i + 1, wide - 1)]
-    for j in range(tall):
-        above, below = max(j - 1, 0), min(j + 1, tall - 1)
-        for i in range(wide):
-            mean[j, i] = (work[above, i] + work[j, i] + work[below, i]) * (1.0 / 9.0)
-
-
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def _stands_out(planes, used, amplitude, noise, core):
-    """Whether anything across the mark is beyond doubt, and more than a small shift explains."""
-    most = 0.0
-    for j in range(used.shape[0]):
-        for i in range(used.shape[1]):
-            mean = abs(planes[MEAN, j, i])
-            if used[j, i] and mean > most:
-                steep = math.sqrt(planes[ALONG_X, j, i] ** 2 + planes[ALONG_Y, j, i] ** 2)
-                most = max(most, mean - CORE_OFF_PX * steep)
-    return most > core[1] * abs(amplitude) and most > core[0] * _trimmed(planes[LEFT], used, 2.0 * math.sqrt(noise))
-
-
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def _trimmed(plane, used, scale):
-    """Sigma of the values used, without those far off; scale: more than it is."""
-    for _ in range(3):
-        most, total, count = (2.5 * scale) ** 2, 0.0, 1
-        for j in range(used.shape[0]):
-            for i in range(used.shape[1]):
-                square = plane[j, i] * plane[j, i]
-                if used[j, i] and square < most:
-                    total += square
-                    count += 1
-        scale = math.sqrt(total / count)
-    return scale
-
-
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def _scale(planes, used, noise):
-    """Sigma of the mean of 3 × 3 residuals, without those far off: what the picture's own errors have in common."""
-    least = math.sqrt(noise) / 3.0
-    return min(max(_trimmed(planes[MEAN], used, 6.0 * least), least), MOST * least)
-
-
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def _cover(planes, used, scale, off_px, covered):
-    """Mark the pixels that are covered, and those beside them; returns the share of the information they have."""
-    tall, wide = used.shape
-    covered[:, :] = False
-    total = lost = 0.0
-    for j in range(tall):
-        for i in range(wide):
-            excess = abs(planes[MEAN, j, i]) - BEYOND * scale
-            if used[j, i] and excess > 0.0:
-                steep2 = planes[ALONG_X, j, i] ** 2 + planes[ALONG_Y, j, i] ** 2
-                if excess * excess > off_px * off_px * steep2:
-                    covered[max(j - 1, 0) : j + 2, max(i - 1, 0) : i + 2] = True
-    for j in range(tall):
-        for i in range(wide):
-            if used[j, i]:
-                information = planes[ALONG_X, j, i] ** 2 + planes[ALONG_Y, j, i] ** 2
-                total += information
-                lost += information if covered[j, i] else 0.0
-    return lost / max(total, 1e-12)
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
@@ -241,7 +150,7 @@ def _pull(planes, used, covered, state, noise, place, split, products, pulls):
     split: whether for every part of the rim by itself, rather than all for the first.
     """
     top_y, row_step, left = place
-    products[:, :, :], pulls[:, :] = 0.0, 0.0
+    products[:], pulls[:] = 0.0, 0.0
     weight = squares = count = 0.0
     certain, softness = 1.0 / noise[0], 1.0 / (noise[0] * noise[1] * noise[1])
     flat, part, row = FLAT * _steepest(planes), 0, np.ones(6)
@@ -279,25 +188,42 @@ def _steepest(planes):
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def _slopes(products, pulls):
+def _step(products, pulls, without, size, normal, move):
+    """Solve for the step that all parts of the rim make but one (-1: all); False where singular. Fills normal, too."""
+    right = np.zeros(size)
+    for m in range(size):
+        for n in range(m, size):
+            normal[m, n] = 0.0
+        for part in range(PARTS):
+            if part != without:
+                right[m] += pulls[part, m]
+                for n in range(m, size):
+                    normal[m, n] += products[part, m, n]
+    return solve(normal[:size, :size], right, move[:size])
+
+
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+def _slopes(products, pulls, normal, move):
     """Whether the light behind the mark slopes: whether two more unknowns bring the squares down by SLOPING."""
     fall = 0.0
     for size in (4, 6):
-        move, right = np.zeros(size), pulls[:, :size].sum(axis=0)
-        if not solve(products[:, :size, :size].sum(axis=0), right, move):
+        if not _step(products, pulls, -1, size, normal, move):
             return False
-        fall = (right * move).sum() - fall
+        squares = 0.0
+        for part in range(PARTS):
+            for m in range(size):
+                squares += pulls[part, m] * move[m]
+        fall = squares - fall
     return fall > SLOPING
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def _jackknife(products, pulls, move):
+def _jackknife(products, pulls, size, normal, move):
     """Sum of the squares, px², of the steps that the centre makes as each part of the rim is left out."""
-    total, normal, right = 0.0, np.zeros(products.shape[1:]), pulls.sum(axis=0)
+    total = 0.0
     for part in range(PARTS):
         if products[part, 0, 0] + products[part, 1, 1] > 0.0:
-            normal[:, :] = products.sum(axis=0) - products[part]
-            if not solve(normal, right - pulls[part], move):
+            if not _step(products, pulls, part, size, normal, move):
                 return np.inf
             total += move[0] * move[0] + move[1] * move[1]
     return total

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 from evaluator.tracking import track
+from evaluator.tracking.across import CORE
 from evaluator.tracking.appearance import learn_shape
 from evaluator.tracking.closer import Closer
-from evaluator.tracking.covered import CORE, NOTABLE, fit_uncovered
+from evaluator.tracking.covered import NOTABLE, fit_uncovered
 from evaluator.tracking.disc import Disc, cut_patch, finished, fit, make_disc
 from evaluator.tracking.kernels import RESULTS, VAR_X, X, Y
 from tests.benchmarks.tracking.clips import frames_in_memory
@@ -49,7 +50,7 @@ def fits(picture: np.ndarray, disc: Disc) -> tuple[np.ndarray, np.ndarray, float
     plain = fit(picture, (0, 1), (SIZE / 2, SIZE / 2), disc)
     result = plain.copy()
     shape = disc.numbers(), disc.table, np.array([disc.noise, SOFTNESS])
-    _, share = fit_uncovered(picture, 0.0, 1.0, plain, *shape, result, np.ones((0, 0), bool), CORE, NOTABLE)
+    _, share = fit_uncovered(picture, 0.0, 1.0, plain, *shape, result, None, CORE, NOTABLE)
     return plain, result, share
 
 
