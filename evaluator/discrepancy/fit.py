@@ -81,23 +81,25 @@ def fit_model(
     tolerance: Mapping[str, float],
     runs: Sequence[int] | None = None,
     fixed: Values | None = None,
+    most_scatter: tuple[float, ...] | None = None,
 ) -> Fit:
     """Fit terms with nuisances free, from start (whose values of these terms are kept where given).
 
-    fixed: terms that take part at values that stay, as those without a derivative do. A fit that was made before is
-    only looked at again where it ended. FloatingPointError where a run cannot be simulated.
+    fixed: terms that take part at values that stay, as those without a derivative do. most_scatter: of friction and
+    gains on the way, where a misfit must not be taken for scatter; the posterior knows no such limit. A fit that was
+    made before is only looked at again where it ended. FloatingPointError where a run cannot be simulated.
     """
     chosen = tuple(range(len(problem.data))) if runs is None else tuple(runs)
     columns = model_columns(terms, tolerance)
     values = {term.id: start.terms.get(term.id, term.neutral) for term in terms}
     begin = replace(start, terms={**(fixed or {}), **values})
     question = question_of(
-        *(begin.own, begin.nominal, begin.terms, sorted(values), chosen, dict(tolerance)),
+        *(begin.own, begin.nominal, begin.terms, sorted(values), chosen, dict(tolerance), most_scatter),
         *(problem.horizon_s, [[astuple(noise) for noise in parts] for parts in problem.noise], problem.fingerprint),
     )
     if question not in problem.ends:
         try:
-            fit = _fitted(problem, begin, columns, tolerance, chosen)
+            fit = _fitted(problem, begin, columns, tolerance, chosen, np.array(most_scatter or np.inf))
         except FloatingPointError:
             problem.ends[question] = None
             raise
@@ -144,13 +146,18 @@ def _within_bounds(
 
 
 def _fitted(
-    problem: Problem, point: Point, columns: tuple[Column, ...], tolerance: Mapping[str, float], runs: tuple[int, ...]
+    problem: Problem,
+    point: Point,
+    columns: tuple[Column, ...],
+    tolerance: Mapping[str, float],
+    runs: tuple[int, ...],
+    most_scatter: Floats,
 ) -> Fit:
     """Steps from a point until nothing moves, or no step helps."""
     prior = prior_precision(columns, tolerance)
     for step in range(MOST_STEPS):
         fit = _viewed(problem, point, columns, tolerance, runs)
-        scatter = fit.posterior.scatter
+        scatter = np.minimum(fit.posterior.scatter, most_scatter)
         theta = np.array([point.value(column) for column in columns])
         now = _objective(fit.linearized, theta, point.own[list(runs), 3:], prior, scatter)
         goal = solve_within(fit.reduced, prior, scatter, *_bounds(columns, tolerance))

@@ -215,7 +215,8 @@ def _families() -> Iterator[tuple[Item, ...]]:
         yield tuple(Item(channel, "one", pattern) for channel in ("friction", "friction_across", "stiffness"))
     yield from each("steer", "one", pattern="driven")
     yield from each("steer", "one", pattern="driven-left-right")
-    for pattern in ("front-rear", "driven-left-right", "diagonal"):
+    # a load that one diagonal takes from the other is what magnet-imbalance does, to a fifth of a sigma
+    for pattern in ("front-rear", "driven-left-right"):
         yield from each("load", "one", pattern=pattern)
     # of all wheels alike, load would act as nothing where the law is normalized by it
     yield from each("load", "time", "abs_u", "sign_u", pattern="driving")
