@@ -29,7 +29,6 @@ WHEEL_PATTERNS: dict[str, Pattern] = {
     "front-right": (0.0, 1.0, 0.0, 0.0),
     "rear-left": (0.0, 0.0, 1.0, 0.0),
     "rear-right": (0.0, 0.0, 0.0, 1.0),
-    "diagonal": (1.0, -1.0, -1.0, 1.0),
 }
 # A visible but linear size of every channel in its file unit, for a basis of size one.
 CHANNEL_STEP = {

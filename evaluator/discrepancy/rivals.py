@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.discrepancy.fit import Fit, place_runs, prior_precision
+from evaluator.discrepancy.fit import Fit, prior_precision
 from evaluator.discrepancy.free import PREFIX
 from evaluator.discrepancy.mixed import MixedModel, reduce_runs
+from evaluator.discrepancy.own import place_runs
 from evaluator.discrepancy.search import Search, fit_set, log_prior, screen
 
 Floats = NDArray[np.float64]
