@@ -13,14 +13,13 @@ from simulator.robot import Robot
 
 MOVED = "before turnscope diagnose, which moved it within its tolerance"
 DEVIATION_DIGITS = 7  # a smaller change is rounding
-# Patterns of one wheel or a diagonal, as sums of those that robot.toml knows.
+# Patterns of one wheel, and of the driven pair, as sums of those that robot.toml knows.
 PATTERN_SUMS: dict[str, tuple[tuple[str, float], ...]] = {
     "front-left": (("driving", 0.5), ("driving-left-right", 0.5)),
     "front-right": (("driving", 0.5), ("driving-left-right", -0.5)),
     "rear-left": (("driven", 0.5), ("left-right", 0.5), ("driving-left-right", -0.5)),
     "rear-right": (("driven", 0.5), ("left-right", -0.5), ("driving-left-right", 0.5)),
     "driven-left-right": (("left-right", 1.0), ("driving-left-right", -1.0)),
-    "diagonal": (("driving-left-right", 2.0), ("left-right", -1.0)),
 }
 
 

@@ -13,11 +13,12 @@ from evaluator.discrepancy.adequacy import Adequacy, adequacy
 from evaluator.discrepancy.crossval import Constancy, constancy
 from evaluator.discrepancy.ends import Ends
 from evaluator.discrepancy.experiment import Session, held_out_runs, shortcomings
-from evaluator.discrepancy.fit import Fit, fit_model, place_runs, place_starts
+from evaluator.discrepancy.fit import Fit, fit_model
 from evaluator.discrepancy.free import free_terms
 from evaluator.discrepancy.gap import Gap, noise_floor, run_gaps
 from evaluator.discrepancy.horizon import is_large, short_horizon_fits
 from evaluator.discrepancy.next_runs import NextRuns, best_next_runs
+from evaluator.discrepancy.own import place_runs, place_starts
 from evaluator.discrepancy.problem import Point, Problem, build_problem, with_noise_of
 from evaluator.discrepancy.rivals import Set, Standing, is_free, predictive_score, separations, standing
 from evaluator.discrepancy.search import HOPELESS, LARGEST_SET, Search, fit_set, run_search, screen

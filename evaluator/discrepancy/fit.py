@@ -22,6 +22,7 @@ from evaluator.discrepancy.mixed import (
     run_effects,
     solve_within,
 )
+from evaluator.discrepancy.own import MOST_SCATTER, settled
 from evaluator.discrepancy.problem import Column, Point, Problem
 from evaluator.discrepancy.terms import Term
 
@@ -35,13 +36,6 @@ SETTLED = 0.05
 STALLED = 2.0
 DAMPINGS = (1.0, 0.4, 0.12, 0.03)
 MOST_TOLERANCES = 5.0  # of a nominal value: farther is not recalibration but another robot
-OWN_PASSES = 9
-SLOPES_LAST = (
-    3  # passes over a run's own numbers with the same slopes: a seventh of the simulations, nearly the same step
-)
-OWN_SETTLED = 0.02  # of one run's -2 log density: a hundredth of a sigma
-SHORTER = 0.3
-MOST_SCATTER = 0.5  # relative friction or gain of one run: beyond, a linear step has lost its way
 
 
 @dataclass(frozen=True)
@@ -81,23 +75,25 @@ def fit_model(
     tolerance: Mapping[str, float],
     runs: Sequence[int] | None = None,
     fixed: Values | None = None,
+    most_scatter: tuple[float, ...] | None = None,
 ) -> Fit:
     """Fit terms with nuisances free, from start (whose values of these terms are kept where given).
 
-    fixed: terms that take part at values that stay, as those without a derivative do. A fit that was made before is
-    only looked at again where it ended. FloatingPointError where a run cannot be simulated.
+    fixed: terms that take part at values that stay, as those without a derivative do. most_scatter: of friction and
+    gains on the way, where a misfit must not be taken for scatter; the posterior knows no such limit. A fit that was
+    made before is only looked at again where it ended. FloatingPointError where a run cannot be simulated.
     """
     chosen = tuple(range(len(problem.data))) if runs is None else tuple(runs)
     columns = model_columns(terms, tolerance)
     values = {term.id: start.terms.get(term.id, term.neutral) for term in terms}
     begin = replace(start, terms={**(fixed or {}), **values})
     question = question_of(
-        *(begin.own, begin.nominal, begin.terms, sorted(values), chosen, dict(tolerance)),
+        *(begin.own, begin.nominal, begin.terms, sorted(values), chosen, dict(tolerance), most_scatter),
         *(problem.horizon_s, [[astuple(noise) for noise in parts] for parts in problem.noise], problem.fingerprint),
     )
     if question not in problem.ends:
         try:
-            fit = _fitted(problem, begin, columns, tolerance, chosen)
+            fit = _fitted(problem, begin, columns, tolerance, chosen, np.array(most_scatter or np.inf))
         except FloatingPointError:
             problem.ends[question] = None
             raise
@@ -144,13 +140,18 @@ def _within_bounds(
 
 
 def _fitted(
-    problem: Problem, point: Point, columns: tuple[Column, ...], tolerance: Mapping[str, float], runs: tuple[int, ...]
+    problem: Problem,
+    point: Point,
+    columns: tuple[Column, ...],
+    tolerance: Mapping[str, float],
+    runs: tuple[int, ...],
+    most_scatter: Floats,
 ) -> Fit:
     """Steps from a point until nothing moves, or no step helps."""
     prior = prior_precision(columns, tolerance)
     for step in range(MOST_STEPS):
         fit = _viewed(problem, point, columns, tolerance, runs)
-        scatter = fit.posterior.scatter
+        scatter = np.minimum(fit.posterior.scatter, most_scatter)
         theta = np.array([point.value(column) for column in columns])
         now = _objective(fit.linearized, theta, point.own[list(runs), 3:], prior, scatter)
         goal = solve_within(fit.reduced, prior, scatter, *_bounds(columns, tolerance))
@@ -181,71 +182,12 @@ def _line_search(
     for damping in DAMPINGS:
         trial = theta + damping * (goal - theta)
         try:
-            moved, value = _settled(problem, _at(point, columns, trial), runs, scatter)
+            moved, value = settled(problem, _at(point, columns, trial), runs, scatter)
         except FloatingPointError:
             continue
         if value + float(prior @ trial**2) < now - 0.1 * SETTLED:
             return moved
     return None
-
-
-def _settled(problem: Problem, point: Point, runs: Sequence[int], scatter: Floats | None) -> tuple[Point, float]:
-    """Start pose, friction and gains of every run fitted at a point, and -2 log density there.
-
-    With scatter None the start pose alone is fitted. Runs do not depend on one another here: each goes on until its own
-    density settles, with shorter steps where a step made it worse. FloatingPointError where a run cannot be simulated
-    at the point.
-    """
-    best = point.own.copy()
-    value = np.full(len(best), np.inf)
-    step = np.zeros_like(best)
-    share = np.ones(len(best))
-    views: dict[int, Linearized] = {}
-    pending = list(runs)
-    for number in range(OWN_PASSES):
-        trial = replace(point, own=best + share[:, None] * step)
-        if number % SLOPES_LAST == 0:
-            found = problem.attempted(trial, (), pending)
-        else:
-            found = problem.seen_again(trial, [views[run] for run in pending], pending)
-        going_on = []
-        for run, item in zip(pending, found, strict=True):
-            now = np.inf if item is None else _own_value(item, trial.own[run], scatter)
-            if now > value[run]:
-                share[run] *= SHORTER
-                going_on.append(run)
-                continue
-            if item is None:
-                raise FloatingPointError(f"run {problem.data[run].id} cannot be simulated at this point")
-            gained = value[run] - now
-            views[run] = item
-            best[run], value[run], share[run] = trial.own[run], now, 1.0
-            step[run] = _own_goal(item, best[run], scatter) - best[run]
-            if gained > OWN_SETTLED:
-                going_on.append(run)
-        pending = going_on
-        if not pending:
-            break
-    return replace(point, own=best), float(value[list(runs)].sum())
-
-
-def _own_value(item: Linearized, own: Floats, scatter: Floats | None) -> float:
-    """-2 log density of one run where it was linearized."""
-    left = item.response - item.scatter @ own[3:]
-    return float(left @ left) + (0.0 if scatter is None else float(np.sum((own[3:] / scatter) ** 2)))
-
-
-def _own_goal(item: Linearized, own: Floats, scatter: Floats | None) -> Floats:
-    """Most probable start pose, friction and gains (6,) of one run in its linear view."""
-    goal = own.copy()
-    if scatter is not None:
-        basis = np.linalg.qr(item.start)[0]
-        slopes = item.scatter - basis @ (basis.T @ item.scatter)
-        goal[3:] = np.linalg.solve(slopes.T @ slopes + np.diag(scatter**-2.0), slopes.T @ item.response)
-        goal[3:] = np.clip(goal[3:], -MOST_SCATTER, MOST_SCATTER)
-    # the response is measured from the start pose at which it was linearized
-    goal[:3] += np.linalg.lstsq(item.start, item.response - item.scatter @ goal[3:], rcond=None)[0]
-    return goal
 
 
 def _objective(
@@ -286,13 +228,3 @@ def _bounds_of(column: Column, tolerance: Mapping[str, float]) -> tuple[float, f
         return -most, most
     coordinate = column.term.coordinates[column.coordinate]
     return coordinate.low - column.neutral, coordinate.high - column.neutral
-
-
-def place_runs(problem: Problem, point: Point, runs: Sequence[int], scatter: Floats) -> Point:
-    """The point with start poses, friction and gains of these runs fitted within a given scatter; all else stays."""
-    return _settled(problem, point, runs, scatter)[0]
-
-
-def place_starts(problem: Problem, point: Point, runs: Sequence[int]) -> Point:
-    """The point with only the start poses of these runs fitted: each run keeps its friction and gains."""
-    return _settled(problem, point, runs, None)[0]

@@ -29,7 +29,6 @@ WHEEL_PATTERNS: dict[str, Pattern] = {
     "front-right": (0.0, 1.0, 0.0, 0.0),
     "rear-left": (0.0, 0.0, 1.0, 0.0),
     "rear-right": (0.0, 0.0, 0.0, 1.0),
-    "diagonal": (1.0, -1.0, -1.0, 1.0),
 }
 # A visible but linear size of every channel in its file unit, for a basis of size one.
 CHANNEL_STEP = {
@@ -215,7 +214,8 @@ def _families() -> Iterator[tuple[Item, ...]]:
         yield tuple(Item(channel, "one", pattern) for channel in ("friction", "friction_across", "stiffness"))
     yield from each("steer", "one", pattern="driven")
     yield from each("steer", "one", pattern="driven-left-right")
-    for pattern in ("front-rear", "driven-left-right", "diagonal"):
+    # a load that one diagonal takes from the other is what magnet-imbalance does, to a fifth of a sigma
+    for pattern in ("front-rear", "driven-left-right"):
         yield from each("load", "one", pattern=pattern)
     # of all wheels alike, load would act as nothing where the law is normalized by it
     yield from each("load", "time", "abs_u", "sign_u", pattern="driving")

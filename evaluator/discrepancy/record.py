@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,21 +11,17 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.discrepancy.diagnosis import Diagnosis
-from evaluator.discrepancy.fit import place_runs
 from evaluator.discrepancy.forward import SHARED_UNIT, is_shared
-from evaluator.discrepancy.free import FreeTerm
 from evaluator.discrepancy.gap import rms
 from evaluator.discrepancy.next_runs import MOST_RUNS
-from evaluator.discrepancy.rivals import SAME_SIGMAS, Set, is_free
-from evaluator.discrepancy.terms import Parameters, Term
-from evaluator.discrepancy.where import QUANTITIES, Interval, pieces, root_mean_squares
-from simulator.effects.catalogue import EFFECTS
+from evaluator.discrepancy.own import place_runs
+from evaluator.discrepancy.record_effects import effects, rounded
+from evaluator.discrepancy.rivals import Set
+from evaluator.discrepancy.where import QUANTITIES, pieces
 
 Floats = NDArray[np.float64]
 Json = dict[str, Any]
 
-DRAWS = 4000
-DRAW_SEED = 20120612  # intervals of directions and anchors are read from draws; the same input gives the same output
 RIVALS_LISTED = 8
 
 
@@ -43,21 +38,21 @@ def record(diagnosis: Diagnosis) -> Json:
             "skipped_runs": dict(diagnosis.session.skipped),
         }
     return found | {
-        "effects": _effects(diagnosis),
+        "effects": effects(diagnosis),
         "gap": _gap(diagnosis),
         "where": [
             {
                 "quantity": item.quantity,
                 "by": item.by,
                 "parity": item.parity or None,
-                "sigmas": _rounded(item.sigmas),
+                "sigmas": rounded(item.sigmas),
                 "sentence": item.sentence,
             }
             for item in diagnosis.where
         ],
         "rivals": _rivals(diagnosis),
         "next_experiment": _next(diagnosis),
-        "constancy": {item.halves: _rounded(item.probability) for item in diagnosis.constancy},
+        "constancy": {item.halves: rounded(item.probability) for item in diagnosis.constancy},
         "runs_not_followed": [diagnosis.session.data[run].id for run in diagnosis.astray],
         "noise": _noise(diagnosis),
         "nominal": _nominal(diagnosis),
@@ -78,104 +73,6 @@ def disagreement(diagnosis: Diagnosis) -> pd.DataFrame | None:
     return both.assign(kept_aside=both["run"].isin(held))
 
 
-def _effects(diagnosis: Diagnosis) -> list[Json]:
-    """What was chosen; where nothing that could be fitted follows the marks, the disagreement itself."""
-    explained = diagnosis.chosen and diagnosis.follows
-    if explained or diagnosis.verdict != "unknown" or diagnosis.pieces is None or diagnosis.pieces.empty:
-        return [_effect(diagnosis, effect) for effect in sorted(diagnosis.chosen)]
-    sizes = root_mean_squares(diagnosis.pieces)
-    return [
-        {
-            "id": "free-form",
-            "name": "an error of the robot's speed" + "".join(f"; {s}" for s in _strongest(diagnosis)),
-            "parameters": {f"rms_{name}": _bounded(values) for name, values in sizes.items()},
-            "equivalent": [],
-            "probability": 1.0,
-            "fitted": False,
-            "terms": [
-                {
-                    "channel": item.quantity,
-                    "basis": item.by,
-                    "parity": item.parity or None,
-                    "coefficients": [_bounded(values) for values in item.sizes],
-                }
-                for item in diagnosis.where
-            ],
-        }
-    ]
-
-
-def _strongest(diagnosis: Diagnosis) -> list[str]:
-    return [item.sentence for item in diagnosis.where[:1]]
-
-
-def _bounded(values: Interval) -> Json:
-    value, low, high = values
-    return {"value": _rounded(value), "low": _rounded(low), "high": _rounded(high)}
-
-
-def _effect(diagnosis: Diagnosis, effect: str) -> Json:
-    assert diagnosis.terms is not None
-    assert diagnosis.standing is not None
-    term = diagnosis.terms[effect]
-    probability = diagnosis.standing.containing(effect)
-    shown: Json = {
-        "id": "free-form" if is_free(effect) else effect,
-        "name": term.describe() if isinstance(term, FreeTerm) else EFFECTS[effect].name,
-        "parameters": parameters(diagnosis, term),
-        "equivalent": equivalents(diagnosis, effect),
-        "probability": round(probability, 4),
-    }
-    if isinstance(term, FreeTerm):
-        shown["terms"] = [
-            {"channel": item.channel, "basis": item.basis, "pattern": item.pattern} for item in term.items
-        ]
-    return shown
-
-
-def equivalents(diagnosis: Diagnosis, effect: str) -> list[str]:
-    """Effects that these runs cannot tell from a named one, the nearest first."""
-    apart = dict((diagnosis.separation or {}).get(effect, {}))
-    apart.pop("", None)
-    near = sorted((distance, other) for other, distance in apart.items() if distance < SAME_SIGMAS)
-    return [other for _, other in near]
-
-
-def parameters(diagnosis: Diagnosis, term: Term) -> Json:
-    """Value and 95 % interval of every physical parameter of a term of the chosen set."""
-    fit = diagnosis.fit
-    values = fit.point.terms[term.id]
-    if term.leaps:
-        return _leap(term, values)
-    own = [i for i, column in enumerate(fit.columns) if column.key == term.id]
-    covariance = fit.posterior.covariance[np.ix_(own, own)]
-    # the scatter is estimated from few runs: the spread over its grid is in the covariance, Student's tail is not
-    # nor is a covariance that rounding has made a little uneven (effects that all but stand for each other) an error
-    draws = np.random.default_rng(DRAW_SEED).multivariate_normal(
-        values, covariance, DRAWS, check_valid="ignore", method="svd"
-    )
-    physical = [term.physical(term.clipped(tuple(row))) for row in draws]
-    best = term.physical(values)
-    return {name: _interval(name, best, [item[name] for item in physical]) for name in best}
-
-
-def _interval(name: str, best: Parameters, draws: Sequence[float]) -> Json:
-    value = best[name]
-    if name.endswith(("azimuth_deg", "phase_deg", "direction_deg")):
-        period = 180.0 if name == "direction_deg" else 360.0
-        turned = (np.array(draws) - value + period / 2) % period - period / 2
-        low, high = value + np.percentile(turned, [2.5, 97.5])
-    else:
-        low, high = np.percentile(draws, [2.5, 97.5])
-    return _bounded((value, float(low), float(high)))
-
-
-def _leap(term: Term, values: Sequence[float]) -> Json:
-    """A dead band lies anywhere between two commands that were given."""
-    low, high = next(edges for edges in term.between if edges[0] <= values[0] <= edges[1])
-    return {"rpm": {"value": _rounded(values[0]), "low": _rounded(low), "high": _rounded(high)}}
-
-
 def _gap(diagnosis: Diagnosis) -> Json:
     gap, search = diagnosis.gap, diagnosis.fit_search
     assert gap is not None
@@ -184,7 +81,7 @@ def _gap(diagnosis: Diagnosis) -> Json:
     held = diagnosis.held_out
 
     def pair(values: Floats) -> Json:
-        return {"fit": _rounded(rms(values, search.runs)), "held_out": _rounded(rms(values, held))}
+        return {"fit": rounded(rms(values, search.runs)), "held_out": rounded(rms(values, held))}
 
     everything = range(len(ids))
     return {
@@ -192,12 +89,12 @@ def _gap(diagnosis: Diagnosis) -> Json:
         "held_out_runs": [ids[run] for run in held],
         "before": pair(gap.before_mm),
         "after": pair(gap.after_mm),
-        "noise_floor": _rounded(rms(gap.floor_mm, everything)),
-        "held_out_gain_sigmas": _rounded(math.sqrt(max(2 * diagnosis.confirmation, 0.0)))
+        "noise_floor": rounded(rms(gap.floor_mm, everything)),
+        "held_out_gain_sigmas": rounded(math.sqrt(max(2 * diagnosis.confirmation, 0.0)))
         if math.isfinite(diagnosis.confirmation)
         else None,
         "by_run": {
-            effect: {"before": _rounded(b), "after": _rounded(a), "noise_floor": _rounded(f)}
+            effect: {"before": rounded(b), "after": rounded(a), "noise_floor": rounded(f)}
             for effect, b, a, f in zip(ids, gap.before_mm, gap.after_mm, gap.floor_mm, strict=True)
         },
     }
@@ -214,7 +111,7 @@ def _rivals(diagnosis: Diagnosis) -> list[Json]:
                 {
                     "effects": names(ids),
                     "probability": round(float(probability), 4),
-                    "log_odds": _rounded(float(score) - best),
+                    "log_odds": rounded(float(score) - best),
                     "reason": _reason(diagnosis, ids, float(score) - best),
                 }
             )
@@ -263,9 +160,9 @@ def _next(diagnosis: Diagnosis) -> Json | None:
             }
             for run, count in times.items()
         ],
-        "separation_sigmas": {name: _rounded(value) for name, value in following.sigmas.items()},
+        "separation_sigmas": {name: rounded(value) for name, value in following.sigmas.items()},
         "most_runs": MOST_RUNS,
-        "inseparable_sigmas": {name: _rounded(value) for name, value in following.inseparable.items()},
+        "inseparable_sigmas": {name: rounded(value) for name, value in following.inseparable.items()},
     }
 
 
@@ -275,9 +172,9 @@ def _noise(diagnosis: Diagnosis) -> Json:
     parts = problem.noise
     tau = diagnosis.fit.posterior.scatter
     return {
-        "mark_sigma_mm": _rounded(float(np.median([p[0].sigma_mm for p in parts])) * math.sqrt(2)),
-        "correlation_s": _rounded(parts[0][0].correlation_s),
-        "run_to_run": {"friction": _rounded(float(tau[0])), "wheel_speed": _rounded(float(tau[1]))},
+        "mark_sigma_mm": rounded(float(np.median([p[0].sigma_mm for p in parts])) * math.sqrt(2)),
+        "correlation_s": rounded(parts[0][0].correlation_s),
+        "run_to_run": {"friction": rounded(float(tau[0])), "wheel_speed": rounded(float(tau[1]))},
     }
 
 
@@ -287,8 +184,8 @@ def _nominal(diagnosis: Diagnosis) -> Json:
     spread = np.sqrt(np.diag(fit.posterior.covariance))
     return {
         column.key: {
-            "relative_change": _rounded(fit.point.value(column)),
-            "sigma": _rounded(float(spread[i])),
+            "relative_change": rounded(fit.point.value(column)),
+            "sigma": rounded(float(spread[i])),
             "tolerance": diagnosis.session.tolerance[column.key],
         }
         for i, column in enumerate(fit.columns)
@@ -300,9 +197,4 @@ def _shared(diagnosis: Diagnosis) -> Json | None:
     """How far the errors that runs share (of the camera) were moved, each in its sigmas; None where there are none."""
     point = diagnosis.fit.point
     moved = {key: point.nominal.get(key, 0.0) / SHARED_UNIT for key in diagnosis.session.tolerance if is_shared(key)}
-    return {key: _rounded(value) for key, value in moved.items()} or None
-
-
-def _rounded(value: float) -> float | None:
-    """Six significant digits; None for what JSON cannot say."""
-    return float(f"{value:.6g}") if math.isfinite(value) else None
+    return {key: rounded(value) for key, value in moved.items()} or None

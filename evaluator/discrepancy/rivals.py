@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.discrepancy.fit import Fit, place_runs, prior_precision
+from evaluator.discrepancy.fit import Fit, prior_precision
 from evaluator.discrepancy.free import PREFIX
 from evaluator.discrepancy.mixed import MixedModel, reduce_runs
+from evaluator.discrepancy.own import place_runs
 from evaluator.discrepancy.search import Search, fit_set, log_prior, screen
 
 Floats = NDArray[np.float64]
@@ -32,14 +33,11 @@ def score(search: Search, ids: Set, families: int) -> float:
 
     Of a fit that did not converge this is the least that it can be; minus infinity where there is none at all.
     """
-    fit = search.fits.get(ids) or search.failed.get(ids)
-    if fit is None:
-        return -np.inf
     named = [effect for effect in ids if not is_free(effect)]
     free = len(ids) - len(named)
     candidates = sum(not is_free(effect) for effect in search.terms)
     prior = log_prior(min(len(named), 3), candidates) + free * (np.log(FREE_PRIOR) - np.log(max(families, 1)))
-    return fit.posterior.log_evidence + float(prior)
+    return search.evidence(ids) + float(prior)
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,8 @@ PAIRS_FROM_NULL = 2
 PAIRED = 14  # offers whose pairs are screened at the null
 BEAM = (2, 1)  # sets of one, of two effects from which the search goes on
 HOPELESS = 25.0  # a screened set this far (log evidence) below the best is not refitted
+POSE = 3  # of a run's own six numbers, those of its start pose come first
+USUAL_SCATTER = (0.03, 0.006, 0.006)  # friction and gains: what wet or dusty plates and DC motors show
 # An addition must promise this much evidence to be fitted: less than half of what it must bring to be kept.
 PROMISING = 2.0
 
@@ -51,9 +53,18 @@ class Search:
         """The recalibrated model without effects."""
         return self.fits[frozenset()]
 
+    def evidence(self, ids: frozenset[str]) -> float:
+        """Log evidence where the fit of a set came to: the least that it can be where it has not converged."""
+        fit = self.reached(ids)
+        return -np.inf if fit is None else fit.posterior.log_evidence
+
     def score(self, ids: frozenset[str]) -> float:
         """Log evidence plus log prior of a fitted set."""
         return self.fits[ids].posterior.log_evidence + log_prior(len(ids), len(self.terms))
+
+    def reached(self, ids: frozenset[str]) -> Fit | None:
+        """Where the fit of a set came to, converged or not: a place to go on from, evidence only where it converged."""
+        return self.fits.get(ids) or self.failed.get(ids)
 
     def ranked(self) -> list[frozenset[str]]:
         """Fitted sets, the most probable first."""
@@ -141,11 +152,16 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit) ->
     smooth = [search.terms[effect] for effect in sorted(ids) if not search.terms[effect].leaps]
     fixed = {effect: values[effect] for effect in ids if search.terms[effect].leaps}
     values = {effect: values.get(effect, search.terms[effect].neutral) for effect in ids}
-    begin = Point(origin.point.own, origin.point.nominal, values)
-    try:
-        fit = fit_model(search.problem, begin, smooth, search.tolerance, search.runs, fixed)
-    except FloatingPointError:
-        fit = None
+    fit = _fit_from(search, Point(origin.point.own, origin.point.nominal, values), smooth, fixed)
+    if fit is None or not fit.converged:
+        # friction and gains with which a wrong model helped itself may be a place from which no step leads on
+        neutral = origin.point.own.copy()
+        neutral[:, POSE:] = 0.0
+        usual = _fit_from(search, Point(neutral, {}, values), smooth, fixed, USUAL_SCATTER)
+        if usual is not None and usual.converged:
+            again = _fit_from(search, usual.point, smooth, fixed)
+            usual = again if again is not None and again.converged else usual
+        fit = usual or fit
     if fit is None or not fit.converged:
         if ids not in search.fits:
             search.failed[ids] = fit
@@ -156,6 +172,20 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit) ->
         search.fits[ids] = fit
     search.failed.pop(ids, None)
     return search.fits[ids]
+
+
+def _fit_from(
+    search: Search,
+    begin: Point,
+    smooth: Sequence[Term],
+    fixed: Values,
+    most_scatter: tuple[float, ...] | None = None,
+) -> Fit | None:
+    """One fit; None where runs cannot be simulated."""
+    try:
+        return fit_model(search.problem, begin, smooth, search.tolerance, search.runs, fixed, most_scatter)
+    except FloatingPointError:
+        return None
 
 
 def run_search(search: Search, start: Point, progress: Progress, seeds: Sequence[Fit] = ()) -> None:
@@ -171,7 +201,8 @@ def run_search(search: Search, start: Point, progress: Progress, seeds: Sequence
     if len(search.fits) == 1:
         _from_the_null(search)
     for size in range(1, LARGEST_SET):
-        beam = [ids for ids in search.ranked() if len(ids) == size][: BEAM[size - 1]]
+        sizes = [ids for ids in (*search.fits, *search.failed) if len(ids) == size and search.reached(ids)]
+        beam = sorted(sizes, key=lambda ids: -search.evidence(ids))[: BEAM[size - 1]]
         for number, ids in enumerate(beam):
             extend(search, ids)
             progress(f"{size + 1} effects", 0.3 + 0.7 * (size - 1 + (number + 1) / len(beam)) / (LARGEST_SET - 1))
@@ -192,7 +223,8 @@ def _from_the_null(search: Search) -> None:
 
 def extend(search: Search, ids: frozenset[str]) -> None:
     """Linearize at a fitted set, and fit it with each of the most promising additions."""
-    fit = search.fits[ids]
+    fit = search.reached(ids)
+    assert fit is not None
     smooth = [effect for effect in sorted(ids) if not search.terms[effect].leaps]
     view = screen(search, fit.point, smooth, [term for effect, term in search.terms.items() if effect not in ids])
     ordered = _ordered(view, view.offers)

@@ -27,6 +27,7 @@ EXCESS = 1.12
 EXCESS_SIGMA = 5.0
 # A free-form term is the answer where it predicts commands left out better by so much, and by so many of its standard
 # errors. Of right answers in the development bank no free-form term gained more than 1.5, of wrong ones eight and more.
+# One of a hundred families may gain as much by chance: it must be the more probable than nothing too.
 FORETOLD, FORETOLD_SIGMA = 4.0, 2.0
 # Friction and gains that depend on something known are not chance: the probability at which that is believed.
 NOT_CHANCE = 1e-3
@@ -47,7 +48,7 @@ def decide(search: Search, table: Standing, named: Set) -> tuple[Set, Verdict, s
     free = [ids for ids in table.sets if any(is_free(effect) for effect in ids)]
     if free and table.of(free[0]) - table.of(frozenset()) > KEEP[1] and table.share_of(free) > DOUBT:
         return free[0], "unknown", "a free-form term explains the runs as well as the named effects, or better"
-    for ids in free:
+    for ids in [ids for ids in free if table.of(ids) > table.of(frozenset())]:
         gain, error = advantage(search.fits[ids], search.fits[named], search.problem.data, search.tolerance)
         if gain > FORETOLD and gain > FORETOLD_SIGMA * error:
             return ids, "unknown", "a free-form term foretells commands left out better than any named effect"

@@ -56,7 +56,7 @@ def main() -> None:
             kind, name = kinds[number]
             drawn = draw(np.random.default_rng([chosen.seed, int(number)]), kind, Path(folder) / f"e{number}", name)
             rows.append(_answer(drawn))
-            if chosen.next and (rows[-1]["proposed"] or {}).get("runs"):
+            if chosen.next and kind != "outside" and (rows[-1]["proposed"] or {}).get("runs"):
                 rng = np.random.default_rng([chosen.seed, int(number), 1])
                 rows[-1]["next"] = _answer(repeated(rng, drawn, rows[-1]["proposed"]["runs"]))
             print(_line(rows[-1]), flush=True)
