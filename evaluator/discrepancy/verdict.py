@@ -48,13 +48,20 @@ def decide(search: Search, table: Standing, named: Set) -> tuple[Set, Verdict, s
     free = [ids for ids in table.sets if any(is_free(effect) for effect in ids)]
     if free and table.of(free[0]) - table.of(frozenset()) > KEEP[1] and table.share_of(free) > DOUBT:
         return free[0], "unknown", "a free-form term explains the runs as well as the named effects, or better"
+    # also better than named effects that do not pay for themselves: chance that looks like one looks like both
+    likeliest = next(ids for ids in table.sets if ids not in free)
     for ids in [ids for ids in free if table.of(ids) > table.of(frozenset())]:
-        gain, error = advantage(search.fits[ids], search.fits[named], search.problem.data, search.tolerance)
-        if gain > FORETOLD and gain > FORETOLD_SIGMA * error:
+        if all(_foretells(search, ids, other) for other in {named, likeliest}):
             return ids, "unknown", "a free-form term foretells commands left out better than any named effect"
     if named:
         return named, "effect", "each effect pays for itself, and nothing is left that a free-form term could explain"
     return named, "none", "the model explains the data within noise and tolerances"
+
+
+def _foretells(search: Search, ids: Set, other: Set) -> bool:
+    """Whether a set predicts commands left out better than another, beyond chance."""
+    gain, error = advantage(search.fits[ids], search.fits[other], search.problem.data, search.tolerance)
+    return gain > FORETOLD and gain > FORETOLD_SIGMA * error
 
 
 def doubts(left: Adequacy, constant: Sequence[Constancy]) -> str:
