@@ -127,12 +127,12 @@ def integrate_many(
     task = (models, model_of, knots, knot_edges, command_of, states, times, edges, out, tolerance, steps, count)
     threads = min(get_num_threads(), runs)
     if threads <= 1:
-        integrate_some(0, runs, *task, replay, most_steps, used)
+        integrate_some(0, runs, task, replay, most_steps, used)
         return used
     shares = np.linspace(0, runs, min(runs, SHARES_OF_A_THREAD * threads) + 1).astype(int).tolist()
     with ThreadPoolExecutor(threads) as pool:
         done = [
-            pool.submit(integrate_some, begin, end, *task, replay, most_steps, used) for begin, end in pairwise(shares)
+            pool.submit(integrate_some, begin, end, task, replay, most_steps, used) for begin, end in pairwise(shares)
         ]
         for share in done:
             share.result()
@@ -140,26 +140,9 @@ def integrate_many(
 
 
 @compiled(nogil=True)
-def integrate_some(
-    begin: int,
-    end: int,
-    models: Any,
-    model_of: Any,
-    knots: Any,
-    knot_edges: Any,
-    command_of: Any,
-    states: Any,
-    times: Any,
-    edges: Any,
-    out: Any,
-    tolerance: float,
-    steps: Any,
-    count: Any,
-    replay: bool,
-    most_steps: int,
-    used: Any,
-) -> None:
-    """Runs begin to before end of integrate_many; used (n,) takes the numbers of steps."""
+def integrate_some(begin: int, end: int, task: Any, replay: bool, most_steps: int, used: Any) -> None:
+    """Runs begin to before end of integrate_many, whose first arguments are the task; used (n,) takes the steps."""
+    models, model_of, knots, knot_edges, command_of, states, times, edges, out, tolerance, steps, count = task
     for run in range(begin, end):
         command = command_of[run]
         own = out[edges[run] : edges[run + 1]]

@@ -119,14 +119,17 @@ def _best_named(search: Search, families: int) -> tuple[Standing, Set]:
     What an effect is measured against, the set without it, is fitted from where the whole set stands too: a start pose
     that had settled elsewhere, in one run, has passed for an effect of size nought.
     """
+    table = standing(search, families)
+    best = kept(search, table, families)
     for _ in range(LARGEST_SET):
-        best = kept(search, standing(search, families), families)
+        before = best
         for effect in sorted(best):
             fit_set(search, best - {effect}, {}, search.fits[best])
         table = standing(search, families)
-        if kept(search, table, families) == best:
+        best = kept(search, table, families)
+        if best == before:
             break
-    return table, kept(search, table, families)
+    return table, best
 
 
 def _searched(session: Session, progress: Progress, ends: Ends | None) -> tuple[Search, Point, dict[str, Term]]:

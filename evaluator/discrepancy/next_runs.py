@@ -155,12 +155,12 @@ def from_chosen(search: Search, chosen: Fit, problem: Problem, placed: Point, ri
 
 def _inner(problem: Problem, point: Point, columns: Sequence[Column], scatter: Floats) -> tuple[Floats, Floats, Floats]:
     """Inner products (n,), (n, p), (n, p, p) of the runs of a problem; nought for those that cannot be simulated."""
-    every = range(len(problem.data))
-    views = problem.attempted(point, columns, every)
-    sound = [run for run in every if views[run] is not None and np.isfinite(problem.channels[run]).any()]
+    views = problem.attempted(point, columns, range(len(problem.data)))
+    sound = [run for run, view in enumerate(views) if view is not None]
     count, size = len(views), len(columns)
     s, g, G = np.zeros(count), np.zeros((count, size)), np.zeros((count, size, size))
-    s[sound], g[sound], G[sound] = at_scatter(reduce_runs([view for view in views if view is not None]), scatter)
+    if sound:
+        s[sound], g[sound], G[sound] = at_scatter(reduce_runs([view for view in views if view is not None]), scatter)
     return s, g, G
 
 

@@ -30,7 +30,7 @@ def effects(diagnosis: Diagnosis) -> list[Json]:
     return [
         {
             "id": "free-form",
-            "name": "an error of the robot's speed" + "".join(f"; {s}" for s in _strongest(diagnosis)),
+            "name": "; ".join(["an error of the robot's speed", *(item.sentence for item in diagnosis.where[:1])]),
             "parameters": {f"rms_{name}": _bounded(values) for name, values in sizes.items()},
             "equivalent": [],
             "probability": 1.0,
@@ -46,10 +46,6 @@ def effects(diagnosis: Diagnosis) -> list[Json]:
             ],
         }
     ]
-
-
-def _strongest(diagnosis: Diagnosis) -> list[str]:
-    return [item.sentence for item in diagnosis.where[:1]]
 
 
 def _bounded(values: Interval) -> Json:
@@ -116,7 +112,7 @@ def _interval(name: str, best: Parameters, draws: Sequence[float]) -> Json:
 def _leap(term: Term, values: Sequence[float]) -> Json:
     """A dead band lies anywhere between two commands that were given."""
     low, high = next(edges for edges in term.between if edges[0] <= values[0] <= edges[1])
-    return {"rpm": {"value": rounded(values[0]), "low": rounded(low), "high": rounded(high)}}
+    return {"rpm": _bounded((values[0], low, high))}
 
 
 def rounded(value: float) -> float | None:
