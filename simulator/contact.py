@@ -184,7 +184,7 @@ def touch_changed(u: float, v: float, r: float, drive: Any, place: Any, rest: fl
         _touch_one(wheel, body_u, body_v, r, drive, place, rest, model, contacts)
 
 
-@compiled(fastmath=VECTORS)
+@compiled(forceinline=True, fastmath=VECTORS)
 def friction(u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> Triple:
     """Force forward, to the left, and moment of the four wheels."""
     along, across, moment = 0.0, 0.0, 0.0
@@ -215,7 +215,7 @@ def friction(u: float, v: float, r: float, contacts: Any, rest: float, model: An
     return along, across, moment
 
 
-@compiled(fastmath=VECTORS)
+@compiled(forceinline=True, fastmath=VECTORS)
 def friction_slopes(u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> tuple[Triple, Square]:
     """The same, and its derivatives by u, v and r, a row for each; the contacts are held, but speeds may droop."""
     along, across, moment = 0.0, 0.0, 0.0

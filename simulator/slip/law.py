@@ -13,7 +13,9 @@ import math
 from simulator.compiled import compiled
 from simulator.slip.bend import bend, bend_and_cosine
 
-# Four wheels are worked out as one vector: no branches, and sums in any order.
+# Four wheels are worked out as one vector: no branches, and sums in any order. What sums so is compiled into its
+# callers (forceinline): a copy of its own is optimised once where it was just compiled, twice where it was read from
+# disk, and then sums in another order.
 VECTORS = {"contract", "reassoc", "nsz"}
 LEAST_SQUARE = 1e-200  # keeps sigma from 0, where sin(a·atan(b·sigma))/sigma is its limit a·b to rounding
 REST_SPEED_MM_S = 1e-4  # far below the slowest speed in use (0.16 mm/s at 3 rpm); tests show that results hold
