@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 
 Floats = NDArray[np.float64]
@@ -159,9 +158,8 @@ class MixedModel:
 
 def solve_at(reduced: Reduced, prior_precision: Floats, tau: Floats) -> Floats:
     """Most probable common parameters (p,) at one scatter."""
-    normal, right = _normal_at(reduced, prior_precision, tau)
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    solution: Floats = np.linalg.lstsq(normal / np.outer(scale, scale), right / scale, rcond=1e-11)[0] / scale
+    normal, right, scale = _normal_at(reduced, prior_precision, tau)
+    solution: Floats = np.linalg.lstsq(normal, right, rcond=RIDGE)[0] / scale
     return solution
 
 
@@ -170,20 +168,26 @@ def solve_within(reduced: Reduced, prior_precision: Floats, tau: Floats, low: Fl
     free = solve_at(reduced, prior_precision, tau)
     if ((free >= low) & (free <= high)).all():
         return free
-    normal, right = _normal_at(reduced, prior_precision, tau)
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    root = np.linalg.cholesky(normal / np.outer(scale, scale) + RIDGE * np.eye(len(scale)))
-    target = solve_triangular(root, right / scale, lower=True)
-    found = lsq_linear(root.T, target, (low * scale, high * scale), method="bvls").x / scale
+    normal, right, scale = _normal_at(reduced, prior_precision, tau)
+    values, vectors = np.linalg.eigh(normal)
+    roots = np.sqrt(np.maximum(values, RIDGE * values[-1]))
+    target = vectors.T @ right / roots
+    found = lsq_linear(roots[:, None] * vectors.T, target, (low * scale, high * scale), method="bvls").x / scale
     return np.asarray(np.clip(found, low, high))
 
 
-def _normal_at(reduced: Reduced, prior_precision: Floats, tau: Floats) -> tuple[Floats, Floats]:
-    """Normal equations (p, p), (p,) of the common parameters at one scatter."""
+def _normal_at(reduced: Reduced, prior_precision: Floats, tau: Floats) -> tuple[Floats, Floats, Floats]:
+    """Normal equations (p, p), (p,) of the common parameters at one scatter, divided by their scale (p,).
+
+    What remains once each run has its own friction and gains is a difference: below a share RIDGE it is rounding.
+    """
     weight = np.linalg.inv(reduced.A + np.diag(tau**-2.0))
     weighted = np.einsum("nij,njp->nip", weight, reduced.C)
-    normal = reduced.G.sum(axis=0) - np.einsum("nip,niq->pq", reduced.C, weighted) + np.diag(prior_precision)
-    return normal, reduced.g.sum(axis=0) - np.einsum("nip,ni->p", weighted, reduced.c)
+    whole = reduced.G.sum(axis=0) + np.diag(prior_precision)
+    normal = whole - np.einsum("nip,niq->pq", reduced.C, weighted)
+    right = reduced.g.sum(axis=0) - np.einsum("nip,ni->p", weighted, reduced.c)
+    scale = np.sqrt(np.maximum(np.diag(normal), np.maximum(RIDGE * np.diag(whole), 1e-300)))
+    return normal / np.outer(scale, scale), right / scale, scale
 
 
 def run_effects(reduced: Reduced, theta: Floats, tau: Floats) -> tuple[Floats, Floats]:

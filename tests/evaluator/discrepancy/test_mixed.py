@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluator.discrepancy.mixed import Linearized, MixedModel, reduce_runs
+from evaluator.discrepancy.mixed import Linearized, MixedModel, Reduced, reduce_runs, solve_within
 
 
 def _runs(rng: np.random.Generator, theta: float, tau: float, count: int = 24) -> list[Linearized]:
@@ -49,3 +49,16 @@ def test_a_prior_holds_a_nominal_value_within_its_tolerance() -> None:
     runs = _runs(rng, 0.2, 0.001)
     tight = MixedModel(reduce_runs(runs), np.array([1e-6**-2.0])).posterior([0])
     assert abs(tight.mean[0]) < 1e-5
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_parameters_that_only_stand_for_each_runs_own_friction_stay_within_their_bounds(seed: int) -> None:
+    # what is left of the common parameters is a difference of equal numbers: rounding, of either sign
+    rng = np.random.default_rng(seed)
+    same, root = rng.normal(size=(3, 4)), 1e7 * rng.normal(size=(6, 3, 3))
+    A, own = np.swapaxes(root, 1, 2) @ root, rng.normal(size=(6, 3))
+    c = np.einsum("nij,nj->ni", A, own)
+    s, C = np.einsum("ni,ni->n", own, c), A @ same
+    reduced = Reduced(s, c @ same, same.T @ C, c, C, A, np.full(6, 100))
+    found = solve_within(reduced, np.zeros(4), np.array([0.3, 0.1, 0.1]), np.full(4, -0.01), np.full(4, 0.01))
+    assert (np.abs(found) <= 0.01).all()
