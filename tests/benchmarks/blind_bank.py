@@ -21,7 +21,7 @@ from scipy import stats
 from evaluator.discrepancy.workflow import diagnose_experiment
 from tests.benchmarks.bank.draw import SIZES, Drawn, draw, repeated
 from tests.benchmarks.bank.outside import KINDS
-from tests.benchmarks.bank.visible import visible_sigmas
+from tests.benchmarks.bank.visible import sigmas_beyond_named, visible_sigmas
 
 DETECTABLE_SIGMAS = 5.0
 
@@ -84,8 +84,9 @@ def _answer(drawn: Drawn) -> dict[str, Any]:
     label = dict(drawn.label)
     sigmas = {
         name: visible_sigmas(diagnosis, shift, label["effects"].keys() - {name})
-        for name, shift in label.pop("shifts").items()
+        for name, shift in label["shifts"].items()
     }
+    outside = label.pop("shifts").get(label["outside"])
     return {
         **label,
         "proposed": found["next_experiment"],
@@ -97,6 +98,7 @@ def _answer(drawn: Drawn) -> dict[str, Any]:
         "inside": inside,
         "gap": gap["after"]["held_out"] / gap["noise_floor"] if gap and gap["after"]["held_out"] else float("nan"),
         "sigmas": sigmas,
+        "beyond": 0.0 if outside is None else sigmas_beyond_named(diagnosis, outside),
         "seconds": seconds,
     }
 
@@ -111,8 +113,8 @@ def _line(row: dict[str, Any]) -> str:
     return (
         f"{row['kind']:8} {truth} -> {row['verdict']} {row['named']} credit={row['credit']} "
         f"inside={sum(row['inside'])}/{len(row['inside'])} gap={row['gap']:.2f} "
-        f"visible={min(row['sigmas'].values(), default=0.0):.1f} {row['seconds']:.0f} s" + _next_line(row)
-    )
+        f"visible={min(row['sigmas'].values(), default=0.0):.1f} beyond={row['beyond']:.1f} {row['seconds']:.0f} s"
+    ) + _next_line(row)
 
 
 def _next_line(row: dict[str, Any]) -> str:
@@ -161,6 +163,7 @@ def table(rows: list[dict[str, Any]]) -> str:
     def seen(part: list[dict[str, Any]]) -> list[dict[str, Any]]:
         return [row for row in part if min(row["sigmas"].values()) > DETECTABLE_SIGMAS]
 
+    beyond = [row for row in outside if row["beyond"] > DETECTABLE_SIGMAS]
     asked = [row for row in rows if "next" in row]
     gaps = [row["gap"] for row in single + pair if row["credit"] and np.isfinite(row["gap"])]
     return "\n".join(
@@ -177,6 +180,8 @@ def table(rows: list[dict[str, Any]]) -> str:
             f"outside misnamed                {verdicts(outside, 'effect')}",
             f"  visible at 5 sigmas: unknown  {verdicts(seen(outside), 'unknown')}",
             f"  visible at 5 sigmas: misnamed {verdicts(seen(outside), 'effect')}",
+            f"  5 sigmas beyond named: unknown {verdicts(beyond, 'unknown')}",
+            f"  5 sigmas beyond named: misnamed {verdicts(beyond, 'effect')}",
             f"95 % intervals that cover       {_share(sum(inside), len(inside))}",
             f"gap kept aside / noise floor    {np.median(gaps):.3f}, 90 % {np.quantile(gaps, 0.9):.3f}" if gaps else "",
             f"proposed runs, right before     {_share(sum(map(_right, asked)), len(asked))}" if asked else "",

@@ -18,8 +18,11 @@ from evaluator.discrepancy.diagnosis import Diagnosis
 from evaluator.discrepancy.features import channels_of
 from evaluator.discrepancy.fit import fit_model
 from evaluator.discrepancy.problem import Point
+from evaluator.discrepancy.rivals import is_free
 
 Floats = NDArray[np.float64]
+
+LIKELIEST = 3  # sets of named effects, none among them
 
 
 def visible_sigmas(diagnosis: Diagnosis, shifts: Sequence[Floats], others: Collection[str]) -> float:
@@ -44,3 +47,9 @@ def visible_sigmas(diagnosis: Diagnosis, shifts: Sequence[Floats], others: Colle
         except FloatingPointError:
             misfit.append(np.inf)
     return float(np.sqrt(max(misfit[0] - misfit[1], 0.0))) if np.isfinite(misfit[1]) else float("nan")
+
+
+def sigmas_beyond_named(diagnosis: Diagnosis, shifts: Sequence[Floats]) -> float:
+    """The same with the likeliest named effects free: what physics without a name does that these cannot imitate."""
+    named = [ids for ids in diagnosis.standing.sets if not any(map(is_free, ids))] if diagnosis.standing else []
+    return min((visible_sigmas(diagnosis, shifts, ids) for ids in named[:LIKELIEST]), default=float("nan"))
