@@ -1,8 +1,8 @@
 """The wheels on the plate: what added physics leaves of each at an instant, and the friction that follows.
 
-Units: mm, s, g, µN, rad. Contacts are an array (9, 4): rows SURFACE (speed, mm/s), COS_STEER and SIN_STEER, GRIP and
-STEEP (factors of a wheel's grip and steepness, along X and across Y), DRAG (µN), DROOP (loss of surface speed per µN);
-a column per wheel.
+Units: mm, s, g, µN, rad. Contacts are an array (ROWS, 4): rows SURFACE (speed, mm/s), COS_STEER and SIN_STEER, GRIP
+and STEEP (factors of a wheel's grip and steepness, along X and across Y), DRAG (µN), DROOP (loss of surface speed per
+µN), GIVEN (angle by which its axle has given way, rad); a column per wheel.
 """
 
 from __future__ import annotations
@@ -13,14 +13,16 @@ from typing import Any
 import numpy as np
 
 from simulator.bases import place_basis, slide_basis, velocity_basis
+from simulator.body import Triple, body_forces
 from simulator.compiled import compiled
 from simulator.slip.law import VECTORS, slip_ratio, wheel_force, wheel_slopes
 from simulator.terms import COS, DRAG, FRICTION, FRICTION_ACROSS, LOAD, ONE, SLIDE_COS2, SPEED, STEER, STIFFNESS
 
-SURFACE, COS_STEER, SIN_STEER, GRIP_X, GRIP_Y, STEEP_X, STEEP_Y, DRAG_FORCE, DROOP, ROWS = range(10)
+SURFACE, COS_STEER, SIN_STEER, GRIP_X, GRIP_Y, STEEP_X, STEEP_Y, DRAG_FORCE, DROOP, GIVEN, ROWS = range(11)
 GRIPS = slice(GRIP_X, STEEP_Y + 1)
-Triple = tuple[float, float, float]
 Square = tuple[Triple, Triple, Triple]
+GIVEN_RAD, MOST_PASSES = 1e-15, 40  # derivatives are differences over steps of 3e-10
+LEAST_DESCENT = 0.5  # of Newton's method, where an axle would turn into its own force
 LEAST_FACTOR = 0.02  # a term may weaken load, friction or stiffness of a wheel to 2 %, never reverse it
 
 
@@ -94,23 +96,6 @@ def drooping_speed(
     return float(speed)
 
 
-@compiled()
-def giving_way(
-    wheel: int, body_u: float, body_v: float, steer: float, surface: float, scaled: Any, rest: float, model: Any
-) -> float:
-    """Angle by which a compliant axle turns under the lateral force of its wheel, rad.
-
-    The angle d with d = compliance·F_y(steer + d), linearized: d = compliance·F_y / (1 - gain). Where the wheel turns
-    into its own force (gain > 0, no solution or several beyond 1), 1/(1 - gain) is replaced by 1 + gain.
-    """
-    cos, sin = math.cos(steer), math.sin(steer)
-    u, v = cos * body_u + sin * body_v, cos * body_v - sin * body_u
-    slopes = law_slopes(u, v, surface, wheel, scaled, rest, model)
-    gain = model.compliance * (slopes[4] * v - slopes[5] * u)
-    aside = model.compliance * slopes[1]
-    return float(aside * (1.0 + gain) if gain > 0.0 else aside / (1.0 - gain))
-
-
 @compiled(inline="always")
 def _touch_one(
     wheel: int, u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any
@@ -153,8 +138,7 @@ def _touch_one(
     across = max(across, LEAST_FACTOR)
     steep = stiffness / friction if model.stiffness_follows_load else stiffness / (load * friction)
     scaled = (load * friction, load * friction * across, steep, steep / across)
-    if model.compliance != 0.0:
-        steer += giving_way(wheel, u, v, steer, surface, scaled, rest, model)
+    steer += contacts[GIVEN, wheel]
     cos_steer, sin_steer, wheel_u, wheel_v = 1.0, 0.0, u, v
     if steer != 0.0:
         cos_steer, sin_steer = math.cos(steer), math.sin(steer)
@@ -179,9 +163,69 @@ def touch(u: float, v: float, r: float, drive: Any, place: Any, rest: float, mod
 @compiled()
 def touch_changed(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
     """The same for wheels that added physics changes."""
+    _touch_all(u, v, r, drive, place, rest, model, contacts)
+    if model.compliance == 0.0:
+        return
+    for _ in range(MOST_PASSES):
+        if _give_way(u, v, r, place, rest, model, contacts) < GIVEN_RAD:
+            break
+        _touch_all(u, v, r, drive, place, rest, model, contacts)
+
+
+@compiled()
+def _touch_all(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
     for wheel in range(4):
         body_u, body_v = u - r * model.wheel_y[wheel], v + r * model.wheel_x[wheel]
         _touch_one(wheel, body_u, body_v, r, drive, place, rest, model, contacts)
+
+
+@compiled()
+def _give_way(u: float, v: float, r: float, place: Any, rest: float, model: Any, contacts: Any) -> float:
+    """Turn the axles by one step of Newton's method toward compliance times the lateral force on each; the change, rad.
+
+    That force is what the rest of the robot presses the axle with: forces balance, so that those along the wheels and
+    on the body tell it by their moment about the other axle. (A wheel that turns into its own force has several slip
+    angles for one velocity, and none of them but by the balance.)
+    """
+    across, moment = 0.0, 0.0
+    if model.body_terms > 0:
+        _, across, moment = body_forces(u, v, r, place, rest, model)
+    across -= model.mass * r * (u - r * model.gravity_y)
+    moment -= model.mass * r * (model.gravity_x * u + model.gravity_y * v)
+    forward, bend, lever = (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)
+    for wheel in range(4):
+        body_u, body_v = u - r * model.wheel_y[wheel], v + r * model.wheel_x[wheel]
+        cos, sin = contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel]
+        wheel_u, wheel_v = cos * body_u + sin * body_v, cos * body_v - sin * body_u
+        scaled = (contacts[GRIP_X, wheel], contacts[GRIP_Y, wheel], contacts[STEEP_X, wheel], contacts[STEEP_Y, wheel])
+        f_x, f_y, x_1, x_2, y_1, y_2, _, _ = law_slopes(
+            wheel_u, wheel_v, contacts[SURFACE, wheel], wheel, scaled, rest, model
+        )
+        f_x += contacts[DRAG_FORCE, wheel]
+        ahead, aside = cos * f_x - sin * f_y, sin * f_x + cos * f_y
+        turned = cos * (x_1 * wheel_v - x_2 * wheel_u) - sin * (y_1 * wheel_v - y_2 * wheel_u) - aside
+        moment -= model.wheel_y[wheel] * ahead
+        if wheel < 2:
+            forward = (forward[0] + ahead, forward[1])
+            lever = (lever[0] - model.wheel_y[wheel] * turned, lever[1])
+            bend = (bend[0] + turned, bend[1])
+        else:
+            forward = (forward[0], forward[1] + ahead)
+            lever = (lever[0], lever[1] - model.wheel_y[wheel] * turned)
+            bend = (bend[0], bend[1] + turned)
+    front, rear = model.wheel_x[0], model.wheel_x[2]
+    apart, change = front - rear, 0.0
+    for axle in range(2):
+        given = contacts[GIVEN, 2 * axle]
+        cos, sin = math.cos(given), math.sin(given)
+        pressed = (rear * across - moment if axle == 0 else moment - front * across) / apart
+        slope = (-lever[axle] if axle == 0 else lever[axle]) / apart
+        excess = model.compliance * (pressed * cos - forward[axle] * sin) - given
+        gain = model.compliance * (slope * cos - bend[axle] * sin - pressed * sin - forward[axle] * cos)
+        step = excess / max(1.0 - gain, LEAST_DESCENT)
+        contacts[GIVEN, 2 * axle] = contacts[GIVEN, 2 * axle + 1] = given + step
+        change = max(change, abs(step))
+    return change
 
 
 @compiled(forceinline=True, fastmath=VECTORS)
