@@ -155,6 +155,12 @@ def test_clean_runs_of_two_robot_files_with_a_recording_missing_call_for_nothing
     assert not (tmp_path / "out" / "robot_with_effect.toml").exists()
 
 
+def test_marks_without_noise_from_another_simulator_of_the_same_model_call_for_nothing(tmp_path: Path) -> None:
+    experiment = write_hidden(tmp_path, {}, sigma_mm=0.0, error_mm=1e-4)
+    assert run(experiment, "-q").return_value == 0
+    assert found(experiment)["verdict"] == "none"
+
+
 def test_one_run_cannot_decide_and_says_why(tmp_path: Path) -> None:
     experiment = write_hidden(tmp_path, {}, commands=[(30.0, 30.0)])
     done = run(experiment, "--json")
