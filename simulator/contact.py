@@ -111,7 +111,7 @@ def _touch_one(
             continue
         channel, basis = model.channel[term], model.basis[term]
         if basis >= SLIDE_COS2:
-            slide = u - surface
+            slide = u - surface if wheel < 2 else 0.0  # a driven wheel rolls: it slides sideways only
             value *= slide_basis(basis, cos * slide - sin * v, sin * slide + cos * v, rest)
         elif basis >= COS:
             at_x = x + cos * model.wheel_x[wheel] - sin * model.wheel_y[wheel]
