@@ -1,8 +1,6 @@
 """The wheels on the plate: what added physics leaves of each at an instant, and the friction that follows.
 
-Units: mm, s, g, µN, rad. Contacts are an array (ROWS, 4): rows SURFACE (speed, mm/s), COS_STEER and SIN_STEER, GRIP
-and STEEP (factors of a wheel's grip and steepness, along X and across Y), DRAG (µN), DROOP (loss of surface speed per
-µN), GIVEN (angle by which its axle has given way, rad); a column per wheel.
+Units: mm, s, g, µN, rad. Contacts: see simulator.wheel.
 """
 
 from __future__ import annotations
@@ -10,90 +8,29 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
+from simulator.axles import give_way
 from simulator.bases import place_basis, slide_basis, velocity_basis
-from simulator.body import Triple, body_forces
+from simulator.body import Triple
 from simulator.compiled import compiled
 from simulator.slip.law import VECTORS, slip_ratio, wheel_force, wheel_slopes
 from simulator.terms import COS, DRAG, FRICTION, FRICTION_ACROSS, LOAD, ONE, SLIDE_COS2, SPEED, STEER, STIFFNESS
+from simulator.wheel import (
+    COS_STEER,
+    DRAG_FORCE,
+    DROOP,
+    GIVEN,
+    GRIP_X,
+    GRIP_Y,
+    SIN_STEER,
+    STEEP_X,
+    STEEP_Y,
+    SURFACE,
+    drooping_speed,
+)
 
-SURFACE, COS_STEER, SIN_STEER, GRIP_X, GRIP_Y, STEEP_X, STEEP_Y, DRAG_FORCE, DROOP, GIVEN, ROWS = range(11)
-GRIPS = slice(GRIP_X, STEEP_Y + 1)
 Square = tuple[Triple, Triple, Triple]
 GIVEN_RAD, MOST_PASSES = 1e-15, 40  # derivatives are differences over steps of 3e-10
-LEAST_DESCENT = 0.5  # of Newton's method, where an axle would turn into its own force
 LEAST_FACTOR = 0.02  # a term may weaken load, friction or stiffness of a wheel to 2 %, never reverse it
-
-
-@compiled()
-def fresh_contacts() -> Any:
-    """Contacts of wheels without any effect, at rest."""
-    contacts = np.zeros((ROWS, 4))
-    reset_contacts(contacts)
-    return contacts
-
-
-@compiled()
-def reset_contacts(contacts: Any) -> None:
-    """Contacts of wheels without any effect, at rest, into an array of zeros."""
-    for wheel in range(4):
-        contacts[COS_STEER, wheel] = 1.0
-        for row in range(GRIP_X, STEEP_Y + 1):
-            contacts[row, wheel] = 1.0
-
-
-@compiled()
-def law(u: float, v: float, wheel: int, contacts: Any, rest: float, model: Any) -> tuple[float, float]:
-    """Friction along and across one wheel; u, v: of its centre in its own frame."""
-    scaled = (contacts[GRIP_X, wheel], contacts[GRIP_Y, wheel], contacts[STEEP_X, wheel], contacts[STEEP_Y, wheel])
-    slopes = law_slopes(u, v, contacts[SURFACE, wheel], wheel, scaled, rest, model)
-    return slopes[0], slopes[1]
-
-
-@compiled()
-def law_slopes(u: float, v: float, surface: float, wheel: int, scaled: Any, rest: float, model: Any) -> Any:
-    """The same friction, then its derivatives; see simulator.slip.law.wheel_slopes."""
-    return wheel_slopes(
-        u,
-        v,
-        surface,
-        1.0 if wheel < 2 else 0.0,
-        model.grip_x[wheel] * scaled[0],
-        model.grip_y[wheel] * scaled[1],
-        model.steep_x[wheel] * scaled[2],
-        model.steep_y[wheel] * scaled[3],
-        model.ratio,
-        model.shape_x,
-        model.shape_y,
-        model.decrease,
-        rest,
-    )
-
-
-@compiled()
-def drooping_speed(
-    u: float, v: float, free: float, guess: float, wheel: int, scaled: Any, rest: float, model: Any
-) -> float:
-    """Surface speed of a motor that yields to its load: the w with w = free - droop·F_x(w).
-
-    F_x grows with w, so the root is one; Newton's method from a guess within a bracket that friction bounds.
-    """
-    reach = model.droop * model.grip_x[wheel] * scaled[0]
-    low, high = free - reach, free + reach
-    speed = guess if low < guess < high else free
-    for _ in range(60):
-        slopes = law_slopes(u, v, speed, wheel, scaled, rest, model)
-        excess = speed - free + model.droop * slopes[0]
-        if excess > 0:
-            high = speed
-        else:
-            low = speed
-        newton = speed - excess / (1.0 + model.droop * slopes[6])
-        if abs(newton - speed) <= 1e-7 * max(abs(free), 1e-3):  # then as many digits more are right
-            return float(newton)
-        speed = newton if low < newton < high else (low + high) / 2
-    return float(speed)
 
 
 @compiled(inline="always")
@@ -167,7 +104,7 @@ def touch_changed(u: float, v: float, r: float, drive: Any, place: Any, rest: fl
     if model.compliance == 0.0:
         return
     for _ in range(MOST_PASSES):
-        if _give_way(u, v, r, place, rest, model, contacts) < GIVEN_RAD:
+        if give_way(u, v, r, place, rest, model, contacts) < GIVEN_RAD:
             break
         _touch_all(u, v, r, drive, place, rest, model, contacts)
 
@@ -177,55 +114,6 @@ def _touch_all(u: float, v: float, r: float, drive: Any, place: Any, rest: float
     for wheel in range(4):
         body_u, body_v = u - r * model.wheel_y[wheel], v + r * model.wheel_x[wheel]
         _touch_one(wheel, body_u, body_v, r, drive, place, rest, model, contacts)
-
-
-@compiled()
-def _give_way(u: float, v: float, r: float, place: Any, rest: float, model: Any, contacts: Any) -> float:
-    """Turn the axles by one step of Newton's method toward compliance times the lateral force on each; the change, rad.
-
-    That force is what the rest of the robot presses the axle with: forces balance, so that those along the wheels and
-    on the body tell it by their moment about the other axle. (A wheel that turns into its own force has several slip
-    angles for one velocity, and none of them but by the balance.)
-    """
-    across, moment = 0.0, 0.0
-    if model.body_terms > 0:
-        _, across, moment = body_forces(u, v, r, place, rest, model)
-    across -= model.mass * r * (u - r * model.gravity_y)
-    moment -= model.mass * r * (model.gravity_x * u + model.gravity_y * v)
-    forward, bend, lever = (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)
-    for wheel in range(4):
-        body_u, body_v = u - r * model.wheel_y[wheel], v + r * model.wheel_x[wheel]
-        cos, sin = contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel]
-        wheel_u, wheel_v = cos * body_u + sin * body_v, cos * body_v - sin * body_u
-        scaled = (contacts[GRIP_X, wheel], contacts[GRIP_Y, wheel], contacts[STEEP_X, wheel], contacts[STEEP_Y, wheel])
-        f_x, f_y, x_1, x_2, y_1, y_2, _, _ = law_slopes(
-            wheel_u, wheel_v, contacts[SURFACE, wheel], wheel, scaled, rest, model
-        )
-        f_x += contacts[DRAG_FORCE, wheel]
-        ahead, aside = cos * f_x - sin * f_y, sin * f_x + cos * f_y
-        turned = cos * (x_1 * wheel_v - x_2 * wheel_u) - sin * (y_1 * wheel_v - y_2 * wheel_u) - aside
-        moment -= model.wheel_y[wheel] * ahead
-        if wheel < 2:
-            forward = (forward[0] + ahead, forward[1])
-            lever = (lever[0] - model.wheel_y[wheel] * turned, lever[1])
-            bend = (bend[0] + turned, bend[1])
-        else:
-            forward = (forward[0], forward[1] + ahead)
-            lever = (lever[0], lever[1] - model.wheel_y[wheel] * turned)
-            bend = (bend[0], bend[1] + turned)
-    front, rear = model.wheel_x[0], model.wheel_x[2]
-    apart, change = front - rear, 0.0
-    for axle in range(2):
-        given = contacts[GIVEN, 2 * axle]
-        cos, sin = math.cos(given), math.sin(given)
-        pressed = (rear * across - moment if axle == 0 else moment - front * across) / apart
-        slope = (-lever[axle] if axle == 0 else lever[axle]) / apart
-        excess = model.compliance * (pressed * cos - forward[axle] * sin) - given
-        gain = model.compliance * (slope * cos - bend[axle] * sin - pressed * sin - forward[axle] * cos)
-        step = excess / max(1.0 - gain, LEAST_DESCENT)
-        contacts[GIVEN, 2 * axle] = contacts[GIVEN, 2 * axle + 1] = given + step
-        change = max(change, abs(step))
-    return change
 
 
 @compiled(forceinline=True, fastmath=VECTORS)
