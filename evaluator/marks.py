@@ -21,7 +21,7 @@ COLUMNS = ("time_s", "green_x_mm", "green_y_mm", "yellow_x_mm", "yellow_y_mm")
 def read_marks(path: Path) -> pd.DataFrame:
     """Read a marks CSV; only COLUMNS are needed. Raises InputError for a file that is not one."""
     try:
-        table = pd.read_csv(path)
+        table = pd.read_csv(path, skipinitialspace=True)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:

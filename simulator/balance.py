@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from simulator.compiled import compiled
-from simulator.contact import reset_contacts
 from simulator.dynamics import accelerations, slopes
 from simulator.rosenbrock import invert3
+from simulator.wheel import reset_contacts
 from simulator.work import WORK, copy
 
 

@@ -1,8 +1,6 @@
 """The wheels on the plate: what added physics leaves of each at an instant, and the friction that follows.
 
-Units: mm, s, g, µN, rad. Contacts are an array (9, 4): rows SURFACE (speed, mm/s), COS_STEER and SIN_STEER, GRIP and
-STEEP (factors of a wheel's grip and steepness, along X and across Y), DRAG (µN), DROOP (loss of surface speed per µN);
-a column per wheel.
+Units: mm, s, g, µN, rad. Contacts: see simulator.wheel.
 """
 
 from __future__ import annotations
@@ -10,105 +8,29 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
+from simulator.axles import give_way
 from simulator.bases import place_basis, slide_basis, velocity_basis
+from simulator.body import Triple
 from simulator.compiled import compiled
 from simulator.slip.law import VECTORS, slip_ratio, wheel_force, wheel_slopes
 from simulator.terms import COS, DRAG, FRICTION, FRICTION_ACROSS, LOAD, ONE, SLIDE_COS2, SPEED, STEER, STIFFNESS
+from simulator.wheel import (
+    COS_STEER,
+    DRAG_FORCE,
+    DROOP,
+    GIVEN,
+    GRIP_X,
+    GRIP_Y,
+    SIN_STEER,
+    STEEP_X,
+    STEEP_Y,
+    SURFACE,
+    drooping_speed,
+)
 
-SURFACE, COS_STEER, SIN_STEER, GRIP_X, GRIP_Y, STEEP_X, STEEP_Y, DRAG_FORCE, DROOP, ROWS = range(10)
-GRIPS = slice(GRIP_X, STEEP_Y + 1)
-Triple = tuple[float, float, float]
 Square = tuple[Triple, Triple, Triple]
+GIVEN_RAD, MOST_PASSES = 1e-15, 40  # derivatives are differences over steps of 3e-10
 LEAST_FACTOR = 0.02  # a term may weaken load, friction or stiffness of a wheel to 2 %, never reverse it
-
-
-@compiled()
-def fresh_contacts() -> Any:
-    """Contacts of wheels without any effect, at rest."""
-    contacts = np.zeros((ROWS, 4))
-    reset_contacts(contacts)
-    return contacts
-
-
-@compiled()
-def reset_contacts(contacts: Any) -> None:
-    """Contacts of wheels without any effect, at rest, into an array of zeros."""
-    for wheel in range(4):
-        contacts[COS_STEER, wheel] = 1.0
-        for row in range(GRIP_X, STEEP_Y + 1):
-            contacts[row, wheel] = 1.0
-
-
-@compiled()
-def law(u: float, v: float, wheel: int, contacts: Any, rest: float, model: Any) -> tuple[float, float]:
-    """Friction along and across one wheel; u, v: of its centre in its own frame."""
-    scaled = (contacts[GRIP_X, wheel], contacts[GRIP_Y, wheel], contacts[STEEP_X, wheel], contacts[STEEP_Y, wheel])
-    slopes = law_slopes(u, v, contacts[SURFACE, wheel], wheel, scaled, rest, model)
-    return slopes[0], slopes[1]
-
-
-@compiled()
-def law_slopes(u: float, v: float, surface: float, wheel: int, scaled: Any, rest: float, model: Any) -> Any:
-    """The same friction, then its derivatives; see simulator.slip.law.wheel_slopes."""
-    return wheel_slopes(
-        u,
-        v,
-        surface,
-        1.0 if wheel < 2 else 0.0,
-        model.grip_x[wheel] * scaled[0],
-        model.grip_y[wheel] * scaled[1],
-        model.steep_x[wheel] * scaled[2],
-        model.steep_y[wheel] * scaled[3],
-        model.ratio,
-        model.shape_x,
-        model.shape_y,
-        model.decrease,
-        rest,
-    )
-
-
-@compiled()
-def drooping_speed(
-    u: float, v: float, free: float, guess: float, wheel: int, scaled: Any, rest: float, model: Any
-) -> float:
-    """Surface speed of a motor that yields to its load: the w with w = free - droop·F_x(w).
-
-    F_x grows with w, so the root is one; Newton's method from a guess within a bracket that friction bounds.
-    """
-    reach = model.droop * model.grip_x[wheel] * scaled[0]
-    low, high = free - reach, free + reach
-    speed = guess if low < guess < high else free
-    for _ in range(60):
-        slopes = law_slopes(u, v, speed, wheel, scaled, rest, model)
-        excess = speed - free + model.droop * slopes[0]
-        if excess > 0:
-            high = speed
-        else:
-            low = speed
-        newton = speed - excess / (1.0 + model.droop * slopes[6])
-        if abs(newton - speed) <= 1e-7 * max(abs(free), 1e-3):  # then as many digits more are right
-            return float(newton)
-        speed = newton if low < newton < high else (low + high) / 2
-    return float(speed)
-
-
-@compiled()
-def giving_way(
-    wheel: int, body_u: float, body_v: float, steer: float, surface: float, scaled: Any, rest: float, model: Any
-) -> float:
-    """Angle by which a compliant axle turns under the lateral force of its wheel, rad.
-
-    The angle d with d = compliance·F_y(steer + d), linearized: d = compliance·F_y / (1 - gain). Where the wheel turns
-    into its own force (gain > 0, no solution or several beyond 1), 1/(1 - gain) is replaced by 1 + gain.
-    """
-    cos, sin = math.cos(steer), math.sin(steer)
-    u, v = cos * body_u + sin * body_v, cos * body_v - sin * body_u
-    slopes = law_slopes(u, v, surface, wheel, scaled, rest, model)
-    gain = model.compliance * (slopes[4] * v - slopes[5] * u)
-    aside = model.compliance * slopes[1]
-    return float(aside * (1.0 + gain) if gain > 0.0 else aside / (1.0 - gain))
 
 
 @compiled(inline="always")
@@ -126,7 +48,7 @@ def _touch_one(
             continue
         channel, basis = model.channel[term], model.basis[term]
         if basis >= SLIDE_COS2:
-            slide = u - surface
+            slide = u - surface if wheel < 2 else 0.0  # a driven wheel rolls: it slides sideways only
             value *= slide_basis(basis, cos * slide - sin * v, sin * slide + cos * v, rest)
         elif basis >= COS:
             at_x = x + cos * model.wheel_x[wheel] - sin * model.wheel_y[wheel]
@@ -153,8 +75,7 @@ def _touch_one(
     across = max(across, LEAST_FACTOR)
     steep = stiffness / friction if model.stiffness_follows_load else stiffness / (load * friction)
     scaled = (load * friction, load * friction * across, steep, steep / across)
-    if model.compliance != 0.0:
-        steer += giving_way(wheel, u, v, steer, surface, scaled, rest, model)
+    steer += contacts[GIVEN, wheel]
     cos_steer, sin_steer, wheel_u, wheel_v = 1.0, 0.0, u, v
     if steer != 0.0:
         cos_steer, sin_steer = math.cos(steer), math.sin(steer)
@@ -179,6 +100,17 @@ def touch(u: float, v: float, r: float, drive: Any, place: Any, rest: float, mod
 @compiled()
 def touch_changed(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
     """The same for wheels that added physics changes."""
+    _touch_all(u, v, r, drive, place, rest, model, contacts)
+    if model.compliance == 0.0:
+        return
+    for _ in range(MOST_PASSES):
+        if give_way(u, v, r, place, rest, model, contacts) < GIVEN_RAD:
+            break
+        _touch_all(u, v, r, drive, place, rest, model, contacts)
+
+
+@compiled()
+def _touch_all(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
     for wheel in range(4):
         body_u, body_v = u - r * model.wheel_y[wheel], v + r * model.wheel_x[wheel]
         _touch_one(wheel, body_u, body_v, r, drive, place, rest, model, contacts)

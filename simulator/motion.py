@@ -15,12 +15,12 @@ import numpy as np
 
 from simulator.collocation import collocate, go_to_end, long_step, write_polynomials
 from simulator.compiled import compiled, counter
-from simulator.contact import reset_contacts
 from simulator.manifold import is_off, near_manifold, settle, write_arc
 from simulator.rosenbrock import between, invert3, linearize, moved
 from simulator.segments import BEGIN, END, STEADY, command_segments
 from simulator.stability import growth_rate
 from simulator.stepping import first_step, is_resting, short_step, shrinking
+from simulator.wheel import reset_contacts
 from simulator.work import WORK, copy
 
 MOST_STEPS = 20000

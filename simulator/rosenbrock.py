@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from simulator.body import Triple, body_forces
 from simulator.compiled import compiled
-from simulator.contact import Triple
-from simulator.dynamics import accelerated, accelerations, body_forces, slopes
+from simulator.dynamics import accelerated, accelerations, slopes
 from simulator.segments import STEADY, drive_at
 from simulator.work import STAGES
 

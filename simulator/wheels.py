@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from simulator.compiled import compiled
-from simulator.contact import COS_STEER, DRAG_FORCE, SIN_STEER, SURFACE, law, reset_contacts, touch
+from simulator.contact import touch
 from simulator.model import UN_PER_MN
 from simulator.run import WheelStates
 from simulator.segments import END, command_segments, drive_at
 from simulator.slip.law import slip_ratio
+from simulator.wheel import COS_STEER, DRAG_FORCE, SIN_STEER, SURFACE, law, reset_contacts
 from simulator.work import WORK
 
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from simulator.compiled import compiled
-from simulator.contact import ROWS
 from simulator.segments import COLUMNS
+from simulator.wheel import ROWS
 
 STAGES = 6
 POINTS, TABLE_ROWS = 12, 16  # of a step by collocation, see simulator.collocation

@@ -3,7 +3,7 @@
 The gap of a run is the RMS distance between the measured and the simulated midpoint of the marks. After: parameters
 come from the fitted runs alone; start pose and the run's own friction and gains are fitted within the run-to-run
 scatter. Before: the robot file as it is, for the same friction and gains of each run and the start pose that suits it
-best. The floor is what tracking noise alone leaves.
+best. The floor is what tracking noise alone leaves, and never less than two programs of the same model differ by.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.discrepancy.features import MODEL_FLOOR_MM
 from evaluator.discrepancy.problem import Point, Problem
 
 Floats = NDArray[np.float64]
@@ -35,8 +36,9 @@ def run_gaps(problem: Problem, placed: Point, runs: Sequence[int]) -> Floats:
 
 
 def noise_floor(problem: Problem, runs: Sequence[int]) -> Floats:
-    """RMS distance of the midpoint that tracking noise alone makes, by run, mm."""
-    return np.array([np.hypot(problem.noise[run][0].sigma_mm, problem.noise[run][1].sigma_mm) for run in runs])
+    """RMS distance of the midpoint that tracking noise and the precision of the model alone make, by run, mm."""
+    noise = np.array([[part.sigma_mm for part in problem.noise[run][:2]] for run in runs])
+    return np.asarray(np.sqrt(np.sum(noise**2, axis=1) + MODEL_FLOOR_MM**2))
 
 
 def rms(values: Floats, runs: Sequence[int]) -> float:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluator.discrepancy.diagnosis import Diagnosis
 from evaluator.discrepancy.free import FreeTerm
@@ -16,16 +17,18 @@ from evaluator.discrepancy.where import Interval, root_mean_squares
 from simulator.effects.catalogue import EFFECTS
 
 Json = dict[str, Any]
+Floats = NDArray[np.float64]
 
+MISMATCH, SCALE = "drive-speed-mismatch", "drive-speed-scale"
 DRAWS = 4000
 DRAW_SEED = 20120612  # intervals of directions and anchors are read from draws; the same input gives the same output
 
 
 def effects(diagnosis: Diagnosis) -> list[Json]:
-    """What was chosen; where nothing that could be fitted follows the marks, the disagreement itself."""
-    explained = diagnosis.chosen and diagnosis.follows
-    if explained or diagnosis.verdict != "unknown" or diagnosis.pieces is None or diagnosis.pieces.empty:
-        return [_effect(diagnosis, effect) for effect in sorted(diagnosis.chosen)]
+    """What was chosen; where no term that was fitted says what is unknown, the disagreement itself."""
+    said = diagnosis.verdict != "unknown" or (diagnosis.follows and any(map(is_free, diagnosis.chosen)))
+    if said or diagnosis.pieces is None or diagnosis.pieces.empty:
+        return _without_repetition([_effect(diagnosis, effect) for effect in sorted(diagnosis.chosen)], diagnosis)
     sizes = root_mean_squares(diagnosis.pieces)
     return [
         {
@@ -46,6 +49,25 @@ def effects(diagnosis: Diagnosis) -> list[Json]:
             ],
         }
     ]
+
+
+def _without_repetition(found: list[Json], diagnosis: Diagnosis) -> list[Json]:
+    """Effects with one cause told once: one wheel that is off makes a mismatch, and both together a scale."""
+    ids = [effect["id"] for effect in found]
+    if diagnosis.verdict != "effect" or not {MISMATCH, SCALE} <= set(ids):
+        return found
+    assert diagnosis.terms is not None
+    drawn = _drawn(diagnosis, (diagnosis.terms[MISMATCH], diagnosis.terms[SCALE]))
+    ratio, mean = drawn["left_over_right"], drawn["factor"]
+    left_sound, right_sound = (
+        bool(np.percentile(speed, 2.5) <= 1.0 <= np.percentile(speed, 97.5))
+        for speed in (mean * 2 * ratio / (1 + ratio), mean * 2 / (1 + ratio))
+    )
+    if left_sound == right_sound:
+        return found
+    mismatch = found[ids.index(MISMATCH)]
+    mismatch["name"] += f": the {'left' if right_sound else 'right'} wheel alone is off"
+    return [effect for effect in found if effect["id"] != SCALE]
 
 
 def _bounded(values: Interval) -> Json:
@@ -86,23 +108,33 @@ def parameters(diagnosis: Diagnosis, term: Term) -> Json:
     values = fit.point.terms[term.id]
     if term.leaps:
         return _leap(term, values)
-    own = [i for i, column in enumerate(fit.columns) if column.key == term.id]
-    covariance = fit.posterior.covariance[np.ix_(own, own)]
+    best, drawn = term.physical(values), _drawn(diagnosis, (term,))
+    return {name: _interval(name, best, drawn[name]) for name in best}
+
+
+def _drawn(diagnosis: Diagnosis, terms: Sequence[Term]) -> dict[str, Floats]:
+    """Draws of all physical parameters of some terms of the chosen set together, by name, (DRAWS,) each."""
+    fit, keys = diagnosis.fit, [column.key for column in diagnosis.fit.columns]
+    own = [i for term in terms for i, key in enumerate(keys) if key == term.id]
+    values = [value for term in terms for value in fit.point.terms[term.id]]
     # the scatter is estimated from few runs: the spread over its grid is in the covariance, Student's tail is not
     # nor is a covariance that rounding has made a little uneven (effects that all but stand for each other) an error
     draws = np.random.default_rng(DRAW_SEED).multivariate_normal(
-        values, covariance, DRAWS, check_valid="ignore", method="svd"
+        values, fit.posterior.covariance[np.ix_(own, own)], DRAWS, check_valid="ignore", method="svd"
     )
-    physical = [term.physical(term.clipped(tuple(row))) for row in draws]
-    best = term.physical(values)
-    return {name: _interval(name, best, [item[name] for item in physical]) for name in best}
+    found: dict[str, Floats] = {}
+    for term in terms:
+        part, draws = draws[:, : len(term.coordinates)], draws[:, len(term.coordinates) :]
+        physical = [term.physical(term.clipped(tuple(row))) for row in part]
+        found |= {name: np.array([item[name] for item in physical]) for name in physical[0]}
+    return found
 
 
-def _interval(name: str, best: Parameters, draws: Sequence[float]) -> Json:
+def _interval(name: str, best: Parameters, draws: Floats) -> Json:
     value = best[name]
     if name.endswith(("azimuth_deg", "phase_deg", "direction_deg")):
         period = 180.0 if name == "direction_deg" else 360.0
-        turned = (np.array(draws) - value + period / 2) % period - period / 2
+        turned = (draws - value + period / 2) % period - period / 2
         low, high = value + np.percentile(turned, [2.5, 97.5])
     else:
         low, high = np.percentile(draws, [2.5, 97.5])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ LARGEST_SET = 3
 SINGLES_REFITTED = 7
 ADDITIONS_REFITTED = 3
 PAIRS_FROM_NULL = 2
+LEAPS_REFITTED = 2  # two neighbouring gaps between commands: the noise decides
 PAIRED = 14  # offers whose pairs are screened at the null
 BEAM = (2, 1)  # sets of one, of two effects from which the search goes on
 HOPELESS = 25.0  # a screened set this far (log evidence) below the best is not refitted
@@ -101,7 +102,9 @@ class Screen:
         _, extra = offer
         term = self.columns[extra[0]].term
         assert term is not None
-        place = self.columns[extra[0]].start
+        place, leap = self.columns[extra[0]].start, self.columns[extra[0]].leap
+        if leap is not None:
+            return (term.neutral[0] + leap,)
         if place is None:
             return term.neutral
         mean = self.model.posterior([*self.base, *extra]).mean[len(self.base)]
@@ -199,6 +202,7 @@ def run_search(search: Search, start: Point, progress: Progress, seeds: Sequence
         if seed.terms:
             fit_set(search, seed.terms, seed.point.terms, seed)
     if len(search.fits) == 1:
+        _leaps(search, start)
         _from_the_null(search)
     for size in range(1, LARGEST_SET):
         sizes = [ids for ids in (*search.fits, *search.failed) if len(ids) == size and search.reached(ids)]
@@ -206,6 +210,20 @@ def run_search(search: Search, start: Point, progress: Progress, seeds: Sequence
         for number, ids in enumerate(beam):
             extend(search, ids)
             progress(f"{size + 1} effects", 0.3 + 0.7 * (size - 1 + (number + 1) / len(beam)) / (LARGEST_SET - 1))
+
+
+def _leaps(search: Search, start: Point) -> None:
+    """Fit the single effects without a derivative from the nominal model.
+
+    There the data want a leap as a whole or not at all. The null has bent friction, gains and poses to what it cannot
+    do, a robot that stands still where it should move, and from there no leap looks right.
+    """
+    leaping = [term for term in search.terms.values() if term.leaps]
+    view = screen(search, start, (), leaping)
+    for effect, extra in _ordered(view, view.offers)[:LEAPS_REFITTED]:
+        fit_set(
+            search, frozenset([effect]), {effect: view.start_of((effect, extra))}, replace(search.null, point=start)
+        )
 
 
 def _from_the_null(search: Search) -> None:

@@ -79,6 +79,12 @@ def _spring(values: tuple[float, ...]) -> Parameters:
     return {"stiffness_mN_mm": softest, "anchor_x_mm": pull_x / softest, "anchor_y_mm": pull_y / softest}
 
 
+def _magnets(values: tuple[float, ...]) -> Parameters:
+    """A slip law that scales with the load tells the balance of the axles; of the level, weight and inertia over it."""
+    weakness, balance = values
+    return {"driving_factor": 1.0 / weakness, "driven_factor": balance / weakness}
+
+
 def named_terms(reach_mm: float, command_levels_rpm: tuple[float, ...]) -> dict[str, Term]:
     """Every effect of the contract as a term.
 
@@ -112,10 +118,10 @@ def named_terms(reach_mm: float, command_levels_rpm: tuple[float, ...]) -> dict[
         ),
         _plain("speed-drift", Coordinate("per_run", 0.0, 5e-4, -0.05, 0.05)),
         _plain("magnet-imbalance", Coordinate("left_over_right", 1.0, 0.02, **factor)),
-        _plain(
+        Term(
             "magnet-strength",
-            Coordinate("driving_factor", 1.0, 0.02, 0.05, 5.0),
-            Coordinate("driven_factor", 1.0, 0.02, 0.0, 20.0),
+            (Coordinate("weakness", 1.0, 0.02, 0.2, 20.0), Coordinate("driven_over_driving", 1.0, 0.02, 0.0, 20.0)),
+            _magnets,
         ),
         _plain("friction-level", Coordinate("factor", 1.0, 0.01, **factor)),
         _plain("wheel-toe", Coordinate("left_deg", 0.0, 0.2, -30, 30), Coordinate("right_deg", 0.0, 0.2, -30, 30)),

@@ -1,6 +1,7 @@
 """Grinding marks: friction = nominal · (1 + amplitude · cos(2·(slide - direction))).
 
-slide: direction in the plate frame in which the contact slides over the plate; friction is largest along direction_deg.
+slide: direction in the plate frame in which the contact slides over the plate, of a driven wheel, which rolls freely,
+along its axle; friction is largest along direction_deg.
 """
 
 from __future__ import annotations

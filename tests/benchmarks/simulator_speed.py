@@ -23,7 +23,6 @@ from evaluator.discrepancy.forward import RunData, Task
 from evaluator.discrepancy.simulated import Simulated
 from evaluator.discrepancy.terms import named_terms
 from simulator.command import Command
-from simulator.contact import fresh_contacts
 from simulator.dynamics import accelerations
 from simulator.effects.catalogue import EFFECTS
 from simulator.integrate import simulate, simulate_batch
@@ -31,6 +30,7 @@ from simulator.many import Trials
 from simulator.model import compile_robot
 from simulator.robot import Effect, Robot, load_robot
 from simulator.steady import steady_map
+from simulator.wheel import fresh_contacts
 from tests.benchmarks import cyrk_peer
 from tests.simulator.reference import Rates, integrated, plain_rates
 

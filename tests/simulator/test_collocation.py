@@ -88,7 +88,7 @@ def test_runs_with_effects_agree_with_independent_solvers(solver: Solver, id_: s
     [
         {"id": "plate-tilt", "angle_deg": 4.0, "azimuth_deg": 40.0},
         {"id": "friction-gradient", "per_mm_x": 0.004, "per_mm_y": -0.002},
-        {"id": "friction-grain", "amplitude": 0.1, "direction_deg": 20.0},
+        {"id": "friction-grain", "amplitude": 0.05, "direction_deg": 20.0},
         {"id": "stray-magnet", "force_mN": 0.1, "x_mm": 10.0, "y_mm": 15.0},
     ],
     ids=lambda item: str(item["id"]),

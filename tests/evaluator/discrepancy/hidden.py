@@ -26,9 +26,14 @@ def write_hidden(
     *,
     commands: Sequence[tuple[float, float]] = COMMANDS,
     tolerance: Mapping[str, float] | None = None,
+    sigma_mm: float = SIGMA_MM,
+    error_mm: float = 0.0,
     seed: int = 3,
 ) -> Path:
-    """An experiment.toml over runs of the barrel robot with effects that its robot.toml does not have."""
+    """An experiment.toml over runs of the barrel robot with effects that its robot.toml does not have.
+
+    sigma_mm: tracking noise; error_mm: a slow wave in all marks, as steps of another simulator would leave.
+    """
     rng = np.random.default_rng(seed)
     true = load_robot("barrel")
     true = true.model_copy(
@@ -48,7 +53,7 @@ def write_hidden(
         pose = State(*rng.uniform(-8, 8, 2), rng.uniform(-np.pi, np.pi))
         run = simulate(own, Command.constant(left * gains[0], right * gains[1], 0.3), time, pose, run_index=number)
         marks = marks_of_run(own, run)
-        marks.iloc[:, 1:] += rng.normal(0, SIGMA_MM, (len(marks), 4))
+        marks.iloc[:, 1:] += rng.normal(0, sigma_mm, (len(marks), 4)) + error_mm * np.sin(time)[:, None]
         marks.to_csv(folder / f"r{number}.csv", index=False)
         lines += ["", "[[run]]", f'id = "r{number}"', f"left_rpm = {left}", f"right_rpm = {right}", "start_s = 0.3"]
         lines.append(f'marks = "r{number}.csv"')

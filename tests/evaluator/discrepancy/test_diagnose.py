@@ -155,6 +155,32 @@ def test_clean_runs_of_two_robot_files_with_a_recording_missing_call_for_nothing
     assert not (tmp_path / "out" / "robot_with_effect.toml").exists()
 
 
+def test_marks_without_noise_from_another_simulator_of_the_same_model_call_for_nothing(tmp_path: Path) -> None:
+    experiment = write_hidden(tmp_path, {}, sigma_mm=0.0, error_mm=1e-4)
+    assert run(experiment, "-q").return_value == 0
+    assert found(experiment)["verdict"] == "none"
+
+
+def test_a_dead_band_that_stops_one_wheel_in_half_of_the_runs_is_found_between_two_commands(tmp_path: Path) -> None:
+    experiment = write_hidden(tmp_path, {"dead-band": {"rpm": 20.0}})
+    assert run(experiment, "-q").return_value == 0
+    (effect,) = found(experiment)["effects"]
+    assert effect["id"] == "dead-band"
+    assert (effect["parameters"]["rpm"]["low"], effect["parameters"]["rpm"]["high"]) == (14.4, 30.0)
+
+
+def test_one_driving_wheel_that_is_off_is_one_effect_not_a_mismatch_and_a_scale(tmp_path: Path) -> None:
+    left, right = 0.95, 1.0
+    effects = {"drive-speed-mismatch": {"left_over_right": left}, "drive-speed-scale": {"factor": (left + right) / 2}}
+    experiment = write_hidden(tmp_path, effects)
+    assert run(experiment, "-q").return_value == 0
+    (effect,) = found(experiment)["effects"]
+    assert effect["id"] == "drive-speed-mismatch"
+    assert "left wheel alone" in effect["name"]
+    size = effect["parameters"]["left_over_right"]
+    assert size["low"] < left / right < size["high"]
+
+
 def test_one_run_cannot_decide_and_says_why(tmp_path: Path) -> None:
     experiment = write_hidden(tmp_path, {}, commands=[(30.0, 30.0)])
     done = run(experiment, "--json")

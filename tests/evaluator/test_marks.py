@@ -1,0 +1,23 @@
+"""Marks CSV of other programs: blanks, line ends and the order of columns are theirs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evaluator.marks import COLUMNS, read_marks
+
+ROWS = ["0.0, 1.0, 2.0, 3.0, 4.0", "0.1, , , 3.1, 4.1", "0.2,1.2,2.2,3.2,4.2"]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize("between", [",", ", "])
+def test_blanks_after_commas_and_any_line_end_are_read(tmp_path: Path, between: str, end: str) -> None:
+    path = tmp_path / "marks.csv"
+    path.write_bytes((end.join([between.join(COLUMNS), *ROWS]) + end).encode())
+    table = read_marks(path)
+    assert list(table) == list(COLUMNS)
+    assert np.isnan(table["green_x_mm"].iloc[1])
+    assert table["yellow_y_mm"].tolist() == [4.0, 4.1, 4.2]
