@@ -101,7 +101,11 @@ def separations(search: Search, ids: Set) -> dict[str, dict[str, float]]:
 
 
 def _by_odds(search: Search, ids: Set, effect: str, near: Mapping[str, float]) -> dict[str, float]:
-    """Separations of near effects where these are fitted in place of one of a set."""
+    """Separations of near effects where these are fitted in place of one of a set.
+
+    Of one that cannot be fitted there, the linear view from the set without either tells as much: beside an effect that
+    follows the load, a weaker magnet looks like a smaller effect; without it, it does nothing of the kind.
+    """
     without = search.fits.get(ids - {effect})
     if without is None or not near:
         return {}
@@ -112,9 +116,8 @@ def _by_odds(search: Search, ids: Set, effect: str, near: Mapping[str, float]) -
     for offer in sorted(view.offers, key=view.evidence):
         name = offer[0]
         instead = fit_set(search, without.terms | {name}, {name: view.start_of(offer)}, without)
-        if instead is not None:
-            odds = best - instead.posterior.log_evidence
-            found[name] = max(near[name], float(np.sqrt(2 * max(odds, 0.0))))
+        odds = best - (view.evidence(offer) if instead is None else instead.posterior.log_evidence)
+        found[name] = max(near[name], float(np.sqrt(2 * max(odds, 0.0))))
     return found
 
 
