@@ -207,14 +207,14 @@ class Tracker:
     def _discover(self, frame: Frame) -> None:
         """Find marks that were never seen yet."""
         wanted = [name for name in self.names if name not in self.followers]
-        chosen = find_marks(frame, self.settings, wanted)
+        chosen, found = find_marks(frame, self.settings, wanted)
         pair = len(self.names) > 1 and not self.followers
         self._waited += 1
         waiting = self._waited < PATIENCE or self._rivals.undecided
         if not chosen or (pair and len(chosen) < len(wanted) and waiting):
             return
         if chosen.keys() == PAIR:
-            chosen = self._rivals.decide(frame, self.settings, chosen)
+            chosen = self._rivals.decide(found, self.settings, chosen)
         neutral = neutral_of(frame, allowed_cells(frame, self.settings))
         for name, candidate in chosen.items():
             others = [other.chroma_uv for key, other in chosen.items() if key != name]
