@@ -41,7 +41,7 @@ class Recording:
         """Open once to see that there is a video in it.
 
         name: a path, or an address FFmpeg understands. live: give each picture at once, and expect no second iteration.
-        threads: of the decoder; 0: one per core.
+        threads: of the decoder; 0: one per core; 1: none beside the caller's own.
         """
         self.name, self.live, self.fields, self._threads = name, live, fields, threads
         self._format = format_name
@@ -156,7 +156,7 @@ class Recording:
 
     def _decoded(self, packets: Iterator[Any], streams: list[Any]) -> Iterator[Any]:
         """Every picture that decodes; stops, with a note, where nothing more can be read."""
-        results = decoded(packets, streams)
+        results = decoded(packets, streams, at_once=self.live or self._threads == 1)
         while True:
             try:
                 result = next(results)
