@@ -21,10 +21,11 @@ Decoded = Callable[[], list[Any]]  # gives the pictures of a packet, or raises w
 THREADED = int(Capabilities.frame_threads | Capabilities.slice_threads)
 MOST = 6  # decoders: a tracker keeps up with no more, and each holds two pictures
 AHEAD = 2  # packets a decoder is handed before its first is asked for
-# The same where there is one decoder, whose threads share its packets: two each on two cores, and as many pictures of
-# memory. With no packet ahead, threads stand still while a picture is looked at: 210 µs of decoding on two cores and
-# 100 µs of tracking then make 290 instead of 250.
-AHEAD_ALONE = 6
+# Pictures ahead where there is one decoder, whose threads share its packets. With none ahead, they stand still while a
+# picture is looked at: 210 µs of decoding on two cores and 100 µs of tracking then make 290 instead of 250. More than
+# the processor's caches hold beside the pictures that the codec itself keeps make all slower: of 1920 × 1080, 6 instead
+# of 2 by 100 to 170 µs a picture.
+MOST_AHEAD, AHEAD_BYTES = 6, 6_000_000
 
 
 def decoders_for(stream: Any, threads: int) -> int:
@@ -47,7 +48,7 @@ def decoded(packets: Iterable[Any], streams: list[Any], *, at_once: bool) -> Ite
             yield packet.decode
         return
     decoders = [_Decoder(stream.codec_context) for stream in streams]
-    ahead = AHEAD * len(decoders) if len(decoders) > 1 else AHEAD_ALONE
+    ahead = AHEAD * len(decoders) if len(decoders) > 1 else _ahead(streams[0].codec_context)
     waiting, failure = deque[_Decoder](), None
     try:
         try:
@@ -64,6 +65,12 @@ def decoded(packets: Iterable[Any], streams: list[Any], *, at_once: bool) -> Ite
     finally:
         for decoder in decoders:
             decoder.stop()
+
+
+def _ahead(context: Any) -> int:
+    """How many packets a decoder that works alone is handed before its first is asked for."""
+    size: int = max(context.width * context.height * 3 // 2, 1)  # of most recordings: 8 bits, colour of half the width
+    return max(AHEAD, min(MOST_AHEAD, AHEAD_BYTES // size))
 
 
 def _handed_out(packets: Iterable[Any], decoders: list[_Decoder]) -> Iterator[_Decoder]:
