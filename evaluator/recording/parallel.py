@@ -26,6 +26,9 @@ AHEAD = 2  # packets a decoder is handed before its first is asked for
 # the processor's caches hold beside the pictures that the codec itself keeps make all slower: of 1920 × 1080, 6 instead
 # of 2 by 100 to 170 µs a picture.
 MOST_AHEAD, AHEAD_BYTES = 6, 6_000_000
+# Small pictures of H.264 are handed from one of FFmpeg's threads to the next for more (70 µs at 640 × 480) than threads
+# gain where the tracker takes one of two cores: one decodes then. At 1920 × 1080 they gain more than that.
+FEW_CORES, SMALL_PX = 2, 640 * 480
 
 
 def decoders_for(stream: Any, threads: int) -> int:
@@ -65,6 +68,13 @@ def decoded(packets: Iterable[Any], streams: list[Any], *, at_once: bool) -> Ite
     finally:
         for decoder in decoders:
             decoder.stop()
+
+
+def threads_for(stream: Any, threads: int) -> int:
+    """How many threads FFmpeg is to decode with, 0 for as many as it takes. threads: what was asked for, 0 for any."""
+    context = stream.codec_context
+    few = (os.cpu_count() or 1) <= FEW_CORES and context.codec.name == "h264"
+    return 1 if threads == 0 and few and context.width * context.height <= SMALL_PX else threads
 
 
 def _ahead(context: Any) -> int:
