@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 Plane = NDArray[np.unsignedinteger]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)  # not frozen: one is made for every picture, and that takes four times as long then
 class Frame:
     """A picture (or a field of one) as the viewer sees it: rotation is already applied to the planes.
 

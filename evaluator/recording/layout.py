@@ -20,7 +20,8 @@ class Layout:
     """What `frame` needs to know of all pictures alike.
 
     name, width, height: of the decoder's pictures. target: format to convert to first, where the planes cannot be used
-    as they are. depth: bits of a sample after that. turns: quarter turns that make the picture upright.
+    as they are. depth: bits of a sample after that. turns: quarter turns that make the picture upright. shapes: of its
+    planes before that, (rows, columns).
     """
 
     name: str
@@ -31,6 +32,7 @@ class Layout:
     turns: int
     full_range: bool
     matrix: str
+    shapes: tuple[tuple[int, int], ...]
 
     @classmethod
     def of(cls, picture: Any) -> Self:
@@ -47,7 +49,9 @@ class Layout:
         full = target is not None or grey or name.startswith("yuvj") or picture.color_range == 2
         matrix = "bt709" if picture.colorspace == 1 and target is None else "bt601"
         turns = round(picture.rotation / 90) % 4
-        return cls(name, picture.width, picture.height, target, depth, turns, full, matrix)
+        planes = (picture if target is None else picture.reformat(format=target)).planes
+        shapes = tuple((plane.height, plane.width) for plane in planes)
+        return cls(name, picture.width, picture.height, target, depth, turns, full, matrix, shapes)
 
     def fits(self, picture: Any) -> bool:
         """Whether a picture is laid out like the one this was made from."""
@@ -61,17 +65,16 @@ class Layout:
         kind = KINDS.get(picture.pict_type, "")
         if self.target is not None:
             picture = picture.reformat(format=self.target, dst_color_range="JPEG")
-        planes = [self._view(plane) for plane in picture.planes]
+        planes = [self._view(plane, shape) for plane, shape in zip(picture.planes, self.shapes, strict=True)]
         u, v = (planes[1], planes[2]) if len(planes) >= 3 else (None, None)
         repeated = before is not None and _same(before.luma, planes[0])
         return Frame(
             index, ticks, tick, planes[0], u, v, self.depth, self.full_range, self.matrix, 0, 1, kind, repeated, picture
         )  # fmt: skip
 
-    def _view(self, plane: Any) -> Plane:
-        shape, line = (plane.height, plane.width), plane.line_size
+    def _view(self, plane: Any, shape: tuple[int, int]) -> Plane:
         kind, size = (np.uint16, 2) if self.depth > 8 else (np.uint8, 1)
-        view: Plane = np.ndarray(shape, kind, plane, 0, (line, size))
+        view: Plane = np.ndarray(shape, kind, plane, 0, (plane.line_size, size))
         return np.rot90(view, self.turns) if self.turns else view
 
 

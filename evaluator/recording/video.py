@@ -14,7 +14,7 @@ from evaluator.errors import InputError
 from evaluator.recording.fields import Fields, field_order, fields_of
 from evaluator.recording.frame import Frame
 from evaluator.recording.layout import Layout
-from evaluator.recording.parallel import decoded, decoders_for
+from evaluator.recording.parallel import decoded, decoders_for, threads_for
 from evaluator.recording.timing import TimingReport, summarise
 
 PROBED = 120  # pictures looked at for torn edges: four seconds, by when a robot has moved
@@ -41,7 +41,7 @@ class Recording:
         """Open once to see that there is a video in it.
 
         name: a path, or an address FFmpeg understands. live: give each picture at once, and expect no second iteration.
-        threads: of the decoder; 0: one per core.
+        threads: of the decoder; 0: one per core; 1: none beside the caller's own.
         """
         self.name, self.live, self.fields, self._threads = name, live, fields, threads
         self._format = format_name
@@ -107,7 +107,7 @@ class Recording:
             stream = container.streams.video[0]
             # Frame threads are fastest but hold back a picture a thread; a live source must not wait for them.
             stream.thread_type = "SLICE" if self.live else "AUTO"
-            stream.codec_context.thread_count = self._threads
+            stream.codec_context.thread_count = self._threads if self.live else threads_for(stream, self._threads)
             count_of_decoders = 1 if self.live else decoders_for(stream, self._threads)
             streams = [stream, *(self._again(opened) for _ in range(1, count_of_decoders))]
             layout: Layout | None = None
@@ -156,7 +156,7 @@ class Recording:
 
     def _decoded(self, packets: Iterator[Any], streams: list[Any]) -> Iterator[Any]:
         """Every picture that decodes; stops, with a note, where nothing more can be read."""
-        results = decoded(packets, streams)
+        results = decoded(packets, streams, at_once=self.live or self._threads == 1)
         while True:
             try:
                 result = next(results)

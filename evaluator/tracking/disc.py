@@ -176,7 +176,8 @@ def learn_disc(patches: list[Patch], radius_px: float, blur_px: float = 1.0) -> 
         spread = max(1.4826 * float(np.median(np.abs(left))), 0.3)  # rounding to whole levels leaves 0.29
         if np.mean(np.abs(left) > 5 * spread) < 0.005:
             break
-        weights = [1.0 / (1.0 + (np.nan_to_num(residual) / (3 * spread)) ** 4) for residual in residuals]
+        beyond = [np.square(np.nan_to_num(residual) / (3 * spread)) for residual in residuals]
+        weights = [1.0 / (1.0 + square * square) for square in beyond]
     # A codec leaves a flat mark without noise and its edge with much: the median sees the flat alone.
     spread = max(float(np.sqrt(np.mean(np.minimum(left**2, (5 * spread) ** 2)))), 0.3)
     amplitude, base = np.median([mine[2:4] for mine in own], axis=0)

@@ -150,18 +150,21 @@ def allowed_cells(frame: Frame, settings: TrackingSettings, mark: MarkSettings |
     return allowed
 
 
-def find_marks(frame: Frame, settings: TrackingSettings, names: list[str]) -> dict[str, Candidate]:
-    """The likeliest blob of each of the named marks, as far as there is one."""
-    best, most = choose(candidates(frame, settings, names), settings)
+def find_marks(
+    frame: Frame, settings: TrackingSettings, names: list[str]
+) -> tuple[dict[str, Candidate], list[Candidate]]:
+    """The likeliest blob of each of the named marks, as far as there is one; and all blobs of the usual colours."""
+    found = candidates(frame, settings, names)
+    best, most = choose(found, settings)
     if len(names) == 1 or (len(best) == len(names) and most > GOOD):
-        return best
+        return best, found
     most -= UNSEEN * (len(names) - len(best))
     for balance, wider_deg, odds in UNUSUAL:
         chosen, score = choose(candidates(frame, settings, names, balance, wider_deg), settings)
         # Less than a good pair is no reason to read the colours in another way.
         if len(chosen) == len(names) and score > GOOD and score - odds > most:
             best, most = chosen, score - odds
-    return best
+    return best, found
 
 
 def candidates(
@@ -199,9 +202,7 @@ def candidates(
             cells, chroma = cells[chroma > level], chroma[chroma > level]
             if not len(cells):
                 break
-            mask = np.zeros(colors.chroma.shape, np.uint8)
-            mask.ravel()[cells] = 1
-            blobs += [one for one in _blobs(name, colors, mask) if _fits(one, mark) and not _known(one, blobs)]
+            blobs += [one for one in _blobs(name, colors, cells) if _fits(one, mark) and not _known(one, blobs)]
         found += sorted(blobs, key=lambda blob: -blob.chroma * min(blob.radius_px, 3.0))[:limit]
     return found
 
@@ -227,9 +228,12 @@ def _fits(blob: Candidate, mark: MarkSettings) -> bool:
     return blob.elongation < 3.0  # a disc smeared by twice its diameter; longer is a stripe
 
 
-def _blobs(name: str, colors: ColorMap, mask: NDArray[np.uint8]) -> list[Candidate]:
-    first_x, first_y, width, height = cv2.boundingRect(mask)
-    window = mask[first_y : first_y + height, first_x : first_x + width]
+def _blobs(name: str, colors: ColorMap, cells: NDArray[np.intp]) -> list[Candidate]:
+    """Blobs that some cells, counted along the rows, make up."""
+    y, x = np.divmod(cells, colors.chroma.shape[1])
+    first_x, first_y = int(x.min()), int(y.min())
+    window = np.zeros((int(y.max()) - first_y + 1, int(x.max()) - first_x + 1), np.uint8)
+    window[y - first_y, x - first_x] = 1
     count, labels, stats, _ = cv2.connectedComponentsWithStats(window, connectivity=8)
     stats[:, :2] += first_x, first_y
     cell_area = colors.cell_px[0] * colors.cell_px[1]

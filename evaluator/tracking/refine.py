@@ -62,7 +62,7 @@ def refine(
             if ratio > 1.0:
                 one[:, 2:5] *= ratio
                 other[:, 2:5] *= ratio
-            for name, wrong in zip((first, second), wrong_ends(time_s, (one, other)), strict=True):
+            for name, wrong in zip((first, second), wrong_ends(time_s, (one, other), distance), strict=True):
                 numbers[name][wrong] = np.nan
                 for row in np.flatnonzero(wrong):
                     status[name][row] = WRONG_DISTANCE
@@ -71,5 +71,5 @@ def refine(
 def _allow_for_onsets(values: Array) -> None:
     """Widen what stands beside a disturbed picture; values: (n, 5) as in `refine`, in place."""
     around = np.pad(np.nan_to_num(values[:, 2:4]), ((BESIDE, BESIDE), (0, 0)))
-    largest = np.lib.stride_tricks.sliding_window_view(around, 2 * BESIDE + 1, axis=0).max(axis=-1)
+    largest = np.max([around[k : k + len(values)] for k in range(2 * BESIDE + 1)], axis=0)
     values[:, 2:4] = np.maximum(values[:, 2:4], ONSET * largest)

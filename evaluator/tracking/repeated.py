@@ -37,9 +37,10 @@ def _of_mark(points: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         return moving, shown
     padded = np.pad(step, AROUND, constant_values=np.nan)
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
-    known = np.isfinite(around).sum(axis=1) > AROUND
-    usual = np.zeros(n)
-    usual[known] = np.nanmedian(around[known], axis=1)
+    count = np.isfinite(around).sum(axis=1)
+    # The median of those that are known: NaN is sorted to the end.
+    rows, ranked = np.arange(n), np.sort(around, axis=1)
+    usual = np.where(count > AROUND, (ranked[rows, (count - 1) // 2] + ranked[rows, count // 2]) / 2, 0.0)
     moving = usual > MOVING_PX
     still = moving & (step < STILL * usual)
     for first in np.flatnonzero(still & ~np.roll(still, 1)):

@@ -64,14 +64,17 @@ class Distance:
         return robust_square(normal[:, None]) / self.freedom if len(normal) else float("nan")
 
 
-def wrong_ends(time_s: Array, numbers: tuple[Array, Array]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def wrong_ends(
+    time_s: Array, numbers: tuple[Array, Array], distance: Distance | None = None
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Pictures in which the first and in which the second mark is wrong, because their distance is.
 
-    numbers: of both marks (n, 5) x, y, their variances and covariance, px and px². Of the two the one that is clearly
-    farther off its own course is wrong; both are where the courses do not tell.
+    numbers: of both marks (n, 5) x, y, their variances and covariance, px and px². distance: theirs, where it is known
+    already. Of the two the one that is clearly farther off its own course is wrong; both are where the courses do not
+    tell.
     """
     one, other = numbers
-    distance = Distance(one[:, :2], other[:, :2])
+    distance = distance or Distance(one[:, :2], other[:, :2])
     variance = distance.variance(one[:, 2:], other[:, 2:])
     odd = np.abs(distance.error) > BEYOND * np.sqrt(variance)
     wrong = np.zeros(len(odd), bool), np.zeros(len(odd), bool)

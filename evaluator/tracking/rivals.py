@@ -9,9 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from evaluator.recording import Frame
 from evaluator.tracking.choose import Candidate, alike
-from evaluator.tracking.find import candidates
 from evaluator.tracking.settings import TrackingSettings
 
 Point = tuple[float, float]
@@ -63,12 +61,12 @@ class Rivals:
         """Whether pairs were found that only motion can tell apart."""
         return bool(self._rivals)
 
-    def decide(self, frame: Frame, settings: TrackingSettings, chosen: Pair) -> Pair:
+    def decide(self, found: list[Candidate], settings: TrackingSettings, chosen: Pair) -> Pair:
         """Give the pair that is the robot's marks; nothing while several may be.
 
-        chosen: the likeliest pair of the picture.
+        found: all blobs of the picture. chosen: its likeliest pair.
         """
-        pairs = alike(candidates(frame, settings, list(chosen)), settings)
+        pairs = alike([one for one in found if one.mark in chosen], settings)
         if not self._rivals and len(pairs) < 2:
             return chosen
         for rival in self._rivals:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from itertools import islice
 
 import numpy as np
 
@@ -34,7 +33,6 @@ DARKEST = 0.2  # of the light there was: below that, marks that can still be tol
 LIGHT_MASK = 7  # light is looked at in every eighth picture
 PATIENCE = 30  # pictures to wait for both marks of a pair before following one alone
 STILL_PX = 0.3  # a mark that moves less a picture rests, and a codec may well repeat its picture
-BATCH = 6  # pictures decoded at once: more gain nothing and take more memory
 NOT_SEEN, AGAIN, AMBIGUOUS = ABSENT["not seen"], ABSENT[REPEATED], ABSENT["ambiguous"]
 
 
@@ -62,7 +60,7 @@ class Tracker:
         The first LEARNING_FRAMES pictures with a mark are held back until its shape is learnt from them.
         """
         self._source = getattr(recording, "name", self._source)
-        pictures = _in_batches(recording)
+        pictures = iter(recording)
         held: list[tuple[Frame, list[Sighting]]] = []
         for frame in pictures:
             sightings = self.step(frame)
@@ -207,14 +205,14 @@ class Tracker:
     def _discover(self, frame: Frame) -> None:
         """Find marks that were never seen yet."""
         wanted = [name for name in self.names if name not in self.followers]
-        chosen = find_marks(frame, self.settings, wanted)
+        chosen, found = find_marks(frame, self.settings, wanted)
         pair = len(self.names) > 1 and not self.followers
         self._waited += 1
         waiting = self._waited < PATIENCE or self._rivals.undecided
         if not chosen or (pair and len(chosen) < len(wanted) and waiting):
             return
         if chosen.keys() == PAIR:
-            chosen = self._rivals.decide(frame, self.settings, chosen)
+            chosen = self._rivals.decide(found, self.settings, chosen)
         neutral = neutral_of(frame, allowed_cells(frame, self.settings))
         for name, candidate in chosen.items():
             others = [other.chroma_uv for key, other in chosen.items() if key != name]
@@ -284,14 +282,6 @@ class Tracker:
         if one.status != OK:
             return one
         return self.followers[name].look_at(frame, self.cell, (one.x, one.y), 2.0, 0.0)
-
-
-def _in_batches(recording: Iterable[Frame]) -> Iterator[Frame]:
-    """Decode some pictures before the first of them is looked at, which suits the processor's caches."""
-    pictures = iter(recording)
-    size = 1 if getattr(recording, "live", True) else BATCH
-    while batch := list(islice(pictures, size)):
-        yield from batch
 
 
 def _light(frame: Frame) -> float:

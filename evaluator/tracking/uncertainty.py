@@ -52,7 +52,8 @@ def steady_times(time_s: Array) -> Array:
 class Course:
     """What each centre differs from the course of its neighbours.
 
-    error: (n, 2), NaN where too few neighbours are seen. weights: of the neighbours, (n, 10), 0 where absent.
+    error: (n, 2), NaN where too few neighbours are seen. weights: of the neighbours, (n, 10), 0 where absent; squares:
+    theirs.
     """
 
     def __init__(self, time_s: Array, centers_px: Array, stride: int = 1) -> None:
@@ -78,12 +79,13 @@ class Course:
         self.weights[even] = _to_the_middle(np.broadcast_to(usual, seen_alike.shape), seen_alike)[which]
         odd = self.known & ~even
         self.weights[odd] = _to_the_middle(lapse[odd], usable[odd])
+        self.squares = self.weights**2
         course = np.einsum("nj,njk->nk", self.weights, np.nan_to_num(centers_px)[self.around])
         self.error = np.where(self.known[:, None], centers_px - course, np.nan)
 
     def variance(self, variances: Array) -> Array:
         """Variance of the errors, from that of the centres (n,), NaN where absent."""
-        return np.asarray(variances + (self.weights**2 * np.nan_to_num(variances)[self.around]).sum(axis=1))
+        return np.asarray(variances + (self.squares * np.nan_to_num(variances)[self.around]).sum(axis=1))
 
 
 def _to_the_middle(lapse_s: Array, usable: NDArray[np.bool_]) -> Array:
@@ -103,10 +105,10 @@ def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: N
     calm = variances < 3.0 * np.nanmedian(variances) if np.isfinite(variances).any() else np.zeros(len(variances), bool)
     centers_px, quiet = np.where(calm[:, None], centers_px, np.nan), np.where(calm, variances, np.nan)
     course = Course(time_s, centers_px)
-    moving = _moving(centers_px)
-    extra = codec_variance(course, course.known & moving, quiet, kinds)
+    moving, known = _moving(centers_px), course.variance(quiet)
+    extra = codec_variance(course, course.known & moving, known, kinds)
     # At rest a codec keeps one error for long, which nothing shows: it is smaller than in motion, by a third at most.
-    rest = codec_variance(course, course.known & ~moving, quiet, kinds)
+    rest = codec_variance(course, course.known & ~moving, known, kinds)
     extra = np.where(moving, extra, np.maximum(rest, extra / 3))
     steps = np.hypot(*np.diff(centers_px, axis=0).T)
     speed = float(np.nanmedian(steps)) if np.isfinite(steps).any() else 0.0
@@ -117,7 +119,7 @@ def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: N
             break
         wide = Course(time_s, centers_px, stride)
         if wide.known.sum() >= LEAST * stride:
-            share = 1 + float((wide.weights[wide.known] ** 2).sum(axis=1).mean())
+            share = 1 + float(wide.squares[wide.known].sum(axis=1).mean())
             square = robust_square(wide.error[wide.known]) / share
             # Less its own standard error: the largest of some estimates is too large by about that.
             most = max(most, square * (1.0 - float(wide.known.sum()) ** -0.5) - own)
@@ -143,10 +145,11 @@ def _moving(centers_px: Array) -> NDArray[np.bool_]:
     return np.pad(np.nan_to_num(step, nan=np.inf) > MOVING_PX, 3, mode="edge")
 
 
-def codec_variance(course: Course, chosen: NDArray[np.bool_], variances: Array, kinds: NDArray[np.str_]) -> Array:
+def codec_variance(course: Course, chosen: NDArray[np.bool_], known: Array, kinds: NDArray[np.str_]) -> Array:
     """Variance to add to every picture, one value for each kind of picture (I, P, B); (n,).
 
-    chosen: pictures to learn it from (n,). variances: known already (n,), NaN where absent. kinds: (n,).
+    chosen: pictures to learn it from (n,). known: variance that the course's errors have already (n,), NaN where
+    absent. kinds: (n,).
     """
     names = np.unique(kinds)
     rows = np.flatnonzero(chosen)
@@ -156,8 +159,8 @@ def codec_variance(course: Course, chosen: NDArray[np.bool_], variances: Array, 
         return extra
     if not usable:
         usable, kinds = ["any"], np.full(len(kinds), "any")
-    squares, neighbors = course.weights[rows] ** 2, kinds[course.around[rows]]
-    known = course.variance(variances)[rows]
+    squares, neighbors = course.squares[rows], kinds[course.around[rows]]
+    known = known[rows]
     matrix, right = np.zeros((len(usable), len(usable))), np.zeros(len(usable))
     for k, name in enumerate(usable):
         mine = kinds[rows] == name

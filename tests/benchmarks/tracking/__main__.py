@@ -1,6 +1,6 @@
 """Figures of the tracker: error against the Cramér-Rao bound, on H.264, on hard clips; speed; live latency.
 
-    python -m tests.benchmarks.tracking [bound] [h264] [hard] [speed] [live]
+    python -m tests.benchmarks.tracking [bound] [h264] [conditions] [hard] [speed] [live]
 
 Truth is exact: clips are drawn by supersampling or by the project's own renderer. Peers run in the same process on the
 same clips: an HSV mask centroid, an OpenCV contour tracker, a luma-weighted centroid and trackpy (pip install
@@ -11,14 +11,14 @@ from __future__ import annotations
 
 import click
 
-from tests.benchmarks.tracking.accuracy import bound, h264
+from tests.benchmarks.tracking.accuracy import bound, conditions, h264
 from tests.benchmarks.tracking.hard import hard
 from tests.benchmarks.tracking.live import live
 from tests.benchmarks.tracking.speed import speed
 
 
 @click.command()
-@click.argument("parts", nargs=-1, type=click.Choice(["bound", "h264", "hard", "speed", "live"]))
+@click.argument("parts", nargs=-1, type=click.Choice(["bound", "h264", "conditions", "hard", "speed", "live"]))
 @click.option("--minutes", default=0.5, show_default=True, help="How long the live source lasts.")
 @click.option("--seed", default=1, show_default=True, help="Of the hard clips.")
 def main(parts: tuple[str, ...], minutes: float, seed: int) -> None:
@@ -26,6 +26,7 @@ def main(parts: tuple[str, ...], minutes: float, seed: int) -> None:
     runs = {
         "bound": bound,
         "h264": h264,
+        "conditions": conditions,
         "hard": lambda: hard(seed),
         "speed": speed,
         "live": lambda: live(60 * minutes),

@@ -53,17 +53,27 @@ def still_pictures(rng: np.random.Generator, radius: float, blur: float, snr: fl
 
 
 def clip(
-    folder: Path, size: tuple[int, int], codec: str, scale: float, frames: int, *, back: bool = False, rate: str = "crf"
+    folder: Path,
+    size: tuple[int, int],
+    codec: str,
+    scale: float,
+    frames: int,
+    *,
+    back: bool = False,
+    rate: str = "crf",
+    noise: float = 2.0,
+    turn_rad: float = 0.004,
 ) -> tuple[Path, dict[str, Array]]:
     """A robot on a circle, encoded; the truth of its marks.
 
     back: it also drives back to the start, to be repeated. rate: how H.264 is told its quality of 18: "crf" (a quality
-    that is felt: what moves gets less) or "qp" (one quantiser for all).
+    that is felt: what moves gets less) or "qp" (one quantiser for all). noise: of the sensor, levels. turn_rad: of the
+    robot, a picture.
     """
     rng = np.random.default_rng(1)
-    truth = turning_marks(frames, (size[0] / 2, size[1] / 2), 0.2 * size[1], scale, 0.004)
+    truth = turning_marks(frames, (size[0] / 2, size[1] / 2), 0.2 * size[1], scale, turn_rad)
     pictures = [
-        draw(rng, size, {name: tuple(points[k]) for name, points in truth.items()}, scale / 2, 0.8, 2.0)
+        draw(rng, size, {name: tuple(points[k]) for name, points in truth.items()}, scale / 2, 0.8, noise)
         for k in range(frames)
     ]
     if back:
