@@ -196,12 +196,7 @@ def fit_turn(time_s: Array, scaled: Scaled) -> TurnFit:
     motion, used = _robust_motion(scaled)
     channel = _channel_factor([_standard(motion, scaled)[used]])
     block = _block(time_s, scaled, motion, used, channel)
-    averaged = averaged_least_squares(block)
-    shift = np.zeros((4, 0))
-    if scaled.systematic is not None:
-        across = channel @ _whitening(motion, scaled.covariance) @ motion.across.T @ scaled.systematic
-        shift = responses(averaged, block, across[used])
-    return _turn_fit(motion, scaled, used, averaged, shift)
+    return _turn_fit(motion, scaled, used, averaged_least_squares(block), block, channel)
 
 
 def fit_turns(time_s: Array, scaled: Scaled, stretches: list[Flags]) -> list[TurnFit]:
@@ -214,19 +209,21 @@ def fit_turns(time_s: Array, scaled: Scaled, stretches: list[Flags]) -> list[Tur
         for where, one, (motion, used) in zip(stretches, parts, fits, strict=True)
     )
     return [
-        _turn_fit(motion, one, used, averaged)
-        for one, (motion, used), averaged in zip(parts, fits, averaged_over_blocks(blocks), strict=True)
+        _turn_fit(motion, one, used, averaged, block, channel)
+        for one, (motion, used), averaged, block in zip(parts, fits, averaged_over_blocks(blocks), blocks, strict=True)
     ]
 
 
 def _turn_fit(
-    motion: SteadyMotion, scaled: Scaled, used: Flags, averaged: Averaged, systematic: Array | None = None
+    motion: SteadyMotion, scaled: Scaled, used: Flags, averaged: Averaged, block: Block, channel: Array
 ) -> TurnFit:
     along = motion.along_mm[used]
     ahead = 1.0 if np.median(np.sign(np.diff(along))) >= 0 else -1.0
-    return TurnFit(
-        motion, scaled.offset_mm, used, averaged, ahead, np.zeros((4, 0)) if systematic is None else systematic
-    )
+    shift = np.zeros((4, 0))
+    if scaled.systematic is not None:
+        across = channel @ _whitening(motion, scaled.covariance) @ motion.across.T @ scaled.systematic
+        shift = responses(averaged, block, across[used])
+    return TurnFit(motion, scaled.offset_mm, used, averaged, ahead, shift)
 
 
 def _robust_motion(scaled: Scaled) -> tuple[SteadyMotion, Flags]:

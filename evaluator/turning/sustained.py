@@ -64,7 +64,7 @@ def sustained_turn(time_s: Array, scaled: Scaled, regions: list[Flags], whole: T
     fits = fit_turns(time_s, scaled, first)
     same = replace(same, wander_mm=_wander(fits))
     curvatures = [fit.curvature() for fit in fits]
-    values, sigmas = np.array([c.value for c in curvatures]), np.array([c.sigma for c in curvatures])
+    values, sigmas = np.array([c.value for c in curvatures]), np.array([_known_to(c) for c in curvatures])
     p_value = float(special.chdtrc(len(values) - 1, cochran(values, sigmas, 0.0)))
     if p_value > FALSE_ALARM:
         return replace(same, p_value=p_value)
@@ -124,6 +124,11 @@ def _wander(fits: list[TurnFit]) -> float:
     return float(np.sqrt(max(spread - noise, 0.0)))
 
 
+def _known_to(one: Curvature) -> float:
+    """Standard uncertainty of a quarter turn: errors of the camera and the marks differ from one to the next too."""
+    return float(np.hypot(one.sigma, one.systematic))
+
+
 def _mean_of(values: Array, sigmas: Array, between: float) -> Curvature:
     weight = 1 / (sigmas**2 + between**2)
     value, sigma = float(weight @ values / weight.sum()), float(np.sqrt(1 / weight.sum()))
@@ -133,7 +138,7 @@ def _mean_of(values: Array, sigmas: Array, between: float) -> Curvature:
 
 def _shrunk(one: Curvature, center: Curvature, between: float) -> Curvature:
     """Posterior of a quarter turn's curvature given the population it belongs to."""
-    keep = between**2 / (between**2 + one.sigma**2)
+    keep = between**2 / (between**2 + _known_to(one) ** 2)
     value = center.value + keep * (one.value - center.value)
-    sigma = float(np.sqrt(keep * one.sigma**2 + ((1 - keep) * center.sigma) ** 2))
+    sigma = float(np.sqrt(keep * _known_to(one) ** 2 + ((1 - keep) * center.sigma) ** 2))
     return Curvature(value, value - 1.96 * sigma, value + 1.96 * sigma, sigma)
