@@ -73,13 +73,13 @@ def standing(search: Search, families: int) -> Standing:
     return Standing(tuple(order), np.array([scores[ids] for ids in order]))
 
 
-def separations(search: Search, ids: Set) -> dict[str, dict[str, float]]:
+def separations(search: Search, ids: Set, most: int | None = None) -> dict[str, dict[str, float]]:
     """How many sigmas every other effect stays away from each effect of a fitted set, in these very runs.
 
     The prediction of effect A at its fitted size is fitted by B with nuisances, scatter and the rest of the set free;
     what cannot be fitted, in sigmas, is the separation that another data set of this kind would show on average. That
-    is a linear view without bounds: a B that it calls near is fitted in place of A, and stays away by what its odds
-    say where that is more.
+    is a linear view without bounds: a B that it calls near, the most of them that are nearest, is fitted in place of A,
+    and stays away by what its odds say where that is more.
     """
     fit = search.fits[ids]
     named = [term for effect, term in search.terms.items() if not is_free(effect)]
@@ -95,8 +95,8 @@ def separations(search: Search, ids: Set) -> dict[str, dict[str, float]]:
         for name, extra in view.offers:
             left = _left_over(view.model, int(at[0]), own, size, [*rest, *extra])
             found[name] = min(found.get(name, np.inf), left)
-        near = [name for name, left in found.items() if name and left < SAME_SIGMAS]
-        result[effect] = found | _by_odds(search, ids, effect, {name: found[name] for name in near})
+        near = sorted((left, name) for name, left in found.items() if name and left < SAME_SIGMAS)[:most]
+        result[effect] = found | _by_odds(search, ids, effect, {name: left for left, name in near})
     return result
 
 
