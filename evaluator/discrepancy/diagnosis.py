@@ -213,7 +213,7 @@ def _with_settled_noise(part: Search, progress: Progress, *, large: bool) -> Sea
 def _swap(part: Search) -> None:
     """Fit what could stand for an effect of the best set: a linear view overlooks what sticks."""
     best = part.ranked()[0]
-    for effect, others in (separations(part, best, SWAPS) if best else {}).items():
+    for effect, others in (separations(part, best, 0) if best else {}).items():
         near = sorted((sigmas, other) for other, sigmas in others.items() if other and sigmas < SWAP_SIGMAS)
         for _, other in near[:SWAPS]:
             ids = best - {effect} | {other}
