@@ -78,8 +78,8 @@ def separations(search: Search, ids: Set, most: int | None = None) -> dict[str, 
 
     The prediction of effect A at its fitted size is fitted by B with nuisances, scatter and the rest of the set free;
     what cannot be fitted, in sigmas, is the separation that another data set of this kind would show on average. That
-    is a linear view without bounds: a B that it calls near, the most of them that are nearest, is fitted in place of A,
-    and stays away by what its odds say where that is more.
+    is a linear view without bounds: a B that it calls near, the most of them that are nearest, is fitted in place of A.
+    A B that is fitted there stays away by what its odds say.
     """
     fit = search.fits[ids]
     named = [term for effect, term in search.terms.items() if not is_free(effect)]
@@ -97,6 +97,10 @@ def separations(search: Search, ids: Set, most: int | None = None) -> dict[str, 
             found[name] = min(found.get(name, np.inf), left)
         near = sorted((left, name) for name, left in found.items() if name and left < SAME_SIGMAS)[:most]
         result[effect] = found | _by_odds(search, ids, effect, {name: left for left, name in near})
+        for name in found:
+            instead = search.fits.get(ids - {effect} | {name}) if name else None
+            if instead is not None and name not in ids:
+                result[effect][name] = _odds_sigmas(fit, instead.posterior.log_evidence)
     return result
 
 
@@ -111,14 +115,18 @@ def _by_odds(search: Search, ids: Set, effect: str, near: Mapping[str, float]) -
         return {}
     smooth = [name for name in sorted(without.terms) if not search.terms[name].leaps]
     view = screen(search, without.point, smooth, [search.terms[name] for name in near])
-    best = search.fits[ids].posterior.log_evidence
     found = {}
     for offer in sorted(view.offers, key=view.evidence):
         name = offer[0]
         instead = fit_set(search, without.terms | {name}, {name: view.start_of(offer)}, without)
-        odds = best - (view.evidence(offer) if instead is None else instead.posterior.log_evidence)
-        found[name] = max(near[name], float(np.sqrt(2 * max(odds, 0.0))))
+        if instead is None:
+            found[name] = max(near[name], _odds_sigmas(search.fits[ids], view.evidence(offer)))
     return found
+
+
+def _odds_sigmas(fit: Fit, evidence: float) -> float:
+    """Sigmas that a log evidence lies below that of a fit."""
+    return float(np.sqrt(2 * max(fit.posterior.log_evidence - evidence, 0.0)))
 
 
 def _left_over(model: MixedModel, at: int, own: Sequence[int], size: Floats, others: Sequence[int]) -> float:
