@@ -105,9 +105,9 @@ def separations(search: Search, ids: Set, most: int | None = None) -> dict[str, 
 
 
 def _by_odds(search: Search, ids: Set, effect: str, near: Mapping[str, float]) -> dict[str, float]:
-    """Separations of near effects where these are fitted in place of one of a set.
+    """Fit near effects in place of one of a set; separations of those that cannot be fitted there.
 
-    Of one that cannot be fitted there, the linear view from the set without either tells as much: beside an effect that
+    Of these the linear view from the set without either tells as much: beside an effect that
     follows the load, a weaker magnet looks like a smaller effect; without it, it does nothing of the kind.
     """
     without = search.fits.get(ids - {effect})
