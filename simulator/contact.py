@@ -10,9 +10,9 @@ from typing import Any
 
 from simulator.axles import give_way
 from simulator.bases import place_basis, slide_basis, velocity_basis
-from simulator.body import Triple
+from simulator.body import Square, Triple
 from simulator.compiled import compiled
-from simulator.slip.law import VECTORS, slip_ratio, wheel_force, wheel_slopes
+from simulator.slip.law import VECTORS, slip_ratio, wheel_force
 from simulator.terms import COS, DRAG, FRICTION, FRICTION_ACROSS, LOAD, ONE, SLIDE_COS2, SPEED, STEER, STIFFNESS
 from simulator.wheel import (
     COS_STEER,
@@ -26,10 +26,10 @@ from simulator.wheel import (
     STEEP_Y,
     SURFACE,
     drooping_speed,
+    wheel_response,
 )
 
-Square = tuple[Triple, Triple, Triple]
-GIVEN_RAD, MOST_PASSES = 1e-15, 40  # derivatives are differences over steps of 3e-10
+GIVEN_RAD, MOST_PASSES = 1e-8, 40  # after a step of Newton's method as small as this, rounding alone is left
 LEAST_FACTOR = 0.02  # a term may weaken load, friction or stiffness of a wheel to 2 %, never reverse it
 
 
@@ -104,9 +104,10 @@ def touch_changed(u: float, v: float, r: float, drive: Any, place: Any, rest: fl
     if model.compliance == 0.0:
         return
     for _ in range(MOST_PASSES):
-        if give_way(u, v, r, place, rest, model, contacts) < GIVEN_RAD:
-            break
+        change = give_way(u, v, r, place, rest, model, contacts)
         _touch_all(u, v, r, drive, place, rest, model, contacts)
+        if change < GIVEN_RAD:
+            break
 
 
 @compiled()
@@ -149,43 +150,20 @@ def friction(u: float, v: float, r: float, contacts: Any, rest: float, model: An
 
 @compiled(forceinline=True, fastmath=VECTORS)
 def friction_slopes(u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> tuple[Triple, Square]:
-    """The same, and its derivatives by u, v and r, a row for each; the contacts are held, but speeds may droop."""
+    """The same, and its derivatives by u, v and r; the contacts are held, but speeds may droop."""
     along, across, moment = 0.0, 0.0, 0.0
     along_u, along_v, along_r, across_u, across_v, across_r = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     moment_u, moment_v, moment_r = 0.0, 0.0, 0.0
     for wheel in range(4):
         x, y = model.wheel_x[wheel], model.wheel_y[wheel]
-        body_u, body_v = u - r * y, v + r * x
-        cos, sin, droop = contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel], contacts[DROOP, wheel]
-        f_x, f_y, x_1, x_2, y_1, y_2, x_w, y_w = wheel_slopes(
-            cos * body_u + sin * body_v,
-            cos * body_v - sin * body_u,
-            contacts[SURFACE, wheel],
-            1.0 if wheel < 2 else 0.0,
-            model.grip_x[wheel] * contacts[GRIP_X, wheel],
-            model.grip_y[wheel] * contacts[GRIP_Y, wheel],
-            model.steep_x[wheel] * contacts[STEEP_X, wheel],
-            model.steep_y[wheel] * contacts[STEEP_Y, wheel],
-            model.ratio,
-            model.shape_x,
-            model.shape_y,
-            model.decrease,
-            rest,
-        )
-        f_x += contacts[DRAG_FORCE, wheel]
-        yields = 1.0 / (1.0 + droop * x_w)  # w = free - droop·F_x, differentiated
-        y_1, y_2 = y_1 - y_w * droop * x_1 * yields, y_2 - y_w * droop * x_2 * yields
-        x_1, x_2 = x_1 * yields, x_2 * yields
-        f_u, f_v, g_u, g_v = cos * x_1 - sin * x_2, sin * x_1 + cos * x_2, cos * y_1 - sin * y_2, sin * y_1 + cos * y_2
-        force_x, force_y = cos * f_x - sin * f_y, sin * f_x + cos * f_y
-        x_u, x_v, y_u, y_v = cos * f_u - sin * g_u, cos * f_v - sin * g_v, sin * f_u + cos * g_u, sin * f_v + cos * g_v
+        force_x, force_y, x_u, x_v, y_u, y_v, _, _ = wheel_response(wheel, u, v, r, contacts, rest, model)
         turn_u, turn_v = x * y_u - y * x_u, x * y_v - y * x_v
         along, across, moment = along + force_x, across + force_y, moment + x * force_y - y * force_x
         along_u, along_v, along_r = along_u + x_u, along_v + x_v, along_r + x * x_v - y * x_u
         across_u, across_v, across_r = across_u + y_u, across_v + y_v, across_r + x * y_v - y * y_u
         moment_u, moment_v, moment_r = moment_u + turn_u, moment_v + turn_v, moment_r + x * turn_v - y * turn_u
     return (along, across, moment), (
-        (along_u, along_v, along_r),
-        (across_u, across_v, across_r),
-        (moment_u, moment_v, moment_r),
+        (along_u, across_u, moment_u),
+        (along_v, across_v, moment_v),
+        (along_r, across_r, moment_r),
     )

@@ -10,12 +10,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from simulator.body import Triple, body_forces
+from simulator.axles import axle_slopes
+from simulator.body import VELOCITY_STEP, Triple, loads, loads_slopes
 from simulator.compiled import compiled
 from simulator.contact import friction, friction_slopes, touch
-
-# Differences for derivatives: rounding over step, and step over curvature, stay below 1e-5 of the derivative.
-VELOCITY_STEP = 3e-10  # mm/s, rad/s; far below the rest speed, where forces bend most
 
 
 @compiled(inline="always")
@@ -23,14 +21,8 @@ def forces(u: float, v: float, r: float, drive: Any, place: Any, rest: float, mo
     """Forces and moment on the robot, the inertia of the turning frame among them."""
     touch(u, v, r, drive, place, rest, model, contacts)
     along, across, moment = friction(u, v, r, contacts, rest, model)
-    if model.body_terms > 0:
-        added = body_forces(u, v, r, place, rest, model)
-        along, across, moment = along + added[0], across + added[1], moment + added[2]
-    mass, ahead, aside = model.mass, model.gravity_x, model.gravity_y
-    along += mass * r * (v + r * ahead)
-    across -= mass * r * (u - r * aside)
-    moment -= mass * r * (ahead * u + aside * v)
-    return along, across, moment
+    more = loads(u, v, r, place, rest, model)
+    return along + more[0], across + more[1], moment + more[2]
 
 
 @compiled(inline="always")
@@ -62,38 +54,16 @@ def slopes(
         _differenced(u, v, r, drive, place, rest, model, contacts, out)
         return
     touch(u, v, r, drive, place, rest, model, contacts)
-    total, by = friction_slopes(u, v, r, contacts, rest, model)
-    mass, ahead, aside = model.mass, model.gravity_x, model.gravity_y
-    along, across = total[0] + mass * r * (v + r * ahead), total[1] - mass * r * (u - r * aside)
-    moment = total[2] - mass * r * (ahead * u + aside * v)
-    by_u = by[0][0], by[1][0] - mass * r, by[2][0] - mass * r * ahead
-    by_v = by[0][1] + mass * r, by[1][1], by[2][1] - mass * r * aside
-    by_r = (
-        by[0][2] + mass * (v + 2.0 * r * ahead),
-        by[1][2] - mass * (u - 2.0 * r * aside),
-        by[2][2] - mass * (ahead * u + aside * v),
-    )
-    if model.body_terms > 0:
-        force = body_forces(u, v, r, place, rest, model)
-        along, across, moment = along + force[0], across + force[1], moment + force[2]
-        if model.body_feels == 1:
-            by_u = _grown(by_u, body_forces(u + VELOCITY_STEP, v, r, place, rest, model), force)
-            by_v = _grown(by_v, body_forces(u, v + VELOCITY_STEP, r, place, rest, model), force)
-            by_r = _grown(by_r, body_forces(u, v, r + VELOCITY_STEP, place, rest, model), force)
-    out[0, 0], out[0, 1], out[0, 2] = accelerated(along, across, moment, model)
-    out[1, 0], out[2, 0], out[3, 0] = accelerated(by_u[0], by_u[1], by_u[2], model)
-    out[1, 1], out[2, 1], out[3, 1] = accelerated(by_v[0], by_v[1], by_v[2], model)
-    out[1, 2], out[2, 2], out[3, 2] = accelerated(by_r[0], by_r[1], by_r[2], model)
-
-
-@compiled()
-def _grown(slope: Triple, further: Triple, here: Triple) -> Triple:
-    """A derivative and that of forces known here and a step further."""
-    return (
-        slope[0] + (further[0] - here[0]) / VELOCITY_STEP,
-        slope[1] + (further[1] - here[1]) / VELOCITY_STEP,
-        slope[2] + (further[2] - here[2]) / VELOCITY_STEP,
-    )
+    more, more_by = loads_slopes(u, v, r, place, rest, model)
+    if model.compliance == 0.0:
+        total, by = friction_slopes(u, v, r, contacts, rest, model)
+    else:
+        total, by = axle_slopes(u, v, r, more, more_by, contacts, rest, model)
+    out[0, 0], out[0, 1], out[0, 2] = accelerated(total[0] + more[0], total[1] + more[1], total[2] + more[2], model)
+    for column in range(3):
+        here, there = by[column], more_by[column]
+        at = accelerated(here[0] + there[0], here[1] + there[1], here[2] + there[2], model)
+        out[1, column], out[2, column], out[3, column] = at
 
 
 @compiled()

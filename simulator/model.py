@@ -133,7 +133,7 @@ class Draft:
         model.view(np.float64)[: len(flat)] = flat  # one assignment: a fit fills records by the thousand
         _fill_terms(row, self.terms)
         if self.compliance_rad_per_mN != 0:  # axles give way to what the body presses them with
-            row["wheels_feel"], row["wheels_vary"] = 1, row["varies"]
+            row["wheels_vary"] = row["varies"]
         changed = self.droop_rpm_per_uN_mm or self.compliance_rad_per_mN or self.toe_rad.any()
         row["general"] = bool(row["wheel_terms"] or changed)
         return model

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from simulator.compiled import compiled
-from simulator.slip.law import wheel_slopes
+from simulator.slip.law import VECTORS, wheel_slopes
 
 SURFACE, COS_STEER, SIN_STEER, GRIP_X, GRIP_Y, STEEP_X, STEEP_Y, DRAG_FORCE, DROOP, GIVEN, ROWS = range(11)
 
@@ -32,6 +32,45 @@ def reset_contacts(contacts: Any) -> None:
         contacts[COS_STEER, wheel] = 1.0
         for row in range(GRIP_X, STEEP_Y + 1):
             contacts[row, wheel] = 1.0
+
+
+@compiled(inline="always", fastmath=VECTORS)
+def wheel_response(wheel: int, u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> Any:
+    """Force on a wheel and its derivatives at a velocity of the robot; callers pay for those that they use.
+
+    Eight numbers in the body frame, forward and left by turns: force; derivatives by the velocity of the wheel's centre
+    forward, (x_u, x_v), and left, (y_u, y_v); by the angle about the vertical. Contacts are held, but speeds may droop.
+    """
+    x, y = model.wheel_x[wheel], model.wheel_y[wheel]
+    body_u, body_v = u - r * y, v + r * x
+    cos, sin, droop = contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel], contacts[DROOP, wheel]
+    wheel_u, wheel_v = cos * body_u + sin * body_v, cos * body_v - sin * body_u
+    f_x, f_y, x_1, x_2, y_1, y_2, x_w, y_w = wheel_slopes(
+        wheel_u,
+        wheel_v,
+        contacts[SURFACE, wheel],
+        1.0 if wheel < 2 else 0.0,
+        model.grip_x[wheel] * contacts[GRIP_X, wheel],
+        model.grip_y[wheel] * contacts[GRIP_Y, wheel],
+        model.steep_x[wheel] * contacts[STEEP_X, wheel],
+        model.steep_y[wheel] * contacts[STEEP_Y, wheel],
+        model.ratio,
+        model.shape_x,
+        model.shape_y,
+        model.decrease,
+        rest,
+    )
+    f_x += contacts[DRAG_FORCE, wheel]
+    yields = 1.0 / (1.0 + droop * x_w)  # w = free - droop·F_x, differentiated
+    y_1, y_2 = y_1 - y_w * droop * x_1 * yields, y_2 - y_w * droop * x_2 * yields
+    x_1, x_2 = x_1 * yields, x_2 * yields
+    f_u, f_v, g_u, g_v = cos * x_1 - sin * x_2, sin * x_1 + cos * x_2, cos * y_1 - sin * y_2, sin * y_1 + cos * y_2
+    force_x, force_y = cos * f_x - sin * f_y, sin * f_x + cos * f_y
+    x_turn, y_turn = x_1 * wheel_v - x_2 * wheel_u, y_1 * wheel_v - y_2 * wheel_u
+    return (
+        *(force_x, force_y, cos * f_u - sin * g_u, cos * f_v - sin * g_v, sin * f_u + cos * g_u, sin * f_v + cos * g_v),
+        *(cos * x_turn - sin * y_turn - force_y, sin * x_turn + cos * y_turn + force_x),
+    )
 
 
 @compiled()
