@@ -57,9 +57,10 @@ class Standing:
         """Score of a set."""
         return float(self.scores[self.sets.index(ids)])
 
-    def share_of(self, sets: Iterable[Set]) -> float:
-        """Probability of any of these sets."""
-        return float(sum(self.probability[self.sets.index(ids)] for ids in sets))
+    def share_of(self, sets: Iterable[Set], among: Iterable[Set]) -> float:
+        """Probability of any of these sets if one of those among which they are is right."""
+        weight = dict(zip(self.sets, np.exp(self.scores - self.scores.max()), strict=True))
+        return float(sum(weight[ids] for ids in sets) / sum(weight[ids] for ids in among))
 
     def containing(self, effect: str) -> float:
         """Probability that an effect takes part."""

@@ -8,7 +8,7 @@ from typing import Literal
 from evaluator.discrepancy.adequacy import Adequacy
 from evaluator.discrepancy.crossval import Constancy, advantage
 from evaluator.discrepancy.rivals import Set, Standing, is_free, score
-from evaluator.discrepancy.search import Search
+from evaluator.discrepancy.search import LARGEST_SET, Search
 
 Verdict = Literal["none", "effect", "unknown", "insufficient"]
 
@@ -46,7 +46,9 @@ def kept(search: Search, table: Standing, families: int) -> Set:
 def decide(search: Search, table: Standing, named: Set) -> tuple[Set, Verdict, str]:
     """Verdict between the best named set and everything free-form."""
     free = [ids for ids in table.sets if any(is_free(effect) for effect in ids)]
-    if free and table.of(free[0]) - table.of(frozenset()) > KEEP[1] and table.share_of(free) > DOUBT:
+    # sets of three that did not earn to be named do not speak against what they may imitate
+    likely = [ids for ids in table.sets if ids in free or len(ids) <= max(len(named), LARGEST_SET - 1)]
+    if free and table.of(free[0]) - table.of(frozenset()) > KEEP[1] and table.share_of(free, likely) > DOUBT:
         return free[0], "unknown", "a free-form term explains the runs as well as the named effects, or better"
     # also better than named effects that do not pay for themselves: chance that looks like one looks like both
     likeliest = next(ids for ids in table.sets if ids not in free)
