@@ -161,7 +161,7 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit) ->
         neutral = origin.point.own.copy()
         neutral[:, POSE:] = 0.0
         usual = _fit_from(search, Point(neutral, {}, values), smooth, fixed, USUAL_SCATTER)
-        if usual is not None and usual.converged:
+        if usual is not None and usual.converged and not usual.overreaches:
             again = _fit_from(search, usual.point, smooth, fixed)
             usual = again if again is not None and again.converged else usual
         fit = usual or fit

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import pytest
 
 from evaluator.discrepancy.experiment import Session, session_of
 from evaluator.discrepancy.fit import Fit, fit_model
 from evaluator.discrepancy.problem import build_problem
+from evaluator.discrepancy.search import USUAL_SCATTER, Search, fit_set
 from evaluator.discrepancy.simulated import Simulated
 from evaluator.discrepancy.terms import named_terms
 from evaluator.settings import load_experiment
@@ -35,3 +39,30 @@ def test_what_only_a_value_beyond_the_bounds_would_gain_is_no_evidence(faster: S
     assert drag.posterior.mean[0] < -0.001  # without bounds
     assert drag.posterior.log_evidence < null.posterior.log_evidence
     assert drag.posterior.misfit == pytest.approx(null.posterior.misfit, abs=0.1)
+
+
+def test_fit_that_wants_friction_no_run_can_have_is_not_tried_without_limit_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only friction of 0.4 times the nominal explains the runs; each run's own may go to half of it."""
+    experiment = load_experiment(write_hidden(tmp_path, {"friction-level": {"factor": 0.4}}))
+    session = session_of(experiment, {run.id: run.marks for run in experiment.run if run.marks is not None})
+    right, wrong = fitted(session, "friction-level"), fitted(session, "mark-offset")
+    assert (right.converged, right.overreaches) == (True, False)
+    assert (wrong.converged, wrong.overreaches) == (False, True)
+
+    limits = []
+
+    def counted(*given: Any) -> Fit:
+        limits.append(given[6])
+        return fit_model(*given)
+
+    monkeypatch.setattr("evaluator.discrepancy.search.fit_model", counted)
+    terms = named_terms(20.0, (30.0, 60.0))
+    problem, start = build_problem(session.data, Simulated(session.robots, session.data, terms))
+    search = Search(problem, terms, session.tolerance, tuple(range(len(session.data))))
+    null = fit_model(problem, start, [], session.tolerance)
+    found = fit_set(search, frozenset({"mark-offset"}), {}, null)
+    assert found is not None
+    assert found.converged
+    assert limits == [None, USUAL_SCATTER]
