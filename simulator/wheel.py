@@ -35,6 +35,26 @@ def reset_contacts(contacts: Any) -> None:
 
 
 @compiled(inline="always", fastmath=VECTORS)
+def law_slopes(u: float, v: float, surface: float, wheel: int, scaled: Any, rest: float, model: Any) -> Any:
+    """The same friction, then its derivatives; see simulator.slip.law.wheel_slopes."""
+    return wheel_slopes(
+        u,
+        v,
+        surface,
+        1.0 if wheel < 2 else 0.0,
+        model.grip_x[wheel] * scaled[0],
+        model.grip_y[wheel] * scaled[1],
+        model.steep_x[wheel] * scaled[2],
+        model.steep_y[wheel] * scaled[3],
+        model.ratio,
+        model.shape_x,
+        model.shape_y,
+        model.decrease,
+        rest,
+    )
+
+
+@compiled(inline="always", fastmath=VECTORS)
 def wheel_response(wheel: int, u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> Any:
     """Force on a wheel and its derivatives at a velocity of the robot; callers pay for those that they use.
 
@@ -45,20 +65,9 @@ def wheel_response(wheel: int, u: float, v: float, r: float, contacts: Any, rest
     body_u, body_v = u - r * y, v + r * x
     cos, sin, droop = contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel], contacts[DROOP, wheel]
     wheel_u, wheel_v = cos * body_u + sin * body_v, cos * body_v - sin * body_u
-    f_x, f_y, x_1, x_2, y_1, y_2, x_w, y_w = wheel_slopes(
-        wheel_u,
-        wheel_v,
-        contacts[SURFACE, wheel],
-        1.0 if wheel < 2 else 0.0,
-        model.grip_x[wheel] * contacts[GRIP_X, wheel],
-        model.grip_y[wheel] * contacts[GRIP_Y, wheel],
-        model.steep_x[wheel] * contacts[STEEP_X, wheel],
-        model.steep_y[wheel] * contacts[STEEP_Y, wheel],
-        model.ratio,
-        model.shape_x,
-        model.shape_y,
-        model.decrease,
-        rest,
+    scaled = (contacts[GRIP_X, wheel], contacts[GRIP_Y, wheel], contacts[STEEP_X, wheel], contacts[STEEP_Y, wheel])
+    f_x, f_y, x_1, x_2, y_1, y_2, x_w, y_w = law_slopes(
+        wheel_u, wheel_v, contacts[SURFACE, wheel], wheel, scaled, rest, model
     )
     f_x += contacts[DRAG_FORCE, wheel]
     yields = 1.0 / (1.0 + droop * x_w)  # w = free - droop·F_x, differentiated
@@ -79,26 +88,6 @@ def law(u: float, v: float, wheel: int, contacts: Any, rest: float, model: Any) 
     scaled = (contacts[GRIP_X, wheel], contacts[GRIP_Y, wheel], contacts[STEEP_X, wheel], contacts[STEEP_Y, wheel])
     slopes = law_slopes(u, v, contacts[SURFACE, wheel], wheel, scaled, rest, model)
     return slopes[0], slopes[1]
-
-
-@compiled()
-def law_slopes(u: float, v: float, surface: float, wheel: int, scaled: Any, rest: float, model: Any) -> Any:
-    """The same friction, then its derivatives; see simulator.slip.law.wheel_slopes."""
-    return wheel_slopes(
-        u,
-        v,
-        surface,
-        1.0 if wheel < 2 else 0.0,
-        model.grip_x[wheel] * scaled[0],
-        model.grip_y[wheel] * scaled[1],
-        model.steep_x[wheel] * scaled[2],
-        model.steep_y[wheel] * scaled[3],
-        model.ratio,
-        model.shape_x,
-        model.shape_y,
-        model.decrease,
-        rest,
-    )
 
 
 @compiled()
