@@ -11,6 +11,8 @@ import math
 
 from numba import njit
 
+from evaluator.tracking.smear import mean_over, path_of
+
 # Sigmas of the mean of 3 × 3 pixels beyond which something covers them: 1 % of the clear pixels are lost.
 BEYOND = 3.0
 # What the mean of 3 × 3 residuals reaches, beyond a shift of CORE_OFF_PX, where something lies across a mark: sigmas of
@@ -28,9 +30,7 @@ PROFILE, ALONG_X, ALONG_Y, LEFT, MEAN, WORK = range(6)  # planes of a window
 def model(luma, place, state, disc, table, planes, used):
     """Fill profile, slopes and residual of the pixels of a window at a state, as `kernels.accumulate` has them."""
     top_y, row_step, left = place
-    radius, blur2, e1, e2, smear_x, smear_y = disc[0], disc[1] * disc[1], disc[2], disc[3], disc[5], disc[6]
-    smear2, amplitude, outer2 = smear_x * smear_x + smear_y * smear_y, state[2], disc[4] * disc[4]
-    smeared = smear2 > 0.5 * blur2
+    e1, e2, amplitude, outer2, path = disc[2], disc[3], state[2], disc[4] * disc[4], path_of(disc)
     for j in range(luma.shape[0]):
         dy = top_y + row_step * j - state[1]
         for i in range(luma.shape[1]):
@@ -38,19 +38,14 @@ def model(luma, place, state, disc, table, planes, used):
             outward_x, outward_y = (1.0 + e1) * dx + e2 * dy, e2 * dx + (1.0 - e1) * dy
             square = outward_x * dx + outward_y * dy
             used[j, i] = square <= outer2
-            pull = -amplitude
-            if smeared:
-                r = math.sqrt(max(square, 1e-6))
-                along = smear_x * outward_x + smear_y * outward_y
-                stretch = 1.0 / math.sqrt(1.0 + along * along / (12.0 * blur2 * r * r))
-                nearer = max(radius + (r - radius) * stretch, 0.0)
-                pull *= stretch * nearer / r
-                square = nearer * nearer
-            k = min(int(square * disc[7] + 0.5), len(table) - 1)
-            pull *= table[k, 1]
-            planes[PROFILE, j, i] = table[k, 0]
-            planes[ALONG_X, j, i], planes[ALONG_Y, j, i] = pull * outward_x, pull * outward_y
-            planes[LEFT, j, i] = luma[j, i] - state[3] - amplitude * table[k, 0] - state[4] * dx - state[5] * dy
+            if len(path) > 0:
+                p, pull_x, pull_y = mean_over(path, table, disc[7], dx, dy, outward_x, outward_y)
+            else:
+                k = min(int(square * disc[7] + 0.5), len(table) - 1)
+                p, pull_x, pull_y = table[k, 0], table[k, 1] * outward_x, table[k, 1] * outward_y
+            planes[PROFILE, j, i] = p
+            planes[ALONG_X, j, i], planes[ALONG_Y, j, i] = -amplitude * pull_x, -amplitude * pull_y
+            planes[LEFT, j, i] = luma[j, i] - state[3] - amplitude * p - state[4] * dx - state[5] * dy
     smooth(planes[LEFT], planes[WORK], planes[MEAN])
 
 
@@ -68,7 +63,7 @@ def smooth(plane, work, mean):
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def stands_out(planes, used, amplitude, noise, core):
+def stands_out(planes, used, amplitude, noise, core, off_px):
     """Whether anything across the mark is beyond doubt, and more than a small shift explains."""
     most = 0.0
     for j in range(used.shape[0]):
@@ -76,7 +71,7 @@ def stands_out(planes, used, amplitude, noise, core):
             mean = abs(planes[MEAN, j, i])
             if used[j, i] and mean > most:
                 steep = math.sqrt(planes[ALONG_X, j, i] ** 2 + planes[ALONG_Y, j, i] ** 2)
-                most = max(most, mean - CORE_OFF_PX * steep)
+                most = max(most, mean - off_px * steep)
     return most > core[1] * abs(amplitude) and most > core[0] * trimmed(planes[LEFT], used, 2.0 * math.sqrt(noise))
 
 

@@ -8,6 +8,8 @@ A glance looks for the mark's colour where it should be, fits its disc there, an
 
 from __future__ import annotations
 
+import math
+
 from numba import njit
 
 from evaluator.tracking.color_kernels import AREA, CENTER_X, CENTER_Y, STRENGTH, color_window
@@ -69,7 +71,7 @@ def glance(luma, u, v, row_origin, row_step, cell, x, y, reach, path_x, path_y, 
 @njit(cache=True, nogil=True, forceinline=True)
 def smear(disc, path_x, path_y):
     """Smear the disc as its motion does. Beyond a diameter it is a wrong velocity sooner than a fast mark."""
-    keep = min(1.0, 2.0 * disc[0] / (abs(path_x) + abs(path_y) + 1e-9))
+    keep = min(1.0, 2.0 * disc[0] / (math.sqrt(path_x * path_x + path_y * path_y) + 1e-9))
     disc[5], disc[6] = path_x * keep, path_y * keep
 
 

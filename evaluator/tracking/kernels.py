@@ -16,6 +16,8 @@ import math
 import numpy as np
 from numba import njit
 
+from evaluator.tracking.smear import mean_over, path_of
+
 # Places of the numbers that `fit_disc` gives.
 X, Y, AMPLITUDE, BASE, VAR_X, VAR_Y, COV_XY, RESIDUAL, USED, INSIDE, PIXELS, SLOPE_X, SLOPE_Y = range(13)
 RESULTS = 13
@@ -39,10 +41,13 @@ def fit_disc(luma, row_origin, row_step, start, slopes, disc, table, noise, resu
     state, sums = np.zeros(6), np.empty(3)
     state[:4] = start
     normal, right, move = np.empty((size, size)), np.empty(size), np.empty(size)
-    reach = disc[4] / math.sqrt(1.0 - math.sqrt(disc[2] * disc[2] + disc[3] * disc[3]))
+    reach, path = disc[4] / math.sqrt(1.0 - math.sqrt(disc[2] * disc[2] + disc[3] * disc[3])), path_of(disc)
     for _ in range(12):
         window = window_around(luma, row_origin, row_step, state, reach)
-        accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, noise, normal, right, sums)
+        if len(path) > 0:
+            accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, path, noise, normal, right, sums)
+        else:
+            accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, None, noise, normal, right, sums)
         if sums[2] < 6.0 or not solve(normal, right, move):
             result[X] = result[Y] = result[RESIDUAL] = np.nan
             return
@@ -77,22 +82,20 @@ def window_around(luma, row_origin, row_step, state, reach):
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy", fastmath=SUMS)
-def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, noise, normal, right, sums):  # noqa: PLR0915 - one loop
+def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, path, noise, normal, right, sums):  # noqa: PLR0915 - one loop
     """Fill the upper triangle of the normal equations of `fit_disc` at a state, from the pixels in a window.
 
+    path: of `smear.path_of`, or None where nothing smears: a loop of its own is made of that, for nearly all pictures.
     sums: weighted squares, sum of outlier weights, pixels used. In one piece, in single precision and without branches
     within a row, so that several pixels are taken at once: 1e-7 of the sums is below all else.
     """
     top, bottom, first, last = window
     x, y, amplitude, base = state[0], state[1], single(state[2]), single(state[3])
     tilt_x, tilt_y = single(state[4]), single(state[5])
-    radius, outer2, per_px2, end = single(disc[0]), single(disc[4] * disc[4]), single(disc[7]), single(len(table) - 1)
+    outer2, per_px2, end = single(disc[4] * disc[4]), single(disc[7]), single(len(table) - 1)
     stretch_x, stretch_y, e2 = single(1.0 + disc[2]), single(1.0 - disc[2]), single(disc[3])
-    smear_x, smear_y, blur2 = single(disc[5]), single(disc[6]), disc[1] * disc[1]
-    smear2 = disc[5] * disc[5] + disc[6] * disc[6]
-    smeared, per_smear = smear2 > 0.5 * blur2, single(1.0 / (12.0 * blur2))
     certain, softness = single(1.0 / noise[0]), single(1.0 / (noise[0] * noise[1] * noise[1]))
-    edge = 3.5 * math.sqrt(blur2 + smear2 / 12.0)
+    edge = 3.5 * math.sqrt(disc[1] * disc[1] + (disc[5] * disc[5] + disc[6] * disc[6]) / 12.0)
     flat_in, flat_out = single(max(disc[0] - edge, 0.0) ** 2), single((disc[0] + edge) ** 2)
     none, half, one, two = single(0.0), single(0.5), single(1.0), single(2.0)
     xx = xy = xp = xb = yy = yp = yb = pp = pb = bb = rx = ry = rp = rb = squares = count = none
@@ -109,19 +112,14 @@ def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, n
             counts = (none if i & 1 else thin) if flat else one
             counts = counts if square <= outer2 else none
             outward_x, outward_y = stretch_x * dx + e2 * dy, e2 * dx + stretch_y * dy
-            pull = -amplitude
-            if smeared:
-                r2 = max(square, single(1e-6))
-                along = smear_x * outward_x + smear_y * outward_y
-                stretch = one / math.sqrt(one + along * along * per_smear / r2)
-                r = math.sqrt(r2)
-                place = max(radius + (r - radius) * stretch, none)
-                pull *= stretch * place / r
-                square = place * place
-            k = np.int32(min(square * per_px2 + half, end))
-            p = table[k, 0]
-            pull *= table[k, 1]
-            gx, gy = pull * outward_x, pull * outward_y
+            if path is None:
+                k = np.int32(min(square * per_px2 + half, end))
+                p, pull_x, pull_y = table[k, 0], table[k, 1] * outward_x, table[k, 1] * outward_y
+            elif counts > none:
+                p, pull_x, pull_y = mean_over(path, table, per_px2, dx, dy, outward_x, outward_y)
+            else:
+                p, pull_x, pull_y = none, none, none
+            gx, gy = -amplitude * pull_x, -amplitude * pull_y
             residual = single(luma[j, i]) - base - amplitude * p
             if slopes is not None:
                 residual -= tilt_x * dx + tilt_y * dy

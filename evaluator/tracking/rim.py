@@ -15,6 +15,8 @@ import math
 import numpy as np
 from numba import njit
 
+from evaluator.tracking.smear import mean_over, path_of
+
 # Harmonics that are used. The second is that of perspective too; beyond the fifth a codec keeps little of a mark of
 # 5 px radius. All that a smear may differ from its model by is even, and shifts nothing: then the fourth is left out.
 FIRST, LAST, SYMMETRIC = 3, 5, 4
@@ -57,7 +59,7 @@ def rim_power(luma, row_origin, row_step, result, disc, table, noise):  # noqa: 
     x, y, amplitude, base, tilt_x, tilt_y = result[0], result[1], result[2], result[3], result[11], result[12]
     radius, blur2, e1, e2, smear_x, smear_y = disc[0], disc[1] * disc[1], disc[2], disc[3], disc[5], disc[6]
     smear2 = smear_x * smear_x + smear_y * smear_y
-    smeared, edge = smear2 > 0.5 * blur2, 3.5 * math.sqrt(blur2 + smear2 / 12.0)
+    path, edge = path_of(disc), 3.5 * math.sqrt(blur2 + smear2 / 12.0)
     inner2, outer2 = max(radius - edge, 0.5) ** 2, min(radius + edge, disc[4]) ** 2
     reach = math.sqrt(outer2 / (1.0 - math.sqrt(e1 * e1 + e2 * e2)))
     certain = 1.0 / (noise[0] * noise[1] * noise[1])
@@ -70,20 +72,20 @@ def rim_power(luma, row_origin, row_step, result, disc, table, noise):  # noqa: 
             square = (1.0 + e1) * dx * dx + 2.0 * e2 * dx * dy + (1.0 - e1) * dy * dy
             if square < inner2 or square > outer2:
                 continue
-            r, stretch = math.sqrt(square), 1.0
-            if smeared:
-                along = smear_x * ((1.0 + e1) * dx + e2 * dy) + smear_y * (e2 * dx + (1.0 - e1) * dy)
-                stretch = 1.0 / math.sqrt(1.0 + along * along / (12.0 * blur2 * square))
-                r = max(radius + (r - radius) * stretch, 0.0)
-            k = min(int(r * r * disc[7] + 0.5), len(table) - 1)
-            steep = -amplitude * stretch * table[k, 1] * r
-            residual = luma[j, i] - base - amplitude * table[k, 0] - tilt_x * dx - tilt_y * dy
+            length = math.sqrt(dx * dx + dy * dy)
+            cos, sin = dx / length, dy / length
+            if len(path) > 0:
+                outward_x, outward_y = (1.0 + e1) * dx + e2 * dy, e2 * dx + (1.0 - e1) * dy
+                p, pull_x, pull_y = mean_over(path, table, disc[7], dx, dy, outward_x, outward_y)
+                steep = -amplitude * (pull_x * cos + pull_y * sin)
+            else:
+                k = min(int(square * disc[7] + 0.5), len(table) - 1)
+                p, steep = table[k, 0], -amplitude * table[k, 1] * math.sqrt(square)
+            residual = luma[j, i] - base - amplitude * p - tilt_x * dx - tilt_y * dy
             beyond = residual * residual * certain
             weight = 1.0 / (1.0 + beyond * beyond)
             total += weight * steep * steep
-            pull, length = weight * steep * residual, math.sqrt(dx * dx + dy * dy)
-            cos, sin = dx / length, dy / length
-            cos_m, sin_m = cos, sin
+            pull, cos_m, sin_m = weight * steep * residual, cos, sin
             for m in range(2, LAST + 1):
                 cos_m, sin_m = cos_m * cos - sin_m * sin, sin_m * cos + cos_m * sin
                 sums[0, m] += pull * cos_m
@@ -93,7 +95,7 @@ def rim_power(luma, row_origin, row_step, result, disc, table, noise):  # noqa: 
     count = 0
     mean = 0.0
     for m in range(FIRST, LAST + 1):
-        if not (smeared and m == SYMMETRIC):
+        if not (len(path) > 0 and m == SYMMETRIC):
             mean += 2.0 * (sums[0, m] ** 2 + sums[1, m] ** 2) / (total * total)
             count += 1
     return mean / count

@@ -7,7 +7,7 @@ import importlib
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-MODULES = ("across", "color_kernels", "covered", "glance", "kernels", "rim", "shape_kernel")
+MODULES = ("across", "color_kernels", "covered", "glance", "kernels", "rim", "shape_kernel", "smear")
 
 
 @pytest.mark.parametrize("name", MODULES)
