@@ -20,22 +20,26 @@ def exposed(time_s: Array, centers_px: Array, variances: Array, shutter: tuple[f
     """Shift of the average off the middle of the exposure, px, and its variance per axis, px²; both (n, 2).
 
     centers_px, variances: (n, 2), px and px², NaN where absent. shutter: share of the interval that it is open, and its
-    standard uncertainty. Beside an absent picture any change of speed may be a jump.
+    standard uncertainty. Beside an absent picture, and in the first and the last one, speed is taken to change as it
+    does in the pictures next to them.
     """
     n = len(time_s)
     if n < 3:
         return np.zeros((n, 2)), np.zeros((n, 2))
     share, unsure = shutter
     interval = np.where(np.diff(time_s) > 0, np.diff(time_s), np.nan)
-    change, lapse = np.full((n, 2), np.nan), np.full((n, 1), np.nan)
+    change = np.full((n, 2), np.nan)
     change[1:-1] = np.diff(np.diff(centers_px, axis=0) / interval[:, None], axis=0)
-    lapse[1:-1] = np.minimum(interval[1:], interval[:-1])[:, None]
+    lapse = np.nan_to_num(np.fmin(np.append(interval, np.nan), np.append(np.nan, interval)))[:, None]
     # A steady change goes on in the pictures around; a jump shows in one alone, or in two of three in part.
     around = np.pad(change, ((1, 1), (0, 0)), constant_values=np.nan)
-    steady = np.nan_to_num(np.median([around[:-2], change, around[2:]], axis=0))
-    lapse, own = np.nan_to_num(lapse), np.nan_to_num(variances)
-    jump = (np.nan_to_num(change) - steady) * lapse
-    jump[jump**2 < CERTAIN**2 * WEIGHTS * own] = 0.0
+    steady = np.median([around[:-2], change, around[2:]], axis=0)
+    for _ in range(2):  # of three changes in a row, the first picture with one is the second from an absent one
+        around = np.pad(steady, ((1, 1), (0, 0)), constant_values=np.nan)
+        steady = np.where(np.isnan(steady), np.where(np.isnan(around[:-2]), around[2:], around[:-2]), steady)
+    steady = np.nan_to_num(steady)
+    jump = np.nan_to_num(change - steady) * lapse
+    jump[jump**2 < CERTAIN**2 * WEIGHTS * np.nan_to_num(variances)] = 0.0
     shift = steady * lapse * share**2 / STEADY
     of_share = steady * lapse * 2 * share * unsure / STEADY
     return shift, of_share**2 + (jump * share) ** 2 / JUMP
