@@ -21,6 +21,8 @@ REACH = 5
 ORDER, NEIGHBORS, EITHER_SIDE = 5, 7, 2
 EVEN = 1e-3  # of the span: neighbours that are as evenly timed as this share one set of weights
 LEAST = 24  # differences that a variance is estimated from: its own relative uncertainty is then below 0.3
+ROUNDS = 3  # of weighing: the last changes what is added by less than 5 %
+EXACT_PX2 = 1e-12  # variance below which all pictures tell alike: drawn paths may be known exactly
 FEW = 8  # enough to tell that there is an error, where a recording moves no longer than that
 MOVING_PX = 0.1  # a step that codecs still take for rest, give or take their own error
 STRIDES = (1, 2, 4, 8)
@@ -159,19 +161,19 @@ def codec_variance(course: Course, chosen: NDArray[np.bool_], known: Array, kind
         return extra
     if not usable:
         usable, kinds = ["any"], np.full(len(kinds), "any")
-    squares, neighbors = course.squares[rows], kinds[course.around[rows]]
-    known = known[rows]
-    matrix, right = np.zeros((len(usable), len(usable))), np.zeros(len(usable))
-    for k, name in enumerate(usable):
-        mine = kinds[rows] == name
-        right[k] = robust_square(course.error[rows[mine]]) - known[mine].mean()
-        for m, other in enumerate(usable):
-            matrix[k, m] = (k == m) + float((squares * (neighbors == other))[mine].sum(axis=1).mean())
-    # What all kinds have in common is well known, what tells them apart is not: no kind gets less than a third of it.
-    share = np.array([(kinds[rows] == name).mean() for name in usable])
-    common = max(float(share @ right / (share @ matrix.sum(axis=1))), 0.0)
-    least = np.full(len(usable), common / 3)
-    solution = least + _non_negative(matrix, right - matrix @ least)
+    mine = kinds[rows] == np.array(usable)[:, None]
+    alike = kinds[course.around[rows]] == np.array(usable)[:, None, None]
+    shares = (course.squares[rows] * alike).sum(axis=2)  # of the neighbours' variances in that of an error
+    known, square = known[rows], np.zeros(len(rows))
+    for one in mine:
+        square[one] = _clipped_squares(course.error[rows[one]])
+    # A picture of large known variance (a smear, something in the way) tells little of what is added, and if its
+    # variance is stated too large it hides the rest: squares scatter by their variance, and weigh by that.
+    total = known + square.mean() + EXACT_PX2
+    for _ in range(ROUNDS):
+        weights = mine / total**2
+        solution = _shared_out(weights, shares + mine, square - known)
+        total = known + solution @ (shares + mine) + EXACT_PX2
     for name, value in zip(usable, solution, strict=True):
         extra[kinds == name] = value
     # Kinds too rare to tell (the few I pictures) get the mean of the others: never less than is known of them.
@@ -179,10 +181,29 @@ def codec_variance(course: Course, chosen: NDArray[np.bool_], known: Array, kind
     return extra
 
 
+def _shared_out(weights: Array, shares: Array, excess: Array) -> Array:
+    """Variance of each of k kinds of pictures from the squares of n errors beyond what is known; (k,).
+
+    weights: of the errors in what their own kind is told by, 0 for those of others (k, n). shares: of the kinds'
+    variances in each error's (k, n). excess: px² (n,).
+    """
+    weights = weights / weights.sum(axis=1, keepdims=True)
+    matrix, right = weights @ shares.T, weights @ excess
+    # What all kinds have in common is well known, what tells them apart is not: no kind gets less than a third of it.
+    share = np.count_nonzero(weights, axis=1) / weights.shape[1]
+    least = np.full(len(right), max(float(share @ right / (share @ matrix.sum(axis=1))), 0.0) / 3)
+    return np.asarray(least + _non_negative(matrix, right - matrix @ least))
+
+
 def robust_square(errors: Array) -> float:
     """Mean square per axis, with what lies beyond 4 robust sigmas (starts, bumps) brought back to there."""
+    return float(np.mean(_clipped_squares(errors)))
+
+
+def _clipped_squares(errors: Array) -> Array:
+    """Mean square of the axes of each error, as `robust_square` takes it; (n,)."""
     sigma = 1.4826 * np.median(np.abs(errors)) + 1e-12
-    return float(np.mean(np.minimum(errors**2, (4 * sigma) ** 2)))
+    return np.asarray(np.minimum(errors**2, (4 * sigma) ** 2).mean(axis=1))
 
 
 def _non_negative(matrix: Array, right: Array) -> Array:
