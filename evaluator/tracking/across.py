@@ -63,7 +63,7 @@ def smooth(plane, work, mean):
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def stands_out(planes, used, amplitude, noise, core, off_px):
+def stands_out(planes, used, amplitude, noise, core):
     """Whether anything across the mark is beyond doubt, and more than a small shift explains."""
     most = 0.0
     for j in range(used.shape[0]):
@@ -71,7 +71,7 @@ def stands_out(planes, used, amplitude, noise, core, off_px):
             mean = abs(planes[MEAN, j, i])
             if used[j, i] and mean > most:
                 steep = math.sqrt(planes[ALONG_X, j, i] ** 2 + planes[ALONG_Y, j, i] ** 2)
-                most = max(most, mean - off_px * steep)
+                most = max(most, mean - CORE_OFF_PX * steep)
     return most > core[1] * abs(amplitude) and most > core[0] * trimmed(planes[LEFT], used, 2.0 * math.sqrt(noise))
 
 

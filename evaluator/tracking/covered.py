@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from evaluator.tracking.across import ALONG_X, ALONG_Y, CORE_OFF_PX, LEFT, PROFILE, cover, model, scale_of, stands_out
+from evaluator.tracking.across import ALONG_X, ALONG_Y, LEFT, PROFILE, cover, model, scale_of, stands_out
 from evaluator.tracking.kernels import (
     BASE,
     COV_XY,
@@ -43,8 +43,6 @@ Array = NDArray[np.float64]
 
 # px by which the mark may be off while it is fitted; the last one is about what the edge of a real mark is untrue by.
 OFF_PX = np.array([0.4, 0.3, 0.2, 0.15, 0.1, 0.05, 0.05])
-# Share of its path that a smeared mark's may differ by from the one that is expected: its ends are off by half of that.
-UNLIKE = 0.1
 # Share of a mark's information on its centre that what covers it takes, from which the fit without is taken. By chance
 # and by the blocks of a codec it takes less.
 NOTABLE = 0.03
@@ -93,15 +91,14 @@ def _fit_window(luma, place, fitted, disc, table, noise, result, covered, core, 
     planes, used = np.zeros((6, *luma.shape)), np.zeros(luma.shape, np.bool_)
     normal, move, products, pulls = np.zeros((6, 6)), np.zeros(6), np.zeros((PARTS, 6, 6)), np.zeros((PARTS, 6))
     size, level_x, level_y = 4, fitted[X], fitted[Y]
-    off_px = UNLIKE * 0.5 * math.sqrt(disc[5] * disc[5] + disc[6] * disc[6])
     seeming = share = scale = weight = squares = count = 0.0
     for step in range(-1, len(OFF_PX)):
         model(luma, place, state, disc, table, planes, used)
         if step < 0:
-            if not stands_out(planes, used, state[2], noise[0], core, CORE_OFF_PX + off_px):
+            if not stands_out(planes, used, state[2], noise[0], core):
                 return 0.0, 0.0
             scale = scale_of(planes, used, noise[0])
-        share = cover(planes, used, scale, OFF_PX[step] + off_px, covered)
+        share = cover(planes, used, scale, OFF_PX[step], covered)
         if step < 0:
             seeming = share
             if seeming < least:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,9 +27,6 @@ LATELY = 4.0  # intervals since a mark was seen from which its place then tells 
 # Shares of an interval that are tried as the shutter's: within a step of the right one the residual is a parabola.
 SHUTTERS, SHUTTER_STEP = (0.1, 0.3, 0.5, 0.7, 0.9, 1.1), 0.2
 SMEARED_PX = 2.0  # motion in an interval from which the share matters
-SHUTTERS_KEPT = 15  # estimates of it that it is the median of: a picture in which a mark starts gives a wrong one
-TURN_RATE = 0.25  # of a new turn in the one that is expected: on curves it is steady
-STEADY = 2.0  # ratio of speeds, either way, beyond which a mark starts, stops or was pushed, and turns no further
 
 VIEW_EVERY = 10
 RELEARN_AT = (60, 240)  # pictures in which a mark was seen: a second and four seconds of most recordings
@@ -41,8 +37,7 @@ class Follower:
     """Where one mark was last and how it moves.
 
     look: what it looks like. exposure: share of the interval that the shutter is open, None to learn it. position,
-    velocity: px and px/s at time_s, None while never seen. missed: pictures since it was measured. turn_rad_s: how fast
-    a velocity turns that smears the mark, which it had at velocity_s.
+    velocity: px and px/s at time_s, None while never seen. missed: pictures since it was measured.
     """
 
     look: Appearance
@@ -51,8 +46,6 @@ class Follower:
     velocity: Point = (0.0, 0.0)
     time_s: float = 0.0
     missed: int = 0
-    velocity_s: float = 0.0
-    turn_rad_s: float = 0.0
 
     def __post_init__(self) -> None:
         """Make the arrays the kernels read and fill."""
@@ -60,7 +53,6 @@ class Follower:
         self.shutter = (0.5, 12**-0.5) if self.exposure is None else (self.exposure, 0.0)
         self._found, self._result = np.zeros(5), np.zeros(kernels.RESULTS)
         self._fitted, self._start = self._result.tolist(), np.zeros(4)
-        self._shutters: list[float] = []
         self.seen, self.views = 0, list[Patch]()
         self.light, self.rim = LightNotes(), Rim()
         self.glimpse: tuple[Point | None, float] = None, 0.0  # where and when it was seen last but not measured
@@ -101,14 +93,6 @@ class Follower:
         """How far the mark moves in an interval, along both axes together."""
         return (abs(self.velocity[0]) + abs(self.velocity[1])) * interval_s
 
-    def _turned(self, velocity: Point, lapse_s: float) -> Point:
-        """Velocity after a lapse, turned on as it turns now."""
-        if self.turn_rad_s == 0.0:
-            return velocity
-        (x, y), angle = velocity, self.turn_rad_s * lapse_s
-        cos, sin = math.cos(angle), math.sin(angle)
-        return cos * x - sin * y, sin * x + cos * y
-
     def look_again(
         self, frame: Frame, cell: Array, place: Point, interval_s: float, guide: Point, light: float
     ) -> Sighting:
@@ -118,7 +102,6 @@ class Follower:
         last seen.
         """
         color, velocity, usual = self.color[4], self.velocity, self._usual.copy()
-        turn_rad_s, self.turn_rad_s = self.turn_rad_s, 0.0
         self.color[4] = min(light, 1.0) * color
         if not 1.0 / glance.BRIGHTER < light < glance.BRIGHTER:
             # Lights were switched: the mark has changed as all has.
@@ -134,7 +117,7 @@ class Follower:
             one = self.look_at(frame, cell, place, 3.0, interval_s)
             if one.status == OK:
                 break
-        self.color[4], self.velocity, self.turn_rad_s = color, velocity, turn_rad_s
+        self.color[4], self.velocity = color, velocity
         if one.status != OK:
             self._usual[:] = usual
         return one
@@ -144,11 +127,10 @@ class Follower:
 
         cell: of the chroma samples, as `color_kernels.color_window` takes it.
         """
-        result, (x_px_s, y_px_s) = self._result, self._turned(self.velocity, frame.time_s - self.velocity_s)
-        exposure_s = self.shutter[0] * interval_s
+        velocity, exposure_s, result = self.velocity, self.shutter[0] * interval_s, self._result
         verdict = glance.glance(
             frame.luma, frame.u, frame.v, frame.row_origin, frame.row_step, cell, *place, reach_px,
-            exposure_s * x_px_s, exposure_s * y_px_s, self.color, self._usual, self._disc, self._table,
+            velocity[0] * exposure_s, velocity[1] * exposure_s, self.color, self._usual, self._disc, self._table,
             self._noise, self._start, self._found, result,
         )  # fmt: skip
         if verdict == glance.TOO_LITTLE:
@@ -181,17 +163,16 @@ class Follower:
 
     def _learn_exposure(self, frame: Frame, start: Array, interval_s: float) -> float:
         """See from a mark that moves fast which share of the interval the shutter is open; returns the residual."""
-        velocity, lapse = self._turned(self.velocity, frame.time_s - self.velocity_s), frame.time_s - self.time_s
+        velocity, lapse = self.velocity, frame.time_s - self.time_s
         if self.position is not None and self.missed == 0 and lapse > 0 and np.isfinite(self._result[0]):
             velocity = self._result[0] - self.position[0], self._result[1] - self.position[1]
-            velocity = self._turned((velocity[0] / lapse, velocity[1] / lapse), 0.5 * lapse)
+            velocity = velocity[0] / lapse, velocity[1] / lapse
         if (abs(velocity[0]) + abs(velocity[1])) * interval_s < SMEARED_PX:
             return float(self._result[kernels.RESIDUAL])
         tried: list[tuple[float, float]] = []
         for share in (*SHUTTERS, None):
             if share is None:
-                self._shutters = [*self._shutters[1 - SHUTTERS_KEPT :], _least(tried)]
-                self.shutter = float(np.median(self._shutters)), SHUTTER_STEP * 12**-0.5
+                self.shutter = _least(tried), SHUTTER_STEP * 12**-0.5
             best = self.shutter[0] if share is None else share
             glance.smear(self._disc, velocity[0] * best * interval_s, velocity[1] * best * interval_s)
             self._closer.fit(frame, start)
@@ -277,27 +258,11 @@ class Follower:
             return
         lapse = time_s - self.time_s
         if self.position is not None and self.missed == 0 and lapse > 0:
-            x, y = sighting.x - self.position[0], sighting.y - self.position[1]
-            before, self.velocity = self.velocity, (x / lapse, y / lapse)
-            if abs(x) + abs(y) > SMEARED_PX:
-                self._note_turn(before, time_s - 0.5 * lapse)
-            else:
-                self.turn_rad_s = 0.0
+            self.velocity = (sighting.x - self.position[0]) / lapse, (sighting.y - self.position[1]) / lapse
         elif self.missed > 3:
             self.velocity = (0.0, 0.0)
         self.position, self.time_s, self.missed = (sighting.x, sighting.y), time_s, 0
         glance.settle(self._usual, self._noise, self.color, self._found, self._result)
-
-    def _note_turn(self, before: Point, velocity_s: float) -> None:
-        """Note how fast the velocity turns; before: the one before it."""
-        (x, y), (old_x, old_y) = self.velocity, before
-        ratio2, lapse = (x * x + y * y) / max(old_x * old_x + old_y * old_y, 1e-9), velocity_s - self.velocity_s
-        if 1.0 / STEADY**2 < ratio2 < STEADY**2 and lapse > 0.0:
-            turn_rad_s = math.atan2(old_x * y - old_y * x, old_x * x + old_y * y) / lapse
-            self.turn_rad_s += (turn_rad_s - self.turn_rad_s) * (TURN_RATE if self.turn_rad_s else 1.0)
-        else:
-            self.turn_rad_s = 0.0
-        self.velocity_s = velocity_s
 
 
 def _least(tried: list[tuple[float, float]]) -> float:
