@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,7 @@ LATELY = 4.0  # intervals since a mark was seen from which its place then tells 
 # Shares of an interval that are tried as the shutter's: within a step of the right one the residual is a parabola.
 SHUTTERS, SHUTTER_STEP = (0.1, 0.3, 0.5, 0.7, 0.9, 1.1), 0.2
 SMEARED_PX = 2.0  # motion in an interval from which the share matters
+STEADY = 2.0  # ratio of speeds, either way, beyond which a mark starts, stops or was pushed: that is no turn
 
 VIEW_EVERY = 10
 RELEARN_AT = (60, 240)  # pictures in which a mark was seen: a second and four seconds of most recordings
@@ -37,7 +39,8 @@ class Follower:
     """Where one mark was last and how it moves.
 
     look: what it looks like. exposure: share of the interval that the shutter is open, None to learn it. position,
-    velocity: px and px/s at time_s, None while never seen. missed: pictures since it was measured.
+    velocity: px and px/s at time_s (the mean since the picture before), None while never seen. missed: pictures since
+    it was measured. turn_rad_s: how fast a velocity turns that smears the mark.
     """
 
     look: Appearance
@@ -46,6 +49,7 @@ class Follower:
     velocity: Point = (0.0, 0.0)
     time_s: float = 0.0
     missed: int = 0
+    turn_rad_s: float = 0.0
 
     def __post_init__(self) -> None:
         """Make the arrays the kernels read and fill."""
@@ -93,6 +97,13 @@ class Follower:
         """How far the mark moves in an interval, along both axes together."""
         return (abs(self.velocity[0]) + abs(self.velocity[1])) * interval_s
 
+    def _turned(self, velocity: Point, lapse_s: float) -> Point:
+        """Velocity after a lapse, turned on as it turned last: on a curve no smear along the last step fits."""
+        if self.turn_rad_s == 0.0:
+            return velocity
+        (x, y), cos, sin = velocity, math.cos(self.turn_rad_s * lapse_s), math.sin(self.turn_rad_s * lapse_s)
+        return cos * x - sin * y, sin * x + cos * y
+
     def look_again(
         self, frame: Frame, cell: Array, place: Point, interval_s: float, guide: Point, light: float
     ) -> Sighting:
@@ -102,6 +113,7 @@ class Follower:
         last seen.
         """
         color, velocity, usual = self.color[4], self.velocity, self._usual.copy()
+        turn_rad_s, self.turn_rad_s = self.turn_rad_s, 0.0
         self.color[4] = min(light, 1.0) * color
         if not 1.0 / glance.BRIGHTER < light < glance.BRIGHTER:
             # Lights were switched: the mark has changed as all has.
@@ -117,7 +129,7 @@ class Follower:
             one = self.look_at(frame, cell, place, 3.0, interval_s)
             if one.status == OK:
                 break
-        self.color[4], self.velocity = color, velocity
+        self.color[4], self.velocity, self.turn_rad_s = color, velocity, turn_rad_s
         if one.status != OK:
             self._usual[:] = usual
         return one
@@ -127,10 +139,14 @@ class Follower:
 
         cell: of the chroma samples, as `color_kernels.color_window` takes it.
         """
-        velocity, exposure_s, result = self.velocity, self.shutter[0] * interval_s, self._result
+        result, (x_px_s, y_px_s) = (
+            self._result,
+            self._turned(self.velocity, frame.time_s - self.time_s + 0.5 * interval_s),
+        )
+        exposure_s = self.shutter[0] * interval_s
         verdict = glance.glance(
             frame.luma, frame.u, frame.v, frame.row_origin, frame.row_step, cell, *place, reach_px,
-            velocity[0] * exposure_s, velocity[1] * exposure_s, self.color, self._usual, self._disc, self._table,
+            exposure_s * x_px_s, exposure_s * y_px_s, self.color, self._usual, self._disc, self._table,
             self._noise, self._start, self._found, result,
         )  # fmt: skip
         if verdict == glance.TOO_LITTLE:
@@ -163,21 +179,21 @@ class Follower:
 
     def _learn_exposure(self, frame: Frame, start: Array, interval_s: float) -> float:
         """See from a mark that moves fast which share of the interval the shutter is open; returns the residual."""
-        velocity, lapse = self.velocity, frame.time_s - self.time_s
+        lapse = frame.time_s - self.time_s
+        velocity = self._turned(self.velocity, lapse + 0.5 * interval_s)
         if self.position is not None and self.missed == 0 and lapse > 0 and np.isfinite(self._result[0]):
             velocity = self._result[0] - self.position[0], self._result[1] - self.position[1]
-            velocity = velocity[0] / lapse, velocity[1] / lapse
+            velocity = self._turned((velocity[0] / lapse, velocity[1] / lapse), 0.5 * lapse)
         if (abs(velocity[0]) + abs(velocity[1])) * interval_s < SMEARED_PX:
             return float(self._result[kernels.RESIDUAL])
-        tried: list[tuple[float, float]] = []
-        for share in (*SHUTTERS, None):
-            if share is None:
-                self.shutter = _least(tried), SHUTTER_STEP * 12**-0.5
-            best = self.shutter[0] if share is None else share
-            glance.smear(self._disc, velocity[0] * best * interval_s, velocity[1] * best * interval_s)
+
+        def left(share: float) -> float:
+            glance.smear(self._disc, velocity[0] * share * interval_s, velocity[1] * share * interval_s)
             self._closer.fit(frame, start)
-            tried.append((float(self._result[kernels.RESIDUAL]), best))
-        return tried[-1][0]
+            return float(self._result[kernels.RESIDUAL])
+
+        self.shutter = _least([(left(share), share) for share in SHUTTERS]), SHUTTER_STEP * 12**-0.5
+        return left(self.shutter[0])
 
     def _judged(self, frame: Frame, cell: Array, place: Point, reach_px: float) -> Sighting:
         """Say why what was fitted is not the mark, or give it."""
@@ -258,19 +274,27 @@ class Follower:
             return
         lapse = time_s - self.time_s
         if self.position is not None and self.missed == 0 and lapse > 0:
+            before = self.velocity
             self.velocity = (sighting.x - self.position[0]) / lapse, (sighting.y - self.position[1]) / lapse
+            self.turn_rad_s = self._turn(before, lapse)
         elif self.missed > 3:
             self.velocity = (0.0, 0.0)
         self.position, self.time_s, self.missed = (sighting.x, sighting.y), time_s, 0
         glance.settle(self._usual, self._noise, self.color, self._found, self._result)
 
+    def _turn(self, before: Point, lapse_s: float) -> float:
+        """How fast the velocity has turned since the one before, rad/s; 0 where the mark is slow, starts or stops."""
+        if self.step_px(lapse_s) < SMEARED_PX:
+            return 0.0
+        (x, y), (old_x, old_y) = self.velocity, before
+        steady = 1.0 / STEADY < math.hypot(x, y) / max(math.hypot(old_x, old_y), 1e-9) < STEADY
+        return math.atan2(old_x * y - old_y * x, old_x * x + old_y * y) / lapse_s if steady else 0.0
+
 
 def _least(tried: list[tuple[float, float]]) -> float:
     """Share of least residual, of pairs of residual and share: by the parabola through the least and its neighbours."""
-    squares = [square for square, _ in tried]
+    squares = np.nan_to_num([square for square, _ in tried], nan=np.inf)
     k = int(np.argmin(squares))
-    if not 0 < k < len(tried) - 1:
-        return min(tried[k][1], 1.0)
-    below, least, above = squares[k - 1 : k + 2]
-    bend = below - 2.0 * least + above
-    return min(tried[k][1] + (0.5 * SHUTTER_STEP * (below - above) / bend if bend > 0.0 else 0.0), 1.0)
+    below, least, above = squares[k - 1 : k + 2] if 0 < k < len(tried) - 1 else (np.inf,) * 3
+    off = 0.5 * (below - above) / max(below - 2.0 * least + above, 1e-9) if max(below, above) < np.inf else 0.0
+    return float(min(tried[k][1] + SHUTTER_STEP * off, 1.0))
