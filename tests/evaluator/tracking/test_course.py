@@ -29,6 +29,15 @@ def test_errors_of_the_codec_are_found_across_gaps_and_on_any_clock(gaps: float,
     assert np.sqrt(found + OWN**2) == pytest.approx(0.05, rel=0.12)
 
 
+def test_pictures_whose_variance_is_stated_too_large_do_not_hide_the_error_of_the_codec() -> None:
+    rng = np.random.default_rng(5)
+    centers = course() + rng.normal(0, 0.03, (FRAMES, 2))
+    widened = np.arange(FRAMES) < 0.45 * FRAMES
+    variances = np.where(widened, 2.9, 1.0) * 0.02**2
+    found = hidden_variance(np.arange(FRAMES) / 60, centers, variances, np.full(FRAMES, "P"))
+    assert np.sqrt(np.median((found + variances)[~widened])) == pytest.approx(0.03, rel=0.1)
+
+
 def test_a_picture_far_off_its_course_is_less_certain_than_the_others() -> None:
     rng = np.random.default_rng(5)
     centers = course() + rng.normal(0, 0.02, (FRAMES, 2))
