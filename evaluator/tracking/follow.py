@@ -139,11 +139,8 @@ class Follower:
 
         cell: of the chroma samples, as `color_kernels.color_window` takes it.
         """
-        result, (x_px_s, y_px_s) = (
-            self._result,
-            self._turned(self.velocity, frame.time_s - self.time_s + 0.5 * interval_s),
-        )
-        exposure_s = self.shutter[0] * interval_s
+        x_px_s, y_px_s = self._turned(self.velocity, frame.time_s - self.time_s + 0.5 * interval_s)
+        result, exposure_s = self._result, self.shutter[0] * interval_s
         verdict = glance.glance(
             frame.luma, frame.u, frame.v, frame.row_origin, frame.row_step, cell, *place, reach_px,
             exposure_s * x_px_s, exposure_s * y_px_s, self.color, self._usual, self._disc, self._table,
@@ -295,6 +292,8 @@ def _least(tried: list[tuple[float, float]]) -> float:
     """Share of least residual, of pairs of residual and share: by the parabola through the least and its neighbours."""
     squares = np.nan_to_num([square for square, _ in tried], nan=np.inf)
     k = int(np.argmin(squares))
-    below, least, above = squares[k - 1 : k + 2] if 0 < k < len(tried) - 1 else (np.inf,) * 3
-    off = 0.5 * (below - above) / max(below - 2.0 * least + above, 1e-9) if max(below, above) < np.inf else 0.0
-    return float(min(tried[k][1] + SHUTTER_STEP * off, 1.0))
+    best = tried[k][1]
+    if 0 < k < len(tried) - 1 and np.isfinite(squares[k - 1 : k + 2]).all():
+        below, least, above = squares[k - 1 : k + 2]
+        best += SHUTTER_STEP * 0.5 * (below - above) / max(below - 2.0 * least + above, 1e-9)
+    return min(float(best), 1.0)
