@@ -85,7 +85,7 @@ def diagnose(session: Session, progress: Progress, ends: Ends | None = None) -> 
     free = {effect: term for effect, term in terms.items() if is_free(effect)}
     _challenge(everything, free, progress)
     table, best_named = _best_named(everything, len(free))
-    chosen, verdict, reason = decide(everything, table, best_named)
+    chosen, verdict, reason = decide(everything, table, len(free), best_named)
     left = adequacy(everything.fits[chosen], session.data)
     constant = constancy(everything.fits[best_named], session.data, session.tolerance)
     if verdict != "unknown" and (reserve := doubts(left, constant)):

@@ -33,27 +33,37 @@ FORETOLD, FORETOLD_SIGMA = 4.0, 2.0
 NOT_CHANCE = 1e-3
 
 
+def pays(search: Search, table: Standing, families: int, ids: Set) -> bool:
+    """Whether each effect of a set pays for itself, so that the set may be an answer."""
+    least = KEEP[min(len(ids), LARGEST_SET - 1) if any(map(is_free, ids)) else len(ids)]
+    return all(table.of(ids) - score(search, ids - {effect}, families) > least for effect in ids)
+
+
 def kept(search: Search, table: Standing, families: int) -> Set:
     """The best set of named effects of which each pays for itself."""
-    for ids in table.sets:
-        if any(is_free(effect) for effect in ids):
-            continue
-        if all(table.of(ids) - score(search, ids - {effect}, families) > KEEP[len(ids)] for effect in ids):
-            return ids
-    return frozenset()
+    named = (ids for ids in table.sets if not any(map(is_free, ids)))
+    return next(ids for ids in named if pays(search, table, families, ids))
 
 
-def decide(search: Search, table: Standing, named: Set) -> tuple[Set, Verdict, str]:
-    """Verdict between the best named set and everything free-form."""
-    free = [ids for ids in table.sets if any(is_free(effect) for effect in ids)]
-    # sets of three that did not earn to be named do not speak against what they may imitate
-    likely = [ids for ids in table.sets if ids in free or len(ids) <= max(len(named), LARGEST_SET - 1)]
-    if free and table.of(free[0]) - table.of(frozenset()) > KEEP[1] and table.share_of(free, likely) > DOUBT:
-        return free[0], "unknown", "a free-form term explains the runs as well as the named effects, or better"
+def decide(search: Search, table: Standing, families: int, named: Set) -> tuple[Set, Verdict, str]:
+    """Verdict between the best named set and everything free-form.
+
+    Several effects of which one does not pay speak for nothing: three that were refused for imitating what has no name
+    do not support two of them, and a term without a name that gains little beside named ones casts no doubt on these.
+    """
+    free = [ids for ids in table.sets if any(map(is_free, ids))]
+    answers = [ids for ids in table.sets if len(ids) == 1 or pays(search, table, families, ids)]
+    likely = [ids for ids in answers if ids in free]
+    doubted = bool(likely) and table.share_of(likely, answers) > DOUBT
+    if doubted and pays(search, table, families, likely[0]):
+        return likely[0], "unknown", "a free-form term explains the runs as well as the named effects, or better"
     # also better than named effects that do not pay for themselves: chance that looks like one looks like both
     likeliest = next(ids for ids in table.sets if ids not in free)
-    for ids in [ids for ids in free if table.of(ids) > table.of(frozenset())]:
-        if all(_foretells(search, ids, other) for other in {named, likeliest}):
+    for ids in free:
+        without = frozenset(effect for effect in ids if not is_free(effect))
+        if table.of(ids) > score(search, without, families) and all(
+            _foretells(search, ids, other) for other in {named, likeliest}
+        ):
             return ids, "unknown", "a free-form term foretells commands left out better than any named effect"
     if named:
         return named, "effect", "each effect pays for itself, and nothing is left that a free-form term could explain"
