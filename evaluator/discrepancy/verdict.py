@@ -18,9 +18,9 @@ Verdict = Literal["none", "effect", "unknown", "insufficient"]
 # effects together can imitate physics that has no name, so sets of three must earn more.
 KEEP = (4.5, 4.5, 3.5, 12.0)
 # Named effects are the answer where the free-form terms together have at most this probability beside them. In
-# development experiments they had 0.01 % at most where the named effects were true (34 of 34; earlier 15 and 17 % in two
-# made by another program), and 79 % or more where these imitated something else (20 of 22; two, of which no named model
-# was told apart, had 14 and 15 %).
+# development experiments they had 0.01 % at most where the named effects were true (34 of 34; in two made by another
+# program, 15 and 17 %), and 79 % or more where these imitated something else (17 of 19; in two, where the data do not
+# tell it from the named ones, 14 and 15 %).
 DOUBT = 0.2
 # Left-overs above noise: mean square and its standard errors. The noise of slow modes is carried over from fast ones,
 # which is good to some ten per cent; beyond, motion is left.
