@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -20,6 +20,7 @@ from evaluator.discrepancy.horizon import is_large, short_horizon_fits
 from evaluator.discrepancy.next_runs import NextRuns, best_next_runs
 from evaluator.discrepancy.own import place_runs, place_starts
 from evaluator.discrepancy.problem import Point, Problem, build_problem, with_noise_of
+from evaluator.discrepancy.ridge import Ridge, ridge_of
 from evaluator.discrepancy.rivals import Set, Standing, is_free, predictive_score, separations, standing
 from evaluator.discrepancy.search import HOPELESS, LARGEST_SET, Search, fit_set, run_search, screen
 from evaluator.discrepancy.simulated import Simulated
@@ -56,6 +57,7 @@ class Diagnosis:
     standing: Standing | None = None
     chosen: Set = frozenset()
     named: Set = frozenset()  # the best set of named effects
+    ridges: Mapping[str, Ridge] = field(default_factory=dict)  # of chosen effects, where the linear view is not enough
     separation: Mapping[str, Mapping[str, float]] | None = None
     leftover: Adequacy | None = None
     gap: Gap | None = None
@@ -104,6 +106,7 @@ def diagnose(session: Session, progress: Progress, ends: Ends | None = None) -> 
         standing=table,
         chosen=chosen,
         named=best_named,
+        ridges=_ridges(everything, chosen) if verdict == "effect" else {},
         separation=apart,
         leftover=left,
         terms=terms,
@@ -111,6 +114,13 @@ def diagnose(session: Session, progress: Progress, ends: Ends | None = None) -> 
         constancy=tuple(constant),
     )
     return _looked_at_again(found, start)
+
+
+def _ridges(search: Search, ids: Set) -> dict[str, Ridge]:
+    """Ridges of the effects of a fitted set, where they are bent."""
+    smooth = [effect for effect in sorted(ids) if not search.terms[effect].leaps]
+    found = {effect: ridge_of(search, search.fits[ids], search.terms[effect]) for effect in smooth}
+    return {effect: ridge for effect, ridge in found.items() if ridge is not None}
 
 
 def _best_named(search: Search, families: int) -> tuple[Standing, Set]:

@@ -85,20 +85,23 @@ def fit_model(
     runs: Sequence[int] | None = None,
     fixed: Values | None = None,
     most_scatter: tuple[float, ...] | None = None,
+    held: Column | None = None,
 ) -> Fit:
     """Fit terms with nuisances free, from start (whose values of these terms are kept where given).
 
     fixed: terms that take part at values that stay, as those without a derivative do. most_scatter: of friction and
-    gains on the way, where a misfit must not be taken for scatter; the posterior knows no such limit. A fit that was
-    made before is only looked at again where it ended. FloatingPointError where a run cannot be simulated.
+    gains on the way, where a misfit must not be taken for scatter; the posterior knows no such limit. held: a
+    coordinate of a term that stays as it is at the start. A fit that was made before is only looked at again where it
+    ended. FloatingPointError where a run cannot be simulated.
     """
     chosen = tuple(range(len(problem.data))) if runs is None else tuple(runs)
-    columns = model_columns(terms, tolerance)
+    columns = tuple(column for column in model_columns(terms, tolerance) if column != held)
     values = {term.id: start.terms.get(term.id, term.neutral) for term in terms}
     begin = replace(start, terms={**(fixed or {}), **values})
     question = question_of(
         *(begin.own, begin.nominal, begin.terms, sorted(values), chosen, dict(tolerance), most_scatter),
         *(problem.horizon_s, [[astuple(noise) for noise in parts] for parts in problem.noise], problem.fingerprint),
+        held and (held.key, held.coordinate),
     )
     if question not in problem.ends:
         try:

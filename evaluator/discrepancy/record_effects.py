@@ -114,18 +114,20 @@ def parameters(diagnosis: Diagnosis, term: Term) -> Json:
 
 def _drawn(diagnosis: Diagnosis, terms: Sequence[Term]) -> dict[str, Floats]:
     """Draws of all physical parameters of some terms of the chosen set together, by name, (DRAWS,) each."""
-    fit, keys = diagnosis.fit, [column.key for column in diagnosis.fit.columns]
-    own = [i for term in terms for i, key in enumerate(keys) if key == term.id]
-    values = [value for term in terms for value in fit.point.terms[term.id]]
+    fit = diagnosis.fit
+    mean, covariance = np.array([fit.point.value(column) for column in fit.columns]), fit.posterior.covariance
     # the scatter is estimated from few runs: the spread over its grid is in the covariance, Student's tail is not
     # nor is a covariance that rounding has made a little uneven (effects that all but stand for each other) an error
     draws = np.random.default_rng(DRAW_SEED).multivariate_normal(
-        values, fit.posterior.covariance[np.ix_(own, own)], DRAWS, check_valid="ignore", method="svd"
+        mean, covariance, DRAWS, check_valid="ignore", method="svd"
     )
+    for term in terms:
+        if term.id in diagnosis.ridges:
+            draws = diagnosis.ridges[term.id].bend(draws, mean, covariance)
     found: dict[str, Floats] = {}
     for term in terms:
-        part, draws = draws[:, : len(term.coordinates)], draws[:, len(term.coordinates) :]
-        physical = [term.physical(term.clipped(tuple(row))) for row in part]
+        own = [i for i, column in enumerate(fit.columns) if column.key == term.id]
+        physical = [term.physical(term.clipped(tuple(row))) for row in draws[:, own] + np.array(term.neutral)]
         found |= {name: np.array([item[name] for item in physical]) for name in physical[0]}
     return found
 

@@ -79,6 +79,15 @@ def _spring(values: tuple[float, ...]) -> Parameters:
     return {"stiffness_mN_mm": softest, "anchor_x_mm": pull_x / softest, "anchor_y_mm": pull_y / softest}
 
 
+def _lag(values: tuple[float, ...]) -> Parameters:
+    """Wheels follow late by the sum of dead time and time constant; which of them it is shows in the constant's square.
+
+    (In the two themselves every fit without a time constant is a stationary point.)
+    """
+    delay, share = values
+    return {"dead_time_s": delay * (1 - share**0.5), "time_constant_s": delay * share**0.5}
+
+
 def _magnets(values: tuple[float, ...]) -> Parameters:
     """A slip law that scales with the load tells the balance of the axles; of the level, weight and inertia over it."""
     weakness, balance = values
@@ -102,11 +111,7 @@ def named_terms(reach_mm: float, command_levels_rpm: tuple[float, ...]) -> dict[
         _plain("drive-speed-mismatch", Coordinate("left_over_right", 1.0, 0.005, 0.5, 2.0)),
         _plain("drive-speed-scale", Coordinate("factor", 1.0, 0.005, 0.5, 2.0)),
         _plain("motor-droop", Coordinate("rpm_per_uN_mm", 0.0, 2e-4, 0.0, 0.1)),
-        _plain(
-            "command-lag",
-            Coordinate("dead_time_s", 0.0, 0.01, 0.0, 2.0),
-            Coordinate("time_constant_s", 0.0, 0.02, 0.0, 2.0),
-        ),
+        Term("command-lag", (Coordinate("delay", 0.0, 0.01, 0.0, 2.0), Coordinate("share", 0.0, 0.1, 0.0, 1.0)), _lag),
         _polar("speed-ripple", "amplitude", "phase_deg", 0.01, 0.5),
         Term(
             "dead-band",

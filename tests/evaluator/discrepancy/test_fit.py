@@ -66,3 +66,14 @@ def test_fit_that_wants_friction_no_run_can_have_is_not_tried_without_limit_agai
     assert found is not None
     assert found.converged
     assert limits == [None, USUAL_SCATTER]
+
+
+@pytest.mark.parametrize("seed", [103, 3])
+def test_wheels_that_follow_late_by_two_causes_are_not_taken_for_one(seed: int, tmp_path: Path) -> None:
+    """A dead time alone is nearly as good, and in dead time and time constant no step leads away from it."""
+    lag = {"dead_time_s": 0.02, "time_constant_s": 0.05}
+    experiment = load_experiment(write_hidden(tmp_path, {"command-lag": lag}, seed=seed))
+    session = session_of(experiment, {run.id: run.marks for run in experiment.run if run.marks is not None})
+    fit = fitted(session, "command-lag")
+    physical = named_terms(20.0, (30.0,))["command-lag"].physical(fit.point.terms["command-lag"])
+    assert physical == pytest.approx(lag, abs=0.004)  # four standard uncertainties
