@@ -125,7 +125,8 @@ def expected(robot: Robot, terms: Mapping[str, Term], runs: Sequence[Candidate])
             seen = size * _left_over(total, i, nominal)
             name, value = _stated(columns[i], size)
             shown.append(Expected(effect, name, value, seen, nearest[1], nearest[0]))
-        found.append(min(shown, key=lambda item: item.sigmas))
+        alone = [item for item in shown if item.sigmas > 0] or shown  # some only say of which kind another one is
+        found.append(min(alone, key=lambda item: item.sigmas))
     return found
 
 

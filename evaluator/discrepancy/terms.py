@@ -111,7 +111,9 @@ def named_terms(reach_mm: float, command_levels_rpm: tuple[float, ...]) -> dict[
         _plain("drive-speed-mismatch", Coordinate("left_over_right", 1.0, 0.005, 0.5, 2.0)),
         _plain("drive-speed-scale", Coordinate("factor", 1.0, 0.005, 0.5, 2.0)),
         _plain("motor-droop", Coordinate("rpm_per_uN_mm", 0.0, 2e-4, 0.0, 0.1)),
-        Term("command-lag", (Coordinate("delay", 0.0, 0.01, 0.0, 2.0), Coordinate("share", 0.0, 0.1, 0.0, 1.0)), _lag),
+        Term(
+            "command-lag", (Coordinate("delay_s", 0.0, 0.01, 0.0, 2.0), Coordinate("share", 0.0, 0.1, 0.0, 1.0)), _lag
+        ),
         _polar("speed-ripple", "amplitude", "phase_deg", 0.01, 0.5),
         Term(
             "dead-band",

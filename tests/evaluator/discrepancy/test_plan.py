@@ -75,4 +75,6 @@ def test_the_command_prints_runs_and_what_they_would_show() -> None:
     assert done.exit_code == 0
     content = json.loads(done.output)
     assert len(content["runs"]) == 6
-    assert {"plate-tilt", "time-base"} <= {item["effect"] for item in content["effects"]}
+    shown = {item["effect"]: item["sigmas"] for item in content["effects"]}
+    assert {"plate-tilt", "time-base"} <= shown.keys()
+    assert min(shown.values()) > 0.1  # every effect at some size, none by what only says of which kind it is
