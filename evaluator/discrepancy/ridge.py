@@ -62,7 +62,7 @@ def ridge_of(search: Search, fit: Fit, term: Term) -> Ridge | None:
     """The ridge of the coordinate of a term that the linear view describes worst; None where it describes all."""
     worst, found = np.log1p(BENT), None
     for column, item in enumerate(fit.columns):
-        if item.key != term.id:
+        if item.key != term.id or not fit.posterior.covariance[column, column] > 0.0:
             continue
         visits = [_Walk(search, fit, column, side) for side in (-1.0, 1.0)]
         bent = max(abs(np.log(walk.factor)) for walk in visits)
