@@ -24,8 +24,8 @@ AHEAD = 2  # packets a decoder is handed before its first is asked for
 # Pictures ahead where there is one decoder, whose threads share its packets. With none ahead, they stand still while a
 # picture is looked at: 210 µs of decoding on two cores and 100 µs of tracking then make 290 instead of 250. More than
 # the processor's caches hold beside the pictures that the codec itself keeps make all slower: of 1920 × 1080, 6 instead
-# of 2 by 100 to 170 µs a picture.
-MOST_AHEAD, AHEAD_BYTES = 6, 6_000_000
+# of 2 by 100 to 170 µs a picture, where 4 gain 25 µs (twice measured, in 9 and in 16 turns).
+MOST_AHEAD, AHEAD_BYTES = 6, 12_500_000
 # Small pictures of H.264 are handed from one of FFmpeg's threads to the next for more (70 µs at 640 × 480) than threads
 # gain where the tracker takes one of two cores: one decodes then. At 1920 × 1080 they gain more than that.
 FEW_CORES, SMALL_PX = 2, 640 * 480
