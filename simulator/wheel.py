@@ -36,7 +36,7 @@ def reset_contacts(contacts: Any) -> None:
 
 @compiled(inline="always", fastmath=VECTORS)
 def law_slopes(u: float, v: float, surface: float, wheel: int, scaled: Any, rest: float, model: Any) -> Any:
-    """The same friction, then its derivatives; see simulator.slip.law.wheel_slopes."""
+    """Friction along and across one wheel, then its derivatives; see simulator.slip.law.wheel_slopes."""
     return wheel_slopes(
         u,
         v,

@@ -61,10 +61,13 @@ class Ridge:
 def ridge_of(search: Search, fit: Fit, term: Term) -> Ridge | None:
     """The ridge of the coordinate of a term that the linear view describes worst; None where it describes all."""
     worst, found = np.log1p(BENT), None
+    # The scatter of the runs is uncertain, which widens the interval beyond that at the best scatter.
+    model = MixedModel(fit.reduced, prior_precision(fit.columns, search.tolerance))
+    at_best = model.posterior(range(len(fit.columns)), np.array([fit.posterior.best])).covariance
     for column, item in enumerate(fit.columns):
         if item.key != term.id or not fit.posterior.covariance[column, column] > 0.0:
             continue
-        visits = [_Walk(search, fit, column, side) for side in (-1.0, 1.0)]
+        visits = [_Walk(search, fit, column, side, at_best[column, column]) for side in (-1.0, 1.0)]
         bent = max(abs(np.log(walk.factor)) for walk in visits)
         if bent > worst:
             worst, found = bent, visits
@@ -81,16 +84,14 @@ def ridge_of(search: Search, fit: Fit, term: Term) -> Ridge | None:
 class _Walk:
     """Visits of one end of the interval of a column; factor: how much farther it is than the linear view says."""
 
-    def __init__(self, search: Search, fit: Fit, column: int, side: float) -> None:
+    def __init__(self, search: Search, fit: Fit, column: int, side: float, at_best: float) -> None:
+        """at_best: variance of the coordinate at the best scatter, from which the drop to look for follows."""
         self._search, self._fit, self.column = search, fit, column
         self.mean = np.array([fit.point.value(item) for item in fit.columns])
         covariance = fit.posterior.covariance
         self._along = covariance[column] / covariance[column, column]
         self.start, self._way = float(self.mean[column]), side * SIGMAS * float(np.sqrt(covariance[column, column]))
-        # The scatter of the runs is uncertain, which widens the interval beyond that at the best scatter.
-        model = MixedModel(fit.reduced, prior_precision(fit.columns, search.tolerance))
-        at_best = model.posterior(range(len(fit.columns)), np.array([fit.posterior.best])).covariance
-        self._drop = self._way**2 / float(at_best[column, column])
+        self._drop = self._way**2 / at_best
         self.visited: list[tuple[float, Floats]] = []
         self.factor = 1.0
         self._visit()

@@ -59,8 +59,9 @@ class Standing:
 
     def share_of(self, sets: Iterable[Set], among: Iterable[Set]) -> float:
         """Probability of any of these sets if one of those among which they are is right."""
-        weight = dict(zip(self.sets, np.exp(self.scores - self.scores.max()), strict=True))
-        return float(sum(weight[ids] for ids in sets) / sum(weight[ids] for ids in among))
+        scores = {ids: self.of(ids) for ids in among}
+        weight = {ids: np.exp(score - max(scores.values())) for ids, score in scores.items()}
+        return float(sum(weight[ids] for ids in sets) / sum(weight.values()))
 
     def containing(self, effect: str) -> float:
         """Probability that an effect takes part."""

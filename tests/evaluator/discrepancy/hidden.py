@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from evaluator.discrepancy.experiment import Session, session_of
+from evaluator.settings import load_experiment
 from simulator.command import Command
 from simulator.integrate import simulate
 from simulator.observation import marks_of_run
@@ -60,3 +62,9 @@ def write_hidden(
     path = folder / "experiment.toml"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
+
+
+def hidden_session(folder: Path, effects: Mapping[str, Mapping[str, float]], seed: int = 3) -> Session:
+    """The runs of `write_hidden` as a diagnosis reads them."""
+    experiment = load_experiment(write_hidden(folder, effects, seed=seed))
+    return session_of(experiment, {run.id: run.marks for run in experiment.run if run.marks is not None})

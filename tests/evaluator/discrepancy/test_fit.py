@@ -7,14 +7,13 @@ from typing import Any
 
 import pytest
 
-from evaluator.discrepancy.experiment import Session, session_of
+from evaluator.discrepancy.experiment import Session
 from evaluator.discrepancy.fit import Fit, fit_model
 from evaluator.discrepancy.problem import build_problem
 from evaluator.discrepancy.search import USUAL_SCATTER, Search, fit_set
 from evaluator.discrepancy.simulated import Simulated
 from evaluator.discrepancy.terms import named_terms
-from evaluator.settings import load_experiment
-from tests.evaluator.discrepancy.hidden import write_hidden
+from tests.evaluator.discrepancy.hidden import hidden_session
 
 
 def fitted(session: Session, *effects: str) -> Fit:
@@ -27,9 +26,7 @@ def fitted(session: Session, *effects: str) -> Fit:
 @pytest.fixture(scope="module")
 def faster(tmp_path_factory: pytest.TempPathFactory) -> Session:
     """Wheels that are faster than commanded: drag with the wrong sign would explain it."""
-    path = write_hidden(tmp_path_factory.mktemp("faster"), {"drive-speed-scale": {"factor": 1.01}})
-    experiment = load_experiment(path)
-    return session_of(experiment, {run.id: run.marks for run in experiment.run if run.marks is not None})
+    return hidden_session(tmp_path_factory.mktemp("faster"), {"drive-speed-scale": {"factor": 1.01}})
 
 
 def test_what_only_a_value_beyond_the_bounds_would_gain_is_no_evidence(faster: Session) -> None:
@@ -45,8 +42,7 @@ def test_fit_that_wants_friction_no_run_can_have_is_not_tried_without_limit_agai
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Only friction of 0.4 times the nominal explains the runs; each run's own may go to half of it."""
-    experiment = load_experiment(write_hidden(tmp_path, {"friction-level": {"factor": 0.4}}))
-    session = session_of(experiment, {run.id: run.marks for run in experiment.run if run.marks is not None})
+    session = hidden_session(tmp_path, {"friction-level": {"factor": 0.4}})
     right, wrong = fitted(session, "friction-level"), fitted(session, "mark-offset")
     assert (right.converged, right.overreaches) == (True, False)
     assert (wrong.converged, wrong.overreaches) == (False, True)
@@ -72,8 +68,6 @@ def test_fit_that_wants_friction_no_run_can_have_is_not_tried_without_limit_agai
 def test_wheels_that_follow_late_by_two_causes_are_not_taken_for_one(seed: int, tmp_path: Path) -> None:
     """A dead time alone is nearly as good, and in dead time and time constant no step leads away from it."""
     lag = {"dead_time_s": 0.02, "time_constant_s": 0.05}
-    experiment = load_experiment(write_hidden(tmp_path, {"command-lag": lag}, seed=seed))
-    session = session_of(experiment, {run.id: run.marks for run in experiment.run if run.marks is not None})
-    fit = fitted(session, "command-lag")
+    fit = fitted(hidden_session(tmp_path, {"command-lag": lag}, seed), "command-lag")
     physical = named_terms(20.0, (30.0,))["command-lag"].physical(fit.point.terms["command-lag"])
     assert physical == pytest.approx(lag, abs=0.004)  # four standard uncertainties

@@ -7,15 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluator.discrepancy.experiment import session_of
 from evaluator.discrepancy.fit import fit_model
 from evaluator.discrepancy.problem import build_problem
 from evaluator.discrepancy.ridge import SIGMAS, Ridge, ridge_of
 from evaluator.discrepancy.search import Search
 from evaluator.discrepancy.simulated import Simulated
 from evaluator.discrepancy.terms import named_terms
-from evaluator.settings import load_experiment
-from tests.evaluator.discrepancy.hidden import write_hidden
+from tests.evaluator.discrepancy.hidden import hidden_session
 
 WEAKER = {"driving_factor": 0.73, "driven_factor": 1.14}
 ENOUGH = 1.5  # of the drop of 3.84: the ends are walked to within a tenth, and the density is rough by 0.8
@@ -24,8 +22,7 @@ ENOUGH = 1.5  # of the drop of 3.84: the ends are walked to within a tenth, and 
 @pytest.fixture(scope="module")
 def search(tmp_path_factory: pytest.TempPathFactory) -> Search:
     """Runs of weaker magnets, fitted: how strong they are shows in little but weight and inertia beside them."""
-    experiment = load_experiment(write_hidden(tmp_path_factory.mktemp("weaker"), {"magnet-strength": WEAKER}, seed=3))
-    session = session_of(experiment, {run.id: run.marks for run in experiment.run if run.marks is not None})
+    session = hidden_session(tmp_path_factory.mktemp("weaker"), {"magnet-strength": WEAKER})
     terms = named_terms(20.0, (30.0, 60.0))
     problem, start = build_problem(session.data, Simulated(session.robots, session.data, terms))
     found = Search(problem, terms, session.tolerance, tuple(range(len(session.data))))
@@ -62,8 +59,7 @@ def test_an_interval_ends_where_the_density_has_dropped_whatever_the_linear_view
 
 
 def test_what_the_linear_view_describes_is_left_to_it(search: Search, tmp_path: Path) -> None:
-    experiment = load_experiment(write_hidden(tmp_path, {"plate-tilt": {"angle_deg": 5.0, "azimuth_deg": 30.0}}))
-    session = session_of(experiment, {run.id: run.marks for run in experiment.run if run.marks is not None})
+    session = hidden_session(tmp_path, {"plate-tilt": {"angle_deg": 5.0, "azimuth_deg": 30.0}})
     problem, start = build_problem(session.data, Simulated(session.robots, session.data, search.terms))
     fit = fit_model(problem, start, [search.terms["plate-tilt"]], session.tolerance)
     assert ridge_of(Search(problem, search.terms, session.tolerance, fit.runs), fit, search.terms["plate-tilt"]) is None

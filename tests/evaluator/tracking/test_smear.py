@@ -1,3 +1,5 @@
+"""Marks that move while the shutter is open: what they look like, and where they are found."""
+
 from __future__ import annotations
 
 from pathlib import Path
