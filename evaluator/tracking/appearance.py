@@ -13,7 +13,8 @@ from evaluator.tracking import kernels
 from evaluator.tracking.across import CORE_EXPECTED
 from evaluator.tracking.choose import Candidate
 from evaluator.tracking.covered import NOTABLE, fit_uncovered
-from evaluator.tracking.disc import Disc, Patch, Steps, cut_patch, learn_disc
+from evaluator.tracking.disc import Disc
+from evaluator.tracking.learn import Patch, Steps, cut_patch, learn_disc
 
 Array = NDArray[np.float64]
 # Sigmas beyond which a pixel is taken for something else than mark or background. Noise loses nothing (weights fall as

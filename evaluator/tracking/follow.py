@@ -12,7 +12,7 @@ from evaluator.recording import Frame
 from evaluator.tracking import color_kernels, glance, kernels
 from evaluator.tracking.appearance import SOFTNESS, Appearance, patch_of
 from evaluator.tracking.closer import Closer
-from evaluator.tracking.disc import Patch
+from evaluator.tracking.learn import Patch
 from evaluator.tracking.rim import Rim, rim_power
 from evaluator.tracking.shading import LightNotes, interior_px
 from evaluator.tracking.sighting import ABSENT, OK, Sighting

@@ -11,9 +11,10 @@ from evaluator.recording import Frame
 from evaluator.tracking.appearance import Appearance, learn_color, learn_shape, patch_of, with_disc
 from evaluator.tracking.body import PAIR, Body
 from evaluator.tracking.choose import Candidate
-from evaluator.tracking.disc import Disc, Steps, finished, shaped_as
+from evaluator.tracking.disc import Disc, shaped_as
 from evaluator.tracking.find import allowed_cells, cell_of, find_marks, neutral_of
 from evaluator.tracking.follow import RELEARN_AT, Array, Follower, Point
+from evaluator.tracking.learn import Steps, finished
 from evaluator.tracking.rivals import Rivals
 from evaluator.tracking.search import Search
 from evaluator.tracking.settings import TrackingSettings

@@ -9,8 +9,9 @@ from evaluator.tracking.across import CORE
 from evaluator.tracking.appearance import learn_shape
 from evaluator.tracking.closer import Closer
 from evaluator.tracking.covered import NOTABLE, fit_uncovered
-from evaluator.tracking.disc import Disc, cut_patch, finished, fit, make_disc
+from evaluator.tracking.disc import Disc, fit, make_disc
 from evaluator.tracking.kernels import RESULTS, VAR_X, X, Y
+from evaluator.tracking.learn import cut_patch, finished
 from tests.benchmarks.tracking.clips import frames_in_memory
 from tests.evaluator.tracking.synthetic import draw, turning_marks
 
