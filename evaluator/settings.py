@@ -30,7 +30,7 @@ class Run(Table):
     stop_s: Finite | None = None
     video: Path | None = None
     marks: Path | None = None
-    rate_hz: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None  # where the video is a folder of pictures
+    rate_hz: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None  # where the video has no times
     group: str = ""  # wheel type, operator, …: runs of one group are drawn as one series
     robot: str | None = None  # where it differs from the experiment's
     camera: Path | None = None

@@ -30,7 +30,7 @@ Examples:
 @click.option("--camera", type=PATH, help="camera.json: places the marks in mm on the plate.")
 @click.option("--robot", default="barrel", show_default=True, help="Robot (name or robot.toml): where its marks are.")
 @click.option("--height-mm", type=float, help="Height of the marks above the plate; else the robot's.")
-@click.option("--rate", type=float, help="Pictures a second, for a folder of pictures.")
+@click.option("--rate", type=float, help="Pictures a second, where there are no times: a folder of pictures.")
 @click.option(
     "--fields",
     type=click.Choice(["auto", "none", "top", "bottom"]),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 from evaluator.errors import InputError
@@ -20,29 +22,31 @@ def open_recording(
 ) -> Recording | ImageSequence:
     """Open a recording: a video file, a folder of pictures, or a live source.
 
-    path: a file; a folder (rate_hz is then needed); "-" for a stream on standard input; a camera device (/dev/video0)
-    or an address (rtsp://…, udp://…). fields: whether pictures are woven of two fields and which comes first; "auto"
-    sees for itself. threads: of the decoder, 0 for one per core. Raises InputError with one sentence where there is no
-    recording.
+    path: a file; a folder; "-" for a stream on standard input; a camera device (/dev/video0) or an address (rtsp://…,
+    udp://…). rate_hz: of a folder, or of a recording that brings no times; not used where there are times. fields:
+    whether pictures are woven of two fields and which comes first; "auto" sees for itself. threads: of the decoder, 0
+    for one per core. Raises InputError with one sentence where there is no recording.
     """
     name = str(path)
+    if rate_hz is not None and not 0 < rate_hz < math.inf:
+        raise InputError(f"{name}: the rate must be above 0 pictures a second, not {float(rate_hz):g}")
+    rate = None if rate_hz is None else Fraction(rate_hz).limit_denominator(1001)
+    opened = partial(Recording, fields=fields, threads=threads, rate_hz=rate)
     if name == "-":
-        return Recording("pipe:0", live=True, fields=fields, threads=threads)
+        return opened("pipe:0", live=True)
     if "://" in name:
-        return Recording(name, live=True, fields=fields, threads=threads)
+        return opened(name, live=True)
     place = Path(name)
     if not place.exists():
         raise InputError(f"{name}: no such file")
     if place.is_dir():
-        if rate_hz is None:
+        if rate is None:
             raise InputError(f"{name}: a folder of pictures has no clock: say its rate (pictures a second)")
-        if rate_hz <= 0:
-            raise InputError(f"{name}: the rate must be above 0 pictures a second, not {float(rate_hz):g}")
-        return ImageSequence(place, Fraction(rate_hz).limit_denominator(1001))
+        return ImageSequence(place, rate)
     if place.is_char_device():
-        return Recording(name, live=True, format_name="v4l2", fields=fields, threads=threads)
+        return opened(name, live=True, format_name="v4l2")
     if place.is_fifo():
-        return Recording(name, live=True, fields=fields, threads=threads)
+        return opened(name, live=True)
     if place.stat().st_size == 0:
         raise InputError(f"{name}: the file is empty")
-    return Recording(name, fields=fields, threads=threads)
+    return opened(name)

@@ -26,9 +26,9 @@ AHEAD = 2  # packets a decoder is handed before its first is asked for
 # the processor's caches hold beside the pictures that the codec itself keeps make all slower: of 1920 × 1080, 6 instead
 # of 2 by 100 to 170 µs a picture, where 4 gain 25 µs (twice measured, in 9 and in 16 turns).
 MOST_AHEAD, AHEAD_BYTES = 6, 12_500_000
-# FFmpeg takes a thread more than there are cores. Where the tracker wants a part of two cores, as many as there are are
-# faster: 6 % at 1920 × 1080, 8 % at 1280 × 720 (H.264, file to marks). Small pictures are handed from one of its threads
-# to the next for more (70 µs at 640 × 480) than two threads gain beside the tracker: one decodes them.
+# FFmpeg takes a thread more than there are cores. Where the tracker wants a part of two cores, as many threads as cores
+# are faster: 6 % at 1920 × 1080, 8 % at 1280 × 720 (H.264, file to marks). Small pictures are handed from one of its
+# threads to the next for more (70 µs at 640 × 480) than two gain beside the tracker: one decodes them.
 FEW_CORES, SMALL_PX = 2, 640 * 480
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,29 @@ class TimingReport:
     def rate_hz(self) -> float:
         """Pictures a second, from the commonest interval; NaN below two pictures."""
         return float("nan") if not self.interval else float(1 / self.interval)
+
+
+def clock_runs(packets: Sequence[Any]) -> bool:
+    """Whether the times of the first packets of a recording tell them apart, as far as they have any."""
+    times = [packet.pts for packet in packets if packet.pts is not None]
+    return len(times) < 2 or len(set(times)) > 1
+
+
+def in_order(timed: Iterable[tuple[Any, int | None]]) -> Iterator[tuple[Any, int | None]]:
+    """Pictures with their times, those of two neighbours exchanged where the second is the earlier.
+
+    Decoders give pictures in the order they are shown in. Where a container has no presentation times (AVI) and the
+    codec has B-pictures, the times made up for them are not always in that order.
+    """
+    held: tuple[Any, int | None] | None = None
+    for picture, ticks in timed:
+        if held is not None:
+            if ticks is not None and held[1] is not None and ticks < held[1]:
+                held, ticks = (held[0], ticks), held[1]  # noqa: PLW2901
+            yield held
+        held = picture, ticks
+    if held is not None:
+        yield held
 
 
 def summarise(ticks: Sequence[int], tick: Fraction, duplicates: Sequence[int], notes: Sequence[str]) -> TimingReport:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from fractions import Fraction
-from itertools import islice
+from itertools import chain, islice
 from typing import Any, Literal
 
 import av
@@ -15,10 +15,11 @@ from evaluator.recording.fields import Fields, field_order, fields_of
 from evaluator.recording.frame import Frame
 from evaluator.recording.layout import Layout
 from evaluator.recording.parallel import decoded, decoders_for, threads_for
-from evaluator.recording.timing import TimingReport, summarise
+from evaluator.recording.timing import TimingReport, clock_runs, in_order, summarise
 
 PROBED = 120  # pictures looked at for torn edges: four seconds, by when a robot has moved
 SLOWEST_PROGRESSIVE = 31  # interlaced cameras give 25 or 29.97 frames a second; faster ones are not looked at
+GLANCED = 8  # packets whose times tell whether the clock of a file runs at all
 STREAMED = ("mpegts", "mpeg")  # containers whose clock starts anywhere: their times count from the first picture
 
 
@@ -37,14 +38,16 @@ class Recording:
         format_name: str | None = None,
         fields: Fields = "auto",
         threads: int = 0,
+        rate_hz: Fraction | None = None,
     ) -> None:
         """Open once to see that there is a video in it.
 
         name: a path, or an address FFmpeg understands. live: give each picture at once, and expect no second iteration.
+        rate_hz: pictures a second where the recording has no times; None for the rate it names.
         threads: of the decoder; 0: one per core; 1: none beside the caller's own.
         """
         self.name, self.live, self.fields, self._threads = name, live, fields, threads
-        self._format = format_name
+        self._format, self._rate = format_name, rate_hz
         container = self._open()
         stream = container.streams.video[0]
         self.nominal_rate: Fraction | None = stream.average_rate or stream.guessed_rate
@@ -60,6 +63,8 @@ class Recording:
         self._ticks: list[int] = []
         self._duplicates: list[int] = []
         self._notes: list[str] = []
+        self._standing = 0  # pictures left out
+        self._counted = False  # whether pictures are counted, for want of times
         self.clock = self.tick
 
     def _open(self) -> Any:
@@ -113,10 +118,17 @@ class Recording:
             layout: Layout | None = None
             origin = None if container.format.name in STREAMED or self.live else 0
             frame: Frame | None = None
-            index = 0
-            for picture in self._decoded(container.demux(stream), streams):
-                ticks = self._ticks_of(picture, index)
-                origin = ticks if origin is None else origin
+            packets = container.demux(stream)
+            first = [] if self.live else list(islice(packets, GLANCED))
+            runs = self.live or clock_runs(first)
+            pictures = self._decoded(chain(first, packets), streams)
+            timed = ((picture, self._ticks_of(picture, count, runs=runs)) for count, picture in enumerate(pictures))
+            index, last = 0, None
+            for picture, ticks in timed if self.live else in_order(timed):
+                if ticks is None or (last is not None and ticks <= last):
+                    self._standing += 1
+                    continue
+                last, origin = ticks, ticks if origin is None else origin
                 if layout is None or not layout.fits(picture):
                     layout = Layout.of(picture)
                 frame = layout.frame(picture, index, ticks - origin, self.tick, frame)
@@ -178,20 +190,31 @@ class Recording:
                 elif not self._notes:
                     self._notes.append(f"damaged pictures are left out, the first near picture {len(self._ticks)}")
 
-    def _ticks_of(self, picture: Any, index: int) -> int:
-        if picture.pts is not None:
-            return int(picture.pts)
-        if not self.nominal_rate:
-            raise InputError(f"{self.name}: has neither presentation times nor a frame rate; put it into a container")
-        if index == 0:
-            self._notes.append(f"no presentation times in the file: taken from its rate {float(self.nominal_rate):g}/s")
-            self.tick = 1 / Fraction(self.nominal_rate)
-        return index
+    def _ticks_of(self, picture: Any, count: int, *, runs: bool) -> int | None:
+        """Presentation time of a picture in ticks, None where it has none; runs: whether the recording's clock does."""
+        if count == 0:
+            self._counted = not runs or picture.pts is None
+            rate = self._rate or self.nominal_rate
+            if self._counted and not rate:
+                raise InputError(f"{self.name}: has neither presentation times nor a frame rate; say its rate")
+            if self._counted and rate:
+                self._notes.append(f"no presentation times in the file: taken from its rate {float(rate):g}/s")
+                self.tick = 1 / rate
+            elif self._rate:
+                self._notes.append(f"{float(self._rate):g}/s was said, but the recording has times: those are used")
+        return count if self._counted else picture.pts
 
     def _finish(self, count: int) -> None:
         if count == 0:
             raise InputError(f"{self.name}: not a single picture can be decoded; the file is damaged or cut off")
-        if self.expected_frames > count:
+        if self._standing > count:
+            raise InputError(
+                f"{self.name}: presentation times stand still or run backwards in {self._standing} of"
+                f" {self._standing + count} pictures; record it anew, or write it into a container with a frame rate"
+            )
+        if self._standing:
+            self._notes.append(f"{self._standing} pictures are left out: their times are not after those before them")
+        elif self.expected_frames > count:
             self._notes.append(f"the file promises {self.expected_frames} pictures but only {count} could be decoded")
 
     def report(self) -> TimingReport:

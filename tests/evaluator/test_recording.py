@@ -42,6 +42,47 @@ def test_repeated_pictures_are_reported(tmp_path: Path) -> None:
     assert recording.report().duplicates == (3,)
 
 
+def test_times_that_stand_still_come_from_the_rate_of_the_file_or_the_one_given(tmp_path: Path) -> None:
+    video = write_video(tmp_path / "v.mkv", noise_pictures(6), pts=[0] * 6)
+    for given, rate in ((None, 60), (30, 30)):
+        recording = open_recording(video, rate_hz=given)
+        assert [frame.time for frame in recording] == [Fraction(k, rate) for k in range(6)]
+        assert recording.report().notes == (f"no presentation times in the file: taken from its rate {rate}/s",)
+
+
+def test_a_rate_that_is_not_needed_is_said_not_to_be_used(tmp_path: Path) -> None:
+    recording = open_recording(write_video(tmp_path / "v.mkv", noise_pictures(3)), rate_hz=30)
+    assert [float(frame.time) for frame in recording] == pytest.approx([0, 1 / 60, 2 / 60], abs=1e-3)
+    assert recording.report().notes == ("30/s was said, but the recording has times: those are used",)
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_rate_that_is_none_is_refused(tmp_path: Path, rate: float) -> None:
+    with pytest.raises(InputError, match="rate must be above 0"):
+        open_recording(tmp_path, rate_hz=rate)
+
+
+def test_pictures_that_are_not_after_those_before_them_are_left_out(tmp_path: Path) -> None:
+    recording = open_recording(write_video(tmp_path / "v.mkv", noise_pictures(8), pts=[0, 1, 2, 2, 3, 4, 4, 5]))
+    frames = list(recording)
+    assert [frame.index for frame in frames] == list(range(6))
+    assert [float(frame.time) for frame in frames] == pytest.approx([k / 60 for k in range(6)], abs=1e-3)
+    assert recording.report().notes == ("2 pictures are left out: their times are not after those before them",)
+
+
+def test_h264_in_avi_has_its_times_in_order(tmp_path: Path) -> None:
+    video = write_video(tmp_path / "v.avi", noise_pictures(24), codec="libx264", pixels="yuv420p")
+    recording = open_recording(video)
+    assert [frame.time for frame in recording] == [Fraction(k + 1, 60) for k in range(24)]
+    assert recording.report().notes == ()
+
+
+def test_a_recording_whose_clock_stops_is_refused(tmp_path: Path) -> None:
+    video = write_video(tmp_path / "v.mkv", noise_pictures(12), pts=[0, 1, *[2] * 10])
+    with pytest.raises(InputError, match="stand still or run backwards in 9 of 12 pictures"):
+        list(open_recording(video))
+
+
 @pytest.mark.parametrize(
     ("codec", "pixels"),
     [
