@@ -33,7 +33,9 @@ def exposed(time_s: Array, centers_px: Array, variances: Array, shutter: tuple[f
     lapse = np.nan_to_num(np.fmin(np.append(interval, np.nan), np.append(np.nan, interval)))[:, None]
     # A steady change goes on in the pictures around; a jump shows in one alone, or in two of three in part.
     around = np.pad(change, ((1, 1), (0, 0)), constant_values=np.nan)
-    steady = np.median([around[:-2], change, around[2:]], axis=0)
+    before, after = around[:-2], around[2:]
+    lower, upper = np.minimum(before, after), np.maximum(before, after)
+    steady = np.maximum(lower, np.minimum(upper, change))  # their median, NaN where one is
     for _ in range(2):  # of three changes in a row, the first picture with one is the second from an absent one
         around = np.pad(steady, ((1, 1), (0, 0)), constant_values=np.nan)
         steady = np.where(np.isnan(steady), np.where(np.isnan(around[:-2]), around[2:], around[:-2]), steady)

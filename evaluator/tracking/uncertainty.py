@@ -54,40 +54,38 @@ def steady_times(time_s: Array) -> Array:
 class Course:
     """What each centre differs from the course of its neighbours.
 
-    error: (n, 2), NaN where too few neighbours are seen. weights: of the neighbours, (n, 10), 0 where absent; squares:
-    theirs.
+    error: (n, 2), NaN where too few neighbours are seen. around: rows of the neighbours, weights: theirs, 0 where
+    absent, squares: of these; all (10, n).
     """
 
     def __init__(self, time_s: Array, centers_px: Array, stride: int = 1) -> None:
         """time_s: (n,). centers_px: (n, 2), NaN where absent. stride: pictures between neighbours."""
         n = len(time_s)
-        self.around = np.arange(n)[:, None] + stride * OFFSETS
-        inside = (self.around >= 0) & (self.around < n)
-        self.around = np.clip(self.around, 0, max(n - 1, 0))
+        around = np.arange(n) + stride * OFFSETS[:, None]
+        self.around = np.clip(around, 0, max(n - 1, 0))
         seen: NDArray[np.bool_] = np.asarray(np.isfinite(centers_px).all(axis=1))
-        usable = inside & seen[self.around]
-        before, after = usable[:, :REACH].sum(axis=1), usable[:, REACH:].sum(axis=1)
+        usable = (around == self.around) & seen[self.around]
+        before, after = usable[:REACH].sum(axis=0), usable[REACH:].sum(axis=0)
         enough = (before + after >= NEIGHBORS) & (before >= EITHER_SIDE) & (after >= EITHER_SIDE)
         self.known: NDArray[np.bool_] = seen & enough
-        lapse = time_s[self.around] - time_s[:, None]
+        lapse = time_s[self.around] - time_s
         usual = stride * OFFSETS * float(np.median(np.diff(time_s))) if n > 1 else OFFSETS.astype(float)
-        even = self.known & (np.where(usable, np.abs(lapse - usual), 0.0).max(axis=1) < EVEN * abs(usual[0]))
-        self.weights = np.zeros((n, len(OFFSETS)))
+        even = self.known & (np.where(usable, np.abs(lapse - usual[:, None]), 0.0).max(axis=0) < EVEN * abs(usual[0]))
+        self.weights = np.zeros((len(OFFSETS), n))
         # Evenly timed pictures with the same neighbours seen share their weights; nearly all do.
-        _, first, which = np.unique(
-            usable[even] @ (1 << np.arange(len(OFFSETS))), return_index=True, return_inverse=True
-        )
-        seen_alike = usable[even][first]
-        self.weights[even] = _to_the_middle(np.broadcast_to(usual, seen_alike.shape), seen_alike)[which]
+        pattern = (1 << np.arange(len(OFFSETS))) @ usable[:, even]
+        _, first, which = np.unique(pattern, return_index=True, return_inverse=True)
+        seen_alike = usable[:, even][:, first].T
+        self.weights[:, even] = _to_the_middle(np.broadcast_to(usual, seen_alike.shape), seen_alike)[which].T
         odd = self.known & ~even
-        self.weights[odd] = _to_the_middle(lapse[odd], usable[odd])
+        self.weights[:, odd] = _to_the_middle(lapse[:, odd].T, usable[:, odd].T).T
         self.squares = self.weights**2
-        course = np.einsum("nj,njk->nk", self.weights, np.nan_to_num(centers_px)[self.around])
-        self.error = np.where(self.known[:, None], centers_px - course, np.nan)
+        course = [(self.weights * axis[self.around]).sum(axis=0) for axis in np.nan_to_num(centers_px).T]
+        self.error = np.where(self.known[:, None], centers_px - np.stack(course, axis=1), np.nan)
 
     def variance(self, variances: Array) -> Array:
         """Variance of the errors, from that of the centres (n,), NaN where absent."""
-        return np.asarray(variances + (self.squares * np.nan_to_num(variances)[self.around]).sum(axis=1))
+        return np.asarray(variances + (self.squares * np.nan_to_num(variances)[self.around]).sum(axis=0))
 
 
 def _to_the_middle(lapse_s: Array, usable: NDArray[np.bool_]) -> Array:
@@ -121,7 +119,7 @@ def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: N
             break
         wide = Course(time_s, centers_px, stride)
         if wide.known.sum() >= LEAST * stride:
-            share = 1 + float(wide.squares[wide.known].sum(axis=1).mean())
+            share = 1 + float(wide.squares[:, wide.known].sum(axis=0).mean())
             square = robust_square(wide.error[wide.known]) / share
             # Less its own standard error: the largest of some estimates is too large by about that.
             most = max(most, square * (1.0 - float(wide.known.sum()) ** -0.5) - own)
@@ -153,17 +151,17 @@ def codec_variance(course: Course, chosen: NDArray[np.bool_], known: Array, kind
     chosen: pictures to learn it from (n,). known: variance that the course's errors have already (n,), NaN where
     absent. kinds: (n,).
     """
-    names = np.unique(kinds)
     rows = np.flatnonzero(chosen)
-    usable = [name for name in names if (kinds[rows] == name).sum() >= LEAST]
     extra = np.zeros(len(kinds))
     if len(rows) < FEW:
         return extra
-    if not usable:
-        usable, kinds = ["any"], np.full(len(kinds), "any")
-    mine = kinds[rows] == np.array(usable)[:, None]
-    alike = kinds[course.around[rows]] == np.array(usable)[:, None, None]
-    shares = (course.squares[rows] * alike).sum(axis=2)  # of the neighbours' variances in that of an error
+    _, kind = np.unique(kinds, return_inverse=True)
+    usable = np.flatnonzero(np.bincount(kind[rows]) >= LEAST)
+    if len(usable) == 0:
+        kind, usable = np.zeros_like(kind), np.array([0])
+    mine = kind[rows] == usable[:, None]
+    alike = kind[course.around[:, rows]] == usable[:, None, None]
+    shares = (course.squares[:, rows] * alike).sum(axis=1)  # of the neighbours' variances in that of an error
     known, square = known[rows], np.zeros(len(rows))
     for one in mine:
         square[one] = _clipped_squares(course.error[rows[one]])
@@ -174,11 +172,10 @@ def codec_variance(course: Course, chosen: NDArray[np.bool_], known: Array, kind
         weights = mine / total**2
         solution = _shared_out(weights, shares + mine, square - known)
         total = known + solution @ (shares + mine) + EXACT_PX2
-    for name, value in zip(usable, solution, strict=True):
-        extra[kinds == name] = value
     # Kinds too rare to tell (the few I pictures) get the mean of the others: never less than is known of them.
-    extra[~np.isin(kinds, usable)] = solution.mean()
-    return extra
+    of_kind = np.full(kind.max() + 1, solution.mean())
+    of_kind[usable] = solution
+    return np.asarray(of_kind[kind])
 
 
 def _shared_out(weights: Array, shares: Array, excess: Array) -> Array:
