@@ -11,13 +11,15 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Literal
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from evaluator.recording.frame import Frame
+from evaluator.recording.frame import Frame, Plane
 
 Fields = Literal["auto", "none", "top", "bottom"]
 
-MOVED = 12.0  # levels of 8 bits by which a pixel changes when an edge moves over it; twice the noise of dim recordings
+MOVED = 12  # levels of 8 bits by which a pixel changes when an edge moves over it; twice the noise of dim recordings
 ENOUGH = 400  # moved pixels from which the verdict is taken
 # Lines of the other field fit worse than lines of the same field twice as far away: by 1.0 or less on progressive
 # pictures, by 2 and more where fields differ by a quarter of a pixel at a mark's edge.
@@ -50,23 +52,24 @@ def field_order(frames: Iterable[Frame]) -> Literal["none", "top", "bottom"] | N
     torn = smooth = 0.0
     top_first = bottom_first = 0.0
     moved_pixels = 0
-    before: np.ndarray | None = None
+    before: Plane | None = None
     for frame in frames:
-        luma = frame.luma.astype(np.float32) * np.float32(2.0 ** (8 - frame.depth))
-        luma = luma[: luma.shape[0] // 2 * 2]
+        luma = np.ascontiguousarray(frame.luma[: frame.luma.shape[0] // 2 * 2])
         if before is not None and before.shape == luma.shape:
-            moved = np.abs(luma - before)[2:-2] > MOVED
+            moved = cv2.absdiff(luma, before)[2:-2] > luma.dtype.type(MOVED * 2 ** (frame.depth - 8))
             # An edge moves a few of its neighbours too; noise moves single pixels.
             moved[:, 1:] &= moved[:, :-1]
-            moved_pixels += int(moved.sum())
-            torn += float(np.sum((luma[1:-3] + luma[3:-1] - 2 * luma[2:-2])[moved] ** 2))
-            smooth += float(np.sum((luma[:-4] + luma[4:] - 2 * luma[2:-2])[moved] ** 2))
-            pairs = moved[0::2] | moved[1::2]
-            now_top, now_bottom = luma[2:-2:2], luma[3:-2:2]
-            old_top, old_bottom = before[2:-2:2], before[3:-2:2]
-            rows = min(len(now_bottom), len(pairs))
-            top_first += float(np.sum((now_top[:rows] - old_bottom[:rows])[pairs[:rows]] ** 2))
-            bottom_first += float(np.sum((now_bottom[:rows] - old_top[:rows])[pairs[:rows]] ** 2))
+            rows, columns = _places(moved)
+            moved_pixels += len(rows)
+            lines = luma[rows + np.arange(5)[:, None], columns].astype(
+                float
+            )  # each pixel's own, and two to either side
+            torn += float(np.sum((lines[1] + lines[3] - 2 * lines[2]) ** 2))
+            smooth += float(np.sum((lines[0] + lines[4] - 2 * lines[2]) ** 2))
+            pairs, columns = _places(moved[0::2] | moved[1::2])
+            top, bottom = (2 + 2 * pairs, columns), (3 + 2 * pairs, columns)
+            top_first += float(np.sum((luma[top].astype(float) - before[bottom]) ** 2))
+            bottom_first += float(np.sum((luma[bottom].astype(float) - before[top]) ** 2))
         before = luma
         if moved_pixels > 10 * ENOUGH:
             break
@@ -75,3 +78,9 @@ def field_order(frames: Iterable[Frame]) -> Literal["none", "top", "bottom"] | N
     if torn < TORN * smooth:
         return "none"
     return "top" if top_first < bottom_first else "bottom"
+
+
+def _places(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of what is marked, as `np.nonzero` gives them, in a fifth of its time."""
+    rows, columns = np.divmod(np.flatnonzero(mask), mask.shape[1])
+    return rows, columns
