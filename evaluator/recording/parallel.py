@@ -1,6 +1,7 @@
 """Decoding beside what is done with the pictures: FFmpeg's threads never wait for whoever looks at the last picture.
 
-Where FFmpeg itself uses one core, for codecs whose pictures stand each for itself (Motion JPEG), on all cores.
+Where FFmpeg itself uses one core, for codecs whose pictures stand each for itself (Motion JPEG), on all cores. Where
+its threads cost more than they gain, for small pictures of H.264, on two by groups of pictures.
 """
 
 from __future__ import annotations
@@ -16,6 +17,9 @@ from typing import Any
 import av
 from av.codec.codec import Capabilities
 
+from evaluator.recording.groups import MOST_PICTURES, Groups, groups_of
+
+END = object()  # of a group: the decoder gives what it held back, and begins anew
 Decoded = Callable[[], list[Any]]  # gives the pictures of a packet, or raises what decoding it raised
 
 THREADED = int(Capabilities.frame_threads | Capabilities.slice_threads)
@@ -27,37 +31,54 @@ AHEAD = 2  # packets a decoder is handed before its first is asked for
 # of 2 by 100 to 170 µs a picture, where 4 gain 25 µs (twice measured, in 9 and in 16 turns).
 MOST_AHEAD, AHEAD_BYTES = 6, 12_500_000
 # FFmpeg takes a thread more than there are cores. Where the tracker wants a part of two cores, as many threads as cores
-# are faster (H.264, file to marks: 6 % at 1920 × 1080, 8 % at 1280 × 720, 3 % at 640 × 480). Small pictures that hold
-# little (a still camera without noise) are handed from thread to thread for more, 70 µs, than two gain: one is 7 %
-# faster for those of 350 bytes, as fast for 800, 12 to 15 % slower from 1700.
-FEW_CORES, SMALL_PX, LITTLE_BYTES = 2, 640 * 480, 800
+# are faster (H.264, file to marks: 6 % at 1920 × 1080, 8 % at 1280 × 720, 3 % at 640 × 480).
+FEW_CORES = 2
+# Of small pictures each is handed from thread to thread for about 70 µs. Two decoders that take groups in turn need not
+# do that: file to marks is faster by 15 to 33 % at 640 × 480, 22 % at 800 × 600, 1 % at 1024 × 768, and slower beyond: a
+# group waits in memory for its turn.
+GROUP_DECODERS, SMALL_PX, GROUPS_AHEAD_BYTES = 2, 1024 * 768, 100_000_000
 
 
-def decoders_for(stream: Any, threads: int) -> int:
-    """How many decoders a stream can have; 1 where FFmpeg's own threads do as well. threads: 0 for one per core."""
-    codec = stream.codec_context.codec
+def decoders_for(stream: Any, threads: int) -> tuple[int, Groups | None]:
+    """How many decoders a stream can have, 1 where FFmpeg's own threads do as well, and the groups they take in turn.
+
+    threads: 0 for one per core.
+    """
+    context = stream.codec_context
+    codec = context.codec
+    groups = groups_of(stream) if threads != 1 and context.width * context.height <= SMALL_PX else None
+    if groups is not None:
+        return GROUP_DECODERS, groups
     if not codec.intra_only or codec.capabilities & THREADED or codec.name == "rawvideo":
-        return 1
-    return min(threads or os.cpu_count() or 1, MOST)
+        return 1, None
+    return min(threads or os.cpu_count() or 1, MOST), None
 
 
-def decoded(packets: Iterable[Any], streams: list[Any], *, at_once: bool) -> Iterator[Decoded]:
+def threads_for(stream: Any, threads: int) -> int:
+    """How many threads FFmpeg is to decode with, 0 for as many as it takes. threads: what was asked for, 0 for any."""
+    cores = os.cpu_count() or 1
+    return threads if threads or cores > FEW_CORES or stream.codec_context.codec.name != "h264" else cores
+
+
+def decoded(
+    packets: Iterable[Any], streams: list[Any], *, at_once: bool, groups: Groups | None = None
+) -> Iterator[Decoded]:
     """Decode packets in order; what each gives may be under way while the one before is still looked at.
 
     streams: the same stream of as many openings of one file as there are to be decoders. at_once: with one, packets are
-    decoded when they are asked for, in no thread of their own. Raises what reading raises, after all that was read
-    before.
+    decoded when they are asked for, in no thread of their own. groups: what decoders take in turn; None for packets
+    that stand each for itself. Raises what reading raises, after all that was read before.
     """
     if len(streams) == 1 and at_once:
         for packet in packets:
             yield packet.decode
         return
     decoders = [_Decoder(stream.codec_context) for stream in streams]
-    ahead = AHEAD * len(decoders) if len(decoders) > 1 else _ahead(streams[0].codec_context)
+    ahead = AHEAD * len(decoders) if len(decoders) > 1 and groups is None else _ahead(streams[0].codec_context, groups)
     waiting, failure = deque[_Decoder](), None
     try:
         try:
-            for decoder in _handed_out(packets, decoders):
+            for decoder in _handed_out(packets, decoders) if groups is None else _dealt(packets, decoders, groups):
                 waiting.append(decoder)
                 if len(waiting) == ahead:
                     yield waiting.popleft().get
@@ -72,19 +93,11 @@ def decoded(packets: Iterable[Any], streams: list[Any], *, at_once: bool) -> Ite
             decoder.stop()
 
 
-def threads_for(stream: Any, threads: int) -> int:
-    """How many threads FFmpeg is to decode with, 0 for as many as it takes. threads: what was asked for, 0 for any."""
-    context, cores = stream.codec_context, os.cpu_count() or 1
-    if threads or cores > FEW_CORES or context.codec.name != "h264":
-        return threads
-    rate, bits = stream.average_rate or stream.guessed_rate, stream.bit_rate or stream.container.bit_rate
-    little = rate and bits and bits / 8 / rate < LITTLE_BYTES
-    return 1 if little and context.width * context.height <= SMALL_PX else cores
-
-
-def _ahead(context: Any) -> int:
-    """How many packets a decoder that works alone is handed before its first is asked for."""
+def _ahead(context: Any, groups: Groups | None) -> int:
+    """How many packets may be handed out before the first is asked for, but for decoders of single pictures."""
     size: int = max(context.width * context.height * 3 // 2, 1)  # of most recordings: 8 bits, colour of half the width
+    if groups is not None:
+        return min(MOST_PICTURES, GROUPS_AHEAD_BYTES // size)
     return max(AHEAD, min(MOST_AHEAD, AHEAD_BYTES // size))
 
 
@@ -98,6 +111,19 @@ def _handed_out(packets: Iterable[Any], decoders: list[_Decoder]) -> Iterator[_D
             for decoder in decoders[1:]:
                 decoder.prime(packet)
         decoder = next(turns)
+        decoder.put(packet)
+        yield decoder
+
+
+def _dealt(packets: Iterable[Any], decoders: list[_Decoder], groups: Groups) -> Iterator[_Decoder]:
+    """Hand groups to the decoders in turn; gives the one that has each packet, and that gives what it held back."""
+    turns = cycle(decoders)
+    decoder = next(turns)
+    for count, packet in enumerate(packets):
+        if count and groups.begins(packet):
+            decoder.put(END)
+            yield decoder
+            decoder = next(turns)
         decoder.put(packet)
         yield decoder
 
@@ -137,6 +163,8 @@ class _Decoder:
     def _work(self) -> None:
         while (packet := self._packets.get()) is not None and not self._stopped:
             try:
-                self._results.put(self._context.decode(packet))
+                self._results.put(self._context.decode(None if packet is END else packet))
+                if packet is END:
+                    self._context.flush_buffers()
             except Exception as error:  # noqa: BLE001 - `get` raises it where it is waited for
                 self._results.put(error)

@@ -13,6 +13,7 @@ import av
 from evaluator.errors import InputError
 from evaluator.recording.fields import Fields, field_order, fields_of
 from evaluator.recording.frame import Frame
+from evaluator.recording.groups import Groups
 from evaluator.recording.layout import Layout
 from evaluator.recording.parallel import decoded, decoders_for, threads_for
 from evaluator.recording.timing import TimingReport, clock_runs, in_order, summarise
@@ -112,16 +113,17 @@ class Recording:
             stream = container.streams.video[0]
             # Frame threads are fastest but hold back a picture a thread; a live source must not wait for them.
             stream.thread_type = "SLICE" if self.live else "AUTO"
-            stream.codec_context.thread_count = self._threads if self.live else threads_for(stream, self._threads)
-            count_of_decoders = 1 if self.live else decoders_for(stream, self._threads)
-            streams = [stream, *(self._again(opened) for _ in range(1, count_of_decoders))]
+            decoders, groups = (1, None) if self.live else decoders_for(stream, self._threads)
+            threads = self._threads if self.live else threads_for(stream, self._threads)
+            stream.codec_context.thread_count = threads if groups is None else 1
+            streams = [stream, *(self._again(opened) for _ in range(1, decoders))]
             layout: Layout | None = None
             origin = None if container.format.name in STREAMED or self.live else 0
             frame: Frame | None = None
             packets = container.demux(stream)
             first = [] if self.live else list(islice(packets, GLANCED))
             runs = self.live or clock_runs(first)
-            pictures = self._decoded(chain(first, packets), streams)
+            pictures = self._decoded(chain(first, packets), streams, groups)
             timed = ((picture, self._ticks_of(picture, count, runs=runs)) for count, picture in enumerate(pictures))
             index, last = 0, None
             for picture, ticks in timed if self.live else in_order(timed):
@@ -166,9 +168,9 @@ class Recording:
         """Open the stream once more, until `opened` is left."""
         return opened.enter_context(self._open()).streams.video[0]
 
-    def _decoded(self, packets: Iterator[Any], streams: list[Any]) -> Iterator[Any]:
+    def _decoded(self, packets: Iterator[Any], streams: list[Any], groups: Groups | None) -> Iterator[Any]:
         """Every picture that decodes; stops, with a note, where nothing more can be read."""
-        results = decoded(packets, streams, at_once=self.live or self._threads == 1)
+        results = decoded(packets, streams, at_once=self.live or self._threads == 1, groups=groups)
         while True:
             try:
                 result = next(results)

@@ -1,0 +1,48 @@
+"""Groups of H.264 pictures that stand each for itself: from an IDR picture on, nothing leans on what was before it.
+
+Decoders that take groups in turn need not hand pictures to one another, as FFmpeg's frame threads do for every picture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+SLICE, IDR_SLICE, KIND = 1, 5, 31  # NAL units of a picture, and the bits that say so (ITU-T H.264, 7.3.1 and table 7-1)
+AVC_CONFIGURATION = (
+    1  # how extradata begin where units are told by their length and tables lie apart (ISO/IEC 14496-15)
+)
+MOST_PICTURES = 300  # of a group: encoders make 250 at most unless told
+
+
+@dataclass(frozen=True)
+class Groups:
+    """How to tell where a group begins; length_bytes: of the number before each NAL unit."""
+
+    length_bytes: int
+
+    def begins(self, packet: Any) -> bool:
+        """Whether a packet holds an IDR picture: of those called key frames, some only start open groups."""
+        if not packet.is_keyframe:
+            return False
+        data, place = memoryview(packet), 0
+        while place + self.length_bytes < len(data):
+            unit = place + self.length_bytes
+            if data[unit] & KIND in {SLICE, IDR_SLICE}:
+                return bool(data[unit] & KIND == IDR_SLICE)
+            place = unit + int.from_bytes(data[place:unit], "big")
+        return False
+
+
+def groups_of(stream: Any) -> Groups | None:
+    """Groups of a stream that says beforehand (MP4, MOV) that it has several, none too long; None of any other."""
+    context = stream.codec_context
+    tables = bytes(context.extradata or b"")
+    if context.codec.name != "h264" or len(tables) < 5 or tables[0] != AVC_CONFIGURATION:
+        return None
+    entries = stream.index_entries
+    starts = [k for k, entry in enumerate(entries) if entry.is_keyframe]
+    if len(starts) < 2 or max(after - before for before, after in pairwise([*starts, len(entries)])) > MOST_PICTURES:
+        return None
+    return Groups((tables[4] & 3) + 1)
