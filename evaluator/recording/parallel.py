@@ -33,9 +33,9 @@ MOST_AHEAD, AHEAD_BYTES = 6, 12_500_000
 # FFmpeg takes a thread more than there are cores. Where the tracker wants a part of two cores, as many threads as cores
 # are faster (H.264, file to marks: 6 % at 1920 × 1080, 8 % at 1280 × 720, 3 % at 640 × 480).
 FEW_CORES = 2
-# Of small pictures each is handed from thread to thread for about 70 µs. Two decoders that take groups in turn need not
-# do that: file to marks is faster by 15 to 33 % at 640 × 480, 22 % at 800 × 600, 1 % at 1024 × 768, and slower beyond: a
-# group waits in memory for its turn.
+# Of small pictures each is handed from thread to thread for about 70 µs. Two decoders that take groups in turn do
+# without: file to marks is faster by 15 to 33 % at 640 × 480, 22 % at 800 × 600, 1 % at 1024 × 768, and slower beyond,
+# for a group waits in memory for its turn.
 GROUP_DECODERS, SMALL_PX, GROUPS_AHEAD_BYTES = 2, 1024 * 768, 100_000_000
 
 

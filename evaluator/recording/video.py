@@ -147,7 +147,7 @@ class Recording:
         said, rate = self._said_order(), self.nominal_rate
         if said == "none" and (rate is None or rate > SLOWEST_PROGRESSIVE):
             return "none"
-        probe = Recording(self.name, format_name=self._format, fields="none")
+        probe = Recording(self.name, format_name=self._format, fields="none", threads=self._threads)
         try:
             seen = field_order(islice(probe, PROBED))
         except InputError:
