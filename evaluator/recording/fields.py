@@ -55,15 +55,13 @@ def field_order(frames: Iterable[Frame]) -> Literal["none", "top", "bottom"] | N
     before: Plane | None = None
     for frame in frames:
         luma = np.ascontiguousarray(frame.luma[: frame.luma.shape[0] // 2 * 2])
-        if before is not None and before.shape == luma.shape:
+        if before is not None and before.shape == luma.shape and len(luma) > 4:
             moved = cv2.absdiff(luma, before)[2:-2] > luma.dtype.type(MOVED * 2 ** (frame.depth - 8))
             # An edge moves a few of its neighbours too; noise moves single pixels.
             moved[:, 1:] &= moved[:, :-1]
             rows, columns = _places(moved)
             moved_pixels += len(rows)
-            lines = luma[rows + np.arange(5)[:, None], columns].astype(
-                float
-            )  # each pixel's own, and two to either side
+            lines = luma[rows + np.arange(5)[:, None], columns].astype(float)  # a pixel's own, and two on either side
             torn += float(np.sum((lines[1] + lines[3] - 2 * lines[2]) ** 2))
             smooth += float(np.sum((lines[0] + lines[4] - 2 * lines[2]) ** 2))
             pairs, columns = _places(moved[0::2] | moved[1::2])

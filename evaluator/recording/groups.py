@@ -10,9 +10,7 @@ from itertools import pairwise
 from typing import Any
 
 SLICE, IDR_SLICE, KIND = 1, 5, 31  # NAL units of a picture, and the bits that say so (ITU-T H.264, 7.3.1 and table 7-1)
-AVC_CONFIGURATION = (
-    1  # how extradata begin where units are told by their length and tables lie apart (ISO/IEC 14496-15)
-)
+AVC_CONFIGURATION = 1  # first of extradata where units are told by their length, tables lie apart (ISO/IEC 14496-15)
 MOST_PICTURES = 300  # of a group: encoders make 250 at most unless told
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from itertools import cycle
+from itertools import chain, cycle, islice
 from queue import SimpleQueue
 from threading import Thread
 from typing import Any
@@ -93,6 +93,21 @@ def decoded(
             decoder.stop()
 
 
+def glanced(packets: Iterator[Any], count: int) -> tuple[list[Any], Iterator[Any]]:
+    """Give the first packets, and all of them; what reading raises is raised after those that were read before."""
+    first = list[Any]()
+    try:
+        first.extend(islice(packets, count))
+    except (av.error.FFmpegError, OSError) as error:
+        packets = _raising(error)
+    return first, chain(first, packets)
+
+
+def _raising(error: Exception) -> Iterator[Any]:
+    raise error
+    yield
+
+
 def _ahead(context: Any, groups: Groups | None) -> int:
     """How many packets may be handed out before the first is asked for, but for decoders of single pictures."""
     size: int = max(context.width * context.height * 3 // 2, 1)  # of most recordings: 8 bits, colour of half the width
@@ -164,7 +179,7 @@ class _Decoder:
         while (packet := self._packets.get()) is not None and not self._stopped:
             try:
                 self._results.put(self._context.decode(None if packet is END else packet))
-                if packet is END:
-                    self._context.flush_buffers()
             except Exception as error:  # noqa: BLE001 - `get` raises it where it is waited for
                 self._results.put(error)
+            if packet is END:
+                self._context.flush_buffers()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from fractions import Fraction
-from itertools import chain, islice
+from itertools import islice
 from typing import Any, Literal
 
 import av
@@ -15,7 +15,7 @@ from evaluator.recording.fields import Fields, field_order, fields_of
 from evaluator.recording.frame import Frame
 from evaluator.recording.groups import Groups
 from evaluator.recording.layout import Layout
-from evaluator.recording.parallel import decoded, decoders_for, threads_for
+from evaluator.recording.parallel import decoded, decoders_for, glanced, threads_for
 from evaluator.recording.timing import TimingReport, clock_runs, in_order, summarise
 
 PROBED = 120  # pictures looked at for torn edges: four seconds, by when a robot has moved
@@ -120,10 +120,8 @@ class Recording:
             layout: Layout | None = None
             origin = None if container.format.name in STREAMED or self.live else 0
             frame: Frame | None = None
-            packets = container.demux(stream)
-            first = [] if self.live else list(islice(packets, GLANCED))
-            runs = self.live or clock_runs(first)
-            pictures = self._decoded(chain(first, packets), streams, groups)
+            first, packets = glanced(container.demux(stream), 0 if self.live else GLANCED)
+            pictures, runs = self._decoded(packets, streams, groups), clock_runs(first)
             timed = ((picture, self._ticks_of(picture, count, runs=runs)) for count, picture in enumerate(pictures))
             index, last = 0, None
             for picture, ticks in timed if self.live else in_order(timed):

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import os
 import threading
+from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import pytest
 from evaluator.errors import InputError
 from evaluator.recording import open_recording
 from evaluator.recording.groups import groups_of
+from evaluator.recording.parallel import glanced
 from tests.evaluator.tracking.synthetic import draw, turning_marks, write_video
 
 
@@ -247,3 +249,16 @@ def test_open_groups_are_not_taken_apart(tmp_path: Path) -> None:
     one, two = open_recording(video, threads=1), open_recording(video)
     assert [frame.luma.tobytes() for frame in two] == [frame.luma.tobytes() for frame in one]
     assert len(list(two)) == 40
+
+
+def test_a_glance_at_packets_loses_none_and_raises_what_reading_raises_in_its_place() -> None:
+    def read() -> Iterator[int]:
+        yield from range(3)
+        raise OSError("torn off")
+
+    for count in (0, 2, 8):
+        first, packets = glanced(read(), count)
+        assert first == list(range(min(count, 3)))
+        assert [next(packets) for _ in range(3)] == [0, 1, 2]
+        with pytest.raises(OSError, match="torn off"):
+            next(packets)
