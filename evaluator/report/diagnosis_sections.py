@@ -101,7 +101,7 @@ def _gap(content: Json) -> Section | None:
         text.append(f"Not followed by the model that was chosen: {', '.join(lost)}. Look at these recordings first.")
     constancy = content.get("constancy") or {}
     rows = tuple(
-        (halves, f"{100 * p:.2g} %", "no: not the same" if p < CHANCE else "yes")
+        (halves, percent_text(p), "no: not the same" if p < CHANCE else "yes")
         for halves, p in constancy.items()
         if p is not None
     )

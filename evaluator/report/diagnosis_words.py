@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from evaluator.discrepancy.free import BASIS_WORDS, CHANNEL_WORDS, PREFIX, free_terms
-from evaluator.report.numbers import UNKNOWN, number
+from evaluator.report.numbers import UNKNOWN, number, significant
 from simulator.effects.catalogue import EFFECTS
 
 Json = dict[str, Any]
@@ -209,12 +209,12 @@ def percent_text(share: float | None) -> str:
     """A share in percent."""
     if share is None:
         return UNKNOWN
-    return "< 0.01 %" if 0 <= share < 1e-4 else f"{100 * share:.2g} %"
+    return "< 0.01 %" if 0 <= share < 1e-4 else f"{significant(100 * share, 2)} %"
 
 
 def signed_percent(share: float | None) -> str:
     """A change in percent, with its sign."""
-    return UNKNOWN if share is None else f"{100 * share:+.2g} %".replace("-", "−").replace("+0 %", "0 %")
+    return UNKNOWN if share is None else f"{significant(100 * share, 2, sign=True)} %"
 
 
 def micrometres(length_mm: float | None) -> str:

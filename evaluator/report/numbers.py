@@ -14,6 +14,13 @@ def number(value: float, digits: int, *, sign: bool = False) -> str:
     return f"{round(value, digits) + 0.0:{'+' if sign else ''}.{digits}f}".replace("-", "−")  # no minus before zero
 
 
+def significant(value: float, count: int = 3, *, sign: bool = False) -> str:
+    """A number with so many significant figures, zeros too and never as a power; before the point it stays whole."""
+    if not np.isfinite(value) or value == 0:
+        return number(value, 0)
+    return number(value, max(count - 1 - int(np.floor(np.log10(abs(value)) + 1e-12)), 0), sign=sign)
+
+
 def interval(low: float, high: float, digits: int = 3, *, sign: bool = False) -> str:
     """Bounds as "low to high"; a dash where they are unknown."""
     return UNKNOWN if np.isnan(low) else f"{number(low, digits, sign=sign)} to {number(high, digits, sign=sign)}"

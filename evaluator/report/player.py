@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from evaluator.report.figures.trajectory import thinned
+from evaluator.report.numbers import significant
 from evaluator.report.runs import RunView
 from simulator.robot import Robot
 
@@ -39,7 +40,7 @@ def player_data(runs: Sequence[RunView], robot: Robot) -> str:
 def _run(run: RunView, points: int, pictures: list[tuple[float, str]]) -> dict[str, Any]:
     marks, poses, simulated = (thinned(table, points) for table in (run.marks, run.poses, run.simulated))
     circle = [run.value(name) for name in ("center_x_mm", "center_y_mm", "radius_mm")]
-    radius = f"radius {run.value('radius_mm'):.3g} mm." if run.turns else f"{run.turning['radius_status']}."
+    radius = f"radius {significant(run.value('radius_mm'))} mm." if run.turns else f"{run.turning['radius_status']}."
     return {
         "label": f"{run.id}: {run.command}" + (f" ({run.group})" if run.group else ""),
         "note": f"{run.command}, {radius}",

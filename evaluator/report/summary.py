@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from evaluator.report.diagnosis_words import gap_sentence, verdict_sentence
+from evaluator.report.numbers import number, significant
 from evaluator.report.runs import RunView, column
 from evaluator.turning.pooling import Z_975, pooled
 from evaluator.workflow.jobs import SPACING_PERCENT
@@ -66,7 +67,7 @@ def headline(runs: Sequence[RunView]) -> list[Number]:
         numbers.append(
             Number(
                 "scale check",
-                f"{np.nanmedian(ratio):+.2f} %".replace("-", "−"),
+                f"{number(np.nanmedian(ratio), 2, sign=True)} %",
                 "distance of the marks against robot.toml",
             )
         )
@@ -164,4 +165,4 @@ def _digits(run: RunView) -> int:
 
 
 def _percent(value: float) -> str:
-    return f"{value:.2g} %" if abs(value) < 10 else f"{value:.0f} %"
+    return f"{significant(value, 2)} %"

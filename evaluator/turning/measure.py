@@ -92,8 +92,8 @@ def _with_radii(seen: Turning, fit: TurnFit, sustained: Sustained) -> Turning:
     status = "ok"
     if curvature.straight:
         status = (
-            f"straight: curvature {curvature.value:.3g} 1/mm,"
-            f" 95 % from {curvature.low:.3g} to {curvature.high:.3g} 1/mm"
+            f"straight: curvature {1000 * curvature.value:.3g} 1/m,"
+            f" 95 % from {1000 * curvature.low:.3g} to {1000 * curvature.high:.3g} 1/m"
         )
     radius = sustained.tightest.radius_mm() if status == "ok" else (NAN, NAN, NAN)
     steady = sustained.mean.radius_mm() if status == "ok" else (NAN, NAN, NAN)

@@ -9,6 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
+from evaluator.report.numbers import significant
 from evaluator.report.runs import RunView
 from evaluator.report.style import BLUE, GREEN, INK, VERMILLION, YELLOW, Figure, drawing
 
@@ -80,7 +81,7 @@ def _panel(axes: Axes, run: RunView) -> None:
     if run.turns and np.isfinite(center).all():
         axes.add_patch(Circle(center, run.value("radius_mm"), fill=False, ec=BLUE, lw=0.8))
         axes.plot(*center, color=BLUE, marker="+", ms=5, ls="none")
-        title += f"\nradius {run.value('radius_mm'):.3g} mm"
+        title += f"\nradius {significant(run.value('radius_mm'))} mm"
     axes.set_title(title)
     _frame(axes, run, marks, poses)
     axes.set_xlabel("x, mm")

@@ -99,7 +99,7 @@ def test_player_scrubs_and_plays_and_figures_are_saved_with_their_data(page: Pat
     assert [name.split(":")[0] for name in seen["runs"]] == ["r01", "r02", "r03"]
     assert len({seen["start"], seen["middle"], seen["other"]}) == 3
     assert seen["clock"] == "3.00 s"
-    assert "radius 3.5 mm" in seen["note"]
+    assert "radius 3.50 mm" in seen["note"]
     assert 30 < seen["played"] < 400  # 0.6 of 6 s, in thousandths
     assert seen["button"] == "▶"
     assert ["radius-difference.csv", "run,left_rpm,right_rpm,radius_mm"] in [
