@@ -5,13 +5,13 @@ Decoders that take groups in turn need not hand pictures to one another, as FFmp
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 SLICE, IDR_SLICE, KIND = 1, 5, 31  # NAL units of a picture, and the bits that say so (ITU-T H.264, 7.3.1 and table 7-1)
 AVC_CONFIGURATION = 1  # first of extradata where units are told by their length, tables lie apart (ISO/IEC 14496-15)
-MOST_PICTURES = 300  # of a group: encoders make 250 at most unless told
+LONGEST = 300  # pictures of a group: encoders make 250 at most unless told
 
 
 @dataclass(frozen=True)
@@ -32,15 +32,15 @@ class Groups:
             place = unit + int.from_bytes(data[place:unit], "big")
         return False
 
+    def several(self, packets: Sequence[Any]) -> bool:
+        """Whether a second group begins among the first packets of a recording."""
+        return any(self.begins(packet) for packet in packets[1:])
+
 
 def groups_of(stream: Any) -> Groups | None:
-    """Groups of a stream that says beforehand (MP4, MOV) that it has several, none too long; None of any other."""
+    """How to tell groups of a stream apart; None of other codecs, and where NAL units do not tell their length."""
     context = stream.codec_context
     tables = bytes(context.extradata or b"")
     if context.codec.name != "h264" or len(tables) < 5 or tables[0] != AVC_CONFIGURATION:
-        return None
-    entries = stream.index_entries
-    starts = [k for k, entry in enumerate(entries) if entry.is_keyframe]
-    if len(starts) < 2 or max(after - before for before, after in pairwise([*starts, len(entries)])) > MOST_PICTURES:
         return None
     return Groups((tables[4] & 3) + 1)

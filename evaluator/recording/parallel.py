@@ -17,7 +17,7 @@ from typing import Any
 import av
 from av.codec.codec import Capabilities
 
-from evaluator.recording.groups import MOST_PICTURES, Groups, groups_of
+from evaluator.recording.groups import LONGEST, Groups, groups_of
 
 END = object()  # of a group: the decoder gives what it held back, and begins anew
 Decoded = Callable[[], list[Any]]  # gives the pictures of a packet, or raises what decoding it raised
@@ -39,24 +39,27 @@ FEW_CORES = 2
 GROUP_DECODERS, SMALL_PX, GROUPS_AHEAD_BYTES = 2, 1024 * 768, 100_000_000
 
 
-def decoders_for(stream: Any, threads: int) -> tuple[int, Groups | None]:
-    """How many decoders a stream can have, 1 where FFmpeg's own threads do as well, and the groups they take in turn.
-
-    threads: 0 for one per core.
-    """
+def groups_for(stream: Any, threads: int) -> Groups | None:
+    """How to tell apart the groups that decoders may take in turn, None where they are not to. threads: 0 for any."""
     context = stream.codec_context
-    codec = context.codec
-    groups = groups_of(stream) if threads != 1 and context.width * context.height <= SMALL_PX else None
+    return groups_of(stream) if threads != 1 and context.width * context.height <= SMALL_PX else None
+
+
+def decoders_for(stream: Any, threads: int, groups: Groups | None) -> int:
+    """How many decoders a stream can have; 1 where FFmpeg's own threads do as well. threads: 0 for one per core."""
+    codec = stream.codec_context.codec
     if groups is not None:
-        return GROUP_DECODERS, groups
+        return GROUP_DECODERS
     if not codec.intra_only or codec.capabilities & THREADED or codec.name == "rawvideo":
-        return 1, None
-    return min(threads or os.cpu_count() or 1, MOST), None
+        return 1
+    return min(threads or os.cpu_count() or 1, MOST)
 
 
-def threads_for(stream: Any, threads: int) -> int:
-    """How many threads FFmpeg is to decode with, 0 for as many as it takes. threads: what was asked for, 0 for any."""
+def threads_for(stream: Any, threads: int, groups: Groups | None) -> int:
+    """How many threads a decoder is to have, 0 for as many as FFmpeg takes. threads: what was asked for, 0 for any."""
     cores = os.cpu_count() or 1
+    if groups is not None:
+        return 1
     return threads if threads or cores > FEW_CORES or stream.codec_context.codec.name != "h264" else cores
 
 
@@ -112,7 +115,7 @@ def _ahead(context: Any, groups: Groups | None) -> int:
     """How many packets may be handed out before the first is asked for, but for decoders of single pictures."""
     size: int = max(context.width * context.height * 3 // 2, 1)  # of most recordings: 8 bits, colour of half the width
     if groups is not None:
-        return min(MOST_PICTURES, GROUPS_AHEAD_BYTES // size)
+        return min(LONGEST, GROUPS_AHEAD_BYTES // size)
     return max(AHEAD, min(MOST_AHEAD, AHEAD_BYTES // size))
 
 

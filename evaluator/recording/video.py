@@ -13,9 +13,9 @@ import av
 from evaluator.errors import InputError
 from evaluator.recording.fields import Fields, field_order, fields_of
 from evaluator.recording.frame import Frame
-from evaluator.recording.groups import Groups
+from evaluator.recording.groups import LONGEST, Groups
 from evaluator.recording.layout import Layout
-from evaluator.recording.parallel import decoded, decoders_for, glanced, threads_for
+from evaluator.recording.parallel import decoded, decoders_for, glanced, groups_for, threads_for
 from evaluator.recording.timing import TimingReport, clock_runs, in_order, summarise
 
 PROBED = 120  # pictures looked at for torn edges: four seconds, by when a robot has moved
@@ -110,19 +110,12 @@ class Recording:
         container, self._opened = self._opened or self._open(), None
         with ExitStack() as opened:
             opened.enter_context(container)
-            stream = container.streams.video[0]
-            # Frame threads are fastest but hold back a picture a thread; a live source must not wait for them.
-            stream.thread_type = "SLICE" if self.live else "AUTO"
-            decoders, groups = (1, None) if self.live else decoders_for(stream, self._threads)
-            threads = self._threads if self.live else threads_for(stream, self._threads)
-            stream.codec_context.thread_count = threads if groups is None else 1
-            streams = [stream, *(self._again(opened) for _ in range(1, decoders))]
+            first, pictures = self._under_way(container, opened)
+            runs = clock_runs(first)
             layout: Layout | None = None
             origin = None if container.format.name in STREAMED or self.live else 0
             frame: Frame | None = None
-            first, packets = glanced(container.demux(stream), 0 if self.live else GLANCED)
-            pictures, runs = self._decoded(packets, streams, groups), clock_runs(first)
-            timed = ((picture, self._ticks_of(picture, count, runs=runs)) for count, picture in enumerate(pictures))
+            timed = ((picture, self._ticks_of(picture, k, runs=runs)) for k, picture in enumerate(pictures))
             index, last = 0, None
             for picture, ticks in timed if self.live else in_order(timed):
                 if ticks is None or (last is not None and ticks <= last):
@@ -137,6 +130,22 @@ class Recording:
                     count(frame)
                 yield frame
         self._finish(index)
+
+    def _under_way(self, container: Any, opened: ExitStack) -> tuple[list[Any], Iterator[Any]]:
+        """Set up decoding as is fastest for the recording; gives its first packets, and all pictures."""
+        stream, threads = container.streams.video[0], self._threads
+        # Frame threads are fastest but hold back a picture a thread; a live source must not wait for them.
+        stream.thread_type = "SLICE" if self.live else "AUTO"
+        if self.live:
+            stream.codec_context.thread_count = threads
+            return [], self._decoded(container.demux(stream), [stream], None)
+        groups = groups_for(stream, threads)
+        first, packets = glanced(container.demux(stream), GLANCED if groups is None else LONGEST + 1)
+        if groups is not None and not groups.several(first):
+            groups = None
+        stream.codec_context.thread_count = threads_for(stream, threads, groups)
+        again = range(1, decoders_for(stream, threads, groups))
+        return first, self._decoded(packets, [stream, *(self._again(opened) for _ in again)], groups)
 
     def _field_order(self) -> Literal["none", "top", "bottom"]:
         """Whether the recording is interlaced: what the file says, else what the pictures show."""

@@ -223,19 +223,20 @@ def test_a_recording_may_be_left_before_its_end(tmp_path: Path, codec: str) -> N
     assert threading.active_count() == before
 
 
+@pytest.mark.parametrize("container", ["mp4", "mkv"])
 @pytest.mark.parametrize("damaged", [False, True])
-def test_groups_decoded_beside_each_other_give_the_pictures_of_one_decoder(tmp_path: Path, *, damaged: bool) -> None:
+def test_groups_decoded_beside_each_other_give_the_pictures_of_one_decoder(
+    tmp_path: Path, container: str, *, damaged: bool
+) -> None:
     options = {"g": "7", "x264-params": "open-gop=0:scenecut=0"}
-    video = write_video(tmp_path / "v.mp4", noise_pictures(40), codec="libx264", pixels="yuv420p", options=options)
+    video = write_video(
+        tmp_path / f"v.{container}", noise_pictures(40), codec="libx264", pixels="yuv420p", options=options
+    )
     if damaged:
         content = bytearray(video.read_bytes())
         content[len(content) // 2 : len(content) // 2 + 9000] = bytes(9000)
         video.write_bytes(content)
-    with av.open(str(video)) as container:
-        groups = groups_of(container.streams.video[0])
-        assert groups is not None
-        begun = [k for k, packet in enumerate(container.demux(video=0)) if packet.size and groups.begins(packet)]
-    assert set(range(0, 40, 7)) >= set(begun) >= {0, 7, 35}
+    assert len(groups_begin(video)) > 3
     one, two = open_recording(video, threads=1), open_recording(video)
     expected = [(frame.index, frame.time, frame.kind, frame.luma.tobytes()) for frame in one]
     assert [(frame.index, frame.time, frame.kind, frame.luma.tobytes()) for frame in two] == expected
@@ -246,9 +247,17 @@ def test_groups_decoded_beside_each_other_give_the_pictures_of_one_decoder(tmp_p
 def test_open_groups_are_not_taken_apart(tmp_path: Path) -> None:
     options = {"g": "7", "x264-params": "open-gop=1:scenecut=0:bframes=2"}
     video = write_video(tmp_path / "v.mp4", noise_pictures(40), codec="libx264", pixels="yuv420p", options=options)
+    assert groups_begin(video) == [0]
     one, two = open_recording(video, threads=1), open_recording(video)
     assert [frame.luma.tobytes() for frame in two] == [frame.luma.tobytes() for frame in one]
     assert len(list(two)) == 40
+
+
+def groups_begin(video: Path) -> list[int]:
+    with av.open(str(video)) as container:
+        groups = groups_of(container.streams.video[0])
+        assert groups is not None
+        return [k for k, packet in enumerate(container.demux(video=0)) if packet.size and groups.begins(packet)]
 
 
 def test_a_glance_at_packets_loses_none_and_raises_what_reading_raises_in_its_place() -> None:
