@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Iterator
 from contextlib import ExitStack
 from fractions import Fraction
-from itertools import islice
 from typing import Any, Literal
 
 import av
@@ -18,7 +18,9 @@ from evaluator.recording.layout import Layout
 from evaluator.recording.parallel import decoded, decoders_for, glanced, groups_for, threads_for
 from evaluator.recording.timing import TimingReport, clock_runs, in_order, summarise
 
-PROBED = 120  # pictures looked at for torn edges: four seconds, by when a robot has moved
+# Pictures looked at for torn edges: four seconds, by when a robot has moved; of large pictures those that take so much
+# memory (their luma), for they are held: cameras that do not say that they weave fields have small ones.
+PROBED, HELD_BYTES = 120, 100_000_000
 SLOWEST_PROGRESSIVE = 31  # interlaced cameras give 25 or 29.97 frames a second; faster ones are not looked at
 GLANCED = 8  # packets whose times tell whether the clock of a file runs at all
 STREAMED = ("mpegts", "mpeg")  # containers whose clock starts anywhere: their times count from the first picture
@@ -86,15 +88,17 @@ class Recording:
     def __iter__(self) -> Iterator[Frame]:
         """Decode; each frame's planes are views that live as long as the frame."""
         self._reset()
-        order = self.fields
+        order, pictures = self.fields, self._pictures()
         if order == "auto":
-            order = self._field_order()
+            order, pictures = self._field_order(pictures)
         if order == "none":
-            yield from self._pictures(self._count)
+            for frame in pictures:
+                self._count(frame)
+                yield frame
             return
         self._notes.append(f"interlaced, {order} field first: every field is a picture of its own")
         ticks = self._interval_ticks()
-        for frame in self._pictures(None):
+        for frame in pictures:
             for field in fields_of(frame, order, ticks, len(self._ticks)):
                 self._count(field)
                 yield field
@@ -105,7 +109,7 @@ class Recording:
         if frame.repeated:
             self._duplicates.append(frame.index)
 
-    def _pictures(self, count: Callable[[Frame], None] | None) -> Iterator[Frame]:
+    def _pictures(self) -> Iterator[Frame]:
         """Every picture of the recording, not yet taken apart into fields."""
         container, self._opened = self._opened or self._open(), None
         with ExitStack() as opened:
@@ -126,8 +130,6 @@ class Recording:
                     layout = Layout.of(picture)
                 frame = layout.frame(picture, index, ticks - origin, self.tick, frame)
                 index += 1
-                if count is not None:
-                    count(frame)
                 yield frame
         self._finish(index)
 
@@ -147,19 +149,28 @@ class Recording:
         again = range(1, decoders_for(stream, threads, groups))
         return first, self._decoded(packets, [stream, *(self._again(opened) for _ in again)], groups)
 
-    def _field_order(self) -> Literal["none", "top", "bottom"]:
-        """Whether the recording is interlaced: what the file says, else what the pictures show."""
+    def _field_order(self, pictures: Iterator[Frame]) -> tuple[Literal["none", "top", "bottom"], Iterator[Frame]]:
+        """Whether the recording is interlaced: what the file says, else what the pictures show; gives all of them."""
         if self.live:
-            return "none"
+            return "none", pictures
         said, rate = self._said_order(), self.nominal_rate
         if said == "none" and (rate is None or rate > SLOWEST_PROGRESSIVE):
-            return "none"
-        probe = Recording(self.name, format_name=self._format, fields="none", threads=self._threads)
-        try:
-            seen = field_order(islice(probe, PROBED))
-        except InputError:
-            return "none"
-        return seen or said
+            return "none", pictures
+        seen = deque[Frame]()
+
+        def first() -> Iterator[Frame]:
+            for frame in pictures:
+                seen.append(frame)
+                yield frame
+                if len(seen) == PROBED or len(seen) * frame.luma.nbytes > HELD_BYTES:
+                    return
+
+        def every() -> Iterator[Frame]:
+            while seen:
+                yield seen.popleft()
+            yield from pictures
+
+        return field_order(first()) or said, every()
 
     def _said_order(self) -> Literal["none", "top", "bottom"]:
         # FFmpeg's AVFieldOrder: 2 and 5 show the top field first, 3 and 4 the bottom field.
@@ -178,26 +189,28 @@ class Recording:
     def _decoded(self, packets: Iterator[Any], streams: list[Any], groups: Groups | None) -> Iterator[Any]:
         """Every picture that decodes; stops, with a note, where nothing more can be read."""
         results = decoded(packets, streams, at_once=self.live or self._threads == 1, groups=groups)
+        given = 0
         while True:
             try:
                 result = next(results)
             except StopIteration:
                 return
             except (av.error.FFmpegError, OSError) as error:
-                self._notes.append(f"the recording cannot be read beyond picture {len(self._ticks)} ({_reason(error)})")
+                self._notes.append(f"the recording cannot be read beyond picture {given} ({_reason(error)})")
                 return
             try:
                 pictures = result()
             except (av.error.FFmpegError, OSError) as error:
-                note = f"damaged data near picture {len(self._ticks)} ({_reason(error)})"
+                note = f"damaged data near picture {given} ({_reason(error)})"
                 if not self._notes:
                     self._notes.append(note)
                 continue
             for picture in pictures:
                 if not picture.is_corrupt:
+                    given += 1
                     yield picture
                 elif not self._notes:
-                    self._notes.append(f"damaged pictures are left out, the first near picture {len(self._ticks)}")
+                    self._notes.append(f"damaged pictures are left out, the first near picture {given}")
 
     def _ticks_of(self, picture: Any, count: int, *, runs: bool) -> int | None:
         """Presentation time of a picture in ticks, None where it has none; runs: whether the recording's clock does."""
