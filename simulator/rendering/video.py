@@ -73,7 +73,8 @@ def encode(
 def _codec(encoding: Encoding, scene: Scene) -> tuple[str, str, dict[str, str]]:
     """Codec name, pixel format and options of FFmpeg."""
     deep, color = scene.sensor.bits > 8, scene.sensor.color
-    interlaced = {"flags": "+ildct+ilme"} if scene.timing.interlaced != "no" else {}
+    # One thread: from run to run x264's threads code fields differently (progressive pictures they code alike).
+    interlaced = {"flags": "+ildct+ilme", "threads": "1"} if scene.timing.interlaced != "no" else {}
     if encoding.codec == "lossless":
         if deep:
             raise SimulationError('codec "lossless" keeps 8 bits; for more say codec = "ffv1"')
