@@ -31,7 +31,7 @@ AHEAD = 2  # packets a decoder is handed before its first is asked for
 # of 2 by 100 to 170 µs a picture, where 4 gain 25 µs (twice measured, in 9 and in 16 turns).
 MOST_AHEAD, AHEAD_BYTES = 6, 12_500_000
 # FFmpeg takes a thread more than there are cores. Where the tracker wants a part of two cores, as many threads as cores
-# are faster (H.264, file to marks: 6 % at 1920 × 1080, 8 % at 1280 × 720, 3 % at 640 × 480).
+# are faster (H.264, file to marks: 6 % at 1920 × 1080, 8 % at 1280 × 720, 2 to 12 % at 640 × 480).
 FEW_CORES = 2
 # Of small pictures each is handed from thread to thread for about 70 µs. Two decoders that take groups in turn do
 # without: file to marks is faster by 15 to 33 % at 640 × 480, 22 % at 800 × 600, 1 % at 1024 × 768, and slower beyond,
@@ -77,7 +77,7 @@ def decoded(
             yield packet.decode
         return
     decoders = [_Decoder(stream.codec_context) for stream in streams]
-    ahead = AHEAD * len(decoders) if len(decoders) > 1 and groups is None else _ahead(streams[0].codec_context, groups)
+    ahead = _ahead(streams[0].codec_context, len(decoders), groups)
     waiting, failure = deque[_Decoder](), None
     try:
         try:
@@ -111,11 +111,13 @@ def _raising(error: Exception) -> Iterator[Any]:
     yield
 
 
-def _ahead(context: Any, groups: Groups | None) -> int:
-    """How many packets may be handed out before the first is asked for, but for decoders of single pictures."""
+def _ahead(context: Any, decoders: int, groups: Groups | None) -> int:
+    """How many packets are handed out before the first is asked for."""
     size: int = max(context.width * context.height * 3 // 2, 1)  # of most recordings: 8 bits, colour of half the width
     if groups is not None:
         return min(LONGEST, GROUPS_AHEAD_BYTES // size)
+    if decoders > 1:
+        return AHEAD * decoders
     return max(AHEAD, min(MOST_AHEAD, AHEAD_BYTES // size))
 
 

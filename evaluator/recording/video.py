@@ -236,7 +236,7 @@ class Recording:
             )
         if self._standing:
             self._notes.append(f"{self._standing} pictures are left out: their times are not after those before them")
-        elif self.expected_frames > count:
+        if self.expected_frames > count + self._standing:
             self._notes.append(f"the file promises {self.expected_frames} pictures but only {count} could be decoded")
 
     def report(self) -> TimingReport:

@@ -18,7 +18,8 @@ def significant(value: float, count: int = 3, *, sign: bool = False) -> str:
     """A number with so many significant figures, zeros too and never as a power; before the point it stays whole."""
     if not np.isfinite(value) or value == 0:
         return number(value, 0)
-    return number(value, max(count - 1 - int(np.floor(np.log10(abs(value)) + 1e-12)), 0), sign=sign)
+    power = int(f"{value:.{count - 1}e}".split("e")[1])  # of the rounded number: 99.97 is 100
+    return number(value, max(count - 1 - power, 0), sign=sign)
 
 
 def interval(low: float, high: float, digits: int = 3, *, sign: bool = False) -> str:

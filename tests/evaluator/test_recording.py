@@ -4,6 +4,7 @@ import os
 import threading
 from collections.abc import Iterator
 from fractions import Fraction
+from itertools import islice
 from pathlib import Path
 
 import av
@@ -238,6 +239,7 @@ def test_groups_decoded_beside_each_other_give_the_pictures_of_one_decoder(
         video.write_bytes(content)
     assert len(groups_begin(video)) > 3
     one, two = open_recording(video, threads=1), open_recording(video)
+    assert [sum(thread.name == "decoder" for thread in threading.enumerate()) for _ in islice(two, 2)] == [2, 2]
     expected = [(frame.index, frame.time, frame.kind, frame.luma.tobytes()) for frame in one]
     assert [(frame.index, frame.time, frame.kind, frame.luma.tobytes()) for frame in two] == expected
     assert two.report() == one.report()

@@ -8,7 +8,7 @@ from evaluator.report.numbers import number, significant
 
 @pytest.mark.parametrize(
     ("value", "text"),
-    [(6.0, "6.00"), (63.36, "63.4"), (99.97, "100.0"), (1234.5, "1234"), (-0.01234, "−0.0123"), (0.0, "0")],
+    [(6.0, "6.00"), (63.36, "63.4"), (99.97, "100"), (1234.5, "1234"), (-0.01234, "−0.0123"), (0.0, "0")],
 )
 def test_three_figures_are_three_figures_and_never_a_power(value: float, text: str) -> None:
     assert significant(value) == text
