@@ -8,15 +8,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from calibration.assessment.quality import assess
+    from calibration.assessment.verdict import Verdict
     from calibration.camera import Camera, camera_above
-    from calibration.detect_dots import Dots
+    from calibration.detection.dots import Dots
+    from calibration.detection.image import read_picture
     from calibration.errors import CalibrationError
-    from calibration.gauge import Gauge, load_gauge
-    from calibration.picture import read_picture
-    from calibration.quality import assess
-    from calibration.solve import Calibration, calibrate
+    from calibration.estimation.calibrate import Calibration, calibrate
+    from calibration.gauge.geometry import Gauge, load_gauge
     from calibration.store import camera_to_json, load_camera
-    from calibration.verdict import Verdict
 
 __all__ = [
     "Calibration",
@@ -36,14 +36,14 @@ __all__ = [
 
 _HOMES = {
     "calibration.camera": ("Camera", "camera_above"),
-    "calibration.detect_dots": ("Dots",),
+    "calibration.detection.dots": ("Dots",),
     "calibration.errors": ("CalibrationError",),
-    "calibration.gauge": ("Gauge", "load_gauge"),
-    "calibration.picture": ("read_picture",),
-    "calibration.quality": ("assess",),
-    "calibration.solve": ("Calibration", "calibrate"),
+    "calibration.gauge.geometry": ("Gauge", "load_gauge"),
+    "calibration.detection.image": ("read_picture",),
+    "calibration.assessment.quality": ("assess",),
+    "calibration.estimation.calibrate": ("Calibration", "calibrate"),
     "calibration.store": ("camera_to_json", "load_camera"),
-    "calibration.verdict": ("Verdict",),
+    "calibration.assessment.verdict": ("Verdict",),
 }
 
 

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from calibration.assessment.verdict import Verdict
 from calibration.camera import PARAMETERS, Camera
 from calibration.errors import CalibrationError
-from calibration.gauge import Gauge
+from calibration.gauge.geometry import Gauge
 from calibration.lens import LensModel
-from calibration.verdict import Verdict
 
 if TYPE_CHECKING:  # a camera is read far more often than solved: reading one must not wait for the solver's libraries
-    from calibration.flatness import Flatness
-    from calibration.solve import Calibration
+    from calibration.estimation.calibrate import Calibration
+    from calibration.estimation.flatness import Flatness
 
 
 class Table(BaseModel):
@@ -83,7 +83,7 @@ class CameraFile(Table):
 
 def camera_to_json(calibration: Calibration, verdict: Verdict | None = None) -> str:
     """Text of camera.json."""
-    from calibration.quality import assess
+    from calibration.assessment.quality import assess
 
     camera = calibration.camera
     verdict = verdict or assess(calibration)

@@ -1,4 +1,4 @@
-"""Video → marks → pose → turning → comparison → discrepancy → report; the command line.
+"""Video → marks → pose → turning → comparison → diagnosis → report; the command line.
 
 The public names below are imported when they are first used, so that `import evaluator` costs nothing.
 """

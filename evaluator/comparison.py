@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.machine import mark_geometry, robot_shape
 from evaluator.pose import Poses, poses_from_marks
+from evaluator.robot_geometry import mark_geometry, robot_shape
 from evaluator.settings import Run
 from evaluator.turning import Turning, measure_turning
 from simulator.command import Command
-from simulator.integrate import simulate
 from simulator.observation import marks_of_run
 from simulator.robot import WHEELS, Robot
 from simulator.run import Run as Motion
 from simulator.run import State
+from simulator.simulate import simulate
 
 Array = NDArray[np.float64]
 

@@ -51,7 +51,7 @@ def write_text(path: Path, text: str) -> None:
 def write_table(table: pd.DataFrame, path: Path) -> None:
     """Write a table as CSV, whole or not at all: nine significant digits, NaN as an empty cell."""
     with written_whole(path) as temporary:
-        from evaluator.csv_text import csv_text
+        from evaluator.interchange.csv_text import csv_text
 
         with temporary.open("w", encoding="utf-8", newline="") as file:
             file.writelines(csv_text(table))

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from evaluator.errors import InputError
-from evaluator.interchange import Tracks
+from evaluator.interchange.tracks import Tracks
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from simulator.command import Command
     from simulator.errors import SimulationError
-    from simulator.integrate import simulate
     from simulator.observation import marks_of_run
     from simulator.robot import Robot, load_robot, shipped_robots
     from simulator.run import Run, State
+    from simulator.simulate import simulate
     from simulator.steady import SteadyTurn, steady_turn
 
 __all__ = [
@@ -33,7 +33,7 @@ __all__ = [
 _HOMES = {
     "simulator.command": ("Command",),
     "simulator.errors": ("SimulationError",),
-    "simulator.integrate": ("simulate",),
+    "simulator.simulate": ("simulate",),
     "simulator.observation": ("marks_of_run",),
     "simulator.robot": ("Robot", "load_robot", "shipped_robots"),
     "simulator.run": ("Run", "State"),

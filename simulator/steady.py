@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from simulator.balance import newton
-from simulator.branch import follow
+from simulator.dynamics.model import compile_robot
 from simulator.errors import SimulationError
-from simulator.many import TOLERANCE_MM
-from simulator.model import compile_robot
-from simulator.motion import DONE, MOST_STEPS, integrate_run
+from simulator.integrator.balance import newton
+from simulator.integrator.batch import TOLERANCE_MM
+from simulator.integrator.branch import follow
+from simulator.integrator.run_kernel import DONE, MOST_STEPS, integrate_run
+from simulator.integrator.stability import is_stable
 from simulator.robot import Robot
 from simulator.run import WheelStates
-from simulator.stability import is_stable
-from simulator.wheels import wheel_states
+from simulator.wheel_states import wheel_states
 
 Array = NDArray[np.float64]
 # Where Newton starts to look for every balance, as shares: forward speed of the surface speeds left and right (in

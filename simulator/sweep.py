@@ -202,8 +202,8 @@ def run_part(sweep: Sweep, robot: Robot, start: int, stop: int) -> pd.DataFrame:
     import pandas as pd
 
     from simulator.command import Command
-    from simulator.integrate import simulate_batch
-    from simulator.model import compile_robot
+    from simulator.dynamics.model import compile_robot
+    from simulator.simulate import simulate_batch
 
     points = sweep.points(start, stop)
     status, rows, models = [""] * len(points), [], []

@@ -138,7 +138,7 @@ def print_plan(experiment: Path, out: Path, *, simulate: bool) -> int:
 
 def print_json(table: pd.DataFrame) -> None:
     """Print a table of runs as a list of objects; unknown values are null."""
-    from evaluator.export import records
+    from evaluator.interchange.export import records
 
     click.echo(json.dumps(records(table), indent=1))
 

@@ -41,10 +41,10 @@ def calibrate(
     Finds the dots, assigns the grid, chooses the lens model by cross-validation and writes the camera with its
     covariance and a verdict.
     """
-    from calibration.gauge import load_gauge
-    from calibration.picture import read_picture
-    from calibration.quality import assess
-    from calibration.solve import calibrate as solve
+    from calibration.assessment.quality import assess
+    from calibration.detection.image import read_picture
+    from calibration.estimation.calibrate import calibrate as solve
+    from calibration.gauge.geometry import load_gauge
     from calibration.store import camera_to_json
     from evaluator.errors import InputError
     from evaluator.files import read_with, write_text
@@ -76,7 +76,7 @@ def calibrate(
         click.echo(f"note: {note}")
     written = str(out)
     if page:
-        from evaluator.report.calibration_page import write_calibration_page
+        from evaluator.report.pages.calibration import write_calibration_page
 
         write_calibration_page(found, verdict, out.with_suffix(".html"), tolerance_um)
         written += f", {out.with_suffix('.html')}"
@@ -92,9 +92,9 @@ def dots(pictures: tuple[Path, ...], annotate: Path | None) -> None:
     """Find and assign the dots of pictures, without a gauge file."""
     import numpy as np
 
-    from calibration.assign_grid import assign_grid, rows_and_columns
-    from calibration.detect_dots import detect_dots
-    from calibration.picture import read_picture
+    from calibration.assignment.lattice import assign_grid, rows_and_columns
+    from calibration.detection.dots import detect_dots
+    from calibration.detection.image import read_picture
 
     for path in pictures:
         picture = read_picture(path)
@@ -111,7 +111,7 @@ def dots(pictures: tuple[Path, ...], annotate: Path | None) -> None:
             f"diameter {np.median(found.diameter_px[lattice.dot]):.1f} px, centres to {sigma:.3f} px"
         )
         if annotate is not None:
-            from evaluator.report.calibration_page import write_annotated
+            from evaluator.report.pages.calibration import write_annotated
 
             write_annotated(picture, found, lattice, annotate / f"{path.stem}-dots.png")
 
@@ -126,9 +126,9 @@ def check_camera(context: click.Context, camera_file: Path, picture: Path, gauge
 
     The verdict is in sigmas. The exit status is 0 where the calibration holds and 1 where it does not.
     """
-    from calibration.check import check_camera as check
-    from calibration.gauge import load_gauge
-    from calibration.picture import read_picture
+    from calibration.assessment.camera_check import check_camera as check
+    from calibration.detection.image import read_picture
+    from calibration.gauge.geometry import load_gauge
     from calibration.store import load_camera_file
     from evaluator.files import read_with
 

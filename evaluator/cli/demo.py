@@ -41,7 +41,7 @@ def demo(out: Path, puzzle: bool, workers: int | None, quiet: bool) -> int:
     """
     from evaluator.cli.analyze import comparison_text, run_analysis, status_of
     from evaluator.report.build import write_report
-    from evaluator.workflow.ahead import compile_ahead
+    from evaluator.workflow.execution.precompile import compile_ahead
     from evaluator.workflow.samples import copy_samples
 
     def say(text: str = "") -> None:
@@ -73,8 +73,8 @@ def _solve_puzzle(experiment: Path, out: Path, workers: int | None, *, quiet: bo
     """Measure the experiment with a hidden effect, have the effect named, and report before and after."""
     from evaluator.cli.analyze import run_analysis
     from evaluator.cli.diagnose import summary
-    from evaluator.discrepancy.workflow import diagnose_experiment
     from evaluator.report.build import write_report
+    from evaluator.workflow.diagnosis import diagnose_experiment
 
     if not quiet:
         click.echo("Puzzle: recordings of a robot with something that its model does not know.")
@@ -89,10 +89,10 @@ def _solve_puzzle(experiment: Path, out: Path, workers: int | None, *, quiet: bo
 
 def calibrate_samples(folder: Path) -> str:
     """Write camera.json from the gauge pictures; returns the verdict in words."""
-    from calibration.gauge import load_gauge
-    from calibration.picture import read_picture
-    from calibration.quality import assess
-    from calibration.solve import calibrate
+    from calibration.assessment.quality import assess
+    from calibration.detection.image import read_picture
+    from calibration.estimation.calibrate import calibrate
+    from calibration.gauge.geometry import load_gauge
     from calibration.store import camera_to_json
     from evaluator.files import read_with, write_text
 

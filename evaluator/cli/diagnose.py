@@ -16,9 +16,9 @@ from evaluator.cli.progress import progress_bar
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from evaluator.discrepancy.candidates import Candidate
-    from evaluator.discrepancy.plan import Expected
-    from evaluator.discrepancy.several import Answer
+    from evaluator.diagnosis.design.candidate_runs import Candidate
+    from evaluator.diagnosis.design.plan import Expected
+    from evaluator.workflow.diagnosis_batch import Answer
 
 STEPS = 100  # of the progress bar
 SENTENCES = 4  # of where, on the screen; all are in diagnosis.json
@@ -59,8 +59,8 @@ def diagnose(
     """
     if len(experiments) > 1:
         return _diagnose_several(tuple(dict.fromkeys(experiments)), out, workers, dask, as_json=as_json, quiet=quiet)
-    from evaluator.discrepancy.several import Answer
-    from evaluator.discrepancy.workflow import diagnose_experiment
+    from evaluator.workflow.diagnosis import diagnose_experiment
+    from evaluator.workflow.diagnosis_batch import Answer
 
     with progress_bar("diagnosis", quiet=quiet) as bar:
         found, content = diagnose_experiment(experiments[0], out, _steps(bar), workers=workers, dask=dask)
@@ -72,8 +72,8 @@ def diagnose(
 def _diagnose_several(
     experiments: tuple[Path, ...], out: Path, workers: int | None, dask: str | None, *, as_json: bool, quiet: bool
 ) -> int:
-    from evaluator.discrepancy.several import diagnose_each
     from evaluator.errors import InputError
+    from evaluator.workflow.diagnosis_batch import diagnose_each
 
     answers = []
     with progress_bar("experiments", quiet=quiet) as bar:
@@ -115,7 +115,7 @@ def _steps(bar: Callable[[int, int], None]) -> Callable[[str, float], None]:
 
 def summary(content: dict[str, Any]) -> list[str]:
     """The verdict in a few lines."""
-    from evaluator.report.diagnosis_words import (
+    from evaluator.report.diagnosis.words import (
         as_sentence,
         closes,
         equivalents_sentence,
@@ -172,9 +172,9 @@ def plan(robot: str, runs: int, levels: tuple[float, ...], plate: tuple[float, f
     in this order. Then every effect at a modest size: by how many sigmas it would show, under a usual tracking noise
     and run-to-run scatter, and by how many it would differ from the effect that is nearest to it.
     """
-    from evaluator.discrepancy.candidates import Room
-    from evaluator.discrepancy.plan import expected, plan_runs
-    from evaluator.discrepancy.terms import named_terms
+    from evaluator.diagnosis.candidates.coordinates import named_terms
+    from evaluator.diagnosis.design.candidate_runs import Room
+    from evaluator.diagnosis.design.plan import expected, plan_runs
     from evaluator.files import read_with
     from simulator.robot import load_robot
 

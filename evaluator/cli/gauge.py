@@ -34,8 +34,8 @@ def gauge(
     From a gauge.toml, or from four numbers, in which case the gauge.toml that calibrate needs is written beside the
     sheet.
     """
-    from calibration.gauge import load_gauge
-    from calibration.print_gauge import gauge_sheet, pdf, svg
+    from calibration.gauge.geometry import load_gauge
+    from calibration.gauge.printing import gauge_sheet, pdf, svg
     from evaluator.errors import InputError
     from evaluator.files import read_with, write_text, written_whole
 

@@ -53,7 +53,7 @@ def check(experiment: Path, as_json: bool, quiet: bool) -> int:
 
     Exit status: 0 nothing is wrong, 2 something is.
     """
-    from evaluator.checks import check_experiment
+    from evaluator.workflow.checks import check_experiment
 
     found = check_experiment(experiment)
     if as_json:

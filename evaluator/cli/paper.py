@@ -20,7 +20,7 @@ def paper(out: Path, quiet: bool) -> None:
     """
     from evaluator.cli.progress import progress_bar
     from evaluator.cli.tables import text_table
-    from evaluator.report.paper_page import check_table, recompute, write_paper
+    from evaluator.report.pages.paper import check_table, recompute, write_paper
 
     with progress_bar("recomputing", quiet=quiet) as progress:
         found = recompute(progress)

@@ -38,7 +38,7 @@ def render(scenes: tuple[Path, ...], output: Path | None, truth: Path | None, wo
     """
     from evaluator.cli.progress import progress_bar
     from evaluator.errors import InputError
-    from evaluator.workflow.batch import available_cores, in_processes
+    from evaluator.workflow.execution.batch import available_cores, in_processes
 
     if len(scenes) > 1 and (output or truth):
         raise InputError(f"{len(scenes)} scenes cannot go to one file; say output = … in each scene instead")
@@ -74,7 +74,7 @@ class _Order:
 
 def _order(path: Path, output: Path | None, truth: Path | None) -> _Order:
     """Read a scene and what it names, so that every fault is said before any work."""
-    from calibration.gauge import load_gauge
+    from calibration.gauge.geometry import load_gauge
     from evaluator.errors import InputError
     from evaluator.files import read_with
     from simulator.rendering.scene import load_gauge_scene, load_run_scene, scene_kind

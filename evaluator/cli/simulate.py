@@ -46,9 +46,9 @@ def simulate(
     from evaluator.errors import InputError
     from evaluator.files import read_with, written_whole
     from simulator.command import Command
-    from simulator.integrate import simulate as run_simulation
     from simulator.robot import load_robot
     from simulator.run import State
+    from simulator.simulate import simulate as run_simulation
 
     if log is None and (left_rpm is None or right_rpm is None):
         raise InputError("say what the motors do: --left RPM and --right RPM, or --command LOG.csv")

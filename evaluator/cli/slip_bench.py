@@ -40,7 +40,7 @@ def slip_bench(
     """
     from evaluator.cli.tables import text_table
     from evaluator.errors import InputError
-    from evaluator.report.slip_bench_page import HEAD, fit_rows, fit_sentences, write_slip_bench
+    from evaluator.report.pages.slip_bench import HEAD, fit_rows, fit_sentences, write_slip_bench
     from simulator.slip.bench import Apparatus, checked_bench
     from simulator.slip.fit import fit_slip_law
 

@@ -43,7 +43,7 @@ def sweep(sweep_file: Path, output: Path, dask: str | None, workers: int | None)
 
     from evaluator.cli.progress import progress_bar
     from evaluator.files import read_with, written_whole
-    from evaluator.scale_out import results_of
+    from evaluator.workflow.execution.scale_out import results_of
     from simulator.sweep import load_sweep, robot_of_sweep, run_part
 
     described = read_with(load_sweep, sweep_file)

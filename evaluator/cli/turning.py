@@ -42,9 +42,9 @@ def turning(
     import pandas as pd
 
     from evaluator.files import read_with, written_whole
-    from evaluator.machine import mark_geometry, robot_shape
     from evaluator.marks import read_marks
     from evaluator.pose import poses_from_marks
+    from evaluator.robot_geometry import mark_geometry, robot_shape
     from evaluator.turning import measure_turning
     from simulator.robot import load_robot
 

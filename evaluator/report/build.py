@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from evaluator.files import write_text
-from evaluator.report.diagnosis_view import known_diagnosis
+from evaluator.report.diagnosis.view import known_diagnosis
 from evaluator.report.figures.trajectory import LEGEND
-from evaluator.report.pages import Page, page_html
+from evaluator.report.pages.html import Page, page_html
 from evaluator.report.player import player_data
 from evaluator.report.runs import RunView, views_of
 from evaluator.report.sections import sections

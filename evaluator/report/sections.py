@@ -9,8 +9,8 @@ import numpy as np
 
 from calibration.store import load_camera_file
 from evaluator.files import read_with
-from evaluator.report.diagnosis_sections import diagnosis_sections
-from evaluator.report.diagnosis_view import DiagnosisView
+from evaluator.report.diagnosis.sections import diagnosis_sections
+from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.figures.agreement import radius_agreement
 from evaluator.report.figures.calibration import distortion_map
 from evaluator.report.figures.quality import camera_uncertainty, lost_frames, scale_check
@@ -20,7 +20,7 @@ from evaluator.report.figures.speed import straight_speed
 from evaluator.report.figures.trajectory import representative, trajectories
 from evaluator.report.figures.wheel_states import wheel_states_figure
 from evaluator.report.numbers import UNKNOWN, interval, number
-from evaluator.report.pages import Section, Table
+from evaluator.report.pages.html import Section, Table
 from evaluator.report.runs import RunView
 from evaluator.report.style import Figure
 from evaluator.report.tables import (

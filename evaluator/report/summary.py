@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from evaluator.report.diagnosis_words import gap_sentence, verdict_sentence
+from evaluator.report.diagnosis.words import gap_sentence, verdict_sentence
 from evaluator.report.numbers import number, significant
 from evaluator.report.runs import RunView, column
 from evaluator.turning.pooling import Z_975, pooled

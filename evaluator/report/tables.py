@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import pandas as pd
 
 from evaluator.report.numbers import UNKNOWN, interval, number
-from evaluator.report.pages import Table
+from evaluator.report.pages.html import Table
 from evaluator.report.runs import RunView
 from simulator.robot import WHEELS
 

@@ -1,7 +1,7 @@
 """Frames → sub-pixel centres of the green and the yellow mark with their uncertainty."""
 
 from evaluator.tracking.corrections import correct, read_corrections
-from evaluator.tracking.place import place_on_plate
+from evaluator.tracking.placement import place_on_plate
 from evaluator.tracking.settings import TrackingSettings, load_settings
 from evaluator.tracking.track import track
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from evaluator.errors import InputError
 from evaluator.progress import Progress, no_progress
 from evaluator.recording import Frame
-from evaluator.tracking.refine import refine
+from evaluator.tracking.following.tracker import Tracker
 from evaluator.tracking.settings import TrackingSettings
-from evaluator.tracking.tracker import Tracker
+from evaluator.tracking.uncertainty.combine import refine
 
 Array = NDArray[np.float64]
 PARTS = ("x_px", "y_px", "x_sigma_px", "y_sigma_px", "xy_cov_px2", "status")

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from evaluator.errors import InputError
 from evaluator.pose import Poses
-from evaluator.turning.fit import FEWEST_FRAMES, TurnFit, fit_turn, part, scaled_poses
-from evaluator.turning.noise import Block, averaged_least_squares
+from evaluator.turning.motion.fit import FEWEST_FRAMES, TurnFit, fit_turn, part, scaled_poses
+from evaluator.turning.motion.least_squares import Block, averaged_least_squares
+from evaluator.turning.motion.steady_motion import linearised, moved
 from evaluator.turning.phases import find_phases
 from evaluator.turning.quantities import Rate, RobotShape, body_quantities, path_quantities, with_sigmas
 from evaluator.turning.result import Turning
-from evaluator.turning.steady_motion import linearised, moved
 from evaluator.turning.sustained import Sustained, sustained_turn
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.pose import MarkGeometry
-from evaluator.turning.fit import TurnFit
+from evaluator.turning.motion.fit import TurnFit
 from evaluator.turning.phases import local_rates
 
 Array = NDArray[np.float64]

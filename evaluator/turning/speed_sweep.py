@@ -15,7 +15,7 @@ from scipy.optimize import isotonic_regression
 
 from evaluator.errors import InputError
 from evaluator.pose import Poses
-from evaluator.turning.fit import FEWEST_FRAMES, fit_turns, scaled_poses
+from evaluator.turning.motion.fit import FEWEST_FRAMES, fit_turns, scaled_poses
 
 Array = NDArray[np.float64]
 BOOTSTRAPS = 400

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from evaluator.turning.fit import FEWEST_FRAMES, Curvature, Scaled, TurnFit, fit_turns
+from evaluator.turning.motion.fit import FEWEST_FRAMES, Curvature, Scaled, TurnFit, fit_turns
 from evaluator.turning.pooling import cochran, paule_mandel
 
 Array = NDArray[np.float64]

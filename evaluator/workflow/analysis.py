@@ -11,7 +11,7 @@ from evaluator.errors import InputError
 from evaluator.files import read_with, write_table
 from evaluator.progress import Progress, no_progress
 from evaluator.settings import Experiment, load_experiment
-from evaluator.workflow.batch import available_cores, in_processes, on_cluster
+from evaluator.workflow.execution.batch import available_cores, in_processes, on_cluster
 from evaluator.workflow.jobs import Job, RunResult, analyse_run, known_result, lost_run, outdated_stages
 from evaluator.workflow.outputs import Outputs
 from evaluator.workflow.provenance import write_provenance

@@ -13,10 +13,10 @@ from typing import Any
 
 from calibration.errors import CalibrationError
 from evaluator.errors import InputError
-from evaluator.interchange import Tracks, program_of
+from evaluator.interchange.tracks import Tracks, program_of
 from evaluator.settings import Run
-from evaluator.workflow.freshness import Record, file_hash, key_of
 from evaluator.workflow.outputs import Outputs
+from evaluator.workflow.validity import Record, file_hash, key_of
 from simulator.errors import SimulationError
 from simulator.robot import Robot
 

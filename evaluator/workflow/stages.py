@@ -17,16 +17,16 @@ from calibration.camera import Camera
 from evaluator.comparison import comparison_row, simulated_counterpart
 from evaluator.errors import InputError
 from evaluator.files import read_with, write_table, write_text
-from evaluator.interchange import read_any_marks
-from evaluator.machine import mark_geometry, robot_shape
+from evaluator.interchange.tracks import read_any_marks
 from evaluator.marks import MARKS, read_marks, write_marks
 from evaluator.pose import Poses, poses_from_marks
 from evaluator.recording import TimingReport, open_recording
+from evaluator.robot_geometry import mark_geometry, robot_shape
 from evaluator.tracking import load_settings, place_on_plate, track
 from evaluator.turning import Turning, measure_turning
-from evaluator.workflow.glimpses import Glimpsed
 from evaluator.workflow.jobs import Job, RunResult
 from evaluator.workflow.outputs import Outputs
+from evaluator.workflow.thumbnails import Glimpsed
 
 
 def bring_up_to_date(job: Job) -> RunResult:

@@ -1,10 +1,10 @@
 """Axles give way sideways: each turns about the vertical by deg_per_mN times the lateral force on its two wheels.
 
 Positive: the axle turns toward the force, counter-clockwise under a force to its left. Angle and force are those of
-the balance (simulator.axles). Driving forward this feeds itself, driving backward it softens the wheels: it does not
-change sign with the velocities, and backward turns become tighter than forward ones, by 0.5 % at 1.1 deg/mN (model
-notes). Wheels that gave way one by one, each to its own force, would make it 0.6 %, and beyond 0.7 deg/mN the wheels
-of an axle would run away from each other.
+the balance (simulator.dynamics.axles). Driving forward this feeds itself, driving backward it softens the wheels: it
+does not change sign with the velocities, and backward turns become tighter than forward ones, by 0.5 % at 1.1 deg/mN
+(model notes). Wheels that gave way one by one, each to its own force, would make it 0.6 %, and beyond 0.7 deg/mN the
+wheels of an axle would run away from each other.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from simulator.effects.definition import Effect, Parameter, Values
 
 if TYPE_CHECKING:
-    from simulator.model import Draft
+    from simulator.dynamics.model import Draft
 
 
 def _act(draft: Draft, values: Values) -> None:

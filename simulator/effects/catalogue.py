@@ -41,7 +41,7 @@ from simulator.effects.view import View
 from simulator.errors import SimulationError
 
 if TYPE_CHECKING:
-    from simulator.model import Draft
+    from simulator.dynamics.model import Draft
     from simulator.robot import Effect as Entry
     from simulator.robot import Robot
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
+    from simulator.dynamics.model import Draft
     from simulator.effects.view import View
-    from simulator.model import Draft
 
 Values = Mapping[str, float]
 Where = Literal["command", "actuator", "wheel", "contact", "body force", "plate field", "observation"]

@@ -2,10 +2,10 @@
 
     [[effect]]
     id = "free-form"
-    channel = "force_forward"       # where it acts, see simulator.terms.CHANNELS
-    basis = "sign_u"                # what it depends on, see simulator.terms.BASES
+    channel = "force_forward"       # where it acts, see simulator.dynamics.terms.CHANNELS
+    basis = "sign_u"                # what it depends on, see simulator.dynamics.terms.BASES
     coefficient = -0.4              # mN, µN·mm, deg (steer), mm (camera) or relative; per unit of the basis
-    pattern = "common"              # over the wheels, see simulator.terms.PATTERNS
+    pattern = "common"              # over the wheels, see simulator.dynamics.terms.PATTERNS
     point_mm = [0.0, 0.0]           # for the bases toward_x and toward_y
 
 The entry may be repeated; terms add up.
@@ -18,7 +18,7 @@ import math
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
-from simulator.terms import (
+from simulator.dynamics.terms import (
     BASES,
     CAMERA_X,
     CHANNELS,

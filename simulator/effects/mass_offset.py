@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from simulator.effects.definition import Effect, Parameter, Values
 
 if TYPE_CHECKING:
-    from simulator.model import Draft
+    from simulator.dynamics.model import Draft
 
 
 def _act(draft: Draft, values: Values) -> None:

@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from simulator.dynamics.terms import COS, FORCE_PLATE_X, FORCE_PLATE_Y, MOMENT, ONE, SIN, Term
 from simulator.effects.definition import Effect, Parameter, Values
-from simulator.terms import COS, FORCE_PLATE_X, FORCE_PLATE_Y, MOMENT, ONE, SIN, Term
 
 if TYPE_CHECKING:
-    from simulator.model import Draft
+    from simulator.dynamics.model import Draft
 
 
 def _act(draft: Draft, values: Values) -> None:

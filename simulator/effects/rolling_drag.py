@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from simulator.dynamics.terms import DRAG, SIGN_U, Term
 from simulator.effects.definition import Effect, Parameter, Values
-from simulator.terms import DRAG, SIGN_U, Term
 
 if TYPE_CHECKING:
-    from simulator.model import Draft
+    from simulator.dynamics.model import Draft
 
 
 def _act(draft: Draft, values: Values) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from simulator.terms import CAMERA_X, TIME, X_CUBED, Y_CUBED, Term, X, Y
+from simulator.dynamics.terms import CAMERA_X, TIME, X_CUBED, Y_CUBED, Term, X, Y
 
 Array = NDArray[np.float64]
 

@@ -16,6 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from calibration.camera import Camera
+from simulator.dynamics.terms import TIME
 from simulator.effects.catalogue import view_of
 from simulator.effects.view import View
 from simulator.errors import SimulationError
@@ -29,7 +30,6 @@ from simulator.rendering.sensor import digitised
 from simulator.rendering.shots import Shot, clock_of, shots
 from simulator.rendering.video import encode
 from simulator.robot import Robot, load_robot
-from simulator.terms import TIME
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint8] | NDArray[np.uint16]

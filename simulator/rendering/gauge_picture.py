@@ -12,7 +12,7 @@ from matplotlib.colors import to_rgb
 from numpy.typing import ArrayLike, NDArray
 
 from calibration.camera import Camera
-from calibration.gauge import Gauge, load_gauge
+from calibration.gauge.geometry import Gauge, load_gauge
 from simulator.errors import SimulationError
 from simulator.rendering.backdrop import brushed_plate, overlay
 from simulator.rendering.coverage import Kernel, add_polygon, blur_kernel

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from simulator.compiled import compiled
+from simulator.compilation import compiled
 from simulator.robot import Slip
 from simulator.slip.law import wheel_force
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 
-from simulator.compiled import compiled
-from simulator.slip.bend import bend, bend_and_cosine
+from simulator.compilation import compiled
+from simulator.slip.magic_formula import bend, bend_and_cosine
 
 # Four wheels are worked out as one vector: no branches, and sums in any order. What sums so is compiled into its
 # callers (forceinline): a copy of its own is optimised once where it was just compiled, twice where it was read from

@@ -21,12 +21,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.gauge import load_gauge
-from calibration.solve import calibrate
+from calibration.estimation.calibrate import calibrate
+from calibration.gauge.geometry import load_gauge
 from calibration.store import camera_to_json
-from evaluator.discrepancy.robot_file import with_value
-from evaluator.discrepancy.workflow import diagnose_experiment
+from evaluator.diagnosis.output.robot_file import with_value
 from evaluator.files import written_whole
+from evaluator.workflow.diagnosis import diagnose_experiment
 from simulator.command import Command
 from simulator.rendering import Scene, render_clip
 from simulator.rendering.tables import CameraTable

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from calibration.camera import camera_above
-from calibration.gauge import Gauge
+from calibration.gauge.geometry import Gauge
 from simulator.rendering import Scene, render_clip, render_frames, render_gauge_picture
 from tests.simulator.rendering.test_coverage import brute_force
 

@@ -19,18 +19,18 @@ from typing import Any
 import numba
 import numpy as np
 
-from evaluator.discrepancy.forward import RunData, Task
-from evaluator.discrepancy.simulated import Simulated
-from evaluator.discrepancy.terms import named_terms
+from evaluator.diagnosis.candidates.coordinates import named_terms
+from evaluator.diagnosis.likelihood.run_data import RunData, Task
+from evaluator.diagnosis.likelihood.simulation import Simulated
 from simulator.command import Command
-from simulator.dynamics import accelerations
+from simulator.dynamics.equations import accelerations
+from simulator.dynamics.model import compile_robot
+from simulator.dynamics.wheel import fresh_contacts
 from simulator.effects.catalogue import EFFECTS
-from simulator.integrate import simulate, simulate_batch
-from simulator.many import Trials
-from simulator.model import compile_robot
+from simulator.integrator.batch import Trials
 from simulator.robot import Effect, Robot, load_robot
+from simulator.simulate import simulate, simulate_batch
 from simulator.steady import steady_map
-from simulator.wheel import fresh_contacts
 from tests.benchmarks import cyrk_peer
 from tests.simulator.reference import Rates, integrated, plain_rates
 
@@ -190,7 +190,7 @@ def fresh_process() -> None:
     """First run of a second process, which must not compile."""
     script = (
         "import time; start = time.perf_counter()\n"
-        "import numpy as np\nfrom simulator.command import Command\nfrom simulator.integrate import simulate\n"
+        "import numpy as np\nfrom simulator.command import Command\nfrom simulator.simulate import simulate\n"
         "from simulator.robot import load_robot\nready = time.perf_counter()\n"
         "simulate(load_robot('barrel'), Command.constant(1.0, 2.0), np.linspace(0, 1, 5))\n"
         "print(f'{ready - start:.2f} s to import, {time.perf_counter() - ready:.2f} s for the first run')"

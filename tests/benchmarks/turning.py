@@ -21,9 +21,9 @@ from scipy.signal import lfilter
 
 from evaluator.pose import poses_from_marks
 from evaluator.turning import Turning, measure_turning
-from evaluator.turning.fit import Block, fit_turn, scaled_poses
-from evaluator.turning.noise import NoiseModel
-from evaluator.turning.whitening import whitened_moments
+from evaluator.turning.motion.fit import Block, fit_turn, scaled_poses
+from evaluator.turning.motion.least_squares import NoiseModel
+from evaluator.turning.motion.whitening import whitened_moments
 from tests.evaluator.turning.synthetic import GEOMETRY, arc_poses, marks_of
 
 Array = NDArray[np.float64]

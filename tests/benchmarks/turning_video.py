@@ -20,8 +20,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from calibration.gauge import Gauge, load_gauge
-from calibration.solve import calibrate
+from calibration.estimation.calibrate import calibrate
+from calibration.gauge.geometry import Gauge, load_gauge
 from evaluator.pose import MarkGeometry, poses_from_marks
 from evaluator.recording import open_recording
 from evaluator.tracking import place_on_plate, track

@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from calibration.camera import Camera
-from calibration.gauge import Gauge
+from calibration.gauge.geometry import Gauge
 
 Array = NDArray[np.float64]
 

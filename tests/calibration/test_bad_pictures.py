@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from calibration.assessment.quality import assess
 from calibration.camera import camera_above
 from calibration.errors import CalibrationError
-from calibration.gauge import Gauge
-from calibration.quality import assess
-from calibration.solve import calibrate
+from calibration.estimation.calibrate import calibrate
+from calibration.gauge.geometry import Gauge
 from evaluator.cli.calibrate import calibrate as command
 from tests.calibration.drawing import draw_gauge, random_poses
 

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from calibration.camera import camera_above
-from calibration.gauge import load_gauge
+from calibration.gauge.geometry import load_gauge
 from evaluator.cli.calibrate import calibrate, check_camera, dots
 from tests.calibration.drawing import draw_gauge, random_poses
 

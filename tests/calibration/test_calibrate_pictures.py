@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.assign_grid import assign_grid
+from calibration.assessment.quality import assess
+from calibration.assignment.lattice import assign_grid
 from calibration.camera import PARAMETERS, camera_above, project
-from calibration.detect_dots import detect_dots
+from calibration.detection.dots import detect_dots
 from calibration.errors import CalibrationError
-from calibration.gauge import Gauge
+from calibration.estimation.calibrate import Calibration, calibrate
+from calibration.gauge.geometry import Gauge
 from calibration.lens import LensModel
-from calibration.quality import assess
-from calibration.solve import Calibration, calibrate
 from calibration.store import camera_to_json, load_camera
 from tests.calibration.drawing import draw_gauge, random_poses
 

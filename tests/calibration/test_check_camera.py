@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
+from calibration.assessment.camera_check import check_camera
 from calibration.camera import PARAMETERS, Camera, camera_above
-from calibration.check import check_camera
-from calibration.gauge import Gauge
-from calibration.solve import Calibration, calibrate
+from calibration.estimation.calibrate import Calibration, calibrate
+from calibration.gauge.geometry import Gauge
 from tests.calibration.drawing import draw_gauge, posed, random_poses
 
 GAUGE = Gauge.model_validate(

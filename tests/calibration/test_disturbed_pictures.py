@@ -8,16 +8,16 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.assign_grid import assign_grid
+from calibration.assessment.quality import assess
+from calibration.assignment.lattice import assign_grid
+from calibration.assignment.matching import Match, match_gauge
 from calibration.camera import Camera, camera_above
-from calibration.detect_dots import Dots, detect_dots
-from calibration.disc import fitted_centers
-from calibration.disturbed import useful
+from calibration.detection.disturbed import useful
+from calibration.detection.dots import Dots, detect_dots
 from calibration.errors import CalibrationError
-from calibration.gauge import Gauge
-from calibration.match_gauge import Match, match_gauge
-from calibration.quality import assess
-from calibration.solve import calibrate
+from calibration.estimation.calibrate import calibrate
+from calibration.estimation.disc_projection import fitted_centers
+from calibration.gauge.geometry import Gauge
 from tests.calibration.drawing import draw_gauge, random_poses
 
 CAMERA = camera_above(size_px=(480, 360), focal_px=1200, distance_mm=120, tilt_deg=3, turn_deg=4, k1=-0.2)

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibration.assign_grid import assign_grid
+from calibration.assignment.lattice import assign_grid
+from calibration.assignment.matching import match_gauge
 from calibration.camera import Camera, camera_above
-from calibration.detect_dots import Dots, detect_dots
-from calibration.disc import fitted_centers
-from calibration.disturbed import useful
-from calibration.gauge import Gauge
-from calibration.match_gauge import match_gauge
+from calibration.detection.disturbed import useful
+from calibration.detection.dots import Dots, detect_dots
+from calibration.estimation.disc_projection import fitted_centers
+from calibration.gauge.geometry import Gauge
 from tests.calibration.drawing import draw_gauge
 
 

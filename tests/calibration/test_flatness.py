@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from calibration.assessment.camera_check import check_camera
+from calibration.assessment.quality import assess
 from calibration.camera import camera_above
-from calibration.check import check_camera
-from calibration.flatness import face_terms
-from calibration.gauge import Gauge
-from calibration.quality import assess
-from calibration.solve import Calibration, calibrate
+from calibration.estimation.calibrate import Calibration, calibrate
+from calibration.estimation.flatness import face_terms
+from calibration.gauge.geometry import Gauge
 from calibration.store import camera_to_json
 from tests.calibration.drawing import draw_gauge, random_poses
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from click.testing import CliRunner
 
-from calibration.gauge import Gauge
-from calibration.print_gauge import Disc, gauge_sheet, pdf, svg
+from calibration.gauge.geometry import Gauge
+from calibration.gauge.printing import Disc, gauge_sheet, pdf, svg
 from evaluator.cli.gauge import gauge as command
 
 GAUGE = Gauge.model_validate(
@@ -50,7 +50,7 @@ def test_gauge_without_a_file_writes_the_file_calibrate_needs(tmp_path: Path) ->
         command, ["--columns", "17", "--rows", "13", "--pitch-mm", "3", "--diameter-mm", "1", "-o", str(out)]
     )
     assert run.exit_code == 0, run.output
-    from calibration.gauge import load_gauge
+    from calibration.gauge.geometry import load_gauge
 
     assert load_gauge(tmp_path / "sheet.toml").dots.columns == 17
     assert out.read_bytes().endswith(b"%%EOF\n")

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.assign_grid import assign_grid, rows_and_columns
-from calibration.detect_dots import detect_dots
-from calibration.gauge import Gauge
-from calibration.picture import read_picture
-from calibration.quality import assess
-from calibration.solve import calibrate
+from calibration.assessment.quality import assess
+from calibration.assignment.lattice import assign_grid, rows_and_columns
+from calibration.detection.dots import detect_dots
+from calibration.detection.image import read_picture
+from calibration.estimation.calibrate import calibrate
+from calibration.gauge.geometry import Gauge
 
 REAL = Path(__file__).parents[3] / "shared" / "real"
 pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason="the folder of real recordings, ../shared/real, is absent")

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.bundle import LENS_PARAMETERS, Prior, State, View, solve, whitening
+from calibration.assessment.quality import assess
 from calibration.camera import camera_above, project
-from calibration.gauge import Gauge, Tolerance
-from calibration.quality import assess
-from calibration.solve import calibrate
-from calibration.tolerance import covariance_with_tolerance, with_tolerance
+from calibration.estimation.bundle_adjustment import LENS_PARAMETERS, Prior, State, View, solve, whitening
+from calibration.estimation.calibrate import calibrate
+from calibration.estimation.gauge_tolerance import covariance_with_tolerance, with_tolerance
+from calibration.gauge.geometry import Gauge, Tolerance
 from tests.calibration.drawing import draw_gauge, random_poses
 
 CAMERA = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=120, tilt_deg=3, k1=-0.2)

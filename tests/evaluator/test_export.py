@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluator.export import export
-from evaluator.interchange import Tracks, read_any_marks
+from evaluator.interchange.export import export
+from evaluator.interchange.tracks import Tracks, read_any_marks
 from evaluator.marks import COLUMNS, read_marks
 from evaluator.workflow import Analysis, analyze
 from tests.evaluator.synthetic import three_runs

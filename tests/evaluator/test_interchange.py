@@ -8,7 +8,7 @@ import pytest
 
 from calibration.camera import camera_above
 from evaluator.errors import InputError
-from evaluator.interchange import Tracks, read_any_marks
+from evaluator.interchange.tracks import Tracks, read_any_marks
 from evaluator.marks import COLUMNS
 from tests.evaluator.synthetic import circling_marks
 

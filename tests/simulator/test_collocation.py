@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from simulator.command import Command
-from simulator.integrate import simulate
-from simulator.many import Trials
-from simulator.model import compile_robot
+from simulator.dynamics.model import compile_robot
+from simulator.integrator.batch import Trials
 from simulator.robot import Effect, Robot, load_robot
+from simulator.simulate import simulate
 from tests.simulator.reference import Array, Pace, Pull, Rates, integrated, plain_rates
 
 TIMES_S = np.linspace(0.0, 2.0, 121)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 KERNEL = """
-from simulator.compiled import compiled
+from simulator.compilation import compiled
 
 @compiled()
 def part(x):
@@ -27,13 +27,13 @@ if __name__ == "__main__":
 ONE_KIND = """
 import numpy as np
 from simulator.command import Command
-from simulator.integrate import simulate, simulate_batch
-from simulator.many import Trials, integrate_some
-from simulator.model import compile_robot
-from simulator.motion import integrate_run
+from simulator.simulate import simulate, simulate_batch
+from simulator.integrator.batch import Trials, integrate_some
+from simulator.dynamics.model import compile_robot
+from simulator.integrator.run_kernel import integrate_run
 from simulator.robot import load_robot
 from simulator.steady import steady_turn
-from simulator.wheels import _fill
+from simulator.wheel_states import _fill
 
 robot, command, times = load_robot("barrel"), Command.constant(20.0, 30.0), np.linspace(0, 1, 5)
 steady_turn(robot, 20.0, 30.0)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from simulator.command import Command
+from simulator.dynamics.model import compile_robot
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.free_form import ID as FREE_FORM
-from simulator.integrate import simulate
-from simulator.model import compile_robot
 from simulator.observation import marks_of_run
 from simulator.robot import Effect, Robot, load_robot
 from simulator.run import Run, State
+from simulator.simulate import simulate
 from simulator.steady import steady_turn
 
 TIMES_S = np.linspace(0.0, 3.0, 31)

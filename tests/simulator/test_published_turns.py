@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from simulator.command import Command
-from simulator.integrate import simulate
 from simulator.robot import Robot, load_robot
+from simulator.simulate import simulate
 from simulator.steady import steady_turn
 
 # case: attraction of a driving and a driven wheel in robot weights, radius of the model notes in mm

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from simulator.command import Command
-from simulator.integrate import simulate
-from simulator.many import Trials
-from simulator.model import compile_robot
+from simulator.dynamics.model import compile_robot
+from simulator.integrator.batch import Trials
 from simulator.robot import Effect, Robot, load_robot
 from simulator.run import Run, State
+from simulator.simulate import simulate
 from simulator.steady import steady_turns
 from tests.simulator.reference import integrated, plain_rates
 

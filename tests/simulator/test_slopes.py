@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.dynamics import accelerations, slopes
-from simulator.model import compile_robot
+from simulator.dynamics.equations import accelerations, slopes
+from simulator.dynamics.model import compile_robot
+from simulator.dynamics.wheel import fresh_contacts
 from simulator.robot import Effect, load_robot
-from simulator.slip.bend import bend, bend_and_cosine
-from simulator.wheel import fresh_contacts
+from simulator.slip.magic_formula import bend, bend_and_cosine
 
 EFFECTS: list[dict[str, object]] = [
     {"id": "wheel-toe", "left_deg": 2.0, "right_deg": -1.0},

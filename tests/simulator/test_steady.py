@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from simulator.command import Command
-from simulator.integrate import simulate
 from simulator.robot import load_robot
+from simulator.simulate import simulate
 from simulator.steady import steady_branch, steady_map, steady_turn, steady_turns
 
 

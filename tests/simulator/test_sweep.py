@@ -13,13 +13,13 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from evaluator import scale_out
 from evaluator.cli import sweep as command
 from evaluator.errors import InputError
+from evaluator.workflow.execution import scale_out
 from simulator.command import Command
 from simulator.errors import SimulationError
-from simulator.integrate import simulate
 from simulator.robot import Effect, load_robot
+from simulator.simulate import simulate
 from simulator.sweep import load_sweep, robot_of_sweep, run_part
 
 SWEEP = """

@@ -7,9 +7,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from calibration.camera import Camera
-from calibration.flatness import face_terms
+from calibration.estimation.calibrate import Calibration
+from calibration.estimation.flatness import face_terms
 from calibration.lens import undistort
-from calibration.solve import Calibration
 from evaluator.report.style import BLUE, GROUPS, INK, SOFT, VERMILLION, Figure, drawing
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from evaluator.discrepancy.where import QUANTITIES, SHOWN_SIGMAS, UNITS, Dependence, every_dependence
+from evaluator.diagnosis.assessment.disagreement import QUANTITIES, SHOWN_SIGMAS, UNITS, Dependence, every_dependence
 from evaluator.report.style import BLUE, INK, PAPER, SOFT, VERMILLION, Figure, drawing
 
 MOST_PANELS = 6

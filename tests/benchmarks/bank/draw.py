@@ -13,10 +13,10 @@ from scipy.signal import lfilter
 
 from simulator.command import Command
 from simulator.effects.catalogue import view_of
-from simulator.integrate import simulate
 from simulator.observation import marks_of_run
 from simulator.robot import Effect, Robot, load_robot
 from simulator.run import State
+from simulator.simulate import simulate
 from tests.benchmarks.bank.outside import KINDS, marks_of
 
 Array = NDArray[np.float64]

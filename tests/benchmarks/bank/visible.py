@@ -14,11 +14,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.discrepancy.diagnosis import Diagnosis
-from evaluator.discrepancy.features import channels_of
-from evaluator.discrepancy.fit import fit_model
-from evaluator.discrepancy.problem import Point
-from evaluator.discrepancy.rivals import is_free
+from evaluator.diagnosis.assessment.model_comparison import is_free
+from evaluator.diagnosis.diagnosis import Diagnosis
+from evaluator.diagnosis.inference.fit import fit_model
+from evaluator.diagnosis.likelihood.features import channels_of
+from evaluator.diagnosis.likelihood.problem import Point
 
 Floats = NDArray[np.float64]
 

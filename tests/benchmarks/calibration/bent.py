@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 from scipy.optimize import linprog
 
-from calibration import solve
 from calibration.camera import Camera
-from calibration.flatness import TERMS, face_terms
-from calibration.gauge import Gauge
-from calibration.solve import calibrate
+from calibration.estimation import calibrate as solve
+from calibration.estimation.calibrate import calibrate
+from calibration.estimation.flatness import TERMS, face_terms
+from calibration.gauge.geometry import Gauge
 from tests.benchmarks.calibration.rig import Array, errors, random_camera
 from tests.calibration.drawing import draw_gauge, posed, random_poses
 

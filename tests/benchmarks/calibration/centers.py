@@ -6,8 +6,8 @@ import click
 import numpy as np
 
 from calibration.camera import camera_above
-from calibration.detect_dots import detect_dots
-from calibration.disc import fitted_centers
+from calibration.detection.dots import detect_dots
+from calibration.estimation.disc_projection import fitted_centers
 from tests.benchmarks.calibration.rig import SIZE_PX, Array, gauge_of
 from tests.calibration.drawing import draw_gauge
 

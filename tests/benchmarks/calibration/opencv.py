@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import Camera, camera_above
-from calibration.gauge import Gauge
-from calibration.solve import calibrate
+from calibration.estimation.calibrate import calibrate
+from calibration.gauge.geometry import Gauge
 from tests.benchmarks.calibration.rig import SIZE_PX, errors, gauge_of
 from tests.calibration.drawing import draw_gauge, random_poses
 

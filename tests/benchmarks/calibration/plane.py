@@ -7,7 +7,7 @@ import numpy as np
 
 from calibration.camera import camera_above
 from calibration.errors import CalibrationError
-from calibration.solve import calibrate
+from calibration.estimation.calibrate import calibrate
 from tests.benchmarks.calibration.rig import SIZE_PX, errors, gauge_of, random_camera
 from tests.calibration.drawing import draw_gauge, random_poses
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import Camera, camera_above
-from calibration.gauge import Gauge
+from calibration.gauge.geometry import Gauge
 
 Array = NDArray[np.float64]
 SIZE_PX = (640, 480)

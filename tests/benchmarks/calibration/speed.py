@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.assign_grid import assign_grid
+from calibration.assignment.lattice import assign_grid
+from calibration.assignment.neighbours import nearest
 from calibration.camera import camera_above
-from calibration.detect_dots import detect_dots
-from calibration.neighbours import nearest
+from calibration.detection.dots import detect_dots
 from tests.benchmarks.calibration.rig import SIZE_PX, gauge_of
 from tests.calibration.drawing import draw_gauge
 

@@ -8,9 +8,9 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.neighbours import nearest
-from calibration.picture import read_picture
-from calibration.solve import calibrate
+from calibration.assignment.neighbours import nearest
+from calibration.detection.image import read_picture
+from calibration.estimation.calibrate import calibrate
 from tests.benchmarks.calibration.rig import Array, gauge_of
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from evaluator.recording import Frame, open_recording
 from evaluator.tracking import TrackingSettings
-from evaluator.tracking.tracker import Tracker
+from evaluator.tracking.following.tracker import Tracker
 from tests.benchmarks.tracking.clips import clip
 
 

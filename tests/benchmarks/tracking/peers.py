@@ -10,7 +10,7 @@ import numpy as np
 
 from evaluator.recording import open_recording
 from evaluator.tracking import track
-from evaluator.tracking.disc import fit, make_disc
+from evaluator.tracking.refinement.disc import fit, make_disc
 
 Array = np.ndarray
 UNDOUBTED = 1e6  # variance of the noise that takes no pixel for an outlier

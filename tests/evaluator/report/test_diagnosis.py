@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluator.discrepancy.where import COLUMNS, QUANTITIES, SHOWN_SIGMAS, every_dependence
-from evaluator.report.diagnosis_sections import diagnosis_sections
-from evaluator.report.diagnosis_view import DiagnosisView
-from evaluator.report.diagnosis_words import next_runs_sentence, parameter
+from evaluator.diagnosis.assessment.disagreement import COLUMNS, QUANTITIES, SHOWN_SIGMAS, every_dependence
+from evaluator.report.diagnosis.sections import diagnosis_sections
+from evaluator.report.diagnosis.view import DiagnosisView
+from evaluator.report.diagnosis.words import next_runs_sentence, parameter
 from simulator.effects.catalogue import EFFECTS
 
 # As the file contract shows it: another program may write no more than this.

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from evaluator.report.diagnosis_words import percent_text
+from evaluator.report.diagnosis.words import percent_text
 from evaluator.report.numbers import number, significant
 
 

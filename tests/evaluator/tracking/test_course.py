@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluator.tracking.body import Body
-from evaluator.tracking.repeated import repeated_pictures
-from evaluator.tracking.uncertainty import hidden_variance, steady_times
+from evaluator.tracking.following.pair import Body
+from evaluator.tracking.following.repeated_frames import repeated_pictures
+from evaluator.tracking.uncertainty.codec import hidden_variance, steady_times
 from tests.evaluator.tracking.synthetic import turning_marks
 
 FRAMES, OWN = 400, 0.005

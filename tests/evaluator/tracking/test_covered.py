@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from evaluator.tracking import track
-from evaluator.tracking.across import CORE
-from evaluator.tracking.appearance import learn_shape
-from evaluator.tracking.closer import Closer
-from evaluator.tracking.covered import NOTABLE, fit_uncovered
-from evaluator.tracking.disc import Disc, fit, make_disc
-from evaluator.tracking.kernels import RESULTS, VAR_X, X, Y
-from evaluator.tracking.learn import cut_patch, finished
+from evaluator.tracking.detection.appearance import learn_shape
+from evaluator.tracking.refinement.disc import Disc, fit, make_disc
+from evaluator.tracking.refinement.kernels import RESULTS, VAR_X, X, Y
+from evaluator.tracking.refinement.learn_shape import cut_patch, finished
+from evaluator.tracking.refinement.occluded_pixels import CORE
+from evaluator.tracking.refinement.occlusion import NOTABLE, fit_uncovered
+from evaluator.tracking.refinement.slow_path import Closer
 from tests.benchmarks.tracking.clips import frames_in_memory
 from tests.evaluator.tracking.synthetic import draw, turning_marks
 

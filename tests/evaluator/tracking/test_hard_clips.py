@@ -9,9 +9,9 @@ import pytest
 
 from evaluator.recording import open_recording
 from evaluator.tracking import TrackingSettings, track
-from evaluator.tracking.disc import fit
-from evaluator.tracking.kernels import VAR_X, VAR_Y, X, Y
-from evaluator.tracking.learn import cut_patch, finished, learn_disc
+from evaluator.tracking.refinement.disc import fit
+from evaluator.tracking.refinement.kernels import VAR_X, VAR_Y, X, Y
+from evaluator.tracking.refinement.learn_shape import cut_patch, finished, learn_disc
 from tests.evaluator.tracking.synthetic import GREEN, YELLOW, coverage, draw, turning_marks, write_video
 
 SIZE = (240, 200)

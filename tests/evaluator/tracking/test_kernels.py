@@ -7,7 +7,16 @@ import importlib
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-MODULES = ("across", "color_kernels", "covered", "glance", "kernels", "rim", "shape_kernel", "smear")
+MODULES = (
+    "detection.color_kernels",
+    "refinement.fast_path",
+    "refinement.kernels",
+    "refinement.motion_blur",
+    "refinement.occluded_pixels",
+    "refinement.occlusion",
+    "refinement.shape_kernel",
+    "uncertainty.rim",
+)
 
 
 @pytest.mark.parametrize("name", MODULES)

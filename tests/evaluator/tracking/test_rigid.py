@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluator.tracking.rigid import Distance, wrong_ends
+from evaluator.tracking.uncertainty.rigid_pair import Distance, wrong_ends
 from tests.evaluator.tracking.synthetic import turning_marks
 
 SIGMA = 0.01

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from evaluator.tracking import track
-from evaluator.tracking.disc import fit, make_disc
-from evaluator.tracking.exposed import exposed
-from evaluator.tracking.kernels import VAR_X, VAR_Y, X, Y
-from evaluator.tracking.rim import Rim, rim_power
+from evaluator.tracking.refinement.disc import fit, make_disc
+from evaluator.tracking.refinement.kernels import VAR_X, VAR_Y, X, Y
+from evaluator.tracking.uncertainty.exposure import exposed
+from evaluator.tracking.uncertainty.rim import Rim, rim_power
 from tests.benchmarks.tracking.clips import frames_in_memory
 from tests.evaluator.tracking.synthetic import coverage, draw, turning_marks
 

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluator.tracking.disc import make_disc
-from evaluator.tracking.shading import learn_shading
+from evaluator.tracking.refinement.disc import make_disc
+from evaluator.tracking.refinement.shading import learn_shading
 
 DISC = make_disc(8.0, 0.9, (0.0, 0.0), (120.0, 40.0), 1.0)
 

@@ -9,9 +9,9 @@ import pytest
 
 from evaluator.recording import open_recording
 from evaluator.tracking import track
-from evaluator.tracking.disc import fit, make_disc
-from evaluator.tracking.exposed import exposed
-from evaluator.tracking.kernels import RESIDUAL, X, Y
+from evaluator.tracking.refinement.disc import fit, make_disc
+from evaluator.tracking.refinement.kernels import RESIDUAL, X, Y
+from evaluator.tracking.uncertainty.exposure import exposed
 from tests.evaluator.tracking.synthetic import coverage, draw, turning_marks, write_video
 
 RADIUS, BLUR, AMPLITUDE, FINE = 8.0, 0.8, 120.0, 256.0

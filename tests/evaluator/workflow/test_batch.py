@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from evaluator import scale_out
 from evaluator.errors import InputError
 from evaluator.workflow import analyze
-from evaluator.workflow.batch import in_processes
+from evaluator.workflow.execution import scale_out
+from evaluator.workflow.execution.batch import in_processes
 from tests.evaluator.synthetic import circling_marks, write_experiment
 
 
@@ -39,7 +39,7 @@ def test_a_killed_worker_costs_only_its_own_job() -> None:
 
 PARENT = """
 import time
-from evaluator.workflow.batch import in_processes
+from evaluator.workflow.execution.batch import in_processes
 
 def slow(number):
     time.sleep(60)

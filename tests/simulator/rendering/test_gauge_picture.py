@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from calibration.camera import camera_above
-from calibration.gauge import Gauge
+from calibration.gauge.geometry import Gauge
 from simulator.errors import SimulationError
 from simulator.rendering import GaugePose, gauge_truth, load_scene, render_gauge, render_gauge_picture
 

@@ -1,0 +1,1 @@
+"""What a calibration is good for, and whether it still holds."""

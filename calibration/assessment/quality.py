@@ -1,0 +1,257 @@
+"""What a calibration is good for: conditioning, coverage, uncertainty above the plate, a verdict in words.
+
+A low residual says that the model fits the dots, not that the dots determine the model; the verdict therefore rests
+on the covariance, on how much each parameter was learned beyond its prior, and on where the dots lay.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.assessment.verdict import Level, Verdict
+from calibration.camera import Camera, camera_height
+from calibration.errors import CalibrationError
+from calibration.estimation.calibrate import Calibration
+from calibration.estimation.flatness import REST
+from calibration.estimation.initial_values import rough_prior
+
+Array = NDArray[np.float64]
+
+MARK_HEIGHT_MM = 6.5  # of the marks of the robot this project was made for
+# Turning radii are to be good to 0.5 %; a scale that takes more than a fifth of that is worth a sentence.
+SCALE_TOLERANCE = 0.001
+# A parameter whose uncertainty is more than a quarter of its prior's was hardly measured by these pictures.
+LEARNED = 0.25
+FOCAL_TOLERANCE = 0.01  # 1 % of 4 % height correction is 0.04 % of a radius; sound sets reach 0.02 %
+IMPLAUSIBLE = 3.0  # prior sigmas
+# Compression and interpolation correlate neighbouring pixels, which doubles residuals against white noise; beyond three
+# it is something else.
+MISFIT = 3.0
+SMALLEST_TILT_DEG = 5.0  # cos 5° = 0.996: foreshortening drowns in the scale of the pose
+# Below the first, corners are judged by what the covariance says of them; below the second not even that is believed,
+# since the choice of the lens model itself rests on the part that was seen.
+MODEST_COVERAGE, SMALLEST_COVERAGE = 0.4, 0.2
+# Dots seen wider or narrower than that against their distance: printing, blur and strong distortion make 0.85 to 1.05.
+SIZE_RATIO = 1.25
+LEFT_OUT = 0.02  # of the dots of one picture: worth a note; at most a few thousandths of sound dots are
+ARM = 0.15  # of the picture's shorter side: half the length of the chords that stand for lengths
+CELLS = (12, 9)
+
+
+def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> Verdict:
+    """Judge a calibration for a plane mark_height_mm above the plate.
+
+    Raises CalibrationError where the camera that was found does not see that plane.
+    """
+    camera = calibration.camera
+    scale = scale_sigma(camera, mark_height_mm)
+    if not np.isfinite(scale):
+        raise CalibrationError(
+            f"{calibration.sightings[0].name}: the plane {mark_height_mm:g} mm above the plate is not in view of the "
+            f"camera found, {camera_height(camera.parameters[:6])[0]:.3g} mm above it; is the gauge bent, and are the "
+            "mark height and the numbers of the gauge file right? Add pictures with the gauge tilted"
+        )
+    plate_scale = scale_sigma(camera, calibration.gauge.dots.height_mm)
+    spread = tilt_spread_deg(calibration)
+    covered = coverage(calibration)
+    reasons, steps, notes = [], [], _notes(calibration)
+    ill = len(calibration.views) > 1 and bool(why := _ill_conditioned(calibration, spread))
+    if ill:
+        reasons += why
+        steps.append(
+            "take five or more pictures with the gauge tilted by 20 to 40 degrees in different directions, near "
+            "enough to fill the picture"
+        )
+    if misfit := _misfit(calibration):
+        reasons += misfit
+        steps.append("use a flat, rigid gauge, check pitch and layout in gauge.toml, and state its [tolerance]")
+    if wrong := _wrong_size(calibration):
+        reasons += wrong
+        steps.append("measure pitch and dot diameter of the plate and correct gauge.toml")
+    if covered < MODEST_COVERAGE:
+        sparse = f"dots cover {100 * covered:.0f} % of the picture: distortion is extrapolated over the rest"
+        if covered < SMALLEST_COVERAGE or not worst_scale_sigma(camera, mark_height_mm) < SCALE_TOLERANCE:
+            reasons.append(sparse)
+            steps.append("move the gauge so that dots reach every part of the picture that will be used")
+        else:
+            notes.append(sparse)
+    unchecked = len(calibration.views) == 1 and calibration.distance_mm is None
+    alone = unchecked and scale > 1.5 * plate_scale
+    if alone or (scale > SCALE_TOLERANCE and scale > 1.5 * plate_scale):
+        reasons.append(_height_sentence(calibration, mark_height_mm, scale, plate_scale))
+        if not ill:
+            steps.append(
+                "to know the height correction add pictures with the gauge tilted by 10 to 30 degrees, or lay the "
+                "gauge on a spacer as high as the marks (dots.height_mm), or measure the distance of the lens "
+                "(--distance-mm VALUE SIGMA)"
+            )
+    level: Level = "ill-conditioned" if ill else "limited" if reasons else "sound"
+    doubt = f"lengths and turning radii at {mark_height_mm:g} mm are known to {100 * scale:.2g} % (1 sigma)"
+    return Verdict(
+        level=level,
+        summary="; ".join([f"{level}: {doubt}", *reasons]),
+        reasons=tuple(reasons),
+        next_steps=tuple(steps),
+        notes=tuple(notes),
+        mark_height_mm=mark_height_mm,
+        scale_sigma=scale,
+        plate_scale_sigma=plate_scale,
+        tilt_spread_deg=spread,
+        coverage=covered,
+    )
+
+
+def scale_sigma(camera: Camera, height_mm: float, middle_px: Array | None = None) -> float:
+    """Relative standard uncertainty of lengths about a point of the picture on a plane above the plate.
+
+    middle_px: (2,), default the middle of the picture. NaN where the plane is not seen there.
+    """
+    width, height = camera.size_px
+    middle = np.array([(width - 1) / 2, (height - 1) / 2]) if middle_px is None else middle_px
+    arm = ARM * min(width, height)
+    ends = middle + arm * np.array([[-1, 0], [1, 0], [0, -1], [0, 1]])
+    placed, sensitivity = camera.plate_from_picture(ends, height_mm), camera.plate_sensitivity(ends, height_mm)
+    total, slope = 0.0, np.zeros(sensitivity.shape[-1])
+    for a, b in ((0, 1), (2, 3)):
+        chord = placed[b] - placed[a]
+        length = float(np.hypot(*chord))
+        total += length
+        slope += chord / length @ (sensitivity[b] - sensitivity[a])
+    return float(np.sqrt(max(float(slope @ camera.covariance @ slope), 0.0)) / total)
+
+
+def worst_scale_sigma(camera: Camera, height_mm: float) -> float:
+    """The largest `scale_sigma` of the four corners; NaN where one does not see the plane."""
+    width, height = camera.size_px
+    arm = ARM * min(width, height)
+    corners = [np.array([x, y]) for x in (arm, width - 1 - arm) for y in (arm, height - 1 - arm)]
+    return float(np.max([scale_sigma(camera, height_mm, corner) for corner in corners]))
+
+
+def tilt_spread_deg(calibration: Calibration) -> float:
+    """Largest angle between the normals of the gauge in any two pictures, and of each to the optical axis, degrees."""
+    normals = np.array([cv2.Rodrigues(np.ascontiguousarray(pose[:3]))[0][:, 2] for pose in calibration.fit.state.poses])
+    normals = np.vstack([normals, [0.0, 0.0, -1.0]])
+    cosine = np.clip(normals @ normals.T, -1, 1)
+    return float(np.degrees(np.arccos(cosine.min())))
+
+
+def coverage(calibration: Calibration) -> float:
+    """Share of the picture, in cells, within reach of a dot in any picture."""
+    width, height = calibration.camera.size_px
+    hit = np.zeros(CELLS[::-1], dtype=bool)
+    for view in calibration.views:
+        hull = cv2.convexHull(view.centers_px.astype(np.float32))
+        for row in range(CELLS[1]):
+            for column in range(CELLS[0]):
+                center = ((column + 0.5) * width / CELLS[0], (row + 0.5) * height / CELLS[1])
+                hit[row, column] |= cv2.pointPolygonTest(hull, center, measureDist=False) >= 0
+    return float(hit.mean())
+
+
+def _ill_conditioned(calibration: Calibration, spread: float) -> list[str]:
+    """Why several pictures do not determine the camera; empty where they do."""
+    camera, why = calibration.camera, []
+    width, height = camera.size_px
+    prior = rough_prior(camera.size_px)
+    x, y = camera.value("principal_x_px"), camera.value("principal_y_px")
+    focal, sigma = camera.value("focal_px"), camera.sigma("focal_px")
+    if spread < SMALLEST_TILT_DEG:
+        why.append(
+            f"all pictures are parallel to within {spread:.1f} degrees, which leaves focal length and distance open"
+        )
+    if sigma > FOCAL_TOLERANCE * focal:
+        why.append(
+            f"the focal length is known to {100 * sigma / focal:.2g} % only: a long lens ({focal / width:.1f} widths) "
+            "with too little tilt shows too little perspective"
+        )
+    if not (0 <= x < width and 0 <= y < height):
+        why.append(f"the principal point ({x:.0f}, {y:.0f}) lies outside the picture")
+    elif max(abs(x - prior.mean[2]), abs(y - prior.mean[3])) > IMPLAUSIBLE * prior.sigma[2]:
+        why.append(f"the principal point ({x:.0f}, {y:.0f}) lies implausibly far from the middle of the picture")
+    if max(camera.sigma("principal_x_px"), camera.sigma("principal_y_px")) > LEARNED * prior.sigma[2]:
+        why.append("the principal point is not determined by these pictures and stays near the middle by assumption")
+    if abs(camera.value("aspect") - 1) > IMPLAUSIBLE * prior.sigma[1]:
+        why.append(f"pixels would be {camera.value('aspect'):.4f} times as high as wide, which no camera has")
+    return why
+
+
+def _wrong_size(calibration: Calibration) -> list[str]:
+    """Dots of another size than the file's: then its pitch may be as wrong, which no picture can tell."""
+    ratio = float(np.median([sighting.size_ratio for sighting in calibration.sightings]))
+    if not (ratio > SIZE_RATIO or ratio < 1 / SIZE_RATIO):
+        return []
+    sentence = (
+        f"dots are seen {ratio:.2f} times as wide against their distance as the gauge file says: pitch_mm or "
+        "diameter_mm is wrong, and if it is the pitch, every length is"
+    )
+    return [sentence]
+
+
+def _misfit(calibration: Calibration) -> list[str]:
+    """Residuals far beyond what the dots' own sharpness promises: then the model or the gauge file is wrong."""
+    excess = float(np.sqrt(calibration.fit.variance))
+    if excess < MISFIT:
+        return []
+    sentence = (
+        f"residuals of {calibration.rms_px:.2g} px are {excess:.0f} times what the sharpness of the dots promises: the "
+        "gauge is not flat or not as its file says, or the lens is of another kind"
+    )
+    return [sentence]
+
+
+def _height_sentence(calibration: Calibration, height: float, scale: float, plate_scale: float) -> str:
+    doubt = f"{100 * scale:.2g} % (1 sigma), on the plane of the gauge by {100 * plate_scale:.2g} %"
+    if len(calibration.views) > 1:
+        return (
+            f"these pictures leave the height correction open: at {height:g} mm turning radii are in doubt by {doubt}"
+        )
+    if scale > SCALE_TOLERANCE:
+        return (
+            "a single picture without tilt cannot give the height correction: "
+            f"at {height:g} mm turning radii are in doubt by {doubt}"
+        )
+    return (
+        "the height correction rests on the perspective of a single picture, which nothing checks: "
+        f"at {height:g} mm turning radii are in doubt by {doubt}, if the lens model is exact"
+    )
+
+
+def _notes(calibration: Calibration) -> list[str]:
+    notes = []
+    left_out, found = np.array(calibration.rejected), np.array([len(s.match) for s in calibration.sightings])
+    worst = int(np.argmax(left_out / found))
+    if left_out[worst] > LEFT_OUT * found[worst]:
+        notes.append(
+            f"{left_out.sum()} of {found.sum()} dots left out because glare, dirt or an edge spoils them or they "
+            f"contradict the rest; most in {calibration.sightings[worst].name}, {left_out[worst]} of {found[worst]}"
+        )
+    notes += _flatness_notes(calibration)
+    if not calibration.sightings[0].match.certain:
+        notes.append(
+            f"{calibration.sightings[0].name}: part of the array is hidden or out of view and no fiducial tells "
+            "which, so the origin of the plate frame may be off by whole pitches (lengths and radii are not affected)"
+        )
+    return notes
+
+
+def _flatness_notes(calibration: Calibration) -> list[str]:
+    """What was seen, promised or assumed of the gauge's flatness."""
+    found = calibration.flatness
+    if found is None:
+        alone = (
+            "the gauge was taken as flat: a single picture cannot tell its bend from distortion of the lens; state "
+            "flatness_mm under [tolerance] of gauge.toml to have it counted, or add pictures with the gauge tilted"
+        )
+        return [alone]
+    interval = f"{found.low_mm:.3g} to {found.high_mm:.3g} mm, 95 %"
+    if not found.used:
+        return [f"the gauge is flat as far as these pictures tell: peak to valley below {found.high_mm:.2g} mm (95 %)"]
+    rest = REST * np.sqrt(found.mean_square_mm2)
+    solved = (
+        f"the face of the gauge is solved for: peak to valley {found.peak_to_valley_mm:.3g} mm ({interval}); on which "
+        f"of its points it lies is not seen, so that the plate's height is known to {rest:.2g} mm (1 sigma, counted)"
+    )
+    return [solved]

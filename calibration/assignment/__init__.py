@@ -1,0 +1,1 @@
+"""Dot centres → indices of the gauge's array."""

@@ -1,0 +1,113 @@
+"""The gauge in one picture: dots found, given their places, and every reason to doubt that it is the gauge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.assignment.lattice import Lattice, assign_grid
+from calibration.assignment.matching import Match, match_gauge
+from calibration.assignment.neighbours import nearest
+from calibration.assignment.wrong_gauge import size_ratio
+from calibration.detection.disturbed import useful
+from calibration.detection.dots import Dots, detect_dots
+from calibration.detection.roundness import NAMES, OUT_OF_ROUND, out_of_round
+from calibration.errors import CalibrationError
+from calibration.estimation.bundle_adjustment import View, whitening
+from calibration.estimation.flatness import face_terms
+from calibration.gauge.geometry import Gauge
+
+FEWEST_DOTS = 12  # six for the pose, twice over
+# A dot blurred beyond its own size looks like a normal distribution, which the disc model fits with an edge of 0.6
+# radii on too wide a disc. Up to there centres are still good; from there on neighbours run into each other.
+SMUDGE = (0.5, 1.2)
+# Of the radius: wider blur rounds every shape.
+SHARP = 0.4
+# Dots so much wider or narrower are another plate's; less may be a wrong number in the file, which the verdict tells.
+FOREIGN_SIZE = 1.8
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """The gauge found in one picture.
+
+    size_ratio: how many times as wide dots are seen, against their distance, as the gauge file has them.
+    """
+
+    name: str
+    dots: Dots
+    lattice: Lattice
+    match: Match
+    size_ratio: float
+
+
+def sight(picture: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
+    """Find the gauge in one picture. Raises CalibrationError that names the picture."""
+    dots = detect_dots(picture, gauge.dots.color, gauge.dots.background)
+    if len(dots) < FEWEST_DOTS:
+        raise CalibrationError(
+            f"{name}: {len(dots)} dots of color {gauge.dots.color} found, at least {FEWEST_DOTS} are needed; "
+            "is it a sharp picture of the gauge?"
+        )
+    lattice = assign_grid(dots)
+    if len(lattice) < FEWEST_DOTS:
+        raise CalibrationError(
+            f"{name}: {len(dots)} dots found, but only {len(lattice)} of them form a regular array; is it the gauge?"
+        )
+    if lattice.others:
+        raise CalibrationError(
+            f"{name}: two dot arrays in view, of {len(lattice)} and {lattice.others} dots; show one gauge at a time"
+        )
+    blur = float(np.median(2 * dots.blur_px / dots.diameter_px))
+    swollen = float(np.median(dots.diameter_px[lattice.dot])) / _expected_diameter_px(dots, lattice, gauge)
+    if blur > SMUDGE[0] and swollen > SMUDGE[1]:
+        raise CalibrationError(
+            f"{name}: blurred beyond use, dots are smeared to {swollen:.1f} times their size; focus the lens"
+        )
+    try:
+        match = match_gauge(dots, lattice, gauge)
+    except CalibrationError as error:
+        raise CalibrationError(f"{name}: {error}") from None
+    order, depth = out_of_round(dots, match.dot)
+    if depth > OUT_OF_ROUND and blur < SHARP:
+        raise CalibrationError(
+            f"{name}: the marks are not discs but {NAMES[order]}: their rims depart from an ellipse by "
+            f"{100 * depth:.0f} % of the radius; is it the gauge of this picture?"
+        )
+    ratio = size_ratio(dots.centers_px[match.dot], dots.diameter_px[match.dot], match.column, match.row, gauge)
+    if ratio > FOREIGN_SIZE or ratio < 1 / FOREIGN_SIZE:
+        raise CalibrationError(
+            f'{name}: dots are seen {ratio:.2g} times as wide against their distance as the gauge "{gauge.name}" has '
+            "them; is it the gauge of this picture, and are its pitch_mm and diameter_mm right?"
+        )
+    return Sighting(name, dots, lattice, match, ratio)
+
+
+def _expected_diameter_px(dots: Dots, lattice: Lattice, gauge: Gauge) -> float:
+    """Diameter of the gauge's dots at the scale of their distances in the picture, px."""
+    along, down = gauge.pitch_mm
+    next_mm = min(along, down if gauge.dots.layout == "square" else float(np.hypot(along / 2, down)))
+    return gauge.dots.diameter_mm / next_mm * float(np.median(nearest(dots.centers_px[lattice.dot], 1)[0]))
+
+
+def view_of(sighting: Sighting, gauge: Gauge, *, on_plate: bool) -> View:
+    """Dots of one picture with their places, at the gauge's height where it lies on the plate.
+
+    Dots that something else reaches into are left out.
+    """
+    match, dots = sighting.match, sighting.dots
+    points = gauge.positions_mm()[match.row, match.column]
+    height = gauge.dots.height_mm if on_plate else 0.0
+    view = View(
+        centers_px=dots.centers_px[match.dot],
+        whitening=whitening(dots.covariance_px2[match.dot]),
+        points_mm=np.column_stack([points, np.full(len(points), height)]),
+        radius_mm=gauge.diameters_mm()[match.row, match.column] / 2,
+        site=match.row * gauge.dots.columns + match.column,
+        offset_px=np.zeros((len(points), 2)),
+        terms=face_terms(gauge)[match.row, match.column],
+        name=sighting.name,
+    )
+    return view.take(useful(dots.covariance_px2[match.dot]))

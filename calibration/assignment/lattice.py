@@ -1,0 +1,195 @@
+"""Dot centres → lattice indices, with no count given in advance: holes, partial views and distractors are normal.
+
+Indices are of a right-handed reduced basis as seen in the picture (x right, y down): which dot of the gauge is which is
+`match_gauge.py`'s question.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.assignment.growth import NEIGHBOURS, bucket, grow, seed_bases
+from calibration.assignment.neighbours import nearest
+from calibration.detection.dots import Dots
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+SEEDS = 12  # attempts: distractors may form small lattices of their own, a torn sheet several
+ODD = 0.26  # of ln(diameter) against the dots around: a factor 1.3, fiducials differ by more, equal dots by 0.05
+SPECK = 0.4  # of the diameter of the dots around: no gauge has fiducials that small
+# Of the median contrast: vignetting and uneven light leave 0.25 and more (0.4 on a real fisheye); the images of the
+# array in the dark surround of a lens are fainter, and lie pixels beside the places they seem to continue.
+FAINT = 0.15
+# A place is bare where the picture there is as bright as the sheet next to it, to this share of the dots' contrast.
+BARE = 0.35
+# A part split off by a cloth or a rod: dots of the main lattice beside it that predict its places, and how far, in
+# pitches, the dots may lie from them. Distortion bends a prediction over three pitches by a few percent.
+BESIDE, OFF_PLACE = 24, 0.2
+SMALLEST_LATTICE = 6  # dots; fewer make no lattice
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Dots that form one lattice.
+
+    dot: (m,) indices into the Dots. index: (m, 2) integer lattice coordinates (a, b), a unique pair per dot. others:
+    count of dots in further lattices of at least half this one's size: a second plate in view.
+    """
+
+    dot: Integers
+    index: Integers
+    others: int = 0
+
+    def __len__(self) -> int:
+        """Count of dots assigned."""
+        return len(self.dot)
+
+
+def assign_grid(dots: Dots) -> Lattice:
+    """Find the largest lattice among the dots; an empty one where there is none."""
+    points = np.ascontiguousarray(dots.centers_px)
+    empty = Lattice(np.empty(0, dtype=np.int64), np.empty((0, 2), dtype=np.int64))
+    if len(points) < SMALLEST_LATTICE:
+        return empty
+    distance, neighbours = nearest(points, NEIGHBOURS)
+    bases, mismatch = seed_bases(points, neighbours)
+    size = float(np.median(distance[:, 0]))
+    cells, following, origin = bucket(points, size)
+    width = np.log(dots.diameter_px)
+    odd = np.abs(width - np.median(width[neighbours], axis=1)) > ODD
+    mismatch[odd] = np.inf
+    taken = np.zeros(len(points), dtype=bool)
+    found: list[Lattice] = []
+    for seed in np.argsort(mismatch, kind="stable"):
+        if len(found) == SEEDS or not np.isfinite(mismatch[seed]):
+            break
+        if taken[seed]:
+            continue
+        index, member = grow(points, seed, bases[seed], odd, taken, cells, following, size, origin)
+        dot = np.flatnonzero(member >= 0)
+        taken[dot] = True
+        if len(dot) >= SMALLEST_LATTICE:
+            found.append(Lattice(dot, index[dot]))
+        if (~taken).sum() <= max((len(lattice) for lattice in found), default=0) // 4:
+            break
+    if not found:
+        return empty
+    best = max(found, key=len)
+    rest = sorted((lattice for lattice in found if lattice is not best), key=len, reverse=True)
+    for lattice in list(rest):
+        joined = _joined(points, best, lattice)
+        if joined is not None:
+            best = joined
+            rest.remove(lattice)
+    others = sum(len(lattice) for lattice in rest if 2 * len(lattice) >= len(best))
+    return _without_specks(dots, Lattice(best.dot, _reduced(points[best.dot], best.index), others))
+
+
+def _joined(points: Array, main: Lattice, part: Lattice) -> Lattice | None:
+    """One lattice of two that something hidden between them has split, None where the part does not continue the main.
+
+    The homography of the main's dots next to the part predicts the indices of the part's dots: they must be whole
+    numbers and run as the part's own do.
+    """
+    middle = points[part.dot].mean(axis=0)
+    near = np.argsort(np.hypot(*(points[main.dot] - middle).T))[:BESIDE]
+    if len(near) < BESIDE or len(part) < SMALLEST_LATTICE:
+        return None
+    to_index = cv2.findHomography(points[main.dot[near]], main.index[near].astype(float), 0)[0]
+    if to_index is None:
+        return None
+    guess = cv2.perspectiveTransform(points[part.dot][None], to_index)[0]
+    index = np.rint(guess).astype(np.int64)
+    own = np.column_stack([part.index, np.ones(len(part))])
+    runs = np.rint(np.linalg.lstsq(own, guess, rcond=None)[0]).astype(np.int64)
+    taken = set(map(tuple, main.index.tolist()))
+    if (
+        np.abs(guess - index).max() > OFF_PLACE
+        or abs(int(runs[0, 0] * runs[1, 1] - runs[0, 1] * runs[1, 0])) != 1
+        or not np.array_equal(part.index @ runs[:2] + runs[2], index)
+        or any(tuple(place) in taken for place in index.tolist())
+    ):
+        return None
+    return Lattice(np.concatenate([main.dot, part.dot]), np.concatenate([main.index, index]))
+
+
+def _without_specks(dots: Dots, lattice: Lattice) -> Lattice:
+    """Drop members far smaller than those around them, and faint ones: dirt and reflections that lie near a place."""
+    _, neighbours = nearest(dots.centers_px[lattice.dot], 8)
+    size, contrast = dots.diameter_px[lattice.dot], dots.contrast[lattice.dot]
+    keep = (size > SPECK * np.median(size[neighbours], axis=1)) & (contrast > FAINT * np.median(contrast))
+    return Lattice(lattice.dot[keep], lattice.index[keep], lattice.others)
+
+
+def _reduced(points: Array, index: Integers) -> Integers:
+    """Express indices in the shortest basis (Lagrange, Gauss): a seed beside a hole may have grown a skew one."""
+    affine = np.linalg.lstsq(np.column_stack([index, np.ones(len(index))]), points, rcond=None)[0]
+    u, v = affine[0], affine[1]
+    change = np.eye(2, dtype=np.int64)  # rows: new basis in terms of the old
+    for _ in range(20):
+        if u @ u > v @ v:
+            u, v, change = v, -u, np.stack([change[1], -change[0]])
+        shear = round(float(u @ v) / float(u @ u))
+        if shear == 0:
+            break
+        v, change = v - shear * u, np.stack([change[0], change[1] - shear * change[0]])
+    inverse = np.rint(np.linalg.inv(change)).astype(np.int64)
+    return np.asarray(index @ inverse)
+
+
+def rows_and_columns(lattice: Lattice) -> tuple[str, Integers]:
+    """Layout that fills its bounding box best, and (m, 2) column and row in it, counted from 0.
+
+    "square": column and row along the basis. "staggered": along its diagonals, odd rows shifted by half a pitch.
+    """
+    a, b = lattice.index.T
+    options = [("square", a, b)]
+    options += [("staggered", *pair) for pair in ((a - b, a + b), (a + b, b - a), (2 * a + b, b), (2 * b + a, a))]
+    best, most = options[0], 0.0
+    for layout, across, down in options:
+        columns, rows = np.ptp(across) + 1, np.ptp(down) + 1
+        if layout == "staggered":
+            columns = (columns + 1) // 2
+        # a view cut by the picture's rim fills no box well: the plain layout then stays unless the other is clearly
+        # fuller
+        fill = len(lattice) / float(columns * rows) - (0.1 if layout == "staggered" else 0.0)
+        if fill > most:
+            best, most = (layout, across, down), fill
+    layout, across, down = best
+    column = (across - across.min()) // (2 if layout == "staggered" else 1)
+    return layout, np.stack([column, down - down.min()], 1)
+
+
+def places_without_dot(dots: Dots, lattice: Lattice) -> tuple[Integers, Array]:
+    """Lattice places next to dots seen, well inside the picture, that hold no dot: (k, 2), and their light (k,).
+
+    The light is that above the sheet beside the nearest dots, in contrasts of those. A place within BARE of the sheet
+    shows it, so there is no dot; at the others something may hide one.
+    """
+    corner = lattice.index.min(axis=0) - 2
+    extent = lattice.index.max(axis=0) - corner + 3
+    grid = np.full((*extent, 2), np.nan)
+    at = lattice.index - corner
+    grid[at[:, 0], at[:, 1]] = dots.centers_px[lattice.dot]
+    level = np.full((*extent, 2), np.nan)  # of the sheet, and of the dots below it
+    level[at[:, 0], at[:, 1]] = np.stack([dots.background, dots.contrast], axis=1)[lattice.dot]
+    smooth = cv2.blur(dots.plane, (3, 3))
+    width, height = dots.size_px
+    margin = float(np.median(dots.diameter_px[lattice.dot]))
+    light: dict[tuple[int, int], float] = {}
+    for da, db in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        behind, sheet = np.roll(grid, (da, db), axis=(0, 1)), np.roll(level, (da, db), axis=(0, 1))
+        guess = 2 * behind - np.roll(grid, (2 * da, 2 * db), axis=(0, 1))
+        with np.errstate(invalid="ignore"):
+            free = np.isnan(grid[..., 0]) & (guess[..., 0] > margin) & (guess[..., 0] < width - 1 - margin)
+            free &= (guess[..., 1] > margin) & (guess[..., 1] < height - 1 - margin)
+        for a, b in np.argwhere(free).tolist():
+            x, y = np.rint(guess[a, b]).astype(int)
+            above = (float(smooth[y, x]) - sheet[a, b, 0]) / sheet[a, b, 1]
+            light[a, b] = min(light.get((a, b), above), above, key=abs)
+    places = np.array(sorted(light), dtype=np.int64).reshape(-1, 2)
+    return places + corner, np.array([light[a, b] for a, b in places.tolist()])

@@ -1,0 +1,1 @@
+"""Image → sub-pixel centres of dots with their uncertainty."""

@@ -1,0 +1,152 @@
+"""Picture → sub-pixel centres of dots with a standard uncertainty each. Picture frame, px.
+
+The centre is that of the ellipse that fits the dot's blurred edge; `disc.py` says where that lies for a disc of the
+gauge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.assignment.neighbours import nearest
+from calibration.detection.candidates import WINDOWS, Candidates, candidates_by_window, noise_of
+from calibration.detection.disturbed import doubted, fit_again
+from calibration.detection.ellipse_fit import fit_dots
+from calibration.detection.image import Plane, dark_dots
+from calibration.detection.initial_ellipses import start_values
+from calibration.detection.noise_correlation import correlation_factors
+
+Array = NDArray[np.float64]
+
+# A dot whose pixels leave the model by more than this share of its contrast, the picture's white noise apart, is no
+# blurred disc: letters and corners leave 0.15 and more, dots at SNR 10 on JPEG pictures 0.12 with their noise.
+LARGEST_MISFIT = 0.14
+TRIALS = 50  # blobs fitted to judge a window: its share of dots to 7 %
+# So many dots, and so large a share of the blobs, and no dot wider than half the window: no other window can do better.
+PLENTY = (25, 0.8)
+
+
+@dataclass(frozen=True)
+class Dots:
+    """Dots found in one picture, in no order.
+
+    size_px: (width, height) of the picture. centers_px: (n, 2). covariance_px2: (n, 2, 2). diameter_px: (n,) geometric
+    mean of the ellipse's axes. contrast: (n,) background minus dot, in picture units, positive.
+    background: (n,) level around it. blur_px: (n,) standard deviation of the edge. noise: (n,) standard
+    deviation of the residual. shape: (n, 3) ellipse matrix A. color: (n, channels) mean inside the dot, in picture
+    units. plane: (h, w) the picture as it was searched, dots dark.
+    """
+
+    size_px: tuple[int, int]
+    centers_px: Array
+    covariance_px2: Array
+    diameter_px: Array
+    contrast: Array
+    background: Array
+    blur_px: Array
+    noise: Array
+    shape: Array
+    color: Array
+    plane: Plane = field(repr=False)
+
+    def __len__(self) -> int:
+        """Count of dots."""
+        return len(self.centers_px)
+
+
+def detect_dots(picture: NDArray[np.generic], color: str | None = None, background: str | None = None) -> Dots:
+    """Find all dots of a picture.
+
+    picture: (h, w) or (h, w, 3) BGR, any number type. color, background: of dots and sheet, as in gauge.toml; without
+    them dots may be dark or bright, whichever shows more. No dots is a result, not an error.
+    """
+    plane = dark_dots(picture, color, background)
+    signs = (1.0,) if color is not None and background is not None else (1.0, -1.0)
+    noise = noise_of(plane)
+    voted = [(sign, *_best_window(np.float32(sign) * plane, noise)) for sign in signs]
+    sign, _, candidates = max(voted, key=lambda vote: vote[1])
+    plane = np.float32(sign) * plane
+    return _dots(picture, plane, *_fit(plane, candidates, noise, correlated=True))
+
+
+def _best_window(plane: Plane, noise: float) -> tuple[float, Candidates]:
+    """Candidates of the window that shows most dots, counted by their diameters: a dot outweighs many specks."""
+    votes, best = 0.0, Candidates(np.empty((0, 2)), np.empty((0, 3)), np.empty(0))
+    for window, candidates in candidates_by_window(plane, noise):
+        every = max(1, len(candidates) // TRIALS)
+        tried = candidates.take(np.arange(0, len(candidates), every))
+        area = _area(_fit(plane, tried, noise)[0])
+        vote = every * float(np.sqrt(area).sum())
+        if vote > votes:
+            votes, best = vote, candidates
+        plenty = len(area) >= max(PLENTY[0], PLENTY[1] * len(tried))
+        if plenty and 2 * np.sqrt(np.median(area) / np.pi) < 0.5 * window:
+            break
+        if vote < 0.5 * votes and window > WINDOWS[0]:  # wider windows only lose dots to uneven light
+            break
+    return votes, best
+
+
+def _fit(
+    plane: Plane, candidates: Candidates, white_noise: float, *, correlated: bool = False
+) -> tuple[Array, Array, Array]:
+    """Parameters (n, 10), covariance (n, 2, 2) and noise (n,) of the candidates that are dots.
+
+    correlated: whether to look if the noise of neighbouring pixels is alike.
+    """
+    if len(candidates) == 0:
+        return np.empty((0, 10)), np.empty((0, 2, 2)), np.empty(0)
+    gap = np.full(len(candidates), np.inf)
+    if len(candidates) > 1:
+        gap = nearest(candidates.center_px, 1)[0][:, 0]
+    starts, reach, possible = start_values(plane, candidates.center_px, candidates.moments_px2, gap)
+    starts, reach = starts[possible], reach[possible]
+    fitted, covariance, noise = found = fit_dots(plane, starts, reach)
+    fit_again(plane, reach, found)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        good = (noise**2 < (LARGEST_MISFIT * fitted[:, 7]) ** 2 + white_noise**2) & (fitted[:, 7] < 0)
+        # blur wider than the dot's radius: a smudge without an edge
+        good &= fitted[:, 5] < np.sqrt(_area(fitted) / np.pi)
+        good &= _whole(fitted, plane.shape)
+    fitted, covariance, noise, reach = fitted[good], covariance[good], noise[good], reach[good]
+    if correlated:
+        factors = correlation_factors(plane, fitted, reach, noise)
+        covariance = covariance * np.outer(factors, factors)
+    return fitted, doubted(fitted, covariance, noise), noise
+
+
+def _whole(fitted: Array, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Whether a dot's edge, blur and all, lies within the picture: what the rim cuts is biased toward the middle."""
+    determinant = np.maximum(fitted[:, 2] * fitted[:, 4] - fitted[:, 3] ** 2, 1e-12)
+    reach_x = np.sqrt(fitted[:, 4] / determinant) + 2.5 * fitted[:, 5]
+    reach_y = np.sqrt(fitted[:, 2] / determinant) + 2.5 * fitted[:, 5]
+    inside = (fitted[:, 0] > reach_x - 0.5) & (fitted[:, 0] < shape[1] - 0.5 - reach_x)
+    return np.asarray(inside & (fitted[:, 1] > reach_y - 0.5) & (fitted[:, 1] < shape[0] - 0.5 - reach_y))
+
+
+def _area(fitted: Array) -> Array:
+    return np.asarray(np.pi / np.sqrt(np.maximum(fitted[:, 2] * fitted[:, 4] - fitted[:, 3] ** 2, 1e-12)))
+
+
+def _dots(picture: NDArray[np.generic], plane: Plane, fitted: Array, covariance: Array, noise: Array) -> Dots:
+    height, width = picture.shape[:2]
+    column = np.clip(fitted[:, 0].round().astype(int), 1, width - 2)
+    row = np.clip(fitted[:, 1].round().astype(int), 1, height - 2)
+    channels = picture.reshape(height, width, -1)
+    color = np.mean([channels[row + i, column + j] for i in (-1, 0, 1) for j in (-1, 0, 1)], axis=0, dtype=float)
+    return Dots(
+        size_px=(width, height),
+        centers_px=fitted[:, :2],
+        covariance_px2=covariance,
+        diameter_px=2 * np.sqrt(_area(fitted) / np.pi),
+        contrast=-fitted[:, 7],
+        background=fitted[:, 6],
+        blur_px=fitted[:, 5],
+        noise=noise,
+        shape=fitted[:, 2:5],
+        color=color,
+        plane=plane,
+    )

@@ -1,0 +1,89 @@
+"""How far noise that is alike in neighbouring pixels widens the uncertainty of dot centres.
+
+Colour cameras of one chip interpolate three quarters of their numbers, codecs and resizing mix pixels: the fit, for
+which pixels are independent, then takes the same news for several. With S the influence of the pixels on a centre and ρ
+the autocorrelation of the noise, the variance of the centre is larger by Σ ρ(lag) (S⋆S)(lag) / (S⋆S)(0). ρ comes from
+the residuals of some dots; what the fit itself takes out of white residuals, the part Jᵀ(J Jᵀ)⁻¹J, is put back.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from calibration.detection.ellipse_fit import collect_pixels, derivatives
+
+Array = NDArray[np.float64]
+REACH = 3  # px: interpolation of single-chip colour reaches two, codecs mix blocks of eight
+SAMPLE = 24  # dots: their 7000 pixels tell the factor on white noise to 4 %
+SHAPES = 4  # of them that stand for what the fit does, which hardly differs from dot to dot
+SOUND = 1.2  # of the median residual: dots that nothing disturbs
+
+
+def correlation_factors(plane: NDArray[np.float32], fitted: Array, reach: Array, noise: Array) -> Array:
+    """Factors (2,) on the standard deviations of x and y of all centres of a picture, at least 1.
+
+    plane, reach: as for `fit_dots`; fitted (n, 10), noise (n,): what it gave.
+    """
+    sound = np.flatnonzero(noise <= SOUND * np.median(noise)) if len(noise) else np.empty(0, dtype=np.int64)
+    if len(sound) < SAMPLE // 3:
+        return np.ones(2)
+    chosen = sound[np.linspace(0, len(sound) - 1, min(len(sound), SAMPLE)).astype(np.int64)]
+    try:
+        residual, own, influence = _autocorrelations(plane, fitted[chosen], reach[chosen], noise[chosen])
+    except np.linalg.LinAlgError:  # dots of so few pixels that these do not tell the ten parameters apart
+        return np.ones(2)
+    correlation = np.median(residual, axis=0) + own
+    correlation[REACH, REACH] = 1.0
+    return np.asarray(np.sqrt(np.maximum((correlation * influence).sum(axis=(1, 2)), 1.0)))
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _autocorrelations(plane, fitted, reach, noise):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Autocorrelations by lag: of residuals (n, 7, 7), what the fit takes out (7, 7), influence on it (2, 7, 7)."""
+    n, size = len(fitted), 2 * REACH + 1
+    residual, own, influence = np.zeros((n, size, size)), np.zeros((size, size)), np.zeros((2, size, size))
+    every = max(1, n // SHAPES)
+    for i in range(n):
+        p = fitted[i]
+        longest = np.sqrt(max(p[2], p[4]) / (p[2] * p[4] - p[3] * p[3]))
+        half = int(longest + reach[i] + 2.5)
+        box, room = 2 * (half + REACH) + 1, (2 * half + 1) ** 2
+        pixels, rows = np.empty((3, room)), np.empty((11, room))
+        count = collect_pixels(plane, p, reach[i], longest, pixels)
+        derivatives(pixels, count, p, rows)
+        rows[10] /= noise[i]
+        pixels[0] += half + REACH - round(p[0])
+        pixels[1] += half + REACH - round(p[1])
+        lags = np.maximum(_lags(pixels, np.ones((1, count)), box)[0], 1.0)
+        residual[i] = _lags(pixels, rows[10:, :count], box)[0] / lags
+        if i % every == 0:
+            by = np.ascontiguousarray(rows[:10, :count])
+            for m in range(10):  # of one size, for the factor's sake; neither result depends on it
+                by[m] /= np.sqrt((by[m] ** 2).sum())
+            normal = by @ by.T
+            own += _lags(pixels, np.linalg.solve(np.linalg.cholesky(normal), by), box).sum(axis=0) / lags
+            moved = _lags(pixels, np.linalg.solve(normal, by)[:2], box)
+            for axis in range(2):
+                influence[axis] += moved[axis] / moved[axis, REACH, REACH]
+    shapes = (n + every - 1) // every
+    return residual, own / shapes, influence / shapes
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _lags(pixels, values, box):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Sums (m, 7, 7) over the pixels of each row of values (m, n) times itself at a lag; box: size that holds all."""
+    found = np.zeros((len(values), 2 * REACH + 1, 2 * REACH + 1))
+    picture = np.zeros((box, box))
+    for m in range(len(values)):
+        for k in range(values.shape[1]):
+            picture[int(pixels[1, k]), int(pixels[0, k])] = values[m, k]
+        for down in range(REACH + 1):
+            for across in range(-REACH, REACH + 1):
+                value = 0.0
+                for y in range(REACH, box - REACH):
+                    for x in range(REACH, box - REACH):
+                        value += picture[y, x] * picture[y + down, x + across]
+                found[m, REACH + down, REACH + across] = found[m, REACH - down, REACH - across] = value
+    return found

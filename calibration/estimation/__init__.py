@@ -1,0 +1,1 @@
+"""Assigned dots → camera model with covariance."""

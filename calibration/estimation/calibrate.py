@@ -1,0 +1,201 @@
+"""Gauge pictures → camera model with covariance and a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.assignment.gauge_in_image import FEWEST_DOTS, Sighting, sight, view_of
+from calibration.assignment.neighbours import nearest
+from calibration.assignment.wrong_gauge import does_not_fit
+from calibration.camera import PARAMETERS, Camera
+from calibration.errors import CalibrationError
+from calibration.estimation.bundle_adjustment import Fit, Prior, View, outliers, solve, solve_discs, with_disc_offsets
+from calibration.estimation.flatness import (
+    QUADRATIC,
+    TERMS,
+    Flatness,
+    bend_scale,
+    coefficient_sigma,
+    flatness_of,
+    rest_covariance,
+)
+from calibration.estimation.gauge_tolerance import covariance_with_tolerance, with_tolerance
+from calibration.estimation.initial_values import rough_prior, rough_start
+from calibration.estimation.model_choice import Trial, choose_model
+from calibration.gauge.geometry import Gauge
+
+Array = NDArray[np.float64]
+# Residuals of this share of the pitch are no lens: with the right gauge file the worst real set (a bent sheet of
+# paper) has 0.7 %, a wrong pitch ratio or layout 5 %.
+FOREIGN_PITCH = 0.02
+# Glare and dirt spoil a tenth of the dots; a third is another camera, another plate or a bent one.
+MOST_LEFT_OUT = 1 / 3
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A camera with all that speaks for and against it.
+
+    camera: in the frame of the plate picture. sightings: per picture. fit: solved bundle over the dots kept; views:
+    those dots. trials: lens models tried, best first. rejected: per picture, count of dots left out as outliers.
+    distance_mm: measured height of the lens and its sigma, where it was given. flatness: of the gauge; None for a
+    single picture of a gauge whose flatness is not stated, which says nothing of it.
+    """
+
+    camera: Camera
+    gauge: Gauge
+    sightings: tuple[Sighting, ...]
+    views: tuple[View, ...]
+    fit: Fit
+    trials: tuple[Trial, ...]
+    rejected: tuple[int, ...]
+    plate_index: int = 0
+    distance_mm: tuple[float, float] | None = None
+    flatness: Flatness | None = None
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square of the residuals, per axis, px."""
+        return float(np.sqrt(np.mean(np.concatenate([r.ravel() for r in self.fit.residual_px]) ** 2)))
+
+
+def calibrate(
+    pictures: Sequence[NDArray[np.generic]],
+    gauge: Gauge,
+    plate_index: int = 0,
+    *,
+    names: Sequence[str] = (),
+    distance_mm: tuple[float, float] | None = None,
+) -> Calibration:
+    """Solve the camera from pictures of the gauge.
+
+    pictures: (h, w) or (h, w, 3) BGR each, all of one size. plate_index: the picture in which the gauge lies on the
+    plate; it defines the plate frame. names: of the pictures, for messages. distance_mm: measured height of the lens
+    above the plate and its standard uncertainty, where known. Raises CalibrationError where pictures and gauge do not
+    allow a camera.
+    """
+    if not pictures:
+        raise CalibrationError("no pictures given; calibration needs at least one picture of the gauge on the plate")
+    names = list(names) or [f"picture {k + 1}" for k in range(len(pictures))]
+    sizes = {picture.shape[:2] for picture in pictures}
+    if len(sizes) > 1:
+        listed = ", ".join(f"{name} {p.shape[1]}×{p.shape[0]}" for name, p in zip(names, pictures, strict=True))
+        raise CalibrationError(f"pictures differ in size: {listed}; a calibration holds for one camera mode")
+    sightings = [sight(picture, gauge, name) for picture, name in zip(pictures, names, strict=True)]
+    _check_extent(sightings, gauge)
+    order = [plate_index, *(k for k in range(len(sightings)) if k != plate_index)]
+    views = [view_of(sightings[k], gauge, on_plate=k == plate_index) for k in order]
+    size_px = sightings[0].dots.size_px
+    prior = replace(rough_prior(size_px), distance_mm=distance_mm, face_mm=coefficient_sigma(gauge))
+    rough = rough_start(views, size_px, prior)
+    if not rough:
+        raise CalibrationError(f"{names[0]}: no camera explains the dots; do all show the gauge {gauge.name!r}?")
+    views = with_tolerance(views, rough[0].state, gauge.tolerance)
+    fit, kept, trials = _solve_robustly(views, rough, prior, _faces(gauge, len(views)))
+    _check_pitch(fit, kept, gauge)
+    flatness = _flatness(fit, kept, gauge, prior)
+    camera = _camera(fit, kept, gauge, flatness, size_px)
+    return Calibration(
+        camera=camera,
+        gauge=gauge,
+        sightings=tuple(sightings[k] for k in order),
+        views=tuple(kept),
+        fit=fit,
+        trials=tuple(trials),
+        rejected=tuple(len(sightings[k].match) - len(part) for k, part in zip(order, kept, strict=True)),
+        plate_index=plate_index,
+        distance_mm=distance_mm,
+        flatness=flatness,
+    )
+
+
+def _check_extent(sightings: list[Sighting], gauge: Gauge) -> None:
+    """Raise where pictures show the array end before the gauge's, and none shows the rest."""
+    for axis in (0, 1):
+        short = [sighting for sighting in sightings if sighting.match.extent[axis] == "short"]
+        if short and not any(sighting.match.extent[axis] == "whole" for sighting in sightings):
+            raise CalibrationError(f"{short[0].name}: {does_not_fit(short[0].lattice, gauge)}")
+
+
+def _faces(gauge: Gauge, views: int) -> tuple[int, ...]:
+    """Counts of terms of the gauge's face to try.
+
+    Where flatness is stated all terms are free within it. Else evidence decides, and a single picture has none: it
+    cannot tell a bend of the gauge from distortion of the lens.
+    """
+    if gauge.tolerance.flatness_mm is not None:
+        return (TERMS,)
+    return (0, QUADRATIC, TERMS) if views > 1 else (0,)
+
+
+def _flatness(fit: Fit, views: list[View], gauge: Gauge, prior: Prior) -> Flatness | None:
+    """The gauge's face as the pictures show it; where it was taken as flat, what bend they could have missed."""
+    used = len(fit.state.face_mm) > 0
+    if not used:
+        if len(views) == 1:
+            return None
+        fit = solve(views, replace(fit.state, face_mm=np.zeros(QUADRATIC)), prior)
+    face = slice(len(fit.state.free), fit.state.shared)
+    covariance = np.asarray(np.linalg.inv(fit.normal)[face, face] * max(fit.variance, 1.0), dtype=float)
+    return flatness_of(gauge, fit.state.face_mm, covariance, used=used)
+
+
+def _check_pitch(fit: Fit, views: list[View], gauge: Gauge) -> None:
+    """Raise where the dots leave the model by more than any lens or sheet explains: then it is another gauge."""
+    for residual, view in zip(fit.residual_px, views, strict=True):
+        pitch_px = float(np.median(nearest(view.centers_px, 1)[0]))
+        rms = float(np.sqrt(np.mean(residual**2)))
+        if rms > FOREIGN_PITCH * pitch_px:
+            raise CalibrationError(
+                f"{view.name}: the dots lie {rms:.1f} px RMS ({100 * rms / pitch_px:.0f} % of their distance) from "
+                f'where the gauge "{gauge.name}" has them; are pitch_mm and layout in its file those of this plate?'
+            )
+
+
+def _solve_robustly(
+    views: list[View], rough: list[Fit], prior: Prior, faces: tuple[int, ...]
+) -> tuple[Fit, list[View], list[Trial]]:
+    """Choose the model with outliers held back by the robust cost, then leave them out and solve again."""
+    kept = with_disc_offsets(views, rough[0].state)
+    trials = choose_model(kept, rough, prior, faces)
+    fit, kept = solve_discs(kept, trials[0].fit.state, prior)
+    for _ in range(3):
+        keep = outliers(fit)
+        if all(part.all() for part in keep):
+            break
+        kept = [view.take(part) for view, part in zip(kept, keep, strict=True)]
+        _check_left_out(views, kept)
+        fit, kept = solve_discs(kept, fit.state, prior)
+    return fit, kept, trials
+
+
+def _check_left_out(views: list[View], kept: list[View]) -> None:
+    """Raise for a picture most of whose dots contradict the rest."""
+    for view, part in zip(views, kept, strict=True):
+        left_out = len(view) - len(part)
+        if left_out > MOST_LEFT_OUT * len(view) or len(part) < FEWEST_DOTS // 2:
+            rest = "the other pictures" if len(views) > 1 else "any camera"
+            raise CalibrationError(
+                f"{view.name}: {left_out} of {len(view)} dots contradict {rest}; are all pictures from one camera, "
+                "with pitch_mm and layout of the gauge file those of the plate? Leave this one out or take it again"
+            )
+
+
+def _camera(fit: Fit, views: list[View], gauge: Gauge, flatness: Flatness | None, size_px: tuple[int, int]) -> Camera:
+    free = fit.state.free_index
+    tolerance = gauge.tolerance
+    bent = flatness if flatness is not None and flatness.used else None
+    if bent is not None:
+        tolerance = tolerance.model_copy(update={"scale": float(np.hypot(tolerance.scale, bend_scale(bent)))})
+    joint = covariance_with_tolerance(views, fit, tolerance)
+    covariance = np.zeros((len(PARAMETERS), len(PARAMETERS)))
+    rows = np.concatenate([6 + free, np.arange(6)])
+    known = np.concatenate([np.arange(len(free)), fit.state.shared + np.arange(6)])
+    covariance[np.ix_(rows, rows)] = joint[np.ix_(known, known)]
+    if bent is not None:
+        covariance[:6, :6] += rest_covariance(bent, gauge, fit.state.poses[0])
+    return Camera(size_px=size_px, parameters=fit.state.parameters(0), lens=fit.state.model, covariance=covariance)

@@ -1,0 +1,64 @@
+"""How errors of the gauge itself reach the camera: of single dots, and of the pitch as a whole.
+
+A dot that is out of place is so in every picture, so its error does not average out over pictures as noise does. With
+the normal matrix N, whitened derivatives A by the parameters and B by the gauge's coordinates, a displacement d of
+the dots moves the solution by -N⁻¹ Aᵀ B d (implicit function); summed over pictures this gives the covariance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.camera import project
+from calibration.estimation.bundle_adjustment import Fit, State, View, places_of_view, points_of, view_rows, whitening
+from calibration.gauge.geometry import Tolerance
+
+Array = NDArray[np.float64]
+
+
+def with_tolerance(views: list[View], state: State, tolerance: Tolerance) -> list[View]:
+    """The views with the dots' own tolerance added to the uncertainty of their pictures, at a state."""
+    if tolerance.dot_mm == 0:
+        return views
+    wider = []
+    for k, view in enumerate(views):
+        by_point = _by_plane(view, state, k)
+        inverse = np.linalg.inv(view.whitening)
+        covariance = inverse @ np.swapaxes(inverse, 1, 2)
+        covariance = covariance + tolerance.dot_mm**2 * by_point @ np.swapaxes(by_point, 1, 2)
+        wider.append(replace(view, whitening=whitening(covariance)))
+    return wider
+
+
+def covariance_with_tolerance(views: list[View], fit: Fit, tolerance: Tolerance) -> Array:
+    """Covariance of the free lens parameters and all poses: of noise, and of the gauge's tolerance."""
+    inverse = np.linalg.inv(fit.normal)
+    noise = inverse * fit.variance
+    if tolerance == Tolerance():
+        return np.asarray(noise, dtype=float)
+    size = len(fit.normal)
+    sites = 1 + max(int(view.site.max()) for view in views)
+    common, scale = np.zeros((size, 2 * sites)), np.zeros(size)
+    single = np.zeros((size, size))
+    for k, view in enumerate(views):
+        _, _, by_parameter = view_rows(view, fit.state, k)
+        place = places_of_view(fit.state, k)
+        by_dot = view.whitening @ _by_plane(view, fit.state, k)
+        pull = np.swapaxes(by_parameter, 1, 2) @ by_dot  # (n, place, 2)
+        here = np.zeros((size, 2 * sites))
+        for axis in (0, 1):
+            here[place[:, None], 2 * view.site + axis] = pull[:, :, axis].T
+        common += here
+        single += here @ here.T
+        scale[place] += np.einsum("npa,na->p", pull, view.points_mm[:, :2])
+    # the noise term counts each picture's share of the dots' errors as if they were independent: exchange it
+    errors = tolerance.dot_mm**2 * (common @ common.T - single) + tolerance.scale**2 * np.outer(scale, scale)
+    return np.asarray(inverse * max(fit.variance, 1.0) + inverse @ errors @ inverse)
+
+
+def _by_plane(view: View, state: State, k: int) -> Array:
+    """Derivative of the picture points by x and y on the gauge, (n, 2, 2)."""
+    return project(points_of(view, state), state.parameters(k), state.model)[1][:, :, :2]

@@ -1,0 +1,159 @@
+"""Which terms of the lens and of a bent gauge the pictures ask for: cross-validation over dots held out, not habit.
+
+Every dot is predicted once by a model fitted without it. Blocks of neighbouring places are held out together, so that a
+term earns its place by predicting ground the fit has not seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.estimation.bundle_adjustment import (
+    OUTLIER,
+    Fit,
+    Prior,
+    View,
+    places_of_view,
+    robust_scale,
+    solve,
+    view_rows,
+)
+from calibration.lens import LensModel
+
+Array = NDArray[np.float64]
+FOLDS = 4
+ENOUGH = 2000  # dots over all pictures
+CENTER = ("principal_x_px", "principal_y_px")
+# From plain to rich. All free the principal point: fixing it would hide its uncertainty. A fisheye always has two
+# terms: with fewer the curve of the lens would fix the focal length by assumption, even in pictures that show no
+# perspective.
+MODELS: tuple[tuple[LensModel, tuple[str, ...]], ...] = (
+    ("brown", ("focal_px", *CENTER)),
+    ("brown", ("focal_px", *CENTER, "k1")),
+    ("brown", ("focal_px", *CENTER, "k1", "k2")),
+    ("brown", ("focal_px", *CENTER, "k1", "k2", "k3")),
+    ("brown", ("focal_px", *CENTER, "k1", "k2", "p1", "p2")),
+    ("brown", ("focal_px", "aspect", *CENTER, "k1", "k2", "k3", "p1", "p2")),
+    ("fisheye", ("focal_px", *CENTER, "k1", "k2")),
+    ("fisheye", ("focal_px", *CENTER, "k1", "k2", "k3")),
+    ("fisheye", ("focal_px", "aspect", *CENTER, "k1", "k2", "k3", "k4")),
+)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One model on trial: its fit to all dots and the mean squared whitened error on dots held out.
+
+    face: count of terms of the gauge's face that were free.
+    """
+
+    model: LensModel
+    free: tuple[str, ...]
+    fit: Fit
+    held_out: float
+    face: int = 0
+
+
+def choose_model(views: list[View], rough: list[Fit], prior: Prior, faces: tuple[int, ...] = (0,)) -> list[Trial]:
+    """Trials of all models: first the simplest of those that predict as well as the best.
+
+    faces: counts of terms of the gauge's face that may be free. Those after the first are tried only if the next one
+    predicts better than the best lens does without: most gauges are flat.
+    """
+    views = [view.take(_every(view, views)) for view in views]
+    trials = _trials(views, rough, prior, faces[0])
+    if len(faces) > 1:
+        best = min(trials, key=lambda trial: trial.held_out)
+        bent = _trials(views, [best.fit], prior, faces[1], ((best.model, best.free),))
+        if bent[0].held_out < best.held_out - _chance(best, views):
+            for face in faces[1:]:
+                trials += _trials(views, rough, prior, face)
+    near = _near(trials, views)
+    good = [trial for trial in trials if trial.held_out <= near]
+    rest = [trial for trial in trials if trial.held_out > near]
+    # at equal merit the lens that takes nothing of its focal length from its form
+    good.sort(key=lambda trial: (trial.model == "fisheye", len(trial.free) + trial.face))
+    return good + sorted(rest, key=lambda trial: trial.held_out)
+
+
+def _trials(
+    views: list[View],
+    rough: list[Fit],
+    prior: Prior,
+    face: int,
+    models: tuple[tuple[LensModel, tuple[str, ...]], ...] = MODELS,
+) -> list[Trial]:
+    """Trials of lens models with so many free terms of the face, each started from the one before it."""
+    trials: list[Trial] = []
+    for model, free in models:
+        start = next((fit.state for fit in rough if fit.state.model == model), None)
+        simpler = [trial for trial in trials if trial.model == model and set(trial.free) <= set(free)]
+        if simpler:
+            start = simpler[-1].fit.state
+        if start is None:
+            continue
+        lens = start.lens.copy()
+        if "k1" not in free:
+            lens[4] = 0.0
+        bent = start.face_mm if len(start.face_mm) == face else np.zeros(face)
+        fit = solve(views, replace(start, lens=lens, free=free, face_mm=bent), prior)
+        trials.append(Trial(model, free, fit, _held_out(views, fit), face))
+    return trials
+
+
+def _every(view: View, views: list[View]) -> NDArray[np.bool_]:
+    """Mask that thins dense arrays: thousands of dots decide no better than ENOUGH, only slower."""
+    step = max(1, sum(len(other) for other in views) // ENOUGH)
+    return np.asarray(np.arange(len(view)) % step == 0)
+
+
+def _near(trials: list[Trial], views: list[View]) -> float:
+    """Held-out error that is as good as the best: a term must gain more than it costs by chance (two σ²)."""
+    best = min(trials, key=lambda trial: trial.held_out)
+    return best.held_out + _chance(best, views)
+
+
+def _chance(best: Trial, views: list[View]) -> float:
+    """What a term gains by chance."""
+    return 2 * best.fit.variance / max(sum(len(view) for view in views), 1)
+
+
+def _held_out(views: list[View], fit: Fit) -> float:
+    """Mean over dots of the squared held-out error, each capped as an outlier is.
+
+    Near the minimum the problem is linear, and the fit without a fold lies one Newton step away: with the fold's rows
+    A and residuals r, (N - AᵀA)⁻¹ Aᵀ r. No fold is fitted again.
+    """
+    if not np.isfinite(fit.cost) or not fit.whitened:
+        return np.inf
+    cap = (OUTLIER * robust_scale(fit.whitened)) ** 2
+    size = len(fit.normal)
+    rows = [view_rows(view, fit.state, k)[1:] for k, view in enumerate(views)]
+    folds = [_fold(view) for view in views]
+    errors = []
+    for fold in range(FOLDS):
+        without, right = fit.normal.copy(), np.zeros(size)
+        for k, ((white, by), of) in enumerate(zip(rows, folds, strict=True)):
+            place = places_of_view(fit.state, k)
+            sound = (of == fold) & ((white**2).sum(axis=1) < cap)
+            block = by[sound].reshape(-1, len(place))
+            without[np.ix_(place, place)] -= block.T @ block
+            right[place] += block.T @ white[sound].ravel()
+        root = 1 / np.sqrt(np.maximum(np.diag(without), 1e-12))
+        step = root * np.linalg.lstsq(without * root[:, None] * root, root * right, rcond=1e-12)[0]
+        for k, ((white, by), of) in enumerate(zip(rows, folds, strict=True)):
+            held = of == fold
+            error = white[held] + by[held] @ step[places_of_view(fit.state, k)]
+            errors.append(np.minimum((error**2).sum(axis=1), cap))
+    return float(np.mean(np.concatenate(errors)))
+
+
+def _fold(view: View) -> NDArray[np.int64]:
+    """Fold of each dot: blocks of about a sixth of the array's extent, dealt out in a pattern."""
+    plane = view.points_mm[:, :2]
+    span = np.maximum(np.ptp(plane, axis=0), 1e-9)
+    block = np.minimum(((plane - plane.min(axis=0)) / span * 6).astype(np.int64), 5)
+    return np.asarray((block[:, 0] + 2 * block[:, 1]) % FOLDS)

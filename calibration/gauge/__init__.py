@@ -1,0 +1,1 @@
+"""Geometry of the dot gauge, and its printable sheet."""

@@ -1,0 +1,1 @@
+"""Which model holds, how well it fits, and where it does not."""

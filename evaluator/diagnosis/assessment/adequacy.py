@@ -1,0 +1,117 @@
+"""Is what a model leaves over noise? Absolute tests that no comparison between models can replace.
+
+Left-overs of every run, freed of start pose and the run's own friction and gains, are compared with the tracking
+noise mode by mode: slow modes hold motion, fast ones noise, so their ratio does not depend on the level of the noise.
+What is left to chance between runs, friction and gains, must look like chance: it must not depend on anything known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from evaluator.diagnosis.inference.fit import Fit
+from evaluator.diagnosis.likelihood.mixed_model import SCATTER, run_effects
+from evaluator.diagnosis.likelihood.run_data import RunData
+
+Floats = NDArray[np.float64]
+
+
+FEWEST_FREEDOM = 6  # an F test on fewer says little
+# Share of its variance that a run must tell of a friction or gain to count: a straight run tells nothing of friction.
+LEAST_TOLD = 0.01
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """What is left over under a fit.
+
+    excess: mean square of whitened left-overs, 1 for pure noise; excess_sigma: its distance from 1 in standard errors.
+    by_run: the same per run. own: each run's friction and gains (n, 3). order_p: probability that these depend so much
+    on something known were they chance, Bonferroni over all that was asked; depends_on: on what.
+    """
+
+    excess: float
+    excess_sigma: float
+    by_run: Floats
+    own: Floats
+    order_p: float
+    depends_on: str
+
+
+def adequacy(fit: Fit, data: Sequence[RunData]) -> Adequacy:
+    """Test the left-overs of a fit."""
+    columns = fit.columns
+    theta = np.array([fit.point.value(column) for column in columns])
+    total, freedom, by_run = 0.0, 0.0, []
+    for item in fit.linearized:
+        left = item.response - item.common @ theta
+        basis = np.linalg.qr(np.column_stack([item.start, item.scatter, item.common]))[0]
+        left = left - basis @ (basis.T @ left)
+        square, count = float(left @ left), float(len(left) - basis.shape[1])
+        by_run.append(square / max(count, 1.0))
+        total, freedom = total + square, freedom + count
+    own, unknown = run_effects(fit.reduced, theta, fit.posterior.scatter)
+    told = 1 - np.diagonal(unknown, axis1=1, axis2=2) / fit.posterior.scatter**2
+    excess = total / max(freedom, 1.0)
+    order_p, depends_on = _order(own / fit.posterior.scatter, told, [data[run] for run in fit.runs])
+    return Adequacy(excess, (excess - 1) / np.sqrt(2 / max(freedom, 1.0)), np.array(by_run), own, order_p, depends_on)
+
+
+def _order(own: Floats, told: Floats, data: Sequence[RunData]) -> tuple[float, str]:
+    """F test of each run effect on each thing that is known of a run: the smallest probability and its reason.
+
+    own: (n, 3) in standard deviations of the scatter; told: (n, 3), the share of that variance which the run tells. An
+    effect is seen shrunk to its share and varies as much, so it is divided by the root of the share, and what it may
+    depend on is multiplied by that.
+    """
+    tests = 0
+    least, reason = 1.0, ""
+    for by, columns in _known(data).items():
+        for what, column, share in zip(SCATTER, own.T, told.T, strict=True):
+            seen = share > LEAST_TOLD
+            weight = np.sqrt(share[seen])
+            design = np.column_stack([np.ones(seen.sum()), columns[seen]]) * weight[:, None]
+            tested, freedom = design.shape[1] - 1, len(design) - design.shape[1]
+            if freedom < FEWEST_FREEDOM or np.linalg.matrix_rank(design) <= tested:
+                continue
+            tests += 1
+            without, rest = (_left(part, column[seen] / weight) for part in (design[:, :1], design))
+            p = float(stats.f.sf((without - rest) / tested / max(rest / freedom, 1e-30), tested, freedom))
+            if p < least:
+                least, reason = p, f"{what.replace('_', ' ')} of the runs depends on {by}"
+    return min(1.0, least * max(tests, 1)), reason
+
+
+def _left(design: Floats, values: Floats) -> float:
+    """Sum of squares that a regression leaves."""
+    left = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
+    return float(left @ left)
+
+
+def _known(data: Sequence[RunData]) -> dict[str, Floats]:
+    """What is known of every run before its friction and gains: command, heading, place, order."""
+    left = np.array([run.left_rpm for run in data])
+    right = np.array([run.right_rpm for run in data])
+    green, yellow = (np.array([_mean_place(run.marks_mm[:, mark]) for run in data]) for mark in ([0, 1], [2, 3]))
+    angle = np.arctan2(*(green - yellow).T)
+    direction, side = np.sign(left + right), np.sign(right - left)
+    return {
+        "direction": direction[:, None],
+        "side": side[:, None],
+        "direction and side together": (direction * side)[:, None],
+        "speed": np.abs(left + right)[:, None],
+        "the difference of the wheels": np.abs(right - left)[:, None],
+        "heading": np.column_stack([np.cos(angle), np.sin(angle)]),
+        "twice the heading": np.column_stack([np.cos(2 * angle), np.sin(2 * angle)]),
+        "place": (green + yellow) / 2,
+        "order": np.array([[run.order] for run in data], dtype=np.float64),
+    }
+
+
+def _mean_place(marks_mm: Floats) -> Floats:
+    return np.asarray(np.nanmean(marks_mm, axis=0))

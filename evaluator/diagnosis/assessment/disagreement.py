@@ -1,0 +1,245 @@
+"""Where measurement and model disagree: by direction, side, speed, heading, place, time and order, with significance.
+
+Every run is cut into pieces of about a second; in each the measured minus the predicted velocity is taken along and
+across the robot and in yaw. Each of the three is regressed on what it may depend on. Standard errors count runs, not
+pieces (jackknife over runs).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy import stats
+
+if TYPE_CHECKING:  # the report reads tables of pieces without a simulator
+    from evaluator.diagnosis.likelihood.problem import Point, Problem
+
+Floats = NDArray[np.float64]
+
+PIECE_S = 1.0
+FEWEST_FREEDOM = 3  # runs beyond the coefficients
+FEWEST_FRAMES = 5  # in a piece: a slope over fewer is mostly noise
+SHOWN_SIGMAS = 3.5  # fifty-seven tests: chance reaches this once in forty experiments
+FOLDS = {"heading": 1, "twice the heading": 2, "three times the heading": 3, "four times the heading": 4}
+
+COLUMNS = (
+    *("run", "time_s", "along_mm_s", "across_mm_s", "yaw_deg_s", "direction", "side", "speed_rpm"),
+    *("difference_rpm", "heading_deg", "x_mm", "y_mm", "order"),
+)
+
+QUANTITIES = {"along_mm_s": "speed along the robot", "across_mm_s": "sideways speed", "yaw_deg_s": "yaw rate"}
+UNITS = {"along_mm_s": "mm/s", "across_mm_s": "mm/s", "yaw_deg_s": "deg/s"}
+
+
+Interval = tuple[float, float, float]  # value, low, high
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """A disagreement and what it depends on: effect sizes with their significance and a plain sentence.
+
+    sizes: coefficients of what was tested, in the order of its regressors, each with its 95 % bounds.
+    """
+
+    quantity: str
+    by: str
+    parity: str  # "even" or "odd" under the reversal of the motion or of the side; "" where that means nothing
+    sigmas: float
+    sentence: str
+    sizes: tuple[Interval, ...] = ()
+
+
+def pieces(problem: Problem, point: Point) -> pd.DataFrame:
+    """A row per piece of a run: disagreement along, across (mm/s) and in yaw (deg/s), and what it may depend on.
+
+    Measured and predicted velocities are each taken in the frame of their own robot, so that a heading that went wrong
+    earlier in the run does not pass for sideways speed now.
+    """
+    rows = []
+    for number, run in enumerate(problem.data):
+        residual = problem.residuals([point.task(number)])[0]
+        channels = problem.channels[number]
+        end = run.time_s[-1] if run.stop_s is None else min(run.stop_s, run.time_s[-1])
+        begin = max(run.start_s, run.time_s[0])
+        count = max(int((end - begin) / PIECE_S), 1)
+        speed = (run.left_rpm + run.right_rpm) / 2
+        for low, high in pairwise(np.linspace(begin, end, count + 1)):
+            inside = (run.time_s >= low) & (run.time_s <= high) & np.isfinite(residual).all(axis=1)
+            if inside.sum() < FEWEST_FRAMES:
+                continue
+            along, across, yaw = _velocity_misfit(run.time_s[inside], channels[inside], residual[inside], problem)
+            rows.append(
+                {
+                    "run": run.id,
+                    "time_s": (low + high) / 2 - begin,
+                    "along_mm_s": along,
+                    "across_mm_s": across,
+                    "yaw_deg_s": np.degrees(yaw),
+                    "direction": float(np.sign(speed)),
+                    "side": float(np.sign(run.right_rpm - run.left_rpm)),
+                    "speed_rpm": abs(speed),
+                    "difference_rpm": abs(run.right_rpm - run.left_rpm),
+                    "heading_deg": np.degrees(float(channels[inside][inside.sum() // 2, 2]) - np.pi / 2) % 360,
+                    "x_mm": float(np.mean(channels[inside][:, 0])),
+                    "y_mm": float(np.mean(channels[inside][:, 1])),
+                    "order": run.order,
+                }
+            )
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def _velocity_misfit(
+    time_s: Floats, channels: Floats, residual: Floats, problem: Problem
+) -> tuple[float, float, float]:
+    """Measured minus predicted speed along and across, mm/s, and yaw rate, rad/s, over one piece of a run."""
+    time = time_s - time_s.mean()
+    off = time @ residual[:, :3] / (time @ time)
+    predicted = time @ (channels[:, :2] - residual[:, :2]) / (time @ time)
+    heading = float(channels[len(time) // 2, 2]) - np.pi / 2
+    turned = float(np.mean(residual[:, 2])) / problem.half_distance_mm  # measured minus predicted heading
+    body_from_plate = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
+    back = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
+    along, across = body_from_plate @ (off[:2] + predicted) - body_from_plate @ back @ predicted
+    return float(along), float(across), float(off[2] / problem.half_distance_mm)
+
+
+def dependences(table: pd.DataFrame) -> list[Dependence]:
+    """Everything that stands out, the most significant first."""
+    shown = [item for item in every_dependence(table) if item.sigmas >= SHOWN_SIGMAS]
+    return sorted(shown, key=lambda item: -item.sigmas)
+
+
+def every_dependence(table: pd.DataFrame) -> list[Dependence]:
+    """All that was asked of a table of pieces and that these runs can answer, significant or not."""
+    found = []
+    runs = table["run"].to_numpy()
+    for quantity in QUANTITIES:
+        values = table[quantity].to_numpy(dtype=float)
+        for (by, parity), (common, tested) in _designs(table, quantity).items():
+            columns = np.column_stack([*common, *tested])
+            if np.linalg.matrix_rank(columns) < columns.shape[1]:
+                continue
+            size, half, sigmas = _clustered(values, columns, runs, len(tested))
+            sizes = tuple((v, v - h, v + h) for v, h in zip(map(float, size), map(float, half), strict=True))
+            sentence = _sentence(quantity, by, parity, size, sigmas)
+            found.append(Dependence(quantity, by, parity, sigmas, sentence, sizes[-len(tested) :]))
+    return found
+
+
+Regressors = list[Floats]
+
+
+def _designs(table: pd.DataFrame, quantity: str) -> dict[tuple[str, str], tuple[Regressors, Regressors]]:
+    """Regressors by what is asked and parity under reversal of the motion: those taken for granted, those tested.
+
+    Wheels that slip make errors that grow with speed: what depends on heading, place or order is therefore scaled by
+    the speed over its mean, so that sizes hold at the mean speed. A pull is even, it stays when the robot drives back;
+    an error of the wheels or of the scale is odd.
+    """
+    one = np.ones(len(table))
+    column = {str(name): table[name].to_numpy(dtype=float) for name in table if name != "run"}
+    direction, side = column["direction"], column["side"]
+    motion = side if quantity == "yaw_deg_s" else direction
+    fast = column["speed_rpm"] / max(float(column["speed_rpm"].mean()), 1e-9)
+    angle = np.radians(column["heading_deg"])
+    over = {
+        **{by: [np.cos(fold * angle), np.sin(fold * angle)] for by, fold in FOLDS.items()},
+        "place": [column["x_mm"], column["y_mm"]],
+    }
+    first = np.where(column["time_s"] < PIECE_S, 1.0, 0.0)
+    return {
+        ("everywhere", "even"): ([], [one]),
+        ("forward and backward", "odd"): ([one], [direction]),
+        ("left and right", "odd"): ([one], [side]),
+        ("direction times side", ""): ([one, direction, side], [direction * side]),
+        ("speed", "odd"): ([one, motion], [motion * column["speed_rpm"]]),
+        ("difference of the wheels", "odd"): ([one, side], [side * column["difference_rpm"]]),
+        **{(by, "even"): ([one], [fast * item for item in basis]) for by, basis in over.items()},
+        **{(by, "odd"): ([one, direction], [direction * fast * item for item in basis]) for by, basis in over.items()},
+        ("the first second", "odd"): ([one, motion], [motion * first]),
+        ("time since the command", ""): ([one], [column["time_s"]]),
+        ("order of the runs", "odd"): ([one, motion], [motion * fast * column["order"]]),
+    }
+
+
+def root_mean_squares(table: pd.DataFrame) -> dict[str, Interval]:
+    """How large each disagreement is, whatever it depends on: RMS over all pieces with 95 % bounds over runs."""
+    squares = (table[list(QUANTITIES)] ** 2).groupby(table["run"]).mean()
+    reach = float(stats.t.isf(0.025, max(len(squares) - 1, 1))) / np.sqrt(len(squares))
+    found = {}
+    for name in QUANTITIES:
+        mean, spread = float(squares[name].mean()), float(squares[name].std(ddof=1)) * reach
+        found[name] = (np.sqrt(mean), np.sqrt(max(mean - spread, 0.0)), np.sqrt(mean + spread))
+    return found
+
+
+def _clustered(values: Floats, columns: Floats, runs: NDArray[np.object_], tested: int) -> tuple[Floats, Floats, float]:
+    """Least squares: all coefficients, half their 95 % intervals, joint significance of those tested (last) in sigmas.
+
+    Errors are those of the jackknife over runs, which few runs do not make too small: Bell & McCaffrey (2002), Survey
+    Methodology 28, 169.
+    """
+    inverse = np.linalg.pinv(columns.T @ columns)
+    size = inverse @ columns.T @ values
+    left = values - columns @ size
+    names = np.unique(runs)
+    freedom = len(names) - columns.shape[1]
+    if freedom < FEWEST_FREEDOM:
+        return size, np.full(len(size), np.inf), 0.0
+    scores = []
+    for name in names:
+        own = columns[runs == name]
+        kept = np.eye(len(own)) - own @ inverse @ own.T
+        scores.append(own.T @ np.linalg.pinv(kept, rcond=1e-9, hermitian=True) @ left[runs == name])
+    spread = np.array(scores)
+    covariance = inverse @ (spread.T @ spread) @ inverse * (len(names) - 1) / len(names)
+    part = covariance[-tested:, -tested:]
+    ratio = float(size[-tested:] @ np.linalg.pinv(part) @ size[-tested:]) / tested
+    probability = float(stats.f.sf(ratio, tested, freedom))
+    half = float(stats.t.isf(0.025, freedom)) * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return size, half, float(stats.norm.isf(max(probability, 1e-300) / 2))
+
+
+def _sentence(quantity: str, by: str, parity: str, size: Floats, sigmas: float) -> str:
+    what, unit = QUANTITIES[quantity], UNITS[quantity]
+    tail = f" ({sigmas:.0f} sigmas)"
+    value = float(size[-1])
+    reversing = ", with the opposite sign when driving backward" if parity == "odd" else ", whichever way it drives"
+    if by == "everywhere":
+        return f"measured {what} is off by {value:+.3g} {unit} in all runs together{tail}"
+    if by in ("forward and backward", "left and right"):
+        first, second = size[0] + value, size[0] - value
+        one, other = ("forward", "backward") if by == "forward and backward" else ("in left", "in right turns")
+        if quantity == "along_mm_s" and one == "forward":
+            one, other = f"forward ({_pace(first)})", f"backward ({_pace(-second)})"
+        return f"measured {what} is off by {first:+.3g} {unit} {one} and {second:+.3g} {unit} {other}{tail}"
+    if by in FOLDS:
+        fold = FOLDS[by]
+        peak = round(float(np.degrees(np.arctan2(size[-1], size[-2])) / fold % (360 / fold)))
+        at = " and ".join(str(peak + 360 * turn // fold) for turn in range(fold)) + " degrees"
+        amount = float(np.hypot(size[-2], size[-1]))
+        return f"measured {what} varies with {by}: {amount:.3g} {unit} more at {at}{reversing}{tail}"
+    if by == "place":
+        across = f"{size[-2]:+.2g} {unit} per mm in x, {size[-1]:+.2g} in y"
+        return f"measured {what} changes across the plate: {across}{reversing}{tail}"
+    signed = "the side of the turn" if quantity == "yaw_deg_s" else "the sign of the motion"
+    per = {
+        "speed": f"per rpm, with {signed}",
+        "difference of the wheels": "per rpm of difference, with the side of the turn",
+        "the first second": f"in the first second after the command, with {signed}",
+        "time since the command": "per second of a run",
+        "order of the runs": f"per run of the session, with {signed}",
+        "direction times side": "for forward left and backward right turns, the opposite for the others",
+    }[by]
+    return f"measured {what} changes with {by}: {value:+.3g} {unit} {per}{tail}".replace(
+        "changes with the first second", "is different at the start"
+    )
+
+
+def _pace(gain: float) -> str:
+    return "faster" if gain > 0 else "slower"

@@ -1,0 +1,227 @@
+"""Free-form terms: physics and measurement errors that have no name in the catalogue.
+
+The grammar of simulator.dynamics.terms, {where it acts} × {what it depends on} × {pattern over the wheels}, spanned by
+families of one to four terms that belong together (a moment over heading: cosine and sine). What a catalogued effect
+already says is left out, so a family that wins says something that no named effect can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.candidates.coordinates import Coordinate, Parameters, Term
+from simulator.dynamics.terms import BASES, CHANNELS, PATTERNS
+from simulator.dynamics.terms import Term as KernelTerm
+from simulator.effects.free_form import scale_of_channel
+
+Floats = NDArray[np.float64]
+Pattern = tuple[float, float, float, float]
+
+PREFIX = "free:"
+WHEEL_PATTERNS: dict[str, Pattern] = {
+    **PATTERNS,
+    "driven-left-right": (0.0, 0.0, 1.0, -1.0),
+    "front-left": (1.0, 0.0, 0.0, 0.0),
+    "front-right": (0.0, 1.0, 0.0, 0.0),
+    "rear-left": (0.0, 0.0, 1.0, 0.0),
+    "rear-right": (0.0, 0.0, 0.0, 1.0),
+}
+# A visible but linear size of every channel in its file unit, for a basis of size one.
+CHANNEL_STEP = {
+    "force_forward": 0.02,
+    "force_left": 0.02,
+    "moment": 20.0,
+    "force_plate_x": 0.02,
+    "force_plate_y": 0.02,
+    "speed": 0.002,
+    "steer": 0.1,
+    "load": 0.01,
+    "stiffness": 0.01,
+    "drag": 0.02,
+    "friction": 0.01,
+    "friction_across": 0.01,
+    "camera_x": 0.02,
+    "camera_y": 0.02,
+}
+# What is relative keeps its sign, and stays within what a wheel can be: a law of another shape may be several times as
+# stiff at first.
+RELATIVE = {
+    "speed": (-0.6, 0.6),
+    "load": (-0.9, 2.0),
+    "stiffness": (-0.9, 6.0),
+    "friction": (-0.9, 2.0),
+    "friction_across": (-0.9, 2.0),
+}
+CHANNEL_WORDS = {
+    "force_forward": ("a force along the robot", "mN"),
+    "force_left": ("a force across the robot", "mN"),
+    "moment": ("a moment about the vertical", "µN·mm"),
+    "force_plate_x": ("a force along x of the plate", "mN"),
+    "force_plate_y": ("a force along y of the plate", "mN"),
+    "speed": ("a relative error of the surface speed", "1"),
+    "steer": ("a turn of the wheels about the vertical", "deg"),
+    "load": ("a relative change of the wheel load", "1"),
+    "stiffness": ("a relative change of the slip stiffness", "1"),
+    "drag": ("a force along the wheels", "mN"),
+    "friction": ("a relative change of the friction", "1"),
+    "friction_across": ("a relative change of the friction across the wheels", "1"),
+    "camera_x": ("an error of the measured x", "mm"),
+    "camera_y": ("an error of the measured y", "mm"),
+}
+BASIS_WORDS = {
+    "one": ("that is constant", ""),
+    "u": ("proportional to forward speed", "/(mm/s)"),
+    "v": ("proportional to sideways speed", "/(mm/s)"),
+    "yaw_rate": ("proportional to yaw rate", "/(rad/s)"),
+    "u_abs_u": ("growing with the square of forward speed", "/(mm/s)²"),
+    "v_abs_v": ("growing with the square of sideways speed", "/(mm/s)²"),
+    "yaw_rate_abs": ("growing with the square of the yaw rate", "/(rad/s)²"),
+    "abs_u": ("growing with speed, the same forward and backward", "/(mm/s)"),
+    "abs_yaw_rate": ("growing with yaw rate, the same to the left and right", "/(rad/s)"),
+    "sign_u": ("that changes sign between forward and backward", ""),
+    "sign_v": ("that changes sign with sideways motion", ""),
+    "sign_yaw_rate": ("that changes sign between left and right turns", ""),
+    "cos_heading": ("varying with the cosine of heading", ""),
+    "sin_heading": ("varying with the sine of heading", ""),
+    "cos_2_heading": ("varying with the cosine of twice the heading", ""),
+    "sin_2_heading": ("varying with the sine of twice the heading", ""),
+    "x": ("proportional to plate x", "/mm"),
+    "y": ("proportional to plate y", "/mm"),
+    "time": ("growing with time in the run", "/s"),
+    "x_r_squared": ("growing with x times the square of the distance from the origin", "/mm³"),
+    "y_r_squared": ("growing with y times the square of the distance from the origin", "/mm³"),
+}
+# Sizes of the bases on this plate and at these speeds, by which steps are divided.
+BASIS_SIZE = {
+    "u": 3.0,
+    "abs_u": 3.0,
+    "u_abs_u": 10.0,
+    "v": 0.5,
+    "v_abs_v": 0.25,
+    "x": 10.0,
+    "y": 10.0,
+    "time": 5.0,
+    "x_r_squared": 1e3,
+    "y_r_squared": 1e3,
+    "yaw_rate": 0.3,
+    "abs_yaw_rate": 0.3,
+    "yaw_rate_abs": 0.1,
+}
+
+
+@dataclass(frozen=True)
+class Item:
+    """One coefficient of a family."""
+
+    channel: str
+    basis: str
+    pattern: str = "common"
+
+
+@dataclass(frozen=True)
+class FreeTerm(Term):
+    """A family of free-form terms that acts in the simulator."""
+
+    items: tuple[Item, ...] = ()
+
+    def kernel_terms(self, values: Sequence[float]) -> list[KernelTerm]:
+        """Terms of the kernel at these coefficients, in file units."""
+        result = []
+        for item, value in zip(self.items, values, strict=True):
+            channel = CHANNELS[item.channel]
+            size = float(value) * scale_of_channel(channel)
+            result.append(KernelTerm(channel, BASES[item.basis], size, WHEEL_PATTERNS[item.pattern]))
+        return result
+
+    def describe(self) -> str:
+        """The family in plain words."""
+        channels = {item.channel for item in self.items}
+        if len(channels) == 1:
+            words = " and ".join(dict.fromkeys(BASIS_WORDS[item.basis][0] for item in self.items))
+            return f"{CHANNEL_WORDS[self.items[0].channel][0]} {words}{self._wheels()}"
+        return (
+            " and ".join(f"{CHANNEL_WORDS[i.channel][0]} {BASIS_WORDS[i.basis][0]}" for i in self.items)
+            + self._wheels()
+        )
+
+    def _wheels(self) -> str:
+        patterns = {item.pattern for item in self.items} - {"common"}
+        return f" ({', '.join(sorted(patterns))} wheels)" if patterns else ""
+
+
+def free_terms() -> dict[str, FreeTerm]:
+    """All families by id."""
+    return {term.id: term for term in map(_family, _families())}
+
+
+def _family(items: tuple[Item, ...]) -> FreeTerm:
+    names = [f"{i.channel}.{i.basis}" + ("" if i.pattern == "common" else f".{i.pattern}") for i in items]
+    coordinates = tuple(_coordinate(name, item) for name, item in zip(names, items, strict=True))
+
+    def physical(values: tuple[float, ...]) -> Parameters:
+        return dict(zip(names, map(float, values), strict=True))
+
+    return FreeTerm(PREFIX + "+".join(names), coordinates, physical, items=items)
+
+
+def _coordinate(name: str, item: Item) -> Coordinate:
+    """A coefficient with its visible step, bounded so that friction, load and speed keep their sign."""
+    size = BASIS_SIZE.get(item.basis, 1.0)
+    most = 200 * CHANNEL_STEP[item.channel]
+    low, high = RELATIVE.get(item.channel, (-most, most))
+    if item.basis != "one":  # may have either sign
+        low, high = max(low, -high), min(high, -low)
+    return Coordinate(name, 0.0, CHANNEL_STEP[item.channel] / size, low / size, high / size)
+
+
+def _families() -> Iterator[tuple[Item, ...]]:
+    def each(channel: str, *groups: str, pattern: str = "common") -> Iterator[tuple[Item, ...]]:
+        for group in groups:
+            yield tuple(Item(channel, basis, pattern) for basis in group.split())
+
+    heading, twice = "cos_heading sin_heading", "cos_2_heading sin_2_heading"
+    yield from each(
+        "force_forward", "u_abs_u", "sign_u", "sign_u u u_abs_u", "abs_u", "abs_yaw_rate", "time", twice, "x y"
+    )
+    yield from each(
+        "force_left", "sign_u", "abs_u", "u", "yaw_rate", "sign_yaw_rate", "v", "v_abs_v", "time", twice, "x y"
+    )
+    yield from each(
+        "moment", "one", "sign_u", "u", "abs_u", "abs_yaw_rate", "yaw_rate_abs", "time", heading, twice, "x y"
+    )
+    yield from each("moment", "sign_yaw_rate yaw_rate yaw_rate_abs", f"{heading} {twice}", "u_abs_u")
+    for basis in ("time", "abs_u", "abs_yaw_rate"):
+        yield Item("force_plate_x", basis), Item("force_plate_y", basis)
+    yield tuple(Item(f"force_plate_{a}", b) for a in "xy" for b in "xy")
+    for pattern in ("driving", "driving-left-right"):
+        yield from each("speed", "sign_u", "abs_u", "time", heading, twice, "x y", "abs_yaw_rate", pattern=pattern)
+        yield from each("steer", "sign_u", "abs_u", "time", pattern=pattern)
+        yield from each("drag", "sign_u", "u", pattern=pattern)
+    for pattern in ("front-left", "front-right"):
+        yield from each("speed", "sign_u", "abs_u", "time", pattern=pattern)
+    yield from each("friction", "abs_u", "time", "sign_u", "abs_yaw_rate", heading, twice)
+    yield from each("stiffness", "one", "abs_u", "time", "sign_u")
+    for pattern in ("driving", "driven", "driving-left-right", "driven-left-right"):
+        yield from each("friction", "one", "time", "abs_u", pattern=pattern)
+        yield from each("stiffness", "one", pattern=pattern)
+    for pattern in ("front-left", "front-right", "rear-left", "rear-right"):
+        yield Item("friction", "one", pattern), Item("stiffness", "one", pattern)
+        yield Item("friction", "one", pattern), Item("friction", "abs_u", pattern), Item("stiffness", "one", pattern)
+        yield tuple(Item(channel, "one", pattern) for channel in ("friction", "friction_across", "stiffness"))
+    yield from each("steer", "one", pattern="driven")
+    yield from each("steer", "one", pattern="driven-left-right")
+    # a load that one diagonal takes from the other is what magnet-imbalance does, to a fifth of a sigma
+    for pattern in ("front-rear", "driven-left-right"):
+        yield from each("load", "one", pattern=pattern)
+    # of all wheels alike, load would act as nothing where the law is normalized by it
+    yield from each("load", "time", "abs_u", "sign_u", pattern="driving")
+    yield from each("load", "sign_u", "abs_yaw_rate", pattern="front-rear")
+    yield from each("load", "sign_yaw_rate", pattern="driving-left-right")
+    yield from each("drag", "sign_u", "u", pattern="left-right")
+    yield Item("camera_x", "time"), Item("camera_y", "time")  # a picture that creeps
+    yield Item("camera_x", "x"), Item("camera_x", "y")  # unequal scales and a shear; the rest is a scale and a turn
+    yield Item("camera_x", "x_r_squared"), Item("camera_y", "y_r_squared")  # what a lens leaves

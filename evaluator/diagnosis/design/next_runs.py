@@ -1,0 +1,254 @@
+"""The runs that would separate what remains, and what no runs of this rig would separate.
+
+Candidate runs are simulated under the chosen model. What no parameter of a rival within its present uncertainty, no
+start pose and no run-to-run scatter can imitate, over the tracking noise, is what a run tells; runs are added one by
+one, repeats allowed, until what they tell together with the runs at hand is enough. Greedy choice is near the best
+possible: Krause, Singh & Guestrin (2008), J. Mach. Learn. Res. 9, 235.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.assessment.model_comparison import SAME_SIGMAS, Set, Standing
+from evaluator.diagnosis.candidates.coordinates import Term
+from evaluator.diagnosis.design.candidate_runs import (
+    CORNERS,
+    HEADINGS_DEG,
+    MIDDLE,
+    REST_S,
+    Candidate,
+    Room,
+    commands_at,
+    placed,
+)
+from evaluator.diagnosis.inference.fit import Fit, model_columns, prior_precision
+from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.likelihood.features import channels_of, compression
+from evaluator.diagnosis.likelihood.mixed_model import at_scatter, reduce_runs
+from evaluator.diagnosis.likelihood.noise import Noise
+from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.likelihood.simulation import Simulated
+from simulator.robot import Robot
+
+Floats = NDArray[np.float64]
+
+RATE_HZ = 20.0
+RIVAL_PROBABILITY = 0.02
+MOST_RIVALS = 3
+RIDGE = 1e-10  # of a matrix of ones on the diagonal: parameters that stand for each other have no own solution
+MOST_RUNS = 8  # an afternoon's worth; what they cannot separate is called inseparable
+# One sigma above what counts as separated: sizes and scatter are known by some ten per cent when runs are proposed.
+ENOUGH_SIGMAS = SAME_SIGMAS + 1.0
+
+
+def hypothetical(
+    robot: Robot,
+    terms: dict[str, Term],
+    noise: tuple[Noise, ...],
+    runs: Sequence[Candidate],
+    orders: Sequence[int],
+    point: Point,
+) -> tuple[Problem, Point]:
+    """A problem of runs that were not made; their measured marks are what the point predicts.
+
+    orders: the place of each run in its session.
+    """
+    times = [np.arange(0.0, item.duration_s + REST_S, 1 / RATE_HZ) for item in runs]
+    data = tuple(
+        RunData(f"c{number}", *item.command, REST_S, None, time, np.zeros((len(time), 4)), order)
+        for number, (item, time, order) in enumerate(zip(runs, times, orders, strict=True))
+    )
+    forward = Simulated((robot,) * len(data), data, terms)
+    own = np.zeros((len(data), 6))
+    own[:, :3] = [(item.x_mm, item.y_mm, np.radians(item.heading_deg)) for item in runs]
+    placed_at = replace(point, own=own)
+    marks = forward.marks([placed_at.task(run) for run in range(len(data))])
+    channels = tuple(channels_of(item) for item in marks)
+    half = float(np.nanmedian([np.nanmedian(item[:, 3]) for item in channels])) / 2
+    distinct = {len(time): time for time in times}
+    by_length = {size: compression(time, np.ones(size, dtype=np.bool_), noise) for size, time in distinct.items()}
+    compressions = tuple(by_length[len(time)] for time in times)
+    return Problem(data, forward, channels, compressions, (noise,) * len(data), half), placed_at
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A fitted model that the data leave possible, and how far the runs at hand keep it away, in sigmas."""
+
+    fit: Fit
+    at_hand_sigmas: float = 0.0
+
+
+@dataclass(frozen=True)
+class Information:
+    """What candidate runs, and the runs at hand, tell of p parameters with which a rival imitates the chosen model.
+
+    Misfit (n,), slope (n, p) and curvature (n, p, p) of -2 log density of every candidate; the same of all runs at hand
+    together: known_misfit, known_slope (p,), known (p, p).
+    """
+
+    misfit: Floats
+    slope: Floats
+    curvature: Floats
+    known_misfit: float
+    known_slope: Floats
+    known: Floats
+
+    def squares(self, made: Sequence[int]) -> Floats:
+        """Squared separation, (n,), once the candidates made and one more, each in turn, are there."""
+        taken = list(made)
+        misfit = self.misfit + self.misfit[taken].sum() + self.known_misfit
+        slope = self.slope + self.slope[taken].sum(axis=0) + self.known_slope
+        known = self.curvature + self.curvature[taken].sum(axis=0) + self.known
+        scale = np.sqrt(np.maximum(np.einsum("npp->np", known), 1e-300))
+        scaled = known / (scale[:, :, None] * scale[:, None, :]) + RIDGE * np.eye(known.shape[1])
+        shift = np.linalg.solve(scaled, (slope / scale)[..., None])[..., 0]
+        explained = np.einsum("np,np->n", slope / scale, shift)
+        return np.asarray(np.maximum(misfit - explained, 0.0))
+
+
+def from_rival(problem: Problem, placed: Point, rival: Rival) -> Information:
+    """What the runs of a problem, made as placed, tell of a rival, seen from where it was fitted.
+
+    A run that cannot be simulated tells nothing.
+    """
+    fit = rival.fit
+    at = np.array([fit.point.value(column) for column in fit.columns])
+    s, g, G = _inner(problem, replace(fit.point, own=placed.own), fit.columns, fit.posterior.scatter)
+    # the response is measured from neutral: shift it to the rival's own parameters
+    misfit = s - 2 * g @ at + np.einsum("p,npq,q->n", at, G, at)
+    known = np.asarray(np.linalg.pinv(fit.posterior.covariance))
+    return Information(misfit, g - G @ at, G, rival.at_hand_sigmas**2, np.zeros(len(at)), known)
+
+
+def from_chosen(search: Search, chosen: Fit, problem: Problem, placed: Point, rival: Rival) -> Information:
+    """The same seen from the chosen model: what of its own effects the rival's cannot imitate in a linear view.
+
+    Where a rival predicts a jump to another steady state, the view from its fit alone is too hopeful.
+    """
+    terms = [
+        search.terms[effect] for effect in sorted(chosen.terms | rival.fit.terms) if not search.terms[effect].leaps
+    ]
+    columns = model_columns(terms, search.tolerance)
+    own = np.array([column.key in chosen.terms - rival.fit.terms for column in columns])
+    size = np.array([chosen.point.value(column) for column in columns])[own]
+    tau = chosen.posterior.scatter
+    _, _, at_hand = _inner(search.problem, chosen.point, columns, tau)
+    _, _, G = _inner(problem, replace(chosen.point, own=placed.own), columns, tau)
+    K = at_hand.sum(axis=0)
+    return Information(
+        np.einsum("p,npq,q->n", size, G[:, own][:, :, own], size),
+        G[:, ~own][:, :, own] @ size,
+        G[:, ~own][:, :, ~own],
+        float(size @ K[np.ix_(own, own)] @ size),
+        K[np.ix_(~own, own)] @ size,
+        K[np.ix_(~own, ~own)] + np.diag(prior_precision(columns, search.tolerance)[~own]),
+    )
+
+
+def _inner(problem: Problem, point: Point, columns: Sequence[Column], scatter: Floats) -> tuple[Floats, Floats, Floats]:
+    """Inner products (n,), (n, p), (n, p, p) of the runs of a problem; nought for those that cannot be simulated."""
+    views = problem.attempted(point, columns, range(len(problem.data)))
+    sound = [run for run, view in enumerate(views) if view is not None]
+    count, size = len(views), len(columns)
+    s, g, G = np.zeros(count), np.zeros((count, size)), np.zeros((count, size, size))
+    if sound:
+        s[sound], g[sound], G[sound] = at_scatter(reduce_runs([view for view in views if view is not None]), scatter)
+    return s, g, G
+
+
+@dataclass(frozen=True)
+class NextRuns:
+    """The runs to make, and by how many sigmas they would keep every rival away, together with the runs at hand.
+
+    inseparable: the rivals that not even MOST_RUNS runs would keep away, and how far such runs would get.
+    """
+
+    runs: tuple[Candidate, ...]
+    sigmas: dict[str, float]
+    inseparable: dict[str, float]
+
+
+def best_next_runs(
+    search: Search, chosen: Set, table: Standing, apart: Mapping[str, Mapping[str, float]]
+) -> NextRuns | None:
+    """What to run next; None where no rival is left that is worth a run."""
+    rivals = _rivals(search, chosen, table, apart)
+    data, robot = search.problem.data, search.problem.forward.robots[0]
+    room = Room.of_marks([run.marks_mm for run in data])
+    both_ways = all(min(side) < 0 < max(side) for side in zip(*(run.command for run in data), strict=True))
+    levels = sorted({max(map(abs, run.command)) for run in data} - {0.0})
+    if not rivals or not levels:
+        return None
+
+    def of(options: Sequence[Candidate]) -> dict[str, list[Information]]:
+        orders = [len(data)] * len(options)
+        fit, noise = search.fits[chosen], search.problem.noise[0]
+        problem, at = hypothetical(robot, dict(search.terms), noise, options, orders, fit.point)
+        views = {name: [from_rival(problem, at, rival)] for name, rival in rivals.items()}
+        for name, rival in rivals.items():
+            if not any(search.terms[effect].starts for effect in chosen ^ rival.fit.terms):
+                views[name].append(from_chosen(search, fit, problem, at, rival))
+        return views
+
+    commands = commands_at(levels, pivots=both_ways)
+    options = [run for each in commands for run in placed(robot, each, HEADINGS_DEG, room, (MIDDLE,))]
+    if not options:
+        return None
+    told = of(options)
+    groups = [*told.values(), list(chain(*told.values()))]
+    worth = sorted({options[run].command for group in groups for run in runs_until_enough(group)[0]})
+    options = [run for each in worth for run in placed(robot, each, HEADINGS_DEG, room, (MIDDLE, *CORNERS))]
+    told = of(options)
+    reached = {name: runs_until_enough(views)[1] for name, views in told.items()}
+    inseparable = {name: sigmas for name, sigmas in reached.items() if sigmas < ENOUGH_SIGMAS}
+    able = {name: views for name, views in told.items() if name not in inseparable}
+    if not able:
+        return NextRuns((), {}, inseparable)
+    made, _ = runs_until_enough(list(chain(*able.values())))
+    sigmas = {name: _least(views, made[:-1], made[-1]) for name, views in able.items()}
+    return NextRuns(tuple(options[run] for run in sorted(made)), sigmas, inseparable)
+
+
+def _least(views: Sequence[Information], made: Sequence[int], last: int) -> float:
+    """Separation in sigmas, in the view that is least hopeful, once the candidates made and a last one are there."""
+    return float(np.sqrt(min(view.squares(made)[last] for view in views)))
+
+
+def runs_until_enough(told: Sequence[Information]) -> tuple[list[int], float]:
+    """Runs, one by one those that tell most, until all rivals are kept away; and by how many sigmas, at least."""
+    made: list[int] = []
+    least = 0.0
+    while len(made) < MOST_RUNS and least < ENOUGH_SIGMAS:
+        squares = np.array([item.squares(made) for item in told])
+        made.append(int(np.argmax(np.minimum(squares, ENOUGH_SIGMAS**2).sum(axis=0))))
+        least = _least(told, made[:-1], made[-1])
+    return made, least
+
+
+def _rivals(search: Search, chosen: Set, table: Standing, apart: Mapping[str, Mapping[str, float]]) -> dict[str, Rival]:
+    """Fitted models that the data leave possible: probable ones, and effects too near to one that was chosen.
+
+    One more effect beside those chosen is no rival, as no run tells it from one of size nought; beside no effect at all
+    it is where it is the more probable, though not by the odds that are asked of it.
+    """
+    best = table.of(chosen)
+    found = {
+        " + ".join(sorted(ids)) or "no effect": Rival(search.fits[ids], float(np.sqrt(2 * max(best - score, 0.0))))
+        for ids, score, probability in zip(table.sets, table.scores, table.probability, strict=True)
+        if ids != chosen and probability > RIVAL_PROBABILITY and (not ids > chosen or (not chosen and score > best))
+    }
+    for effect, others in apart.items():
+        near = sorted((sigmas, other) for other, sigmas in others.items() if other and sigmas < SAME_SIGMAS)
+        for sigmas, other in near[:MOST_RIVALS]:
+            ids = chosen - {effect} | {other}
+            if ids in search.fits:
+                found[" + ".join(sorted(ids))] = Rival(search.fits[ids], sigmas)
+    return dict(list(found.items())[:MOST_RIVALS])

@@ -1,0 +1,184 @@
+"""A good experiment before there are any data, and what it would show.
+
+Runs go round a fixed order of straight runs and turns, forward and backward, left and right, so that any first few of
+them are balanced; speeds alternate, commands repeat once all have been driven. Start heading and place of each are
+those that tell most about all effects at once (D-optimal), given the runs before it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.candidates.coordinates import Term
+from evaluator.diagnosis.design.candidate_runs import CORNERS, HEADINGS_DEG, MIDDLE, Candidate, Room, placed
+from evaluator.diagnosis.design.next_runs import hypothetical
+from evaluator.diagnosis.inference.fit import prior_precision
+from evaluator.diagnosis.likelihood.mixed_model import at_scatter, reduce_runs
+from evaluator.diagnosis.likelihood.noise import Noise
+from evaluator.diagnosis.likelihood.problem import Column, Point
+from evaluator.errors import InputError
+from simulator.robot import Robot
+
+Floats = NDArray[np.float64]
+
+# What a planned experiment should be able to stand: a usual friction and gain scatter of a magnetic robot on steel.
+USUAL_SCATTER = np.array([0.02, 0.005, 0.005])
+USUAL_NOISE = (Noise(0.001, 0.003, 0.08),) * 4
+# Straight runs tell the wheels' gains and what pulls; turns to both sides in both directions tell all the rest.
+ROUND = ((1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1))  # direction, side
+TURN_SHARES = (0.43, 0.7)  # speed of the inner wheel, tight and wide, alternating with the speed
+SIZE_STEPS = 10.0  # a modest size of an effect, in its visible steps
+PLACES_OF_ATTRACTION = slice(0, 8, 2)
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What an experiment would show of one parameter of an effect of a given size: sigmas, and from what is nearest."""
+
+    effect: str
+    parameter: str
+    size: float
+    sigmas: float
+    nearest: str
+    apart_sigmas: float
+
+
+def plan_runs(
+    robot: Robot, terms: Mapping[str, Term], levels_rpm: Sequence[float], room: Room, count: int
+) -> list[Candidate]:
+    """The runs of a good experiment, in the order in which to make them; room: where the marks may go.
+
+    Raises InputError where no run fits.
+    """
+    cells = [_commands(levels_rpm, *cell) for cell in ROUND]
+    options: list[Candidate] = []
+    for command in sorted({command for cell in cells for command in cell}):
+        options += placed(robot, command, HEADINGS_DEG, room, (MIDDLE, *CORNERS))
+    if not options:
+        raise InputError(
+            f"a plate of {2 * room.half_mm[0]:g} by {2 * room.half_mm[1]:g} mm has no room for a run; "
+            "give the size of the plate, or slower wheels"
+        )
+    information, _ = _information(robot, terms, options, [0] * len(options))
+    # measured in stated sizes; nothing is known before but that effects are not many times as large
+    scale = np.array([_size(column) for column in _columns(terms)])
+    information = information * np.outer(scale, scale)
+    total, chosen, driven = np.eye(len(scale)), list[int](), Counter[tuple[float, float]]()
+    for number in range(count):
+        able = [command for command in cells[number % len(cells)] if any(o.command == command for o in options)]
+        fewest = min((driven[command] for command in able), default=0)
+        fresh = {command for command in able if driven[command] == fewest}
+        inside = [i for i, option in enumerate(options) if option.command in fresh] or list(range(len(options)))
+        gains = np.linalg.slogdet(total[None] + information[inside])[1]
+        best = inside[int(np.argmax(gains))]
+        chosen.append(best)
+        driven[options[best].command] += 1
+        total = total + information[best]
+    return [options[i] for i in chosen]
+
+
+def _commands(levels_rpm: Sequence[float], direction: int, side: int) -> list[tuple[float, float]]:
+    """Commands of one direction and side (1: left, 0: straight), one for each speed, or both turns at one speed."""
+    levels = sorted(set(levels_rpm))
+    if side == 0:
+        return [(direction * level, direction * level) for level in levels]
+    shares = [TURN_SHARES[index % 2] for index in range(len(levels))]
+    pairs = list(zip(levels, shares, strict=True)) if len(levels) > 1 else [(levels[0], share) for share in TURN_SHARES]
+    found = []
+    for level, share in pairs:
+        slower, faster = direction * round(level * share, 1), direction * level
+        # the body turns left where the right wheel's speed is the greater of the two, signs counted
+        found.append((slower, faster) if side * direction > 0 else (faster, slower))
+    return found
+
+
+def expected(robot: Robot, terms: Mapping[str, Term], runs: Sequence[Candidate]) -> list[Expected]:
+    """What these runs would show of every effect at a modest size, its least visible parameter."""
+    nominal_columns = [Column(key) for key, tolerance in robot.tolerance.items() if tolerance > 0]
+    information, columns = _information(robot, terms, runs, range(len(runs)), nominal_columns)
+    total = information.sum(axis=0) + np.diag(prior_precision(columns, robot.tolerance))
+    nominal = [i for i, column in enumerate(columns) if column.term is None]
+    groups: dict[str, list[list[int]]] = {}
+    for i, column in enumerate(columns):
+        if column.term is not None:  # places of an attraction are so many rivals, the parameters of an effect one
+            together = groups.setdefault(column.key, [])
+            if column.start is not None or not together:
+                together.append([])
+            together[-1].append(i)
+    found = []
+    for effect, own in groups.items():
+        shown = []
+        for i in (i for group in own for i in group):
+            size = _size(columns[i])
+            apart = [
+                (size * _left_over(total, i, [*nominal, *group]), other)
+                for other, others in groups.items()
+                if other != effect
+                for group in others
+            ]
+            nearest = min(apart)
+            seen = size * _left_over(total, i, nominal)
+            name, value = _stated(columns[i], size)
+            shown.append(Expected(effect, name, value, seen, nearest[1], nearest[0]))
+        alone = [item for item in shown if item.sigmas > 0] or shown  # some only say of which kind another one is
+        found.append(min(alone, key=lambda item: item.sigmas))
+    return found
+
+
+def _size(column: Column) -> float:
+    """A modest size of a coordinate, from neutral."""
+    assert column.term is not None
+    return SIZE_STEPS * column.term.coordinates[column.coordinate].step
+
+
+def _stated(column: Column, size: float) -> tuple[str, float]:
+    """The parameter of an effect that a coordinate is, and its value at a size from neutral."""
+    term = column.term
+    assert term is not None
+    coordinate = term.coordinates[column.coordinate]
+    if coordinate.name in ("along", "across"):  # components of a size that has a direction
+        return next(iter(term.physical(term.neutral))), size
+    return coordinate.name, coordinate.neutral + size
+
+
+def _left_over(total: Floats, own: int, others: Sequence[int]) -> float:
+    """Sigmas per unit of one column that no combination of the others can imitate."""
+    H, cross = total[np.ix_(others, others)], total[others, own]
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    solved = np.linalg.lstsq(H / np.outer(scale, scale), cross / scale, rcond=1e-10)[0] / scale if others else cross
+    return float(np.sqrt(max(total[own, own] - cross @ solved, 0.0)))
+
+
+def _columns(terms: Mapping[str, Term]) -> list[Column]:
+    """A column for every coordinate of every effect; for an attraction one for each of some places."""
+    return [column for term in terms.values() if not term.leaps for column in _columns_of(term)]
+
+
+def _columns_of(term: Term) -> Iterator[Column]:
+    if term.starts:
+        yield from (Column(term.id, 0, term, start) for start in term.starts[PLACES_OF_ATTRACTION])
+    else:
+        yield from (Column(term.id, i, term) for i in range(term.size))
+
+
+def _information(
+    robot: Robot,
+    terms: Mapping[str, Term],
+    runs: Sequence[Candidate],
+    orders: Sequence[int],
+    nominal: Sequence[Column] = (),
+) -> tuple[Floats, list[Column]]:
+    """Information (n, p, p) of each run about all columns, start poses and run-to-run scatter free."""
+    columns = [*nominal, *_columns(terms)]
+    problem, at = hypothetical(robot, dict(terms), USUAL_NOISE, runs, orders, Point(np.zeros((len(runs), 6))))
+    found = problem.attempted(at, columns, range(len(runs)))
+    able = [number for number, item in enumerate(found) if item is not None]
+    information = np.zeros((len(runs), len(columns), len(columns)))  # what cannot be simulated tells nothing
+    if able:
+        _, _, information[able] = at_scatter(reduce_runs([item for item in found if item is not None]), USUAL_SCATTER)
+    return information, columns

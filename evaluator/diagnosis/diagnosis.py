@@ -1,0 +1,284 @@
+"""From runs to a verdict: noise, recalibration, search, confirmation on runs kept aside, and the right to abstain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.assessment.adequacy import Adequacy, adequacy
+from evaluator.diagnosis.assessment.cross_validation import Constancy, constancy
+from evaluator.diagnosis.assessment.disagreement import Dependence, dependences, pieces
+from evaluator.diagnosis.assessment.gap import Gap, noise_floor, run_gaps
+from evaluator.diagnosis.assessment.model_comparison import (
+    Set,
+    Standing,
+    is_free,
+    predictive_score,
+    separations,
+    standing,
+)
+from evaluator.diagnosis.assessment.verdict import Verdict, decide, doubts, kept
+from evaluator.diagnosis.candidates.coordinates import Term, named_terms
+from evaluator.diagnosis.candidates.free_form import free_terms
+from evaluator.diagnosis.design.next_runs import NextRuns, best_next_runs
+from evaluator.diagnosis.experiment import Session, held_out_runs, shortcomings
+from evaluator.diagnosis.inference.fit import Fit, fit_model
+from evaluator.diagnosis.inference.fit_cache import Ends
+from evaluator.diagnosis.inference.profile_likelihood import Ridge, ridge_of
+from evaluator.diagnosis.inference.search import HOPELESS, LARGEST_SET, Search, fit_set, run_search, screen
+from evaluator.diagnosis.inference.short_horizon import is_large, short_horizon_fits
+from evaluator.diagnosis.likelihood.problem import Point, Problem, build_problem, with_noise_of
+from evaluator.diagnosis.likelihood.random_effects import place_runs, place_starts
+from evaluator.diagnosis.likelihood.simulation import Simulated
+
+Floats = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+# Whatever the evidences say, a model that misses the marks of a run by so many times the noise floor does not follow
+# it. Where the verdict was right the gap lay between 0.9 and 1.12 floors; fits that had not settled left 50 and more.
+# One run in eight may be astray (dust, a snagged tether, the edge between two steady states) and is named.
+MISSED = 2.5
+ASTRAY_SHARE = 0.125
+SETTLED_NOISE = 0.9  # a search is repeated where its best model lowers the noise below this share
+RIVALS_KEPT = 4
+SWAP_SIGMAS, SWAPS = 10.0, 4
+FREE_REFITTED, FREE_HOPELESS = 8, 3  # free-form terms to be fitted, at most; so many far from the best in a row end it
+PROMISING_FREE = 6.0  # gain in log evidence at which a free-form term is fitted; its prior takes eight
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Everything that a diagnosis found out; what is not applicable is None or empty."""
+
+    verdict: Verdict
+    reason: str
+    session: Session
+    held_out: tuple[int, ...] = ()
+    problem: Problem | None = None
+    search: Search | None = None  # over all runs
+    fit_search: Search | None = None  # without the runs kept aside
+    standing: Standing | None = None
+    chosen: Set = frozenset()
+    named: Set = frozenset()  # the best set of named effects
+    ridges: Mapping[str, Ridge] = field(default_factory=dict)  # of chosen effects, where the linear view is not enough
+    separation: Mapping[str, Mapping[str, float]] | None = None
+    leftover: Adequacy | None = None
+    gap: Gap | None = None
+    confirmation: float = float("nan")  # gain in log density of the runs kept aside
+    terms: Mapping[str, Term] | None = None
+    pieces: pd.DataFrame | None = None
+    where: tuple[Dependence, ...] = ()
+    next_runs: NextRuns | None = None
+    astray: tuple[int, ...] = ()  # runs that the chosen model does not follow
+    follows: bool = True  # whether the chosen model follows nearly all runs
+    constancy: tuple[Constancy, ...] = ()  # of the best named effects
+
+    @property
+    def fit(self) -> Fit:
+        """The fit of the chosen set on all runs."""
+        assert self.search is not None
+        return self.search.fits[self.chosen]
+
+
+def diagnose(session: Session, progress: Progress, ends: Ends | None = None) -> Diagnosis:
+    """Find out what is missing in the model of these runs; ends: of the fits made before an interruption."""
+    reasons = shortcomings(session.data)
+    if reasons:
+        return Diagnosis("insufficient", "; ".join(reasons), session)
+    part, start, terms = _searched(session, progress, ends)
+    everything = _on_all_runs(part, terms)
+    free = {effect: term for effect, term in terms.items() if is_free(effect)}
+    _challenge(everything, free, progress)
+    table, best_named = _best_named(everything, len(free))
+    chosen, verdict, reason = decide(everything, table, len(free), best_named)
+    left = adequacy(everything.fits[chosen], session.data)
+    constant = constancy(everything.fits[best_named], session.data, session.tolerance)
+    if verdict != "unknown" and (reserve := doubts(left, constant)):
+        verdict, reason = "unknown", reserve
+        chosen = next((ids for ids in table.sets if any(is_free(effect) for effect in ids)), chosen)
+    progress("where and what next", 0.95)
+    apart = separations(everything, best_named) if verdict == "effect" else {}
+    found = Diagnosis(
+        verdict=verdict,
+        reason=reason,
+        session=session,
+        held_out=held_out_runs(session.data),
+        problem=part.problem,
+        search=everything,
+        fit_search=part,
+        standing=table,
+        chosen=chosen,
+        named=best_named,
+        ridges=_ridges(everything, chosen) if verdict == "effect" else {},
+        separation=apart,
+        leftover=left,
+        terms=terms,
+        next_runs=best_next_runs(everything, chosen, table, apart),
+        constancy=tuple(constant),
+    )
+    return _looked_at_again(found, start)
+
+
+def _ridges(search: Search, ids: Set) -> dict[str, Ridge]:
+    """Ridges of the effects of a fitted set, where they are bent."""
+    smooth = [effect for effect in sorted(ids) if not search.terms[effect].leaps]
+    found = {effect: ridge_of(search, search.fits[ids], search.terms[effect]) for effect in smooth}
+    return {effect: ridge for effect, ridge in found.items() if ridge is not None}
+
+
+def _best_named(search: Search, families: int) -> tuple[Standing, Set]:
+    """How all sets stand, and the best one of which every effect pays for itself.
+
+    What an effect is measured against, the set without it, is fitted from where the whole set stands too: a start pose
+    that had settled elsewhere, in one run, has passed for an effect of size nought.
+    """
+    table = standing(search, families)
+    best = kept(search, table, families)
+    for _ in range(LARGEST_SET):
+        before = best
+        for effect in sorted(best):
+            fit_set(search, best - {effect}, {}, search.fits[best])
+        table = standing(search, families)
+        best = kept(search, table, families)
+        if best == before:
+            break
+    return table, best
+
+
+def _searched(session: Session, progress: Progress, ends: Ends | None) -> tuple[Search, Point, dict[str, Term]]:
+    """The search over named effects without the runs kept aside, the nominal point, and all terms by id."""
+    data = session.data
+    given = {entry.id for entry in session.robots[0].effect}
+    every = named_terms(_reach(session), _levels(session))
+    named = {effect: term for effect, term in every.items() if effect not in given}
+    terms: dict[str, Term] = {**named, **free_terms()}
+    progress("noise", 0.0)
+    problem, start = build_problem(data, Simulated(session.robots, data, terms), ends)
+    aside = held_out_runs(data)
+    part = Search(problem, named, session.tolerance, tuple(run for run in range(len(data)) if run not in aside))
+    large = is_large(problem, start)
+    run_search(part, start, progress, short_horizon_fits(part, start, progress) if large else ())
+    part = _with_settled_noise(part, progress, large=large)
+    _swap(part)
+    return part, start, terms
+
+
+def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
+    """The diagnosis with the gap before and after, on fitted runs and on those kept aside, and where it shows."""
+    part, everything, chosen, fit = found.fit_search, found.search, found.chosen, found.fit
+    assert part is not None
+    assert everything is not None
+    problem, runs = part.problem, range(len(found.session.data))
+    gap_fit = part.fits.get(chosen) or _refit_on(part, everything, chosen)
+    after = place_runs(problem, replace(gap_fit.point, own=fit.point.own), runs, fit.posterior.scatter)
+    after_mm, floor_mm = run_gaps(problem, after, runs), noise_floor(problem, runs)
+    astray = tuple(int(run) for run in np.flatnonzero(after_mm > MISSED * floor_mm))
+    follows = len(astray) <= ASTRAY_SHARE * len(runs)
+    # what a model that does not follow the marks says of each run's friction and gains is worth nothing
+    before = place_starts(problem, Point(after.own) if follows else nominal, runs)
+    seen = pieces(problem, before)
+    found = replace(
+        found,
+        gap=Gap(run_gaps(problem, before, runs), after_mm, floor_mm),
+        confirmation=_confirmation(part, gap_fit, found.held_out) if found.held_out and chosen else float("nan"),
+        pieces=seen,
+        where=tuple(dependences(seen)),
+        astray=astray,
+        follows=follows,
+    )
+    if found.verdict == "unknown" or follows:
+        return found
+    reason = "neither the nominal model nor any effect that could be fitted follows the marks"
+    return replace(found, verdict="unknown", reason=reason)
+
+
+def _confirmation(part: Search, fit: Fit, held_out: Sequence[int]) -> float:
+    """Gain in log density of the runs kept aside over the null; NaN where the null cannot even be simulated there."""
+    try:
+        return predictive_score(part, fit, held_out) - predictive_score(part, part.null, held_out)
+    except FloatingPointError:
+        return float("nan")
+
+
+def _reach(session: Session) -> float:
+    return float(np.nanmax([np.nanmax(np.abs(run.marks_mm)) for run in session.data]))
+
+
+def _levels(session: Session) -> tuple[float, ...]:
+    return tuple(sorted({abs(rpm) for run in session.data for rpm in run.command}))
+
+
+def _with_settled_noise(part: Search, progress: Progress, *, large: bool) -> Search:
+    """The search with the noise that its best model leaves; repeated where a misfit had been taken for noise."""
+    for _ in range(2):
+        best = part.fits[part.ranked()[0]]
+        point = place_runs(part.problem, best.point, range(len(part.problem.data)), best.posterior.scatter)
+        problem = with_noise_of(part.problem, point)
+        pairs = zip(problem.noise, part.problem.noise, strict=True)
+        if np.median([new[0].sigma_mm / old[0].sigma_mm for new, old in pairs]) > SETTLED_NOISE:
+            break
+        seeds = [part.fits[ids] for ids in part.ranked()[:RIVALS_KEPT]] if large else []
+        part = Search(problem, part.terms, part.tolerance, part.runs)
+        run_search(part, Point(point.own), progress, seeds)
+    return part
+
+
+def _swap(part: Search) -> None:
+    """Fit what could stand for an effect of the best set: a linear view overlooks what sticks."""
+    best = part.ranked()[0]
+    for effect, others in (separations(part, best, 0) if best else {}).items():
+        near = sorted((sigmas, other) for other, sigmas in others.items() if other and sigmas < SWAP_SIGMAS)
+        for _, other in near[:SWAPS]:
+            ids = best - {effect} | {other}
+            if ids not in part.fits and ids not in part.failed:
+                fit_set(part, ids, {}, part.null if len(ids) == 1 else part.fits[best])
+
+
+def _on_all_runs(part: Search, terms: Mapping[str, Term]) -> Search:
+    """The best sets of a search fitted again, on all runs."""
+    whole = Search(part.problem, terms, part.tolerance, tuple(range(len(part.problem.data))))
+    leading = part.ranked()[:RIVALS_KEPT]
+    # the null is kept even where its misfit is too large to converge: everything is measured against it
+    whole.fits[frozenset()] = fit_model(part.problem, part.null.point, [], part.tolerance, whole.runs)
+    for ids in leading:
+        if ids:
+            fit_set(whole, ids, part.fits[ids].point.terms, part.fits[ids])
+    for ids in [ids for ids in leading if len(ids) > 1]:  # for the drop-one tests
+        for rest in [ids - {effect} for effect in sorted(ids)]:
+            if rest not in whole.fits:
+                origin = part.fits.get(rest) or whole.fits.get(ids) or part.fits[ids]
+                fit_set(whole, rest, {effect: origin.point.terms[effect] for effect in rest}, origin)
+    if leading[0] in whole.failed:  # a run kept aside is not followed: the verdict stays with those that were fitted
+        return Search(part.problem, terms, part.tolerance, part.runs, dict(part.fits))
+    return whole
+
+
+def _refit_on(part: Search, whole: Search, ids: Set) -> Fit:
+    """A set fitted on the runs of part, from its fit on all runs."""
+    source = whole.fits[ids]
+    wider = Search(part.problem, whole.terms, part.tolerance, part.runs)
+    return fit_set(wider, ids, dict(source.point.terms), source) or source
+
+
+def _challenge(search: Search, free: Mapping[str, Term], progress: Progress) -> None:
+    """Let free-form terms compete: instead of the named effects, and beside them."""
+    progress("free-form terms", 0.85)
+    ranked = sorted(search.fits, key=lambda ids: -search.fits[ids].posterior.log_evidence)
+    top = search.fits[ranked[0]].posterior.log_evidence
+    for ids in dict.fromkeys([frozenset[str](), ranked[0]]):
+        fit = search.fits[ids]
+        inside = [effect for effect in sorted(ids) if not search.terms[effect].leaps]
+        view = screen(search, fit.point, inside, free.values())
+        base = view.model.posterior(view.base).log_evidence
+        gains = sorted(((view.evidence(offer) - base, offer) for offer in view.offers), reverse=True)
+        hopeless = 0
+        for gain, (effect, extra) in gains[:FREE_REFITTED]:
+            if gain < PROMISING_FREE or hopeless == FREE_HOPELESS:
+                break
+            found = fit_set(search, ids | {effect}, {effect: view.start_of((effect, extra))}, fit)
+            near = found is not None and found.posterior.log_evidence > top - HOPELESS
+            hopeless = 0 if near else hopeless + 1

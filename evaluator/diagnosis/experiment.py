@@ -1,0 +1,159 @@
+"""The runs of an experiment as the diagnosis wants them, and what keeps an experiment from being diagnosable."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from calibration.store import load_camera
+from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData
+from evaluator.diagnosis.likelihood.shared_errors import Sighting, shared_errors
+from evaluator.errors import InputError
+from evaluator.files import read_with
+from evaluator.marks import COLUMNS, read_marks
+from evaluator.settings import Experiment
+from simulator.robot import Robot, load_robot
+
+FEWEST_FRAMES = 12  # fewer leave nothing once a start pose is fitted
+FEWEST_RUNS = 4
+FEWEST_COMMANDS = 2
+
+
+@dataclass(frozen=True)
+class Session:
+    """Runs that can be used, in the order of the experiment, their robots, and why others cannot be used."""
+
+    data: tuple[RunData, ...]
+    robots: tuple[Robot, ...]
+    skipped: Mapping[str, str]
+
+    @property
+    def tolerance(self) -> dict[str, float]:
+        """1-sigma tolerances of what may move: nominal values as robot.toml states, errors that runs share."""
+        if not self.robots:
+            return {}
+        stated = {key: value for key, value in self.robots[0].tolerance.items() if value > 0}
+        return stated | {key: SHARED_UNIT for run in self.data for key in run.systematic}
+
+
+def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mapping[str, Path] | None = None) -> Session:
+    """Read the marks of every run; runs without enough frames are skipped with the reason.
+
+    marks: marks CSV by run id. cameras: camera.json of the runs whose marks it placed. Raises InputError for robots
+    that cannot be read or differ in their tolerances.
+    """
+    robots: dict[str, Robot] = {}
+    data, used, skipped = [], [], {}
+    sightings: list[Sighting | None] = []
+    known = {path: read_with(load_camera, path) for path in dict.fromkeys((cameras or {}).values())}
+    for order, run in enumerate(experiment.run):
+        name = run.robot or experiment.robot
+        if name not in robots:
+            robots[name] = read_with(load_robot, Path(name))
+        if run.id not in marks:
+            skipped[run.id] = "no marks"
+            continue
+        try:
+            table = read_marks(marks[run.id])
+        except InputError as error:  # a recording that cannot be read is a fault of its run, not of the experiment
+            skipped[run.id] = str(error)
+            continue
+        values = table[list(COLUMNS)].to_numpy(dtype=float)
+        both = np.isfinite(values).all(axis=1)
+        if both.sum() < FEWEST_FRAMES:
+            skipped[run.id] = f"both marks are seen in {both.sum()} frames; at least {FEWEST_FRAMES} are needed"
+            continue
+        inside = slice(int(np.flatnonzero(both)[0]), int(np.flatnonzero(both)[-1]) + 1)
+        values = values[inside]
+        data.append(
+            RunData(run.id, run.left_rpm, run.right_rpm, run.start_s, run.stop_s, values[:, 0], values[:, 1:], order)
+        )
+        used.append(robots[name])
+        camera = (cameras or {}).get(run.id)
+        sightings.append(
+            Sighting(
+                table[inside], f"camera {list(known).index(camera) + 1}", known[camera], robots[name].marks.height_mm
+            )
+            if camera
+            else None
+        )
+    _check_tolerances(used)
+    errors = shared_errors(sightings)
+    return Session(
+        tuple(replace(run, systematic=error) for run, error in zip(data, errors, strict=True)), tuple(used), skipped
+    )
+
+
+def _check_tolerances(robots: Sequence[Robot]) -> None:
+    for robot in robots:
+        if robot.tolerance != robots[0].tolerance:
+            raise InputError(f"robots {robots[0].name} and {robot.name} state different tolerances; one set is needed")
+        for key in robot.tolerance:
+            table, _, name = key.partition(".")
+            value = getattr(getattr(robot, table, None), name, None)
+            if not isinstance(value, int | float) or isinstance(value, bool):
+                raise InputError(f"{robot.name}: [tolerance] {key} is not a number of the robot file")
+
+
+def shortcomings(data: Sequence[RunData]) -> list[str]:
+    """Reasons why these runs cannot decide, whatever they show; empty where they can."""
+    reasons = []
+    moving = [run for run in data if run.left_rpm or run.right_rpm]
+    if len(moving) < FEWEST_RUNS:
+        reasons.append(f"{len(moving)} usable runs with motors on; at least {FEWEST_RUNS} are needed")
+    commands = {run.command for run in moving}
+    if moving and len(commands) < FEWEST_COMMANDS:
+        reasons.append(f"all runs have the same command, {moving[0].left_rpm:g} / {moving[0].right_rpm:g} rpm")
+    return reasons
+
+
+def runs_by_command(data: Sequence[RunData]) -> dict[tuple[float, float], list[int]]:
+    """Numbers of the runs of every command, in the order of the experiment."""
+    groups: dict[tuple[float, float], list[int]] = {}
+    for number, run in enumerate(data):
+        groups.setdefault(run.command, []).append(number)
+    return groups
+
+
+def held_out_runs(data: Sequence[RunData]) -> tuple[int, ...]:
+    """Whole runs to keep aside: about a sixth, chosen by their commands alone, before anything is fitted.
+
+    First all runs of one command (a speed, a side or a direction that is then not fitted), where others still cover its
+    direction; then single repeats of other commands, spread over the session.
+    """
+    wanted = len(data) // 6 if len(data) >= 6 else 0
+    if not wanted:
+        return ()
+    groups = runs_by_command(data)
+    chosen: list[int] = []
+    whole = [
+        (len(runs), -abs(command[0]) - abs(command[1]), command)
+        for command, runs in groups.items()
+        if len(runs) <= wanted and len(groups) > 3 and _others_alike(command, groups)
+    ]
+    if whole:
+        chosen += groups.pop(min(whole)[2])
+    spread = sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))
+    for _, runs in spread:
+        if len(chosen) >= wanted:
+            break
+        if len(runs) > 1:
+            chosen.append(runs[len(runs) // 2])
+    for number in range(len(data) // 3, len(data)):  # no repeats: take single runs from the middle on
+        if len(chosen) >= wanted:
+            break
+        if number not in chosen:
+            chosen.append(number)
+    return tuple(sorted(chosen))
+
+
+def _others_alike(command: tuple[float, float], groups: Mapping[tuple[float, float], Sequence[int]]) -> bool:
+    """Whether another command drives in the same direction and turns to the same side."""
+
+    def kind(item: tuple[float, float]) -> tuple[bool, int]:
+        return item[0] + item[1] > 0, int(np.sign(item[0] - item[1]))
+
+    return any(other != command and kind(other) == kind(command) for other in groups)

@@ -1,0 +1,1 @@
+"""Fits of sets of effects, and the search over sets."""

@@ -1,0 +1,148 @@
+"""Where the posterior of a coordinate is no bell: its profile, walked along the ridge on which the others follow.
+
+The interval of a parameter comes from the linear view at the best point. Where a size is told only by small differences
+(how strong all magnets are, how far away a spring is anchored) the density falls off slower or faster than that view
+says, and its ridge bends. So each end of an interval is visited: the coordinate is held there and all else is fitted.
+Source: Venzon & Moolgavkar (1988), Applied Statistics 37, 87.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.candidates.coordinates import Term
+from evaluator.diagnosis.inference.fit import Fit, fit_model, prior_precision
+from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.likelihood.mixed_model import MixedModel
+from evaluator.diagnosis.likelihood.problem import Column
+
+Floats = NDArray[np.float64]
+
+SIGMAS = 1.96  # of the ends of an interval
+# Ends that are this share farther or nearer than the linear view says are walked to: short of that an interval that is
+# meant to hold in 95 % holds in 86 to 98.6 %. The density is rough by 0.8 of the 3.8 looked for: 0.1 of an end.
+BENT = 0.25
+PASSES, ARRIVED, FARTHEST = 4, 0.1, 3.0  # visits of an end; share of the way that is near enough; most at once
+
+
+@dataclass(frozen=True)
+class Ridge:
+    """Where the best point goes while one coordinate of a term walks.
+
+    column: of the coordinate in the fit. low, high: ends of its 95 % interval. at: values (m,) of the coordinate,
+    ascending, the best one among them; best: all columns (m, p) fitted there. Values from neutral, as in the fit.
+    """
+
+    column: int
+    low: float
+    high: float
+    at: Floats
+    best: Floats
+
+    def follow(self, values: Floats) -> Floats:
+        """All columns (n, p) on the ridge at values (n,) of the coordinate; straight on beyond its ends."""
+        k = np.clip(np.searchsorted(self.at, values) - 1, 0, len(self.at) - 2)
+        share = (values - self.at[k]) / (self.at[k + 1] - self.at[k])
+        return np.asarray(self.best[k] + share[:, None] * (self.best[k + 1] - self.best[k]))
+
+    def bend(self, draws: Floats, mean: Floats, covariance: Floats) -> Floats:
+        """Draws (n, p) of the linear view, moved so that the coordinate has its interval and the others follow."""
+        i = self.column
+        sigma = np.sqrt(covariance[i, i])
+        z = (draws[:, i] - mean[i]) / sigma
+        walked = mean[i] + z / SIGMAS * np.where(z > 0, self.high - mean[i], mean[i] - self.low)
+        beside = draws - mean - np.outer(z, covariance[i] / sigma)
+        return np.asarray(self.follow(walked) + beside)
+
+
+def ridge_of(search: Search, fit: Fit, term: Term) -> Ridge | None:
+    """The ridge of the coordinate of a term that the linear view describes worst; None where it describes all."""
+    worst, found = np.log1p(BENT), None
+    # The scatter of the runs is uncertain, which widens the interval beyond that at the best scatter.
+    model = MixedModel(fit.reduced, prior_precision(fit.columns, search.tolerance))
+    at_best = model.posterior(range(len(fit.columns)), np.array([fit.posterior.best])).covariance
+    for column, item in enumerate(fit.columns):
+        if item.key != term.id or not fit.posterior.covariance[column, column] > 0.0:
+            continue
+        visits = [_Walk(search, fit, column, side, at_best[column, column]) for side in (-1.0, 1.0)]
+        bent = max(abs(np.log(walk.factor)) for walk in visits)
+        if bent > worst:
+            worst, found = bent, visits
+    if found is None:
+        return None
+    for walk in found:
+        walk.go()
+    below, above = found
+    steps = sorted([*below.visited, *above.visited, (below.start, below.mean)], key=lambda step: step[0])
+    at, best = np.array([value for value, _ in steps]), np.array([point for _, point in steps])
+    return Ridge(below.column, below.end, above.end, at, best) if len(at) > 1 else None
+
+
+class _Walk:
+    """Visits of one end of the interval of a column; factor: how much farther it is than the linear view says."""
+
+    def __init__(self, search: Search, fit: Fit, column: int, side: float, at_best: float) -> None:
+        """at_best: variance of the coordinate at the best scatter, from which the drop to look for follows."""
+        self._search, self._fit, self.column = search, fit, column
+        self.mean = np.array([fit.point.value(item) for item in fit.columns])
+        covariance = fit.posterior.covariance
+        self._along = covariance[column] / covariance[column, column]
+        self.start, self._way = float(self.mean[column]), side * SIGMAS * float(np.sqrt(covariance[column, column]))
+        self._drop = self._way**2 / at_best
+        self.visited: list[tuple[float, Floats]] = []
+        self.factor = 1.0
+        self._visit()
+
+    @property
+    def end(self) -> float:
+        """Where the interval ends, as far as it is known."""
+        return self.start + self.factor * self._way
+
+    @property
+    def _known(self) -> list[float]:
+        return [value for value, _ in self.visited]
+
+    def go(self) -> None:
+        """Visit the end where it is now thought to be, until it stays."""
+        for _ in range(PASSES - 1):
+            before = self.factor
+            if not self._visit() or abs(self.factor - before) < ARRIVED * before:
+                break
+
+    def _visit(self) -> bool:
+        """Fit all else at the end, and see how far the density has dropped there; False where nothing is learnt."""
+        item = self._fit.columns[self.column]
+        assert item.term is not None
+        bounds = item.term.coordinates[item.coordinate]
+        value = float(np.clip(self.end, bounds.low - item.neutral, bounds.high - item.neutral))
+        share = (value - self.start) / self._way
+        if share < ARRIVED or any(abs(value - known) < ARRIVED * abs(self._way) for known in self._known):
+            return False
+        held = self._held(item, value)
+        if held is None:  # too far: half the way there
+            self.factor = 0.5 * (share + max((known - self.start) / self._way for known in [self.start, *self._known]))
+            return True
+        self.visited.append((value, np.array([held.point.value(column) for column in self._fit.columns])))
+        drop = max(held.posterior.misfit - self._fit.posterior.misfit, 0.0)
+        self.factor = share * float(np.clip(np.sqrt(self._drop / max(drop, 1e-9)), 1.0 / FARTHEST, FARTHEST))
+        return True
+
+    def _held(self, item: Column, value: float) -> Fit | None:
+        """The fit with the column held at a value, from where the linear view has the others; None where it fails."""
+        point = self._fit.point
+        for column, slope in zip(self._fit.columns, self._along, strict=True):
+            point = point.moved(column, float(slope) * (value - self.start))
+        terms = {effect: self._search.terms[effect].clipped(values) for effect, values in point.terms.items()}
+        free = [self._search.terms[effect] for effect in sorted(terms) if not self._search.terms[effect].leaps]
+        fixed = {effect: values for effect, values in terms.items() if self._search.terms[effect].leaps}
+        begin = replace(point, terms=terms)
+        try:
+            found = fit_model(
+                self._search.problem, begin, free, self._search.tolerance, self._fit.runs, fixed, held=item
+            )
+        except FloatingPointError:
+            return None
+        return found if found.converged else None

@@ -1,0 +1,47 @@
+"""Large misfits: the first seconds of every run are fitted before the whole of it.
+
+A heading that errs by θ turns every later step, so over a whole run a large effect is far from linear and a fit from
+the nominal model fails or ends in a false minimum. Over a short horizon the same effect is nearly linear. What fits
+there is a start for a longer horizon, up to the whole run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from evaluator.diagnosis.inference.fit import Fit
+from evaluator.diagnosis.inference.search import Search, run_search
+from evaluator.diagnosis.likelihood.problem import Point, Problem, with_noise_of
+
+HORIZONS_S = (1.0, 2.5)
+# Misfit of the nominal model in one run, RMS, from which on the whole run is no place to begin: a linear view errs by
+# about the square of the angle, and of the misplacement over the ten to twenty millimetres that a run covers, which
+# is then many times the tracking noise. Below it the fits of development experiments converged from the nominal model.
+LARGE_TURN_RAD, LARGE_SHIFT_MM = 0.1, 1.0
+KEPT = 4  # sets that go on to the next horizon
+
+Progress = Callable[[str, float], None]
+
+
+def is_large(problem: Problem, point: Point) -> bool:
+    """Whether a point misses some run by so much that a search should begin with short horizons."""
+    residuals = problem.residuals([point.task(run) for run in range(len(problem.data))])
+    misfit = np.array([np.sqrt(np.nanmean(item**2, axis=0)) for item in residuals])
+    turn, shift = misfit[:, 2] / problem.half_distance_mm, np.hypot(misfit[:, 0], misfit[:, 1])
+    return bool(np.any(turn > LARGE_TURN_RAD) or np.any(shift > LARGE_SHIFT_MM))
+
+
+def short_horizon_fits(whole: Search, start: Point, progress: Progress) -> list[Fit]:
+    """Fits of the sets that explain the first seconds of the runs best, the best first; start: nominal point."""
+    kept: list[Fit] = []
+    point = start
+    for horizon_s in HORIZONS_S:
+        short = with_noise_of(replace(whole.problem, horizon_s=horizon_s), point)
+        search = Search(short, whole.terms, whole.tolerance, whole.runs)
+        run_search(search, start, progress, kept)
+        kept = [search.fits[ids] for ids in search.ranked()[:KEPT]]
+        point = kept[0].point
+    return kept

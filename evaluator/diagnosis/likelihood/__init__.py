@@ -1,0 +1,1 @@
+"""Probability of the measured marks given the parameters of the model."""

@@ -1,0 +1,117 @@
+"""A run as few numbers: the marks' midpoint, direction and distance in slow cosine modes, whitened by the noise.
+
+Channels, all in mm on the plane of the marks: midpoint x, midpoint y, direction (the angle of the line through the
+marks times half their distance, so that its noise compares with that of a coordinate) and distance of the marks. A
+residual of 600 frames × 4 becomes about 200 numbers of unit variance, in which every later step is small linear
+algebra.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from evaluator.diagnosis.likelihood.noise import FEWEST_MODES, Noise, Spectrum, fit_noise, spectrum
+
+Floats = NDArray[np.float64]
+
+CHANNELS = ("midpoint_x", "midpoint_y", "direction", "distance")
+FASTEST_HZ = 3.0  # two wheel revolutions a second at 90 rpm, and a motor's lag of 50 ms, stay visible
+MOST_MODES = 72
+DISTANCE_MODES = 8  # the distance of the marks is constant but for the camera; it needs no more
+MODEL_FLOOR_MM = 3e-4  # two correct programs of the same model differ by this: steps, start transients, regularization
+
+
+def channels_of(marks_mm: Floats) -> Floats:
+    """Channels (n, 4) of marks (n, 4: green x, y, yellow x, y); NaN where a mark is missing. Direction in rad."""
+    green, yellow = marks_mm[:, :2], marks_mm[:, 2:]
+    middle = (green + yellow) / 2
+    across = green - yellow
+    angle = np.arctan2(across[:, 1], across[:, 0])
+    return np.column_stack([middle, angle, np.hypot(across[:, 0], across[:, 1])])
+
+
+def channel_residual(measured: Floats, predicted: Floats, half_distance_mm: float) -> Floats:
+    """Measured minus predicted channels, (n, 4) in mm; angles taken the short way round."""
+    difference = measured - predicted
+    difference[:, 2] = ((difference[:, 2] + np.pi) % (2 * np.pi) - np.pi) * half_distance_mm
+    return difference
+
+
+@dataclass(frozen=True)
+class Compression:
+    """What turns channel residuals of one run into whitened features."""
+
+    used: NDArray[np.bool_]  # frames at which both marks were seen
+    functional: tuple[Floats, ...]  # per channel (frames used, k): slow modes by least squares, whitened
+
+    def features(self, residual_mm: Floats) -> Floats:
+        """Whitened features of residual channels at the used frames, (n, 4) or (m, n, 4): (k,) or (m, k)."""
+        parts = [np.ascontiguousarray(residual_mm[..., c]) @ part for c, part in enumerate(self.functional)]
+        return np.concatenate(parts, axis=-1)
+
+
+def compression(time_s: Floats, used: NDArray[np.bool_], noise: tuple[Noise, ...]) -> Compression:
+    """Modes and whitening of one run. noise: one per channel of CHANNELS."""
+    seen = time_s[used]
+    span = max(float(seen[-1] - seen[0]), 1e-9)
+    count = int(np.clip(2 * span * FASTEST_HZ, 8, MOST_MODES))
+    count = min(count, max(len(seen) // 3, 1))
+    phase = np.pi * (seen - seen[0]) / span
+    modes = np.cos(np.arange(count)[None, :] * phase[:, None])
+    parts = []
+    for channel, part in enumerate(noise):
+        kept = modes[:, :DISTANCE_MODES] if channel == 3 else modes
+        # a little ridge keeps modes apart that a long gap confounds; any linear functional of the data is legitimate
+        normal = kept.T @ kept
+        functional = np.linalg.solve(normal + 1e-6 * np.trace(normal) / len(normal) * np.eye(len(normal)), kept.T)
+        covariance = functional @ part.covariance(seen) @ functional.T
+        covariance[np.diag_indices(len(covariance))] += MODEL_FLOOR_MM**2 / (1.0 + np.arange(len(covariance)))
+        parts.append(np.ascontiguousarray(solve_triangular(np.linalg.cholesky(covariance), functional, lower=True).T))
+    return Compression(used, tuple(parts))
+
+
+def channel_noise(spectra_by_run: list[tuple[Spectrum, ...]]) -> list[tuple[Noise, ...]]:
+    """Noise of every channel of every run: one correlation for all runs, an amplitude for each run.
+
+    The two midpoint coordinates share their noise. A run's own amplitude is taken from hundreds of fast modes, so a
+    recording in bad light counts for less.
+    """
+    midpoint = fit_noise([item for run in spectra_by_run for item in run[:2]])
+    direction = fit_noise([run[2] for run in spectra_by_run])
+    distance = fit_noise([run[3] for run in spectra_by_run])
+    return [
+        (
+            *(midpoint.scaled(_amplitude(run[:2], midpoint)),) * 2,
+            direction.scaled(_amplitude(run[2:3], direction)),
+            distance.scaled(_amplitude(run[3:], distance)),
+        )
+        for run in spectra_by_run
+    ]
+
+
+def _amplitude(spectra: tuple[Spectrum, ...], noise: Noise) -> float:
+    """Amplitude of a run relative to the common noise, from its fast modes; 1 within what chance allows."""
+    ratios = []
+    for item in spectra:
+        fast = item.frequency_hz > FASTEST_HZ
+        decay = np.exp(-item.step_s / noise.correlation_s)
+        angle = 2 * np.pi * item.frequency_hz[fast] * item.step_s
+        model = noise.white_mm**2 + noise.slow_mm**2 * (1 - decay**2) / (1 - 2 * decay * np.cos(angle) + decay**2)
+        ratios.append(item.power_mm2[fast] / model)
+    every = np.concatenate(ratios)
+    if len(every) < 50:
+        return 1.0
+    level = float(np.median(every) / 0.4549)
+    return float(np.sqrt(level)) if abs(level - 1) > 4 * 1.6 / np.sqrt(len(every)) else 1.0
+
+
+def residual_spectra(time_s: Floats, residual_mm: Floats, since_s: float) -> tuple[Spectrum, ...]:
+    """Spectrum of every channel of one run's residual (n, 4), from since_s on: the kink of a start is no noise."""
+    moving = time_s >= since_s
+    if np.isfinite(residual_mm[moving]).all(axis=1).sum() >= FEWEST_MODES:
+        time_s, residual_mm = time_s[moving], residual_mm[moving]
+    return tuple(spectrum(time_s, residual_mm[:, channel]) for channel in range(4))

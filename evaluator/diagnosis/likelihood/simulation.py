@@ -1,0 +1,243 @@
+"""The project's simulator as the diagnosis uses it: thousands of small variations of the same runs.
+
+Motors start at start_s in the time of the recording. A recording that begins after that starts its simulation at
+start_s all the same; the start pose is then the pose at start_s, which is fitted like any other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.candidates.coordinates import Term
+from evaluator.diagnosis.candidates.free_form import FreeTerm
+from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Floats, RunData, Task, Values, is_shared
+from simulator.command import Command
+from simulator.dynamics.model import MODEL, Draft
+from simulator.effects.catalogue import EFFECTS, apply_effects, view_of
+from simulator.effects.view import View
+from simulator.errors import SimulationError
+from simulator.integrator.batch import integrate_many
+from simulator.robot import Robot
+
+# Runs of a robot take up to some hundred steps. Where a fit tries what makes wheels chatter they would take any number:
+# such a point is as good as one that cannot be simulated.
+MOST_STEPS = 1500
+# Well under the tracking noise, and small enough that a difference of two runs keeps four digits.
+TOLERANCE_MM = 1e-6
+
+
+# Effects that differ from run to run of a session; all others are compiled once for all runs of a robot.
+BY_ORDER = frozenset({"speed-drift"})
+MOST_VARIANTS = 5000
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A robot with nominal values moved and terms added, which many runs share.
+
+    record: compiled at neutral friction, the words of a MODEL, None where it cannot be simulated.
+    """
+
+    record: NDArray[np.int64] | None
+    view: View
+
+
+class Simulated:
+    """Marks of an experiment's runs for any parameters; see the protocol Forward."""
+
+    def __init__(self, robots: Sequence[Robot], data: Sequence[RunData], terms: Mapping[str, Term]) -> None:
+        """robots: one per run, with the effects already in the model. terms: how to read the coordinates of a task."""
+        self.robots: tuple[Robot, ...] = tuple(robots)
+        self._data = tuple(data)
+        self._terms = terms
+        self._knots = [Command.constant(*run.command, run.start_s, run.stop_s).knots for run in data]
+        self._kinds = [self.robots.index(robot) for robot in self.robots]  # equal robots have equal variants
+        self._variants: dict[tuple[object, ...], Variant] = {}
+
+    def marks(self, tasks: Sequence[Task]) -> list[Floats]:
+        """Marks (n, 4) of every task at the frame times of its run; NaN where the simulation fails.
+
+        Tasks that differ only in errors which runs share (of the camera) have one simulation.
+        """
+        variants = self._variants_of(tasks)
+        keys = [(task.run, task.own, id(variant)) for task, variant in zip(tasks, variants, strict=True)]
+        distinct = dict(zip(keys, zip(tasks, variants, strict=True), strict=True))
+        simulated = dict(zip(distinct, self._simulated(*zip(*distinct.values(), strict=True)), strict=True))
+        return [_with_shared(simulated[key], task, self._data[task.run]) for key, task in zip(keys, tasks, strict=True)]
+
+    def _simulated(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[Floats]:
+        result = [np.full((len(self._data[task.run].time_s), 4), np.nan) for task in tasks]
+        able = [
+            n for n, (task, v) in enumerate(zip(tasks, variants, strict=True)) if v.record is not None and _able(task)
+        ]
+        if not able:
+            return result
+        tasks, variants = [tasks[n] for n in able], [variants[n] for n in able]
+        times = self._true_times(tasks, variants)
+        edges = np.cumsum([0, *map(len, times)])
+        stacked_s = np.concatenate(times)
+        poses = self._poses(tasks, variants, stacked_s, edges)
+        frame = np.ones(len(poses), dtype=np.bool_)
+        frame[edges[:-1]] = False  # the start of the simulation is none
+        marks = _seen(poses[frame], stacked_s[frame], variants, np.diff(edges) - 1)
+        ends = edges[1:] - np.arange(1, len(edges))
+        for number, begin, end in zip(able, [0, *ends], ends, strict=False):
+            result[number] = marks[begin:end]
+        return result
+
+    def _poses(
+        self, tasks: Sequence[Task], variants: Sequence[Variant], times_s: Floats, edges: NDArray[np.int64]
+    ) -> Floats:
+        """Poses (edges[-1], 3) of all tasks, stacked."""
+        count = len(tasks)
+        own = np.array([task.own for task in tasks])
+        models = np.array([variant.record for variant in variants]).view(MODEL)[:, 0]
+        _with_friction(models, own)
+        states = np.zeros((count, 6))
+        states[:, :3] = own[:, :3]
+        knots, knot_edges = self._told(tasks, own)
+        out = np.empty((len(times_s), 6))
+        integrate_many(
+            models,
+            np.arange(count),
+            knots,
+            knot_edges,
+            np.arange(count),
+            states,
+            times_s,
+            edges,
+            out,
+            TOLERANCE_MM,
+            np.zeros((count, 0, 2)),
+            np.zeros(count, dtype=np.int64),
+            False,
+            MOST_STEPS,
+        )
+        return out[:, :3]
+
+    def _told(self, tasks: Sequence[Task], own: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        """Commands of all tasks, stacked, and where each begins and ends: a run's own gains are those of its motors."""
+        parts = [self._knots[task.run] for task in tasks]
+        sizes = [len(part) for part in parts]
+        knots = np.concatenate(parts)
+        knots[:, 1:] *= np.repeat(1 + own[:, 4:], sizes, axis=0)
+        return knots, np.cumsum([0, *sizes])
+
+    def _true_times(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[Floats]:
+        """Start of the simulation, then the frames; a measured time is the true one times the time factor."""
+        known: dict[tuple[int, float], Floats] = {}
+        result = []
+        for task, variant in zip(tasks, variants, strict=True):
+            key = task.run, variant.view.time_factor
+            if key not in known:
+                run = self._data[task.run]
+                frames = run.time_s / variant.view.time_factor
+                known[key] = np.concatenate([[min(frames[0], run.start_s) - 1e-3], frames])
+            result.append(known[key])
+        return result
+
+    def _variants_of(self, tasks: Sequence[Task]) -> list[Variant]:
+        """The variant of every task; tasks of a linearization share theirs, and so do those of later ones."""
+        if len(self._variants) > MOST_VARIANTS:
+            self._variants.clear()
+        met: dict[tuple[object, ...], Variant] = {}
+        result = []
+        for task in tasks:
+            run = self._data[task.run]
+            kind = self._kinds[task.run]
+            ordered = BY_ORDER.intersection(task.terms) or any(e.id in BY_ORDER for e in self.robots[kind].effect)
+            place = kind, run.order if ordered else 0
+            key = *place, id(task.nominal), id(task.terms)  # mappings live as long as their tasks
+            if key not in met:
+                nominal = {name: value for name, value in task.nominal.items() if not is_shared(name)}
+                lasting = *place, *nominal.items(), *task.terms.items()
+                if lasting not in self._variants:
+                    self._variants[lasting] = self._compiled(*place, nominal, task.terms)
+                met[key] = self._variants[lasting]
+            result.append(met[key])
+        return result
+
+    def _compiled(self, kind: int, order: int, nominal: Mapping[str, float], terms: Values) -> Variant:
+        robot = varied_robot(self.robots[kind], nominal)
+        view, draft = view_of(robot), Draft(robot, order)
+        try:
+            apply_effects(draft)
+            for effect, values in terms.items():
+                self._add(effect, values, draft, view)
+            return Variant(draft.record().view(np.int64), view)
+        except SimulationError:
+            return Variant(None, view)  # outside what can be simulated; the caller sees NaN and steps back
+
+    def _add(self, effect: str, values: tuple[float, ...], draft: Draft, view: View) -> None:
+        """Let one term act on a draft, or on the view of its marks."""
+        term = self._terms[effect]
+        if isinstance(term, FreeTerm):
+            parts = term.kernel_terms(values)
+            draft.add(*(part for part in parts if not part.is_seen_only))
+            view.errors += tuple(part for part in parts if part.is_seen_only)
+            return
+        act, see = EFFECTS[effect].act, EFFECTS[effect].view
+        if act is not None:
+            act(draft, term.physical(values))
+        if see is not None:
+            see(view, term.physical(values))
+
+
+def _able(task: Task) -> bool:
+    """Whether friction stays above nothing."""
+    return task.own[3] > -1.0
+
+
+def _with_friction(models: NDArray[np.void], own: Floats) -> None:
+    """Give every record (n,) the friction of its run, own (n, 6); as simulator.dynamics.model compiles it."""
+    friction = 1 + own[:, 3:4]
+    for name in ("grip_x", "grip_y"):
+        models[name] *= friction
+    for name in ("steep_x", "steep_y"):
+        models[name] /= friction
+
+
+def _seen(poses: Floats, times_s: Floats, variants: Sequence[Variant], frames: NDArray[np.int64]) -> Floats:
+    """Marks (n, 4) of stacked poses (n, 3); frames: of each task. Most tasks are seen alike."""
+
+    def of(view: View, part: slice) -> Floats:
+        x, y, heading = poses[part].T
+        return np.concatenate(view.marks(x, y, heading, times_s[part]), axis=1)
+
+    commonest = variants[0].view
+    marks = of(commonest, slice(None))
+    ends = np.cumsum(frames)
+    for variant, end, count in zip(variants, ends, frames, strict=True):
+        if variant.view is not commonest and _look(variant.view) != _look(commonest):
+            part = slice(end - count, end)
+            marks[part] = of(variant.view, part)
+    return marks
+
+
+def _look(view: View) -> tuple[object, ...]:
+    return view.green_mm, view.yellow_mm, view.scale, view.keystone_per_mm, view.errors
+
+
+def _with_shared(marks: Floats, task: Task, run: RunData) -> Floats:
+    """Marks as seen with the errors that runs share."""
+    moved = [
+        amount / SHARED_UNIT * run.systematic[key]
+        for key, amount in task.nominal.items()
+        if amount and key in run.systematic
+    ]
+    return marks + sum(moved) if moved else marks
+
+
+def varied_robot(robot: Robot, deviations: Mapping[str, float]) -> Robot:
+    """The robot with nominal values, by dotted key, multiplied by 1 + deviation."""
+    for key, deviation in deviations.items():
+        if deviation:
+            table, name = key.split(".")
+            part = getattr(robot, table)
+            changed = part.model_copy(update={name: getattr(part, name) * (1 + deviation)})
+            robot = robot.model_copy(update={table: changed})
+    return robot

@@ -1,0 +1,1 @@
+"""The results of a diagnosis as files: diagnosis.json, and a robot file with the effect."""

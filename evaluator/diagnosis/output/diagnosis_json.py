@@ -1,0 +1,200 @@
+"""diagnosis.json: the verdict for programs, in the fields of the file contract, with words for people beside them."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.assessment.disagreement import QUANTITIES, pieces
+from evaluator.diagnosis.assessment.gap import rms
+from evaluator.diagnosis.assessment.model_comparison import Set
+from evaluator.diagnosis.design.next_runs import MOST_RUNS
+from evaluator.diagnosis.diagnosis import Diagnosis
+from evaluator.diagnosis.likelihood.random_effects import place_runs
+from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, is_shared
+from evaluator.diagnosis.output.effects_json import effects, rounded
+
+Floats = NDArray[np.float64]
+Json = dict[str, Any]
+
+RIVALS_LISTED = 8
+
+
+def record(diagnosis: Diagnosis) -> Json:
+    """The content of diagnosis.json."""
+    found: Json = {"format": 1, "verdict": diagnosis.verdict, "reason": diagnosis.reason}
+    if diagnosis.search is None:
+        return found | {
+            "effects": [],
+            "gap": None,
+            "where": [],
+            "rivals": [],
+            "next_experiment": None,
+            "skipped_runs": dict(diagnosis.session.skipped),
+        }
+    return found | {
+        "effects": effects(diagnosis),
+        "gap": _gap(diagnosis),
+        "where": [
+            {
+                "quantity": item.quantity,
+                "by": item.by,
+                "parity": item.parity or None,
+                "sigmas": rounded(item.sigmas),
+                "sentence": item.sentence,
+            }
+            for item in diagnosis.where
+        ],
+        "rivals": _rivals(diagnosis),
+        "next_experiment": _next(diagnosis),
+        "constancy": {item.halves: rounded(item.probability) for item in diagnosis.constancy},
+        "runs_not_followed": [diagnosis.session.data[run].id for run in diagnosis.astray],
+        "noise": _noise(diagnosis),
+        "nominal": _nominal(diagnosis),
+        "shared_errors_sigmas": _shared(diagnosis),
+        "skipped_runs": dict(diagnosis.session.skipped),
+    }
+
+
+def disagreement(diagnosis: Diagnosis) -> pd.DataFrame | None:
+    """The pieces of the runs with what the model misses before and after (columns after_…); None where none."""
+    if diagnosis.pieces is None or diagnosis.problem is None:
+        return None
+    fit, runs = diagnosis.fit, range(len(diagnosis.session.data))
+    after = pieces(diagnosis.problem, place_runs(diagnosis.problem, fit.point, runs, fit.posterior.scatter))
+    renamed = {name: f"after_{name}" for name in QUANTITIES}
+    held = {diagnosis.session.data[run].id for run in diagnosis.held_out}
+    both = pd.concat([diagnosis.pieces, after[list(QUANTITIES)].rename(columns=renamed)], axis=1)
+    return both.assign(kept_aside=both["run"].isin(held))
+
+
+def _gap(diagnosis: Diagnosis) -> Json:
+    gap, search = diagnosis.gap, diagnosis.fit_search
+    assert gap is not None
+    assert search is not None
+    ids = [run.id for run in diagnosis.session.data]
+    held = diagnosis.held_out
+
+    def pair(values: Floats) -> Json:
+        return {"fit": rounded(rms(values, search.runs)), "held_out": rounded(rms(values, held))}
+
+    everything = range(len(ids))
+    return {
+        "unit": "mm",
+        "held_out_runs": [ids[run] for run in held],
+        "before": pair(gap.before_mm),
+        "after": pair(gap.after_mm),
+        "noise_floor": rounded(rms(gap.floor_mm, everything)),
+        "held_out_gain_sigmas": rounded(math.sqrt(max(2 * diagnosis.confirmation, 0.0)))
+        if math.isfinite(diagnosis.confirmation)
+        else None,
+        "by_run": {
+            effect: {"before": rounded(b), "after": rounded(a), "noise_floor": rounded(f)}
+            for effect, b, a, f in zip(ids, gap.before_mm, gap.after_mm, gap.floor_mm, strict=True)
+        },
+    }
+
+
+def _rivals(diagnosis: Diagnosis) -> list[Json]:
+    table = diagnosis.standing
+    assert table is not None
+    best = table.of(diagnosis.chosen)
+    rivals: list[Json] = []
+    for ids, score, probability in zip(table.sets, table.scores, table.probability, strict=True):
+        if ids != diagnosis.chosen and len(rivals) < RIVALS_LISTED:
+            rivals.append(
+                {
+                    "effects": names(ids),
+                    "probability": round(float(probability), 4),
+                    "log_odds": rounded(float(score) - best),
+                    "reason": _reason(diagnosis, ids, float(score) - best),
+                }
+            )
+    return rivals
+
+
+def names(ids: Set) -> list[str]:
+    """Effect ids of a set, sorted; free-form terms keep their grammar."""
+    return sorted(ids)
+
+
+def _reason(diagnosis: Diagnosis, ids: Set, odds: float) -> str:
+    chosen = diagnosis.chosen
+    if not ids:
+        return f"without any effect the runs are {_times(odds)} less probable"
+    if ids < chosen:
+        return f"leaving out {', '.join(sorted(chosen - ids))} makes the runs {_times(odds)} less probable"
+    if ids > chosen:
+        return f"adding {', '.join(sorted(ids - chosen))} does not pay for its parameters"
+    return f"makes the runs {_times(odds)} less probable" if odds < 0 else "an effect in it does not pay for itself"
+
+
+def _times(odds: float) -> str:
+    """A factor for people, from the logarithm of its inverse."""
+    if -odds > math.log(1e4):
+        return f"10^{-odds / math.log(10):.0f} times"
+    return f"{math.exp(-odds):.{1 if -odds < math.log(10) else 0}f} times"
+
+
+def _next(diagnosis: Diagnosis) -> Json | None:
+    """Runs to make, each with how many times, what they would separate, and what no runs would."""
+    following = diagnosis.next_runs
+    if following is None:
+        return None
+    times = Counter(following.runs)
+    return {
+        "runs": [
+            {
+                "left_rpm": run.left_rpm,
+                "right_rpm": run.right_rpm,
+                "x_mm": run.x_mm,
+                "y_mm": run.y_mm,
+                "heading_deg": run.heading_deg,
+                "duration_s": run.duration_s,
+                "times": count,
+            }
+            for run, count in times.items()
+        ],
+        "separation_sigmas": {name: rounded(value) for name, value in following.sigmas.items()},
+        "most_runs": MOST_RUNS,
+        "inseparable_sigmas": {name: rounded(value) for name, value in following.inseparable.items()},
+    }
+
+
+def _noise(diagnosis: Diagnosis) -> Json:
+    problem = diagnosis.problem
+    assert problem is not None
+    parts = problem.noise
+    tau = diagnosis.fit.posterior.scatter
+    return {
+        "mark_sigma_mm": rounded(float(np.median([p[0].sigma_mm for p in parts])) * math.sqrt(2)),
+        "correlation_s": rounded(parts[0][0].correlation_s),
+        "run_to_run": {"friction": rounded(float(tau[0])), "wheel_speed": rounded(float(tau[1]))},
+    }
+
+
+def _nominal(diagnosis: Diagnosis) -> Json:
+    """Where nominal values went within their tolerances."""
+    fit = diagnosis.fit
+    spread = np.sqrt(np.diag(fit.posterior.covariance))
+    return {
+        column.key: {
+            "relative_change": rounded(fit.point.value(column)),
+            "sigma": rounded(float(spread[i])),
+            "tolerance": diagnosis.session.tolerance[column.key],
+        }
+        for i, column in enumerate(fit.columns)
+        if column.term is None and not is_shared(column.key)
+    }
+
+
+def _shared(diagnosis: Diagnosis) -> Json | None:
+    """How far the errors that runs share (of the camera) were moved, each in its sigmas; None where there are none."""
+    point = diagnosis.fit.point
+    moved = {key: point.nominal.get(key, 0.0) / SHARED_UNIT for key in diagnosis.session.tolerance if is_shared(key)}
+    return {key: rounded(value) for key, value in moved.items()} or None

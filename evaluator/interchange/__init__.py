@@ -1,0 +1,1 @@
+"""Tracks of other programs in, results for other programs out."""

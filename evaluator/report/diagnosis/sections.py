@@ -1,0 +1,172 @@
+"""The sections on a diagnosis: what is missing, where it shows, whether the gap closes, what else was tried."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from evaluator.report.diagnosis.view import DiagnosisView
+from evaluator.report.diagnosis.words import (
+    RUN_KEYS,
+    as_sentence,
+    closes,
+    effect_words,
+    equivalents_sentence,
+    gap_sentence,
+    in_words,
+    micrometres,
+    next_runs,
+    parameter,
+    percent_text,
+    separations_sentence,
+    signed_percent,
+    value_text,
+    verdict_sentence,
+    with_interval,
+)
+from evaluator.report.figures.disagreement import disagreement_map, disagreement_panels
+from evaluator.report.figures.gap import gap_before_after
+from evaluator.report.numbers import UNKNOWN, number
+from evaluator.report.pages.html import Section, Table
+
+Json = dict[str, Any]
+
+SENTENCES = 8  # of where; the map has all
+CHANCE = 1e-3  # below this, a difference between halves is not believed to be chance
+
+
+def diagnosis_sections(view: DiagnosisView | None) -> tuple[Section, ...]:
+    """Sections of a diagnosis, in the order in which a reader asks; none where none was made."""
+    if view is None:
+        return ()
+    there = (_verdict(view), _where(view), _gap(view.content), _rivals(view.content), _small_print(view.content))
+    return tuple(section for section in there if section is not None)
+
+
+def _verdict(view: DiagnosisView) -> Section:
+    content = view.content
+    text = [verdict_sentence(content), as_sentence(str(content.get("reason") or ""))]
+    if view.outdated:
+        text.insert(0, "Recordings, robot or program have changed since this diagnosis: run turnscope diagnose again.")
+    text += [equivalents_sentence(effect) for effect in content.get("effects") or []]
+    text.append(separations_sentence(content))
+    rows = [
+        (effect["name"], *parameter(name), best, f"{low} to {high}")
+        for effect in content.get("effects") or []
+        for name, value in effect["parameters"].items()
+        for best, low, high in [with_interval(value)]
+    ]
+    table = Table("What was found, with 95 % intervals.", ("effect", "parameter", "unit", "value", "95 %"), tuple(rows))
+    tables = (table,) if rows else ()
+    return Section("diagnosis", "What is missing in the model", _full(text), (), (*tables, *_next_runs(content)))
+
+
+def _next_runs(content: Json) -> tuple[Table, ...]:
+    head = ("left, rpm", "right, rpm", "drive, s", "start x, mm", "start y, mm", "heading, °", "times")
+    rows = tuple(tuple(value_text(run[key]) for key in RUN_KEYS) for run in next_runs(content))
+    return (Table("Runs that would tell more; starts are of the robot's centre.", head, rows),) if rows else ()
+
+
+def _where(view: DiagnosisView) -> Section | None:
+    items = [item for item in view.content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
+    text = [as_sentence(str(item["sentence"])) for item in items[:SENTENCES]]
+    text += [as_sentence(item) for item in view.content.get("where") or [] if isinstance(item, str)]
+    if len(items) > SENTENCES:
+        text.append(f"{len(items) - SENTENCES} more are in diagnosis.json.")
+    pieces = view.pieces
+    if pieces is None or pieces.empty:
+        return Section("diagnosis-where", WHERE, tuple(text)) if text else None
+    if not text:
+        text = ["Nothing stands out: what the model misses depends on nothing that was asked."]
+    after = closes(view.content)
+    figures = (disagreement_map(pieces, after=after), disagreement_panels(pieces, after=after))
+    return Section("diagnosis-where", WHERE, tuple(text), tuple(figure for figure in figures if figure is not None))
+
+
+WHERE = "Where model and robot disagree"
+
+
+def _gap(content: Json) -> Section | None:
+    gap = content.get("gap") or {}
+    if not gap.get("before"):
+        return None
+    lost = content.get("runs_not_followed") or []
+    held = gap.get("held_out_runs") or []
+    text = [gap_sentence(content)]
+    if held:
+        gain = gap.get("held_out_gain_sigmas")
+        tail = f": the effect foretells them better by {gain:.0f} sigmas" if gain else ""
+        text.append(f"Kept aside from the beginning, whole runs: {', '.join(held)}{tail}.")
+    if lost and closes(content):
+        text.append(f"Not followed by the model that was chosen: {', '.join(lost)}. Look at these recordings first.")
+    constancy = content.get("constancy") or {}
+    rows = tuple(
+        (halves, percent_text(p), "no: not the same" if p < CHANCE else "yes")
+        for halves, p in constancy.items()
+        if p is not None
+    )
+    caption = (
+        "Is the effect of one size in both halves of the runs? Probability of a difference as large as this by chance."
+    )
+    tables = (Table(caption, ("halves", "probability", "one size"), rows),) if rows else ()
+    figure = gap_before_after(gap, lost, after=closes(content))
+    return Section("diagnosis-gap", "Does the gap close?", _full(text), (figure,) if figure else (), tables)
+
+
+def _rivals(content: Json) -> Section | None:
+    rows = tuple(
+        (
+            _names(rival["effects"]),
+            percent_text(rival.get("probability")),
+            number(-float(rival["log_odds"]), 1) if rival.get("log_odds") is not None else UNKNOWN,
+            in_words(str(rival.get("reason", ""))),
+        )
+        for rival in content.get("rivals") or []
+        if isinstance(rival, dict) and "effects" in rival
+    )
+    if not rows:
+        return None
+    caption = (
+        "Every other set of effects that came near, the best first. Behind: by how much less probable it makes these "
+        "runs, in natural logarithms, priors counted; 3 is odds of 20 to 1."
+    )
+    table = Table(caption, ("instead", "probability", "behind", "why not"), rows, words=True)
+    return Section("diagnosis-rivals", "What else was tried", tables=(table,))
+
+
+def _small_print(content: Json) -> Section | None:
+    noise, nominal = content.get("noise") or {}, content.get("nominal") or {}
+    text = []
+    if noise:
+        scatter = noise.get("run_to_run") or {}
+        text.append(
+            f"Estimated from these runs: marks scatter by {micrometres(noise['mark_sigma_mm'])}, "
+            f"correlated over {value_text(noise['correlation_s'])} s; from run to run friction varies by "
+            f"{percent_text(scatter.get('friction'))} and wheel speed by {percent_text(scatter.get('wheel_speed'))}."
+        )
+    text.append(_left_out(content.get("skipped_runs") or {}))
+    rows = tuple(
+        (key, signed_percent(item["relative_change"]), percent_text(item["sigma"]), percent_text(item["tolerance"]))
+        for key, item in nominal.items()
+    )
+    caption = (
+        "Nominal values: in every fit, without and with effects, they may move within the tolerance of robot.toml."
+    )
+    tables = (Table(caption, ("value", "moved", "standard uncertainty", "tolerance"), rows),) if rows else ()
+    if not _full(text) and not tables:
+        return None
+    return Section("diagnosis-noise", "Noise, scatter and nominal values", _full(text), (), tables)
+
+
+def _left_out(skipped: dict[str, str]) -> str:
+    if not skipped:
+        return ""
+    return f"Left out of the diagnosis: {'; '.join(f'{run} ({reason})' for run, reason in skipped.items())}."
+
+
+def _names(effects: Sequence[str]) -> str:
+    return " with ".join(map(effect_words, effects)) or "nothing missing"
+
+
+def _full(text: Sequence[str]) -> tuple[str, ...]:
+    return tuple(part for part in text if part)

@@ -1,0 +1,41 @@
+"""What the report knows of a diagnosis: the content of diagnosis.json, the pieces behind it, and whether it holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from evaluator.diagnosis.assessment.disagreement import COLUMNS, QUANTITIES
+from evaluator.settings import Experiment
+from evaluator.workflow.diagnosis_validity import kept_diagnosis
+from evaluator.workflow.outputs import Outputs
+
+
+@dataclass(frozen=True)
+class DiagnosisView:
+    """content: of diagnosis.json. pieces: of disagreement.csv, None where it is not there. outdated: see `kept`."""
+
+    content: dict[str, Any]
+    pieces: pd.DataFrame | None
+    outdated: bool
+
+
+def known_diagnosis(experiment: Experiment, outputs: Outputs) -> DiagnosisView | None:
+    """The diagnosis in an output folder; None where none was made."""
+    kept = kept_diagnosis(experiment, outputs)
+    if kept is None:
+        return None
+    return DiagnosisView(kept.content, _pieces(outputs.disagreement), kept.outdated)
+
+
+def _pieces(path: Path) -> pd.DataFrame | None:
+    """Pieces of the runs; None where there are none, or the file is not what a diagnosis writes."""
+    try:
+        table = pd.read_csv(path, dtype={"run": str})
+    except (OSError, ValueError):
+        return None
+    needed = {*COLUMNS, *(f"after_{name}" for name in QUANTITIES)}
+    return table if needed <= set(table) else None

@@ -1,0 +1,232 @@
+"""A diagnosis in words: verdict, sizes, gap and next run, for the report and the screen."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from evaluator.diagnosis.candidates.free_form import BASIS_WORDS, CHANNEL_WORDS, PREFIX, free_terms
+from evaluator.report.numbers import UNKNOWN, number, significant
+from simulator.effects.catalogue import EFFECTS
+
+Json = dict[str, Any]
+
+# By the end of a parameter's name, the longer ends first.
+UNIT_WORDS = {
+    "rpm_per_uN_mm": "rpm/(µN·mm)",
+    "deg_per_mN": "°/mN",
+    "mN_s_mm": "mN·s/mm",
+    "uN_mm_s": "µN·mm·s",
+    "mN_mm": "mN/mm",
+    "per_run": "per run",
+    "deg_s": "°/s",
+    "mm_s": "mm/s",
+    "deg": "°",
+    "mm": "mm",
+    "mN": "mN",
+    "rpm": "rpm",
+    "s": "s",
+}
+
+
+def verdict_sentence(content: Json) -> str:
+    """The verdict with the size of what was found, in one sentence."""
+    effects = content.get("effects") or []
+    if content.get("verdict") == "effect":
+        found = "; and ".join(f"{effect['name']} ({effect['id']}){_sizes(effect)}" for effect in effects)
+        return f"Missing in the model: {found}."
+    if content.get("verdict") == "unknown":
+        return f"Something is missing that no known effect explains{_description(content)}."
+    return {
+        "none": "Nothing is missing: the model explains these runs within noise, scatter and tolerances.",
+        "insufficient": "These runs cannot decide what is missing.",
+    }.get(str(content.get("verdict")), "")
+
+
+def _description(content: Json) -> str:
+    """What is known of something that has no name: the free-form term, or else where it shows most."""
+    free_first = sorted(content.get("effects") or [], key=lambda effect: effect["id"] != "free-form")
+    free = "; and ".join(f"{effect['name']}{_sizes(effect)}" for effect in free_first)
+    if free and closes(content):
+        return f"; what would explain it best: {free}"
+    if free:
+        return f", and no term that was tried does: {free}"
+    seen = [item["sentence"] for item in content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
+    return f", and no term that was tried does; most of all, {_with_minus(seen[0])}" if seen else ""
+
+
+def closes(content: Json) -> bool:
+    """Whether there is a model with which to look at the gap again: not where nothing that was tried explains it."""
+    effects = content.get("effects") or []
+    return content.get("verdict") != "unknown" or any(effect.get("fitted", True) for effect in effects)
+
+
+def _sizes(effect: Json) -> str:
+    """Sizes with their 95 % intervals, for a sentence."""
+    parts: list[str] = []
+    for name, value in effect["parameters"].items():
+        words, unit = parameter(name)
+        best, low, high = with_interval(value)
+        size = f"{best} {unit}".replace(" °", "°").rstrip()
+        parts.append(f"{words} {size} [{'' if parts else '95 %: '}{low} to {high}]")
+    return ", " + ", ".join(parts) if parts else ""
+
+
+def parameter(name: str) -> tuple[str, str]:
+    """A parameter's name in words, and its unit."""
+    channel, *basis = name.split(".")
+    if basis:  # of a free-form term: channel.basis or channel.basis.pattern
+        unit = (CHANNEL_WORDS[channel][1] + BASIS_WORDS[basis[0]][1]) if channel in CHANNEL_WORDS else ""
+        return " ".join(name.replace("_", " ").split(".")), "" if unit == "1" else unit
+    for suffix, unit in UNIT_WORDS.items():
+        if name == suffix or name.endswith(f"_{suffix}"):
+            return name.removesuffix(suffix).rstrip("_").replace("_", " ") or "size", unit
+    if name.startswith("per_mm_"):
+        return f"along {name[-1]}", "per mm"
+    return name.replace("_", " "), ""
+
+
+def with_interval(value: Json) -> tuple[str, str, str]:
+    """A value and its bounds, with as many decimals as their distance bears."""
+    three = value["value"], value["low"], value["high"]
+    if None in three or not three[2] > three[1]:
+        return value_text(three[0]), value_text(three[1]), value_text(three[2])
+    decimals = max(0, -math.floor(math.log10((three[2] - three[1]) / 4)))
+    best, low, high = (number(float(item), decimals) for item in three)
+    return best, low, high
+
+
+def equivalents_sentence(effect: Json) -> str:
+    """What these runs cannot tell from an effect; empty where nothing."""
+    others = effect.get("equivalent") or []
+    if not others:
+        return ""
+    named = [f"{EFFECTS[other].name} ({other})" if other in EFFECTS else other for other in others]
+    return f"These runs cannot tell it from: {', or '.join(named)}."
+
+
+RUN_KEYS = ("left_rpm", "right_rpm", "duration_s", "x_mm", "y_mm", "heading_deg", "times")
+
+
+def next_runs(content: Json) -> list[Json]:
+    """The runs that a diagnosis proposes; those of other programs may be described otherwise, and are left out."""
+    following = content.get("next_experiment")
+    runs = following.get("runs") if isinstance(following, dict) else None
+    return [run for run in runs or [] if isinstance(run, dict) and run.keys() >= set(RUN_KEYS)]
+
+
+def next_runs_sentence(content: Json) -> str:
+    """Which runs would tell more; empty where none would."""
+    runs = next_runs(content)
+    return f"What would tell more: {'; '.join(map(_run_words, runs))}." if runs else ""
+
+
+def separations_sentence(content: Json) -> str:
+    """What the proposed runs would separate, and what no runs of this rig would; empty where nothing is left."""
+    following = content.get("next_experiment")
+    if not isinstance(following, dict):
+        return ""
+    apart, beyond = _known(following.get("separation_sigmas")), _known(following.get("inseparable_sigmas"))
+    parts = []
+    if apart:
+        told = _listed([f"{sigmas:.1f} sigmas from {words_of(name)}" for name, sigmas in apart.items()])
+        parts.append(f"Expected separation once such runs are made, with those at hand: {told}.")
+    if beyond:
+        told = _listed([f"{words_of(name)} ({sigmas:.1f} sigmas)" for name, sigmas in beyond.items()])
+        parts.append(
+            f"Not even {following.get('most_runs', 'many')} more runs at these speeds on this plate would tell it from "
+            f"{told}: look at the robot, the plate and the wires, or drive faster."
+        )
+    return " ".join(parts)
+
+
+def _known(sigmas: Json | None) -> dict[str, float]:
+    return {name: value for name, value in (sigmas or {}).items() if value is not None}
+
+
+def _listed(words: Sequence[str]) -> str:
+    return ", ".join(words[:-1]) + " and " + words[-1] if len(words) > 1 else words[0]
+
+
+def _run_words(run: Json) -> str:
+    times = {1: "", 2: " (twice)"}.get(run["times"], f" ({run['times']} times)")
+    text = (
+        f"{run['left_rpm']:g} / {run['right_rpm']:g} rpm for {run['duration_s']:g} s from x {run['x_mm']:g} mm, "
+        f"y {run['y_mm']:g} mm at heading {run['heading_deg']:g}°{times}"
+    )
+    return text.replace("-", "−")
+
+
+def words_of(effects: str) -> str:
+    """A set of effects as diagnosis.json joins them ("a + b"), free-form terms in words."""
+    return " with ".join(effect_words(name) for name in effects.split(" + "))
+
+
+def effect_words(name: str) -> str:
+    """An effect id, or a free-form term in words."""
+    term = free_terms().get(name)
+    return term.describe() if term is not None else name
+
+
+def gap_sentence(content: Json) -> str:
+    """Before and after, on fitted runs and on those kept aside, against the noise; empty where there is no gap."""
+    gap = content.get("gap") or {}
+    if not gap.get("before"):
+        return ""
+    again = closes(content)
+
+    def change(part: str, where: str) -> str:
+        before, after = gap["before"].get(part), gap["after"].get(part)
+        if before is None or after is None:
+            return ""
+        return f"{f'from {micrometres(before)} to {micrometres(after)}' if again else micrometres(before)} on {where}"
+
+    parts = " and ".join(
+        filter(None, (change("fit", "the runs that were fitted"), change("held_out", "runs kept aside")))
+    )
+    noise = f"tracking noise alone makes {micrometres(gap['noise_floor'])}"
+    if not again:
+        return f"The distance between model and marks is {parts}; {noise}."
+    how = "With what was found" if content.get("effects") else "With nominal values moved within their tolerances"
+    return f"{how}, the distance between model and marks goes {parts}; {noise}."
+
+
+def in_words(text: str) -> str:
+    """A sentence with free-form terms in words."""
+    return re.sub(re.escape(PREFIX) + r"[\w.+-]+", lambda match: effect_words(match[0]), text)
+
+
+def value_text(value: float | None) -> str:
+    """Three digits, a true minus sign, no powers for usual sizes; a dash where it is unknown."""
+    if value is None:
+        return UNKNOWN
+    return (f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}").replace("-", "−")
+
+
+def percent_text(share: float | None) -> str:
+    """A share in percent."""
+    if share is None:
+        return UNKNOWN
+    return "< 0.01 %" if 0 <= share < 1e-4 else f"{significant(100 * share, 2)} %"
+
+
+def signed_percent(share: float | None) -> str:
+    """A change in percent, with its sign."""
+    return UNKNOWN if share is None else f"{significant(100 * share, 2, sign=True)} %"
+
+
+def micrometres(length_mm: float | None) -> str:
+    """A length in µm."""
+    return UNKNOWN if length_mm is None else f"{1000 * length_mm:.3g} µm"
+
+
+def as_sentence(text: str) -> str:
+    """A text with a capital, a full stop and true minus signs."""
+    text = _with_minus(text)
+    return text[:1].upper() + text[1:].rstrip(".") + "." if text else ""
+
+
+def _with_minus(text: str) -> str:
+    return re.sub(r"(?<=\s)-(?=\d)", "−", text)

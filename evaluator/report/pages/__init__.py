@@ -1,0 +1,1 @@
+"""Whole HTML pages: their frame, and those of calibration, paper and slip bench."""

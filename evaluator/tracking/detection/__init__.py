@@ -1,0 +1,1 @@
+"""Where in a frame the marks are: coloured regions, their selection, lookalikes."""

@@ -1,0 +1,128 @@
+"""What is learnt of a mark from the pictures it was found in: its colour against the plate, its disc."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.recording import Frame
+from evaluator.tracking.detection.selection import Candidate
+from evaluator.tracking.refinement import kernels
+from evaluator.tracking.refinement.disc import Disc
+from evaluator.tracking.refinement.learn_shape import Patch, Steps, cut_patch, learn_disc
+from evaluator.tracking.refinement.occluded_pixels import CORE_EXPECTED
+from evaluator.tracking.refinement.occlusion import NOTABLE, fit_uncovered
+
+Array = NDArray[np.float64]
+# Sigmas beyond which a pixel is taken for something else than mark or background. Noise loses nothing (weights fall as
+# 1/(1 + (r/5)⁴): 0.4 % of the information), a wire or a glint loses its pull.
+SOFTNESS = 5.0
+# Times that a shape is learnt anew without what covers it: the first shape bends toward that, and hides half of it.
+CLEARINGS = 3
+SEVERAL = 3  # patches: fewer do not tell what covers a mark from what it is
+NO_DISC = 0.5  # share of the information on its centre that a mark has lost where it is no disc at all
+ENOUGH = 1009  # samples of a patch that a shape is learnt from: all of a mark of 8 px radius
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """Colour and shape of one mark.
+
+    color: as `color_kernels.is_color` takes it. area_px2: area of the pixels that have the colour when the whole mark
+    shows. disc: its shape in the luma.
+    """
+
+    color: Array
+    area_px2: float
+    disc: Disc
+
+
+def learn_color(candidate: Candidate, others_uv: Sequence[tuple[float, float]], neutral: tuple[float, float]) -> Array:
+    """Direction and extent of a mark's colour in (u, v), as `color_kernels.is_color` takes it.
+
+    others_uv: mean colours of the other marks; the half angle ends midway to the nearest of them.
+    """
+    color = np.subtract(candidate.chroma_uv, neutral)
+    length = max(float(np.hypot(*color)), 1e-9)
+    direction = color / length
+    half_angle = np.radians(40.0)
+    for other in others_uv:
+        away = np.subtract(other, neutral)
+        cosine = float(away @ direction / max(np.hypot(*away), 1e-9))
+        half_angle = min(half_angle, 0.5 * float(np.arccos(np.clip(cosine, -1, 1))))
+    tangent = np.tan(max(half_angle, np.radians(8.0)))
+    return np.array([*neutral, *direction, 0.45 * length, tangent])
+
+
+def patch_of(frame: Frame, center_px: tuple[float, float], radius_px: float) -> Patch:
+    """Luma around a mark, with the rim that learning needs."""
+    return cut_patch(frame.luma, (frame.row_origin, frame.row_step), center_px, 1.3 * radius_px + 4.0)
+
+
+def learn_shape(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0) -> Steps[Disc | None]:
+    """Learn the disc from patches around the mark; returns None where there is none of about that radius."""
+    whole = [patch for patch in patches if len(patch.value) > 30]
+    if not whole:
+        return None
+    try:
+        disc = yield from learn_disc([_thinned(patch) for patch in whole], radius_px, blur_px)
+        if len(whole) >= SEVERAL:
+            disc = yield from _learn_clear(whole, disc)
+    except np.linalg.LinAlgError:
+        return None
+    plausible = 0.4 < disc.radius_px / radius_px < 2.0
+    return disc if plausible and abs(disc.amplitude) > 2 * disc.noise**0.5 else None
+
+
+def _learn_clear(patches: list[Patch], first: Disc) -> Steps[Disc]:
+    """Learn a disc anew without what covers it; the first one where nothing does, or so much that it is no disc."""
+    disc = first
+    for _ in range(CLEARINGS):
+        clear, covered = [], []
+        for patch in patches:
+            shown, share = _uncovered(patch, disc)
+            yield
+            clear.append(_thinned(_part(patch, shown)))
+            covered.append(share)
+        if np.mean(covered) > NO_DISC:
+            return first
+        if not any(covered):
+            break
+        disc = yield from learn_disc(clear, first.radius_px, first.blur_px)
+        disc = replace(disc, covered=float(np.mean(covered)))
+    return disc
+
+
+def _uncovered(patch: Patch, disc: Disc) -> tuple[NDArray[np.bool_], float]:
+    """Which samples of a patch (a whole rectangle) nothing lies across, (n,); what share of the information is lost."""
+    columns = int(np.count_nonzero(patch.y == patch.y[0]))
+    kind = np.uint8 if patch.value.max() < 256 else np.uint16
+    luma: NDArray[np.unsignedinteger] = patch.value.reshape(-1, columns).astype(kind)
+    rows = float(patch.y[0]), float(patch.y[columns] - patch.y[0]) if len(patch.y) > columns else 1.0
+    start = np.array([patch.center_px[0] - patch.x[0], patch.center_px[1], disc.amplitude, disc.base])
+    shown, fitted, noise = np.ones(luma.shape, bool), np.zeros(kernels.RESULTS), np.array([disc.noise, SOFTNESS])
+    shape, share, table = disc.numbers(), 0.0, disc.table
+    kernels.fit_disc(luma, *rows, start, np.zeros(2), shape, table, noise, fitted)
+    if np.isfinite(fitted[kernels.X]):
+        where, result = (luma, *rows), fitted.copy()
+        _, share = fit_uncovered(*where, fitted, shape, table, noise, result, shown, CORE_EXPECTED, NOTABLE)
+    return shown.ravel(), share
+
+
+def _part(patch: Patch, kept: NDArray[np.bool_] | NDArray[np.intp]) -> Patch:
+    return Patch(patch.x[kept], patch.y[kept], patch.value[kept], patch.center_px)
+
+
+def _thinned(patch: Patch) -> Patch:
+    """At most ENOUGH samples, spread evenly: an error of the shape does not move the centre of a large mark."""
+    if len(patch.value) <= ENOUGH:
+        return patch
+    return _part(patch, np.linspace(0, len(patch.value) - 1, ENOUGH).astype(int))
+
+
+def with_disc(look: Appearance, disc: Disc) -> Appearance:
+    """The same mark with a better known shape."""
+    return replace(look, disc=disc, area_px2=max(look.area_px2, 0.8 * np.pi * disc.radius_px**2))

@@ -1,0 +1,95 @@
+"""Pairs of marks that look alike where marks are first found: which of them is the robot shows when it moves.
+
+Until then its marks are ambiguous: choosing by chance would be a guess dressed as a measurement. A region or a mask in
+the settings decides at once. What was not chosen is remembered as a place where no lost mark is sought.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from evaluator.tracking.detection.selection import Candidate, alike
+from evaluator.tracking.settings import TrackingSettings
+
+Point = tuple[float, float]
+Pair = dict[str, Candidate]
+
+# A pair has moved where a blob of it is farther from where it was first than this, in radii; as one body, where its
+# distance changed by less than this share of the way: two things that move on their own seldom keep it.
+MOVED, RIGID = 1.5, 0.1
+STEP = 2.0  # radii that a blob moves from picture to picture at most, to be known again
+APART_PX = 3.0  # change of a pair's distance from which its blobs are on no one body: more than blobs jitter
+
+
+@dataclass
+class _Rival:
+    """A pair where it was first seen and where it was seen last."""
+
+    first: Pair
+    last: Pair
+
+    def follow(self, pairs: list[Pair]) -> None:
+        """Take over the pair that is where this one was."""
+        for pair in pairs:
+            if all(_apart(pair[name], self.last[name]) < STEP * pair[name].radius_px for name in pair):
+                self.last = pair
+                return
+
+    @property
+    def change_px(self) -> float:
+        """How much farther apart its blobs are than at first."""
+        return abs(_apart(*self.last.values()) - _apart(*self.first.values()))
+
+    @property
+    def moved(self) -> bool:
+        """Whether it has moved as one body."""
+        way = max(_apart(self.last[name], self.first[name]) for name in self.first)
+        return way > MOVED * self.first["green"].radius_px and self.change_px < RIGID * way
+
+
+class Rivals:
+    """Pairs that look alike, from the first picture that shows them until one of them moves."""
+
+    def __init__(self) -> None:
+        """Start with none."""
+        self._rivals: list[_Rival] = []
+        self._others: list[Candidate] = []
+
+    @property
+    def undecided(self) -> bool:
+        """Whether pairs were found that only motion can tell apart."""
+        return bool(self._rivals)
+
+    def decide(self, found: list[Candidate], settings: TrackingSettings, chosen: Pair) -> Pair:
+        """Give the pair that is the robot's marks; nothing while several may be.
+
+        found: all blobs of the picture. chosen: its likeliest pair.
+        """
+        pairs = alike([one for one in found if one.mark in chosen], settings)
+        if not self._rivals and len(pairs) < 2:
+            return chosen
+        for rival in self._rivals:
+            rival.follow(pairs)
+        known = [rival.last for rival in self._rivals]
+        self._rivals += [_Rival(pair, pair) for pair in pairs if not any(_same(pair, one) for one in known)]
+        self._rivals = [rival for rival in self._rivals if rival.change_px < APART_PX]
+        moved = [rival for rival in self._rivals if rival.moved]
+        if len(moved) != 1 or moved[0].last not in pairs:
+            return {}
+        self._others = [one for rival in self._rivals if rival is not moved[0] for one in rival.last.values()]
+        self._rivals = []
+        return moved[0].last
+
+    def there(self, place: Point, radius_px: float) -> bool:
+        """Whether a place is that of a blob that was told to be none of the robot's marks."""
+        return any(math.dist(place, one.center_px) < radius_px for one in self._others)
+
+
+def _apart(one: Candidate, other: Candidate) -> float:
+    return math.dist(one.center_px, other.center_px)
+
+
+def _same(pair: Pair, other: Pair) -> bool:
+    """Whether two pairs share a blob."""
+    return any(_apart(pair[name], other[name]) < other[name].radius_px for name in pair)

@@ -1,0 +1,51 @@
+"""Look for a known mark in the whole picture."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.recording import Frame
+from evaluator.tracking.detection import color_kernels
+from evaluator.tracking.detection.find import allowed_cells
+from evaluator.tracking.following.follow import Follower
+from evaluator.tracking.settings import TrackingSettings
+
+Array = NDArray[np.float64]
+
+
+WEAKER = 0.5  # of the usual least chroma: a blurred mark is weaker at its rim
+
+
+class Search:
+    """Finds blobs of a learnt colour and size; keeps its masks from picture to picture."""
+
+    def __init__(self, frame: Frame, settings: TrackingSettings, cell: Array) -> None:
+        """frame: any picture of the recording, for its size."""
+        assert frame.u is not None
+        self._cell = cell
+        self._allowed = {name: allowed_cells(frame, settings, mark) for name, mark in settings.mark.items()}
+        self._mask = np.zeros(frame.u.shape, np.uint8)
+
+    def places(self, name: str, frame: Frame, follower: Follower, light: float) -> list[tuple[float, float]]:
+        """Centres of the blobs that may be the mark, likeliest size first; light: of what there was."""
+        color, area, cell = follower.color, follower.look.area_px2, self._cell
+        count, top, bottom, left, right = color_kernels.color_scan(
+            frame.u, frame.v, self._allowed[name], color, min(WEAKER, light) * color[4], self._mask
+        )
+        cell_area = cell[0] * cell[1]
+        if count * cell_area < 0.35 * area:
+            return []
+        part = np.ascontiguousarray(self._mask[top : bottom + 1, left : right + 1])
+        number, _, stats, centers = cv2.connectedComponentsWithStats(part, connectivity=8)
+        found = []
+        for label in range(1, number):
+            size = stats[label, cv2.CC_STAT_AREA] * cell_area / area
+            wide, high = stats[label, cv2.CC_STAT_WIDTH] * cell[0], stats[label, cv2.CC_STAT_HEIGHT] * cell[1]
+            # The lower threshold grows a blob by its blur; a bounding box far from square is no disc.
+            if 0.35 < size < 3.0 and max(wide, high) < 3.0 * min(wide, high):
+                x, y = centers[label]
+                place = float(cell[2] + cell[0] * (left + x)), float(cell[3] + cell[1] * (top + y))
+                found.append((abs(np.log(size)), place))
+        return [place for _, place in sorted(found)]

@@ -1,0 +1,1 @@
+"""Marks from frame to frame: prediction, search, identity."""

@@ -1,0 +1,304 @@
+"""Follow one mark from picture to picture: predict, look for its colour there, fit its disc, judge what came out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.recording import Frame
+from evaluator.tracking.detection import color_kernels
+from evaluator.tracking.detection.appearance import SOFTNESS, Appearance, patch_of
+from evaluator.tracking.observation import ABSENT, OK, Sighting
+from evaluator.tracking.refinement import fast_path, kernels
+from evaluator.tracking.refinement.learn_shape import Patch
+from evaluator.tracking.refinement.shading import LightNotes, interior_px
+from evaluator.tracking.refinement.slow_path import Closer
+from evaluator.tracking.uncertainty.rim import Rim, rim_power
+
+Array = NDArray[np.float64]
+Point = tuple[float, float]
+# A disturbance that looked just like a shift would move the centre by √pixels times its own share of the noise; real
+# ones (wires, glare, shadows) reach a third of that.
+LIKENESS = 0.11
+HOPELESS = 8.0  # residual at which a disc is no longer what is seen
+
+LATELY = 4.0  # intervals since a mark was seen from which its place then tells no longer how fast it is
+# Shares of an interval that are tried as the shutter's: within a step of the right one the residual is a parabola.
+SHUTTERS, SHUTTER_STEP = (0.1, 0.3, 0.5, 0.7, 0.9, 1.1), 0.2
+SMEARED_PX = 2.0  # motion in an interval from which the share matters
+STEADY = 2.0  # ratio of speeds, either way, beyond which a mark starts, stops or was pushed: that is no turn
+
+VIEW_EVERY = 10
+RELEARN_AT = (60, 240)  # pictures in which a mark was seen: a second and four seconds of most recordings
+
+
+@dataclass
+class Follower:
+    """Where one mark was last and how it moves.
+
+    look: what it looks like. exposure: share of the interval that the shutter is open, None to learn it. position,
+    velocity: px and px/s at time_s (the mean since the picture before), None while never seen. missed: pictures since
+    it was measured. turn_rad_s: how fast a velocity turns that smears the mark.
+    """
+
+    look: Appearance
+    exposure: float | None
+    position: Point | None = None
+    velocity: Point = (0.0, 0.0)
+    time_s: float = 0.0
+    missed: int = 0
+    turn_rad_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Make the arrays the kernels read and fill."""
+        # Share of the interval that the shutter is open, and its standard uncertainty: any share is as likely.
+        self.shutter = (0.5, 12**-0.5) if self.exposure is None else (self.exposure, 0.0)
+        self._found, self._result = np.zeros(5), np.zeros(kernels.RESULTS)
+        self._fitted, self._start = self._result.tolist(), np.zeros(4)
+        self.seen, self.views = 0, list[Patch]()
+        self.light, self.rim = LightNotes(), Rim()
+        self.glimpse: tuple[Point | None, float] = None, 0.0  # where and when it was seen last but not measured
+        self._usual = np.zeros(5)
+        self._usual[fast_path.U_SCATTER] = (fast_path.DISTURBED - 1.0) / fast_path.ODD  # the largest that is believed
+        self.take_look(self.look)
+
+    def take_look(self, look: Appearance) -> None:
+        """Change what the mark looks like."""
+        disc = look.disc
+        self.look = look
+        self._disc, self._table = disc.numbers(), disc.table
+        self._noise = np.array([disc.noise, SOFTNESS])
+        inner_px = disc.radius_px - 2.5 * disc.blur_px
+        self._closer = Closer(self._disc, self._table, self._noise, self._result, inner_px, disc.blur_px)
+        self._usual[[fast_path.U_AMPLITUDE, fast_path.U_BASE, fast_path.U_LEAST_NOISE, fast_path.U_AREA]] = (
+            disc.amplitude, disc.base, 0.5 * disc.noise, look.area_px2
+        )  # fmt: skip
+        self.radius_px = disc.radius_px
+        self.light.interior_px, self.rim = interior_px(disc), Rim()
+        self.color = look.color.copy()
+
+    def take_shape(self, look: Appearance) -> None:
+        """Change the shape of a mark that is being followed: its light and noise are what they were just seen to be."""
+        level, noise = self._usual[[fast_path.U_AMPLITUDE, fast_path.U_BASE]].copy(), self._noise[0]
+        self.take_look(look)
+        self._usual[[fast_path.U_AMPLITUDE, fast_path.U_BASE]] = level
+        self._noise[0] = max(noise, self._usual[fast_path.U_LEAST_NOISE])
+
+    def predicted(self, time_s: float) -> Point | None:
+        """Where the mark should be at a time, at constant velocity."""
+        if self.position is None:
+            return None
+        lapse = time_s - self.time_s
+        return self.position[0] + self.velocity[0] * lapse, self.position[1] + self.velocity[1] * lapse
+
+    def step_px(self, interval_s: float) -> float:
+        """How far the mark moves in an interval, along both axes together."""
+        return (abs(self.velocity[0]) + abs(self.velocity[1])) * interval_s
+
+    def _turned(self, velocity: Point, lapse_s: float) -> Point:
+        """Velocity after a lapse, turned on as it turned last: on a curve no smear along the last step fits."""
+        if self.turn_rad_s == 0.0:
+            return velocity
+        (x, y), cos, sin = velocity, math.cos(self.turn_rad_s * lapse_s), math.sin(self.turn_rad_s * lapse_s)
+        return cos * x - sin * y, sin * x + cos * y
+
+    def look_again(
+        self, frame: Frame, cell: Array, place: Point, interval_s: float, guide: Point, light: float
+    ) -> Sighting:
+        """Measure a mark that was lost where the whole picture was searched for it.
+
+        It may be faster than it was. guide: velocity, px/s, of the body it is on. light: of what there was when it was
+        last seen.
+        """
+        color, velocity, usual = self.color[4], self.velocity, self._usual.copy()
+        turn_rad_s, self.turn_rad_s = self.turn_rad_s, 0.0
+        self.color[4] = min(light, 1.0) * color
+        if not 1.0 / fast_path.BRIGHTER < light < fast_path.BRIGHTER:
+            # Lights were switched: the mark has changed as all has.
+            self._usual[[fast_path.U_AMPLITUDE, fast_path.U_BASE, fast_path.U_LEAST_NOISE]] *= (
+                light,
+                light,
+                max(light, 1.0),
+            )
+        velocities = [(0.0, 0.0)] if guide == (0.0, 0.0) else [guide, (0.0, 0.0)]
+        # Seen in the picture before, though not measured: a jump of speed smears a mark as nothing foretold.
+        for where, when in ((self.position, self.time_s), self.glimpse):
+            lapse = frame.time_s - when
+            if where is not None and 0 < lapse < LATELY * interval_s:
+                velocities.insert(0, ((place[0] - where[0]) / lapse, (place[1] - where[1]) / lapse))
+        one = ABSENT["not seen"]
+        for self.velocity in velocities:
+            one = self.look_at(frame, cell, place, 3.0, interval_s)
+            if one.status == OK:
+                break
+        self.color[4], self.velocity, self.turn_rad_s = color, velocity, turn_rad_s
+        if one.status != OK:
+            self._usual[:] = usual
+        return one
+
+    def look_at(self, frame: Frame, cell: Array, place: Point, reach_px: float, interval_s: float) -> Sighting:
+        """Measure the mark near a place of the picture; reach_px: how far from it the mark may be.
+
+        cell: of the chroma samples, as `color_kernels.color_window` takes it.
+        """
+        x_px_s, y_px_s = self._turned(self.velocity, frame.time_s - self.time_s + 0.5 * interval_s)
+        result, exposure_s = self._result, self.shutter[0] * interval_s
+        verdict = fast_path.glance(
+            frame.luma, frame.u, frame.v, frame.row_origin, frame.row_step, cell, *place, reach_px,
+            exposure_s * x_px_s, exposure_s * y_px_s, self.color, self._usual, self._disc, self._table,
+            self._noise, self._start, self._found, result,
+        )  # fmt: skip
+        if verdict == fast_path.TOO_LITTLE:
+            return ABSENT["outside the picture" if self._found[color_kernels.CLIPPED] > 0.2 else "not seen"]
+        lookout = self._closer.begin(frame)
+        if verdict == fast_path.WELL and not lookout:
+            return self._measured(frame)
+        if verdict == fast_path.UNUSUAL:
+            self._look_closer(frame, interval_s)
+        suspicious = bool(result[kernels.RESIDUAL] > 1.0 + fast_path.SUSPECT * self._usual[fast_path.U_SCATTER])
+        if suspicious or lookout:
+            taken = self._closer.look(frame, suspicious=suspicious)
+            if verdict == fast_path.WELL and not taken:
+                return self._measured(frame, closely=self._closer.regular(frame))  # what the glance has judged stands
+        return self._judged(frame, cell, place, reach_px)
+
+    def _look_closer(self, frame: Frame, interval_s: float) -> None:
+        """Fit anew where a long exposure or a light switched on explains what is disturbed."""
+        result, start, usual = self._result, self._start, self._usual
+        residual = result[kernels.RESIDUAL]
+        if residual > fast_path.DISTURBED and self.exposure is None and interval_s > 0:
+            residual = self._learn_exposure(frame, start, interval_s)
+        brighter = result[kernels.AMPLITUDE] / usual[fast_path.U_AMPLITUDE]
+        if residual > fast_path.DISTURBED and fast_path.BRIGHTER < brighter < fast_path.PLAUSIBLE:
+            # Photon noise grows with the light, gain noise with its square.
+            least = usual[fast_path.U_LEAST_NOISE]
+            self._noise[0] = min(self._noise[0] * brighter**2, fast_path.NOISE_RANGE * least)
+            start[2], start[3] = result[kernels.AMPLITUDE], result[kernels.BASE]
+            self._closer.fit(frame, start)
+
+    def _learn_exposure(self, frame: Frame, start: Array, interval_s: float) -> float:
+        """See from a mark that moves fast which share of the interval the shutter is open; returns the residual."""
+        lapse = frame.time_s - self.time_s
+        velocity = self._turned(self.velocity, lapse + 0.5 * interval_s)
+        if self.position is not None and self.missed == 0 and lapse > 0 and np.isfinite(self._result[0]):
+            velocity = self._result[0] - self.position[0], self._result[1] - self.position[1]
+            velocity = self._turned((velocity[0] / lapse, velocity[1] / lapse), 0.5 * lapse)
+        if (abs(velocity[0]) + abs(velocity[1])) * interval_s < SMEARED_PX:
+            return float(self._result[kernels.RESIDUAL])
+
+        def left(share: float) -> float:
+            fast_path.smear(self._disc, velocity[0] * share * interval_s, velocity[1] * share * interval_s)
+            self._closer.fit(frame, start)
+            return float(self._result[kernels.RESIDUAL])
+
+        self.shutter = _least([(left(share), share) for share in SHUTTERS]), SHUTTER_STEP * 12**-0.5
+        return left(self.shutter[0])
+
+    def _judged(self, frame: Frame, cell: Array, place: Point, reach_px: float) -> Sighting:
+        """Say why what was fitted is not the mark, or give it."""
+        x, y, amplitude, _, _, _, _, residual, used, inside, _, _, _ = self._result.tolist()
+        colored, seen_x, seen_y, _, _ = self._found.tolist()
+        slack = 0.5 * self.radius_px + 1.0
+        brightness, far = amplitude / self._usual[fast_path.U_AMPLITUDE], max(abs(x - place[0]), abs(y - place[1]))
+        reason = ""
+        if x != x:  # noqa: PLR0124 - NaN: no fit
+            reason = "no disc"
+        elif inside < fast_path.LEAST_INSIDE:
+            reason = "outside the picture"
+        elif far > reach_px + slack or not 1.0 / fast_path.PLAUSIBLE < brightness < fast_path.PLAUSIBLE:
+            reason = "no disc"
+        elif used < fast_path.LEAST_USED:
+            reason = "partly hidden"
+        elif residual > HOPELESS:
+            reason = "disturbed"
+        elif colored > fast_path.MANY * self.look.area_px2 or abs(x - seen_x) + abs(y - seen_y) > slack:
+            reason = self._crowd(frame, cell, (x, y), slack)
+        return ABSENT[reason] if reason else self._measured(frame, closely=True)
+
+    def _measured(self, frame: Frame, *, closely: bool = False) -> Sighting:
+        """Give what was fitted, with its uncertainty; closely: look along the rim, too."""
+        self._fitted = self._result.tolist()
+        x, y, _, _, var_x, var_y, cov_xy, residual, _, _, pixels, slope, _ = self._fitted
+        self.light.note_fit(frame.time_s, sloped=slope != 0.0)
+        if self._closer.covered:
+            return Sighting(x, y, var_x, var_y, cov_xy, OK)
+        # Residuals above the learnt noise (codec, wire, texture) widen the uncertainty by more than chance makes them
+        # scatter; a chance calm keeps it.
+        scale, (dx, dy) = 1.0, self._closer.shift
+        if residual > 1.0:
+            odd = residual - 1.0 - fast_path.ODD * float(self._usual[fast_path.U_SCATTER])
+            scale = max(1.0, residual - (2.0 / max(pixels, 1.0)) ** 0.5) + LIKENESS * pixels * max(odd, 0.0)
+        if closely:
+            where = frame.luma, frame.row_origin, frame.row_step, self._result
+            self.rim.note(rim_power(*where, self._disc, self._table, self._noise), 0.5 * scale * (var_x + var_y))
+        rim = self.rim.extra_px2
+        var_x, var_y, cov_xy = scale * var_x + dx * dx + rim, scale * var_y + dy * dy + rim, scale * cov_xy + dx * dy
+        return Sighting(x, y, var_x, var_y, cov_xy, OK)
+
+    def keep_view(self, frame: Frame) -> None:
+        """Keep some clear views of the mark, for learning its shape anew once it was seen in other places."""
+        self.seen += 1
+        if (
+            self.seen % VIEW_EVERY == 0
+            and self.seen < RELEARN_AT[-1]
+            and self._result[kernels.RESIDUAL] < fast_path.DISTURBED
+        ):
+            self.views.append(patch_of(frame, self.position or (0.0, 0.0), self.radius_px))
+
+    def looks_changed(self) -> bool:
+        """Whether residuals are no longer what they were while the shape was learnt: then it is worth learning anew."""
+        ratio = self._noise[0] / self.look.disc.noise
+        return bool(not 0.6 < ratio < 1.6)
+
+    def note_light(self, frame: Frame) -> None:
+        """Note how unevenly the mark is lit where it was just seen, unless it is a wire that makes it uneven."""
+        if self._closer.covered:
+            return
+        if not self.missed and self.position is not None and self._fitted[kernels.SLOPE_X] == 0.0:
+            self.light.note(frame, self.position)
+
+    def _crowd(self, frame: Frame, cell: Array, place: Point, slack: float) -> str:
+        """Why the colour right around a fitted centre speaks against it, or nothing."""
+        found, area = self._found, self.look.area_px2
+        color_kernels.color_window(frame.u, frame.v, cell, place[0], place[1], self.radius_px, self.color, found)
+        if found[0] < 0.5 * area:
+            return "partly hidden"
+        beside = abs(found[1] - place[0]) + abs(found[2] - place[1]) > slack
+        return "ambiguous" if beside else ""
+
+    def accept(self, sighting: Sighting, time_s: float) -> None:
+        """Take over a measurement, or count a miss."""
+        if sighting.status != OK:
+            self.missed += 1
+            return
+        lapse = time_s - self.time_s
+        if self.position is not None and self.missed == 0 and lapse > 0:
+            before = self.velocity
+            self.velocity = (sighting.x - self.position[0]) / lapse, (sighting.y - self.position[1]) / lapse
+            self.turn_rad_s = self._turn(before, lapse)
+        elif self.missed > 3:
+            self.velocity = (0.0, 0.0)
+        self.position, self.time_s, self.missed = (sighting.x, sighting.y), time_s, 0
+        fast_path.settle(self._usual, self._noise, self.color, self._found, self._result)
+
+    def _turn(self, before: Point, lapse_s: float) -> float:
+        """How fast the velocity has turned since the one before, rad/s; 0 where the mark is slow, starts or stops."""
+        if self.step_px(lapse_s) < SMEARED_PX:
+            return 0.0
+        (x, y), (old_x, old_y) = self.velocity, before
+        steady = 1.0 / STEADY < math.hypot(x, y) / max(math.hypot(old_x, old_y), 1e-9) < STEADY
+        return math.atan2(old_x * y - old_y * x, old_x * x + old_y * y) / lapse_s if steady else 0.0
+
+
+def _least(tried: list[tuple[float, float]]) -> float:
+    """Share of least residual, of pairs of residual and share: by the parabola through the least and its neighbours."""
+    squares = np.nan_to_num([square for square, _ in tried], nan=np.inf)
+    k = int(np.argmin(squares))
+    best = tried[k][1]
+    if 0 < k < len(tried) - 1 and np.isfinite(squares[k - 1 : k + 2]).all():
+        below, least, above = squares[k - 1 : k + 2]
+        best += SHUTTER_STEP * 0.5 * (below - above) / max(below - 2.0 * least + above, 1e-9)
+    return min(float(best), 1.0)

@@ -1,0 +1,291 @@
+"""Find, learn, follow and find again all marks of a recording, one picture after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+import numpy as np
+
+from evaluator.errors import InputError
+from evaluator.recording import Frame
+from evaluator.tracking.detection.appearance import Appearance, learn_color, learn_shape, patch_of, with_disc
+from evaluator.tracking.detection.find import allowed_cells, cell_of, find_marks, neutral_of
+from evaluator.tracking.detection.lookalikes import Rivals
+from evaluator.tracking.detection.search import Search
+from evaluator.tracking.detection.selection import Candidate
+from evaluator.tracking.following.follow import RELEARN_AT, Array, Follower, Point
+from evaluator.tracking.following.pair import PAIR, Body
+from evaluator.tracking.observation import ABSENT, OK, REPEATED, Sighting
+from evaluator.tracking.refinement.disc import Disc, shaped_as
+from evaluator.tracking.refinement.learn_shape import Steps, finished
+from evaluator.tracking.settings import TrackingSettings
+
+STEPS = 1  # of learning a shape anew, a picture: 1 ms on a mark of 20 px radius
+LEARNING_FRAMES = 12  # pictures a shape is learnt from; more do not improve the centre: shape and centre are orthogonal
+# Light is measured in every second picture at first, then in every sixteenth: it belongs to the place, not to the time.
+SHADING_MASK, SHADED, RARELY_MASK = 1, 512, 15
+UNEQUAL = 0.08  # radii of equal marks differ by less: halation of a brighter mark, learning from noisy pictures
+UNEQUAL_NOISE = 4.0  # and so does their noise: light and codec treat them alike
+UNEQUAL_SLANT = 0.02  # and they are slanted alike: a rim that something cuts looks slanted alone
+MORE_COVERED = 0.05  # of its information, from which a mark tells less of its shape than its partner
+DAZZLED = 2.0  # noise over squared contrast of one over the other; by their colours alone they differ by less
+NEAR_MISSES = 8  # pictures for which a lost mark is sought first where it was going to
+DARKEST = 0.2  # of the light there was: below that, marks that can still be told are found as never seen before
+LIGHT_MASK = 7  # light is looked at in every eighth picture
+PATIENCE = 30  # pictures to wait for both marks of a pair before following one alone
+STILL_PX = 0.3  # a mark that moves less a picture rests, and a codec may well repeat its picture
+NOT_SEEN, AGAIN, AMBIGUOUS = ABSENT["not seen"], ABSENT[REPEATED], ABSENT["ambiguous"]
+
+
+class Tracker:
+    """Follows all marks through a recording; what it has learnt stays readable in `followers`."""
+
+    def __init__(self, settings: TrackingSettings) -> None:
+        """Start with nothing learnt."""
+        self.settings = settings
+        self.names = list(settings.mark)
+        self.followers: dict[str, Follower] = {}
+        self.cell: Array = np.zeros(4)
+        self.interval_s = 1.0 / 60.0
+        self._time_s: float | None = None
+        self._shape: tuple[int, ...] = ()
+        self._search: Search | None = None
+        self._waited, self._source = 0, "the recording"
+        self.body, self._rivals = Body(), Rivals()
+        self._light, self._dimmed = 0.0, 1.0
+        self._lessons: list[tuple[Follower, Steps[Disc | None]]] = []
+
+    def run(self, recording: Iterable[Frame]) -> Iterator[tuple[Frame, list[Sighting]]]:
+        """Give every picture with the sightings of its marks, in the order of `names`.
+
+        The first LEARNING_FRAMES pictures with a mark are held back until its shape is learnt from them.
+        """
+        self._source = getattr(recording, "name", self._source)
+        pictures = iter(recording)
+        held: list[tuple[Frame, list[Sighting]]] = []
+        for frame in pictures:
+            sightings = self.step(frame)
+            if not self.followers:
+                yield frame, sightings
+                continue
+            held.append((frame, sightings))
+            if len(held) == LEARNING_FRAMES:
+                break
+        self._refine(held)
+        for frame, sightings in held:
+            yield frame, [self._again(name, frame, one) for name, one in zip(self.names, sightings, strict=True)]
+        held.clear()
+        for frame in pictures:
+            yield frame, self.step(frame)
+
+    def step(self, frame: Frame) -> list[Sighting]:
+        """Measure all marks in the next picture."""
+        time_s = frame.time_s
+        if self._time_s is not None and time_s > self._time_s:
+            self.interval_s = time_s - self._time_s
+        self._time_s = time_s
+        if frame.luma.shape != self._shape:
+            self._prepare(frame)
+        followers = self.followers
+        if frame.repeated and any(f.step_px(self.interval_s) > STILL_PX for f in followers.values()):
+            # The recorder filled a gap with the picture before: it shows where the marks were, not where they are.
+            return [AGAIN] * len(self.names)
+        if len(followers) < len(self.names):
+            self._discover(frame)
+        sightings = [self._followed(followers.get(name), frame, time_s) for name in self.names]
+        if any(one.status != OK for one in sightings):
+            self._recover(frame, sightings)
+        elif not frame.index & LIGHT_MASK:
+            self._light = _light(frame)
+        self._note_distance(sightings)
+        if self._lessons:
+            self._learn_on()
+        for name, one in zip(self.names, sightings, strict=True):
+            if name in followers:
+                followers[name].accept(one, time_s)
+                self._note(name, frame, one)
+        return sightings
+
+    def _note(self, name: str, frame: Frame, one: Sighting) -> None:
+        """Gather what is learnt on the way: shape from more places, light; give up what never fitted anything."""
+        follower = self.followers[name]
+        if one.status == OK:
+            follower.keep_view(frame)
+            if follower.seen in RELEARN_AT and follower.views and follower.looks_changed():
+                views = follower.views[:: -(-len(follower.views) // LEARNING_FRAMES)]
+                self._lessons.append((follower, learn_shape(views, follower.radius_px, follower.look.disc.blur_px)))
+            if not frame.index & (SHADING_MASK if follower.seen < SHADED else RARELY_MASK):
+                follower.note_light(frame)
+        elif follower.missed > PATIENCE and follower.seen < LEARNING_FRAMES:
+            del self.followers[name]
+
+    def _prepare(self, frame: Frame) -> None:
+        if frame.u is None:
+            raise InputError(f"{self._source} has no colour: green and yellow marks cannot be told apart in it")
+        across, down = cell_of(frame)
+        step = frame.row_step
+        self.cell = np.array([across, down * step, (across - 1) / 2, frame.row_origin + (down - 1) / 2 * step], float)
+        self._search = Search(frame, self.settings, self.cell)
+        self._shape = frame.luma.shape
+
+    def _followed(self, follower: Follower | None, frame: Frame, time_s: float) -> Sighting:
+        place = None if follower is None else follower.predicted(time_s)
+        if follower is None or place is None or follower.missed > NEAR_MISSES:
+            return AMBIGUOUS if self._rivals.undecided else NOT_SEEN
+        # An acceleration may change the step by half of itself from one picture to the next; every miss adds to that.
+        reach = (2.0 + 0.5 * follower.step_px(self.interval_s)) * (1 + follower.missed)
+        return follower.look_at(frame, self.cell, place, reach, self.interval_s)
+
+    def _recover(self, frame: Frame, sightings: list[Sighting]) -> None:
+        """Look in the whole picture for marks that are not where they should be; in place.
+
+        Two marks of one robot are found at their distance only, or alone where the robot can have come to.
+        """
+        pair, body = set(self.names) == PAIR, self.body
+        lost = [k for k, one in enumerate(sightings) if one.status != OK and self.names[k] in self.followers]
+        self._dimmed = max(_light(frame) / self._light, DARKEST) if self._light else 1.0
+        places = {k: self._places(self.names[k], frame) for k in lost}
+        for k in lost:
+            follower, mine = self.followers[self.names[k]], places[k]
+            partner = sightings[1 - k] if pair else NOT_SEEN
+            guide = (0.0, 0.0)
+            if partner.status == OK:
+                mine = body.paired(mine, [partner[:2]])
+                guide = self.followers[self.names[1 - k]].velocity
+            elif pair and body.known:
+                mine = body.paired(mine, places.get(1 - k, [])) or [place for place in mine if self._reached(place, k)]
+            sightings[k] = self._found_again(follower, frame, mine, guide, sightings[k])
+            if sightings[k].status == OK and partner.status != OK:
+                body.confirmed = False
+            if pair and partner.status == OK and not mine and places[k] and not body.confirmed and body.known:
+                self._leave_lookalike(frame, sightings, k, places[k])
+
+    def _leave_lookalike(self, frame: Frame, sightings: list[Sighting], k: int, mine: list[Point]) -> None:
+        """Where a mark was found alone and its partner lies elsewhere, follow the pair that fits instead; in place."""
+        name, other = self.names[k], self.names[1 - k]
+        theirs = self._places(other, frame)
+        for key, places in ((1 - k, self.body.paired(theirs, mine)), (k, self.body.paired(mine, theirs))):
+            follower = self.followers[(name, other)[key != k]]
+            found = self._found_again(follower, frame, places, (0.0, 0.0), sightings[key])
+            if found.status != OK:
+                return
+            sightings[key] = found
+
+    def _places(self, name: str, frame: Frame) -> list[Point]:
+        assert self._search is not None
+        places = self._search.places(name, frame, self.followers[name], self._dimmed)
+        return [place for place in places if not self._rivals.there(place, self.followers[name].radius_px)]
+
+    def _reached(self, place: Point, k: int) -> bool:
+        """Whether a robot can have come to a place since its mark was lost."""
+        follower = self.followers[self.names[k]]
+        if follower.position is None:
+            return True
+        reach = self.body.distance_px + 2.0 * follower.step_px(self.interval_s) * (1 + follower.missed)
+        return abs(place[0] - follower.position[0]) + abs(place[1] - follower.position[1]) < reach
+
+    def _found_again(
+        self, follower: Follower, frame: Frame, places: list[Point], guide: Point, miss: Sighting
+    ) -> Sighting:
+        """Measure a mark in the likeliest of the places that it may be at."""
+        expected = follower.predicted(frame.time_s)
+        if expected is not None and follower.missed < NEAR_MISSES:
+            places = sorted(places, key=lambda place: abs(place[0] - expected[0]) + abs(place[1] - expected[1]))
+        for place in places[:3]:
+            one = follower.look_again(frame, self.cell, place, self.interval_s, guide, self._dimmed)
+            if one.status == OK:
+                return one
+        if places:
+            follower.glimpse = places[0][:2], frame.time_s
+        return miss
+
+    def _note_distance(self, sightings: list[Sighting]) -> None:
+        if len(sightings) == len(PAIR) and sightings[0].status == OK == sightings[1].status:
+            self.body.note(sightings[0][:2], sightings[1][:2])
+
+    def _discover(self, frame: Frame) -> None:
+        """Find marks that were never seen yet."""
+        wanted = [name for name in self.names if name not in self.followers]
+        chosen, found = find_marks(frame, self.settings, wanted)
+        pair = len(self.names) > 1 and not self.followers
+        self._waited += 1
+        waiting = self._waited < PATIENCE or self._rivals.undecided
+        if not chosen or (pair and len(chosen) < len(wanted) and waiting):
+            return
+        if chosen.keys() == PAIR:
+            chosen = self._rivals.decide(found, self.settings, chosen)
+        neutral = neutral_of(frame, allowed_cells(frame, self.settings))
+        for name, candidate in chosen.items():
+            others = [other.chroma_uv for key, other in chosen.items() if key != name]
+            others += [tuple(known.color[:2] + known.color[2:4]) for known in self.followers.values()]
+            self._start(name, frame, candidate, learn_color(candidate, others, neutral))
+
+    def _start(self, name: str, frame: Frame, candidate: Candidate, color: Array) -> None:
+        disc = finished(learn_shape([patch_of(frame, candidate.center_px, candidate.radius_px)], candidate.radius_px))
+        if disc is None:
+            return
+        partner = self.followers.get(next(iter(PAIR - {name}))) if name in PAIR else None
+        if partner is not None and partner.seen >= LEARNING_FRAMES:
+            # What hid it so long may still cut it or shine on it: its partner shows what it looks like.
+            disc = shaped_as(disc, partner.look.disc)
+        area = np.pi * max(candidate.radius_px**2, 0.8 * disc.radius_px**2)
+        follower = Follower(Appearance(color, area, disc), self.settings.exposure)
+        follower.position, follower.time_s = candidate.center_px, frame.time_s
+        self.followers[name] = follower
+
+    def _refine(self, held: list[tuple[Frame, list[Sighting]]]) -> None:
+        """Learn the shapes anew from the pictures held."""
+        for k, name in enumerate(self.names):
+            follower = self.followers.get(name)
+            if follower is None:
+                continue
+            seen: list[tuple[Frame, Point]] = [(f, (s[k].x, s[k].y)) for f, s in held if s[k].status == OK]
+            patches = [patch_of(frame, place, follower.radius_px) for frame, place in seen[::2]]
+            disc = finished(learn_shape(patches, follower.radius_px, follower.look.disc.blur_px))
+            if disc is not None:
+                follower.take_look(with_disc(follower.look, disc))
+        self._agree()
+
+    def _learn_on(self) -> None:
+        """Take some steps in learning a shape anew: no picture waits for all of it."""
+        follower, steps = self._lessons[0]
+        try:
+            for _ in range(STEPS):
+                next(steps)
+        except StopIteration as end:
+            del self._lessons[0]
+            if end.value is not None:
+                follower.take_shape(with_disc(follower.look, end.value))
+                self._agree(Follower.take_shape)
+
+    def _agree(self, take: Callable[[Follower, Appearance], None] = Follower.take_look) -> None:
+        """Give the two marks of a robot one shape where one of them was partly hidden: they are equal discs."""
+        if not {"green", "yellow"} <= self.followers.keys():
+            return
+        marks = [self.followers[name] for name in ("green", "yellow")]
+        better, worse = sorted(marks, key=lambda mark: mark.look.disc.covered)
+        if worse.look.disc.covered > better.look.disc.covered + MORE_COVERED:
+            take(worse, with_disc(worse.look, shaped_as(worse.look.disc, better.look.disc)))
+            return
+        worse, better = sorted(marks, key=lambda mark: mark.radius_px)
+        if worse.radius_px < (1 - UNEQUAL) * better.radius_px:
+            # What hides a mark makes it smaller; what dazzles it takes its contrast, and makes it larger.
+            if better.look.disc.unclear > DAZZLED * worse.look.disc.unclear:
+                worse, better = better, worse
+        else:
+            better, worse = sorted(marks, key=lambda mark: mark.look.disc.noise)
+            alike = worse.look.disc.unlike(better.look.disc) < UNEQUAL_SLANT
+            if alike and worse.look.disc.noise < UNEQUAL_NOISE * better.look.disc.noise:
+                return
+        take(worse, with_disc(worse.look, shaped_as(worse.look.disc, better.look.disc)))
+
+    def _again(self, name: str, frame: Frame, one: Sighting) -> Sighting:
+        if one.status != OK:
+            return one
+        return self.followers[name].look_at(frame, self.cell, (one.x, one.y), 2.0, 0.0)
+
+
+def _light(frame: Frame) -> float:
+    """Mean luma of the picture above black, from a few hundred of its pixels."""
+    black = 0.0 if frame.full_range else 16.0 * 2 ** (frame.depth - 8)
+    return max(float(frame.luma[::37, ::23].mean()) - black, 1e-9)

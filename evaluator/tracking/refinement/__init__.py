@@ -1,0 +1,1 @@
+"""Sub-pixel fit of a mark: disc model, blur, shading, occlusion."""

@@ -1,0 +1,241 @@
+"""Compiled inner loops: where exactly a disc is in the luma.
+
+Picture frame, px. Luma row j lies at y = row_origin + row_step·j. Numbers only in and
+out; the meaning is in disc.py and follow.py.
+
+What a kernel calls is compiled into it (forceinline): several copies of a function, each optimised within another
+caller, sum in another order, and which of them runs depends on what was compiled and what came from numba's cache.
+"""
+# mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
+# ruff: noqa: ANN001, ANN201 - numba infers the types
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from evaluator.tracking.refinement.motion_blur import mean_over, path_of
+
+# Places of the numbers that `fit_disc` gives.
+X, Y, AMPLITUDE, BASE, VAR_X, VAR_Y, COV_XY, RESIDUAL, USED, INSIDE, PIXELS, SLOPE_X, SLOPE_Y = range(13)
+RESULTS = 13
+
+single = np.float32
+# Liberties of floating point that let sums of a row be taken several pixels at once; NaN stays what it is.
+SUMS = {"contract", "arcp", "nsz", "reassoc"}
+LANES = 8  # pixels that processors of today take at once
+
+
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+def fit_disc(luma, row_origin, row_step, start, slopes, disc, table, noise, result):
+    """Fit centre, amplitude and base of a blurred disc to the luma by iteratively reweighted least squares.
+
+    start: x, y, amplitude, base. slopes: None for a level background; else those it may have (two), fitted as well.
+    disc: radius, blur, e1, e2, outer radius of the pixels used, smear along x and y (px during the exposure), entries
+    of the table per px². table: of the disc against the square of the radius, its profile and its slope over the
+    radius. noise: variance, softness of the outlier weights in sigmas. result: see the names at the top.
+    """
+    size = 4 if slopes is None else 6
+    state, sums = np.zeros(6), np.empty(3)
+    state[:4] = start
+    normal, right, move = np.empty((size, size)), np.empty(size), np.empty(size)
+    reach, path = disc[4] / math.sqrt(1.0 - math.sqrt(disc[2] * disc[2] + disc[3] * disc[3])), path_of(disc)
+    for _ in range(12):
+        window = window_around(luma, row_origin, row_step, state, reach)
+        if len(path) > 0:
+            accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, path, noise, normal, right, sums)
+        else:
+            accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, None, noise, normal, right, sums)
+        if sums[2] < 6.0 or not solve(normal, right, move):
+            result[X] = result[Y] = result[RESIDUAL] = np.nan
+            return
+        # A step beyond the blurred edge leaves the range in which the slope means anything.
+        length = math.sqrt(move[0] * move[0] + move[1] * move[1])
+        shorten = min(1.0, (0.35 * disc[0] + disc[1]) / max(length, 1e-12))
+        state[0] += shorten * move[0]
+        state[1] += shorten * move[1]
+        for m in range(2, size):
+            state[m] += move[m]
+        # The next step would be shorter by the error of the slope across this one, 1/20 or less.
+        if length < 0.02:
+            break
+    invert_leading(normal, result)
+    result[X : BASE + 1], result[SLOPE_X], result[SLOPE_Y] = state[:4], state[4], state[5]
+    result[RESIDUAL] = sums[0] / max(sums[1] - size, 1.0)
+    result[USED] = sums[1] / max(sums[2], 1.0)
+    result[INSIDE] = sums[2] / max(surroundings(luma, row_origin, row_step, state, reach, disc), sums[2])
+    result[PIXELS] = sums[2]
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def window_around(luma, row_origin, row_step, state, reach):
+    """Rows and columns (first, and one beyond the last) of the picture within reach of a centre, in whole lanes."""
+    rows, columns = luma.shape
+    left, right = max(math.ceil(state[0] - reach), 0), min(math.floor(state[0] + reach), columns - 1) + 1
+    top = max(math.ceil((state[1] - reach - row_origin) / row_step), 0)
+    bottom = min(math.floor((state[1] + reach - row_origin) / row_step), rows - 1) + 1
+    # Whole lanes, where the picture has them: what lies beyond the disc weighs nothing.
+    whole = left + (right - left + LANES - 1) // LANES * LANES
+    return top, bottom, left, whole if left < right and whole <= columns else right
+
+
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy", fastmath=SUMS)
+def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, path, noise, normal, right, sums):  # noqa: PLR0915 - one loop
+    """Fill the upper triangle of the normal equations of `fit_disc` at a state, from the pixels in a window.
+
+    path: of `smear.path_of`, or None where nothing smears: a loop of its own is made of that, for nearly all pictures.
+    sums: weighted squares, sum of outlier weights, pixels used. In one piece, in single precision and without branches
+    within a row, so that several pixels are taken at once: 1e-7 of the sums is below all else.
+    """
+    top, bottom, first, last = window
+    x, y, amplitude, base = state[0], state[1], single(state[2]), single(state[3])
+    tilt_x, tilt_y = single(state[4]), single(state[5])
+    outer2, per_px2, end = single(disc[4] * disc[4]), single(disc[7]), single(len(table) - 1)
+    stretch_x, stretch_y, e2 = single(1.0 + disc[2]), single(1.0 - disc[2]), single(disc[3])
+    certain, softness = single(1.0 / noise[0]), single(1.0 / (noise[0] * noise[1] * noise[1]))
+    edge = 3.5 * math.sqrt(disc[1] * disc[1] + (disc[5] * disc[5] + disc[6] * disc[6]) / 12.0)
+    flat_in, flat_out = single(max(disc[0] - edge, 0.0) ** 2), single((disc[0] + edge) ** 2)
+    none, half, one, two = single(0.0), single(0.5), single(1.0), single(2.0)
+    xx = xy = xp = xb = yy = yp = yb = pp = pb = bb = rx = ry = rp = rb = squares = count = none
+    xs = ys = ps = bs = rs = xt = yt = pt = bt = rt = ss = st = tt = none
+    for j in range(top, bottom):
+        dy = single(row_origin + row_step * j - y)
+        across, high = two * e2 * dy, stretch_y * dy * dy
+        thin = none if j & 1 else one
+        for i in range(first, last):
+            dx = single(i - x)
+            square = (stretch_x * dx + across) * dx + high
+            # Flat parts tell only amplitude and base: a quarter of their pixels is plenty.
+            flat = (square < flat_in) | (square > flat_out)
+            counts = (none if i & 1 else thin) if flat else one
+            counts = counts if square <= outer2 else none
+            outward_x, outward_y = stretch_x * dx + e2 * dy, e2 * dx + stretch_y * dy
+            if path is None:
+                k = np.int32(min(square * per_px2 + half, end))
+                p, pull_x, pull_y = table[k, 0], table[k, 1] * outward_x, table[k, 1] * outward_y
+            elif counts > none:
+                p, pull_x, pull_y = mean_over(path, table, per_px2, dx, dy, outward_x, outward_y)
+            else:
+                p, pull_x, pull_y = none, none, none
+            gx, gy = -amplitude * pull_x, -amplitude * pull_y
+            residual = single(luma[j, i]) - base - amplitude * p
+            if slopes is not None:
+                residual -= tilt_x * dx + tilt_y * dy
+            beyond = residual * residual * softness
+            w = counts / (one + beyond * beyond)
+            wx, wy, wp, wr = w * gx, w * gy, w * p, w * residual
+            xx, xy, xp, xb, yy, yp = xx + wx * gx, xy + wx * gy, xp + wx * p, xb + wx, yy + wy * gy, yp + wy * p
+            yb, pp, pb, bb = yb + wy, pp + wp * p, pb + wp, bb + w
+            rx, ry, rp, rb = rx + wr * gx, ry + wr * gy, rp + wr * p, rb + wr
+            squares, count = squares + wr * residual, count + counts
+            if slopes is not None:
+                ws, wt = w * dx, w * dy
+                xs, ys, ps, bs, rs = xs + ws * gx, ys + ws * gy, ps + ws * p, bs + ws, rs + ws * residual
+                xt, yt, pt, bt, rt = xt + wt * gx, yt + wt * gy, pt + wt * p, bt + wt, rt + wt * residual
+                ss, st, tt = ss + ws * dx, st + ws * dy, tt + wt * dy
+    normal[0, 0], normal[0, 1], normal[0, 2], normal[0, 3], normal[1, 1] = xx, xy, xp, xb, yy
+    normal[1, 2], normal[1, 3], normal[2, 2], normal[2, 3], normal[3, 3] = yp, yb, pp, pb, bb
+    right[0], right[1], right[2], right[3] = rx, ry, rp, rb
+    if slopes is not None:
+        normal[0, 4], normal[1, 4], normal[2, 4], normal[3, 4], normal[4, 4] = xs, ys, ps, bs, ss
+        normal[0, 5], normal[1, 5], normal[2, 5], normal[3, 5], normal[4, 5] = xt, yt, pt, bt, st
+        normal[5, 5], right[4], right[5] = tt, rs, rt
+    normal *= certain
+    right *= certain
+    sums[0], sums[1], sums[2] = certain * squares, bb, count
+
+
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+def surroundings(luma, row_origin, row_step, state, reach, disc):
+    """Count the pixels that `accumulate` would use if the picture had no border; 0 where it is not near."""
+    (rows, columns), x, y = luma.shape, state[0], state[1]
+    within = x - reach > 0.0 and x + reach < columns - 1.0
+    if within and y - reach > row_origin and y + reach < row_origin + row_step * (rows - 1.0):
+        return 0.0
+    edge = 3.5 * math.sqrt(disc[1] * disc[1] + (disc[5] * disc[5] + disc[6] * disc[6]) / 12.0)
+    flat_in, flat_out, outer2, count = max(disc[0] - edge, 0.0) ** 2, (disc[0] + edge) ** 2, disc[4] * disc[4], 0.0
+    for j in range(math.ceil((y - reach - row_origin) / row_step), math.floor((y + reach - row_origin) / row_step) + 1):
+        dy = row_origin + row_step * j - y
+        for i in range(math.ceil(x - reach), math.floor(x + reach) + 1):
+            dx = i - x
+            square = (1.0 + disc[2]) * dx * dx + 2.0 * disc[3] * dx * dy + (1.0 - disc[2]) * dy * dy
+            flat = square < flat_in or square > flat_out
+            if square <= outer2 and not (flat and (i & 1 or j & 1)):
+                count += 1.0
+    return count
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def solve(normal, right, move):
+    """Solve the symmetric system by Cholesky in place of normal's lower triangle; False where singular."""
+    size = len(right)
+    for i in range(size):
+        for j in range(i + 1):
+            total = normal[j, i]
+            for k in range(j):
+                total -= normal[i, k] * normal[j, k]
+            if i == j:
+                if total <= 1e-12 * (abs(normal[i, i]) + 1e-300):
+                    return False
+                normal[i, i] = math.sqrt(total)
+            else:
+                normal[i, j] = total / normal[j, j]
+    for i in range(size):
+        total = right[i]
+        for k in range(i):
+            total -= normal[i, k] * move[k]
+        move[i] = total / normal[i, i]
+    for i in range(size - 1, -1, -1):
+        total = move[i]
+        for k in range(i + 1, size):
+            total -= normal[k, i] * move[k]
+        move[i] = total / normal[i, i]
+    return True
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def invert_leading(lower, result):
+    """Covariance of the first two unknowns from the Cholesky factor."""
+    size = len(lower)
+    columns = np.zeros((2, size))
+    for c in range(2):
+        for i in range(size):
+            total = 1.0 if i == c else 0.0
+            for k in range(i):
+                total -= lower[i, k] * columns[c, k]
+            columns[c, i] = total / lower[i, i]
+    result[VAR_X] = np.sum(columns[0] * columns[0])
+    result[VAR_Y] = np.sum(columns[1] * columns[1])
+    result[COV_XY] = np.sum(columns[0] * columns[1])
+
+
+@njit(cache=True, nogil=True)
+def interior_slope(luma, row_origin, row_step, x, y, radius, slope):
+    """Fit a plane to the luma within a radius of (x, y); fills slope with its slopes along x and y, levels a px."""
+    rows, columns = luma.shape
+    normal, right, move = np.zeros((4, 4)), np.zeros(4), np.zeros(4)
+    normal[3, 3] = 1.0
+    for j in range(
+        math.ceil((y - radius - row_origin) / row_step), math.floor((y + radius - row_origin) / row_step) + 1
+    ):
+        dy = row_origin + row_step * j - y
+        for i in range(math.ceil(x - radius), math.floor(x + radius) + 1):
+            dx = i - x
+            if dx * dx + dy * dy > radius * radius or j < 0 or j >= rows or i < 0 or i >= columns:
+                continue
+            value = float(luma[j, i])
+            normal[0, 0] += 1.0
+            normal[0, 1] += dx
+            normal[0, 2] += dy
+            normal[1, 1] += dx * dx
+            normal[1, 2] += dx * dy
+            normal[2, 2] += dy * dy
+            right[0] += value
+            right[1] += dx * value
+            right[2] += dy * value
+    if normal[0, 0] < 12.0 or not solve(normal, right, move):
+        slope[0] = slope[1] = np.nan
+        return
+    slope[0], slope[1] = move[1], move[2]

@@ -1,0 +1,158 @@
+"""The shape of a mark, learnt from pictures of it: one disc in all, its centre, levels and slopes free in each."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.tracking.refinement.disc import PER_PX, Disc, make_disc, outer_px, tabulate
+from evaluator.tracking.refinement.shape_kernel import OWN, PRODUCTS, SHAPE, add_products
+
+Array = NDArray[np.float64]
+Learnt = TypeVar("Learnt")
+Steps = Generator[None, None, Learnt]  # of something that takes long, so that pictures can be looked at in between
+BEYOND, FEW = 5.0, 0.005  # spreads beyond which residuals are not the disc's, and share of them that does no harm
+
+
+@dataclass(frozen=True)
+class Patch:
+    """Luma around a mark: x, y of its samples in the picture, and the values (all (n,)); the mark is near center_px."""
+
+    x: Array
+    y: Array
+    value: Array
+    center_px: tuple[float, float]
+
+
+def cut_patch(
+    luma: NDArray[np.unsignedinteger], rows: tuple[int, int], center_px: tuple[float, float], half: float
+) -> Patch:
+    """Copy the samples within half px of a point. rows: row origin and step of the luma."""
+    origin, step = rows
+    x, y = center_px
+    i = np.arange(max(int(np.ceil(x - half)), 0), min(int(x + half), luma.shape[1] - 1) + 1)
+    first, last = int(np.ceil((y - half - origin) / step)), int(np.floor((y + half - origin) / step))
+    j = np.arange(max(first, 0), min(last, luma.shape[0] - 1) + 1)
+    if len(i) == 0 or len(j) == 0:
+        return Patch(np.empty(0), np.empty(0), np.empty(0), center_px)
+    value = luma[j[0] : j[-1] + 1, i[0] : i[-1] + 1].astype(float)
+    across, down = np.tile(i.astype(float), len(j)), np.repeat(origin + step * j.astype(float), len(i))
+    return Patch(across, down, value.ravel(), center_px)
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """Those of all patches in turn. x, y, value, weight: (n,). first: where each patch's begin, (m + 1,)."""
+
+    x: Array
+    y: Array
+    value: Array
+    weight: Array
+    first: NDArray[np.intp]
+
+
+def learn_disc(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0) -> Steps[Disc]:
+    """Learn radius, blur and slant common to all patches, with centre, amplitude and background free in each.
+
+    Gives way after every step of the fit, and returns the disc: run it by `finished`, or a step a picture. The
+    background may slope in each patch: glare that was there from the start is no part of the shape. radius_px, blur_px:
+    about what they are. Where some pixels are not the disc's (a wire, a glint), they lose their weight in a second and
+    third round. Raises LinAlgError where the patches do not determine a disc.
+    """
+    x, y, value = (np.concatenate([getattr(patch, name) for patch in patches]) for name in ("x", "y", "value"))
+    first = np.cumsum([0, *(len(patch.value) for patch in patches)])
+    samples = _Samples(x, y, value, np.ones_like(value), first)
+    shared = np.array([np.log(radius_px), np.log(blur_px), 0.0, 0.0])
+    own = np.array([[*patch.center_px, *_levels(patch, radius_px), 0.0, 0.0] for patch in patches])
+    for _ in range(3):
+        shared, own, residual = yield from _solve(samples, shared, own)
+        left = residual[np.isfinite(residual)]
+        spread = max(1.4826 * float(np.median(np.abs(left))), 0.3)  # rounding to whole levels leaves 0.29
+        if np.mean(np.abs(left) > BEYOND * spread) < FEW:
+            break
+        square = np.square(np.nan_to_num(residual) / (3 * spread))
+        samples = replace(samples, weight=1.0 / (1.0 + square * square))
+    # A codec leaves a flat mark without noise and its edge with much: the median sees the flat alone.
+    spread = max(float(np.sqrt(np.mean(np.minimum(left**2, (BEYOND * spread) ** 2)))), 0.3)
+    amplitude, base = np.median(own[:, 2:4], axis=0)
+    radius, blur = float(np.exp(shared[0])), float(np.exp(shared[1]))
+    slant, level = (float(shared[2]), float(shared[3])), (float(amplitude), float(base))
+    return make_disc(radius, blur, slant, level, spread**2)
+
+
+def finished(steps: Steps[Learnt]) -> Learnt:
+    """Take all steps of something at once; returns what it returns."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value  # type: ignore[no-any-return]
+
+
+def _solve(samples: _Samples, shared: Array, own: Array) -> Steps[tuple[Array, Array, Array]]:
+    """Variable projection by Levenberg and Marquardt: each patch's own unknowns are eliminated (Schur complement).
+
+    Returns what is shared, what is each patch's own (m, OWN), and the residuals, NaN beyond the pixels used.
+    """
+    damping, cost = 1e-3, np.inf
+    best, pixels, keep = (shared, own, samples.value), 1, None
+    for _ in range(40):
+        equations, total, residual, count = _pooled(samples, shared, own)
+        yield
+        if total < cost:
+            done = cost - total < 1e-3 * total  # a shape that is wrong by a thirtieth of its own uncertainty
+            best, cost, damping, pixels = (shared, own, residual), total, max(damping / 5, 1e-6), count
+            if done:
+                break
+            keep = equations
+        else:
+            damping *= 8
+            if damping > 1e6:
+                break
+            if keep is None:
+                raise np.linalg.LinAlgError("the patches hold no disc")
+        matrix, right, first, cross = keep
+        # Weak prior on the slant: 0.2 covers tilts to 35 degrees; without it small blurred marks leave it free.
+        prior = np.diag([0.0, 0.0, 1.0, 1.0]) * (cost / max(pixels, 1) / 0.2**2)
+        scaled = matrix + prior + damping * np.diag(np.diag(matrix) + 1e-9)
+        move = np.clip(np.linalg.solve(scaled, right - prior @ best[0]), -0.3, 0.3)
+        shared = best[0] + move
+        shared[1] = np.clip(shared[1], np.log(0.3), shared[0])
+        shared[2:] = np.clip(shared[2:], -0.5, 0.5)
+        own = best[1] + np.clip(first - cross @ move, -1e3, 1e3)
+    return best
+
+
+def _levels(patch: Patch, radius_px: float) -> tuple[float, float]:
+    r = np.hypot(patch.x - patch.center_px[0], patch.y - patch.center_px[1])
+    inner, rim = patch.value[r < 0.6 * radius_px], patch.value[(r > 1.2 * radius_px)]
+    base = float(np.median(rim)) if len(rim) else float(np.median(patch.value))
+    return (float(np.median(inner)) if len(inner) else float(patch.value.max())) - base, base
+
+
+def _pooled(
+    samples: _Samples, shared: Array, own: Array
+) -> tuple[tuple[Array, Array, Array, Array], float, Array, int]:
+    """Normal equations of the shared unknowns, with each patch's own step at no move and its derivative by the move.
+
+    Returns these four, the sum of the weighted squares, the residuals, NaN beyond the pixels used, and their number.
+    """
+    radius, blur = np.exp(shared[:2])
+    shape, tables = np.array([radius, blur, *shared[2:]]), tabulate(radius, blur)
+    products, residual = np.zeros((len(own), PRODUCTS, PRODUCTS)), np.empty_like(samples.value)
+    count = add_products(
+        samples.x, samples.y, samples.value, samples.weight, samples.first,
+        shape, outer_px(radius, blur), own, tables, PER_PX, products, residual,
+    )  # fmt: skip
+    full = products + np.triu(products, 1).transpose(0, 2, 1)
+    own_part, shape_part = slice(0, OWN), slice(OWN, OWN + SHAPE)
+    both = full[:, own_part, shape_part]
+    solved = np.linalg.solve(full[:, own_part, own_part] + 1e-9 * np.eye(OWN), full[:, own_part, OWN:])
+    cross, first = np.asarray(solved[..., :SHAPE]), np.asarray(solved[..., SHAPE])
+    matrix = full[:, shape_part, shape_part].sum(axis=0) - np.einsum("mis,mit->st", both, cross)
+    right = full[:, shape_part, -1].sum(axis=0) - np.einsum("mis,mi->s", both, first)
+    return (matrix, right, first, cross), float(full[:, -1, -1].sum()), residual, count

@@ -1,0 +1,238 @@
+"""Fit what shows of a mark that something lies across: a wire, a glint, a scratch.
+
+Weights that single pixels lose as outliers keep the inside of a wire out of a fit, but not its blurred flanks, each of
+whose pixels is within the noise: together they pull. What lies across shows in residuals that neighbouring pixels
+share. Where their mean over 3 × 3 pixels is more than noise and a small shift of the mark explain, it and the pixels
+around it (the blur's reach) are left out, and the rest is fitted; the shift that is allowed for shrinks from step to
+step, since at first it is the mark that may be off.
+
+What remains are errors that the pixels of one part of the rim share. Parts of the rim err independently, so that the
+steps that the centre makes as each of them is left out (the jackknife) tell its uncertainty, whatever the errors
+within a part have in common.
+"""
+# mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
+# ruff: noqa: ANN001, ANN202 - numba infers the types
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from evaluator.tracking.refinement.kernels import (
+    BASE,
+    COV_XY,
+    INSIDE,
+    PIXELS,
+    RESIDUAL,
+    SLOPE_X,
+    SLOPE_Y,
+    USED,
+    VAR_X,
+    VAR_Y,
+    X,
+    Y,
+    invert_leading,
+    solve,
+)
+from evaluator.tracking.refinement.occluded_pixels import (
+    ALONG_X,
+    ALONG_Y,
+    LEFT,
+    PROFILE,
+    cover,
+    model,
+    scale_of,
+    stands_out,
+)
+
+Array = NDArray[np.float64]
+
+# px by which the mark may be off while it is fitted; the last one is about what the edge of a real mark is untrue by.
+OFF_PX = np.array([0.4, 0.3, 0.2, 0.15, 0.1, 0.05, 0.05])
+# Share of a mark's information on its centre that what covers it takes, from which the fit without is taken. By chance
+# and by the blocks of a codec it takes less.
+NOTABLE = 0.03
+SLOPING = 12.0  # fall of the squares, in variances, that two slopes bring by chance once in 400 pictures
+SLOPES_AT = 2  # step at which slopes are looked for: what covers the mark is about known then
+# Of the shift that a slope makes, what may be left where it is taken out: what bends (the light of a lamp's reflection,
+# over the distance that it fades in).
+BENT = 0.2
+PARTS = 12  # of the rim: 30 degrees each, as much as a thin wire blurs on a small mark
+FEW_SQUARES = 1.5  # mean of a variance that is known from about six squares alone
+LEAST_PIXELS = 12.0  # that a disc is fitted to
+FLAT = 1e-3  # of the steepest slope: pixels below it tell only amplitude and base, and a quarter of them is plenty
+
+
+def fit_uncovered(
+    luma: NDArray[np.unsignedinteger], row_origin: float, row_step: float, fitted: Array, disc: Array,
+    table: NDArray[np.float32], noise: Array, result: Array, shown: NDArray[np.bool_] | None,
+    core: tuple[float, float], least: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Fit a disc to those of its pixels that nothing covers.
+
+    fitted: what `kernels.fit_disc` gave, with the slopes that are kept. disc, table, noise: as it takes them. result:
+    as it gives them, but with variances as parts of the rim show them and a residual of the pixels that are left.
+    shown: of the luma's shape, set to False where it is covered; or None. core: CORE or CORE_EXPECTED. least: share of
+    the information on the centre, of pixels that seem covered at first, from which the fit is done. Returns that share
+    (0 where nothing stands out as far as core), and the share that is covered in the end: 0 where no fit was done, 1
+    where nothing is left to fit; nothing is written then.
+    """
+    top, bottom, left, right = _window(luma.shape, row_origin, row_step, fitted, disc)
+    if bottom - top < 5 or right - left < 5:
+        return 0.0, 0.0
+    # Compiled once, whatever a recording's samples are.
+    window = luma[top:bottom, left:right].astype(np.float64)
+    place, covered = (row_origin + row_step * float(top), float(row_step), left), np.zeros(window.shape, np.bool_)
+    seeming, share = _fit_window(window, place, fitted, disc, table, noise, result, covered, core, least)
+    if shown is not None and 0.0 < share < 1.0:
+        shown[top:bottom, left:right] &= ~covered
+    return seeming, share
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fit_window(luma, place, fitted, disc, table, noise, result, covered, core, least):
+    """Do what `fit_uncovered` does, in a window; place: y of its first row, step of its rows, its first column."""
+    state = np.zeros(6)
+    state[: BASE + 1], state[4], state[5] = fitted[: BASE + 1], fitted[SLOPE_X], fitted[SLOPE_Y]
+    planes, used = np.zeros((6, *luma.shape)), np.zeros(luma.shape, np.bool_)
+    normal, move, products, pulls = np.zeros((6, 6)), np.zeros(6), np.zeros((PARTS, 6, 6)), np.zeros((PARTS, 6))
+    size, level_x, level_y = 4, fitted[X], fitted[Y]
+    seeming = share = scale = weight = squares = count = 0.0
+    for step in range(-1, len(OFF_PX)):
+        model(luma, place, state, disc, table, planes, used)
+        if step < 0:
+            if not stands_out(planes, used, state[2], noise[0], core):
+                return 0.0, 0.0
+            scale = scale_of(planes, used, noise[0])
+        share = cover(planes, used, scale, OFF_PX[step], covered)
+        if step < 0:
+            seeming = share
+            if seeming < least:
+                return seeming, 0.0
+            continue
+        split = step == len(OFF_PX) - 1
+        weight, squares, count = _pull(planes, used, covered, state, noise, place, split, products, pulls)
+        for _ in range(2):
+            if weight < LEAST_PIXELS or not _step(products, pulls, -1, size, normal, move):
+                return seeming, 1.0
+            if size == 6 or step != SLOPES_AT or not _slopes(products, pulls, normal, np.zeros(6)):
+                break
+            size, level_x, level_y = 6, state[0] + move[0], state[1] + move[1]
+        length = math.sqrt(move[0] * move[0] + move[1] * move[1])
+        shorten = min(1.0, (0.35 * disc[0] + disc[1]) / max(length, 1e-12))
+        for m in range(size):
+            state[m] += move[m] * (shorten if m < 2 else 1.0)
+    invert_leading(normal[:size, :size], result)
+    residual = squares / max(weight - size, 1.0)
+    scatter = FEW_SQUARES * _jackknife(products, pulls, size, normal, move)
+    widen = max(scatter / (result[VAR_X] + result[VAR_Y]), residual, 1.0)
+    result[X : BASE + 1], result[SLOPE_X], result[SLOPE_Y] = state[: BASE + 1], state[4], state[5]
+    off_x, off_y = (BENT * (state[0] - level_x), BENT * (state[1] - level_y)) if size == 6 else (0.0, 0.0)
+    result[VAR_X], result[VAR_Y] = widen * result[VAR_X] + off_x * off_x, widen * result[VAR_Y] + off_y * off_y
+    result[COV_XY] = widen * result[COV_XY] + off_x * off_y
+    result[RESIDUAL], result[USED], result[PIXELS], result[INSIDE] = residual, weight / count, weight, fitted[INSIDE]
+    return seeming, share
+
+
+def _window(
+    shape: tuple[int, ...], row_origin: float, row_step: float, fitted: Array, disc: Array
+) -> tuple[int, int, int, int]:
+    """Rows and columns (first, and one beyond the last) of the pixels used, and one more on every side."""
+    x, y = fitted.item(X), fitted.item(Y)
+    if not math.isfinite(x):
+        return 0, 0, 0, 0
+    reach = disc.item(4) / math.sqrt(1.0 - math.hypot(disc.item(2), disc.item(3)))
+    rows, columns = shape
+    top = max(math.ceil((y - reach - row_origin) / row_step) - 1, 0)
+    bottom = max(min(math.floor((y + reach - row_origin) / row_step) + 1, rows - 1) + 1, top)
+    left = max(math.ceil(x - reach) - 1, 0)
+    return top, bottom, left, max(min(math.floor(x + reach) + 1, columns - 1) + 1, left)
+
+
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+def _pull(planes, used, covered, state, noise, place, split, products, pulls):
+    """Fill the normal equations and their right hand side; returns weights, their squares and the pixels.
+
+    split: whether for every part of the rim by itself, rather than all for the first.
+    """
+    top_y, row_step, left = place
+    products[:], pulls[:] = 0.0, 0.0
+    weight = squares = count = 0.0
+    certain, softness = 1.0 / noise[0], 1.0 / (noise[0] * noise[1] * noise[1])
+    flat, part, row = FLAT * _steepest(planes), 0, np.ones(6)
+    for j in range(used.shape[0]):
+        for i in range(used.shape[1]):
+            if covered[j, i] or not used[j, i]:
+                continue
+            along_x, along_y, residual = planes[ALONG_X, j, i], planes[ALONG_Y, j, i], planes[LEFT, j, i]
+            if (i & 1 or j & 1) and along_x * along_x + along_y * along_y < flat:
+                continue
+            beyond = residual * residual * softness
+            w = 1.0 / (1.0 + beyond * beyond)
+            row[0], row[1], row[2] = along_x, along_y, planes[PROFILE, j, i]
+            row[4], row[5] = left + i - state[0], top_y + row_step * j - state[1]
+            if split:
+                part = int((math.atan2(row[5], row[4]) / (2.0 * math.pi) + 1.0) * PARTS) % PARTS
+            count, weight = count + 1.0, weight + w
+            squares += w * residual * residual * certain
+            for m in range(6):
+                scaled = w * certain * row[m]
+                pulls[part, m] += scaled * residual
+                for n in range(m, 6):
+                    products[part, m, n] += scaled * row[n]
+    return weight, squares, count
+
+
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+def _steepest(planes):
+    """Square of the steepest slope in a window."""
+    most = 0.0
+    for j in range(planes.shape[1]):
+        for i in range(planes.shape[2]):
+            most = max(most, planes[ALONG_X, j, i] ** 2 + planes[ALONG_Y, j, i] ** 2)
+    return most
+
+
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+def _step(products, pulls, without, size, normal, move):
+    """Solve for the step that all parts of the rim make but one (-1: all); False where singular. Fills normal, too."""
+    right = np.zeros(size)
+    for m in range(size):
+        for n in range(m, size):
+            normal[m, n] = 0.0
+        for part in range(PARTS):
+            if part != without:
+                right[m] += pulls[part, m]
+                for n in range(m, size):
+                    normal[m, n] += products[part, m, n]
+    return solve(normal[:size, :size], right, move[:size])
+
+
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+def _slopes(products, pulls, normal, move):
+    """Whether the light behind the mark slopes: whether two more unknowns bring the squares down by SLOPING."""
+    fall = 0.0
+    for size in (4, 6):
+        if not _step(products, pulls, -1, size, normal, move):
+            return False
+        squares = 0.0
+        for part in range(PARTS):
+            for m in range(size):
+                squares += pulls[part, m] * move[m]
+        fall = squares - fall
+    return fall > SLOPING
+
+
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+def _jackknife(products, pulls, size, normal, move):
+    """Sum of the squares, px², of the steps that the centre makes as each part of the rim is left out."""
+    total = 0.0
+    for part in range(PARTS):
+        if products[part, 0, 0] + products[part, 1, 1] > 0.0:
+            if not _step(products, pulls, part, size, normal, move):
+                return np.inf
+            total += move[0] * move[0] + move[1] * move[1]
+    return total

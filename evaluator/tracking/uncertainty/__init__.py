@@ -1,0 +1,1 @@
+"""Standard uncertainty of every mark: codec, rim, exposure, rigid distance."""

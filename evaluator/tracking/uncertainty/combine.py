@@ -1,0 +1,75 @@
+"""What the whole recording tells of each centre: uneven light and exposure taken out, uncertainties made whole."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.tracking.following.follow import Follower
+from evaluator.tracking.following.repeated_frames import repeated_pictures
+from evaluator.tracking.observation import REPEATED, WRONG_DISTANCE
+from evaluator.tracking.uncertainty.codec import hidden_variance, steady_times
+from evaluator.tracking.uncertainty.exposure import exposed
+from evaluator.tracking.uncertainty.rigid_pair import Distance, wrong_ends
+
+Array = NDArray[np.float64]
+
+# A wire or a glare comes on within some pictures: those beside a disturbed picture, as many as a slope is not looked
+# for in, may be wrong by half as much, before their own residuals show it.
+ONSET, BESIDE = 0.25, 3
+
+
+def refine(
+    time_s: Array,
+    kinds: Sequence[str],
+    numbers: dict[str, Array],
+    status: dict[str, list[str]],
+    followers: dict[str, Follower],
+) -> None:
+    """Correct centres, complete variances and take out marks at a wrong distance, in place.
+
+    kinds: of the pictures. numbers: per mark (n, 5) of x, y, their variances and covariance, px and px², NaN if absent.
+    status: per mark, of every picture.
+    """
+    kind, times, time_s = np.array(list(kinds), dtype=str), time_s, steady_times(time_s)
+    again = repeated_pictures([values[:, :2] for values in numbers.values()])
+    for (name, values), shown in zip(numbers.items(), again, strict=True):
+        values[shown] = np.nan
+        for row in np.flatnonzero(shown):
+            status[name][row] = REPEATED
+        follower = followers.get(name)
+        if follower is None or not len(values):
+            continue
+        shading = follower.light.learnt(follower.look.disc)
+        if shading is not None:
+            shift, variance = shading.shift(values[:, :2])
+            shifted = follower.light.shifted(times)
+            values[shifted, :2] -= shift[shifted]
+            values[shifted, 2:4] += variance[shifted, None]
+        _allow_for_onsets(values)
+        shift, variance = exposed(time_s, values[:, :2], values[:, 2:4], follower.shutter)
+        values[:, :2] -= shift
+        values[:, 2:4] += variance
+        values[:, 2:4] += hidden_variance(time_s, values[:, :2], values[:, 2:4].mean(axis=1), kind)[:, None]
+    for first, second in combinations(numbers, 2):
+        if {first, second} == {"green", "yellow"}:  # the marks of one robot; others may move apart
+            one, other = numbers[first], numbers[second]
+            distance = Distance(one[:, :2], other[:, :2])
+            ratio = distance.ratio(distance.variance(one[:, 2:], other[:, 2:]))
+            if ratio > 1.0:
+                one[:, 2:5] *= ratio
+                other[:, 2:5] *= ratio
+            for name, wrong in zip((first, second), wrong_ends(time_s, (one, other), distance), strict=True):
+                numbers[name][wrong] = np.nan
+                for row in np.flatnonzero(wrong):
+                    status[name][row] = WRONG_DISTANCE
+
+
+def _allow_for_onsets(values: Array) -> None:
+    """Widen what stands beside a disturbed picture; values: (n, 5) as in `refine`, in place."""
+    around = np.pad(np.nan_to_num(values[:, 2:4]), ((BESIDE, BESIDE), (0, 0)))
+    largest = np.max([around[k : k + len(values)] for k in range(2 * BESIDE + 1)], axis=0)
+    values[:, 2:4] = np.maximum(values[:, 2:4], ONSET * largest)

@@ -1,0 +1,101 @@
+"""What the rim of a mark tells of errors that repeat: how far it lies off the disc, in parts that no shift explains.
+
+Around a mark whose shape is known, the rim's distance from the disc's is a sum of harmonics of the direction. The first
+is the shift that is fitted; the higher ones are zero but for error. Whatever disturbs a part of the rim (a wire, a
+corner that was cut off while the shape was learnt, a codec's blocks) has a spectrum that is about flat, so that the
+higher harmonics show how large the error in the first is, even where each picture repeats it. Noise alone gives all of
+them the variance of the centre.
+"""
+# mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from evaluator.tracking.refinement.motion_blur import mean_over, path_of
+
+# Harmonics that are used. The second is that of perspective too; beyond the fifth a codec keeps little of a mark of
+# 5 px radius. All that a smear may differ from its model by is even, and shifts nothing: then the fourth is left out.
+FIRST, LAST, SYMMETRIC = 3, 5, 4
+SQUARES = 6.0  # harmonics of one picture, cosines and sines
+ODD = 2.8  # mean of the squares over what it usually is, from which a picture is disturbed: by chance in one of 100
+LATELY = 20.0  # pictures that what is usual is the mean of
+SURE = 3.0  # sigmas, of chance in its mean, from which noise alone does not explain what is usual
+# Mean of a variance that is known from n squares alone, n/(n - 2): where pictures repeat each other, or one is
+# disturbed on its own, there are no more.
+FEW_SQUARES = SQUARES / (SQUARES - 2.0)
+
+
+class Rim:
+    """Variance of a centre, px², that the rim of a mark shows beyond what the noise of its pixels explains."""
+
+    def __init__(self) -> None:
+        """Start with none."""
+        self.extra_px2 = 0.0
+        self._usual, self._count = 0.0, 0.0
+
+    def note(self, power_px2: float, own_px2: float) -> None:
+        """Take in a picture: `rim_power` and the variance that the fit states, per axis; NaN tells nothing."""
+        if not (math.isfinite(power_px2) and math.isfinite(own_px2)):
+            return
+        odd = power_px2 > ODD * max(self._usual, own_px2)
+        self._count = min(self._count + 1.0, LATELY)
+        self._usual += (power_px2 - self._usual) / self._count
+        chance = 1.0 + SURE * math.sqrt(2.0 / (SQUARES * self._count))
+        shown = power_px2 if odd else self._usual if self._usual > chance * own_px2 else 0.0
+        self.extra_px2 = FEW_SQUARES * max(shown - own_px2, 0.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def rim_power(luma, row_origin, row_step, result, disc, table, noise):  # noqa: ANN001, ANN201 - numba infers the types
+    """Mean square, px², of the rim's harmonics FIRST to LAST about a fitted disc; NaN without a rim.
+
+    Arguments as of `kernels.fit_disc`, after the fit.
+    """
+    rows, columns = luma.shape
+    x, y, amplitude, base, tilt_x, tilt_y = result[0], result[1], result[2], result[3], result[11], result[12]
+    radius, blur2, e1, e2, smear_x, smear_y = disc[0], disc[1] * disc[1], disc[2], disc[3], disc[5], disc[6]
+    smear2 = smear_x * smear_x + smear_y * smear_y
+    path, edge = path_of(disc), 3.5 * math.sqrt(blur2 + smear2 / 12.0)
+    inner2, outer2 = max(radius - edge, 0.5) ** 2, min(radius + edge, disc[4]) ** 2
+    reach = math.sqrt(outer2 / (1.0 - math.sqrt(e1 * e1 + e2 * e2)))
+    certain = 1.0 / (noise[0] * noise[1] * noise[1])
+    sums, total = np.zeros((2, LAST + 1)), 0.0
+    top, bottom = math.ceil((y - reach - row_origin) / row_step), math.floor((y + reach - row_origin) / row_step)
+    for j in range(max(top, 0), min(bottom, rows - 1) + 1):
+        dy = row_origin + row_step * j - y
+        for i in range(max(math.ceil(x - reach), 0), min(math.floor(x + reach), columns - 1) + 1):
+            dx = i - x
+            square = (1.0 + e1) * dx * dx + 2.0 * e2 * dx * dy + (1.0 - e1) * dy * dy
+            if square < inner2 or square > outer2:
+                continue
+            length = math.sqrt(dx * dx + dy * dy)
+            cos, sin = dx / length, dy / length
+            if len(path) > 0:
+                outward_x, outward_y = (1.0 + e1) * dx + e2 * dy, e2 * dx + (1.0 - e1) * dy
+                p, pull_x, pull_y = mean_over(path, table, disc[7], dx, dy, outward_x, outward_y)
+                steep = -amplitude * (pull_x * cos + pull_y * sin)
+            else:
+                k = min(int(square * disc[7] + 0.5), len(table) - 1)
+                p, steep = table[k, 0], -amplitude * table[k, 1] * math.sqrt(square)
+            residual = luma[j, i] - base - amplitude * p - tilt_x * dx - tilt_y * dy
+            beyond = residual * residual * certain
+            weight = 1.0 / (1.0 + beyond * beyond)
+            total += weight * steep * steep
+            pull, cos_m, sin_m = weight * steep * residual, cos, sin
+            for m in range(2, LAST + 1):
+                cos_m, sin_m = cos_m * cos - sin_m * sin, sin_m * cos + cos_m * sin
+                sums[0, m] += pull * cos_m
+                sums[1, m] += pull * sin_m
+    if total <= 0.0:
+        return np.nan
+    count = 0
+    mean = 0.0
+    for m in range(FIRST, LAST + 1):
+        if not (len(path) > 0 and m == SYMMETRIC):
+            mean += 2.0 * (sums[0, m] ** 2 + sums[1, m] ** 2) / (total * total)
+            count += 1
+    return mean / count

@@ -1,0 +1,1 @@
+"""Steady planar motion fitted to poses with correlated noise."""

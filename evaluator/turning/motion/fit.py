@@ -1,0 +1,286 @@
+"""Steady motion of a stretch of poses with its uncertainty: outliers out, noise estimated from what is left over."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from evaluator.turning.motion.least_squares import (
+    Averaged,
+    Block,
+    averaged_least_squares,
+    averaged_over_blocks,
+    responses,
+)
+from evaluator.turning.motion.steady_motion import SteadyMotion, fit_steady_motion, moved
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+# Mahalanobis distance squared (two channels) beyond which a Gaussian frame lies once in a million: exp(-m²/2) = 1e-6.
+OUTLIER_SQUARED = 27.6
+MEDIAN_SQUARED = 1.386  # median of chi-squared with two degrees of freedom
+# Frames are compared with their neighbours, not with the circle: what bends slowly is motion, what jumps is an error.
+NEIGHBOURS = 31
+FEWEST_FRAMES = 8
+COVERED = (0.025, 0.975)
+COVERED_SIGMAS = 1.96
+HALF_TURN = np.pi / 2
+
+
+@dataclass(frozen=True)
+class Curvature:
+    """Curvature of the path of the robot's centre with 95 % bounds, 1/mm; positive counter-clockwise.
+
+    sigma: standard uncertainty by noise, which more frames would reduce; systematic: by the camera's own uncertainty,
+    which only a better calibration would. The bounds hold both.
+    """
+
+    value: float
+    low: float
+    high: float
+    sigma: float
+    systematic: float = 0.0
+
+    def with_systematic(self, systematic: float) -> Curvature:
+        """Bounds widened by a systematic standard uncertainty; independent errors add in quadrature."""
+        reach = COVERED_SIGMAS * systematic
+        return Curvature(
+            self.value,
+            self.value - float(np.hypot(self.value - self.low, reach)),
+            self.value + float(np.hypot(self.high - self.value, reach)),
+            self.sigma,
+            float(np.hypot(self.systematic, systematic)),
+        )
+
+    @property
+    def straight(self) -> bool:
+        """Whether the interval holds a straight path."""
+        return self.low <= 0 <= self.high
+
+    def radius_mm(self) -> tuple[float, float, float]:
+        """Radius with its 95 % bounds; NaN where the path may be straight."""
+        if self.straight or self.value == 0:
+            return float("nan"), float("nan"), float("nan")
+        ends = sorted((abs(self.low), abs(self.high)))
+        return abs(1 / self.value), 1 / ends[1], 1 / ends[0]
+
+
+@dataclass(frozen=True)
+class TurnFit:
+    """A steady motion fitted to a stretch of poses.
+
+    offset_mm: (2,) body-frame place of the point whose position and heading noise are uncorrelated (between the marks);
+    the motion is that of this point. used: (n,) frames that took part. averaged: steps of the four parameters about
+    `motion` with their uncertainty; systematic: (4, k) their shifts by independent errors of the camera. ahead: 1 where
+    the path parameter grows with time, else -1.
+    """
+
+    motion: SteadyMotion
+    offset_mm: Array
+    used: Flags
+    averaged: Averaged
+    ahead: float
+    systematic: Array
+
+    def body_twists(self, steps: Array, place_mm: Array) -> Array:
+        """Velocity (v_x, v_y) and yaw rate of a body point per path parameter: (m, 3) for steps (m, 4)."""
+        motion = self.motion
+        twist = motion.twist + np.asarray(steps)[:, 2:] @ motion.across.T
+        twist = self.ahead * twist / np.linalg.norm(twist, axis=1)[:, None]
+        yaw = twist[:, 2] / motion.length_mm
+        arm = np.asarray(place_mm) - self.offset_mm
+        return np.stack([twist[:, 0] - yaw * arm[1], twist[:, 1] + yaw * arm[0], yaw], axis=1)
+
+    def body_twist(self, place_mm: Array) -> Array:
+        """The same at the estimate, (3,)."""
+        return np.asarray(self.body_twists(self.averaged.mean()[None], place_mm)[0])
+
+    def centers_mm(self, steps: Array) -> Array:
+        """Plate position of the centre of rotation, (m, 2) for steps (m, 4); not finite where straight."""
+        motion = self.motion
+        places = []
+        for step, twist in zip(np.asarray(steps), self.body_twists(steps, self.offset_mm), strict=True):
+            start, _ = moved(motion, step)
+            heading = start[2] / motion.length_mm
+            with np.errstate(divide="ignore", invalid="ignore"):
+                arm = np.array([-twist[1], twist[0]]) / twist[2]
+            cos, sin = np.cos(heading), np.sin(heading)
+            places.append([start[0] + cos * arm[0] - sin * arm[1], start[1] + sin * arm[0] + cos * arm[1]])
+        return np.array(places)
+
+    def center_mm(self) -> tuple[Array, Array]:
+        """Plate position of the centre of rotation, (2,), and its covariance by noise, (2, 2)."""
+        delta = 1e-5
+        gradient = (self.centers_mm(delta * np.eye(4)) - self.centers_mm(-delta * np.eye(4))).T / (2 * delta)
+        return self.centers_mm(self.averaged.mean()[None])[0], gradient @ self.averaged.spread() @ gradient.T
+
+    def bend_rad(self, steps: Array) -> Array:
+        """Angle whose tangent is length × curvature of the centre's path: finite straight ahead and on the spot."""
+        twist = self.body_twists(steps, np.zeros(2))
+        return np.asarray(np.arctan2(self.motion.length_mm * twist[:, 2], np.hypot(twist[:, 0], twist[:, 1])))
+
+    def bend_gradient(self) -> Array:
+        """Derivative of `bend_rad` by the four parameters (central difference)."""
+        delta = 1e-5
+        return np.asarray((self.bend_rad(delta * np.eye(4)) - self.bend_rad(-delta * np.eye(4))) / (2 * delta))
+
+    def curvature(self) -> Curvature:
+        """Curvature of the centre's path with its interval."""
+        length, gradient = self.motion.length_mm, self.bend_gradient()
+        base = float(self.bend_rad(np.zeros((1, 4)))[0])
+        best = base + float(self.averaged.mean() @ gradient)
+        low, high = base + self.averaged.quantiles(gradient, COVERED)
+        value, below, above = (float(np.tan(np.clip(a, -HALF_TURN, HALF_TURN)) / length) for a in (best, low, high))
+        per_bend = (1 + (value * length) ** 2) / length
+        sigma = float(np.sqrt(gradient @ self.averaged.spread() @ gradient) * per_bend)
+        systematic = float(np.linalg.norm(gradient @ self.systematic) * per_bend)
+        return Curvature(value, below, above, sigma).with_systematic(systematic)
+
+
+def _body_from_plate(heading_rad: Array) -> Array:
+    """Rotations (n, 3, 3) that take plate-frame changes of (x, y, heading) into the body frame."""
+    rotation = np.zeros((len(heading_rad), 3, 3))
+    rotation[:, 0, 0] = rotation[:, 1, 1] = np.cos(heading_rad)
+    rotation[:, 0, 1] = np.sin(heading_rad)
+    rotation[:, 1, 0] = -rotation[:, 0, 1]
+    rotation[:, 2, 2] = 1.0
+    return rotation
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """Poses of the quiet point of the body, heading in units of length: noise of all three coordinates is alike."""
+
+    pose: Array  # (n, 3): x, y mm, heading rad, of the quiet point
+    covariance: Array  # (n, 3, 3) body frame, mm², heading times length
+    offset_mm: Array
+    length_mm: float
+    sigma_mm: float
+    systematic: Array | None = None  # (n, 3, k) body frame, mm: shifts by independent errors common to all frames
+
+
+def scaled_poses(pose: Array, covariance: Array, systematic: Array | None = None) -> Scaled:
+    """Move poses (n, 3) to the point whose position noise is uncorrelated with the heading's, and find the length."""
+    rotation = _body_from_plate(pose[:, 2])
+    in_body = rotation @ covariance @ np.swapaxes(rotation, 1, 2)
+    mean = np.median(in_body, axis=0)
+    offset = np.array([-mean[1, 2], mean[0, 2]]) / mean[2, 2]
+    cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    place = pose[:, :2] + np.stack([cos * offset[0] - sin * offset[1], sin * offset[0] + cos * offset[1]], axis=1)
+    shift = np.eye(3)
+    shift[0, 2], shift[1, 2] = -offset[1], offset[0]
+    at_point = shift @ in_body @ shift.T
+    position = float(np.median(np.trace(at_point[:, :2, :2], axis1=1, axis2=2)) / 2)
+    length = float(np.sqrt(position / np.median(at_point[:, 2, 2])))
+    stretch = np.diag([1.0, 1.0, length])
+    return Scaled(
+        pose=np.column_stack([place, pose[:, 2]]),
+        covariance=stretch @ at_point @ stretch,
+        offset_mm=offset,
+        length_mm=length,
+        sigma_mm=float(np.sqrt(position)),
+        systematic=None if systematic is None else stretch @ shift @ rotation @ systematic,
+    )
+
+
+def part(scaled: Scaled, where: Flags) -> Scaled:
+    """Some frames of scaled poses."""
+    systematic = None if scaled.systematic is None else scaled.systematic[where]
+    return replace(scaled, pose=scaled.pose[where], covariance=scaled.covariance[where], systematic=systematic)
+
+
+def fit_turn(time_s: Array, scaled: Scaled) -> TurnFit:
+    """Fit a steady motion to all given frames; frames that jump out of their neighbours are set aside and counted.
+
+    The relative size of the errors comes from the covariances; their scale, their correlation between the two
+    channels and in time come from the residuals.
+    """
+    motion, used = _robust_motion(scaled)
+    channel = _channel_factor([_standard(motion, scaled)[used]])
+    block = _block(time_s, scaled, motion, used, channel)
+    return _turn_fit(motion, scaled, used, averaged_least_squares(block), block, channel)
+
+
+def fit_turns(time_s: Array, scaled: Scaled, stretches: list[Flags]) -> list[TurnFit]:
+    """Fit a steady motion to each of several stretches, all with the same noise."""
+    parts = [part(scaled, where) for where in stretches]
+    fits = [_robust_motion(one) for one in parts]
+    channel = _channel_factor([_standard(m, one)[used] for one, (m, used) in zip(parts, fits, strict=True)])
+    blocks = tuple(
+        _block(time_s[where], one, motion, used, channel)
+        for where, one, (motion, used) in zip(stretches, parts, fits, strict=True)
+    )
+    return [
+        _turn_fit(motion, one, used, averaged, block, channel)
+        for one, (motion, used), averaged, block in zip(parts, fits, averaged_over_blocks(blocks), blocks, strict=True)
+    ]
+
+
+def _turn_fit(
+    motion: SteadyMotion, scaled: Scaled, used: Flags, averaged: Averaged, block: Block, channel: Array
+) -> TurnFit:
+    along = motion.along_mm[used]
+    ahead = 1.0 if np.median(np.sign(np.diff(along))) >= 0 else -1.0
+    shift = np.zeros((4, 0))
+    if scaled.systematic is not None:
+        across = channel @ _whitening(motion, scaled.covariance) @ motion.across.T @ scaled.systematic
+        shift = responses(averaged, block, across[used])
+    return TurnFit(motion, scaled.offset_mm, used, averaged, ahead, shift)
+
+
+def _robust_motion(scaled: Scaled) -> tuple[SteadyMotion, Flags]:
+    """Least-squares motion of the frames that do not jump, weighted by their own covariances."""
+    n = len(scaled.pose)
+    used = np.ones(n, dtype=bool)
+    motion = fit_steady_motion(scaled.pose, scaled.length_mm, np.broadcast_to(np.eye(2), (n, 2, 2)).copy())
+    for attempt in range(6):
+        whitening = _whitening(motion, scaled.covariance)
+        standard = np.einsum("nij,nj->ni", whitening, motion.residual_mm)
+        kept = _not_jumping(standard)
+        settled, used = bool(np.all(kept == used)), kept
+        channel = _channel_factor([standard[used]])
+        whitening = channel @ whitening
+        weight = np.swapaxes(whitening, 1, 2) @ whitening * used[:, None, None]
+        weight = weight / np.mean(np.trace(weight[used], axis1=1, axis2=2))
+        motion = fit_steady_motion(scaled.pose, scaled.length_mm, weight, near=motion)
+        if settled and attempt > 0:
+            break
+    return motion, used
+
+
+def _not_jumping(standard: Array) -> Flags:
+    size = min(NEIGHBOURS, 2 * (len(standard) // 4) + 1)
+    squared = ((standard - median_filter(standard, size=(size, 1), mode="nearest")) ** 2).sum(axis=1)
+    return np.asarray(squared <= OUTLIER_SQUARED * np.median(squared) / MEDIAN_SQUARED)
+
+
+def _block(time_s: Array, scaled: Scaled, motion: SteadyMotion, used: Flags, channel: Array) -> Block:
+    whitening = channel @ _whitening(motion, scaled.covariance)
+    return Block(
+        time=time_s[used] / float(np.median(np.diff(time_s))),
+        heading_rad=scaled.pose[used, 2],
+        residual=np.einsum("nij,nj->ni", whitening, motion.residual_mm)[used],
+        design=(whitening @ motion.design)[used],
+    )
+
+
+def _whitening(motion: SteadyMotion, covariance: Array) -> Array:
+    """Inverse Cholesky factors of the covariance across the motion, (n, 2, 2)."""
+    across = motion.across.T @ covariance @ motion.across
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(across)))
+
+
+def _standard(motion: SteadyMotion, scaled: Scaled) -> Array:
+    return np.asarray(np.einsum("nij,nj->ni", _whitening(motion, scaled.covariance), motion.residual_mm))
+
+
+def _channel_factor(standard: list[Array]) -> Array:
+    """Factor (2, 2) that brings standardised residuals (k, 2) of each stretch to unit variance and no correlation."""
+    values = np.concatenate(standard)
+    moment = values.T @ values / max(len(values) - 2 * len(standard), 1)
+    floor = 1e-6 * max(float(np.trace(moment)), 1e-24)  # an exact channel keeps a finite weight
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(moment + floor * np.eye(2))))

@@ -1,0 +1,110 @@
+"""Everything that is wrong with an experiment, found at once and without analysing it."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from evaluator.errors import InputError
+from evaluator.files import read_with
+from evaluator.settings import Experiment, load_experiment
+
+
+@dataclass(frozen=True)
+class Check:
+    """What a check found: faults that stop an analysis, and what the experiment holds."""
+
+    faults: tuple[str, ...]
+    runs: int = 0
+    videos: int = 0
+
+
+def check_experiment(path: Path) -> Check:
+    """Read experiment.toml and every file it names; every fault is a sentence of its own."""
+    path = Path(path)
+    faults: list[str] = []
+    experiment: Experiment | None = None
+    try:
+        experiment = read_with(load_experiment, path)
+    except InputError as error:
+        faults.append(str(error))
+    faults += _faults_of_named_files(path)
+    runs = experiment.run if experiment else ()
+    return Check(tuple(dict.fromkeys(faults)), len(runs), sum(run.video is not None for run in runs))
+
+
+def _faults_of_named_files(path: Path) -> Iterator[str]:
+    """Faults of the files an experiment names, even where the experiment itself has faults."""
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return  # said already
+    runs = [run for run in content.get("run", []) if isinstance(run, dict)] if isinstance(content, dict) else []
+    tables = [content, *runs]
+    folder = path.resolve().parent
+    for key, check in CHECKS.items():
+        for name in dict.fromkeys(table[key] for table in tables if isinstance(table.get(key), str)):
+            yield from check(folder, name, path)
+
+
+def _robot(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+    from simulator.robot import load_robot
+
+    del experiment
+    yield from _fault(load_robot, folder / name if name.endswith(".toml") else Path(name))
+
+
+def _camera(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+    from calibration.store import load_camera
+
+    if not (folder / name).exists():
+        yield f"{experiment}: camera {name} does not exist; turnscope calibrate makes it from pictures of the gauge"
+        return
+    yield from _fault(load_camera, folder / name)
+
+
+def _tracking(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+    from evaluator.tracking.settings import load_settings
+
+    del experiment
+    yield from _fault(load_settings, folder / name)
+
+
+def _video(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+    from evaluator.recording import open_recording
+
+    del experiment
+    if not (folder / name).is_dir():  # a folder of pictures is opened with the rate of its run
+        yield from _fault(open_recording, folder / name)
+
+
+def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+    from evaluator.interchange.tracks import program_of
+    from evaluator.marks import read_marks
+
+    del experiment
+    path = folder / name
+    foreign = path.is_file() and program_of(path) != "turnscope"
+    yield from () if foreign else _fault(read_marks, path)
+
+
+def _fault(load: Callable[[Path], Any], path: Path) -> Iterator[str]:
+    from calibration.errors import CalibrationError
+    from simulator.errors import SimulationError
+
+    try:
+        read_with(load, path)
+    except (InputError, CalibrationError, SimulationError) as error:
+        yield str(error)
+
+
+CHECKS: dict[str, Callable[[Path, str, Path], Iterator[str]]] = {
+    "robot": _robot,
+    "camera": _camera,
+    "tracking": _tracking,
+    "video": _video,
+    "marks": _marks,
+}

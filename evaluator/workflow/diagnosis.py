@@ -1,0 +1,132 @@
+"""The diagnosis of an experiment file: marks from files or videos in, diagnosis.json and a better robot file out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from evaluator.diagnosis.diagnosis import Diagnosis, diagnose
+from evaluator.diagnosis.experiment import Session, session_of
+from evaluator.diagnosis.inference.fit_cache import Ends
+from evaluator.diagnosis.output.diagnosis_json import disagreement, record
+from evaluator.diagnosis.output.robot_file import robot_text
+from evaluator.diagnosis.output.robot_with_effect import robot_with_effect
+from evaluator.errors import InputError
+from evaluator.files import read_with, write_table, write_text
+from evaluator.interchange.tracks import program_of
+from evaluator.settings import Experiment, Run, load_experiment
+from evaluator.workflow.analysis import jobs_of
+from evaluator.workflow.diagnosis_validity import is_current, keep, key_of_diagnosis, load_diagnosis
+from evaluator.workflow.outputs import Outputs
+
+Progress = Callable[[str, float], None]
+
+
+def diagnose_experiment(
+    path: Path, out: Path, progress: Progress, *, workers: int | None = None, dask: str | None = None
+) -> tuple[Diagnosis | None, dict[str, Any]]:
+    """Diagnose an experiment and write the results below out.
+
+    workers: processes that track recordings, by default one per core; dask: address of a scheduler whose workers track
+    instead. The results depend on neither. Gives the diagnosis, None where inputs and code are those of the one that is
+    there, and the content of diagnosis.json.
+    Raises InputError where the experiment, a robot or all recordings cannot be used.
+    """
+    experiment, outputs = read_with(load_experiment, path), Outputs(Path(out))
+    key = key_of_diagnosis(experiment, outputs)
+    if is_current(outputs, key):
+        return None, load_diagnosis(outputs.diagnosis)
+    session = _session(path, experiment, outputs, progress, workers, dask)
+    try:
+        with _on_one_core():
+            found = diagnose(session, progress, Ends(outputs.diagnosis_fits, key))
+    except FloatingPointError as error:
+        raise InputError(f"{path}: {error}; are the robot file and the command of that run right?") from error
+    content = record(found)
+    keep(outputs, key, _written(found, content, experiment, outputs))
+    outputs.diagnosis_fits.unlink(missing_ok=True)
+    return found, content
+
+
+@contextmanager
+def _on_one_core() -> Iterator[None]:
+    """Simulate and solve on one core.
+
+    A fit is small steps of Python between small batches of runs: the simulator is a quarter of its time. Threads that
+    meet after every batch save a tenth on an idle machine, but cost half as much processor time again, and on a busy
+    one the diagnosis took three times as long. Other cores have other experiments. Also, sums keep one order.
+    """
+    import numba
+    from threadpoolctl import threadpool_limits
+
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        with threadpool_limits(1, user_api="blas"):
+            yield
+    finally:
+        numba.set_num_threads(before)
+
+
+def _written(found: Diagnosis, content: dict[str, Any], experiment: Experiment, outputs: Outputs) -> list[Path]:
+    """Write the results; what an earlier diagnosis left and this one does not have is removed."""
+    files = [outputs.diagnosis]
+    table, added = disagreement(found), bool(found.chosen) and found.follows
+    for path, there in ((outputs.disagreement, table is not None), (outputs.robot_with_effect, added)):
+        if there:
+            files.append(path)
+        else:
+            path.unlink(missing_ok=True)
+    if table is not None:
+        write_table(table, outputs.disagreement)
+    if outputs.robot_with_effect in files:
+        text = robot_with_effect(found, read_with(robot_text, experiment.robot))  # type: ignore[arg-type]
+        write_text(outputs.robot_with_effect, text)
+    write_text(outputs.diagnosis, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    return files
+
+
+def _session(
+    path: Path, experiment: Experiment, outputs: Outputs, progress: Progress, workers: int | None, dask: str | None
+) -> Session:
+    """Marks as given, or tracked where a run is a video (what is up to date is reused)."""
+    marks = {run.id: run.marks for run in experiment.run if run.marks is not None and not _to_be_read(run, experiment)}
+    faults: dict[str, str] = {}
+    cameras: dict[str, Path] = {}
+    if len(marks) < len(experiment.run):
+        from evaluator.workflow import analyze
+
+        progress("tracking", 0.0)
+        analysis = analyze(
+            path,
+            outputs.folder,
+            workers=workers,
+            dask=dask,
+            progress=lambda done, total: progress("tracking", done / max(total, 1)),
+        )
+        faults = dict(analysis.faults)
+        marks |= {
+            run.id: analysis.outputs.marks(run.id)
+            for run in experiment.run
+            if run.id not in marks and run.id not in faults
+        }
+        placed = {job.run.id: job.camera for job in jobs_of(experiment, outputs, simulate=False)}
+        cameras = {run: camera for run, camera in placed.items() if run in marks and camera is not None}
+    session = session_of(experiment, marks, cameras)
+    skipped = {**session.skipped, **faults}
+    if not session.data:
+        reasons = "; ".join(f"{run}: {reason}" for run, reason in list(skipped.items())[:REASONS_SHOWN])
+        raise InputError(f"{path}: no run has marks that can be used ({reasons})")
+    return Session(session.data, session.robots, skipped)
+
+
+REASONS_SHOWN = 3
+
+
+def _to_be_read(run: Run, experiment: Experiment) -> bool:
+    """Whether a marks file is of another program: px, other names, other units."""
+    assert run.marks is not None
+    return experiment.tracks is not None or (run.marks.is_file() and program_of(run.marks) != "turnscope")

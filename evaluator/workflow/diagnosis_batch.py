@@ -1,0 +1,85 @@
+"""Diagnoses of several experiments side by side, in processes on all cores or on a cluster."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from calibration.errors import CalibrationError
+from evaluator.errors import InputError
+from evaluator.workflow.execution.batch import available_cores, in_processes, on_cluster
+from simulator.errors import SimulationError
+
+
+@dataclass(frozen=True)
+class Order:
+    """An experiment to diagnose, the folder of its results, and in how many processes to track."""
+
+    experiment: Path
+    out: Path
+    trackers: int
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The content of diagnosis.json and whether it was made anew, or the one reason why there is none."""
+
+    experiment: Path
+    out: Path
+    content: dict[str, Any] | None = None
+    anew: bool = False
+    fault: str | None = None
+
+
+def diagnose_each(
+    experiments: Sequence[Path], out: Path, *, workers: int | None = None, dask: str | None = None
+) -> Iterator[Answer]:
+    """Diagnose experiments into folders of their own below out, in the order of completion.
+
+    The diagnoses do not depend on workers or dask. An experiment that cannot be used does not stop the others.
+    """
+    count = workers or available_cores()
+    trackers = max(count // len(experiments), 1) if dask is None else 1
+    folders = folders_of(experiments, out)
+    orders = [Order(path.resolve(), folders[path].resolve(), trackers) for path in experiments]
+    if dask is not None:
+        yield from on_cluster(_diagnosed, orders, address=dask, when_killed=_lost)
+    else:
+        yield from in_processes(_diagnosed, orders, workers=count, when_killed=_lost)
+
+
+def folders_of(experiments: Sequence[Path], out: Path) -> dict[Path, Path]:
+    """A folder for each experiment below out, named as its file, with the name of its folder where files share one."""
+    shared = Counter(path.stem for path in experiments)
+    names = {
+        path: path.stem if shared[path.stem] == 1 else f"{path.resolve().parent.name}-{path.stem}"
+        for path in experiments
+    }
+    if len(set(names.values())) < len(experiments):
+        raise InputError("two experiments have the same name in folders of the same name; diagnose them one by one")
+    return {path: out / name for path, name in names.items()}
+
+
+def _diagnosed(order: Order) -> Answer:
+    """Carry out an order in a worker process."""
+    from evaluator.workflow.diagnosis import diagnose_experiment
+
+    try:
+        found, content = diagnose_experiment(order.experiment, order.out, _unseen, workers=order.trackers)
+    except (InputError, CalibrationError, SimulationError) as error:
+        return Answer(order.experiment, order.out, fault=str(error))
+    except OSError as error:
+        return Answer(order.experiment, order.out, fault=f"{error.filename or order.experiment}: {error.strerror}")
+    return Answer(order.experiment, order.out, content, anew=found is not None)
+
+
+def _lost(order: Order) -> Answer:
+    reason = f"{order.experiment}: its process was killed (out of memory?); try again with fewer --workers"
+    return Answer(order.experiment, order.out, fault=reason)
+
+
+def _unseen(what: str, share: float) -> None:
+    del what, share

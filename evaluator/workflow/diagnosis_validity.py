@@ -1,0 +1,75 @@
+"""Does a diagnosis still hold? By content, as for every other result: inputs, settings and code."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from evaluator.diagnosis.output.robot_file import robot_text
+from evaluator.errors import InputError
+from evaluator.files import read_with
+from evaluator.settings import Experiment
+from evaluator.workflow.analysis import jobs_of
+from evaluator.workflow.outputs import Outputs
+from evaluator.workflow.validity import Record, key_of
+
+STAGE = "diagnose"
+
+
+def key_of_diagnosis(experiment: Experiment, outputs: Outputs) -> str:
+    """One hash of everything a diagnosis is made from: recordings, cameras, commands, robots, code.
+
+    Raises InputError for a robot that cannot be read.
+    """
+    runs = []
+    for job in jobs_of(experiment, outputs, simulate=True):
+        try:
+            runs.append([job.run.id, job.keys()["simulate"]])
+        except (OSError, InputError) as error:  # a recording that is not there: its run is left out until it is
+            runs.append([job.run.id, str(error)])
+    text = read_with(robot_text, experiment.robot)  # type: ignore[arg-type]
+    return key_of({"runs": runs, "robot": text})
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A diagnosis found in an output folder: the content of diagnosis.json, and whether its inputs are still these."""
+
+    content: dict[str, Any]
+    outdated: bool
+
+
+def kept_diagnosis(experiment: Experiment, outputs: Outputs) -> Kept | None:
+    """What is known of an earlier diagnosis; None where there is none.
+
+    A diagnosis.json without a record, from another program, counts as up to date: nothing is known against it.
+    """
+    if not outputs.diagnosis.is_file():
+        return None
+    content = read_with(load_diagnosis, outputs.diagnosis)
+    record = Record.load(outputs.diagnosis_record)
+    outdated = STAGE in record.stages and record.fresh(STAGE, key_of_diagnosis(experiment, outputs)) is None
+    return Kept(content, outdated)
+
+
+def load_diagnosis(path: Path) -> dict[str, Any]:
+    """Read diagnosis.json. Raises OSError, InputError."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: not valid JSON ({error}); run turnscope diagnose again") from error
+    if not isinstance(content, dict) or "verdict" not in content:
+        raise InputError(f"{path}: has no verdict; run turnscope diagnose again")
+    return content
+
+
+def keep(outputs: Outputs, key: str, files: list[Path]) -> None:
+    """Remember what the files of a diagnosis were made from."""
+    Record(outputs.diagnosis_record).keep(STAGE, key, files, {})
+
+
+def is_current(outputs: Outputs, key: str) -> bool:
+    """Whether the files of a diagnosis are there, untouched, and made from exactly these inputs."""
+    return Record.load(outputs.diagnosis_record).fresh(STAGE, key) is not None

@@ -1,0 +1,1 @@
+"""Forces on the robot and the derivative of its velocity: body, wheels, axles, motors, added terms."""

@@ -1,0 +1,84 @@
+"""Forces that act on the body, not through its wheels: what added physics pulls, pushes and turns it with; inertia.
+
+Units: mm, s, µN, rad. A place is x, y, cosine and sine of the heading, and the time.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from simulator.compilation import compiled
+from simulator.dynamics.bases import place_basis, velocity_basis
+from simulator.dynamics.terms import COS, FORCE_FORWARD, FORCE_LEFT, FORCE_PLATE_X, MOMENT, ONE
+
+Triple = tuple[float, float, float]
+Square = tuple[Triple, Triple, Triple]
+# Differences for derivatives: rounding over step, and step over curvature, stay below 1e-5 of the derivative.
+VELOCITY_STEP = 3e-10  # mm/s, rad/s; far below the rest speed, where forces bend most
+
+
+@compiled()
+def body_forces(u: float, v: float, r: float, place: Any, rest: float, model: Any) -> Triple:
+    """Forces and moments that act on the body: forward, to the left, about the vertical."""
+    along, across, moment = 0.0, 0.0, 0.0
+    x, y, cos, sin, time = place
+    for term in range(model.body_terms):
+        channel, basis, value = model.channel[term], model.basis[term], model.coefficient[term]
+        if basis >= COS:
+            value *= place_basis(basis, x, y, cos, sin, time, 0.0, model.point_x[term], model.point_y[term])
+        elif basis != ONE:
+            value *= velocity_basis(basis, u, v, r, rest)
+        if channel == FORCE_FORWARD:
+            along += value
+        elif channel == FORCE_LEFT:
+            across += value
+        elif channel == MOMENT:
+            moment += value
+        elif channel == FORCE_PLATE_X:
+            along += cos * value
+            across -= sin * value
+        else:
+            along += sin * value
+            across += cos * value
+    return along, across, moment
+
+
+@compiled(inline="always")
+def loads(u: float, v: float, r: float, place: Any, rest: float, model: Any) -> Triple:
+    """The same, and the inertia of the turning frame: all that the wheels have to balance."""
+    along, across, moment = 0.0, 0.0, 0.0
+    if model.body_terms > 0:
+        along, across, moment = body_forces(u, v, r, place, rest, model)
+    mass, ahead, aside = model.mass, model.gravity_x, model.gravity_y
+    return (
+        along + mass * r * (v + r * ahead),
+        across - mass * r * (u - r * aside),
+        moment - mass * r * (ahead * u + aside * v),
+    )
+
+
+@compiled(inline="always")
+def loads_slopes(u: float, v: float, r: float, place: Any, rest: float, model: Any) -> tuple[Triple, Square]:
+    """The same, and their derivatives by u, v and r."""
+    here, mass, ahead, aside = loads(u, v, r, place, rest, model), model.mass, model.gravity_x, model.gravity_y
+    if model.body_feels == 1:
+        return here, (
+            _grown(here, loads(u + VELOCITY_STEP, v, r, place, rest, model)),
+            _grown(here, loads(u, v + VELOCITY_STEP, r, place, rest, model)),
+            _grown(here, loads(u, v, r + VELOCITY_STEP, place, rest, model)),
+        )
+    return here, (
+        (0.0, -mass * r, -mass * r * ahead),
+        (mass * r, 0.0, -mass * r * aside),
+        (mass * (v + 2.0 * r * ahead), -mass * (u - 2.0 * r * aside), -mass * (ahead * u + aside * v)),
+    )
+
+
+@compiled()
+def _grown(here: Triple, further: Triple) -> Triple:
+    """A derivative, of forces known here and a step further."""
+    return (
+        (further[0] - here[0]) / VELOCITY_STEP,
+        (further[1] - here[1]) / VELOCITY_STEP,
+        (further[2] - here[2]) / VELOCITY_STEP,
+    )

@@ -1,0 +1,180 @@
+"""The wheels on the plate: what added physics leaves of each at an instant, and the friction that follows.
+
+Units: mm, s, g, µN, rad. Contacts: see simulator.dynamics.wheel.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from simulator.compilation import compiled
+from simulator.dynamics.axles import give_way
+from simulator.dynamics.bases import place_basis, slide_basis, velocity_basis
+from simulator.dynamics.body import Square, Triple
+from simulator.dynamics.terms import (
+    COS,
+    DRAG,
+    FRICTION,
+    FRICTION_ACROSS,
+    LOAD,
+    ONE,
+    SLIDE_COS2,
+    SPEED,
+    STEER,
+    STIFFNESS,
+)
+from simulator.dynamics.wheel import (
+    COS_STEER,
+    DRAG_FORCE,
+    DROOP,
+    GIVEN,
+    GRIP_X,
+    GRIP_Y,
+    SIN_STEER,
+    STEEP_X,
+    STEEP_Y,
+    SURFACE,
+    drooping_speed,
+    wheel_response,
+)
+from simulator.slip.law import VECTORS, slip_ratio, wheel_force
+
+GIVEN_RAD, MOST_PASSES = 1e-8, 40  # after a step of Newton's method as small as this, rounding alone is left
+LEAST_FACTOR = 0.02  # a term may weaken load, friction or stiffness of a wheel to 2 %, never reverse it
+
+
+@compiled(inline="always")
+def _touch_one(
+    wheel: int, u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any
+) -> None:
+    """The contact of one wheel; u, v: of its centre in the body frame; place: of the robot on the plate."""
+    surface = model.speed[wheel] * drive[wheel] if wheel < 2 else 0.0
+    free, steer = surface, model.steer[wheel]
+    load, friction, across, stiffness, drag = 1.0, 1.0, 1.0, 1.0, 0.0
+    x, y, cos, sin, time = place
+    for term in range(model.body_terms, model.body_terms + model.wheel_terms):
+        value = model.pattern[term, wheel] * model.coefficient[term]
+        if value == 0.0:
+            continue
+        channel, basis = model.channel[term], model.basis[term]
+        if basis >= SLIDE_COS2:
+            slide = u - surface if wheel < 2 else 0.0  # a driven wheel rolls: it slides sideways only
+            value *= slide_basis(basis, cos * slide - sin * v, sin * slide + cos * v, rest)
+        elif basis >= COS:
+            at_x = x + cos * model.wheel_x[wheel] - sin * model.wheel_y[wheel]
+            at_y = y + sin * model.wheel_x[wheel] + cos * model.wheel_y[wheel]
+            angle = drive[2 + wheel] if wheel < 2 else 0.0
+            value *= place_basis(basis, at_x, at_y, cos, sin, time, angle, model.point_x[term], model.point_y[term])
+        elif basis != ONE:
+            value *= velocity_basis(basis, u, v, r, rest)
+        if channel == SPEED:
+            surface += value * free
+        elif channel == STEER:
+            steer += value
+        elif channel == LOAD:
+            load += value
+        elif channel == STIFFNESS:
+            stiffness += value
+        elif channel == DRAG:
+            drag += value
+        elif channel == FRICTION:
+            friction += value
+        elif channel == FRICTION_ACROSS:
+            across += value
+    load, friction, stiffness = max(load, LEAST_FACTOR), max(friction, LEAST_FACTOR), max(stiffness, LEAST_FACTOR)
+    across = max(across, LEAST_FACTOR)
+    steep = stiffness / friction if model.stiffness_follows_load else stiffness / (load * friction)
+    scaled = (load * friction, load * friction * across, steep, steep / across)
+    steer += contacts[GIVEN, wheel]
+    cos_steer, sin_steer, wheel_u, wheel_v = 1.0, 0.0, u, v
+    if steer != 0.0:
+        cos_steer, sin_steer = math.cos(steer), math.sin(steer)
+        wheel_u, wheel_v = cos_steer * u + sin_steer * v, cos_steer * v - sin_steer * u
+    droop = model.droop if wheel < 2 and drive[wheel] != 0.0 else 0.0
+    if droop != 0.0:
+        surface = drooping_speed(wheel_u, wheel_v, surface, contacts[SURFACE, wheel], wheel, scaled, rest, model)
+    contacts[SURFACE, wheel], contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel] = surface, cos_steer, sin_steer
+    contacts[GRIP_X, wheel], contacts[GRIP_Y, wheel], contacts[STEEP_X, wheel], contacts[STEEP_Y, wheel] = scaled
+    contacts[DRAG_FORCE, wheel], contacts[DROOP, wheel] = drag, droop
+
+
+@compiled(inline="always")  # a call that hands an array on costs a count of its users, as long as this takes
+def touch(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
+    """Bring the contacts to a velocity, a drive and a place."""
+    if model.general == 0:
+        contacts[SURFACE, 0], contacts[SURFACE, 1] = model.speed[0] * drive[0], model.speed[1] * drive[1]
+    else:
+        touch_changed(u, v, r, drive, place, rest, model, contacts)
+
+
+@compiled()
+def touch_changed(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
+    """The same for wheels that added physics changes."""
+    _touch_all(u, v, r, drive, place, rest, model, contacts)
+    if model.compliance == 0.0:
+        return
+    for _ in range(MOST_PASSES):
+        change = give_way(u, v, r, place, rest, model, contacts)
+        _touch_all(u, v, r, drive, place, rest, model, contacts)
+        if change < GIVEN_RAD:
+            break
+
+
+@compiled()
+def _touch_all(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
+    for wheel in range(4):
+        body_u, body_v = u - r * model.wheel_y[wheel], v + r * model.wheel_x[wheel]
+        _touch_one(wheel, body_u, body_v, r, drive, place, rest, model, contacts)
+
+
+@compiled(forceinline=True, fastmath=VECTORS)
+def friction(u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> Triple:
+    """Force forward, to the left, and moment of the four wheels."""
+    along, across, moment = 0.0, 0.0, 0.0
+    for wheel in range(4):
+        x, y = model.wheel_x[wheel], model.wheel_y[wheel]
+        body_u, body_v = u - r * y, v + r * x
+        cos, sin = contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel]
+        wheel_u, driving = cos * body_u + sin * body_v, 1.0 if wheel < 2 else 0.0
+        f_x, f_y = wheel_force(
+            wheel_u,
+            cos * body_v - sin * body_u,
+            driving * slip_ratio(wheel_u, contacts[SURFACE, wheel], rest),
+            model.grip_x[wheel] * contacts[GRIP_X, wheel],
+            model.grip_y[wheel] * contacts[GRIP_Y, wheel],
+            model.steep_x[wheel] * contacts[STEEP_X, wheel],
+            model.steep_y[wheel] * contacts[STEEP_Y, wheel],
+            model.ratio,
+            model.shape_x,
+            model.shape_y,
+            model.decrease,
+            rest,
+        )
+        f_x += contacts[DRAG_FORCE, wheel]
+        force_x, force_y = cos * f_x - sin * f_y, sin * f_x + cos * f_y
+        along += force_x
+        across += force_y
+        moment += x * force_y - y * force_x
+    return along, across, moment
+
+
+@compiled(forceinline=True, fastmath=VECTORS)
+def friction_slopes(u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> tuple[Triple, Square]:
+    """The same, and its derivatives by u, v and r; the contacts are held, but speeds may droop."""
+    along, across, moment = 0.0, 0.0, 0.0
+    along_u, along_v, along_r, across_u, across_v, across_r = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    moment_u, moment_v, moment_r = 0.0, 0.0, 0.0
+    for wheel in range(4):
+        x, y = model.wheel_x[wheel], model.wheel_y[wheel]
+        force_x, force_y, x_u, x_v, y_u, y_v, _, _ = wheel_response(wheel, u, v, r, contacts, rest, model)
+        turn_u, turn_v = x * y_u - y * x_u, x * y_v - y * x_v
+        along, across, moment = along + force_x, across + force_y, moment + x * force_y - y * force_x
+        along_u, along_v, along_r = along_u + x_u, along_v + x_v, along_r + x * x_v - y * x_u
+        across_u, across_v, across_r = across_u + y_u, across_v + y_v, across_r + x * y_v - y * y_u
+        moment_u, moment_v, moment_r = moment_u + turn_u, moment_v + turn_v, moment_r + x * turn_v - y * turn_u
+    return (along, across, moment), (
+        (along_u, across_u, moment_u),
+        (along_v, across_v, moment_v),
+        (along_r, across_r, moment_r),
+    )

@@ -1,0 +1,179 @@
+"""What the motors really do between two breaks of the command: dead band, dead time and first-order lag applied.
+
+A segment is a row: between two times the rotational frequency of each side is a + b·t + e·exp(-t/lag) in rpm, t from
+the start of the segment, and the motor has turned by an angle known in closed form.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from simulator.compilation import compiled, counter
+
+# Columns of a segment. Per side: constant, slope, exponential (rpm), angle at the start (rad).
+BEGIN, END, STEADY, LEFT, RIGHT, COLUMNS = 0, 1, 2, 3, 7, 11
+RAD_PER_REVOLUTION_MINUTE = 2 * math.pi / 60
+# An exponential is over after so many time constants: exp(-36) is the rounding of a double.
+LASTING_LAGS = 36.0
+
+
+@compiled()
+def drive_at(segment: Any, time: float, lag: float) -> tuple[float, float, float, float]:
+    """Left and right rpm and the angles the motors have turned, rad, at a time within the segment."""
+    since = time - segment[BEGIN]
+    left, right = segment[LEFT], segment[RIGHT]
+    if segment[STEADY] == 1.0:
+        turned = RAD_PER_REVOLUTION_MINUTE * since
+        return left, right, segment[LEFT + 3] + turned * left, segment[RIGHT + 3] + turned * right
+    left_angle = left * since + 0.5 * segment[LEFT + 1] * since * since
+    right_angle = right * since + 0.5 * segment[RIGHT + 1] * since * since
+    left += segment[LEFT + 1] * since
+    right += segment[RIGHT + 1] * since
+    if lag > 0.0:
+        fading = math.exp(-since / lag)
+        left += segment[LEFT + 2] * fading
+        right += segment[RIGHT + 2] * fading
+        left_angle += segment[LEFT + 2] * lag * (1 - fading)
+        right_angle += segment[RIGHT + 2] * lag * (1 - fading)
+    return (
+        left,
+        right,
+        segment[LEFT + 3] + RAD_PER_REVOLUTION_MINUTE * left_angle,
+        segment[RIGHT + 3] + RAD_PER_REVOLUTION_MINUTE * right_angle,
+    )
+
+
+@compiled()
+def command_segments(knots: Any, begin: float, end: float, model: Any) -> Any:
+    """Segments (n, COLUMNS) of a command from begin to end.
+
+    knots: (k, 3) time, left and right rpm. The lag starts settled on the first value.
+    """
+    count = len(knots)
+    segments = np.zeros((12 * (count + 2), COLUMNS))
+    used = counter(0)
+    lagged = np.zeros(2)
+    turned = np.zeros(2)
+    cuts = np.empty(8)
+    for side in range(2):
+        lagged[side] = _banded(knots[0, 1 + side], model.dead_band)
+    for piece in range(-1, count):
+        low = -np.inf if piece < 0 else knots[piece, 0] + model.dead_time
+        high = np.inf if piece == count - 1 else knots[piece + 1, 0] + model.dead_time
+        if high <= low or low >= end:
+            continue
+        cutting = _cuts(knots, piece, low, high, model.dead_band, cuts)
+        for part in range(cutting - 1):
+            start, stop = cuts[part], min(cuts[part + 1], end)
+            if stop <= start:
+                continue
+            used = _add_part(segments, used, knots, piece, low, start, stop, begin, lagged, turned, model)
+    return segments[:used]
+
+
+@compiled()
+def _banded(rpm: float, dead_band: float) -> float:
+    return 0.0 if abs(rpm) < dead_band else rpm
+
+
+@compiled()
+def _slope(knots: Any, piece: int, side: int) -> float:
+    if piece < 0 or piece == len(knots) - 1:
+        return 0.0
+    return float((knots[piece + 1, 1 + side] - knots[piece, 1 + side]) / (knots[piece + 1, 0] - knots[piece, 0]))
+
+
+@compiled()
+def _cuts(knots: Any, piece: int, low: float, high: float, dead_band: float, cuts: Any) -> int:
+    """Edges of the parts of a piece in which no side crosses the edge of the dead band."""
+    used = 1
+    cuts[0] = low
+    if dead_band > 0.0:
+        for side in range(2):
+            slope = _slope(knots, piece, side)
+            for edge in (-dead_band, dead_band):
+                if slope != 0.0:
+                    crossing = low + (edge - knots[piece, 1 + side]) / slope
+                    if low < crossing < high:
+                        cuts[used] = crossing
+                        used += 1
+    cuts[used] = high
+    for later in range(1, used + 1):  # a handful, mostly in order
+        place = later
+        while place > 0 and cuts[place] < cuts[place - 1]:
+            cuts[place], cuts[place - 1] = cuts[place - 1], cuts[place]
+            place -= 1
+    return used + 1
+
+
+@compiled()
+def _add_part(
+    segments: Any,
+    used: int,
+    knots: Any,
+    piece: int,
+    low: float,
+    start: float,
+    stop: float,
+    begin: float,
+    lagged: Any,
+    turned: Any,
+    model: Any,
+) -> int:
+    """Append one part, split where its exponential has faded; lagged and turned are carried to its end."""
+    row = segments[used]
+    lag = model.lag
+    length = stop - start
+    row[STEADY] = 1.0
+    for side in range(2):
+        column = LEFT if side == 0 else RIGHT
+        slope = _slope(knots, piece, side)
+        value = knots[max(piece, 0), 1 + side]
+        if math.isinf(start):  # before the first knot all is settled
+            row[column] = lagged[side]
+            continue
+        value += slope * (start - low)
+        if abs(value + 0.5 * slope * min(length, 1e6)) < model.dead_band:
+            value, slope = 0.0, 0.0
+        row[column], row[column + 1] = value - slope * lag, slope
+        row[column + 2] = lagged[side] - row[column] if lag > 0.0 else 0.0
+        fading = math.exp(-length / lag) if lag > 0.0 else 0.0
+        lagged[side] = row[column] + slope * length + row[column + 2] * fading
+        if slope != 0.0 or row[column + 2] != 0.0:
+            row[STEADY] = 0.0
+    if stop <= begin:
+        for column in range(COLUMNS):
+            row[column] = 0.0
+        return used
+    if start < begin:
+        _advance(row, begin - start if not math.isinf(start) else 0.0, lag)
+    row[BEGIN], row[END] = max(start, begin), stop
+    row[LEFT + 3], row[RIGHT + 3] = turned[0], turned[1]
+    faded = row[BEGIN] + LASTING_LAGS * lag
+    if row[STEADY] == 0.0 and lag > 0.0 and faded < stop:
+        following = segments[used + 1]
+        for column in range(COLUMNS):
+            following[column] = row[column]
+        row[END] = faded
+        drive = drive_at(row, faded, lag)
+        _advance(following, faded - row[BEGIN], lag)
+        following[BEGIN], following[LEFT + 2], following[RIGHT + 2] = faded, 0.0, 0.0
+        following[LEFT + 3], following[RIGHT + 3] = drive[2], drive[3]
+        following[STEADY] = 1.0 if following[LEFT + 1] == 0.0 and following[RIGHT + 1] == 0.0 else 0.0
+        used += 1
+        row = following
+    drive = drive_at(row, stop, lag)
+    turned[0], turned[1] = drive[2], drive[3]
+    return used + 1
+
+
+@compiled()
+def _advance(row: Any, by: float, lag: float) -> None:
+    """Let a segment's formulas start later."""
+    for column in (LEFT, RIGHT):
+        row[column] += row[column + 1] * by
+        if lag > 0.0:
+            row[column + 2] *= math.exp(-by / lag)

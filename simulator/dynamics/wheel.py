@@ -1,0 +1,115 @@
+"""One wheel on the plate: its row of numbers, its friction, and the motor that yields to it.
+
+Units: mm, s, µN, rad. Contacts are an array (ROWS, 4): rows SURFACE (speed, mm/s), COS_STEER and SIN_STEER, GRIP and
+STEEP (factors of a wheel's grip and steepness, along X and across Y), DRAG (µN), DROOP (loss of surface speed per µN),
+GIVEN (angle by which its axle has given way, rad); a column per wheel.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from simulator.compilation import compiled
+from simulator.slip.law import VECTORS, wheel_slopes
+
+SURFACE, COS_STEER, SIN_STEER, GRIP_X, GRIP_Y, STEEP_X, STEEP_Y, DRAG_FORCE, DROOP, GIVEN, ROWS = range(11)
+
+
+@compiled()
+def fresh_contacts() -> Any:
+    """Contacts of wheels without any effect, at rest."""
+    contacts = np.zeros((ROWS, 4))
+    reset_contacts(contacts)
+    return contacts
+
+
+@compiled()
+def reset_contacts(contacts: Any) -> None:
+    """Contacts of wheels without any effect, at rest, into an array of zeros."""
+    for wheel in range(4):
+        contacts[COS_STEER, wheel] = 1.0
+        for row in range(GRIP_X, STEEP_Y + 1):
+            contacts[row, wheel] = 1.0
+
+
+@compiled(inline="always", fastmath=VECTORS)
+def law_slopes(u: float, v: float, surface: float, wheel: int, scaled: Any, rest: float, model: Any) -> Any:
+    """Friction along and across one wheel, then its derivatives; see simulator.slip.law.wheel_slopes."""
+    return wheel_slopes(
+        u,
+        v,
+        surface,
+        1.0 if wheel < 2 else 0.0,
+        model.grip_x[wheel] * scaled[0],
+        model.grip_y[wheel] * scaled[1],
+        model.steep_x[wheel] * scaled[2],
+        model.steep_y[wheel] * scaled[3],
+        model.ratio,
+        model.shape_x,
+        model.shape_y,
+        model.decrease,
+        rest,
+    )
+
+
+@compiled(inline="always", fastmath=VECTORS)
+def wheel_response(wheel: int, u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> Any:
+    """Force on a wheel and its derivatives at a velocity of the robot; callers pay for those that they use.
+
+    Eight numbers in the body frame, forward and left by turns: force; derivatives by the velocity of the wheel's centre
+    forward, (x_u, x_v), and left, (y_u, y_v); by the angle about the vertical. Contacts are held, but speeds may droop.
+    """
+    x, y = model.wheel_x[wheel], model.wheel_y[wheel]
+    body_u, body_v = u - r * y, v + r * x
+    cos, sin, droop = contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel], contacts[DROOP, wheel]
+    wheel_u, wheel_v = cos * body_u + sin * body_v, cos * body_v - sin * body_u
+    scaled = (contacts[GRIP_X, wheel], contacts[GRIP_Y, wheel], contacts[STEEP_X, wheel], contacts[STEEP_Y, wheel])
+    f_x, f_y, x_1, x_2, y_1, y_2, x_w, y_w = law_slopes(
+        wheel_u, wheel_v, contacts[SURFACE, wheel], wheel, scaled, rest, model
+    )
+    f_x += contacts[DRAG_FORCE, wheel]
+    yields = 1.0 / (1.0 + droop * x_w)  # w = free - droop·F_x, differentiated
+    y_1, y_2 = y_1 - y_w * droop * x_1 * yields, y_2 - y_w * droop * x_2 * yields
+    x_1, x_2 = x_1 * yields, x_2 * yields
+    f_u, f_v, g_u, g_v = cos * x_1 - sin * x_2, sin * x_1 + cos * x_2, cos * y_1 - sin * y_2, sin * y_1 + cos * y_2
+    force_x, force_y = cos * f_x - sin * f_y, sin * f_x + cos * f_y
+    x_turn, y_turn = x_1 * wheel_v - x_2 * wheel_u, y_1 * wheel_v - y_2 * wheel_u
+    return (
+        *(force_x, force_y, cos * f_u - sin * g_u, cos * f_v - sin * g_v, sin * f_u + cos * g_u, sin * f_v + cos * g_v),
+        *(cos * x_turn - sin * y_turn - force_y, sin * x_turn + cos * y_turn + force_x),
+    )
+
+
+@compiled()
+def law(u: float, v: float, wheel: int, contacts: Any, rest: float, model: Any) -> tuple[float, float]:
+    """Friction along and across one wheel; u, v: of its centre in its own frame."""
+    scaled = (contacts[GRIP_X, wheel], contacts[GRIP_Y, wheel], contacts[STEEP_X, wheel], contacts[STEEP_Y, wheel])
+    slopes = law_slopes(u, v, contacts[SURFACE, wheel], wheel, scaled, rest, model)
+    return slopes[0], slopes[1]
+
+
+@compiled()
+def drooping_speed(
+    u: float, v: float, free: float, guess: float, wheel: int, scaled: Any, rest: float, model: Any
+) -> float:
+    """Surface speed of a motor that yields to its load: the w with w = free - droop·F_x(w).
+
+    F_x grows with w, so the root is one; Newton's method from a guess within a bracket that friction bounds.
+    """
+    reach = model.droop * model.grip_x[wheel] * scaled[0]
+    low, high = free - reach, free + reach
+    speed = guess if low < guess < high else free
+    for _ in range(60):
+        slopes = law_slopes(u, v, speed, wheel, scaled, rest, model)
+        excess = speed - free + model.droop * slopes[0]
+        if excess > 0:
+            high = speed
+        else:
+            low = speed
+        newton = speed - excess / (1.0 + model.droop * slopes[6])
+        if abs(newton - speed) <= 1e-7 * max(abs(free), 1e-3):  # then as many digits more are right
+            return float(newton)
+        speed = newton if low < newton < high else (low + high) / 2
+    return float(speed)

@@ -1,0 +1,262 @@
+"""Long steps along the slow manifold, where forces vary with place, heading, time or wheel angle, or the command does.
+
+Once slip has relaxed, the velocity is a smooth function of time: at every instant wheel forces balance all others, the
+inertia of the slowly changing velocity among them. Over a long interval it is the polynomial that obeys the full
+dynamics at Chebyshev points, free of the initial relaxation, whose displacement is added in closed form (collocation
+for a stiff system: Hairer and Wanner, Solving ODEs II, VI.3). Each sweep integrates the path from the velocity, and
+then takes a step of Newton's method for the velocity at every point; forces that vary change the velocity little, so
+that few sweeps do. Outputs are the values of the polynomials in the plate frame.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from simulator.compilation import compiled, counter
+from simulator.dynamics.equations import accelerations, slopes
+from simulator.dynamics.motors import drive_at
+from simulator.integrator.rosenbrock import invert3, moved
+from simulator.integrator.slow_manifold import close, is_off
+from simulator.integrator.stability import is_stable
+from simulator.integrator.step_control import LEVER_MM
+from simulator.integrator.workspace import POINTS
+
+# Rows of the table of a step, a column per point: velocity; pose; rate of x and y over the plate; rate of the velocity;
+# and, for outputs, powers of the time within the step, -1 … 1, of the velocity or the rate of the pose.
+U, X, Y, HEADING, X_RATE, Y_RATE, CHANGE, POWERS = 0, 3, 4, 5, 6, 7, 8, 11
+LONGEST_TURN_RAD = 3.0  # within a step; over more, cosine and sine of the heading need more points
+MOST_SWEEPS = 12
+# Over shorter steps the rate of the velocity, by differences between points, counts too much for sweeps to converge.
+SHORTEST_COLLOCATION_S = 5e-3
+LEAST_GAIN = 0.5  # of a sweep; slower ones do not pay
+# Sweeps stop where what is left, and steps are accepted where the last coefficients, move the robot by such a share of
+# the tolerance.
+SWEPT_SHARE, CUT_SHARE = 0.02, 0.5
+
+
+def _matrices() -> tuple[Any, Any, Any]:
+    """Values at the points times these: powers, integrals from the start, derivatives; time of the step -1 … 1."""
+    points = -np.cos(np.pi * np.arange(POINTS) / (POINTS - 1))
+    power = np.arange(POINTS)
+    of_values = np.linalg.inv(points[:, None] ** power)
+    integrals = (points[:, None] ** (power + 1) - (-1.0) ** (power + 1)) / (power + 1)
+    derivatives = power * points[:, None] ** np.maximum(power - 1, 0)
+    return of_values.T.copy(), (integrals @ of_values).T.copy(), (derivatives @ of_values).T.copy()
+
+
+TO_POWERS, INTEGRAL, DERIVATIVE = _matrices()
+SHARES = (1.0 - np.cos(np.pi * np.arange(POINTS) / (POINTS - 1))) / 2.0
+
+
+@compiled(fastmath={"contract"})
+def _apply(matrix: Any, table: Any, source: int, scale: float, start: float, target: int) -> None:
+    """Row target becomes start + scale · (row source) · matrix."""
+    for point in range(POINTS):
+        table[target, point] = start
+    for other in range(POINTS):
+        factor = scale * table[source, other]
+        for point in range(POINTS):
+            table[target, point] += factor * matrix[other, point]
+
+
+@compiled()
+def _guess(time: float, length: float, model: Any, work: Any) -> None:
+    """Before the first sweep: velocities, and inverses of the derivatives by them, in proportion to the command.
+
+    So friction alone has it, which depends on ratios of speeds.
+    """
+    now = 0.0
+    for point in range(POINTS):
+        left, right, _, _ = drive_at(work.segment, time + SHARES[point] * length, model.lag)
+        pace = math.sqrt(left * left + right * right)
+        if point == 0:
+            now = pace
+        share = pace / now if now > 0.0 else 1.0
+        for row in range(3):
+            work.table[U + row, point] = share * work.y[3 + row]
+            for column in range(3):
+                work.inverses[point, row, column] = share * work.inverse[row, column]
+
+
+@compiled()
+def follow(length: float, work: Any) -> None:
+    """Integrate the path from the velocity at the points; it starts where what is left of the relaxation leads."""
+    table, y, inverse = work.table, work.y, work.inverse
+    u, v, r = table[U, 0] - y[3], table[U + 1, 0] - y[4], table[U + 2, 0] - y[5]
+    x, at_y, heading = moved(
+        work.pose,
+        inverse[0, 0] * u + inverse[0, 1] * v + inverse[0, 2] * r,
+        inverse[1, 0] * u + inverse[1, 1] * v + inverse[1, 2] * r,
+        inverse[2, 0] * u + inverse[2, 1] * v + inverse[2, 2] * r,
+    )
+    _apply(INTEGRAL, table, U + 2, 0.5 * length, heading, HEADING)
+    for point in range(POINTS):
+        cos, sin = math.cos(table[HEADING, point]), math.sin(table[HEADING, point])
+        table[X_RATE, point] = cos * table[U, point] - sin * table[U + 1, point]
+        table[Y_RATE, point] = sin * table[U, point] + cos * table[U + 1, point]
+    _apply(INTEGRAL, table, X_RATE, 0.5 * length, x, X)
+    _apply(INTEGRAL, table, Y_RATE, 0.5 * length, at_y, Y)
+
+
+@compiled()
+def sweep(time: float, length: float, renew: bool, model: Any, work: Any) -> float:
+    """Correct the velocity at every point; returns the largest change, mm/s, infinity where it is not defined.
+
+    renew: work out the derivatives by velocity anew, at every point.
+    """
+    table, bent = work.table, work.bent
+    largest = 0.0
+    for item in range(3):
+        _apply(DERIVATIVE, table, U + item, 2.0 / length, 0.0, CHANGE + item)
+    for point in range(POINTS):
+        at, heading, inverse = time + SHARES[point] * length, table[HEADING, point], work.inverses[point]
+        place = (table[X, point], table[Y, point], math.cos(heading), math.sin(heading), at)
+        drive = drive_at(work.segment, at, model.lag)
+        u, v, r = table[U, point], table[U + 1, point], table[U + 2, point]
+        if renew:
+            slopes(u, v, r, drive, place, model.rest_speed, model, work.contacts, bent)
+            gained = bent[0, 0], bent[0, 1], bent[0, 2]
+            if not invert3(bent[1:4], inverse):
+                return math.inf
+        else:
+            gained = accelerations(u, v, r, drive, place, model.rest_speed, model, work.contacts)
+        a_u, a_v = gained[0] - table[CHANGE, point], gained[1] - table[CHANGE + 1, point]
+        a_r = gained[2] - table[CHANGE + 2, point]
+        for row in range(3):
+            change = inverse[row, 0] * a_u + inverse[row, 1] * a_v + inverse[row, 2] * a_r
+            table[U + row, point] -= change
+            largest = max(largest, (LEVER_MM if row == 2 else 1.0) * abs(change))
+    return largest
+
+
+@compiled()
+def cut_off(length: float, table: Any) -> float:
+    """What the polynomials of the rates lack, as displacement in mm: their last Chebyshev coefficients."""
+    largest = 0.0
+    for row in (U + 2, X_RATE, Y_RATE):
+        last, before = 0.0, 0.0
+        for point in range(POINTS):
+            last += table[row, point] * TO_POWERS[point, POINTS - 1]
+            before += table[row, point] * TO_POWERS[point, POINTS - 2]
+        size = max(abs(last) / 2.0 ** (POINTS - 2), 0.1 * abs(before) / 2.0 ** (POINTS - 3))
+        largest = max(largest, (LEVER_MM if row == U + 2 else 1.0) * size)
+    return largest * length
+
+
+@compiled()
+def _stays(end: float, tolerance: float, model: Any, work: Any) -> bool:
+    """Whether the manifold found is the one the velocity was near to, and still attracts it at the end."""
+    table, last, away = work.table, POINTS - 1, work.spare[0]
+    for row in range(3):
+        away[row] = table[U + row, 0] - work.y[3 + row]
+    if not close(away, 2.0 * tolerance, is_off(end, model, work), model, work):
+        return False
+    heading, drive = table[HEADING, last], drive_at(work.segment, end, model.lag)
+    place = (table[X, last], table[Y, last], math.cos(heading), math.sin(heading), end)
+    u, v, r = table[U, last], table[U + 1, last], table[U + 2, last]
+    slopes(u, v, r, drive, place, model.rest_speed, model, work.contacts, work.bent)
+    return is_stable(work.bent)
+
+
+@compiled()
+def collocate(time: float, length: float, tolerance: float, planned: int, model: Any, work: Any) -> tuple[int, float]:
+    """Fill the table for a step from work.y at twist 0: the number of sweeps, 0 where it fails; the length wanted next.
+
+    planned: so many sweeps, without control of the error, or 0. The inverse of the derivative of the accelerations by
+    velocity enters in work.inverse.
+    """
+    _guess(time, length, model, work)
+    before, enough, used = math.inf, SWEPT_SHARE * tolerance / length, 0
+    while used < (planned if planned > 0 else MOST_SWEEPS):
+        follow(length, work)
+        change = sweep(time, length, used > 0 and model.wheels_feel == 0, model, work)
+        used += 1
+        if planned > 0:
+            continue
+        if not change <= LEAST_GAIN * before or cut_off(length, work.table) > 100.0 * CUT_SHARE * tolerance:
+            return 0, 0.3 * length
+        if used > 1 and change * change <= enough * before:
+            break
+        before = change
+    follow(length, work)
+    if planned > 0:
+        return planned, length
+    if used == MOST_SWEEPS or not _stays(time + length, tolerance, model, work):
+        return 0, 0.3 * length
+    factor = 0.9 * (CUT_SHARE * tolerance / (cut_off(length, work.table) + 1e-300)) ** (1.0 / POINTS)
+    return (used if factor > 0.9 else 0), length * min(2.0, max(0.3, factor))
+
+
+@compiled()
+def long_step(
+    time: float, remaining: float, longest: float, tolerance: float, model: Any, work: Any
+) -> tuple[int, float, float]:
+    """Take the longest step that is possible: sweeps, 0 where none is; its length, or that of the last try; the next.
+
+    longest: length to begin with. Steps share what remains equally.
+    """
+    longest = min(longest, remaining, LONGEST_TURN_RAD / (abs(work.y[5]) + 1e-3))
+    length = longest
+    while longest >= SHORTEST_COLLOCATION_S:
+        length = remaining / math.ceil(remaining / longest - 1e-9)
+        sweeps, longest = collocate(time, length, tolerance, counter(0), model, work)
+        if sweeps > 0:
+            return sweeps, length, longest
+    return 0, length, length
+
+
+@compiled()
+def go_to_end(work: Any) -> None:
+    """Move the run to the end of the step in the table."""
+    last = POINTS - 1
+    for item in range(3):
+        work.pose[item] = work.table[X + item, last]
+        work.y[item], work.y[3 + item] = 0.0, work.table[U + item, last]
+
+
+@compiled(fastmath={"contract"})
+def _write(
+    out: Any, column: int, times: Any, rows: tuple[int, int], time: float, length: float, table: Any, powers: int
+) -> None:
+    """A column of outputs: the polynomial of a row of powers."""
+    for row in range(rows[0], rows[1]):
+        at = 2.0 * (times[row] - time) / length - 1.0
+        value = table[powers, POINTS - 1]
+        for power in range(POINTS - 2, -1, -1):
+            value = value * at + table[powers, power]
+        out[row, column] = value
+
+
+@compiled(fastmath={"contract"})
+def _write_integral(
+    out: Any, column: int, times: Any, rows: tuple[int, int], time: float, length: float, table: Any, powers: int
+) -> None:
+    """A column of outputs: what it is at the start, and the integral of the polynomial, whose powers are lost."""
+    start = 0.0
+    for power in range(POINTS):
+        table[powers, power] *= 0.5 * length / (power + 1)
+        start += table[powers, power] * (1.0 if power % 2 == 0 else -1.0)
+    start += table[X + column, 0]
+    for row in range(rows[0], rows[1]):
+        at = 2.0 * (times[row] - time) / length - 1.0
+        value = table[powers, POINTS - 1]
+        for power in range(POINTS - 2, -1, -1):
+            value = value * at + table[powers, power]
+        out[row, column] = start + at * value
+
+
+@compiled()
+def write_polynomials(out: Any, times: Any, rows: tuple[int, int], time: float, length: float, table: Any) -> None:
+    """Outputs within a step: rows from the first to before the second."""
+    if rows[0] == rows[1]:
+        return
+    for item in range(3):
+        _apply(TO_POWERS, table, U + item, 1.0, 0.0, POWERS + item)
+        _write(out, 3 + item, times, rows, time, length, table, POWERS + item)
+    _apply(TO_POWERS, table, X_RATE, 1.0, 0.0, POWERS)
+    _apply(TO_POWERS, table, Y_RATE, 1.0, 0.0, POWERS + 1)
+    for item in range(3):
+        _write_integral(out, item, times, rows, time, length, table, POWERS + item)

@@ -1,0 +1,201 @@
+"""A whole run in one kernel: through starts, stops and reversals, then along the slow manifold.
+
+After every break of the command the velocity relaxes onto a slow manifold within milliseconds; adaptive steps follow it
+there. Then a run with a constant command is a circular arc where no force varies with place, heading or time, and is
+followed by long steps of collocation where forces do, or the command. Where friction bends sharply on the way, as when
+a wheel stops or turns over, the adaptive steps take over.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from simulator.compilation import compiled, counter
+from simulator.dynamics.motors import BEGIN, END, STEADY, command_segments
+from simulator.dynamics.wheel import reset_contacts
+from simulator.integrator.collocation import collocate, go_to_end, long_step, write_polynomials
+from simulator.integrator.rosenbrock import between, invert3, linearize, moved
+from simulator.integrator.slow_manifold import is_off, near_manifold, settle, write_arc
+from simulator.integrator.stability import growth_rate
+from simulator.integrator.step_control import first_step, is_resting, short_step, shrinking
+from simulator.integrator.workspace import WORK, copy
+
+MOST_STEPS = 20000
+CREEPING_STEP_S, MOST_CREEPING = 1e-5, 40  # so many such steps in a row mean that a wheel sticks or turns over
+# Steps grow with the time since the last break of the command, but where a method chatters over a bend for ever.
+CHATTERING_SHARE = 3e-3
+# Nothing physical is faster than SHORTEST_STEP_S: many steps in a row a thousand times shorter mean that the forces
+# jump at this state (a motor that droops more than its load lets it settle), and that no motion follows from them.
+STALLED_STEP_S, MOST_STALLED = 2e-9, 60
+DONE, FAILED = 0, 1
+# A plan is a row per step: number of the segment, length, and method: sweeps of collocation, or one of these.
+ROSENBROCK, STICKING = 0, -1
+
+
+@compiled()
+def integrate_run(
+    model: Any,
+    knots: Any,
+    state: Any,
+    times: Any,
+    out: Any,
+    tolerance: float,
+    plan: Any,
+    replay: bool,
+    most_steps: int,
+) -> tuple[int, int, float]:
+    """Integrate from state (6: pose, velocity) at times[0] to times[-1]; outputs (n, 6) into out; state is moved on.
+
+    plan: (m, 3) of segment, step and method. It is filled with the accepted steps; with replay it prescribes them, so
+    that the result is a smooth function of model and state. Returns DONE or FAILED, the number of steps of the plan,
+    and the logarithm of what a small disturbance of the velocity grows by after some break of the command, at most.
+    """
+    holder = np.zeros(1, WORK)
+    segments = command_segments(knots, times[0], times[-1], model)
+    return _through(model, segments, state, times, out, tolerance, plan, replay, most_steps, holder)
+
+
+@compiled()
+def _through(
+    model: Any,
+    segments: Any,
+    state: Any,
+    times: Any,
+    out: Any,
+    tolerance: float,
+    plan: Any,
+    replay: bool,
+    most_steps: int,
+    holder: Any,
+) -> tuple[int, int, float]:
+    """The same, segment by segment; holder (1,): the record of the run, which its array keeps."""
+    work = holder[0]
+    for item in range(3):
+        work.pose[item], work.y[3 + item] = state[item], state[3 + item]
+    reset_contacts(work.contacts)
+    copy(state, out[0])
+    row, used, grown = counter(1), counter(0), 0.0
+    for number in range(len(segments)):
+        copy(segments[number], work.segment)
+        work.grown = 0.0
+        rows = row, output_rows(times, row, segments[number, END], number == len(segments) - 1)
+        used = _through_segment(model, number, times, rows, out, tolerance, plan, replay, used, most_steps, work)
+        row = rows[1]
+        if used < 0:
+            return FAILED, -used, grown
+        grown = max(grown, work.grown)
+    for item in range(3):
+        state[item], state[3 + item] = work.pose[item], work.y[3 + item]
+    return DONE, used, grown
+
+
+@compiled()
+def output_rows(times: Any, row: int, until: float, last: bool) -> int:
+    """The first row from row on whose time is not before until; with last, not until either."""
+    while row < len(times) and (times[row] < until or (last and times[row] <= until)):
+        row += 1
+    return row
+
+
+@compiled()
+def _through_segment(
+    model: Any,
+    number: int,
+    times: Any,
+    rows: tuple[int, int],
+    out: Any,
+    tolerance: float,
+    plan: Any,
+    replay: bool,
+    used: int,
+    most_steps: int,
+    work: Any,
+) -> int:
+    """Go through the segment in work, writing its rows of out; returns the steps used so far, negative if it fails."""
+    begin, end, row = work.segment[BEGIN], work.segment[END], rows[0]
+    closed = work.segment[STEADY] == 1.0 and model.varies == 0
+    time, step, longest, resume, creeping, stalled = begin, 0.0, math.inf, begin, 0, 0
+    while time < end:
+        remaining = end - time
+        planned = replay and used < len(plan) and int(plan[used, 0]) == number
+        expected, method = min(remaining, plan[used, 1] if planned else step), int(plan[used, 2]) if planned else 0
+        linearize(time, expected > _unvaried_step(tolerance), model, work)
+        length, wanted = expected, 0.0
+        if planned and method > 0:
+            invert3(work.linear[1:4], work.inverse)
+            collocate(time, length, tolerance, method, model, work)
+        elif not planned and near_manifold(tolerance, closed or is_off(time, model, work), model, work):
+            if closed and settle(time, model, work):
+                write_arc(out, times, (row, rows[1]), time, remaining, work)
+                return used
+            if not closed and time >= resume:
+                method, length, longest = long_step(time, remaining, longest, tolerance, model, work)
+                resume = time if method > 0 else time + length
+        if method <= 0:
+            sticking = method == STICKING if planned else creeping >= MOST_CREEPING
+            asked = expected if planned else _asked_step(time, step, tolerance, model, work)
+            length, wanted, sticking = short_step(time, asked, remaining, tolerance, planned, sticking, model, work)
+            method = STICKING if sticking else ROSENBROCK
+            work.grown += work.growth * length
+            moving = not is_resting(work.y, model)
+            creeping = creeping + 1 if moving and length < _creeping_step(time - begin, tolerance) else 0
+            stalled = stalled + 1 if moving and length < STALLED_STEP_S * min(shrinking(tolerance), remaining) else 0
+        if length == 0.0 or stalled >= MOST_STALLED or used >= most_steps:
+            return -used - 1
+        if not replay and used < len(plan):
+            plan[used, 0], plan[used, 1], plan[used, 2] = number, length, method
+        used += 1
+        following = end if length >= remaining * (1.0 - 1e-12) else time + length
+        until = rows[1] if following == end else output_rows(times, row, following, following == end)
+        _write_step(out, times, (row, until), time, length, method, work)
+        row, time, step = until, following, wanted
+    return used
+
+
+@compiled()
+def _unvaried_step(tolerance: float) -> float:
+    """The longest step for which derivatives of forces by place are not needed.
+
+    In h seconds forces that vary with place change by 0.01·h of themselves, and with them the velocity, for a
+    displacement of 0.01·h² mm or so: h is the square root of the tolerance in mm.
+    """
+    return math.sqrt(tolerance)
+
+
+@compiled()
+def _creeping_step(since: float, tolerance: float) -> float:
+    """The longest step that counts as creeping, so long after a break of the command."""
+    finer = shrinking(tolerance)
+    return float(finer * max(CREEPING_STEP_S, finer * CHATTERING_SHARE * since))
+
+
+@compiled()
+def _asked_step(time: float, step: float, tolerance: float, model: Any, work: Any) -> float:
+    """The step to try: the one wanted, or a first one, and none that could rest on an unstable balance."""
+    if step == 0.0:
+        step = min(first_step(work.linear, tolerance), _unvaried_step(tolerance))
+    work.growth = 0.0
+    if is_off(time, model, work):
+        return step  # an unstable balance is within the rounding of rest, and as good as rest
+    work.growth = growth_rate(work.linear)
+    return float(min(step, 1.0 / (work.growth + 1e-30)))
+
+
+@compiled()
+def _write_step(out: Any, times: Any, rows: tuple[int, int], time: float, step: float, method: int, work: Any) -> None:
+    """Outputs inside the step just taken; move the run to its end."""
+    if method > 0:
+        write_polynomials(out, times, rows, time, step, work.table)
+        go_to_end(work)
+        return
+    at, pose, end = work.spare[0], work.pose, work.end
+    for row in range(rows[0], rows[1]):
+        between((times[row] - time) / step, work, at)
+        out[row, 0], out[row, 1], out[row, 2] = moved(pose, at[0], at[1], at[2])
+        out[row, 3], out[row, 4], out[row, 5] = at[3], at[4], at[5]
+    pose[0], pose[1], pose[2] = moved(pose, end[0, 0], end[0, 1], end[0, 2])
+    for item in range(3):
+        work.y[item], work.y[3 + item] = 0.0, end[0, 3 + item]

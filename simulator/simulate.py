@@ -1,0 +1,152 @@
+"""Motion from command: one run, or a batch over robots, commands and starts.
+
+The full dynamics are integrated, starts and reversals included; see simulator.integrator.run_kernel for how.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from simulator.command import Command
+from simulator.dynamics.model import MODEL, compile_robot
+from simulator.errors import SimulationError
+from simulator.integrator.batch import TOLERANCE_MM, integrate_many
+from simulator.integrator.run_kernel import DONE, MOST_STEPS, integrate_run
+from simulator.robot import Robot
+from simulator.run import Run, State
+from simulator.wheel_states import wheel_states
+
+Array = NDArray[np.float64]
+_NO_PLAN = np.zeros((0, 3))
+LARGEST_LOGARITHM = 700.0  # of a double
+
+
+def simulate(
+    robot: Robot | NDArray[np.void],
+    command: Command,
+    times_s: ArrayLike,
+    start: State | None = None,
+    run_index: int = 0,
+    tolerance_mm: float = TOLERANCE_MM,
+) -> Run:
+    """Integrate the full dynamics from start at times_s[0]; outputs at times_s (n,), increasing.
+
+    robot: a Robot, with its effects, or its record from compile_robot. run_index: number of the run within its session,
+    from 0. tolerance_mm: local error of a step; a robot that added forces drag away over sliding wheels does not forget
+    errors of its velocity, and is off by up to 1e-3 of its way. Where the smallest disturbance decides which turn is
+    taken, the Run says so (is_by_chance). Raises SimulationError for times that do not increase or are not finite, and
+    where the motion cannot be followed.
+    """
+    times = _checked_times(times_s)
+    model: Any = (compile_robot(robot, run_index) if isinstance(robot, Robot) else robot)[0]
+    states = np.empty((len(times), 6))
+    state = (start or State()).to_array()
+    # A kernel is compiled anew for arrays that are read-only; batches hand over their own.
+    asked = times.copy()
+    done, steps, grown = integrate_run(
+        model, command.knots, state, asked, states, tolerance_mm, _NO_PLAN, False, MOST_STEPS
+    )
+    if done != DONE:
+        raise SimulationError(
+            f"the motion cannot be followed beyond {steps} steps; are the effects of a sensible size?"
+        )
+    states.setflags(write=False)
+    x, y, heading, u, v, yaw_rate = states.T
+    amplification = math.exp(min(grown, LARGEST_LOGARITHM))
+    return Run(
+        *(times, x, y, heading, u, v, yaw_rate),
+        lambda: wheel_states(model, command.knots, times, states),
+        amplification,
+    )
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Runs of a batch: states (n, t, 6) as x, y, heading, u, v, yaw rate in mm, rad, s; NaN for a run that failed.
+
+    Where only summaries were asked for, t is 2: start and end.
+    """
+
+    time_s: Array
+    states: Array
+
+    @property
+    def final(self) -> Array:
+        """States at the end, (n, 6)."""
+        return self.states[:, -1]
+
+    @property
+    def curvature_per_mm(self) -> Array:
+        """Curvature of the path at the end, (n,), positive for a centre to the robot's left; NaN at rest."""
+        u, v, yaw_rate = self.final[:, 3:].T
+        speed = np.hypot(u, v)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(speed > 0, np.where(u < 0, -1.0, 1.0) * yaw_rate / speed, np.nan)
+
+
+def simulate_batch(
+    robots: Sequence[Robot] | NDArray[np.void],
+    commands: Sequence[Command],
+    times_s: ArrayLike,
+    starts: ArrayLike | None = None,
+    *,
+    summary: bool = False,
+    tolerance_mm: float = TOLERANCE_MM,
+) -> Batch:
+    """Simulate n runs in parallel; robots, commands and starts each hold n entries, or one that all runs share.
+
+    robots: Robots or records (n,) of dtype MODEL; starts: (n, 6), (6,) or None for rest at the origin. summary: keep
+    start and end only, so that memory does not grow with the number of times. A run that cannot be followed is NaN.
+    """
+    times = _checked_times(times_s)
+    kept = times[[0, -1]] if summary else times
+    models = robots if isinstance(robots, np.ndarray) else _records(robots)
+    begin = np.zeros((1, 6)) if starts is None else np.atleast_2d(np.asarray(starts, dtype=float))
+    runs = max(len(models), len(commands), len(begin))
+    for name, count in (("robots", len(models)), ("commands", len(commands)), ("starts", len(begin))):
+        if count not in (1, runs):
+            raise SimulationError(f"a batch of {runs} runs needs {runs} {name} or one; found {count}")
+    states = np.empty((runs, len(kept), 6))
+    integrate_many(
+        models,
+        _shared(len(models), runs),
+        np.concatenate([command.knots for command in commands]),
+        np.cumsum([0, *(len(command.time_s) for command in commands)]),
+        _shared(len(commands), runs),
+        np.array(np.broadcast_to(begin, (runs, 6)), order="C"),
+        np.tile(kept, runs),
+        np.arange(runs + 1) * len(kept),
+        states.reshape(-1, 6),
+        tolerance_mm,
+        np.zeros((runs, 0, 3)),
+        np.zeros(runs, dtype=np.int64),
+        False,
+        MOST_STEPS,
+    )
+    states.setflags(write=False)
+    return Batch(kept, states)
+
+
+def _records(robots: Sequence[Robot]) -> NDArray[np.void]:
+    models = np.empty(len(robots), MODEL)
+    for number, robot in enumerate(robots):
+        models[number] = compile_robot(robot)[0]
+    return models
+
+
+def _shared(count: int, runs: int) -> NDArray[np.int64]:
+    return np.arange(runs) if count == runs else np.zeros(runs, dtype=np.int64)
+
+
+def _checked_times(times_s: ArrayLike) -> Array:
+    times = np.array(times_s, dtype=float)
+    if times.ndim != 1 or len(times) < 2 or not np.isfinite(times).all() or not (np.diff(times) > 0).all():
+        raise SimulationError("times of a simulation must be at least two finite numbers that increase")
+    times.setflags(write=False)
+    return times

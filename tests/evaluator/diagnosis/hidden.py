@@ -1,0 +1,70 @@
+"""Small experiments with a hidden effect: marks as a tracker would write them, from the simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from evaluator.diagnosis.experiment import Session, session_of
+from evaluator.settings import load_experiment
+from simulator.command import Command
+from simulator.observation import marks_of_run
+from simulator.robot import Effect, load_robot, shipped_robot_text
+from simulator.run import State
+from simulator.simulate import simulate
+
+COMMANDS = (
+    *((30.0, 30.0), (-30.0, -30.0), (33.3, 14.4), (14.4, 33.3), (-33.3, -14.4), (-14.4, -33.3)),
+    *((60.0, 40.0), (-40.0, -60.0)),
+)
+SIGMA_MM, FRICTION, GAIN = 0.004, 0.01, 0.002
+
+
+def write_hidden(
+    folder: Path,
+    effects: Mapping[str, Mapping[str, float]],
+    *,
+    commands: Sequence[tuple[float, float]] = COMMANDS,
+    tolerance: Mapping[str, float] | None = None,
+    sigma_mm: float = SIGMA_MM,
+    error_mm: float = 0.0,
+    seed: int = 3,
+) -> Path:
+    """An experiment.toml over runs of the barrel robot with effects that its robot.toml does not have.
+
+    sigma_mm: tracking noise; error_mm: a slow wave in all marks, as steps of another simulator would leave.
+    """
+    rng = np.random.default_rng(seed)
+    true = load_robot("barrel")
+    true = true.model_copy(
+        update={"effect": tuple(Effect.model_validate({"id": key, **values}) for key, values in effects.items())}
+    )
+    folder.mkdir(parents=True, exist_ok=True)
+    stated = [f'"{key}" = {value}' for key, value in (tolerance or {}).items()]
+    (folder / "robot.toml").write_text(
+        "\n".join([shipped_robot_text("barrel"), *(["[tolerance]"] if stated else []), *stated, ""]), encoding="utf-8"
+    )
+    lines = ["format = 1", 'name = "hidden"', 'robot = "robot.toml"']
+    for number, (left, right) in enumerate(commands):
+        time = np.arange(180) / 30
+        share, gains = 1 + FRICTION * rng.normal(), 1 + GAIN * rng.normal(size=2)
+        slip = {name: getattr(true.slip, name) * share for name in ("lateral_friction", "longitudinal_friction")}
+        own = true.model_copy(update={"slip": true.slip.model_copy(update=slip)})
+        pose = State(*rng.uniform(-8, 8, 2), rng.uniform(-np.pi, np.pi))
+        run = simulate(own, Command.constant(left * gains[0], right * gains[1], 0.3), time, pose, run_index=number)
+        marks = marks_of_run(own, run)
+        marks.iloc[:, 1:] += rng.normal(0, sigma_mm, (len(marks), 4)) + error_mm * np.sin(time)[:, None]
+        marks.to_csv(folder / f"r{number}.csv", index=False)
+        lines += ["", "[[run]]", f'id = "r{number}"', f"left_rpm = {left}", f"right_rpm = {right}", "start_s = 0.3"]
+        lines.append(f'marks = "r{number}.csv"')
+    path = folder / "experiment.toml"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def hidden_session(folder: Path, effects: Mapping[str, Mapping[str, float]], seed: int = 3) -> Session:
+    """The runs of `write_hidden` as a diagnosis reads them."""
+    experiment = load_experiment(write_hidden(folder, effects, seed=seed))
+    return session_of(experiment, {run.id: run.marks for run in experiment.run if run.marks is not None})

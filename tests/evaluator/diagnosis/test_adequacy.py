@@ -1,0 +1,37 @@
+"""Scatter that is chance is taken for chance, also where runs tell little of it; what depends on something is not."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.assessment.adequacy import _order
+from evaluator.diagnosis.likelihood.run_data import RunData
+
+COMMANDS = [(30, 30), (60, 60), (-30, -30), (-60, -60), (33.3, 14.4), (14.4, 33.3), (-33.3, -14.4), (-14.4, -33.3)]
+
+
+def _experiment(rng: np.random.Generator, drift: float = 0.0) -> tuple[float, str]:
+    """Scatter of 20 runs, seen through shares that differ: straight runs tell nothing of friction."""
+    data, told = [], []
+    for order in range(20):
+        left, right = COMMANDS[order % len(COMMANDS)]
+        data.append(RunData(str(order), left, right, 0.0, None, np.arange(4) / 2, rng.normal(size=(4, 4)) * 10, order))
+        friction = 1e-4 if abs(left) == abs(right) else rng.uniform(0.2, 0.9)
+        told.append([friction, *rng.uniform(0.7, 1.0, 2)])
+    shares: NDArray[np.float64] = np.array(told)
+    true = rng.normal(size=(20, 3)) + drift * np.arange(20)[:, None]
+    return _order(shares * true + np.sqrt(shares * (1 - shares)) * rng.normal(size=(20, 3)), shares, data)
+
+
+def test_chance_is_called_something_else_as_seldom_as_said() -> None:
+    rng = np.random.default_rng(5)
+    probabilities = np.array([_experiment(rng)[0] for _ in range(150)])
+    assert np.mean(probabilities < 0.05) <= 0.1
+    assert probabilities.min() > 1e-4
+
+
+def test_what_grows_from_run_to_run_is_not_chance() -> None:
+    probability, reason = _experiment(np.random.default_rng(6), drift=0.5)
+    assert probability < 1e-6
+    assert reason.endswith("order")

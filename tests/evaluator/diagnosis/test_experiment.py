@@ -1,0 +1,114 @@
+"""What is kept aside, what cannot be decided, and what is written into the robot file."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from evaluator.diagnosis.candidates.coordinates import named_terms
+from evaluator.diagnosis.candidates.free_form import WHEEL_PATTERNS, free_terms
+from evaluator.diagnosis.experiment import held_out_runs, shortcomings
+from evaluator.diagnosis.likelihood.run_data import RunData, Task
+from evaluator.diagnosis.likelihood.simulation import BY_ORDER, Simulated
+from evaluator.diagnosis.output.robot_with_effect import PATTERN_SUMS
+from simulator.command import Command
+from simulator.dynamics.model import compile_robot
+from simulator.dynamics.terms import PATTERNS
+from simulator.effects.catalogue import EFFECTS
+from simulator.effects.free_form import ID as FREE_FORM
+from simulator.observation import marks_of_run
+from simulator.robot import Effect, load_robot
+from simulator.run import State
+from simulator.simulate import simulate
+
+
+def _runs(commands: list[tuple[float, float]]) -> list[RunData]:
+    time = np.arange(90) / 30
+    return [
+        RunData(f"r{i}", left, right, 0.1, None, time, np.zeros((90, 4)), i) for i, (left, right) in enumerate(commands)
+    ]
+
+
+def test_every_effect_of_the_catalogue_is_a_candidate_with_its_own_parameters() -> None:
+    terms = named_terms(20.0, (30.0, 60.0))
+    assert set(terms) == set(EFFECTS)
+    for effect, term in terms.items():
+        assert set(term.physical(term.neutral)) == {parameter.name for parameter in EFFECTS[effect].parameters}
+
+
+def test_neutral_coordinates_change_nothing() -> None:
+    data, terms = _runs([(33.3, 14.4)]), named_terms(20.0, (14.4, 33.3))
+    simulated = Simulated([load_robot("barrel")], data, terms)
+    own = (1.0, 2.0, 0.3, 0.0, 0.0, 0.0)
+    plain = simulated.marks([Task(0, own)])[0]
+    for effect, term in terms.items():
+        assert np.abs(simulated.marks([Task(0, own, {}, {effect: term.neutral})])[0] - plain).max() < 1e-5, effect
+
+
+def test_every_free_form_term_acts() -> None:
+    data, free = _runs([(33.3, 14.4)]), free_terms()
+    simulated = Simulated([load_robot("barrel")], data, free)
+    own = (3.0, 2.0, 0.3, 0.0, 0.0, 0.0)
+    plain = simulated.marks([Task(0, own)])[0]
+    for effect, term in free.items():
+        step = tuple(coordinate.step for coordinate in term.coordinates)
+        moved = simulated.marks([Task(0, own, {}, {effect: step})])[0]
+        assert np.abs(moved - plain).max() > 1e-7, effect
+
+
+def test_only_effects_that_are_compiled_run_by_run_know_the_order_of_the_runs() -> None:
+    barrel = load_robot("barrel")
+    for effect, definition in EFFECTS.items():
+        values = {parameter.name: parameter.neutral + parameter.step for parameter in definition.parameters}
+        robot = barrel.model_copy(update={"effect": (Effect.model_validate({"id": effect, **values}),)})
+        same = compile_robot(robot, 0).tobytes() == compile_robot(robot, 7).tobytes()
+        assert same == (effect not in BY_ORDER), effect
+
+
+def test_marks_of_a_task_are_those_of_a_robot_with_its_friction_gains_and_effects() -> None:
+    data = _runs([(30.0, 30.0), (33.3, 14.4)])
+    barrel, terms = load_robot("barrel"), {**named_terms(20.0, (14.4, 33.3)), **free_terms()}
+    creep = "free:camera_x.time+camera_y.time"
+    own = (1.0, 2.0, 0.3, 0.05, 0.02, -0.01)
+    task = Task(1, own, {"slip.lateral_friction": 0.1}, {"drive-speed-scale": (1.03,), creep: (0.02, -0.01)})
+    seen = Simulated([barrel, barrel], data, terms).marks([Task(0, own), task])[1]
+    slip = barrel.slip.model_copy(
+        update={
+            "lateral_friction": barrel.slip.lateral_friction * 1.1 * 1.05,
+            "longitudinal_friction": barrel.slip.longitudinal_friction * 1.05,
+        }
+    )
+    entries = [
+        {"id": "drive-speed-scale", "factor": 1.03},
+        {"id": FREE_FORM, "channel": "camera_x", "basis": "time", "coefficient": 0.02},
+        {"id": FREE_FORM, "channel": "camera_y", "basis": "time", "coefficient": -0.01},
+    ]
+    robot = barrel.model_copy(update={"slip": slip, "effect": tuple(map(Effect.model_validate, entries))})
+    command = Command.constant(33.3 * 1.02, 14.4 * 0.99, 0.1)
+    marks = marks_of_run(robot, simulate(robot, command, data[1].time_s, State(*own[:3])))
+    assert np.abs(seen - marks.iloc[:, 1:].to_numpy()).max() < 2e-5
+
+
+def test_what_cannot_be_simulated_is_nan_not_an_exception() -> None:
+    data, terms = _runs([(30, 30)]), named_terms(20.0, (30.0,))
+    simulated = Simulated([load_robot("barrel")], data, terms)
+    assert np.isnan(simulated.marks([Task(0, (0.0,) * 6, {}, {"mass-offset": (5.0, 0.0)})])[0]).all()
+
+
+def test_a_whole_command_and_repeats_are_kept_aside() -> None:
+    commands = [(30.0, 30.0), (60.0, 60.0), (-30.0, -30.0), (33.3, 14.4), (-33.3, -14.4), (60.0, 40.0)] * 3
+    data = _runs([*commands, (20.0, 20.0)])
+    aside = held_out_runs(data)
+    assert len(aside) == len(data) // 6
+    fitted = {run.command for number, run in enumerate(data) if number not in aside}
+    assert {data[number].command for number in aside} - fitted == {(20.0, 20.0)}
+
+
+def test_one_command_alone_cannot_decide() -> None:
+    assert "same command" in shortcomings(_runs([(30.0, 30.0)] * 8))[0]
+    assert shortcomings(_runs([(30.0, 30.0), (33.3, 14.4)] * 4)) == []
+
+
+def test_patterns_of_single_wheels_are_sums_of_the_patterns_of_robot_files() -> None:
+    for name, parts in PATTERN_SUMS.items():
+        total = sum(share * np.array(PATTERNS[part]) for part, share in parts)
+        assert np.allclose(total, WHEEL_PATTERNS[name]), name

@@ -1,0 +1,50 @@
+"""Tracking noise is found whatever the model misses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from evaluator.diagnosis.likelihood.noise import Noise, fit_noise, spectrum
+
+
+def _correlated(rng: np.random.Generator, count: int, sigma_mm: float, decay: float) -> np.ndarray:
+    white = rng.normal(size=count + 300) * np.sqrt(1 - decay**2)
+    return sigma_mm * np.asarray(lfilter([1], [1, -decay], white))[300:]
+
+
+@pytest.mark.parametrize("decay", [0.0, 0.5, 0.85])
+def test_size_and_correlation_of_tracking_noise_are_recovered(decay: float) -> None:
+    rng = np.random.default_rng(3)
+    time = np.arange(600) / 60
+    noise = fit_noise([spectrum(time, _correlated(rng, 600, 0.004, decay)) for _ in range(20)])
+    assert noise.sigma_mm == pytest.approx(0.004, rel=0.08)
+    plateau = noise.white_mm**2 / 60 + 2 * noise.slow_mm**2 * noise.correlation_s
+    assert plateau == pytest.approx(0.004**2 / 60 * (1 + decay) / (1 - decay), rel=0.25)
+
+
+def test_a_smooth_misfit_a_thousand_times_larger_is_not_taken_for_noise() -> None:
+    rng = np.random.default_rng(4)
+    time = np.arange(600) / 60
+    misfit = 4.0 * np.sin(0.3 * time + 0.4) + 0.02 * time**2
+    noise = fit_noise([spectrum(time, misfit + _correlated(rng, 600, 0.004, 0.7)) for _ in range(10)])
+    assert noise.sigma_mm == pytest.approx(0.004, rel=0.1)
+
+
+def test_missing_frames_do_not_change_the_noise() -> None:
+    rng = np.random.default_rng(5)
+    time = np.arange(600) / 60
+    spectra = []
+    for _ in range(10):
+        values = _correlated(rng, 600, 0.004, 0.7)
+        values[200:260] = np.nan
+        spectra.append(spectrum(time, values))
+    assert fit_noise(spectra).sigma_mm == pytest.approx(0.004, rel=0.12)
+
+
+def test_covariance_is_positive_and_has_the_variance_on_its_diagonal() -> None:
+    noise = Noise(0.001, 0.003, 0.1)
+    covariance = noise.covariance(np.sort(np.random.default_rng(1).uniform(0, 3, 80)))
+    assert np.linalg.eigvalsh(covariance).min() > 0
+    assert np.allclose(np.diag(covariance), noise.sigma_mm**2)
