@@ -21,7 +21,7 @@ from simulator.observation import marks_of_run
 from simulator.robot import WHEELS, Robot
 from simulator.run import Run as Motion
 from simulator.run import State
-from simulator.simulate import simulate
+from simulator.simulation import simulate
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from simulator.observation import marks_of_run
     from simulator.robot import Robot, load_robot, shipped_robots
     from simulator.run import Run, State
-    from simulator.simulate import simulate
+    from simulator.simulation import simulate
     from simulator.steady import SteadyTurn, steady_turn
 
 __all__ = [
@@ -33,7 +33,7 @@ __all__ = [
 _HOMES = {
     "simulator.command": ("Command",),
     "simulator.errors": ("SimulationError",),
-    "simulator.simulate": ("simulate",),
+    "simulator.simulation": ("simulate",),
     "simulator.observation": ("marks_of_run",),
     "simulator.robot": ("Robot", "load_robot", "shipped_robots"),
     "simulator.run": ("Run", "State"),

@@ -203,7 +203,7 @@ def run_part(sweep: Sweep, robot: Robot, start: int, stop: int) -> pd.DataFrame:
 
     from simulator.command import Command
     from simulator.dynamics.model import compile_robot
-    from simulator.simulate import simulate_batch
+    from simulator.simulation import simulate_batch
 
     points = sweep.points(start, stop)
     status, rows, models = [""] * len(points), [], []

@@ -48,7 +48,7 @@ def simulate(
     from simulator.command import Command
     from simulator.robot import load_robot
     from simulator.run import State
-    from simulator.simulate import simulate as run_simulation
+    from simulator.simulation import simulate as run_simulation
 
     if log is None and (left_rpm is None or right_rpm is None):
         raise InputError("say what the motors do: --left RPM and --right RPM, or --command LOG.csv")

@@ -9,7 +9,7 @@ import numpy as np
 from simulator.command import Command
 from simulator.paper.machines import PUBLISHED_TURNS, TIRE_PEAK_FRICTION, TURN_RPM, machine_of, tire_machine
 from simulator.robot import Robot, load_robot
-from simulator.simulate import simulate
+from simulator.simulation import simulate
 from simulator.steady import SteadyTurn, steady_turn
 
 if TYPE_CHECKING:

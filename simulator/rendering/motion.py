@@ -51,7 +51,7 @@ def _circle(motion: Circle, way_mm: Array, start: tuple[float, float, float]) ->
 def _simulated(motion: Simulated, robot: Robot, times_s: Array) -> Array:
     from simulator.command import Command
     from simulator.run import State
-    from simulator.simulate import simulate
+    from simulator.simulation import simulate
 
     times, places = np.unique(np.concatenate([[0.0], np.maximum(times_s, 0.0)]), return_inverse=True)
     stop = [] if motion.stop_s is None else [(motion.stop_s, 0.0, 0.0)]

@@ -29,7 +29,7 @@ from simulator.dynamics.wheel import fresh_contacts
 from simulator.effects.catalogue import EFFECTS
 from simulator.integrator.batch import Trials
 from simulator.robot import Effect, Robot, load_robot
-from simulator.simulate import simulate, simulate_batch
+from simulator.simulation import simulate, simulate_batch
 from simulator.steady import steady_map
 from tests.benchmarks import cyrk_peer
 from tests.simulator.reference import Rates, integrated, plain_rates
@@ -190,7 +190,7 @@ def fresh_process() -> None:
     """First run of a second process, which must not compile."""
     script = (
         "import time; start = time.perf_counter()\n"
-        "import numpy as np\nfrom simulator.command import Command\nfrom simulator.simulate import simulate\n"
+        "import numpy as np\nfrom simulator.command import Command\nfrom simulator.simulation import simulate\n"
         "from simulator.robot import load_robot\nready = time.perf_counter()\n"
         "simulate(load_robot('barrel'), Command.constant(1.0, 2.0), np.linspace(0, 1, 5))\n"
         "print(f'{ready - start:.2f} s to import, {time.perf_counter() - ready:.2f} s for the first run')"

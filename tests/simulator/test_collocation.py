@@ -12,7 +12,7 @@ from simulator.command import Command
 from simulator.dynamics.model import compile_robot
 from simulator.integrator.batch import Trials
 from simulator.robot import Effect, Robot, load_robot
-from simulator.simulate import simulate
+from simulator.simulation import simulate
 from tests.simulator.reference import Array, Pace, Pull, Rates, integrated, plain_rates
 
 TIMES_S = np.linspace(0.0, 2.0, 121)

@@ -27,7 +27,7 @@ if __name__ == "__main__":
 ONE_KIND = """
 import numpy as np
 from simulator.command import Command
-from simulator.simulate import simulate, simulate_batch
+from simulator.simulation import simulate, simulate_batch
 from simulator.integrator.batch import Trials, integrate_some
 from simulator.dynamics.model import compile_robot
 from simulator.integrator.run_kernel import integrate_run

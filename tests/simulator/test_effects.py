@@ -14,7 +14,7 @@ from simulator.effects.free_form import ID as FREE_FORM
 from simulator.observation import marks_of_run
 from simulator.robot import Effect, Robot, load_robot
 from simulator.run import Run, State
-from simulator.simulate import simulate
+from simulator.simulation import simulate
 from simulator.steady import steady_turn
 
 TIMES_S = np.linspace(0.0, 3.0, 31)

@@ -16,7 +16,7 @@ from simulator.dynamics.model import compile_robot
 from simulator.integrator.batch import Trials
 from simulator.robot import Effect, Robot, load_robot
 from simulator.run import Run, State
-from simulator.simulate import simulate, simulate_batch
+from simulator.simulation import simulate, simulate_batch
 from simulator.slip.law import wheel_force
 from simulator.steady import steady_turn
 from tests.simulator.reference import integrated, plain_rates
@@ -173,7 +173,7 @@ def test_second_process_does_not_compile() -> None:
     script = (
         "import sys, numpy as np\n"
         "from simulator.command import Command\n"
-        "from simulator.simulate import simulate\n"
+        "from simulator.simulation import simulate\n"
         "from simulator.integrator.run_kernel import integrate_run\n"
         "from simulator.robot import load_robot\n"
         "simulate(load_robot('barrel'), Command.constant(1.0, 2.0), np.linspace(0, 1, 5))\n"

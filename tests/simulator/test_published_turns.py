@@ -7,7 +7,7 @@ import pytest
 
 from simulator.command import Command
 from simulator.robot import Robot, load_robot
-from simulator.simulate import simulate
+from simulator.simulation import simulate
 from simulator.steady import steady_turn
 
 # case: attraction of a driving and a driven wheel in robot weights, radius of the model notes in mm

@@ -14,7 +14,7 @@ from simulator.dynamics.model import compile_robot
 from simulator.integrator.batch import Trials
 from simulator.robot import Effect, Robot, load_robot
 from simulator.run import Run, State
-from simulator.simulate import simulate
+from simulator.simulation import simulate
 from simulator.steady import steady_turns
 from tests.simulator.reference import integrated, plain_rates
 

@@ -7,7 +7,7 @@ import pytest
 
 from simulator.command import Command
 from simulator.robot import load_robot
-from simulator.simulate import simulate
+from simulator.simulation import simulate
 from simulator.steady import steady_branch, steady_map, steady_turn, steady_turns
 
 

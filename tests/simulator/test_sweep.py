@@ -19,7 +19,7 @@ from evaluator.workflow.execution import scale_out
 from simulator.command import Command
 from simulator.errors import SimulationError
 from simulator.robot import Effect, load_robot
-from simulator.simulate import simulate
+from simulator.simulation import simulate
 from simulator.sweep import load_sweep, robot_of_sweep, run_part
 
 SWEEP = """

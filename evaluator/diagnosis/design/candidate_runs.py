@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from simulator.command import Command
 from simulator.observation import marks_of_run
 from simulator.robot import Robot
-from simulator.simulate import simulate
+from simulator.simulation import simulate
 
 Floats = NDArray[np.float64]
 

@@ -45,7 +45,7 @@ def simulate_run() -> None:
     from simulator.dynamics.model import compile_robot
     from simulator.integrator.batch import Trials
     from simulator.robot import load_robot
-    from simulator.simulate import simulate
+    from simulator.simulation import simulate
 
     robot, command, times_s = load_robot("barrel"), Command.constant(33.3, 14.4), np.linspace(0.0, 1.0, 61)
     simulate(robot, command, times_s).to_table()

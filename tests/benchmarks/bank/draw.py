@@ -16,7 +16,7 @@ from simulator.effects.catalogue import view_of
 from simulator.observation import marks_of_run
 from simulator.robot import Effect, Robot, load_robot
 from simulator.run import State
-from simulator.simulate import simulate
+from simulator.simulation import simulate
 from tests.benchmarks.bank.outside import KINDS, marks_of
 
 Array = NDArray[np.float64]

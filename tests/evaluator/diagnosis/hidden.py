@@ -13,7 +13,7 @@ from simulator.command import Command
 from simulator.observation import marks_of_run
 from simulator.robot import Effect, load_robot, shipped_robot_text
 from simulator.run import State
-from simulator.simulate import simulate
+from simulator.simulation import simulate
 
 COMMANDS = (
     *((30.0, 30.0), (-30.0, -30.0), (33.3, 14.4), (14.4, 33.3), (-33.3, -14.4), (-14.4, -33.3)),

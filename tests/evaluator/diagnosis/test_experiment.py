@@ -18,7 +18,7 @@ from simulator.effects.free_form import ID as FREE_FORM
 from simulator.observation import marks_of_run
 from simulator.robot import Effect, load_robot
 from simulator.run import State
-from simulator.simulate import simulate
+from simulator.simulation import simulate
 
 
 def _runs(commands: list[tuple[float, float]]) -> list[RunData]:

@@ -18,7 +18,7 @@ from simulator.command import Command
 from simulator.observation import marks_of_run
 from simulator.robot import load_robot
 from simulator.run import State
-from simulator.simulate import simulate
+from simulator.simulation import simulate
 
 ROOM = Room.of_plate((40.0, 30.0), 4.5)
 FEW = ("drive-speed-mismatch", "plate-tilt", "scrub-torque", "mark-offset", "friction-gradient")
