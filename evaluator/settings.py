@@ -45,6 +45,26 @@ class Run(Table):
         return self
 
 
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class KnownTo(Table):
+    """How well a laboratory knows what no file can say exactly, 1 sigma; 0 where it is exact."""
+
+    start_common_s: NotNegative | None = None  # an offset of start_s common to all runs; default: one frame
+    start_per_run_s: NotNegative | None = None  # and one per run; default: half a frame
+    time_base: NotNegative = 1e-4  # relative: quartz is better, a camera's nominal rate is not
+    plane_scale: NotNegative = 1e-3  # relative: pitch tolerance of a printed or etched gauge
+
+
+class Relevant(Table):
+    """What matters to this laboratory: an effect that does less than all of these is listed apart."""
+
+    path_noise_floors: NotNegative = 0.5
+    radius_percent: NotNegative = 0.1
+    speed_percent: NotNegative = 0.1
+
+
 class Experiment(Table):
     """An experiment: paths are absolute once loaded."""
 
@@ -55,6 +75,8 @@ class Experiment(Table):
     tracking: Path | None = None  # tracking.toml: colours, mark size, region of interest, masks
     tracks: Tracks | None = None  # how marks files of other programs are read
     run: tuple[Run, ...] = ()
+    known_to: KnownTo = KnownTo()
+    relevant: Relevant = Relevant()
     notes: str = ""
 
     @model_validator(mode="after")

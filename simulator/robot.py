@@ -78,6 +78,18 @@ class Marks(Table):
     height_mm: NotNegative = 6.5
 
 
+class KnownTo(Table):
+    """How well geometry is known, 1 sigma; 0 where it is exact; None: as well as callipers and scales tell."""
+
+    wheel_radius_mm: NotNegative | None = None  # of each wheel
+    wheelbase_mm: NotNegative | None = None
+    track_mm: NotNegative | None = None
+    mass_g: NotNegative | None = None
+    mark_position_mm: NotNegative = 0.05  # of each mark, along each axis
+    center_of_gravity_mm: NotNegative = 0.1  # along each axis
+    plate_level_deg: NotNegative = 0.3  # along each axis of the plate
+
+
 class Effect(BaseModel):
     """One [[effect]]: its id and parameters; the effect catalogue checks both."""
 
@@ -96,6 +108,7 @@ class Robot(Table):
     slip: Slip
     marks: Marks = Marks()
     tolerance: dict[str, NotNegative] = Field(default_factory=dict)
+    known_to: KnownTo = KnownTo()
     effect: tuple[Effect, ...] = ()
 
     @model_validator(mode="after")

@@ -31,6 +31,7 @@ from evaluator.diagnosis.inference.fit_cache import Ends
 from evaluator.diagnosis.inference.profile_likelihood import Ridge, ridge_of
 from evaluator.diagnosis.inference.search import HOPELESS, LARGEST_SET, Search, fit_set, run_search, screen
 from evaluator.diagnosis.inference.short_horizon import is_large, short_horizon_fits
+from evaluator.diagnosis.likelihood.known_to import simulated_sigmas
 from evaluator.diagnosis.likelihood.problem import Point, Problem, build_problem, with_noise_of
 from evaluator.diagnosis.likelihood.random_effects import place_runs, place_starts
 from evaluator.diagnosis.likelihood.simulation import Simulated
@@ -157,7 +158,8 @@ def _searched(session: Session, progress: Progress, ends: Ends | None) -> tuple[
     named = {effect: term for effect, term in every.items() if effect not in given}
     terms: dict[str, Term] = {**named, **free_terms()}
     progress("noise", 0.0)
-    problem, start = build_problem(data, Simulated(session.robots, data, terms), ends)
+    forward = Simulated(session.robots, data, terms, simulated_sigmas(session.known), session.start_sigma_s)
+    problem, start = build_problem(data, forward, ends)
     aside = held_out_runs(data)
     part = Search(problem, named, session.tolerance, tuple(run for run in range(len(data)) if run not in aside))
     large = is_large(problem, start)
@@ -273,7 +275,7 @@ def _challenge(search: Search, free: Mapping[str, Term], progress: Progress) -> 
         fit = search.fits[ids]
         inside = [effect for effect in sorted(ids) if not search.terms[effect].leaps]
         view = screen(search, fit.point, inside, free.values())
-        base = view.model.posterior(view.base).log_evidence
+        base = view.evidence()
         gains = sorted(((view.evidence(offer) - base, offer) for offer in view.offers), reverse=True)
         hopeless = 0
         for gain, (effect, extra) in gains[:FREE_REFITTED]:

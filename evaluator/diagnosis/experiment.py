@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from calibration.store import load_camera
+from evaluator.diagnosis.likelihood.known_to import Quantity, quantities, start_per_run_s, with_shifts
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData
 from evaluator.diagnosis.likelihood.shared_errors import Sighting, shared_errors
 from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.marks import COLUMNS, read_marks
-from evaluator.settings import Experiment
+from evaluator.settings import Experiment, KnownTo, Relevant
 from simulator.robot import Robot, load_robot
 
 FEWEST_FRAMES = 12  # fewer leave nothing once a start pose is fitted
@@ -24,19 +25,35 @@ FEWEST_COMMANDS = 2
 
 @dataclass(frozen=True)
 class Session:
-    """Runs that can be used, in the order of the experiment, their robots, and why others cannot be used."""
+    """Runs that can be used, in the order of the experiment, their robots, and why others cannot be used.
+
+    known: what the laboratory knows only to within a tolerance; start_sigma_s: the same of the start of a single run.
+    """
 
     data: tuple[RunData, ...]
     robots: tuple[Robot, ...]
     skipped: Mapping[str, str]
+    known: tuple[Quantity, ...] = ()
+    start_sigma_s: float = 0.0
+    relevant: Relevant = field(default_factory=Relevant)
 
     @property
     def tolerance(self) -> dict[str, float]:
-        """1-sigma tolerances of what may move: nominal values as robot.toml states, errors that runs share."""
+        """1-sigma tolerances of what may move: nominal values, errors that runs share, what is known to a tolerance."""
         if not self.robots:
             return {}
         stated = {key: value for key, value in self.robots[0].tolerance.items() if value > 0}
-        return stated | {key: SHARED_UNIT for run in self.data for key in run.systematic}
+        shared = {key: SHARED_UNIT for run in self.data for key in run.systematic}
+        return stated | shared | {item.key: item.tolerance for item in self.known}
+
+
+def with_knowledge(session: Session, known: KnownTo) -> Session:
+    """The session with what its laboratory knows only to within a tolerance as parameters."""
+    if not session.data:
+        return session
+    found = quantities(known, session.robots[0], session.data)
+    data = with_shifts(session.data, session.robots, found)
+    return replace(session, data=data, known=found, start_sigma_s=start_per_run_s(known, session.data))
 
 
 def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mapping[str, Path] | None = None) -> Session:
@@ -82,9 +99,9 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
         )
     _check_tolerances(used)
     errors = shared_errors(sightings)
-    return Session(
-        tuple(replace(run, systematic=error) for run, error in zip(data, errors, strict=True)), tuple(used), skipped
-    )
+    shared = tuple(replace(run, systematic=error) for run, error in zip(data, errors, strict=True))
+    session = Session(shared, tuple(used), skipped, relevant=experiment.relevant)
+    return with_knowledge(session, experiment.known_to)
 
 
 def _check_tolerances(robots: Sequence[Robot]) -> None:

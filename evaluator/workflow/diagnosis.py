@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +121,7 @@ def _session(
     if not session.data:
         reasons = "; ".join(f"{run}: {reason}" for run, reason in list(skipped.items())[:REASONS_SHOWN])
         raise InputError(f"{path}: no run has marks that can be used ({reasons})")
-    return Session(session.data, session.robots, skipped)
+    return replace(session, skipped=skipped)
 
 
 REASONS_SHOWN = 3

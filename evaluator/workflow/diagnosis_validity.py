@@ -30,7 +30,8 @@ def key_of_diagnosis(experiment: Experiment, outputs: Outputs) -> str:
         except (OSError, InputError) as error:  # a recording that is not there: its run is left out until it is
             runs.append([job.run.id, str(error)])
     text = read_with(robot_text, experiment.robot)  # type: ignore[arg-type]
-    return key_of({"runs": runs, "robot": text})
+    known = [experiment.known_to.model_dump(), experiment.relevant.model_dump()]
+    return key_of({"runs": runs, "robot": text, "known": known})
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,8 @@ class Adequacy:
     """What is left over under a fit.
 
     excess: mean square of whitened left-overs, 1 for pure noise; excess_sigma: its distance from 1 in standard errors.
-    by_run: the same per run. own: each run's friction and gains (n, 3). order_p: probability that these depend so much
-    on something known were they chance, Bonferroni over all that was asked; depends_on: on what.
+    by_run: the same per run. own: friction, gains and start of each run (n, 4). order_p: probability that these depend
+    so much on something known were they chance, Bonferroni over all that was asked; depends_on: on what.
     """
 
     excess: float
@@ -65,7 +65,7 @@ def adequacy(fit: Fit, data: Sequence[RunData]) -> Adequacy:
 def _order(own: Floats, told: Floats, data: Sequence[RunData]) -> tuple[float, str]:
     """F test of each run effect on each thing that is known of a run: the smallest probability and its reason.
 
-    own: (n, 3) in standard deviations of the scatter; told: (n, 3), the share of that variance which the run tells. An
+    own: (n, 4) in standard deviations of the scatter; told: (n, 4), the share of that variance which the run tells. An
     effect is seen shrunk to its share and varies as much, so it is divided by the root of the share, and what it may
     depend on is multiplied by that.
     """

@@ -33,7 +33,7 @@ from evaluator.diagnosis.likelihood.features import channels_of, compression
 from evaluator.diagnosis.likelihood.mixed_model import at_scatter, reduce_runs
 from evaluator.diagnosis.likelihood.noise import Noise
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
-from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, RunData
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from simulator.robot import Robot
 
@@ -66,7 +66,7 @@ def hypothetical(
         for number, (item, time, order) in enumerate(zip(runs, times, orders, strict=True))
     )
     forward = Simulated((robot,) * len(data), data, terms)
-    own = np.zeros((len(data), 6))
+    own = np.zeros((len(data), OWN_NUMBERS))
     own[:, :3] = [(item.x_mm, item.y_mm, np.radians(item.heading_deg)) for item in runs]
     placed_at = replace(point, own=own)
     marks = forward.marks([placed_at.task(run) for run in range(len(data))])

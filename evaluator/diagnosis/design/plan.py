@@ -21,13 +21,14 @@ from evaluator.diagnosis.inference.fit import prior_precision
 from evaluator.diagnosis.likelihood.mixed_model import at_scatter, reduce_runs
 from evaluator.diagnosis.likelihood.noise import Noise
 from evaluator.diagnosis.likelihood.problem import Column, Point
+from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS
 from evaluator.errors import InputError
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
 
 # What a planned experiment should be able to stand: a usual friction and gain scatter of a magnetic robot on steel.
-USUAL_SCATTER = np.array([0.02, 0.005, 0.005])
+USUAL_SCATTER = np.array([0.02, 0.005, 0.005, 1.0])
 USUAL_NOISE = (Noise(0.001, 0.003, 0.08),) * 4
 # Straight runs tell the wheels' gains and what pulls; turns to both sides in both directions tell all the rest.
 ROUND = ((1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1))  # direction, side
@@ -175,7 +176,7 @@ def _information(
 ) -> tuple[Floats, list[Column]]:
     """Information (n, p, p) of each run about all columns, start poses and run-to-run scatter free."""
     columns = [*nominal, *_columns(terms)]
-    problem, at = hypothetical(robot, dict(terms), USUAL_NOISE, runs, orders, Point(np.zeros((len(runs), 6))))
+    problem, at = hypothetical(robot, dict(terms), USUAL_NOISE, runs, orders, Point(np.zeros((len(runs), OWN_NUMBERS))))
     found = problem.attempted(at, columns, range(len(runs)))
     able = [number for number, item in enumerate(found) if item is not None]
     information = np.zeros((len(runs), len(columns), len(columns)))  # what cannot be simulated tells nothing

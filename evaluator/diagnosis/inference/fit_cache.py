@@ -23,7 +23,7 @@ DIGITS = 9  # of the numbers of a question: processes that compile the kernels a
 
 @dataclass(frozen=True)
 class End:
-    """Where a fit ended: own (n, 6), nominal and terms as in Point."""
+    """Where a fit ended: own (n, 7), nominal and terms as in Point."""
 
     own: NDArray[np.float64]
     nominal: Mapping[str, float]

@@ -29,8 +29,9 @@ LEAPS_REFITTED = 2  # two neighbouring gaps between commands: the noise decides
 PAIRED = 14  # offers whose pairs are screened at the null
 BEAM = (2, 1)  # sets of one, of two effects from which the search goes on
 HOPELESS = 25.0  # a screened set this far (log evidence) below the best is not refitted
-POSE = 3  # of a run's own six numbers, those of its start pose come first
-USUAL_SCATTER = (0.03, 0.006, 0.006)  # friction and gains: what wet or dusty plates and DC motors show
+POSE = 3  # of a run's own numbers, those of its start pose come first
+# Friction and gains: what wet or dusty plates and DC motors show; starts as they are stated.
+USUAL_SCATTER = (0.03, 0.006, 0.006, 1.0)
 # An addition must promise this much evidence to be fitted: less than half of what it must bring to be kept.
 PROMISING = 2.0
 
@@ -83,19 +84,20 @@ class Screen:
 
     columns: tuple[Column, ...]
     model: MixedModel
+    beyond: MixedModel  # the same given base
     base: tuple[int, ...]  # nominal values and the terms already in
     offers: tuple[tuple[str, tuple[int, ...]], ...]  # candidate id (several starting places: several offers), columns
 
     def evidence(self, *offers: tuple[str, tuple[int, ...]]) -> float:
         """Log evidence with some offers taken; all parameters of a candidate count, also those not yet varied."""
-        columns = list(self.base)
+        columns: list[int] = []
         hidden = 0
         for _, extra in offers:
             columns += extra
             term = self.columns[extra[0]].term
             assert term is not None
             hidden += term.size - len(extra)
-        return self.model.posterior(columns).log_evidence - 0.5 * hidden * math.log(self.model.runs)
+        return self.beyond.posterior(columns).log_evidence - 0.5 * hidden * math.log(self.model.runs)
 
     def start_of(self, offer: tuple[str, tuple[int, ...]]) -> tuple[float, ...]:
         """Coordinates at which a full fit of an offer should begin."""
@@ -107,7 +109,7 @@ class Screen:
             return (term.neutral[0] + leap,)
         if place is None:
             return term.neutral
-        mean = self.model.posterior([*self.base, *extra]).mean[len(self.base)]
+        mean = self.beyond.posterior(extra).mean[0]
         values = list(place)
         values[0] += float(mean)
         return term.clipped(tuple(values))
@@ -134,19 +136,20 @@ def screen(search: Search, point: Point, inside: Sequence[str], candidates: Iter
             columns += group
     linear = search.problem.linearized(point, columns, search.runs)
     model = MixedModel(reduce_runs(linear), prior_precision(columns, search.tolerance))
+    beyond = model.given(base)
     able = [
         (effect, extra)
         for effect, extra in offers
-        if columns[extra[0]].leap is None or _leaps_right(model, columns, base, extra)
+        if columns[extra[0]].leap is None or _leaps_right(beyond, columns, extra)
     ]
-    return Screen(tuple(columns), model, base, tuple(able))
+    return Screen(tuple(columns), model, beyond, base, tuple(able))
 
 
-def _leaps_right(model: MixedModel, columns: Sequence[Column], base: tuple[int, ...], extra: tuple[int, ...]) -> bool:
+def _leaps_right(beyond: MixedModel, columns: Sequence[Column], extra: tuple[int, ...]) -> bool:
     """Whether the data want about the whole of a leap: half of a stopped motor does not exist."""
     leap = columns[extra[0]].leap
     assert leap is not None
-    return bool(0.5 < model.posterior([*base, *extra]).mean[-1] / leap < 1.5)
+    return bool(0.5 < beyond.posterior(extra).mean[-1] / leap < 1.5)
 
 
 def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit) -> Fit | None:
@@ -246,7 +249,7 @@ def extend(search: Search, ids: frozenset[str]) -> None:
     smooth = [effect for effect in sorted(ids) if not search.terms[effect].leaps]
     view = screen(search, fit.point, smooth, [term for effect, term in search.terms.items() if effect not in ids])
     ordered = _ordered(view, view.offers)
-    base = view.model.posterior(view.base).log_evidence
+    base = view.evidence()
     worthwhile = [(offer,) for offer in ordered if view.evidence(offer) > base + PROMISING]
     _refit(search, view, worthwhile, ADDITIONS_REFITTED, fit)
 

@@ -2,15 +2,17 @@
 
 Whitened features of run i are z_i = J_i θ + F_i a_i + B_i b_i + ε, ε ~ N(0, 1): θ are common parameters (nominal values
 within their tolerances, effects), a_i is the start pose (nothing known beforehand), b_i ~ N(0, diag τ²) the run's own
-friction and wheel gains. Start poses are projected out; τ is summed over a grid, so that the uncertainty of the scatter
-enters every probability and interval, as Student's t does for a mean. Effects carry a unit-information prior counted in
-runs: what repeats itself in every frame of a run is one piece of evidence, not six hundred.
+friction, wheel gains and start of motion. Start poses are projected out; τ is summed over a grid, so that the
+uncertainty of the scatter enters every probability and interval, as Student's t does for a mean. Effects carry a
+unit-information prior counted in runs: what repeats itself in every frame of a run is one piece of evidence, not six
+hundred.
 Sources: Laird & Ware (1982), Biometrics 38, 963; Kass & Wasserman (1995), JASA 90, 928.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,9 +22,11 @@ from scipy.optimize import lsq_linear
 Floats = NDArray[np.float64]
 
 FLAT = 3  # start x, y, heading
-SCATTER = ("friction", "left_gain", "right_gain")  # relative, per run
+SCATTER = ("friction", "left_gain", "right_gain", "start")  # per run: relative; start in its standard deviations
 FRICTION_SCATTER = np.geomspace(5e-4, 0.3, 15)  # a polished plate to a dirty one
 GAIN_SCATTER = np.geomspace(1e-4, 0.1, 16)  # quartz-driven steppers to poor DC motors
+START_SCATTER = 1.0  # how well starts are known is stated
+UNLIKELY = 1e-6  # share of the probability below which a scatter of the grid adds nothing to a covariance
 RIDGE = 1e-11  # of normal equations with ones on the diagonal: parameters that stand for each other
 
 
@@ -33,7 +37,7 @@ class Linearized:
     response: Floats  # (d,)
     common: Floats  # (d, p)
     start: Floats  # (d, 3)
-    scatter: Floats  # (d, 3)
+    scatter: Floats  # (d, 4)
 
 
 @dataclass(frozen=True)
@@ -43,9 +47,9 @@ class Reduced:
     s: Floats  # (n,)
     g: Floats  # (n, p)
     G: Floats  # (n, p, p)
-    c: Floats  # (n, 3)
-    C: Floats  # (n, 3, p)
-    A: Floats  # (n, 3, 3)
+    c: Floats  # (n, 4)
+    C: Floats  # (n, 4, p)
+    A: Floats  # (n, 4, 4)
     size: NDArray[np.int64]  # (n,) features left per run
 
     def of_columns(self, keep: NDArray[np.bool_], fixed: Floats) -> Reduced:
@@ -91,7 +95,7 @@ class Posterior:
     log_evidence: float
     mean: Floats  # (k,)
     covariance: Floats  # (k, k)
-    scatter: Floats  # (3,) posterior mean of τ
+    scatter: Floats  # (4,) posterior mean of τ
     misfit: float  # -2 log likelihood at the best scatter, without parameter-count terms
     best: int  # index of the best scatter on the grid
 
@@ -101,55 +105,76 @@ class MixedModel:
 
     def __init__(self, reduced: Reduced, prior_precision: Floats) -> None:
         """reduced: the runs. prior_precision: (p,) 1/σ² of columns with a prior, 0 for effects."""
-        friction, gain = np.meshgrid(FRICTION_SCATTER, GAIN_SCATTER, indexing="ij")
-        self.tau = np.column_stack([friction.ravel(), gain.ravel(), gain.ravel()])
+        friction, gain = (axis.ravel() for axis in np.meshgrid(FRICTION_SCATTER, GAIN_SCATTER, indexing="ij"))
+        self.tau = np.column_stack([friction, gain, gain, np.full(len(gain), START_SCATTER)])
         self.runs = len(reduced.s)
         self.prior = prior_precision
         grid, p = len(self.tau), reduced.g.shape[1]
-        self.s = np.full(grid, float(reduced.s.sum()))
-        self.g = np.tile(reduced.g.sum(axis=0), (grid, 1))
-        self.G = np.tile(reduced.G.sum(axis=0), (grid, 1, 1))
-        self.logdet = np.zeros(grid)
         inverse = self.tau**-2.0
-        for c, C, A in zip(reduced.c, reduced.C, reduced.A, strict=True):
-            precision = A[None] + inverse[:, :, None] * np.eye(3)[None]
-            M = np.linalg.inv(precision)
-            Mc = M @ c
-            MC = (M.reshape(-1, 3) @ C).reshape(grid, 3, p)
-            self.s -= Mc @ c
-            self.g -= Mc @ C
-            self.G -= (C.T @ MC.transpose(1, 0, 2).reshape(3, -1)).reshape(p, grid, p).transpose(1, 0, 2)
-            self.logdet += np.linalg.slogdet(precision)[1] - np.log(inverse).sum(axis=1)
+        precision = reduced.A[None] + inverse[:, None, :, None] * np.eye(len(SCATTER))  # (grid, n, 4, 4)
+        # Half of each correction, so that all runs together are one product: M = root · rootᵀ of every run.
+        root = np.linalg.inv(np.linalg.cholesky(precision))  # lower triangle L⁻¹, M = L⁻ᵀ·L⁻¹
+        half = np.matmul(root, np.concatenate([reduced.C, reduced.c[:, :, None]], axis=2)).reshape(grid, -1, p + 1)
+        taken = np.matmul(half.transpose(0, 2, 1), half)  # (grid, p + 1, p + 1)
+        self.s = float(reduced.s.sum()) - taken[:, p, p]
+        self.g = reduced.g.sum(axis=0) - taken[:, :p, p]
+        self.G = reduced.G.sum(axis=0) - taken[:, :p, :p]
+        diagonals = np.diagonal(root, axis1=2, axis2=3)
+        self.logdet = -2 * np.log(diagonals).sum(axis=(1, 2)) - self.runs * np.log(inverse).sum(axis=1)
+
+    def given(self, base: Sequence[int]) -> MixedModel:
+        """The model of the other columns once those of base, always in it, are at their best for each scatter.
+
+        Evidence and parameters of further columns are those of the whole model; base must hold every column with a
+        prior.
+        """
+        keep = np.asarray(base, dtype=np.int64)
+        rest = np.setdiff1d(np.arange(len(self.prior)), keep)
+        H = self._normal(keep, np.arange(len(self.tau)))
+        sides = np.concatenate([self.G[:, keep][:, :, rest], self.g[:, keep, None]], axis=2)
+        solved = np.linalg.solve(H, sides)
+        taken = np.matmul(sides.transpose(0, 2, 1), solved)
+        found = copy(self)
+        found.s = self.s - taken[:, -1, -1]
+        found.g, found.G, found.prior = self.g.copy(), self.G.copy(), self.prior
+        found.g[:, rest] -= taken[:, :-1, -1]
+        found.G[np.ix_(np.arange(len(H)), rest, rest)] -= taken[:, :-1, :-1]
+        found.logdet = self.logdet + self._occam(H, keep)
+        return found
+
+    def _normal(self, keep: NDArray[np.int64], at: NDArray[np.int64]) -> Floats:
+        """Normal matrices (len(at), k, k) of some columns, with their priors and a little to keep them definite."""
+        G = self.G[np.ix_(at, keep, keep)]
+        small = 1e-12 * np.maximum(np.trace(G, axis1=1, axis2=2), 1e-30) / max(len(keep), 1)
+        return np.asarray(G + np.diag(self.prior[keep]) + small[:, None, None] * np.eye(len(keep)))
+
+    def _occam(self, H: Floats, keep: NDArray[np.int64]) -> Floats:
+        """What the parameters of some columns cost, -2 log: those with a prior by what they were narrowed to.
+
+        Unit information about an effect is what a run tells of it with the nominal values unknown: an effect that a
+        nominal value within its tolerance can stand for must not come cheaper than one that nothing can.
+        """
+        free = self.prior[keep] == 0
+        known = np.linalg.slogdet(H[:, ~free][:, :, ~free])[1] - np.log(self.prior[keep][~free]).sum()
+        return np.asarray(known + free.sum() * np.log(self.runs))
 
     def posterior(self, columns: Sequence[int], at: NDArray[np.int64] | None = None) -> Posterior:
         """Evidence and parameters of the model with these columns; at: grid points to use (default: all)."""
         keep = np.asarray(columns, dtype=np.int64)
         at = np.arange(len(self.tau)) if at is None else at
-        G = self.G[np.ix_(at, keep, keep)]
         g = self.g[np.ix_(at, keep)]
-        prior = self.prior[keep]
-        free = prior == 0
-        H = (
-            G
-            + np.diag(prior)
-            + 1e-12
-            * np.eye(len(keep))
-            * np.maximum(np.trace(G, axis1=1, axis2=2), 1e-30)[:, None, None]
-            / max(len(keep), 1)
-        )
+        H = self._normal(keep, at)
         mean = np.linalg.solve(H, g[..., None])[..., 0]
         misfit = self.s[at] - np.einsum("tk,tk->t", g, mean) + self.logdet[at]
-        # Unit information about an effect is what a run tells of it with the nominal values unknown: an effect that a
-        # nominal value within its tolerance can stand for must not come cheaper than one that nothing can.
-        occam = np.linalg.slogdet(H[:, ~free][:, :, ~free])[1] - np.log(prior[~free]).sum()
-        occam = occam + free.sum() * np.log(self.runs)
-        score = -0.5 * (misfit + occam)
+        score = -0.5 * (misfit + self._occam(H, keep))
         top = int(np.argmax(score))
         weight = np.exp(score - score[top])
         weight /= weight.sum()
         center = weight @ mean
         spread = mean - center
-        covariance = np.einsum("t,tij->ij", weight, np.linalg.inv(H)) + np.einsum("t,ti,tj->ij", weight, spread, spread)
+        likely = weight > UNLIKELY
+        covariance = np.einsum("t,tij->ij", weight[likely], np.linalg.inv(H[likely]))
+        covariance += np.einsum("t,ti,tj->ij", weight, spread, spread)
         evidence = float(score[top] + np.log(np.mean(np.exp(score - score[top]))))
         return Posterior(
             evidence, center, covariance, weight @ self.tau[at], float(misfit.min()), int(at[int(np.argmin(misfit))])
@@ -191,7 +216,7 @@ def _normal_at(reduced: Reduced, prior_precision: Floats, tau: Floats) -> tuple[
 
 
 def run_effects(reduced: Reduced, theta: Floats, tau: Floats) -> tuple[Floats, Floats]:
-    """Each run's own friction and gains given the common parameters: means (n, 3) and covariances (n, 3, 3)."""
+    """Each run's own friction, gains and start given the common parameters: means (n, 4), covariances (n, 4, 4)."""
     covariance = np.linalg.inv(reduced.A + np.diag(tau**-2.0))
     mean = np.einsum("nij,nj->ni", covariance, reduced.c - reduced.C @ theta)
     return np.asarray(mean, dtype=np.float64), np.asarray(covariance, dtype=np.float64)

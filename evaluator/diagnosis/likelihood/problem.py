@@ -26,12 +26,15 @@ from evaluator.diagnosis.likelihood.features import (
 )
 from evaluator.diagnosis.likelihood.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise import Noise
-from evaluator.diagnosis.likelihood.run_data import Forward, RunData, Task
+from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, SHARED_UNIT, Forward, RunData, Task, is_shared
 
 Floats = NDArray[np.float64]
 
-OWN_STEPS = (1e-3, 1e-3, 1e-4, 5e-4, 2e-4, 2e-4)  # mm, mm, rad, relative: far above rounding, far below curvature
+# mm, mm, rad, relative, standard deviations of the start: far above rounding, far below curvature
+OWN_STEPS = (1e-3, 1e-3, 1e-4, 5e-4, 2e-4, 2e-4, 0.1)
+OWN = len(OWN_STEPS)
 NOMINAL_STEP = 5e-4
+SHARED_STEP = 0.5 * SHARED_UNIT  # half a standard deviation: what these do is all but linear
 STEP_SHARE = 0.2  # of a visible step: curvature would make effects and run-to-run scatter differ where they are one
 TASKS_AT_ONCE = 1500
 SETTLING_S = 0.4  # motors that lag by more would be seen as an effect first
@@ -52,7 +55,9 @@ class Column:
         """Size of the difference that makes the derivative."""
         if self.leap is not None:
             return self.leap
-        return NOMINAL_STEP if self.term is None else STEP_SHARE * self.term.coordinates[self.coordinate].step
+        if self.term is None:
+            return SHARED_STEP if is_shared(self.key) else NOMINAL_STEP
+        return STEP_SHARE * self.term.coordinates[self.coordinate].step
 
     @property
     def neutral(self) -> float:
@@ -62,7 +67,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Point:
-    """Nominal deviations, term coordinates, and every run's own six numbers (n, 6) as in Task."""
+    """Nominal deviations, term coordinates, and every run's own numbers (n, 7) as in Task."""
 
     own: Floats
     nominal: Mapping[str, float] = field(default_factory=dict)
@@ -135,7 +140,7 @@ class Problem:
     def attempted(self, point: Point, columns: Sequence[Column], runs: Sequence[int]) -> list[Linearized | None]:
         """The same, with None for runs that cannot be simulated."""
         result: list[Linearized | None] = []
-        at_once = max(1, TASKS_AT_ONCE // (len(columns) + 7))
+        at_once = max(1, TASKS_AT_ONCE // (len(columns) + OWN + 1))
         points, bases = _points(point, columns)
         size = len(points) + len(OWN_STEPS)
         for first in range(0, len(runs), at_once):  # large batches keep all cores busy, small ones the memory
@@ -168,7 +173,7 @@ class Problem:
     ) -> Linearized | None:
         residuals = np.array(channel_residuals)[:, self.compressions[run].used]
         sound: NDArray[np.bool_] = np.asarray(np.isfinite(residuals).all(axis=(1, 2)))
-        if not (sound[0] and sound[-6:].all()):
+        if not (sound[0] and sound[-OWN:].all()):
             return None
         residuals[~sound] = 0.0
         features = self.compressions[run].features(residuals)
@@ -176,10 +181,10 @@ class Problem:
         common = np.zeros((len(base), len(columns)))
         for i, column in enumerate(columns):
             before = bases.get((column.key, column.start), 0) if column.start is not None else 0
-            after = len(features) - 6 - len(columns) + i
+            after = len(features) - OWN - len(columns) + i
             if sound[before] and sound[after]:  # a candidate that cannot be simulated offers nothing
                 common[:, i] = (features[before] - features[after]) / column.step
-        own = ((base - features[-6:]) / np.array(OWN_STEPS)[:, None]).T
+        own = ((base - features[-OWN:]) / np.array(OWN_STEPS)[:, None]).T
         theta = np.array([0.0 if c.start is not None else point.value(c) for c in columns])
         response = base + common @ theta + own[:, 3:] @ point.own[run, 3:]
         return Linearized(response, common, own[:, :3], own[:, 3:])
@@ -234,9 +239,9 @@ def with_noise_of(problem: Problem, point: Point) -> Problem:
 
 
 def aligned_starts(data: Sequence[RunData], forward: Forward) -> Floats:
-    """Start poses that lay the nominal prediction on the first part of every run, (n, 6) with zero scatter."""
-    own = np.zeros((len(data), 6))
-    predicted = forward.marks([Task(run, (0.0,) * 6) for run in range(len(data))])
+    """Start poses that lay the nominal prediction on the first part of every run, (n, 7) with zero scatter."""
+    own = np.zeros((len(data), OWN_NUMBERS))
+    predicted = forward.marks([Task(run, (0.0,) * OWN_NUMBERS) for run in range(len(data))])
     for run, (item, marks) in enumerate(zip(data, predicted, strict=True)):
         seen = np.flatnonzero(np.isfinite(item.marks_mm).all(axis=1))
         early = seen[: max(len(seen) // 8, 5)]

@@ -1,4 +1,4 @@
-"""What each run has of its own, start pose, friction and gains, fitted at given common parameters."""
+"""What each run has of its own, start pose, friction, gains and start, fitted at given common parameters."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ OWN_PASSES = 9
 SLOPES_LAST = 3  # passes with the same slopes: a seventh of the simulations, nearly the same step
 OWN_SETTLED = 0.02  # of one run's -2 log density: a hundredth of a sigma
 SHORTER = 0.3
-MOST_SCATTER = 0.5  # relative friction or gain of one run: beyond, a linear step has lost its way
+# Relative friction and gains of one run, and its start in standard deviations (0.1 s of half frames): beyond, a linear
+# step has lost its way, and a start is a mistake of the experiment file.
+MOST_SCATTER = np.array([0.5, 0.5, 0.5, 12.0])
 
 
 def settled(problem: Problem, point: Point, runs: Sequence[int], scatter: Floats | None) -> tuple[Point, float]:
@@ -67,7 +69,7 @@ def _own_value(item: Linearized, own: Floats, scatter: Floats | None) -> float:
 
 
 def _own_goal(item: Linearized, own: Floats, scatter: Floats | None) -> Floats:
-    """Most probable start pose, friction and gains (6,) of one run in its linear view."""
+    """Most probable start pose, friction, gains and start (7,) of one run in its linear view."""
     goal = own.copy()
     if scatter is not None:
         basis = np.linalg.qr(item.start)[0]

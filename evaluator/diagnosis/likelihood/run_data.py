@@ -13,12 +13,14 @@ from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
 Values = Mapping[str, tuple[float, ...]]
-# One standard deviation of an error that runs share, as a deviation: that of a nominal value known to two per cent.
+# One standard deviation of what is not a value of robot.toml (an error that runs share, a quantity of the laboratory),
+# as a deviation: that of a nominal value known to two per cent.
 SHARED_UNIT = 0.02
+OWN_NUMBERS = 7  # of a run: start x, y, heading; friction, left gain, right gain; start of motion
 
 
 def is_shared(key: str) -> bool:
-    """Whether a key of a nominal deviation is of an error that runs share, not of robot.toml (table.name)."""
+    """Whether a deviation is counted in SHARED_UNIT to the standard deviation, not relative as values of robot.toml."""
     return "." not in key
 
 
@@ -51,14 +53,14 @@ class RunData:
 class Task:
     """One run to predict: which, and at which parameters.
 
-    nominal: relative deviations of nominal values, by dotted key of robot.toml, and errors that runs share, by their
-    key, in SHARED_UNIT to the standard deviation. terms: coordinates of candidate effects
-    by id. own: the run's start x, y (mm), heading (rad) of the robot's centre, then its relative deviations of
-    friction, left and right wheel speed.
+    nominal: relative deviations of nominal values, by dotted key of robot.toml; errors that runs share and quantities
+    of the laboratory, by their key, in SHARED_UNIT to the standard deviation. terms: coordinates of candidate effects
+    by id. own: OWN_NUMBERS of the run: start x, y (mm), heading (rad) of the robot's centre; relative deviations of
+    friction, left and right wheel speed; how much later than stated it starts, in standard deviations of that.
     """
 
     run: int
-    own: tuple[float, float, float, float, float, float]
+    own: tuple[float, ...]
     nominal: Mapping[str, float] = field(default_factory=dict)
     terms: Values = field(default_factory=dict)
 

@@ -6,6 +6,7 @@ start_s all the same; the start pose is then the pose at start_s, which is fitte
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from evaluator.diagnosis.candidates.coordinates import Term
 from evaluator.diagnosis.candidates.free_form import FreeTerm
+from evaluator.diagnosis.likelihood.known_to import CLOCK, GRAVITY, LEVEL, RADIUS_DIFFERENCE, START
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Floats, RunData, Task, Values, is_shared
 from simulator.command import Command
 from simulator.dynamics.model import MODEL, Draft
@@ -49,8 +51,21 @@ class Variant:
 class Simulated:
     """Marks of an experiment's runs for any parameters; see the protocol Forward."""
 
-    def __init__(self, robots: Sequence[Robot], data: Sequence[RunData], terms: Mapping[str, Term]) -> None:
-        """robots: one per run, with the effects already in the model. terms: how to read the coordinates of a task."""
+    def __init__(
+        self,
+        robots: Sequence[Robot],
+        data: Sequence[RunData],
+        terms: Mapping[str, Term],
+        known: Mapping[str, float] | None = None,
+        start_sigma_s: float = 0.0,
+    ) -> None:
+        """robots: one per run, with the effects already in the model. terms: how to read the coordinates of a task.
+
+        known: size of a deviation of 1 of each quantity of the laboratory that acts here (known_to.simulated_sigmas);
+        start_sigma_s: standard deviation of a run's start.
+        """
+        self._known = dict(known or {})
+        self._start_sigma_s = start_sigma_s
         self.robots: tuple[Robot, ...] = tuple(robots)
         self._data = tuple(data)
         self._terms = terms
@@ -64,7 +79,9 @@ class Simulated:
         Tasks that differ only in errors which runs share (of the camera) have one simulation.
         """
         variants = self._variants_of(tasks)
-        keys = [(task.run, task.own, id(variant)) for task, variant in zip(tasks, variants, strict=True)]
+        keys = [
+            (task.run, task.own, self._late_s(task), id(variant)) for task, variant in zip(tasks, variants, strict=True)
+        ]
         distinct = dict(zip(keys, zip(tasks, variants, strict=True), strict=True))
         simulated = dict(zip(distinct, self._simulated(*zip(*distinct.values(), strict=True)), strict=True))
         return [_with_shared(simulated[key], task, self._data[task.run]) for key, task in zip(keys, tasks, strict=True)]
@@ -124,19 +141,28 @@ class Simulated:
         parts = [self._knots[task.run] for task in tasks]
         sizes = [len(part) for part in parts]
         knots = np.concatenate(parts)
-        knots[:, 1:] *= np.repeat(1 + own[:, 4:], sizes, axis=0)
+        knots[:, 1:] *= np.repeat(1 + own[:, 4:6], sizes, axis=0)
+        knots[:, 0] += np.repeat([self._late_s(task) for task in tasks], sizes)
         return knots, np.cumsum([0, *sizes])
+
+    def _late_s(self, task: Task) -> float:
+        """How much later than stated the motors of a task start."""
+        return task.own[6] * self._start_sigma_s + self._deviation(task.nominal, START)
+
+    def _deviation(self, nominal: Mapping[str, float], key: str) -> float:
+        """Deviation of a quantity of the laboratory in its unit."""
+        return nominal.get(key, 0.0) * self._known.get(key, 0.0)
 
     def _true_times(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[Floats]:
         """Start of the simulation, then the frames; a measured time is the true one times the time factor."""
-        known: dict[tuple[int, float], Floats] = {}
+        known: dict[tuple[int, float, float], Floats] = {}
         result = []
         for task, variant in zip(tasks, variants, strict=True):
-            key = task.run, variant.view.time_factor
+            key = task.run, variant.view.time_factor, self._late_s(task)
             if key not in known:
                 run = self._data[task.run]
                 frames = run.time_s / variant.view.time_factor
-                known[key] = np.concatenate([[min(frames[0], run.start_s) - 1e-3], frames])
+                known[key] = np.concatenate([[min(frames[0], run.start_s + key[2]) - 1e-3], frames])
             result.append(known[key])
         return result
 
@@ -153,7 +179,11 @@ class Simulated:
             place = kind, run.order if ordered else 0
             key = *place, id(task.nominal), id(task.terms)  # mappings live as long as their tasks
             if key not in met:
-                nominal = {name: value for name, value in task.nominal.items() if not is_shared(name)}
+                nominal = {
+                    name: value
+                    for name, value in task.nominal.items()
+                    if not is_shared(name) or (name in self._known and name != START)
+                }
                 lasting = *place, *nominal.items(), *task.terms.items()
                 if lasting not in self._variants:
                     self._variants[lasting] = self._compiled(*place, nominal, task.terms)
@@ -162,15 +192,29 @@ class Simulated:
         return result
 
     def _compiled(self, kind: int, order: int, nominal: Mapping[str, float], terms: Values) -> Variant:
-        robot = varied_robot(self.robots[kind], nominal)
+        robot = varied_robot(self.robots[kind], {key: value for key, value in nominal.items() if not is_shared(key)})
         view, draft = view_of(robot), Draft(robot, order)
         try:
             apply_effects(draft)
+            self._add_known(nominal, draft, view)
             for effect, values in terms.items():
                 self._add(effect, values, draft, view)
             return Variant(draft.record().view(np.int64), view)
         except SimulationError:
             return Variant(None, view)  # outside what can be simulated; the caller sees NaN and steps back
+
+    def _add_known(self, nominal: Mapping[str, float], draft: Draft, view: View) -> None:
+        """Let the quantities of the laboratory act on a draft, or on the view of its marks."""
+        view.time_factor *= 1 + self._deviation(nominal, CLOCK)
+        half = self._deviation(nominal, RADIUS_DIFFERENCE) / 2
+        draft.speed_factor *= np.array([1 + half, 1 - half])
+        down_x, down_y = (self._deviation(nominal, key) for key in LEVEL)
+        if down_x or down_y:
+            tilt = {"angle_deg": math.hypot(down_x, down_y), "azimuth_deg": math.degrees(math.atan2(down_y, down_x))}
+            _act("plate-tilt", draft, tilt)
+        x, y = (self._deviation(nominal, key) for key in GRAVITY)
+        if x or y:
+            _act("mass-offset", draft, {"x_mm": x, "y_mm": y})
 
     def _add(self, effect: str, values: tuple[float, ...], draft: Draft, view: View) -> None:
         """Let one term act on a draft, or on the view of its marks."""
@@ -187,13 +231,19 @@ class Simulated:
             see(view, term.physical(values))
 
 
+def _act(effect: str, draft: Draft, values: Mapping[str, float]) -> None:
+    act = EFFECTS[effect].act
+    assert act is not None
+    act(draft, values)
+
+
 def _able(task: Task) -> bool:
     """Whether friction stays above nothing."""
     return task.own[3] > -1.0
 
 
 def _with_friction(models: NDArray[np.void], own: Floats) -> None:
-    """Give every record (n,) the friction of its run, own (n, 6); as simulator.dynamics.model compiles it."""
+    """Give every record (n,) the friction of its run, own (n, 7); as simulator.dynamics.model compiles it."""
     friction = 1 + own[:, 3:4]
     for name in ("grip_x", "grip_y"):
         models[name] *= friction

@@ -1,0 +1,159 @@
+"""What a laboratory knows only to within a tolerance: start of motion, clock, scale, geometry, level, as parameters.
+
+Nobody knows the start of the motors to the millisecond, a wheel to the micrometre or a plate to be level. A diagnosis
+that took these for exact would name each as an effect. Here every such quantity is a parameter with a Gaussian prior,
+common to all runs of the session; the start has besides one number per run (mixed_model.SCATTER). The fit may move them
+within what is known, and says where the data want them.
+
+Some act in the simulation (start, clock, wheels, level, centre of gravity), some only on what is seen (scale, places of
+the marks): those are shifts of the marks, computed once, like the errors that runs of a camera share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData
+from evaluator.settings import KnownTo
+from simulator.robot import Robot
+
+Floats = NDArray[np.float64]
+
+START, CLOCK = "start_common_s", "time_base"
+RADIUS_DIFFERENCE = "wheel_radius_difference"
+LEVEL = ("plate_level_x_deg", "plate_level_y_deg")
+GRAVITY = ("center_of_gravity_x_mm", "center_of_gravity_y_mm")
+SIMULATED = (START, CLOCK, RADIUS_DIFFERENCE, *LEVEL, *GRAVITY)
+MARKS = ("green", "yellow")
+SCALE = "plane_scale"
+# Knowledge of geometry where robot.toml says nothing: callipers read 0.01 mm, a machinist's level 0.3 degrees.
+CALLIPERS_MM = 0.005  # one standard deviation of a length, of what is read to 0.01 mm
+RADIUS_SHARE = 0.005  # of a wheel's radius: half of that of a diameter of a millimetre
+MASS_SHARE = 0.02
+ATTRACTION_SHARE = 0.05  # pull-off forces repeat to some per cent
+FRAMES_COMMON, FRAMES_PER_RUN = 1.0, 0.5  # knowledge of the start where experiment.toml says nothing, in frames
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One thing known to within a tolerance.
+
+    key: of the deviation in the fit. name, unit: for people and diagnosis.json. sigma: standard deviation in that unit.
+    per_unit: size in the unit of a deviation of 1 in the fit.
+    """
+
+    key: str
+    name: str
+    unit: str
+    sigma: float
+    per_unit: float
+
+    @property
+    def tolerance(self) -> float:
+        """Standard deviation of the deviation in the fit."""
+        return self.sigma / self.per_unit
+
+
+def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Quantity, ...]:
+    """All that is known to within a tolerance and is not in the robot's [tolerance]; what is exact is left out."""
+    frame_s = frame_interval_s(data)
+    geometry = robot.known_to
+    common_s = FRAMES_COMMON * frame_s if known.start_common_s is None else known.start_common_s
+    level, place, gravity = geometry.plate_level_deg, geometry.mark_position_mm, geometry.center_of_gravity_mm
+    found = [
+        _shared(START, "start of motion, all runs", "s", common_s),
+        _shared(CLOCK, "seconds of the recording", "1", known.time_base),
+        _shared(SCALE, "millimetres of the plate", "1", known.plane_scale),
+        *(
+            _shared(key, f"level of the plate along {axis}", "deg", level)
+            for key, axis in zip(LEVEL, "xy", strict=True)
+        ),
+        *(
+            _shared(key, f"centre of gravity along {axis}", "mm", gravity)
+            for key, axis in zip(GRAVITY, "xy", strict=True)
+        ),
+        *(_shared(key, f"{mark} mark along {axis} of the robot", "mm", place) for key, mark, axis in _mark_keys()),
+    ]
+    radius = robot.wheels.radius_mm
+    radius_sigma = RADIUS_SHARE * radius if geometry.wheel_radius_mm is None else geometry.wheel_radius_mm
+    # two wheels, each known so well: their mean and half their difference are known better by the root of two
+    found.append(
+        _shared(RADIUS_DIFFERENCE, "radius of the left over the right wheel", "1", 2**0.5 * radius_sigma / radius)
+    )
+    lengths = (
+        ("wheels.radius_mm", "radius of the wheels", radius, radius_sigma / 2**0.5),
+        ("wheels.wheelbase_mm", "wheelbase", robot.wheels.wheelbase_mm, geometry.wheelbase_mm),
+        ("wheels.track_mm", "track", robot.wheels.track_mm, geometry.track_mm),
+        (
+            "body.mass_g",
+            "mass",
+            robot.body.mass_g,
+            MASS_SHARE * robot.body.mass_g if geometry.mass_g is None else geometry.mass_g,
+        ),
+    )
+    attraction = robot.magnetic_attraction
+    forces = (
+        ("magnetic_attraction.driving_wheel_mN", "attraction of a driving wheel", attraction.driving_wheel_mN),
+        ("magnetic_attraction.driven_wheel_mN", "attraction of a driven wheel", attraction.driven_wheel_mN),
+    )
+    for key, name, value, sigma in (*lengths, *((k, n, v, ATTRACTION_SHARE * v) for k, n, v in forces)):
+        stated = CALLIPERS_MM * 2 if sigma is None else sigma
+        if value and key not in robot.tolerance:
+            found.append(Quantity(key, name, key.rpartition("_")[2], stated, value))
+    return tuple(item for item in found if item.sigma > 0)
+
+
+def start_per_run_s(known: KnownTo, data: Sequence[RunData]) -> float:
+    """Standard deviation of the start of single runs, s: half a frame where experiment.toml says nothing."""
+    return FRAMES_PER_RUN * frame_interval_s(data) if known.start_per_run_s is None else known.start_per_run_s
+
+
+def frame_interval_s(data: Sequence[RunData]) -> float:
+    """Median time between frames of all runs, s."""
+    return float(np.median([np.median(np.diff(run.time_s)) for run in data]))
+
+
+def with_shifts(data: Sequence[RunData], robots: Sequence[Robot], found: Sequence[Quantity]) -> tuple[RunData, ...]:
+    """The runs with what one standard deviation of a quantity that is only seen does to their marks, (n, 4) mm."""
+    sigma = {item.key: item.sigma for item in found}
+    result = []
+    for run, robot in zip(data, robots, strict=True):
+        shifts: dict[str, Floats] = {}
+        if SCALE in sigma:
+            shifts[SCALE] = np.nan_to_num(sigma[SCALE] * run.marks_mm)
+        ahead, left = _body_axes(run.marks_mm, robot)
+        for key, mark, axis in _mark_keys():
+            if key in sigma:
+                shift = np.zeros_like(run.marks_mm)
+                column = 2 * MARKS.index(mark)
+                shift[:, column : column + 2] = sigma[key] * (ahead if axis == "x" else left)
+                shifts[key] = shift
+        result.append(replace(run, systematic={**run.systematic, **shifts}))
+    return tuple(result)
+
+
+def _mark_keys() -> list[tuple[str, str, str]]:
+    return [(f"{mark}_{axis}_mm", mark, axis) for mark in MARKS for axis in "xy"]
+
+
+def _body_axes(marks_mm: Floats, robot: Robot) -> tuple[Floats, Floats]:
+    """Unit vectors (n, 2) ahead of and to the left of the robot in the plate frame; 0 where a mark is missing."""
+    across = np.subtract(robot.marks.green_mm, robot.marks.yellow_mm)
+    seen = marks_mm[:, :2] - marks_mm[:, 2:]
+    angle = np.arctan2(seen[:, 1], seen[:, 0]) - np.arctan2(across[1], across[0])
+    ahead = np.column_stack([np.cos(angle), np.sin(angle)])
+    left = np.column_stack([-np.sin(angle), np.cos(angle)])
+    return np.nan_to_num(ahead), np.nan_to_num(left)
+
+
+def _shared(key: str, name: str, unit: str, sigma: float) -> Quantity:
+    return Quantity(key, name, unit, sigma, sigma / SHARED_UNIT if sigma else 1.0)
+
+
+def simulated_sigmas(found: Sequence[Quantity]) -> Mapping[str, float]:
+    """Size, in its unit, of a deviation of 1 in the fit, of the quantities that act in the simulation."""
+    return {item.key: item.per_unit for item in found if item.key in SIMULATED}

@@ -1,0 +1,1 @@
+"""Mistakes of an experiment, recognised before any physics is looked for."""

@@ -1,0 +1,167 @@
+"""What happens to single runs: they stand, are held or pushed, start late, their camera moves, their unit is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.motion import Motion, jump, motion_of, onset_s
+from evaluator.diagnosis.mistakes.recognised import Found
+from simulator.robot import Robot
+
+# Marks are placed to some hundredths of a millimetre of their few, 1 to 2 %: three standard deviations.
+SPACING_SHARE = 0.06
+UNITS = {"m": 1e-3, "cm": 0.1, "inch": 1 / 25.4, "µm": 1e3}
+UNIT_SHARE = 0.06  # how near to such a ratio the distance of the marks must be
+PX_RATIO = 3.0  # marks so many times too far apart, and of no length unit, are pixels
+LATE_S = 0.1  # beyond what anyone misses a start by, counting frames
+STANDS_SHARE = 0.05  # of the way that the wheels would roll without slip
+HELD_SHARE, PUSHED_SHARE = 0.4, 1.6  # of the usual speed of the run: no effect of physics changes it so for a moment
+HELD_S = 0.25  # a disturbance lasts longer than a window of the velocity
+SETTLED_S = 0.5  # after the start: motors have come up
+
+
+def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
+    """Runs whose marks are not as far apart as the robot file says: another unit, or another robot."""
+    found = []
+    for run, robot in zip(data, robots, strict=True):
+        stated = float(np.hypot(*np.subtract(robot.marks.green_mm, robot.marks.yellow_mm)))
+        seen = float(np.nanmedian(np.hypot(*(run.marks_mm[:, :2] - run.marks_mm[:, 2:]).T)))
+        ratio = seen / stated
+        if abs(ratio - 1) < SPACING_SHARE:
+            continue
+        words = f"its marks are {seen:.4g} mm apart, in the robot file {stated:.4g} mm"
+        unit = next((name for name, factor in UNITS.items() if abs(ratio / factor - 1) < UNIT_SHARE), None)
+        if unit is None and ratio > PX_RATIO:
+            unit = "px"
+        if unit is not None:
+            remedy = f"they seem to be in {unit}: " + (
+                "place them with a camera" if unit == "px" else "convert them to mm"
+            )
+            found.append(Found(run.id, "wrong-unit", words, remedy))
+        else:
+            remedy = "is it the file of this robot? Measure its marks"
+            found.append(Found(run.id, "wrong-robot", words, remedy))
+    return found
+
+
+def late_starts(data: Sequence[RunData]) -> list[Found]:
+    """Runs that start at another time than the file says, against the other runs of the session, or outside."""
+    found, late = [], {}
+    for run in data:
+        first, last = float(run.time_s[0]), float(run.time_s[-1])
+        if run.start_s >= last:
+            seen = f"start_s = {run.start_s:g} s lies after the end of the recording ({first:.2f} to {last:.2f} s)"
+            found.append(Found(run.id, "late-start", seen, "correct start_s in experiment.toml"))
+            continue
+        begins = onset_s(run) if run.left_rpm or run.right_rpm else None
+        if begins is not None:
+            late[run.id] = begins - run.start_s
+    if not late:
+        return found
+    # what is common to all runs, a lag of the motors or of the clock, is the diagnosis's to find
+    usual = float(np.median(list(late.values()))) if len(late) > 2 else 0.0
+    spread = 1.4826 * float(np.median(np.abs(np.array(list(late.values())) - usual))) if len(late) > 2 else 0.0
+    starts = {run.id: run.start_s for run in data}
+    for run_id, value in late.items():
+        if abs(value - usual) > max(LATE_S, 6 * spread):
+            begins = starts[run_id] + value - usual
+            way = "later" if value > usual else "earlier"
+            seen = f"motion begins at about {begins:.2f} s, {abs(value - usual):.2f} s {way} than start_s says"
+            found.append(Found(run_id, "late-start", seen, f"set start_s = {begins:.2f}"))
+    return found
+
+
+def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
+    """Runs that stand, are held or pushed for a moment, or whose camera moved."""
+    found = []
+    standing = {run.id for run, robot in zip(data, robots, strict=True) if _stands(run, robot)}
+    for run in data:
+        if run.id in standing:
+            if not _slower_ones_stand_too(run, data, standing):
+                remedy = "look at the recording: is the robot held, or a motor off?"
+                found.append(Found(run.id, "stuck", "hardly moves, though runs of slower wheels do", remedy))
+            continue
+        moved = jump(run)
+        if moved is not None:
+            seen = f"both marks jump by {moved[1]:.2f} mm at {moved[0]:.2f} s"
+            found.append(Found(run.id, "camera-moved", seen, "was the camera knocked, or the robot put elsewhere?"))
+            continue
+        disturbance = _disturbance(run)
+        if disturbance is not None:
+            found.append(disturbance)
+    return found
+
+
+def _stands(run: RunData, robot: Robot) -> bool:
+    """Whether a run with its motors on covers nearly nothing of the way that its wheels would roll."""
+    end = float(run.time_s[-1]) if run.stop_s is None else min(run.stop_s, float(run.time_s[-1]))
+    seconds = end - max(run.start_s, float(run.time_s[0]))
+    faster = max(abs(run.left_rpm), abs(run.right_rpm))
+    if seconds <= 0 or not faster:
+        return False
+    rolled = faster * 2 * np.pi * robot.wheels.radius_mm / 60 * seconds
+    seen = run.marks_mm[np.isfinite(run.marks_mm).all(axis=1)]
+    steps = seen[:: max(len(seen) // 40, 1)]
+    way = float(np.sum(np.hypot(*np.diff(steps[:, :2], axis=0).T)))
+    return way < STANDS_SHARE * rolled
+
+
+def _slower_ones_stand_too(run: RunData, data: Sequence[RunData], standing: set[str]) -> bool:
+    """Whether every other run whose wheels are commanded no faster stands as well: then it is a dead band."""
+    faster = max(abs(run.left_rpm), abs(run.right_rpm))
+    slower = [
+        other for other in data if other.id != run.id and 0 < max(abs(other.left_rpm), abs(other.right_rpm)) <= faster
+    ]
+    return bool(slower) and all(other.id in standing for other in slower)
+
+
+def _disturbance(run: RunData) -> Found | None:
+    """A stretch in which the run is held or pushed, from its own usual motion."""
+    end = float(run.time_s[-1]) if run.stop_s is None else min(run.stop_s, float(run.time_s[-1]))
+    begin = max(run.start_s, float(run.time_s[0])) + SETTLED_S
+    motion = motion_of(run, (begin, end)) if end > begin + 4 * HELD_S else None
+    if motion is None:
+        return None
+    usual = float(np.median(motion.along))
+    turning = float(np.median(motion.yaw))
+    size = max(abs(usual), 0.5 * abs(turning))  # a turn on the spot has no speed of its own; half a mm of lever
+    speed = np.hypot(motion.along, motion.across)
+    held = _longest(speed < HELD_SHARE * abs(usual), motion)
+    if held is not None and abs(usual) > 0 and _is_stop(motion, held):
+        seen = f"stands still from {held[0]:.2f} to {held[1]:.2f} s with its motors on"
+        return Found(run.id, "stuck", seen, "look at the recording: does it snag?")
+    odd = (speed > PUSHED_SHARE * size) | (np.abs(motion.across - np.median(motion.across)) > 0.6 * size)
+    odd |= np.abs(motion.yaw - turning) > 0.6 * max(abs(turning), size)
+    pushed = _longest(odd & _unlike(motion), motion)
+    if pushed is not None:
+        seen = f"moves unlike the rest of the run from {pushed[0]:.2f} to {pushed[1]:.2f} s"
+        return Found(run.id, "pushed", seen, "look at the recording: was it pushed or pulled?")
+    return None
+
+
+def _is_stop(motion: Motion, held: tuple[float, float]) -> bool:
+    """Whether it nearly stands there, also in yaw."""
+    inside = (motion.time_s >= held[0]) & (motion.time_s <= held[1])
+    usual = float(np.median(np.abs(motion.yaw)))
+    return bool(np.median(np.abs(motion.yaw[inside])) < max(0.5 * usual, 0.05))
+
+
+def _unlike(motion: Motion) -> np.ndarray:
+    """Moments that stand far out of the run's own variation (median and mean absolute deviation)."""
+    out = np.zeros(len(motion.time_s), dtype=np.bool_)
+    for values in (motion.along, motion.across, motion.yaw):
+        middle = np.median(values)
+        out |= np.abs(values - middle) > 8 * 1.4826 * np.median(np.abs(values - middle))
+    return out
+
+
+def _longest(mask: np.ndarray, motion: Motion) -> tuple[float, float] | None:
+    """Begin and end, s, of the longest stretch of a mask that lasts HELD_S; None where none does."""
+    padded = np.concatenate([[False], mask, [False]]).astype(int)
+    begins, ends = np.flatnonzero(np.diff(padded) == 1), np.flatnonzero(np.diff(padded) == -1) - 1
+    spans = [(motion.time_s[b], motion.time_s[e]) for b, e in zip(begins, ends, strict=True)]
+    spans = [(float(b), float(e)) for b, e in spans if e - b >= HELD_S]
+    return max(spans, key=lambda span: span[1] - span[0], default=None)

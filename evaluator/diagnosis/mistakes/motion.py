@@ -1,0 +1,128 @@
+"""Motion as measured, without a model: when a run starts, how fast it goes, where it jumps. Plate frame, mm, s, rad."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.likelihood.run_data import RunData
+
+Floats = NDArray[np.float64]
+
+WINDOW_S = 0.15  # of a velocity: nine frames at 60/s, shorter than any push by hand
+ONSET_SPAN_S = 0.6  # of motion from which the onset is extrapolated back
+ONSET_SIGMAS = 8.0  # of the scatter at rest: moving
+FEWEST_AT_REST = 4
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Smoothed motion of the midpoint of the marks at some moments.
+
+    time_s (m,); along, across: velocity (m,) in the frame of the marks (their left is to the left), mm/s; yaw (m,)
+    rad/s.
+    """
+
+    time_s: Floats
+    along: Floats
+    across: Floats
+    yaw: Floats
+
+
+def midpoint_and_heading(run: RunData) -> tuple[Floats, Floats, Floats]:
+    """Times (n,), midpoints (n, 2) and headings (n,), rad, unwrapped, of the frames in which both marks were seen.
+
+    The heading is at right angles to the line from the yellow mark to the green one, which is on the left.
+    """
+    seen = np.isfinite(run.marks_mm).all(axis=1)
+    marks = run.marks_mm[seen]
+    across = marks[:, :2] - marks[:, 2:]
+    heading = np.unwrap(np.arctan2(across[:, 1], across[:, 0])) - np.pi / 2
+    return run.time_s[seen], (marks[:, :2] + marks[:, 2:]) / 2, heading
+
+
+def motion_of(run: RunData, between: tuple[float, float] | None = None) -> Motion | None:
+    """Velocities as slopes over WINDOW_S, at moments half a window apart; None for too few frames."""
+    time, middle, heading = midpoint_and_heading(run)
+    low, high = between or (time[0], time[-1])
+    centers = np.arange(low + WINDOW_S / 2, high - WINDOW_S / 2, WINDOW_S / 2)
+    rows = []
+    for center in centers:
+        inside = np.abs(time - center) <= WINDOW_S / 2
+        if inside.sum() < 3:
+            continue
+        since = time[inside] - time[inside].mean()
+        if not (square := float(since @ since)):
+            continue
+        vx, vy = since @ middle[inside] / square
+        angle = float(np.median(heading[inside]))
+        rows.append(
+            (
+                center,
+                vx * np.cos(angle) + vy * np.sin(angle),
+                -vx * np.sin(angle) + vy * np.cos(angle),
+                float(since @ heading[inside]) / square,
+            )
+        )
+    if len(rows) < 4:
+        return None
+    return Motion(*np.array(rows).T)
+
+
+def onset_s(run: RunData) -> float | None:
+    """When motion begins, s: the distance from the place of rest, extrapolated back to nothing; None where unseen.
+
+    Needs frames at rest before. First-order lag of the motors delays it by its time constant.
+    """
+    time, middle, _ = midpoint_and_heading(run)
+    rest = max(FEWEST_AT_REST, int(np.searchsorted(time, time[0] + WINDOW_S)))
+    if len(time) < 3 * rest:
+        return None
+    scatter = max(float(1.4826 * np.median(np.abs(np.diff(middle[:rest], axis=0)))), 1e-4)
+    away = np.hypot(*(middle - np.median(middle[:rest], axis=0)).T)
+    smooth = np.array([np.median(away[max(i - 2, 0) : i + 3]) for i in range(len(away))])
+    moving = np.flatnonzero(smooth > ONSET_SIGMAS * scatter + 0.02)
+    if not len(moving) or moving[0] <= rest:
+        return None
+    # the last frame of rest is where the distance was last within the scatter before it grew
+    first = int(moving[0])
+    part = slice(first, int(np.searchsorted(time, time[first] + ONSET_SPAN_S)))
+    if len(time[part]) < 5:
+        return None
+    path = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(middle[part], axis=0).T))])
+    straight = smooth[part]
+    slope, level = np.polyfit(time[part], straight if straight[-1] > 0.8 * path[-1] else path + straight[0], 1)
+    return float(-level / slope) if slope > 0 else None
+
+
+def jump(run: RunData) -> tuple[float, float] | None:
+    """The moment, s, and size, mm, of a jump of both marks between two frames; None where there is none.
+
+    A robot moves by its speed times the time between frames; a camera that is knocked moves at once. Lines through
+    some frames before and after are carried to the moment between.
+    """
+    time, middle, _ = midpoint_and_heading(run)
+    if len(time) < 24:
+        return None
+    step = np.hypot(*np.diff(middle, axis=0).T) / np.maximum(np.diff(time), 1e-6)
+    usual = float(np.median(step[step > 0])) if (step > 0).any() else 0.0
+    fastest = float(np.percentile(step, 95))
+    candidates = np.flatnonzero(step > 4 * max(fastest, usual))
+    best: tuple[float, float] | None = None
+    for k in candidates[:20]:
+        before, after = slice(max(k - 9, 0), k + 1), slice(k + 1, k + 11)
+        if len(time[before]) < 5 or len(time[after]) < 5:
+            continue
+        at = (time[k] + time[k + 1]) / 2
+        ends, spread = [], []
+        for part in (before, after):
+            fit = np.polynomial.polynomial.polyfit(time[part] - at, middle[part], 1)
+            left = middle[part] - np.polynomial.polynomial.polyval(time[part] - at, fit).T
+            ends.append(fit[0])
+            spread.append(float(np.sqrt(np.mean(left**2))))
+        size = float(np.hypot(*(ends[1] - ends[0])))
+        if size > 10 * max(*spread, 2e-3) and (best is None or size > best[1]):
+            best = (float(at), size)
+    return best

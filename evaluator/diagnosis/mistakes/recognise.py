@@ -1,0 +1,35 @@
+"""All mistakes of a session, in the order in which one hides another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, wrong_scale
+from evaluator.diagnosis.mistakes.hypotheses import misread_runs
+from evaluator.diagnosis.mistakes.recognised import Found, Mistake, mistakes_of
+from simulator.robot import Robot
+
+
+def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]:
+    """Mistakes of the runs of a session, those of most runs together; at most one for each run.
+
+    robots: one per run, as their files say.
+    """
+    found: list[Found] = wrong_scale(data, robots)
+    found += late_starts(data)
+    found += _of_the_rest(disturbed_runs, data, robots, found)
+    found += _of_the_rest(misread_runs, data, robots, found)
+    return mistakes_of(found, len(data))
+
+
+def _of_the_rest(
+    search: Callable[[Sequence[RunData], Sequence[Robot]], list[Found]],
+    data: Sequence[RunData],
+    robots: Sequence[Robot],
+    found: Sequence[Found],
+) -> list[Found]:
+    """What a search finds in the runs in which nothing was found yet."""
+    known = {item.run for item in found}
+    rest = [(run, robot) for run, robot in zip(data, robots, strict=True) if run.id not in known]
+    return search([run for run, _ in rest], [robot for _, robot in rest]) if rest else []
