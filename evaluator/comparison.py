@@ -17,8 +17,9 @@ from evaluator.robot_geometry import mark_geometry, robot_shape
 from evaluator.settings import Run
 from evaluator.turning import Turning, measure_turning
 from simulator.command import Command
+from simulator.nominal_robot import WHEELS
 from simulator.observation import marks_of_run
-from simulator.robot import WHEELS, Robot
+from simulator.robot import Robot
 from simulator.run import Run as Motion
 from simulator.run import State
 from simulator.simulation import simulate

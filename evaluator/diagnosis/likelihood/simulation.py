@@ -12,15 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.candidates.coordinates import Term
 from evaluator.diagnosis.candidates.free_form import FreeTerm
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Floats, RunData, Task, Values, is_shared
 from simulator.command import Command
-from simulator.dynamics.model import MODEL, Draft
-from simulator.effects.catalogue import EFFECTS, apply_effects, view_of
+from simulator.dynamics.model import MODEL, apply_effects, record_of
+from simulator.effects.catalogue import EFFECTS
+from simulator.effects.coordinates import Candidate
+from simulator.effects.draft import Draft
 from simulator.effects.view import View
 from simulator.errors import SimulationError
 from simulator.integrator.batch import integrate_many
+from simulator.observation import view_of
 from simulator.robot import Robot
 
 # Runs of a robot take up to some hundred steps. Where a fit tries what makes wheels chatter they would take any number:
@@ -31,7 +33,7 @@ TOLERANCE_MM = 1e-6
 
 
 # Effects that differ from run to run of a session; all others are compiled once for all runs of a robot.
-BY_ORDER = frozenset({"speed-drift"})
+BY_ORDER = frozenset(effect.id for effect in EFFECTS.values() if effect.varies_by_run)
 MOST_VARIANTS = 5000
 
 
@@ -49,7 +51,7 @@ class Variant:
 class Simulated:
     """Marks of an experiment's runs for any parameters; see the protocol Forward."""
 
-    def __init__(self, robots: Sequence[Robot], data: Sequence[RunData], terms: Mapping[str, Term]) -> None:
+    def __init__(self, robots: Sequence[Robot], data: Sequence[RunData], terms: Mapping[str, Candidate]) -> None:
         """robots: one per run, with the effects already in the model. terms: how to read the coordinates of a task."""
         self.robots: tuple[Robot, ...] = tuple(robots)
         self._data = tuple(data)
@@ -165,10 +167,10 @@ class Simulated:
         robot = varied_robot(self.robots[kind], nominal)
         view, draft = view_of(robot), Draft(robot, order)
         try:
-            apply_effects(draft)
+            apply_effects(draft, robot.effect)
             for effect, values in terms.items():
                 self._add(effect, values, draft, view)
-            return Variant(draft.record().view(np.int64), view)
+            return Variant(record_of(draft).view(np.int64), view)
         except SimulationError:
             return Variant(None, view)  # outside what can be simulated; the caller sees NaN and steps back
 

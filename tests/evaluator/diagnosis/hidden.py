@@ -10,8 +10,9 @@ import numpy as np
 from evaluator.diagnosis.experiment import Session, session_of
 from evaluator.settings import load_experiment
 from simulator.command import Command
+from simulator.effects.entry import EffectEntry
 from simulator.observation import marks_of_run
-from simulator.robot import Effect, load_robot, shipped_robot_text
+from simulator.robot import load_robot, shipped_robot_text
 from simulator.run import State
 from simulator.simulation import simulate
 
@@ -39,7 +40,7 @@ def write_hidden(
     rng = np.random.default_rng(seed)
     true = load_robot("barrel")
     true = true.model_copy(
-        update={"effect": tuple(Effect.model_validate({"id": key, **values}) for key, values in effects.items())}
+        update={"effect": tuple(EffectEntry.model_validate({"id": key, **values}) for key, values in effects.items())}
     )
     folder.mkdir(parents=True, exist_ok=True)
     stated = [f'"{key}" = {value}' for key, value in (tolerance or {}).items()]
