@@ -11,14 +11,17 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
-from evaluator.pose import Poses, poses_from_marks
+from evaluator.pose import MarkGeometry, Poses, poses_from_marks
 from evaluator.robot_geometry import mark_geometry, robot_shape
 from evaluator.settings import Run
 from evaluator.turning import Turning, measure_turning
 from simulator.command import Command
-from simulator.observation import marks_of_run
-from simulator.robot import WHEELS, Robot
+from simulator.effects.view import View
+from simulator.nominal_robot import WHEELS
+from simulator.observation import marks_of_run, view_of
+from simulator.robot import Robot
 from simulator.run import Run as Motion
 from simulator.run import State
 from simulator.simulation import simulate
@@ -45,18 +48,19 @@ BESIDE = (
 
 @dataclass(frozen=True)
 class Counterpart:
-    """The simulated side of a run: motion at the measured times, and what the estimator makes of its marks."""
+    """The simulated side of a run: its motion, its poses as they would be measured, and what the estimator reads there.
+
+    seen: from the marks, with the errors of the observation that are effects of the robot, at the measured times.
+    """
 
     motion: Motion
+    seen: Poses
     turning: Turning
 
 
-def simulated_counterpart(robot: Robot, run: Run, poses: Poses) -> Counterpart:
-    """Simulate the command of a run from its measured start pose at the measured times."""
-    command = Command.constant(run.left_rpm, run.right_rpm, start_s=run.start_s, stop_s=run.stop_s)
-    x, y, heading = start_pose(poses, run.start_s)
-    motion = simulate(robot, command, poses.time_s, start=State(x_mm=x, y_mm=y, heading_rad=heading))
-    seen = poses_from_marks(marks_of_run(robot, motion), mark_geometry(robot))
+def simulated_counterpart(robot: Robot, run: Run, poses: Poses, run_index: int = 0) -> Counterpart:
+    """Simulate the command of a run from its measured start pose at the measured times; run_index: see simulate."""
+    motion, seen = simulated_poses(robot, run, poses, run_index)
     turning = measure_turning(
         seen,
         start_s=run.start_s,
@@ -65,7 +69,35 @@ def simulated_counterpart(robot: Robot, run: Run, poses: Poses) -> Counterpart:
         left_rpm=run.left_rpm,
         right_rpm=run.right_rpm,
     )
-    return Counterpart(motion, turning)
+    return Counterpart(motion, seen, turning)
+
+
+def simulated_poses(robot: Robot, run: Run, poses: Poses, run_index: int = 0) -> tuple[Motion, Poses]:
+    """The motion of a run simulated from its measured start pose, and its poses as they would be measured.
+
+    A robot with errors of the observation (marks elsewhere, millimetres or seconds off by a factor) rests where its
+    marks, seen with these errors, lie on the measured ones; its motors start when a clock off by a factor says so.
+    """
+    view, geometry = view_of(robot), mark_geometry(robot)
+    factor = view.time_factor
+    stop_s = None if run.stop_s is None else run.stop_s / factor
+    command = Command.constant(run.left_rpm, run.right_rpm, start_s=run.start_s / factor, stop_s=stop_s)
+    resting = resting_pose(view, geometry, start_pose(poses, run.start_s))
+    motion = simulate(robot, command, poses.time_s / factor, start=State(*resting), run_index=run_index)
+    return motion, poses_from_marks(marks_of_run(robot, motion), geometry)
+
+
+def resting_pose(
+    view: View, geometry: MarkGeometry, measured: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """The true pose (mm, mm, rad) at which marks seen in a view lie on those of a measured pose, by least squares."""
+    plain = View(geometry.green_mm, geometry.yellow_mm)
+    target = np.concatenate(plain.marks(*measured))
+
+    def misfit(pose: Array) -> Array:
+        return np.concatenate(view.marks(*pose)) - target
+
+    return tuple(map(float, least_squares(misfit, measured, x_scale=(1.0, 1.0, 0.3)).x))  # type: ignore[return-value]
 
 
 def start_pose(poses: Poses, start_s: float) -> tuple[float, float, float]:
@@ -108,14 +140,17 @@ def comparison_row(turning: dict[str, Any], poses: Poses, counterpart: Counterpa
         row[f"{stem}_difference_percent"] = 100 * (simulated[name] / turning[name] - 1)
     for name in BESIDE:
         row[name], row[f"simulated_{name}"] = turning[name], simulated[name]
-    return {**row, **trajectory_gap(poses, counterpart.motion)}
+    return {**row, **trajectory_gap(poses, counterpart.seen)}
 
 
-def trajectory_gap(poses: Poses, motion: Motion) -> dict[str, float]:
-    """How far the simulated trajectory runs from the measured one, over the frames where the pose is known."""
-    distance = np.hypot(motion.x_mm - poses.x_mm, motion.y_mm - poses.y_mm)
+def trajectory_gap(poses: Poses, seen: Poses) -> dict[str, float]:
+    """How far the simulated trajectory runs from the measured one, over the frames where the pose is known.
+
+    Both as poses of the marks: what is wrong with the observation shows on both sides.
+    """
+    distance = np.hypot(seen.x_mm - poses.x_mm, seen.y_mm - poses.y_mm)
     known = np.flatnonzero(np.isfinite(distance))
-    turn = np.degrees(motion.heading_rad - poses.heading_rad)[known]
+    turn = np.degrees(seen.heading_rad - poses.heading_rad)[known]
     turn -= 360 * np.round(turn[0] / 360) if len(known) else 0.0
     return {
         "gap_rms_mm": float(np.sqrt(np.mean(distance[known] ** 2))),

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.effects.catalogue import view_of
+from simulator.effects import free_form
+from simulator.effects.catalogue import EFFECTS, effect_values
+from simulator.effects.view import View
 from simulator.robot import Robot
 from simulator.run import Run
 
@@ -30,3 +32,15 @@ def marks_of_run(robot: Robot, run: Run) -> pd.DataFrame:
             "yellow_y_mm": yellow[:, 1],
         }
     )
+
+
+def view_of(robot: Robot) -> View:
+    """How the robot's marks are seen, with its observation effects."""
+    view = View(robot.marks.green_mm, robot.marks.yellow_mm)
+    for entry in robot.effect:
+        if entry.id == free_form.ID:
+            term = free_form.term_of(entry.given)
+            view.errors += (term,) if term.is_seen_only else ()
+        elif see := EFFECTS[entry.id].view:
+            see(view, effect_values(entry))
+    return view

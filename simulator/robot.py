@@ -1,7 +1,4 @@
-"""The robot of robot.toml: body, wheels, attraction, slip law, marks and added effects.
-
-Body frame: x forward, y left, origin midway between the axles (ISO 8855). The front pair drives, the rear pair rolls.
-"""
+"""The robot of robot.toml: the nominal robot and the effects added to it."""
 
 from __future__ import annotations
 
@@ -9,133 +6,26 @@ import difflib
 import tomllib
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Self
 
-import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import model_validator
 
+from simulator.effects.catalogue import faults_of_effects
+from simulator.effects.entry import EffectEntry
 from simulator.errors import SimulationError
-
-GRAVITY_MM_S2 = 9800.0  # the paper's 9.8 m/s²
-WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Shape = Annotated[float, Field(gt=0, le=2)]  # beyond, friction would push a wheel that slides far
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+from simulator.nominal_robot import NominalRobot
 
 
-class Table(BaseModel):
-    """A table of robot.toml: unknown keys are errors, values never change."""
+class Robot(NominalRobot):
+    """A robot as robot.toml describes it; effect: its [[effect]] entries, which the effect catalogue checks."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Body(Table):
-    """Mass and outer dimensions; a uniform box where no yaw inertia is given."""
-
-    mass_g: Positive
-    length_mm: Positive
-    width_mm: Positive
-    height_mm: Positive
-    yaw_inertia_g_mm2: Positive | None = None
-
-
-class Wheels(Table):
-    """Wheel centres at (±wheelbase/2, ±track/2)."""
-
-    wheelbase_mm: Positive
-    track_mm: Positive
-    radius_mm: Positive
-
-
-class MagneticAttraction(Table):
-    """Force of each wheel toward the plate, added to its weight share."""
-
-    driving_wheel_mN: NotNegative = 0.0
-    driven_wheel_mN: NotNegative = 0.0
-
-
-class Slip(Table):
-    """The slip law of Eqs. (4) to (8), generalised as the model notes say."""
-
-    longitudinal_friction: Positive
-    lateral_friction: Positive
-    friction_decrease: NotNegative
-    longitudinal_shape: Shape
-    lateral_shape: Shape
-    longitudinal_stiffness: Positive
-    lateral_stiffness: Positive
-    stiffness_basis: Literal["load", "weight"] = "load"
-
-
-class Marks(Table):
-    """Where the green and the yellow mark sit on the robot."""
-
-    green_mm: tuple[Finite, Finite] = (-1.55, 1.83)
-    yellow_mm: tuple[Finite, Finite] = (-1.55, -1.83)
-    diameter_mm: Positive = 1.0
-    height_mm: NotNegative = 6.5
-
-
-class KnownTo(Table):
-    """How well geometry is known, 1 sigma; 0 where it is exact; None: as well as callipers and scales tell."""
-
-    wheel_radius_mm: NotNegative | None = None  # of each wheel
-    wheelbase_mm: NotNegative | None = None
-    track_mm: NotNegative | None = None
-    mass_g: NotNegative | None = None
-    mark_position_mm: NotNegative = 0.05  # of each mark, along each axis
-    center_of_gravity_mm: NotNegative = 0.1  # along each axis
-    plate_level_deg: NotNegative = 0.3  # along each axis of the plate
-
-
-class Effect(BaseModel):
-    """One [[effect]]: its id and parameters; the effect catalogue checks both."""
-
-    model_config = ConfigDict(extra="allow", frozen=True)
-    id: str
-
-
-class Robot(Table):
-    """A robot as robot.toml describes it; attribute paths are the file's dotted keys."""
-
-    format: Literal[1]
-    name: str
-    body: Body
-    wheels: Wheels
-    magnetic_attraction: MagneticAttraction = MagneticAttraction()
-    slip: Slip
-    marks: Marks = Marks()
-    tolerance: dict[str, NotNegative] = Field(default_factory=dict)
-    known_to: KnownTo = KnownTo()
-    effect: tuple[Effect, ...] = ()
+    effect: tuple[EffectEntry, ...] = ()
 
     @model_validator(mode="after")
     def _known_effects(self) -> Self:
-        if self.effect:
-            from simulator.effects.catalogue import faults_of_effects
-
-            faults = faults_of_effects(self.effect)
-            if faults:
-                raise ValueError("; ".join(faults))
+        if faults := faults_of_effects(self.effect):
+            raise ValueError("; ".join(faults))
         return self
-
-    @property
-    def weight_uN(self) -> float:
-        """Weight in µN = g·mm/s²."""
-        return self.body.mass_g * GRAVITY_MM_S2
-
-    @property
-    def yaw_inertia_g_mm2(self) -> float:
-        """Moment of inertia about the vertical through the centre, g·mm²."""
-        body = self.body
-        return body.yaw_inertia_g_mm2 or body.mass_g * (body.length_mm**2 + body.width_mm**2) / 12
-
-    def wheel_positions_mm(self) -> NDArray[np.float64]:
-        """Wheel centres in the body frame, (4, 2), in the order of WHEELS."""
-        x, y = self.wheels.wheelbase_mm / 2, self.wheels.track_mm / 2
-        return np.array([[x, y], [x, -y], [-x, y], [-x, -y]])
 
 
 def shipped_robots() -> tuple[str, ...]:

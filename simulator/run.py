@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator.robot import WHEELS
+from simulator.nominal_robot import WHEELS
 
 if TYPE_CHECKING:
     import pandas as pd

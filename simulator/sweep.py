@@ -16,7 +16,8 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from simulator.errors import SimulationError
-from simulator.robot import Finite, Positive, Robot, load_robot
+from simulator.nominal_robot import Finite, Positive
+from simulator.robot import Robot, load_robot
 
 if TYPE_CHECKING:
     import pandas as pd

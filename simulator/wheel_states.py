@@ -9,8 +9,8 @@ import numpy as np
 
 from simulator.compilation import compiled
 from simulator.dynamics.contact import touch
-from simulator.dynamics.model import UN_PER_MN
 from simulator.dynamics.motors import END, command_segments, drive_at
+from simulator.dynamics.terms import UN_PER_MN
 from simulator.dynamics.wheel import COS_STEER, DRAG_FORCE, SIN_STEER, SURFACE, law, reset_contacts
 from simulator.integrator.workspace import WORK
 from simulator.run import WheelStates

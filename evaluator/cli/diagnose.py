@@ -16,7 +16,7 @@ from evaluator.cli.progress import progress_bar
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from evaluator.diagnosis.design.candidate_runs import Candidate
+    from evaluator.diagnosis.design.candidate_runs import CandidateRun
     from evaluator.diagnosis.design.plan import Expected
     from evaluator.workflow.diagnosis_batch import Answer
 
@@ -190,7 +190,7 @@ def plan(robot: str, runs: int, levels: tuple[float, ...], plate: tuple[float, f
     return 0
 
 
-def _plan_text(chosen: Sequence[Candidate], shown: Sequence[Expected]) -> str:
+def _plan_text(chosen: Sequence[CandidateRun], shown: Sequence[Expected]) -> str:
     from evaluator.cli.tables import text_table
 
     head = ["run", "left rpm", "right rpm", "start x, mm", "y, mm", "heading, deg", "drive, s"]

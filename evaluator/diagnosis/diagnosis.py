@@ -22,7 +22,7 @@ from evaluator.diagnosis.assessment.model_comparison import (
     standing,
 )
 from evaluator.diagnosis.assessment.verdict import Verdict, decide, doubts, kept
-from evaluator.diagnosis.candidates.coordinates import Term, named_terms
+from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.design.next_runs import NextRuns, best_next_runs
 from evaluator.diagnosis.experiment import Session, held_out_runs, shortcomings
@@ -35,6 +35,7 @@ from evaluator.diagnosis.likelihood.known_to import simulated_sigmas
 from evaluator.diagnosis.likelihood.problem import Point, Problem, build_problem, with_noise_of
 from evaluator.diagnosis.likelihood.random_effects import place_runs, place_starts
 from evaluator.diagnosis.likelihood.simulation import Simulated
+from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -70,7 +71,7 @@ class Diagnosis:
     leftover: Adequacy | None = None
     gap: Gap | None = None
     confirmation: float = float("nan")  # gain in log density of the runs kept aside
-    terms: Mapping[str, Term] | None = None
+    terms: Mapping[str, Candidate] | None = None
     pieces: pd.DataFrame | None = None
     where: tuple[Dependence, ...] = ()
     next_runs: NextRuns | None = None
@@ -89,6 +90,7 @@ def diagnose(session: Session, progress: Progress, ends: Ends | None = None) -> 
     """Find out what is missing in the model of these runs; ends: of the fits made before an interruption."""
     reasons = shortcomings(session.data)
     if reasons:
+        reasons = [item.sentence for item in session.mistakes if item.everywhere] + reasons
         return Diagnosis("insufficient", "; ".join(reasons), session)
     part, start, terms = _searched(session, progress, ends)
     everything = _on_all_runs(part, terms)
@@ -126,7 +128,7 @@ def diagnose(session: Session, progress: Progress, ends: Ends | None = None) -> 
 
 def _ridges(search: Search, ids: Set) -> dict[str, Ridge]:
     """Ridges of the effects of a fitted set, where they are bent."""
-    smooth = [effect for effect in sorted(ids) if not search.terms[effect].leaps]
+    smooth = [effect for effect in sorted(ids) if not search.terms[effect].stepwise]
     found = {effect: ridge_of(search, search.fits[ids], search.terms[effect]) for effect in smooth}
     return {effect: ridge for effect, ridge in found.items() if ridge is not None}
 
@@ -150,13 +152,13 @@ def _best_named(search: Search, families: int) -> tuple[Standing, Set]:
     return table, best
 
 
-def _searched(session: Session, progress: Progress, ends: Ends | None) -> tuple[Search, Point, dict[str, Term]]:
+def _searched(session: Session, progress: Progress, ends: Ends | None) -> tuple[Search, Point, dict[str, Candidate]]:
     """The search over named effects without the runs kept aside, the nominal point, and all terms by id."""
     data = session.data
     given = {entry.id for entry in session.robots[0].effect}
     every = named_terms(_reach(session), _levels(session))
     named = {effect: term for effect, term in every.items() if effect not in given}
-    terms: dict[str, Term] = {**named, **free_terms()}
+    terms: dict[str, Candidate] = {**named, **free_terms()}
     progress("noise", 0.0)
     forward = Simulated(session.robots, data, terms, simulated_sigmas(session.known), session.start_sigma_s)
     problem, start = build_problem(data, forward, ends)
@@ -240,7 +242,7 @@ def _swap(part: Search) -> None:
                 fit_set(part, ids, {}, part.null if len(ids) == 1 else part.fits[best])
 
 
-def _on_all_runs(part: Search, terms: Mapping[str, Term]) -> Search:
+def _on_all_runs(part: Search, terms: Mapping[str, Candidate]) -> Search:
     """The best sets of a search fitted again, on all runs."""
     whole = Search(part.problem, terms, part.tolerance, tuple(range(len(part.problem.data))))
     leading = part.ranked()[:RIVALS_KEPT]
@@ -266,14 +268,14 @@ def _refit_on(part: Search, whole: Search, ids: Set) -> Fit:
     return fit_set(wider, ids, dict(source.point.terms), source) or source
 
 
-def _challenge(search: Search, free: Mapping[str, Term], progress: Progress) -> None:
+def _challenge(search: Search, free: Mapping[str, Candidate], progress: Progress) -> None:
     """Let free-form terms compete: instead of the named effects, and beside them."""
     progress("free-form terms", 0.85)
     ranked = sorted(search.fits, key=lambda ids: -search.fits[ids].posterior.log_evidence)
     top = search.fits[ranked[0]].posterior.log_evidence
     for ids in dict.fromkeys([frozenset[str](), ranked[0]]):
         fit = search.fits[ids]
-        inside = [effect for effect in sorted(ids) if not search.terms[effect].leaps]
+        inside = [effect for effect in sorted(ids) if not search.terms[effect].stepwise]
         view = screen(search, fit.point, inside, free.values())
         base = view.evidence()
         gains = sorted(((view.evidence(offer) - base, offer) for offer in view.offers), reverse=True)

@@ -7,19 +7,28 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from calibration.store import load_camera
 from evaluator.diagnosis.likelihood.known_to import Quantity, quantities, start_per_run_s, with_shifts
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData
 from evaluator.diagnosis.likelihood.shared_errors import Sighting, shared_errors
+from evaluator.diagnosis.mistakes.recognise import recognise
+from evaluator.diagnosis.mistakes.recognised import Mistake
 from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.marks import COLUMNS, read_marks
 from evaluator.settings import Experiment, KnownTo, Relevant
 from simulator.robot import Robot, load_robot
 
+Floats = NDArray[np.float64]
+
 FEWEST_FRAMES = 12  # fewer leave nothing once a start pose is fitted
 FEWEST_RUNS = 4
+AROUND = 9  # frames of the median: leaps of up to four frames are seen
+OUTLIER_SIGMAS = 9.0  # a bend of the path at the start is less; tails of ordinary noise beyond add nothing to a fit
+LEAST_SIGMA_MM = 5e-4  # marks without noise, from another program, bend by as much
 FEWEST_COMMANDS = 2
 
 
@@ -35,6 +44,7 @@ class Session:
     skipped: Mapping[str, str]
     known: tuple[Quantity, ...] = ()
     start_sigma_s: float = 0.0
+    mistakes: tuple[Mistake, ...] = ()  # runs concerned are not in data
     relevant: Relevant = field(default_factory=Relevant)
 
     @property
@@ -45,6 +55,15 @@ class Session:
         stated = {key: value for key, value in self.robots[0].tolerance.items() if value > 0}
         shared = {key: SHARED_UNIT for run in self.data for key in run.systematic}
         return stated | shared | {item.key: item.tolerance for item in self.known}
+
+
+def without_mistakes(session: Session) -> Session:
+    """The session without the runs in which a mistake is recognised, each named in mistakes."""
+    found = recognise(session.data, session.robots)
+    wrong = {run for item in found for run in item.runs}
+    keep = [k for k, run in enumerate(session.data) if run.id not in wrong]
+    data, robots = tuple(session.data[k] for k in keep), tuple(session.robots[k] for k in keep)
+    return replace(session, data=data, robots=robots, mistakes=tuple(found))
 
 
 def with_knowledge(session: Session, known: KnownTo) -> Session:
@@ -84,7 +103,7 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
             skipped[run.id] = f"both marks are seen in {both.sum()} frames; at least {FEWEST_FRAMES} are needed"
             continue
         inside = slice(int(np.flatnonzero(both)[0]), int(np.flatnonzero(both)[-1]) + 1)
-        values = values[inside]
+        values = without_outliers(values[inside])
         data.append(
             RunData(run.id, run.left_rpm, run.right_rpm, run.start_s, run.stop_s, values[:, 0], values[:, 1:], order)
         )
@@ -100,8 +119,24 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
     _check_tolerances(used)
     errors = shared_errors(sightings)
     shared = tuple(replace(run, systematic=error) for run, error in zip(data, errors, strict=True))
-    session = Session(shared, tuple(used), skipped, relevant=experiment.relevant)
+    session = without_mistakes(Session(shared, tuple(used), skipped, relevant=experiment.relevant))
     return with_knowledge(session, experiment.known_to)
+
+
+def without_outliers(values: Floats) -> Floats:
+    """Time and marks (n, 5) with marks that leap from their neighbours and back set to NaN: a tracker was mistaken.
+
+    A coordinate is an outlier where it lies farther from the median of the frames around it than OUTLIER_SIGMAS robust
+    standard deviations of this distance: no robot leaves its path for a frame or three.
+    """
+    cleaned = values.copy()
+    for mark in (slice(1, 3), slice(3, 5)):
+        seen = np.flatnonzero(np.isfinite(values[:, mark]).all(axis=1))
+        points = values[seen, mark]
+        off = points - median_filter(points, size=(AROUND, 1), mode="nearest")
+        sigma = 1.4826 * np.median(np.abs(off - np.median(off, axis=0)), axis=0) + LEAST_SIGMA_MM
+        cleaned[seen[(np.abs(off) > OUTLIER_SIGMAS * sigma).any(axis=1)], mark] = np.nan
+    return cleaned
 
 
 def _check_tolerances(robots: Sequence[Robot]) -> None:

@@ -9,7 +9,7 @@ import pandas as pd
 from evaluator.report.numbers import UNKNOWN, interval, number
 from evaluator.report.pages.html import Table
 from evaluator.report.runs import RunView
-from simulator.robot import WHEELS
+from simulator.nominal_robot import WHEELS
 
 MOST_NAMED = 6
 Column = Callable[[RunView], str]

@@ -111,7 +111,10 @@ def jobs_of(experiment: Experiment, outputs: Outputs, *, simulate: bool) -> list
             robots[name] = read_with(load_robot, Path(name))
     # Absolute, for workers that were not started where this process was.
     shared = (experiment.tracking, experiment.tracks, outputs.folder.resolve(), simulate)
-    return [Job(run, robots[run.robot or experiment.robot], *shared) for run in experiment.run]
+    return [
+        Job(run, robots[run.robot or experiment.robot], *shared, order=order)
+        for order, run in enumerate(experiment.run)
+    ]
 
 
 def input_files(experiment: Experiment) -> list[Path]:

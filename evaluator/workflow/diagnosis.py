@@ -118,7 +118,7 @@ def _session(
         cameras = {run: camera for run, camera in placed.items() if run in marks and camera is not None}
     session = session_of(experiment, marks, cameras)
     skipped = {**session.skipped, **faults}
-    if not session.data:
+    if not session.data and not session.mistakes:
         reasons = "; ".join(f"{run}: {reason}" for run, reason in list(skipped.items())[:REASONS_SHOWN])
         raise InputError(f"{path}: no run has marks that can be used ({reasons})")
     return replace(session, skipped=skipped)

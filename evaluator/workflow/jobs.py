@@ -36,6 +36,7 @@ class Job:
     tracks: Tracks | None
     out: Path
     simulate: bool
+    order: int = 0  # of the run within its session, from 0
 
     @property
     def stages(self) -> tuple[str, ...]:
@@ -75,7 +76,7 @@ class Job:
         command = {name: getattr(self.run, name) for name in ("left_rpm", "right_rpm", "start_s", "stop_s")}
         body = {"body": self.robot.body.model_dump(), "wheels": self.robot.wheels.model_dump()}
         turn = key_of({"track": track, "command": command, **body})
-        simulate = key_of({"turn": turn, "robot": self.robot.model_dump(mode="json")})
+        simulate = key_of({"turn": turn, "robot": self.robot.model_dump(mode="json"), "order": self.order})
         return {"track": track, "turn": turn, "simulate": simulate}
 
 

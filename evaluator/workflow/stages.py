@@ -110,7 +110,7 @@ class _Stages:
         return [path], self.turning.to_row()
 
     def _simulate(self) -> tuple[list[Path], dict[str, Any]]:
-        counterpart = simulated_counterpart(self.job.robot, self.run, self.poses)
+        counterpart = simulated_counterpart(self.job.robot, self.run, self.poses, self.job.order)
         path = self.out.simulated(self.run.id)
         write_table(counterpart.motion.to_table(), path)
         return [path], comparison_row(self.record.stages["turn"]["values"], self.poses, counterpart)

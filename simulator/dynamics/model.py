@@ -7,21 +7,22 @@ of records; a fit fills records again and again.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator.dynamics.terms import FRICTION, Term
+from simulator.dynamics.terms import FRICTION, UN_PER_MN, Term
+from simulator.effects import free_form
+from simulator.effects.catalogue import EFFECTS, effect_values, faults_of_effects
+from simulator.effects.draft import Draft
+from simulator.effects.entry import EffectEntry
 from simulator.errors import SimulationError
 from simulator.robot import Robot
 from simulator.slip.law import REST_SPEED_MM_S
 
-UN_PER_MN = 1000.0
 MOST_TERMS = 40
-Array = NDArray[np.float64]
 
 # Numbers of a record, and how many of each.
 NUMBERS = {
@@ -72,71 +73,37 @@ MODEL = np.dtype(
 )
 
 
-def _ones() -> Array:
-    return np.ones(4)
+def record_of(draft: Draft, rest_speed_mm_s: float = REST_SPEED_MM_S) -> NDArray[np.void]:
+    """The robot of a draft compiled for the kernels, shape (1,) of dtype MODEL.
 
-
-@dataclass
-class Draft:
-    """What effects may change before a robot is compiled: factors over the wheels, offsets, and added terms.
-
-    Arrays over wheels are in the order of WHEELS. run_index counts the runs of a session from 0.
+    Raises SimulationError where a wheel is left without load or friction, or where more terms act than fit.
     """
+    draft.finish()
+    model = np.zeros(1, MODEL)
+    row: Any = model[0]
+    numbers = _numbers_of_body(draft) | _numbers_of_wheels(draft) | _numbers_of_motors(draft)
+    numbers["rest_speed"] = (rest_speed_mm_s,)
+    flat = [number for name in NUMBERS for number in numbers[name]]
+    model.view(np.float64)[: len(flat)] = flat  # one assignment: a fit fills records by the thousand
+    _fill_terms(row, draft.terms)
+    if draft.compliance_rad_per_mN != 0:  # axles give way to what the body presses them with
+        row["wheels_vary"] = row["varies"]
+    changed = draft.droop_rpm_per_uN_mm or draft.compliance_rad_per_mN or draft.toe_rad.any()
+    row["general"] = bool(row["wheel_terms"] or changed)
+    return model
 
-    robot: Robot
-    run_index: int = 0
-    attraction_factor: Array = field(default_factory=_ones)
-    friction_factor: Array = field(default_factory=_ones)
-    speed_factor: Array = field(default_factory=lambda: np.ones(2))
-    toe_rad: Array = field(default_factory=lambda: np.zeros(4))
-    gravity_mm: tuple[float, float] = (0.0, 0.0)
-    dead_band_rpm: float = 0.0
-    dead_time_s: float = 0.0
-    lag_s: float = 0.0
-    droop_rpm_per_uN_mm: float = 0.0
-    compliance_rad_per_mN: float = 0.0
-    terms: list[Term] = field(default_factory=list)
-    last: list[Callable[[Draft], None]] = field(default_factory=list)
 
-    def add(self, *terms: Term) -> None:
-        """Add terms; those with coefficient 0 are dropped, so that an absent effect costs nothing."""
-        self.terms += [term for term in terms if term.coefficient]
-
-    def finally_do(self, act: Callable[[Draft], None]) -> None:
-        """Let an effect act once all others have, where it needs the loads or the centre of gravity they leave."""
-        self.last.append(act)
-
-    def loads_uN(self) -> tuple[Array, Array]:
-        """Weight share and load f_z of each wheel; the weight is shared by the levers of the centre of gravity."""
-        robot, attraction = self.robot, self.robot.magnetic_attraction
-        forward = 2 * self.gravity_mm[0] / robot.wheels.wheelbase_mm
-        left = 2 * self.gravity_mm[1] / robot.wheels.track_mm
-        if max(abs(forward), abs(left)) >= 1:
-            raise SimulationError(f"{robot.name}: a centre of gravity at {self.gravity_mm} mm is outside the wheels")
-        share = robot.weight_uN / 4
-        weight = np.array(
-            [share * front * side for front in (1 + forward, 1 - forward) for side in (1 + left, 1 - left)]
-        )
-        front, rear = UN_PER_MN * attraction.driving_wheel_mN, UN_PER_MN * attraction.driven_wheel_mN
-        return weight, weight + np.array([front, front, rear, rear]) * self.attraction_factor
-
-    def record(self, rest_speed_mm_s: float = REST_SPEED_MM_S) -> NDArray[np.void]:
-        """The compiled robot, shape (1,) of dtype MODEL."""
-        for act in self.last:
-            act(self)
-        self.last.clear()
-        model = np.zeros(1, MODEL)
-        row: Any = model[0]
-        numbers = _numbers_of_body(self) | _numbers_of_wheels(self) | _numbers_of_motors(self)
-        numbers["rest_speed"] = (rest_speed_mm_s,)
-        flat = [number for name in NUMBERS for number in numbers[name]]
-        model.view(np.float64)[: len(flat)] = flat  # one assignment: a fit fills records by the thousand
-        _fill_terms(row, self.terms)
-        if self.compliance_rad_per_mN != 0:  # axles give way to what the body presses them with
-            row["wheels_vary"] = row["varies"]
-        changed = self.droop_rpm_per_uN_mm or self.compliance_rad_per_mN or self.toe_rad.any()
-        row["general"] = bool(row["wheel_terms"] or changed)
-        return model
+def apply_effects(draft: Draft, entries: Sequence[EffectEntry]) -> None:
+    """Let the effects of a robot act on its draft. Raises SimulationError for faulty entries."""
+    if faults := faults_of_effects(entries):
+        raise SimulationError(f"{draft.robot.name}: {'; '.join(faults)}")
+    for entry in entries:
+        if entry.id == free_form.ID:
+            term = free_form.term_of(entry.given)
+            if not term.is_seen_only:
+                draft.add(term)
+        elif act := EFFECTS[entry.id].act:
+            act(draft, effect_values(entry))
 
 
 def compile_robot(
@@ -148,12 +115,9 @@ def compile_robot(
     a name. Raises SimulationError for effects that the catalogue does not know or that cannot act on this robot.
     """
     draft = Draft(robot, run_index)
-    if robot.effect:
-        from simulator.effects.catalogue import apply_effects
-
-        apply_effects(draft)
+    apply_effects(draft, robot.effect)
     draft.add(*extra)
-    return draft.record(rest_speed_mm_s)
+    return record_of(draft, rest_speed_mm_s)
 
 
 def _numbers_of_body(draft: Draft) -> dict[str, Sequence[float]]:

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+UN_PER_MN = 1000.0  # files say mN, terms µN = g·mm/s²
+
 # Channels. Body: force in the body frame, moment, force in the plate frame (µN, µN·mm). Wheel: relative change of
 # surface speed, load, stiffness, friction coefficient, and of the latter across the wheel alone; toe angle (rad); force
 # along the wheel (µN). Camera: error of the measured place of a mark, mm.

@@ -1,1 +1,1 @@
-"""Physics added to the nominal model as terms: one file an effect, one line of the catalogue."""
+"""Physics added to the nominal model: one file an effect, found by the catalogue."""

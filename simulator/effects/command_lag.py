@@ -1,13 +1,14 @@
-"""Dead time, then a first-order lag of both motors: rpm' = (commanded rpm(t - dead time) - rpm)/time constant."""
+"""Motors that follow commands late."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from simulator.effects.coordinates import Candidate, Coordinate, Parameters, Scene
+from simulator.effects.definition import Effect, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
 
-from simulator.effects.definition import Effect, Parameter, Values
-
-if TYPE_CHECKING:
-    from simulator.dynamics.model import Draft
+DEAD_TIME = Parameter("dead_time_s", "s", 0.0, 0.01, 0.0, 2.0, at_least=0.0)
+TIME_CONSTANT = Parameter("time_constant_s", "s", 0.0, 0.01, 0.0, 2.0, at_least=0.0)
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -15,16 +16,31 @@ def _act(draft: Draft, values: Values) -> None:
     draft.lag_s += values["time_constant_s"]
 
 
+def _fitted(scene: Scene) -> Candidate:
+    """Delay and share: wheels follow late by the sum of both times; which of them it is shows in the constant's square.
+
+    (In the two times themselves every fit without a time constant is a stationary point.)
+    """
+    del scene
+
+    def physical(values: tuple[float, ...]) -> Parameters:
+        delay, share = values
+        return {"dead_time_s": delay * (1 - share**0.5), "time_constant_s": delay * share**0.5}
+
+    delay = Coordinate("delay_s", 0.0, DEAD_TIME.step, DEAD_TIME.low, DEAD_TIME.high)
+    return Candidate("command-lag", (delay, Coordinate("share", 0.0, 0.1, 0.0, 1.0)), physical)
+
+
 EFFECT = Effect(
     id="command-lag",
     name="the motors follow commands late",
+    sentence="Both motors wait for dead_time_s, then follow the command with the time constant time_constant_s.",
+    law="time_constant_s · dn/dt = n_commanded(t − dead_time_s) − n",
+    source="first-order lag with dead time (Åström & Hägglund, Advanced PID Control)",
+    limits="Linear and equal for both motors and directions: no limit of current or acceleration. The motors are "
+    "settled on the first value of the command when the run begins.",
     kind="command",
-    where="command",
-    depends="time",
-    pattern="common",
-    parameters=(
-        Parameter("dead_time_s", "s", 0.0, 0.0, 0.5, 0.005, at_least=0.0),
-        Parameter("time_constant_s", "s", 0.0, 0.0, 1.0, 0.005, at_least=0.0),
-    ),
+    parameters=(DEAD_TIME, TIME_CONSTANT),
     act=_act,
+    fitted=_fitted,
 )

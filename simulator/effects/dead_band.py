@@ -1,26 +1,41 @@
-"""No rotation while the command is below rpm in size; from there on the motor turns as commanded."""
+"""Motors that do not turn at small commands."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from simulator.effects.coordinates import Candidate, Parameters, Scene, coordinate
+from simulator.effects.definition import Effect, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
 
-from simulator.effects.definition import Effect, Parameter, Values
-
-if TYPE_CHECKING:
-    from simulator.dynamics.model import Draft
+RPM = Parameter("rpm", "rpm", 0.0, 1.0, 0.0, 1e3, at_least=0.0)
 
 
 def _act(draft: Draft, values: Values) -> None:
     draft.dead_band_rpm = max(draft.dead_band_rpm, values["rpm"])
 
 
+def _fitted(scene: Scene) -> Candidate:
+    """The band lies between two commands that were given, or above the largest; where between, no run tells."""
+    levels = sorted({round(level, 6) for level in scene.command_levels_rpm if level > 0})
+    gaps = tuple(zip(levels, [*levels[1:], 2 * levels[-1]], strict=True)) if levels else ()
+
+    def physical(values: tuple[float, ...]) -> Parameters:
+        return {"rpm": float(values[0])}
+
+    starts = tuple(((low + high) / 2,) for low, high in gaps)
+    return Candidate("dead-band", (coordinate(RPM),), physical, starts, stepwise=True, between=gaps)
+
+
 EFFECT = Effect(
     id="dead-band",
     name="the motors do not turn at small commands",
+    sentence="A motor does not turn while its command is below rpm in size; from there on it turns as commanded.",
+    law="n = 0 where |n_commanded| < rpm, else n = n_commanded",
+    source="dead zone of a motor with static friction (Olsson et al. 1998, European Journal of Control 4, 176)",
+    limits="The same for both motors and directions, without hysteresis: a real motor that turns already keeps "
+    "turning below the command at which it starts.",
     kind="command",
-    where="command",
-    depends="constant",
-    pattern="common",
-    parameters=(Parameter("rpm", "rpm", 0.0, 0.0, 30.0, 0.5, at_least=0.0),),
+    parameters=(RPM,),
     act=_act,
+    fitted=_fitted,
 )

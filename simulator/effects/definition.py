@@ -1,55 +1,70 @@
-"""What an effect is: a named piece of physics with parameters, added to a robot's draft or to the view of its marks."""
+"""What an effect is: a named piece of physics with parameters, added to a robot's draft or to the view of its marks.
+
+An effect is declared once, in its own file. Simulation, fit, report, catalogue page and command line read it there.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
-if TYPE_CHECKING:
-    from simulator.dynamics.model import Draft
-    from simulator.effects.view import View
+import numpy as np
+from numpy.typing import NDArray
+
+from simulator.effects.coordinates import Candidate, Scene, plain
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
+from simulator.effects.view import View
 
 Values = Mapping[str, float]
-Where = Literal["command", "actuator", "wheel", "contact", "body force", "plate field", "observation"]
-Depends = Literal["constant", "v", "v²", "sign v", "heading", "place", "time"]
-Pattern = Literal["common", "left-right", "front-rear"]
+Draws = Mapping[str, NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
-class Parameter:
-    """One number of an effect.
+class SingleCause:
+    """When an effect and another one, found together, are one cause that needs saying once.
 
-    neutral: the value at which the effect is absent; low, high: plausible bounds for a fit; step: a small change that
-    matters, for differences and scaling; at_least: values below make no sense.
+    words: what that cause is, from draws of all parameters of both effects by name, (n,) each; "" where they are two.
     """
 
-    name: str
-    unit: str
-    neutral: float
-    low: float
-    high: float
-    step: float
-    at_least: float = float("-inf")
+    other: str
+    words: Callable[[Draws], str]
 
 
 @dataclass(frozen=True)
 class Effect:
-    """A catalogued effect: id and plain name, its place in the grammar, its parameters, and how it acts.
+    """A catalogued effect: what it is in words and in physics, its parameters, how it acts and how it is fitted.
 
+    name: what is wrong, in a few words, for a verdict; sentence: what the effect does, with its parameters; law: its
+    formula; source: where the law is from; limits: where it stops being true.
     kind: "dynamics" and "command" act on the Draft of a robot; "observation" acts on the View of its marks.
+    varies_by_run: acts differently in each run of a session, by its number.
+    fitted: the coordinates of a fit; without it, the parameters themselves.
     """
 
     id: str
     name: str
+    sentence: str
+    law: str
+    source: str
+    limits: str
     kind: Literal["dynamics", "command", "observation"]
-    where: Where
-    depends: Depends
-    pattern: Pattern
     parameters: tuple[Parameter, ...]
     act: Callable[[Draft, Values], None] | None = None
     view: Callable[[View, Values], None] | None = None
+    varies_by_run: bool = False
+    fitted: Callable[[Scene], Candidate] | None = None
+    single_cause: SingleCause | None = None
 
-    def neutral(self) -> dict[str, float]:
-        """Parameters at which the effect is absent."""
-        return {parameter.name: parameter.neutral for parameter in self.parameters}
+    def absent(self) -> dict[str, float]:
+        """Parameters at which the effect vanishes."""
+        return {parameter.name: parameter.absent for parameter in self.parameters}
+
+    def parameter(self, name: str) -> Parameter | None:
+        """The parameter of a name; None where there is none."""
+        return next((parameter for parameter in self.parameters if parameter.name == name), None)
+
+    def candidate(self, scene: Scene) -> Candidate:
+        """The effect in the coordinates in which it is fitted to the runs of a scene."""
+        return self.fitted(scene) if self.fitted else plain(self.id, self.parameters)

@@ -1,32 +1,49 @@
-"""Left and right driving wheels have different surface speed at equal command.
-
-left_over_right: ratio of the surface speeds; their mean is kept. Unequal radii and unequal motor gains are the same
-thing seen from above.
-"""
+"""Driving wheels of unequal surface speed."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
-from simulator.effects.definition import Effect, Parameter, Values
+import numpy as np
 
-if TYPE_CHECKING:
-    from simulator.dynamics.model import Draft
+from simulator.effects.definition import Draws, Effect, SingleCause, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
 
 
 def _act(draft: Draft, values: Values) -> None:
-    ratio = values["left_over_right"]
-    draft.speed_factor[0] *= 2 * ratio / (1 + ratio)
-    draft.speed_factor[1] *= 2 / (1 + ratio)
+    left, right = _shares(values["left_over_right"])
+    draft.speed_factor *= (left, right)
+
+
+def _shares(ratio: Any) -> tuple[Any, Any]:
+    """Factors of the left and the right speed with this ratio and mean 1."""
+    return 2 * ratio / (1 + ratio), 2 / (1 + ratio)
+
+
+def _one_wheel(draws: Draws) -> str:
+    """Which wheel alone is off: the one whose speed is not the commanded one where the other's may be (95 %)."""
+    left_sound, right_sound = (
+        bool(np.percentile(speed, 2.5) <= 1.0 <= np.percentile(speed, 97.5))
+        for speed in (draws["factor"] * share for share in _shares(draws["left_over_right"]))
+    )
+    if left_sound == right_sound:
+        return ""
+    return f"the {'left' if right_sound else 'right'} wheel alone is off"
 
 
 EFFECT = Effect(
     id="drive-speed-mismatch",
     name="the driving wheels differ in surface speed at equal command",
+    sentence="At equal command the left driving wheel's surface is left_over_right times as fast as the right one's; "
+    "their mean is kept.",
+    law="v_left = 2q/(1 + q) · r·ω_left, v_right = 2/(1 + q) · r·ω_right, q = left_over_right",
+    source="rolling, v = r·ω, with unequal r or unequal gain of the motors (unequal wheel diameters of odometry: "
+    "Borenstein & Feng 1996, IEEE Trans. Robotics and Automation 12, 869)",
+    limits="The same ratio at all speeds and loads. Unequal radii and unequal motor gains are the same thing seen "
+    "from above; the tilt of a robot with unequal wheels, and their other load, are left out.",
     kind="dynamics",
-    where="actuator",
-    depends="constant",
-    pattern="left-right",
-    parameters=(Parameter("left_over_right", "", 1.0, 0.8, 1.25, 0.002, at_least=0.01),),
+    parameters=(Parameter("left_over_right", "", 1.0, 0.005, 0.5, 2.0, at_least=0.01),),
     act=_act,
+    single_cause=SingleCause("drive-speed-scale", _one_wheel),
 )

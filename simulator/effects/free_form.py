@@ -35,6 +35,7 @@ from simulator.dynamics.terms import (
     SPEED,
     STEER,
     TIME,
+    UN_PER_MN,
     X_CUBED,
     Y_CUBED,
     Term,
@@ -43,7 +44,6 @@ from simulator.dynamics.terms import (
 )
 
 ID = "free-form"
-UN_PER_MN = 1000.0
 _CHOICES: dict[str, Collection[str]] = {"channel": CHANNELS, "basis": BASES, "pattern": PATTERNS}
 _OF_WHEELS = (COS_ANGLE, SIN_ANGLE, SLIDE_COS2, SLIDE_SIN2)
 _OF_LENSES = (X_CUBED, Y_CUBED)

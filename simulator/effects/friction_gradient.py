@@ -1,14 +1,11 @@
-"""Friction of a wheel at plate position (x, y) is nominal · (1 + per_mm_x·x + per_mm_y·y), never below 2 %."""
+"""Friction that changes across the plate."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from simulator.dynamics.terms import FRICTION, Term, X, Y
-from simulator.effects.definition import Effect, Parameter, Values
-
-if TYPE_CHECKING:
-    from simulator.dynamics.model import Draft
+from simulator.effects.definition import Effect, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -21,13 +18,15 @@ def _act(draft: Draft, values: Values) -> None:
 EFFECT = Effect(
     id="friction-gradient",
     name="friction changes across the plate",
+    sentence="The friction of a wheel at (x, y) of the plate is the nominal one times 1 + per_mm_x·x + per_mm_y·y.",
+    law="μ(x, y) = μ_nominal · (1 + per_mm_x·x + per_mm_y·y)",
+    source="Taylor series of a coefficient that varies with place, cut after its linear term",
+    limits="Nothing smaller than the plate: a stain or a scratch is no gradient. Never below 2 % of the nominal "
+    "friction. The stiffness for small slip stays.",
     kind="dynamics",
-    where="plate field",
-    depends="place",
-    pattern="common",
     parameters=(
-        Parameter("per_mm_x", "1/mm", 0.0, -0.03, 0.03, 0.0005),
-        Parameter("per_mm_y", "1/mm", 0.0, -0.03, 0.03, 0.0005),
+        Parameter("per_mm_x", "1/mm", 0.0, 1e-3, -0.05, 0.05),
+        Parameter("per_mm_y", "1/mm", 0.0, 1e-3, -0.05, 0.05),
     ),
     act=_act,
 )

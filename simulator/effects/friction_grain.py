@@ -1,19 +1,17 @@
-"""Grinding marks: friction = nominal · (1 + amplitude · cos(2·(slide - direction))).
-
-slide: direction in the plate frame in which the contact slides over the plate, of a driven wheel, which rolls freely,
-along its axle; friction is largest along direction_deg.
-"""
+"""Friction that depends on the direction over the plate."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from simulator.dynamics.terms import FRICTION, SLIDE_COS2, SLIDE_SIN2, Term
-from simulator.effects.definition import Effect, Parameter, Values
+from simulator.effects.coordinates import polar
+from simulator.effects.definition import Effect, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
 
-if TYPE_CHECKING:
-    from simulator.dynamics.model import Draft
+AMPLITUDE = Parameter("amplitude", "", 0.0, 0.01, 0.0, 0.9, at_least=0.0)
+DIRECTION = Parameter("direction_deg", "deg", 0.0, 5.0, 0.0, 180.0, period=180.0)
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -27,13 +25,14 @@ def _act(draft: Draft, values: Values) -> None:
 EFFECT = Effect(
     id="friction-grain",
     name="friction depends on the direction over the plate",
+    sentence="Friction is largest, by amplitude over the nominal one, where a contact slides along direction_deg of "
+    "the plate, and smallest across it.",
+    law="μ = μ_nominal · (1 + amplitude · cos 2(slide − direction_deg)), slide: direction in which the contact slides",
+    source="orthotropic friction of a surface with grinding marks, first harmonic (Zmitrowicz 1981, Wear 73, 9)",
+    limits="Friction still opposes the sliding velocity; on a real grain it turns a little toward the easy direction. "
+    "A driven wheel rolls freely and slides along its axle only. The stiffness for small slip stays.",
     kind="dynamics",
-    where="plate field",
-    depends="heading",
-    pattern="common",
-    parameters=(
-        Parameter("amplitude", "", 0.0, 0.0, 0.8, 0.01, at_least=0.0),
-        Parameter("direction_deg", "deg", 0.0, -90.0, 90.0, 5.0),
-    ),
+    parameters=(AMPLITUDE, DIRECTION),
     act=_act,
+    fitted=lambda _: polar("friction-grain", AMPLITUDE, DIRECTION),
 )

@@ -1,13 +1,10 @@
-"""Left and right driving wheels are attracted unequally: left_over_right is the ratio, the mean attraction is kept."""
+"""Driving wheels that are attracted unequally."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from simulator.effects.definition import Effect, Parameter, Values
-
-if TYPE_CHECKING:
-    from simulator.dynamics.model import Draft
+from simulator.effects.definition import Effect, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -19,10 +16,13 @@ def _act(draft: Draft, values: Values) -> None:
 EFFECT = Effect(
     id="magnet-imbalance",
     name="the driving wheels are attracted unequally",
+    sentence="The left driving wheel is attracted left_over_right times as strongly as the right one; their mean "
+    "attraction is kept.",
+    law="A_left = 2q/(1 + q) · A, A_right = 2/(1 + q) · A, q = left_over_right, A: stated attraction of a driving "
+    "wheel",
+    source="balance of forces: the load of a wheel is its weight share plus its attraction",
+    limits="The attraction is constant over place and time: a plate of even thickness and permeability.",
     kind="dynamics",
-    where="contact",
-    depends="constant",
-    pattern="left-right",
-    parameters=(Parameter("left_over_right", "", 1.0, 0.3, 3.0, 0.02, at_least=0.01),),
+    parameters=(Parameter("left_over_right", "", 1.0, 0.02, 0.2, 5.0, at_least=0.01),),
     act=_act,
 )

@@ -1,13 +1,14 @@
-"""Magnetic attraction of the driving and of the driven wheels is off by a factor each."""
+"""Magnets that are stronger or weaker than stated."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from simulator.effects.coordinates import Candidate, Coordinate, Parameters, Scene
+from simulator.effects.definition import Effect, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
 
-from simulator.effects.definition import Effect, Parameter, Values
-
-if TYPE_CHECKING:
-    from simulator.dynamics.model import Draft
+DRIVING = Parameter("driving_factor", "", 1.0, 0.02, 0.05, 5.0, at_least=0.0)
+DRIVEN = Parameter("driven_factor", "", 1.0, 0.02, 0.0, 100.0, at_least=0.0)
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -15,16 +16,34 @@ def _act(draft: Draft, values: Values) -> None:
     draft.attraction_factor[2:] *= values["driven_factor"]
 
 
+def _fitted(scene: Scene) -> Candidate:
+    """Level and balance: a slip law that scales with the load tells the balance of the axles.
+
+    Of the level, only weight and inertia tell, which are the smaller the stronger the magnets: hence its inverse.
+    """
+    del scene
+
+    def physical(values: tuple[float, ...]) -> Parameters:
+        weakness, balance = values
+        return {"driving_factor": 1.0 / weakness, "driven_factor": balance / weakness}
+
+    weakness = Coordinate("weakness", 1.0, DRIVING.step, 1 / DRIVING.high, 1 / DRIVING.low)
+    most = DRIVEN.high / DRIVING.high
+    return Candidate(
+        "magnet-strength", (weakness, Coordinate("driven_over_driving", 1.0, DRIVEN.step, 0.0, most)), physical
+    )
+
+
 EFFECT = Effect(
     id="magnet-strength",
     name="magnets are stronger or weaker than stated",
+    sentence="The driving wheels are attracted driving_factor times as strongly as stated, the driven wheels "
+    "driven_factor times.",
+    law="A_driving = driving_factor · A_driving,stated and A_driven = driven_factor · A_driven,stated",
+    source="balance of forces: the load of a wheel is its weight share plus its attraction",
+    limits="The attraction is constant over place and time: a plate of even thickness and permeability.",
     kind="dynamics",
-    where="contact",
-    depends="constant",
-    pattern="front-rear",
-    parameters=(
-        Parameter("driving_factor", "", 1.0, 0.3, 3.0, 0.02, at_least=0.0),
-        Parameter("driven_factor", "", 1.0, 0.1, 6.0, 0.05, at_least=0.0),
-    ),
+    parameters=(DRIVING, DRIVEN),
     act=_act,
+    fitted=_fitted,
 )

@@ -1,14 +1,12 @@
-"""The pair of marks is turned by angle_deg about the robot's centre, then moved by (x_mm, y_mm), body frame."""
+"""Marks that are not where the robot file says."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
-from simulator.effects.definition import Effect, Parameter, Values
-
-if TYPE_CHECKING:
-    from simulator.effects.view import View
+from simulator.effects.definition import Effect, Values
+from simulator.effects.parameter import Parameter
+from simulator.effects.view import View
 
 
 def _view(view: View, values: Values) -> None:
@@ -22,14 +20,16 @@ def _view(view: View, values: Values) -> None:
 EFFECT = Effect(
     id="mark-offset",
     name="the marks are not where the robot file says",
+    sentence="The pair of marks is turned by angle_deg about the robot's centre, then moved by (x_mm, y_mm) in the "
+    "body frame.",
+    law="p = R(angle_deg) · p_stated + (x_mm, y_mm), for both marks",
+    source="rigid displacement in the plane",
+    limits="The distance of the marks stays: marks that are moved one by one, or seen at another height, are not this.",
     kind="observation",
-    where="observation",
-    depends="constant",
-    pattern="common",
     parameters=(
-        Parameter("x_mm", "mm", 0.0, -1.0, 1.0, 0.01),
-        Parameter("y_mm", "mm", 0.0, -1.0, 1.0, 0.01),
-        Parameter("angle_deg", "deg", 0.0, -10.0, 10.0, 0.1),
+        Parameter("x_mm", "mm", 0.0, 0.02, -3.0, 3.0),
+        Parameter("y_mm", "mm", 0.0, 0.02, -3.0, 3.0),
+        Parameter("angle_deg", "deg", 0.0, 0.2, -45.0, 45.0),
     ),
     view=_view,
 )

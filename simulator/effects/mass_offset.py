@@ -1,17 +1,10 @@
-"""Centre of gravity away from the middle of the wheels, body frame.
-
-The weight is shared by the levers: a wheel at (+x, +y) carries (1 + 2·x/wheelbase)(1 + 2·y/track) of a quarter. The
-inertia acts at the new place too.
-"""
+"""A centre of gravity away from the middle of the wheels."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from simulator.effects.definition import Effect, Parameter, Values
-
-if TYPE_CHECKING:
-    from simulator.dynamics.model import Draft
+from simulator.effects.definition import Effect, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -22,13 +15,17 @@ def _act(draft: Draft, values: Values) -> None:
 EFFECT = Effect(
     id="mass-offset",
     name="the centre of gravity is off the middle",
+    sentence="The centre of gravity is at (x_mm, y_mm) of the body frame; weight and inertia act there.",
+    law="weight of a wheel at (±L/2, ±B/2) = m·g/4 · (1 ± 2·x_mm/L)(1 ± 2·y_mm/B), L: wheelbase, B: track; "
+    "yaw inertia about the robot's centre = I + m·(x_mm² + y_mm²)",
+    source="lever rule and parallel-axis theorem (Meriam & Kraige, Engineering Mechanics)",
+    limits="Four wheels are statically indeterminate: both axles are taken to share their load left to right alike. "
+    "The stated yaw inertia is about the centre of gravity, wherever it is. Load transfer by acceleration is left "
+    "out: the model is plane.",
     kind="dynamics",
-    where="contact",
-    depends="constant",
-    pattern="front-rear",
     parameters=(
-        Parameter("x_mm", "mm", 0.0, -1.5, 1.5, 0.05),
-        Parameter("y_mm", "mm", 0.0, -1.5, 1.5, 0.05),
+        Parameter("x_mm", "mm", 0.0, 0.05, -1.9, 1.9),
+        Parameter("y_mm", "mm", 0.0, 0.05, -1.9, 1.9),
     ),
     act=_act,
 )

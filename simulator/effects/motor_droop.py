@@ -1,17 +1,10 @@
-"""Rotation falls with load torque: rpm = commanded rpm - rpm_per_uN_mm · (force along the wheel · wheel radius).
-
-The force is what friction gives the wheel at the speed that results, so that the two are solved together. A wheel that
-the other one drags along runs faster than commanded. A motor that is off is held by its gear.
-"""
+"""Motors that slow down under load."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from simulator.effects.definition import Effect, Parameter, Values
-
-if TYPE_CHECKING:
-    from simulator.dynamics.model import Draft
+from simulator.effects.definition import Effect, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -21,10 +14,13 @@ def _act(draft: Draft, values: Values) -> None:
 EFFECT = Effect(
     id="motor-droop",
     name="the motors slow down under load",
+    sentence="A motor turns slower than commanded by rpm_per_uN_mm times its load torque, and faster where the load "
+    "drives it.",
+    law="n = n_commanded − rpm_per_uN_mm · F_x·r, with the force F_x that friction gives the wheel at the speed n",
+    source="speed–torque line of a DC motor at constant voltage (Fitzgerald, Kingsley & Umans, Electric Machinery)",
+    limits="The straight part of the line: no stall, no heating. The load is the friction of the wheel alone: losses "
+    "of bearing and gear count as speed of the command. A motor that is off is held by its gear.",
     kind="dynamics",
-    where="actuator",
-    depends="v",
-    pattern="common",
-    parameters=(Parameter("rpm_per_uN_mm", "rpm/(µN·mm)", 0.0, 0.0, 0.01, 1e-05, at_least=0.0),),
+    parameters=(Parameter("rpm_per_uN_mm", "rpm/(µN·mm)", 0.0, 2e-4, 0.0, 0.1, at_least=0.0),),
     act=_act,
 )

@@ -1,13 +1,10 @@
-"""Measured coordinates are the true ones times factor, as from a wrong gauge pitch or mark height."""
+"""Millimetres that are off by a factor."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from simulator.effects.definition import Effect, Parameter, Values
-
-if TYPE_CHECKING:
-    from simulator.effects.view import View
+from simulator.effects.definition import Effect, Values
+from simulator.effects.parameter import Parameter
+from simulator.effects.view import View
 
 
 def _view(view: View, values: Values) -> None:
@@ -17,10 +14,12 @@ def _view(view: View, values: Values) -> None:
 EFFECT = Effect(
     id="plane-scale",
     name="millimetres are off by a factor",
+    sentence="Measured coordinates are factor times the true ones.",
+    law="(x, y) measured = factor · (x, y)",
+    source="pinhole camera: a plane nearer by dh at the distance h is seen larger by h/(h − dh); or a gauge whose "
+    "pitch is not the stated one",
+    limits="The same factor all over the picture and in both directions; about the origin of the plate frame.",
     kind="observation",
-    where="observation",
-    depends="constant",
-    pattern="common",
-    parameters=(Parameter("factor", "", 1.0, 0.9, 1.1, 0.001, at_least=0.01),),
+    parameters=(Parameter("factor", "", 1.0, 0.005, 0.5, 2.0, at_least=0.01),),
     view=_view,
 )

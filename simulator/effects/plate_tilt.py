@@ -1,19 +1,17 @@
-"""The plate slopes by angle_deg and descends toward azimuth_deg (plate frame, counter-clockwise from +x).
-
-The weight pulls with m·g·sin(angle) toward the descent, at the centre of gravity; loads keep their level values (cos of
-a few degrees, and the lever of the height over the wheelbase, change them by less than the attraction's tolerance).
-"""
+"""A plate that is not level."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from simulator.dynamics.terms import COS, FORCE_PLATE_X, FORCE_PLATE_Y, MOMENT, ONE, SIN, Term
-from simulator.effects.definition import Effect, Parameter, Values
+from simulator.effects.coordinates import polar
+from simulator.effects.definition import Effect, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
 
-if TYPE_CHECKING:
-    from simulator.dynamics.model import Draft
+ANGLE = Parameter("angle_deg", "deg", 0.0, 0.2, 0.0, 45.0)
+AZIMUTH = Parameter("azimuth_deg", "deg", 0.0, 5.0, 0.0, 360.0, period=360.0)
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -35,13 +33,14 @@ def _act(draft: Draft, values: Values) -> None:
 EFFECT = Effect(
     id="plate-tilt",
     name="the plate is not level",
+    sentence="The plate slopes by angle_deg and descends toward azimuth_deg, counter-clockwise from +x of the plate.",
+    law="F = m·g·sin(angle_deg) toward azimuth_deg, at the centre of gravity",
+    source="weight on an inclined plane; g = 9.8 m/s², as in the paper",
+    limits="The loads of the wheels keep their level values: cos(angle_deg) takes 0.4 % of the weight at 5 degrees, "
+    "and the height of the centre of gravity over the wheelbase shifts some of it downhill; beside the magnetic "
+    "attraction both are small.",
     kind="dynamics",
-    where="body force",
-    depends="heading",
-    pattern="common",
-    parameters=(
-        Parameter("angle_deg", "deg", 0.0, 0.0, 20.0, 0.1),
-        Parameter("azimuth_deg", "deg", 0.0, -180.0, 180.0, 5.0),
-    ),
+    parameters=(ANGLE, AZIMUTH),
     act=_act,
+    fitted=lambda _: polar("plate-tilt", ANGLE, AZIMUTH),
 )

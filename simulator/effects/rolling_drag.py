@@ -1,14 +1,11 @@
-"""Each driven wheel is braked by coefficient · f_z along its rolling direction, against its motion."""
+"""Driven wheels that resist rolling."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from simulator.dynamics.terms import DRAG, SIGN_U, Term
-from simulator.effects.definition import Effect, Parameter, Values
-
-if TYPE_CHECKING:
-    from simulator.dynamics.model import Draft
+from simulator.effects.definition import Effect, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -24,10 +21,13 @@ def _act(draft: Draft, values: Values) -> None:
 EFFECT = Effect(
     id="rolling-drag",
     name="the driven wheels resist rolling",
+    sentence="Each driven wheel is braked along its rolling direction by coefficient times its load, against its "
+    "motion.",
+    law="F_x = −coefficient · f_z · sign(u), u: forward speed of the wheel",
+    source="rolling resistance (Wong, Theory of Ground Vehicles)",
+    limits="Independent of speed; rounded off at rest. The brake takes nothing of the wheel's grip across, which holds "
+    "while coefficient is far below the friction coefficient.",
     kind="dynamics",
-    where="wheel",
-    depends="sign v",
-    pattern="front-rear",
-    parameters=(Parameter("coefficient", "", 0.0, 0.0, 0.15, 0.002, at_least=0.0),),
+    parameters=(Parameter("coefficient", "", 0.0, 0.002, 0.0, 0.5, at_least=0.0),),
     act=_act,
 )

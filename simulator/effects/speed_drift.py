@@ -1,26 +1,28 @@
-"""Both surface speeds drift over the session: factor 1 + per_run · run index, runs counted from 0, never below 1 %."""
+"""Speed that changes from run to run."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from simulator.effects.definition import Effect, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
 
-from simulator.effects.definition import Effect, Parameter, Values
-
-if TYPE_CHECKING:
-    from simulator.dynamics.model import Draft
+LEAST_FACTOR = 0.01  # however long the session, the motors keep turning the commanded way
 
 
 def _act(draft: Draft, values: Values) -> None:
-    draft.speed_factor *= max(1 + values["per_run"] * draft.run_index, 0.01)
+    draft.speed_factor *= max(1 + values["per_run"] * draft.run_index, LEAST_FACTOR)
 
 
 EFFECT = Effect(
     id="speed-drift",
     name="speed changes from run to run",
+    sentence="Both surface speeds change over a session by per_run from each run to the next; the first run counts 0.",
+    law="v = (1 + per_run · k) · r·ω, k: number of the run from 0",
+    source="Taylor series of a gain that drifts (battery, temperature, wear), cut after its linear term",
+    limits="Runs count by their order in the file, not by the time between them; constant within a run. Never below 1 "
+    "% of the speed.",
     kind="dynamics",
-    where="actuator",
-    depends="time",
-    pattern="common",
-    parameters=(Parameter("per_run", "1/run", 0.0, -0.05, 0.05, 0.0005),),
+    parameters=(Parameter("per_run", "1/run", 0.0, 5e-4, -0.05, 0.05),),
     act=_act,
+    varies_by_run=True,
 )

@@ -1,18 +1,17 @@
-"""Run-out: surface speed = nominal · (1 + amplitude · sin(wheel angle + phase)), on both driving wheels.
-
-The wheel angle is what its motor has turned since the start of the run, positive forward.
-"""
+"""Surface speed that varies within a wheel revolution."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from simulator.dynamics.terms import COS_ANGLE, PATTERNS, SIN_ANGLE, SPEED, Term
-from simulator.effects.definition import Effect, Parameter, Values
+from simulator.effects.coordinates import polar
+from simulator.effects.definition import Effect, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
 
-if TYPE_CHECKING:
-    from simulator.dynamics.model import Draft
+AMPLITUDE = Parameter("amplitude", "", 0.0, 0.01, 0.0, 0.5)
+PHASE = Parameter("phase_deg", "deg", 0.0, 10.0, 0.0, 360.0, period=360.0)
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -26,13 +25,14 @@ def _act(draft: Draft, values: Values) -> None:
 EFFECT = Effect(
     id="speed-ripple",
     name="surface speed varies within a wheel revolution",
+    sentence="The surface speed of each driving wheel varies by amplitude within its revolution, from phase_deg at the "
+    "beginning of the run.",
+    law="v = (1 + amplitude · sin(θ + phase_deg)) · r·ω, θ: angle that the wheel has turned since the run began",
+    source="run-out: a wheel of radius r mounted off its centre by e has the rolling radius r + e·sin θ, so that "
+    "amplitude = e/r",
+    limits="Both wheels have one amplitude and begin at one phase; the rise and fall of the axle is left out.",
     kind="dynamics",
-    where="wheel",
-    depends="time",
-    pattern="common",
-    parameters=(
-        Parameter("amplitude", "", 0.0, 0.0, 0.3, 0.005),
-        Parameter("phase_deg", "deg", 0.0, -180.0, 180.0, 10.0),
-    ),
+    parameters=(AMPLITUDE, PHASE),
     act=_act,
+    fitted=lambda _: polar("speed-ripple", AMPLITUDE, PHASE),
 )

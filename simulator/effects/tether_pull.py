@@ -1,33 +1,31 @@
-"""A wire pulls at the robot's centre with a force fixed in the body frame: x forward, y to the left."""
+"""A wire that pulls with a force fixed in the body."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from simulator.dynamics.terms import FORCE_FORWARD, FORCE_LEFT, ONE, Term
-from simulator.effects.definition import Effect, Parameter, Values
-
-if TYPE_CHECKING:
-    from simulator.dynamics.model import Draft
+from simulator.dynamics.terms import FORCE_FORWARD, FORCE_LEFT, ONE, UN_PER_MN, Term
+from simulator.effects.definition import Effect, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
 
 
 def _act(draft: Draft, values: Values) -> None:
     draft.add(
-        Term(FORCE_FORWARD, ONE, 1000 * values["x_mN"]),
-        Term(FORCE_LEFT, ONE, 1000 * values["y_mN"]),
+        Term(FORCE_FORWARD, ONE, UN_PER_MN * values["x_mN"]),
+        Term(FORCE_LEFT, ONE, UN_PER_MN * values["y_mN"]),
     )
 
 
 EFFECT = Effect(
     id="tether-pull",
     name="a wire pulls with a force fixed in the body",
+    sentence="A wire pulls at the robot's centre with a force fixed in the body: x_mN forward, y_mN to the left.",
+    law="F = (x_mN, y_mN) in the body frame",
+    source="balance of forces: a stiff wire that rides along hands on the same force in every pose",
+    limits="Whatever the pose, speed and time. The line of action passes through the robot's centre: no moment.",
     kind="dynamics",
-    where="body force",
-    depends="constant",
-    pattern="common",
     parameters=(
-        Parameter("x_mN", "mN", 0.0, -3.0, 3.0, 0.02),
-        Parameter("y_mN", "mN", 0.0, -3.0, 3.0, 0.02),
+        Parameter("x_mN", "mN", 0.0, 0.05, -20.0, 20.0),
+        Parameter("y_mN", "mN", 0.0, 0.05, -20.0, 20.0),
     ),
     act=_act,
 )

@@ -1,18 +1,21 @@
-"""A spring without slack pulls the robot's centre toward an anchor of the plate: stiffness · (anchor - centre)."""
+"""A wire that pulls toward a fixed anchor."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from simulator.dynamics.terms import FORCE_PLATE_X, FORCE_PLATE_Y, ONE, UN_PER_MN, Term, X, Y
+from simulator.effects.coordinates import Candidate, Coordinate, Parameters, Scene, coordinate
+from simulator.effects.definition import Effect, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
 
-from simulator.dynamics.terms import FORCE_PLATE_X, FORCE_PLATE_Y, ONE, Term, X, Y
-from simulator.effects.definition import Effect, Parameter, Values
-
-if TYPE_CHECKING:
-    from simulator.dynamics.model import Draft
+STIFFNESS = Parameter("stiffness_mN_mm", "mN/mm", 0.0, 0.005, 0.0, 10.0, at_least=0.0)
+ANCHOR = (Parameter("anchor_x_mm", "mm", 0.0, 2.0), Parameter("anchor_y_mm", "mm", 0.0, 2.0))
+PULL_STEP_MN = 0.05  # of tether-pull: a pull of this size shows in the marks
+SOFTEST_MN_MM = 1e-9  # a pull without stiffness is a soft spring from afar
 
 
 def _act(draft: Draft, values: Values) -> None:
-    stiffness = 1000 * values["stiffness_mN_mm"]
+    stiffness = UN_PER_MN * values["stiffness_mN_mm"]
     draft.add(
         Term(FORCE_PLATE_X, ONE, stiffness * values["anchor_x_mm"]),
         Term(FORCE_PLATE_X, X, -stiffness),
@@ -21,17 +24,30 @@ def _act(draft: Draft, values: Values) -> None:
     )
 
 
+def _fitted(scene: Scene) -> Candidate:
+    """Stiffness and the pull at the origin: linear in the force, where the anchor of no stiffness is undefined."""
+    del scene
+
+    def physical(values: tuple[float, ...]) -> Parameters:
+        stiffness, pull_x, pull_y = values
+        softest = max(stiffness, SOFTEST_MN_MM)
+        return {"stiffness_mN_mm": softest, "anchor_x_mm": pull_x / softest, "anchor_y_mm": pull_y / softest}
+
+    pulls = tuple(Coordinate(name, 0.0, PULL_STEP_MN) for name in ("pull_x", "pull_y"))
+    return Candidate("tether-spring", (coordinate(STIFFNESS), *pulls), physical)
+
+
 EFFECT = Effect(
     id="tether-spring",
     name="a wire pulls toward a fixed anchor",
+    sentence="A spring without slack pulls the robot's centre toward the anchor (anchor_x_mm, anchor_y_mm) of the "
+    "plate.",
+    law="F = stiffness_mN_mm · (anchor − centre)",
+    source="Hooke's law, of a spring with no length of its own: a long coil, or a thin wire that hangs in a bow",
+    limits="No slack and no natural length: a straight wire with a free length pulls only beyond it. It acts at the "
+    "robot's centre: no moment. Weight and bending of the wire are left out.",
     kind="dynamics",
-    where="plate field",
-    depends="place",
-    pattern="common",
-    parameters=(
-        Parameter("stiffness_mN_mm", "mN/mm", 0.0, 0.0, 0.5, 0.002, at_least=0.0),
-        Parameter("anchor_x_mm", "mm", 0.0, -100.0, 100.0, 2.0),
-        Parameter("anchor_y_mm", "mm", 0.0, -100.0, 100.0, 2.0),
-    ),
+    parameters=(STIFFNESS, *ANCHOR),
     act=_act,
+    fitted=_fitted,
 )

@@ -1,13 +1,10 @@
-"""Measured times are the true ones times factor, as from a wrong frame rate."""
+"""Seconds that are off by a factor."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from simulator.effects.definition import Effect, Parameter, Values
-
-if TYPE_CHECKING:
-    from simulator.effects.view import View
+from simulator.effects.definition import Effect, Values
+from simulator.effects.parameter import Parameter
+from simulator.effects.view import View
 
 
 def _view(view: View, values: Values) -> None:
@@ -17,10 +14,11 @@ def _view(view: View, values: Values) -> None:
 EFFECT = Effect(
     id="time-base",
     name="seconds are off by a factor",
+    sentence="Measured times are factor times the true ones.",
+    law="t measured = factor · t",
+    source="a frame rate that is not the stated one: factor = true rate / stated rate",
+    limits="One factor for all runs: dropped frames and a drifting clock are not this.",
     kind="observation",
-    where="observation",
-    depends="constant",
-    pattern="common",
-    parameters=(Parameter("factor", "", 1.0, 0.9, 1.1, 0.001, at_least=0.01),),
+    parameters=(Parameter("factor", "", 1.0, 0.005, 0.5, 2.0, at_least=0.01),),
     view=_view,
 )

@@ -1,14 +1,12 @@
-"""Driving wheels are turned about the vertical, counter-clockwise positive seen from above."""
+"""Driving wheels that are not parallel to the body."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
-from simulator.effects.definition import Effect, Parameter, Values
-
-if TYPE_CHECKING:
-    from simulator.dynamics.model import Draft
+from simulator.effects.definition import Effect, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -19,13 +17,15 @@ def _act(draft: Draft, values: Values) -> None:
 EFFECT = Effect(
     id="wheel-toe",
     name="the driving wheels are not parallel to the body",
+    sentence="The driving wheels are turned about the vertical by left_deg and right_deg, counter-clockwise seen from "
+    "above.",
+    law="the wheel's slip and friction are those of its own axes, turned by left_deg or right_deg from the body's",
+    source="static toe (ISO 8855)",
+    limits="The contact stays where it is; camber, and the toe of driven wheels, are left out.",
     kind="dynamics",
-    where="wheel",
-    depends="constant",
-    pattern="left-right",
     parameters=(
-        Parameter("left_deg", "deg", 0.0, -10.0, 10.0, 0.1),
-        Parameter("right_deg", "deg", 0.0, -10.0, 10.0, 0.1),
+        Parameter("left_deg", "deg", 0.0, 0.2, -30.0, 30.0),
+        Parameter("right_deg", "deg", 0.0, 0.2, -30.0, 30.0),
     ),
     act=_act,
 )

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simulator.nominal_robot import Slip
 from simulator.paper.checks import Check, number, statement
 from simulator.paper.machines import TIRE_PEAK_FRICTION, tire_machine
-from simulator.robot import Slip, load_robot
+from simulator.robot import load_robot
 from simulator.slip.curves import law_parameters, normalized_forces
 
 FLAT_RATIO = 0.4  # Figure 7 (a): flat beyond it

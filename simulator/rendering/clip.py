@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from calibration.camera import Camera
 from simulator.dynamics.terms import TIME
-from simulator.effects.catalogue import view_of
 from simulator.effects.view import View
 from simulator.errors import SimulationError
+from simulator.observation import view_of
 from simulator.rendering.backdrop import Overlay, brushed_plate, overlay, wire_cover
 from simulator.rendering.coverage import Kernel, blur_kernel
 from simulator.rendering.motion import poses_at

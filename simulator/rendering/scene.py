@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from simulator.effects.catalogue import faults_of_effects
+from simulator.effects.entry import EffectEntry
 from simulator.errors import SimulationError
 from simulator.rendering.tables import (
     CameraTable,
@@ -35,7 +36,6 @@ from simulator.rendering.tables import (
     Timing,
     Wire,
 )
-from simulator.robot import Effect
 
 
 class Picture(Table):
@@ -62,7 +62,7 @@ class Scene(Picture):
 
     kind: Literal["run"] = "run"
     robot: str = "barrel"
-    effect: tuple[Effect, ...] = ()  # physics added to the robot in this scene, as in robot.toml
+    effect: tuple[EffectEntry, ...] = ()  # physics added to the robot in this scene, as in robot.toml
     duration_s: Annotated[float, Field(gt=0, le=36_000)]
     frame_rate: Rate = Fraction(60)
     motion: Motion

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulator.errors import SimulationError
-from simulator.robot import Slip
+from simulator.nominal_robot import Slip
 from simulator.slip.curves import BENCH_ANGLES_DEG, law_parameters, normalized_forces
 
 if TYPE_CHECKING:

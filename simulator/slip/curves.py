@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from simulator.compilation import compiled
-from simulator.robot import Slip
+from simulator.nominal_robot import Slip
 from simulator.slip.law import wheel_force
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulator.errors import SimulationError
-from simulator.robot import Slip
+from simulator.nominal_robot import Slip
 from simulator.slip.bench import PAPER_APPARATUS, SIGMAS, Apparatus, forces_from_torques, torques
 
 if TYPE_CHECKING:

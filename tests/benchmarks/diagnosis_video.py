@@ -28,9 +28,10 @@ from evaluator.diagnosis.output.robot_file import with_value
 from evaluator.files import written_whole
 from evaluator.workflow.diagnosis import diagnose_experiment
 from simulator.command import Command
+from simulator.effects.entry import EffectEntry
 from simulator.rendering import Scene, render_clip
 from simulator.rendering.tables import CameraTable
-from simulator.robot import Effect, Robot, load_robot
+from simulator.robot import Robot, load_robot
 from tests.benchmarks.bank.draw import COMMANDS, TOLERANCE, robot_text, seen, sized, slip_changed
 from tests.benchmarks.bank.visible import visible_sigmas
 from tests.benchmarks.turning_video import GAUGE, gauge_pictures, random_rig
@@ -186,7 +187,7 @@ def _visible(diagnosis: Any, label: dict[str, Any]) -> dict[str, float]:
         for run in diagnosis.session.data:
             clip, number = label["clips"][run.order], run.order
             bare = slip_changed(load_robot("barrel"), clip["friction"])
-            full = bare.model_copy(update={"effect": (Effect(id=effect, **label["effects"][effect]),)})
+            full = bare.model_copy(update={"effect": (EffectEntry(id=effect, **label["effects"][effect]),)})
             command = Command.constant(*clip["true_rpm"], START_S)
             with_it, without = (_marks(robot, command, run.time_s, clip["pose"], number) for robot in (full, bare))
             shifts.append(with_it - without)

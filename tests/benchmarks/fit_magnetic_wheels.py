@@ -19,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulator.errors import SimulationError
+from simulator.nominal_robot import Slip
 from simulator.paper.numbers import equation_11
 from simulator.paper.slip_numbers import SlipShape, slip_shape
 from simulator.paper.tables import radius_mm
-from simulator.robot import Robot, Slip, load_robot
+from simulator.robot import Robot, load_robot
 from simulator.slip.curves import law_parameters
 from simulator.slip.fit import NAMES
 

@@ -27,8 +27,9 @@ from simulator.dynamics.equations import accelerations
 from simulator.dynamics.model import compile_robot
 from simulator.dynamics.wheel import fresh_contacts
 from simulator.effects.catalogue import EFFECTS
+from simulator.effects.entry import EffectEntry
 from simulator.integrator.batch import Trials
-from simulator.robot import Effect, Robot, load_robot
+from simulator.robot import Robot, load_robot
 from simulator.simulation import simulate, simulate_batch
 from simulator.steady import steady_map
 from tests.benchmarks import cyrk_peer
@@ -139,7 +140,7 @@ def effects() -> None:
     trials = Trials([Command.steps([(0.0, 33.3, 14.4), (5.0, -33.3, -14.4)])], [TIMES_S])
 
     def replay(chosen: dict[str, dict[str, float]]) -> Callable[[], object]:
-        entries = tuple(Effect.model_validate({"id": id_, **values}) for id_, values in chosen.items())
+        entries = tuple(EffectEntry.model_validate({"id": id_, **values}) for id_, values in chosen.items())
         model = compile_robot(robot.model_copy(update={"effect": entries}))
         plan = trials.plan(model, np.zeros(6), 1e-6)
         return lambda: trials.states(model, np.zeros(6), plan)
@@ -147,7 +148,7 @@ def effects() -> None:
     calls = {"nominal": replay({}), f"with {', '.join(SEVERAL)}": replay(SEVERAL)}
     for id_, effect in EFFECTS.items():
         if effect.kind != "observation":
-            calls[id_] = replay({id_: {item.name: item.neutral + 5 * item.step for item in effect.parameters}})
+            calls[id_] = replay({id_: {item.name: item.absent + 5 * item.step for item in effect.parameters}})
     taken = in_turns(calls, dict.fromkeys(calls, 300))
     nominal = taken.pop("nominal")
     print(f"\nreplayed run of 10 s for fits: nominal {1e3 * nominal[0]:.3f} ms")
@@ -167,7 +168,7 @@ def diagnosis() -> None:
         tasks = []
         for number in range(210):
             values = {
-                id_: tuple(item.neutral + generator.normal(4.0, 0.05) * item.step for item in terms[id_].coordinates)
+                id_: tuple(item.absent + generator.normal(4.0, 0.05) * item.step for item in terms[id_].coordinates)
                 for id_ in ids
             }
             own = (0.0, 0.0, 0.3, *(1e-3 * generator.standard_normal(3)).tolist())

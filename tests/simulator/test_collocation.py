@@ -10,8 +10,9 @@ import pytest
 
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot
+from simulator.effects.entry import EffectEntry
 from simulator.integrator.batch import Trials
-from simulator.robot import Effect, Robot, load_robot
+from simulator.robot import Robot, load_robot
 from simulator.simulation import simulate
 from tests.simulator.reference import Array, Pace, Pull, Rates, integrated, plain_rates
 
@@ -39,7 +40,7 @@ def cyrk_solver(rates: Rates) -> Array:
 
 
 def affected(name: str, effect: dict[str, object]) -> Robot:
-    return load_robot(name).model_copy(update={"effect": (Effect.model_validate(effect),)})
+    return load_robot(name).model_copy(update={"effect": (EffectEntry.model_validate(effect),)})
 
 
 def descent(robot: Robot) -> Pull:
@@ -123,7 +124,7 @@ def test_wheel_that_turns_over_on_a_varying_plate_is_stepped_over_and_collocatio
 def test_robot_whose_wheels_begin_to_turn_against_each_other_leaves_rest_at_once() -> None:
     # Case 152 of seed 2 of a study over random effects: the rounding of rest holds the robot for an instant.
     robot = affected("barrel", {"id": "tether-spring", "stiffness_mN_mm": 1e-3, "anchor_x_mm": 20, "anchor_y_mm": 12})
-    drag = Effect.model_validate({"id": "rolling-drag", "coefficient": 0.018})
+    drag = EffectEntry.model_validate({"id": "rolling-drag", "coefficient": 0.018})
     robot = robot.model_copy(update={"effect": (*robot.effect, drag)})
     command = Command.constant(-90.0, 28.5, 0.3)
     runs = [simulate(robot, command, TIMES_S, tolerance_mm=tolerance) for tolerance in (1e-6, 1e-9)]

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot
+from simulator.effects.entry import EffectEntry
 from simulator.integrator.batch import Trials
-from simulator.robot import Effect, Robot, load_robot
+from simulator.robot import Robot, load_robot
 from simulator.run import Run, State
 from simulator.simulation import simulate, simulate_batch
 from simulator.slip.law import wheel_force
@@ -29,7 +30,7 @@ def path(run: Run) -> np.ndarray:
 
 
 def affected(robot: Robot, *effects: dict[str, object]) -> Robot:
-    return robot.model_copy(update={"effect": tuple(Effect.model_validate(item) for item in effects)})
+    return robot.model_copy(update={"effect": tuple(EffectEntry.model_validate(item) for item in effects)})
 
 
 @pytest.mark.parametrize(

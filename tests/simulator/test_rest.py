@@ -11,8 +11,9 @@ import pytest
 
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot
+from simulator.effects.entry import EffectEntry
 from simulator.integrator.batch import Trials
-from simulator.robot import Effect, Robot, load_robot
+from simulator.robot import Robot, load_robot
 from simulator.run import Run, State
 from simulator.simulation import simulate
 from simulator.steady import steady_turns
@@ -27,7 +28,7 @@ def place(run: Run) -> np.ndarray:
 
 
 def affected(name: str, *effects: dict[str, object]) -> Robot:
-    return load_robot(name).model_copy(update={"effect": tuple(Effect.model_validate(item) for item in effects)})
+    return load_robot(name).model_copy(update={"effect": tuple(EffectEntry.model_validate(item) for item in effects)})
 
 
 @pytest.mark.parametrize(("left", "right"), [(-90.0, 39.274), (-30.57, 49.78), (-3.57, 8.32), (-50.0, 60.0)])

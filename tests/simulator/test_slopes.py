@@ -8,7 +8,8 @@ import pytest
 from simulator.dynamics.equations import accelerations, slopes
 from simulator.dynamics.model import compile_robot
 from simulator.dynamics.wheel import fresh_contacts
-from simulator.robot import Effect, load_robot
+from simulator.effects.entry import EffectEntry
+from simulator.robot import load_robot
 from simulator.slip.magic_formula import bend, bend_and_cosine
 
 EFFECTS: list[dict[str, object]] = [
@@ -28,7 +29,7 @@ EFFECTS: list[dict[str, object]] = [
 def test_derivative_by_velocity_is_that_of_the_accelerations(name: str, effect: dict[str, object] | None) -> None:
     robot = load_robot(name)
     if effect:
-        robot = robot.model_copy(update={"effect": (Effect.model_validate(effect),)})
+        robot = robot.model_copy(update={"effect": (EffectEntry.model_validate(effect),)})
     model, contacts, out = compile_robot(robot)[0], fresh_contacts(), np.zeros((4, 3))
     drive, place, step = (40.0, 20.0, 1.0, 2.0), (3.0, -2.0, 0.8, 0.6, 1.0), 1e-6
     generator = np.random.default_rng(5)

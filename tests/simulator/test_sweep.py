@@ -17,8 +17,9 @@ from evaluator.cli import sweep as command
 from evaluator.errors import InputError
 from evaluator.workflow.execution import scale_out
 from simulator.command import Command
+from simulator.effects.entry import EffectEntry
 from simulator.errors import SimulationError
-from simulator.robot import Effect, load_robot
+from simulator.robot import load_robot
 from simulator.simulation import simulate
 from simulator.sweep import load_sweep, robot_of_sweep, run_part
 
@@ -62,7 +63,7 @@ def test_a_row_is_the_run_its_keys_describe(sweep_file: Path) -> None:
     row = run_part(sweep, robot_of_sweep(sweep), 4, 5).iloc[0]
     barrel = load_robot("barrel")
     slip = barrel.slip.model_copy(update={"lateral_friction": row["slip.lateral_friction"]})
-    tilt = Effect.model_validate({"id": "plate-tilt", "angle_deg": row["effect.plate-tilt.angle_deg"]})
+    tilt = EffectEntry.model_validate({"id": "plate-tilt", "angle_deg": row["effect.plate-tilt.angle_deg"]})
     robot = barrel.model_copy(update={"slip": slip, "effect": (tilt,)})
     from simulator.run import State
 

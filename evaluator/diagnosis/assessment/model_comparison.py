@@ -85,7 +85,7 @@ def separations(search: Search, ids: Set, most: int | None = None) -> dict[str, 
     """
     fit = search.fits[ids]
     named = [term for effect, term in search.terms.items() if not is_free(effect)]
-    inside = [effect for effect in sorted(ids) if not search.terms[effect].leaps]
+    inside = [effect for effect in sorted(ids) if not search.terms[effect].stepwise]
     view = screen(search, fit.point, inside, [term for term in named if term.id not in ids])
     at = np.array([_nearest(view.model, fit.posterior.scatter)])
     result: dict[str, dict[str, float]] = {}
@@ -115,7 +115,7 @@ def _by_odds(search: Search, ids: Set, effect: str, near: Mapping[str, float]) -
     without = search.fits.get(ids - {effect})
     if without is None or not near:
         return {}
-    smooth = [name for name in sorted(without.terms) if not search.terms[name].leaps]
+    smooth = [name for name in sorted(without.terms) if not search.terms[name].stepwise]
     view = screen(search, without.point, smooth, [search.terms[name] for name in near])
     found = {}
     for offer in sorted(view.offers, key=view.evidence):

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.candidates.coordinates import Coordinate, Parameters, Term
 from simulator.dynamics.terms import BASES, CHANNELS, PATTERNS
 from simulator.dynamics.terms import Term as KernelTerm
+from simulator.effects.coordinates import Candidate, Coordinate, Parameters
 from simulator.effects.free_form import scale_of_channel
 
 Floats = NDArray[np.float64]
@@ -123,7 +123,7 @@ class Item:
 
 
 @dataclass(frozen=True)
-class FreeTerm(Term):
+class FreeTerm(Candidate):
     """A family of free-form terms that acts in the simulator."""
 
     items: tuple[Item, ...] = ()

@@ -28,7 +28,7 @@ CORNERS = ((0.9, 0.9), (-0.9, -0.9), (0.9, -0.9), (-0.9, 0.9))
 
 
 @dataclass(frozen=True)
-class Candidate:
+class CandidateRun:
     """A run that could be made: command, start pose of the robot's centre, and how long it drives."""
 
     left_rpm: float
@@ -86,7 +86,7 @@ def placed(
     headings_deg: Sequence[float],
     room: Room,
     places: Sequence[tuple[float, float]],
-) -> Iterator[Candidate]:
+) -> Iterator[CandidateRun]:
     """The run from every heading, its path as a whole at every place; shorter where the room is too small for it.
 
     places: of the middle of the path, as shares of what the path leaves free. Headings at which not even SHORTEST_S of
@@ -102,7 +102,7 @@ def placed(
             if (free >= 0).all():
                 for place in places:
                     x, y = np.array(room.middle_mm) + np.array(place) * free - (low + high) / 2
-                    yield Candidate(*command, heading, round(float(x), 1), round(float(y), 1), float(seconds))
+                    yield CandidateRun(*command, heading, round(float(x), 1), round(float(y), 1), float(seconds))
                 break
 
 

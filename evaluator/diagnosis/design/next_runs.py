@@ -16,13 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.assessment.model_comparison import SAME_SIGMAS, Set, Standing
-from evaluator.diagnosis.candidates.coordinates import Term
 from evaluator.diagnosis.design.candidate_runs import (
     CORNERS,
     HEADINGS_DEG,
     MIDDLE,
     REST_S,
-    Candidate,
+    CandidateRun,
     Room,
     commands_at,
     placed,
@@ -35,6 +34,7 @@ from evaluator.diagnosis.likelihood.noise import Noise
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, RunData
 from evaluator.diagnosis.likelihood.simulation import Simulated
+from simulator.effects.coordinates import Candidate
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -50,9 +50,9 @@ ENOUGH_SIGMAS = SAME_SIGMAS + 1.0
 
 def hypothetical(
     robot: Robot,
-    terms: dict[str, Term],
+    terms: dict[str, Candidate],
     noise: tuple[Noise, ...],
-    runs: Sequence[Candidate],
+    runs: Sequence[CandidateRun],
     orders: Sequence[int],
     point: Point,
 ) -> tuple[Problem, Point]:
@@ -134,7 +134,7 @@ def from_chosen(search: Search, chosen: Fit, problem: Problem, placed: Point, ri
     Where a rival predicts a jump to another steady state, the view from its fit alone is too hopeful.
     """
     terms = [
-        search.terms[effect] for effect in sorted(chosen.terms | rival.fit.terms) if not search.terms[effect].leaps
+        search.terms[effect] for effect in sorted(chosen.terms | rival.fit.terms) if not search.terms[effect].stepwise
     ]
     columns = model_columns(terms, search.tolerance)
     own = np.array([column.key in chosen.terms - rival.fit.terms for column in columns])
@@ -171,7 +171,7 @@ class NextRuns:
     inseparable: the rivals that not even MOST_RUNS runs would keep away, and how far such runs would get.
     """
 
-    runs: tuple[Candidate, ...]
+    runs: tuple[CandidateRun, ...]
     sigmas: dict[str, float]
     inseparable: dict[str, float]
 
@@ -188,7 +188,7 @@ def best_next_runs(
     if not rivals or not levels:
         return None
 
-    def of(options: Sequence[Candidate]) -> dict[str, list[Information]]:
+    def of(options: Sequence[CandidateRun]) -> dict[str, list[Information]]:
         orders = [len(data)] * len(options)
         fit, noise = search.fits[chosen], search.problem.noise[0]
         problem, at = hypothetical(robot, dict(search.terms), noise, options, orders, fit.point)

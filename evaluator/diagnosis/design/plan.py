@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.candidates.coordinates import Term
-from evaluator.diagnosis.design.candidate_runs import CORNERS, HEADINGS_DEG, MIDDLE, Candidate, Room, placed
+from evaluator.diagnosis.design.candidate_runs import CORNERS, HEADINGS_DEG, MIDDLE, CandidateRun, Room, placed
 from evaluator.diagnosis.design.next_runs import hypothetical
 from evaluator.diagnosis.inference.fit import prior_precision
 from evaluator.diagnosis.likelihood.mixed_model import at_scatter, reduce_runs
@@ -23,6 +22,7 @@ from evaluator.diagnosis.likelihood.noise import Noise
 from evaluator.diagnosis.likelihood.problem import Column, Point
 from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS
 from evaluator.errors import InputError
+from simulator.effects.coordinates import Candidate
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -50,14 +50,14 @@ class Expected:
 
 
 def plan_runs(
-    robot: Robot, terms: Mapping[str, Term], levels_rpm: Sequence[float], room: Room, count: int
-) -> list[Candidate]:
+    robot: Robot, terms: Mapping[str, Candidate], levels_rpm: Sequence[float], room: Room, count: int
+) -> list[CandidateRun]:
     """The runs of a good experiment, in the order in which to make them; room: where the marks may go.
 
     Raises InputError where no run fits.
     """
     cells = [_commands(levels_rpm, *cell) for cell in ROUND]
-    options: list[Candidate] = []
+    options: list[CandidateRun] = []
     for command in sorted({command for cell in cells for command in cell}):
         options += placed(robot, command, HEADINGS_DEG, room, (MIDDLE, *CORNERS))
     if not options:
@@ -98,7 +98,7 @@ def _commands(levels_rpm: Sequence[float], direction: int, side: int) -> list[tu
     return found
 
 
-def expected(robot: Robot, terms: Mapping[str, Term], runs: Sequence[Candidate]) -> list[Expected]:
+def expected(robot: Robot, terms: Mapping[str, Candidate], runs: Sequence[CandidateRun]) -> list[Expected]:
     """What these runs would show of every effect at a modest size, its least visible parameter."""
     nominal_columns = [Column(key) for key, tolerance in robot.tolerance.items() if tolerance > 0]
     information, columns = _information(robot, terms, runs, range(len(runs)), nominal_columns)
@@ -143,8 +143,8 @@ def _stated(column: Column, size: float) -> tuple[str, float]:
     assert term is not None
     coordinate = term.coordinates[column.coordinate]
     if coordinate.name in ("along", "across"):  # components of a size that has a direction
-        return next(iter(term.physical(term.neutral))), size
-    return coordinate.name, coordinate.neutral + size
+        return next(iter(term.physical(term.absent))), size
+    return coordinate.name, coordinate.absent + size
 
 
 def _left_over(total: Floats, own: int, others: Sequence[int]) -> float:
@@ -155,12 +155,12 @@ def _left_over(total: Floats, own: int, others: Sequence[int]) -> float:
     return float(np.sqrt(max(total[own, own] - cross @ solved, 0.0)))
 
 
-def _columns(terms: Mapping[str, Term]) -> list[Column]:
+def _columns(terms: Mapping[str, Candidate]) -> list[Column]:
     """A column for every coordinate of every effect; for an attraction one for each of some places."""
-    return [column for term in terms.values() if not term.leaps for column in _columns_of(term)]
+    return [column for term in terms.values() if not term.stepwise for column in _columns_of(term)]
 
 
-def _columns_of(term: Term) -> Iterator[Column]:
+def _columns_of(term: Candidate) -> Iterator[Column]:
     if term.starts:
         yield from (Column(term.id, 0, term, start) for start in term.starts[PLACES_OF_ATTRACTION])
     else:
@@ -169,8 +169,8 @@ def _columns_of(term: Term) -> Iterator[Column]:
 
 def _information(
     robot: Robot,
-    terms: Mapping[str, Term],
-    runs: Sequence[Candidate],
+    terms: Mapping[str, Candidate],
+    runs: Sequence[CandidateRun],
     orders: Sequence[int],
     nominal: Sequence[Column] = (),
 ) -> tuple[Floats, list[Column]]:

@@ -11,7 +11,6 @@ from dataclasses import astuple, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.candidates.coordinates import Term
 from evaluator.diagnosis.inference.fit_cache import End, question_of
 from evaluator.diagnosis.likelihood.mixed_model import (
     Linearized,
@@ -25,6 +24,7 @@ from evaluator.diagnosis.likelihood.mixed_model import (
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.diagnosis.likelihood.random_effects import MOST_SCATTER, settled
 from evaluator.diagnosis.likelihood.run_data import Values
+from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
 
@@ -69,7 +69,7 @@ class Fit:
         return replace(self, posterior=replace(self.posterior, log_evidence=self.posterior.log_evidence - less))
 
 
-def model_columns(terms: Sequence[Term], tolerance: Mapping[str, float]) -> tuple[Column, ...]:
+def model_columns(terms: Sequence[Candidate], tolerance: Mapping[str, float]) -> tuple[Column, ...]:
     """Columns of a model: nominal values that may move, then the coordinates of its terms."""
     nominal = tuple(Column(key) for key, value in tolerance.items() if value > 0)
     return nominal + tuple(Column(term.id, i, term) for term in terms for i in range(term.size))
@@ -83,7 +83,7 @@ def prior_precision(columns: Sequence[Column], tolerance: Mapping[str, float]) -
 def fit_model(
     problem: Problem,
     start: Point,
-    terms: Sequence[Term],
+    terms: Sequence[Candidate],
     tolerance: Mapping[str, float],
     runs: Sequence[int] | None = None,
     fixed: Values | None = None,
@@ -99,7 +99,7 @@ def fit_model(
     """
     chosen = tuple(range(len(problem.data))) if runs is None else tuple(runs)
     columns = tuple(column for column in model_columns(terms, tolerance) if column != held)
-    values = {term.id: start.terms.get(term.id, term.neutral) for term in terms}
+    values = {term.id: start.terms.get(term.id, term.absent) for term in terms}
     begin = replace(start, terms={**(fixed or {}), **values})
     question = question_of(
         *(begin.own, begin.nominal, begin.terms, sorted(values), chosen, dict(tolerance), most_scatter),

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.candidates.coordinates import Term
 from evaluator.diagnosis.inference.fit import Fit, fit_model, prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.mixed_model import MixedModel
 from evaluator.diagnosis.likelihood.problem import Column
+from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ class Ridge:
         return np.asarray(self.follow(walked) + beside)
 
 
-def ridge_of(search: Search, fit: Fit, term: Term) -> Ridge | None:
+def ridge_of(search: Search, fit: Fit, term: Candidate) -> Ridge | None:
     """The ridge of the coordinate of a term that the linear view describes worst; None where it describes all."""
     worst, found = np.log1p(BENT), None
     # The scatter of the runs is uncertain, which widens the interval beyond that at the best scatter.
@@ -136,8 +136,8 @@ class _Walk:
         for column, slope in zip(self._fit.columns, self._along, strict=True):
             point = point.moved(column, float(slope) * (value - self.start))
         terms = {effect: self._search.terms[effect].clipped(values) for effect, values in point.terms.items()}
-        free = [self._search.terms[effect] for effect in sorted(terms) if not self._search.terms[effect].leaps]
-        fixed = {effect: values for effect, values in terms.items() if self._search.terms[effect].leaps}
+        free = [self._search.terms[effect] for effect in sorted(terms) if not self._search.terms[effect].stepwise]
+        fixed = {effect: values for effect, values in terms.items() if self._search.terms[effect].stepwise}
         begin = replace(point, terms=terms)
         try:
             found = fit_model(

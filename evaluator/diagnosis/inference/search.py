@@ -13,11 +13,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from evaluator.diagnosis.candidates.coordinates import Term
 from evaluator.diagnosis.inference.fit import Fit, fit_model, prior_precision
 from evaluator.diagnosis.likelihood.mixed_model import MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import Values
+from simulator.effects.coordinates import Candidate
 
 # Prior of no, one, two, three effects. A lab that asks is as likely as not to have one; each further one is rarer.
 SIZE_PRIOR = (0.5, 0.35, 0.12, 0.03)
@@ -43,7 +43,7 @@ class Search:
     """Everything a search knows: the problem, the candidates, and all fits made so far."""
 
     problem: Problem
-    terms: Mapping[str, Term]
+    terms: Mapping[str, Candidate]
     tolerance: Mapping[str, float]
     runs: tuple[int, ...]
     fits: dict[frozenset[str], Fit] = field(default_factory=dict)
@@ -106,16 +106,16 @@ class Screen:
         assert term is not None
         place, leap = self.columns[extra[0]].start, self.columns[extra[0]].leap
         if leap is not None:
-            return (term.neutral[0] + leap,)
+            return (term.absent[0] + leap,)
         if place is None:
-            return term.neutral
+            return term.absent
         mean = self.beyond.posterior(extra).mean[0]
         values = list(place)
         values[0] += float(mean)
         return term.clipped(tuple(values))
 
 
-def screen(search: Search, point: Point, inside: Sequence[str], candidates: Iterable[Term]) -> Screen:
+def screen(search: Search, point: Point, inside: Sequence[str], candidates: Iterable[Candidate]) -> Screen:
     """Linearize at a point with the terms inside and every candidate not inside."""
     columns = [Column(key) for key, value in search.tolerance.items() if value > 0]
     columns += [Column(effect, i, search.terms[effect]) for effect in inside for i in range(search.terms[effect].size)]
@@ -125,8 +125,8 @@ def screen(search: Search, point: Point, inside: Sequence[str], candidates: Iter
         if term.id in inside:
             continue
         new: list[tuple[Column, ...]]
-        if term.leaps:
-            new = [(Column(term.id, 0, term, leap=start[0] - term.neutral[0]),) for start in term.starts]
+        if term.stepwise:
+            new = [(Column(term.id, 0, term, leap=start[0] - term.absent[0]),) for start in term.starts]
         elif term.starts:
             new = [(Column(term.id, 0, term, start),) for start in term.starts]
         else:
@@ -155,9 +155,9 @@ def _leaps_right(beyond: MixedModel, columns: Sequence[Column], extra: tuple[int
 def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit) -> Fit | None:
     """Fit a set once from these starting values; keep it where it is the best fit of the set so far."""
     values = {**origin.point.terms, **starts}
-    smooth = [search.terms[effect] for effect in sorted(ids) if not search.terms[effect].leaps]
-    fixed = {effect: values[effect] for effect in ids if search.terms[effect].leaps}
-    values = {effect: values.get(effect, search.terms[effect].neutral) for effect in ids}
+    smooth = [search.terms[effect] for effect in sorted(ids) if not search.terms[effect].stepwise]
+    fixed = {effect: values[effect] for effect in ids if search.terms[effect].stepwise}
+    values = {effect: values.get(effect, search.terms[effect].absent) for effect in ids}
     fit = _fit_from(search, Point(origin.point.own, origin.point.nominal, values), smooth, fixed)
     if fit is None or not fit.converged:
         # friction and gains with which a wrong model helped itself may be a place from which no step leads on
@@ -183,7 +183,7 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit) ->
 def _fit_from(
     search: Search,
     begin: Point,
-    smooth: Sequence[Term],
+    smooth: Sequence[Candidate],
     fixed: Values,
     most_scatter: tuple[float, ...] | None = None,
 ) -> Fit | None:
@@ -221,7 +221,7 @@ def _leaps(search: Search, start: Point) -> None:
     There the data want a leap as a whole or not at all. The null has bent friction, gains and poses to what it cannot
     do, a robot that stands still where it should move, and from there no leap looks right.
     """
-    leaping = [term for term in search.terms.values() if term.leaps]
+    leaping = [term for term in search.terms.values() if term.stepwise]
     view = screen(search, start, (), leaping)
     for effect, extra in _ordered(view, view.offers)[:LEAPS_REFITTED]:
         fit_set(
@@ -246,7 +246,7 @@ def extend(search: Search, ids: frozenset[str]) -> None:
     """Linearize at a fitted set, and fit it with each of the most promising additions."""
     fit = search.reached(ids)
     assert fit is not None
-    smooth = [effect for effect in sorted(ids) if not search.terms[effect].leaps]
+    smooth = [effect for effect in sorted(ids) if not search.terms[effect].stepwise]
     view = screen(search, fit.point, smooth, [term for effect, term in search.terms.items() if effect not in ids])
     ordered = _ordered(view, view.offers)
     base = view.evidence()

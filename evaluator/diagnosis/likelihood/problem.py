@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.candidates.coordinates import Term
 from evaluator.diagnosis.inference.fit_cache import Ends
 from evaluator.diagnosis.likelihood.drift import with_drift
 from evaluator.diagnosis.likelihood.features import (
@@ -27,6 +26,7 @@ from evaluator.diagnosis.likelihood.features import (
 from evaluator.diagnosis.likelihood.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise import Noise
 from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, SHARED_UNIT, Forward, RunData, Task, is_shared
+from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class Column:
 
     key: str
     coordinate: int = 0
-    term: Term | None = None
+    term: Candidate | None = None
     start: tuple[float, ...] | None = None
     leap: float | None = None  # for an effect without a derivative: the whole change to be tried
 
@@ -62,7 +62,7 @@ class Column:
     @property
     def neutral(self) -> float:
         """Value where nothing is changed."""
-        return 0.0 if self.term is None else self.term.coordinates[self.coordinate].neutral
+        return 0.0 if self.term is None else self.term.coordinates[self.coordinate].absent
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Point:
         """The point with one common parameter changed."""
         if column.term is None:
             return replace(self, nominal={**self.nominal, column.key: self.nominal.get(column.key, 0.0) + amount})
-        values = list(self.terms.get(column.key, column.start or column.term.neutral))
+        values = list(self.terms.get(column.key, column.start or column.term.absent))
         values[column.coordinate] += amount
         return replace(self, terms={**self.terms, column.key: tuple(values)})
 

@@ -13,16 +13,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.candidates.coordinates import Term
 from evaluator.diagnosis.candidates.free_form import FreeTerm
 from evaluator.diagnosis.likelihood.known_to import CLOCK, GRAVITY, LEVEL, RADIUS_DIFFERENCE, START
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Floats, RunData, Task, Values, is_shared
 from simulator.command import Command
-from simulator.dynamics.model import MODEL, Draft
-from simulator.effects.catalogue import EFFECTS, apply_effects, view_of
+from simulator.dynamics.model import MODEL, apply_effects, record_of
+from simulator.effects.catalogue import EFFECTS
+from simulator.effects.coordinates import Candidate
+from simulator.effects.draft import Draft
 from simulator.effects.view import View
 from simulator.errors import SimulationError
 from simulator.integrator.batch import integrate_many
+from simulator.observation import view_of
 from simulator.robot import Robot
 
 # Runs of a robot take up to some hundred steps. Where a fit tries what makes wheels chatter they would take any number:
@@ -33,7 +35,7 @@ TOLERANCE_MM = 1e-6
 
 
 # Effects that differ from run to run of a session; all others are compiled once for all runs of a robot.
-BY_ORDER = frozenset({"speed-drift"})
+BY_ORDER = frozenset(effect.id for effect in EFFECTS.values() if effect.varies_by_run)
 MOST_VARIANTS = 5000
 
 
@@ -55,7 +57,7 @@ class Simulated:
         self,
         robots: Sequence[Robot],
         data: Sequence[RunData],
-        terms: Mapping[str, Term],
+        terms: Mapping[str, Candidate],
         known: Mapping[str, float] | None = None,
         start_sigma_s: float = 0.0,
     ) -> None:
@@ -195,11 +197,11 @@ class Simulated:
         robot = varied_robot(self.robots[kind], {key: value for key, value in nominal.items() if not is_shared(key)})
         view, draft = view_of(robot), Draft(robot, order)
         try:
-            apply_effects(draft)
+            apply_effects(draft, robot.effect)
             self._add_known(nominal, draft, view)
             for effect, values in terms.items():
                 self._add(effect, values, draft, view)
-            return Variant(draft.record().view(np.int64), view)
+            return Variant(record_of(draft).view(np.int64), view)
         except SimulationError:
             return Variant(None, view)  # outside what can be simulated; the caller sees NaN and steps back
 

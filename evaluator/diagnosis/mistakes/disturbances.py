@@ -47,8 +47,9 @@ def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
     return found
 
 
-def late_starts(data: Sequence[RunData]) -> list[Found]:
+def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
     """Runs that start at another time than the file says, against the other runs of the session, or outside."""
+    del robots
     found, late = [], {}
     for run in data:
         first, last = float(run.time_s[0]), float(run.time_s[-1])
@@ -77,10 +78,10 @@ def late_starts(data: Sequence[RunData]) -> list[Found]:
 def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
     """Runs that stand, are held or pushed for a moment, or whose camera moved."""
     found = []
-    standing = {run.id for run, robot in zip(data, robots, strict=True) if _stands(run, robot)}
+    standing = standing_runs(data, robots)
     for run in data:
         if run.id in standing:
-            if not _slower_ones_stand_too(run, data, standing):
+            if not slower_ones_stand_too(run, data, standing):
                 remedy = "look at the recording: is the robot held, or a motor off?"
                 found.append(Found(run.id, "stuck", "hardly moves, though runs of slower wheels do", remedy))
             continue
@@ -95,6 +96,11 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
     return found
 
 
+def standing_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> set[str]:
+    """Ids of the runs that cover nearly nothing of the way that their wheels would roll."""
+    return {run.id for run, robot in zip(data, robots, strict=True) if _stands(run, robot)}
+
+
 def _stands(run: RunData, robot: Robot) -> bool:
     """Whether a run with its motors on covers nearly nothing of the way that its wheels would roll."""
     end = float(run.time_s[-1]) if run.stop_s is None else min(run.stop_s, float(run.time_s[-1]))
@@ -104,12 +110,12 @@ def _stands(run: RunData, robot: Robot) -> bool:
         return False
     rolled = faster * 2 * np.pi * robot.wheels.radius_mm / 60 * seconds
     seen = run.marks_mm[np.isfinite(run.marks_mm).all(axis=1)]
-    steps = seen[:: max(len(seen) // 40, 1)]
-    way = float(np.sum(np.hypot(*np.diff(steps[:, :2], axis=0).T)))
+    off = seen - seen[0]
+    way = float(np.percentile(np.hypot(off[:, [0, 2]], off[:, [1, 3]]), 95))
     return way < STANDS_SHARE * rolled
 
 
-def _slower_ones_stand_too(run: RunData, data: Sequence[RunData], standing: set[str]) -> bool:
+def slower_ones_stand_too(run: RunData, data: Sequence[RunData], standing: set[str]) -> bool:
     """Whether every other run whose wheels are commanded no faster stands as well: then it is a dead band."""
     faster = max(abs(run.left_rpm), abs(run.right_rpm))
     slower = [

@@ -38,6 +38,7 @@ class Alternative:
     kind: Kind | None
     run: RunData
     words: str = ""
+    own: bool = False  # something that only this run has speaks for it
 
 
 def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
@@ -85,6 +86,9 @@ def _judged(of_run: list[Alternative], misfits: Floats, extent: float, usual: se
     stated = float(misfits[0])
     if not np.isfinite(stated) or stated < MISFIT_SHARE * extent or not np.isfinite(misfits[1:]).any():
         return None
+    # at the frame intervals of all other runs, one run alone has no other rate
+    refused = [way.kind == "wrong-rate" and not way.own and "wrong-rate" not in usual for way in of_run]
+    misfits = np.where(refused, np.inf, misfits)
     best = float(np.nanmin(misfits[1:]))
     if stated < BETTER * best:
         return None
@@ -131,6 +135,7 @@ def _alternatives(
             "wrong-rate",
             replace(run, time_s=run.time_s / ratio, start_s=run.start_s),
             f"moves as if its seconds were {ratio:.3g} times as long as they are",
+            own=interval_ratio is not None,
         )
         for ratio in rates
     ]

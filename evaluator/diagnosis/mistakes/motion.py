@@ -6,14 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 
 Floats = NDArray[np.float64]
 
 WINDOW_S = 0.15  # of a velocity: nine frames at 60/s, shorter than any push by hand
-ONSET_SPAN_S = 0.6  # of motion from which the onset is extrapolated back
-ONSET_SIGMAS = 8.0  # of the scatter at rest: moving
+ONSET_SPAN_S = 0.4  # of motion from which the onset is extrapolated back: a chord is a path still
+ONSET_SIGMAS, ONSET_LEAST_MM = 6.0, 0.02  # beyond this much of the scatter at rest, and this distance: moving
 FEWEST_AT_REST = 4
 
 
@@ -72,29 +73,30 @@ def motion_of(run: RunData, between: tuple[float, float] | None = None) -> Motio
 
 
 def onset_s(run: RunData) -> float | None:
-    """When motion begins, s: the distance from the place of rest, extrapolated back to nothing; None where unseen.
+    """When motion begins, s: the distance of the faster mark from its place of rest, extrapolated back to nothing.
 
-    Needs frames at rest before. First-order lag of the motors delays it by its time constant.
+    None where no rest before it is seen, or no motion. A lag of the motors delays it by its time constant.
     """
-    time, middle, _ = midpoint_and_heading(run)
+    seen = np.isfinite(run.marks_mm).all(axis=1)
+    time, marks = run.time_s[seen], run.marks_mm[seen]
     rest = max(FEWEST_AT_REST, int(np.searchsorted(time, time[0] + WINDOW_S)))
     if len(time) < 3 * rest:
         return None
-    scatter = max(float(1.4826 * np.median(np.abs(np.diff(middle[:rest], axis=0)))), 1e-4)
-    away = np.hypot(*(middle - np.median(middle[:rest], axis=0)).T)
-    smooth = np.array([np.median(away[max(i - 2, 0) : i + 3]) for i in range(len(away))])
-    moving = np.flatnonzero(smooth > ONSET_SIGMAS * scatter + 0.02)
-    if not len(moving) or moving[0] <= rest:
+    off = marks - np.median(marks[:rest], axis=0)
+    bends = np.diff(marks, n=2, axis=0)  # of a moving robot too: nearly all noise, √6 times that of a frame
+    scatter = max(float(np.median(np.abs(bends))) * 1.4826 / 6**0.5, float(np.std(off[:rest])))
+    away = median_filter(np.maximum(np.hypot(off[:, 0], off[:, 1]), np.hypot(off[:, 2], off[:, 3])), 5)
+    least = ONSET_SIGMAS * scatter + ONSET_LEAST_MM
+    if away[:rest].max() > least or not (away > least).any():
         return None
-    # the last frame of rest is where the distance was last within the scatter before it grew
-    first = int(moving[0])
+    first = int(np.flatnonzero(away > least)[0])
+    if first <= rest:
+        return None
     part = slice(first, int(np.searchsorted(time, time[first] + ONSET_SPAN_S)))
-    if len(time[part]) < 5:
+    if len(time[part]) < FEWEST_AT_REST:
         return None
-    path = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(middle[part], axis=0).T))])
-    straight = smooth[part]
-    slope, level = np.polyfit(time[part], straight if straight[-1] > 0.8 * path[-1] else path + straight[0], 1)
-    return float(-level / slope) if slope > 0 else None
+    slope, level = np.polyfit(time[part] - time[first], away[part], 1)
+    return float(time[first] - level / slope) if slope > 0 else None
 
 
 def jump(run: RunData) -> tuple[float, float] | None:

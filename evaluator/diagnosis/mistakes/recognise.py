@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, wrong_scale
+from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
 from evaluator.diagnosis.mistakes.hypotheses import misread_runs
 from evaluator.diagnosis.mistakes.recognised import Found, Mistake, mistakes_of
 from simulator.robot import Robot
@@ -17,9 +17,12 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     robots: one per run, as their files say.
     """
     found: list[Found] = wrong_scale(data, robots)
-    found += late_starts(data)
     found += _of_the_rest(disturbed_runs, data, robots, found)
-    found += _of_the_rest(misread_runs, data, robots, found)
+    standing = standing_runs(data, robots)  # of a dead band: nothing tells what they were commanded
+    moving = [(run, robot) for run, robot in zip(data, robots, strict=True) if run.id not in standing]
+    read = [run for run, _ in moving], [robot for _, robot in moving]
+    found += _of_the_rest(misread_runs, *read, found)
+    found += _of_the_rest(late_starts, *read, found)
     return mistakes_of(found, len(data))
 
 

@@ -27,7 +27,15 @@ RIVALS_LISTED = 8
 
 def record(diagnosis: Diagnosis) -> Json:
     """The content of diagnosis.json."""
-    found: Json = {"format": 1, "verdict": diagnosis.verdict, "reason": diagnosis.reason}
+    found: Json = {
+        "format": 1,
+        "verdict": diagnosis.verdict,
+        "reason": diagnosis.reason,
+        "mistakes": [
+            {"runs": list(item.runs), "kind": item.kind, "sentence": item.sentence}
+            for item in diagnosis.session.mistakes
+        ],
+    }
     if diagnosis.search is None:
         return found | {
             "effects": [],

@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 
 from evaluator.diagnosis.assessment.disagreement import Interval, root_mean_squares
 from evaluator.diagnosis.assessment.model_comparison import SAME_SIGMAS, is_free
-from evaluator.diagnosis.candidates.coordinates import Parameters, Term
 from evaluator.diagnosis.candidates.free_form import FreeTerm
 from evaluator.diagnosis.diagnosis import Diagnosis
 from simulator.effects.catalogue import EFFECTS
+from simulator.effects.coordinates import Candidate
 
 Json = dict[str, Any]
 Floats = NDArray[np.float64]
 
-MISMATCH, SCALE = "drive-speed-mismatch", "drive-speed-scale"
 DRAWS = 4000
 DRAW_SEED = 20120612  # intervals of directions and anchors are read from draws; the same input gives the same output
 
@@ -52,22 +51,21 @@ def effects(diagnosis: Diagnosis) -> list[Json]:
 
 
 def _without_repetition(found: list[Json], diagnosis: Diagnosis) -> list[Json]:
-    """Effects with one cause told once: one wheel that is off makes a mismatch, and both together a scale."""
-    ids = [effect["id"] for effect in found]
-    if diagnosis.verdict != "effect" or not {MISMATCH, SCALE} <= set(ids):
+    """Effects that are one cause are told once, where the declaration of one of them says so."""
+    if diagnosis.verdict != "effect":
         return found
     assert diagnosis.terms is not None
-    drawn = _drawn(diagnosis, (diagnosis.terms[MISMATCH], diagnosis.terms[SCALE]))
-    ratio, mean = drawn["left_over_right"], drawn["factor"]
-    left_sound, right_sound = (
-        bool(np.percentile(speed, 2.5) <= 1.0 <= np.percentile(speed, 97.5))
-        for speed in (mean * 2 * ratio / (1 + ratio), mean * 2 / (1 + ratio))
-    )
-    if left_sound == right_sound:
-        return found
-    mismatch = found[ids.index(MISMATCH)]
-    mismatch["name"] += f": the {'left' if right_sound else 'right'} wheel alone is off"
-    return [effect for effect in found if effect["id"] != SCALE]
+    ids = [effect["id"] for effect in found]
+    said = set()
+    for effect in found:
+        cause = EFFECTS[effect["id"]].single_cause if effect["id"] in EFFECTS else None
+        if cause is None or cause.other not in ids:
+            continue
+        words = cause.words(_drawn(diagnosis, (diagnosis.terms[effect["id"]], diagnosis.terms[cause.other])))
+        if words:
+            effect["name"] += f": {words}"
+            said.add(cause.other)
+    return [effect for effect in found if effect["id"] not in said]
 
 
 def _bounded(values: Interval) -> Json:
@@ -102,17 +100,16 @@ def equivalents(diagnosis: Diagnosis, effect: str) -> list[str]:
     return [other for _, other in near]
 
 
-def parameters(diagnosis: Diagnosis, term: Term) -> Json:
+def parameters(diagnosis: Diagnosis, term: Candidate) -> Json:
     """Value and 95 % interval of every physical parameter of a term of the chosen set."""
-    fit = diagnosis.fit
-    values = fit.point.terms[term.id]
-    if term.leaps:
-        return _leap(term, values)
+    values = diagnosis.fit.point.terms[term.id]
+    if term.stepwise:
+        return _stepwise(term, values)
     best, drawn = term.physical(values), _drawn(diagnosis, (term,))
-    return {name: _interval(name, best, drawn[name]) for name in best}
+    return {name: _interval(best[name], drawn[name], _period(term.id, name)) for name in best}
 
 
-def _drawn(diagnosis: Diagnosis, terms: Sequence[Term]) -> dict[str, Floats]:
+def _drawn(diagnosis: Diagnosis, terms: Sequence[Candidate]) -> dict[str, Floats]:
     """Draws of all physical parameters of some terms of the chosen set together, by name, (DRAWS,) each."""
     fit = diagnosis.fit
     mean, covariance = np.array([fit.point.value(column) for column in fit.columns]), fit.posterior.covariance
@@ -127,26 +124,29 @@ def _drawn(diagnosis: Diagnosis, terms: Sequence[Term]) -> dict[str, Floats]:
     found: dict[str, Floats] = {}
     for term in terms:
         own = [i for i, column in enumerate(fit.columns) if column.key == term.id]
-        physical = [term.physical(term.clipped(tuple(row))) for row in draws[:, own] + np.array(term.neutral)]
+        physical = [term.physical(term.clipped(tuple(row))) for row in draws[:, own] + np.array(term.absent)]
         found |= {name: np.array([item[name] for item in physical]) for name in physical[0]}
     return found
 
 
-def _interval(name: str, best: Parameters, draws: Floats) -> Json:
-    value = best[name]
-    if name.endswith(("azimuth_deg", "phase_deg", "direction_deg")):
-        period = 180.0 if name == "direction_deg" else 360.0
-        turned = (draws - value + period / 2) % period - period / 2
-        low, high = value + np.percentile(turned, [2.5, 97.5])
-    else:
-        low, high = np.percentile(draws, [2.5, 97.5])
-    return _bounded((value, float(low), float(high)))
+def _period(effect: str, name: str) -> float | None:
+    declared = EFFECTS[effect].parameter(name) if effect in EFFECTS else None
+    return declared.period if declared else None
 
 
-def _leap(term: Term, values: Sequence[float]) -> Json:
-    """A dead band lies anywhere between two commands that were given."""
-    low, high = next(edges for edges in term.between if edges[0] <= values[0] <= edges[1])
-    return {"rpm": _bounded((values[0], low, high))}
+def _interval(best: float, draws: Floats, period: float | None) -> Json:
+    """Value with the 95 % of its draws; those of an angle are taken by the shorter way around its period."""
+    if period is not None:
+        draws = best + (draws - best + period / 2) % period - period / 2
+    low, high = np.percentile(draws, [2.5, 97.5])
+    return _bounded((best, float(low), float(high)))
+
+
+def _stepwise(term: Candidate, values: Sequence[float]) -> Json:
+    """Parameters of a response in steps: anywhere in the interval between two steps, no value likelier than another."""
+    edges = next(gap for gap in term.between if gap[0] <= values[0] <= gap[1])
+    best, low, high = (term.physical((value,)) for value in (values[0], *edges))
+    return {name: _bounded((best[name], low[name], high[name])) for name in best}
 
 
 def rounded(value: float) -> float | None:

@@ -51,7 +51,7 @@ def _verdict(view: DiagnosisView) -> Section:
     text += [equivalents_sentence(effect) for effect in content.get("effects") or []]
     text.append(separations_sentence(content))
     rows = [
-        (effect["name"], *parameter(name), best, f"{low} to {high}")
+        (effect["name"], *parameter(name, effect["id"]), best, f"{low} to {high}")
         for effect in content.get("effects") or []
         for name, value in effect["parameters"].items()
         for best, low, high in [with_interval(value)]

@@ -10,25 +10,9 @@ from typing import Any
 from evaluator.diagnosis.candidates.free_form import BASIS_WORDS, CHANNEL_WORDS, PREFIX, free_terms
 from evaluator.report.numbers import UNKNOWN, number, significant
 from simulator.effects.catalogue import EFFECTS
+from simulator.effects.parameter import UNITS, Unit
 
 Json = dict[str, Any]
-
-# By the end of a parameter's name, the longer ends first.
-UNIT_WORDS = {
-    "rpm_per_uN_mm": "rpm/(µN·mm)",
-    "deg_per_mN": "°/mN",
-    "mN_s_mm": "mN·s/mm",
-    "uN_mm_s": "µN·mm·s",
-    "mN_mm": "mN/mm",
-    "per_run": "per run",
-    "deg_s": "°/s",
-    "mm_s": "mm/s",
-    "deg": "°",
-    "mm": "mm",
-    "mN": "mN",
-    "rpm": "rpm",
-    "s": "s",
-}
 
 
 def verdict_sentence(content: Json) -> str:
@@ -67,25 +51,32 @@ def _sizes(effect: Json) -> str:
     """Sizes with their 95 % intervals, for a sentence."""
     parts: list[str] = []
     for name, value in effect["parameters"].items():
-        words, unit = parameter(name)
+        words, unit = parameter(name, effect["id"])
         best, low, high = with_interval(value)
         size = f"{best} {unit}".replace(" °", "°").rstrip()
         parts.append(f"{words} {size} [{'' if parts else '95 %: '}{low} to {high}]")
     return ", " + ", ".join(parts) if parts else ""
 
 
-def parameter(name: str) -> tuple[str, str]:
-    """A parameter's name in words, and its unit."""
+def parameter(name: str, effect_id: str = "") -> tuple[str, str]:
+    """A parameter's name in words, and its unit: the declared one, else that in which the name ends."""
     channel, *basis = name.split(".")
     if basis:  # of a free-form term: channel.basis or channel.basis.pattern
-        unit = (CHANNEL_WORDS[channel][1] + BASIS_WORDS[basis[0]][1]) if channel in CHANNEL_WORDS else ""
-        return " ".join(name.replace("_", " ").split(".")), "" if unit == "1" else unit
-    for suffix, unit in UNIT_WORDS.items():
-        if name == suffix or name.endswith(f"_{suffix}"):
-            return name.removesuffix(suffix).rstrip("_").replace("_", " ") or "size", unit
-    if name.startswith("per_mm_"):
-        return f"along {name[-1]}", "per mm"
-    return name.replace("_", " "), ""
+        shown = (CHANNEL_WORDS[channel][1] + BASIS_WORDS[basis[0]][1]) if channel in CHANNEL_WORDS else ""
+        return " ".join(name.replace("_", " ").split(".")), "" if shown == "1" else shown
+    declared = EFFECTS[effect_id].parameter(name) if effect_id in EFFECTS else None
+    unit = UNITS[declared.unit] if declared else _unit_of(name)
+    if unit.ending and name.startswith(f"{unit.ending}_"):
+        return f"along {name.removeprefix(f'{unit.ending}_')}", unit.shown
+    return name.removesuffix(unit.ending).rstrip("_").replace("_", " ") or "size", unit.shown
+
+
+def _unit_of(name: str) -> Unit:
+    """The unit in which a name ends; of a gradient (per_mm_x), with which it begins."""
+    for unit in UNITS.values():
+        if unit.ending and f"_{name}".endswith(f"_{unit.ending}"):
+            return unit
+    return UNITS["1/mm"] if name.startswith("per_mm_") else UNITS[""]
 
 
 def with_interval(value: Json) -> tuple[str, str, str]:

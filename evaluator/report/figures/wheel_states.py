@@ -13,7 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Rectangle
 
 from evaluator.report.style import BLUE, FAINT, INK, PAPER, SOFT, VERMILLION, Figure, drawing
-from simulator.robot import WHEELS, Robot
+from simulator.nominal_robot import WHEELS
+from simulator.robot import Robot
 from simulator.steady import SteadyTurn
 
 WHEEL_LENGTH_MM = 1.0  # along the axle: 0.75 mm of magnet and two yokes of 0.125 mm

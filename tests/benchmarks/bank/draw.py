@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from simulator.command import Command
-from simulator.effects.catalogue import view_of
-from simulator.observation import marks_of_run
-from simulator.robot import Effect, Robot, load_robot
+from simulator.effects.entry import EffectEntry
+from simulator.observation import marks_of_run, view_of
+from simulator.robot import Robot, load_robot
 from simulator.run import State
 from simulator.simulation import simulate
 from tests.benchmarks.bank.outside import KINDS, marks_of
@@ -138,7 +138,7 @@ def _write(
     shifts: dict[str, list[Array]] = {name: [] for name in (effects or ([outside] if outside else []))}
     nominal = load_robot("barrel")
     true = slip_changed(nominal, {key.split(".")[1]: 1 + rng.normal() * tol for key, tol in TOLERANCE.items()})
-    true = true.model_copy(update={"effect": tuple(Effect(id=key, **values) for key, values in effects.items())})
+    true = true.model_copy(update={"effect": tuple(EffectEntry(id=key, **values) for key, values in effects.items())})
     runs, count = ['format = 1\nname = "drawn"\nrobot = "robot.toml"\n'], int(rng.integers(16, 25))
     sigma, decay = float(np.exp(rng.uniform(np.log(0.002), np.log(0.008)))), rng.uniform(0.3, 0.92)
     hidden = Hidden(true, outside, size, rng.uniform(0.005, 0.03), rng.uniform(0.001, 0.006), sigma, decay)

@@ -33,9 +33,9 @@ def visible_sigmas(diagnosis: Diagnosis, shifts: Sequence[Floats], others: Colle
     problem, search = diagnosis.problem, diagnosis.search
     if problem is None or search is None:
         return float("nan")
-    terms = [search.terms[effect] for effect in others if not search.terms[effect].leaps]
+    terms = [search.terms[effect] for effect in others if not search.terms[effect].stepwise]
     near = {effect: values for fit in search.fits.values() for effect, values in fit.point.terms.items()}
-    start = Point(search.null.point.own, search.null.point.nominal, {t.id: near.get(t.id, t.neutral) for t in terms})
+    start = Point(search.null.point.own, search.null.point.nominal, {t.id: near.get(t.id, t.absent) for t in terms})
     misfit = []
     for shift in ([np.zeros(1)] * len(shifts), shifts):
         data = tuple(

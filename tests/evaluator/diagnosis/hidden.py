@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,9 @@ import numpy as np
 from evaluator.diagnosis.experiment import Session, session_of
 from evaluator.settings import load_experiment
 from simulator.command import Command
+from simulator.effects.entry import EffectEntry
 from simulator.observation import marks_of_run
-from simulator.robot import Effect, load_robot, shipped_robot_text
+from simulator.robot import load_robot, shipped_robot_text
 from simulator.run import State
 from simulator.simulation import simulate
 
@@ -39,7 +41,7 @@ def write_hidden(
     rng = np.random.default_rng(seed)
     true = load_robot("barrel")
     true = true.model_copy(
-        update={"effect": tuple(Effect.model_validate({"id": key, **values}) for key, values in effects.items())}
+        update={"effect": tuple(EffectEntry.model_validate({"id": key, **values}) for key, values in effects.items())}
     )
     folder.mkdir(parents=True, exist_ok=True)
     stated = [f'"{key}" = {value}' for key, value in (tolerance or {}).items()]
@@ -64,7 +66,14 @@ def write_hidden(
     return path
 
 
-def hidden_session(folder: Path, effects: Mapping[str, Mapping[str, float]], seed: int = 3) -> Session:
-    """The runs of `write_hidden` as a diagnosis reads them."""
+def hidden_session(
+    folder: Path, effects: Mapping[str, Mapping[str, float]], seed: int = 3, *, exact: bool = False
+) -> Session:
+    """The runs of `write_hidden` as a diagnosis reads them; exact: of a laboratory that knows everything exactly."""
     experiment = load_experiment(write_hidden(folder, effects, seed=seed))
-    return session_of(experiment, {run.id: run.marks for run in experiment.run if run.marks is not None})
+    session = session_of(experiment, {run.id: run.marks for run in experiment.run if run.marks is not None})
+    return (
+        replace(session, known=(), start_sigma_s=0.0, data=tuple(replace(run, systematic={}) for run in session.data))
+        if exact
+        else session
+    )

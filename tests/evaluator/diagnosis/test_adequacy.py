@@ -18,10 +18,10 @@ def _experiment(rng: np.random.Generator, drift: float = 0.0) -> tuple[float, st
         left, right = COMMANDS[order % len(COMMANDS)]
         data.append(RunData(str(order), left, right, 0.0, None, np.arange(4) / 2, rng.normal(size=(4, 4)) * 10, order))
         friction = 1e-4 if abs(left) == abs(right) else rng.uniform(0.2, 0.9)
-        told.append([friction, *rng.uniform(0.7, 1.0, 2)])
+        told.append([friction, *rng.uniform(0.7, 1.0, 3)])
     shares: NDArray[np.float64] = np.array(told)
-    true = rng.normal(size=(20, 3)) + drift * np.arange(20)[:, None]
-    return _order(shares * true + np.sqrt(shares * (1 - shares)) * rng.normal(size=(20, 3)), shares, data)
+    true = rng.normal(size=(20, 4)) + drift * np.arange(20)[:, None]
+    return _order(shares * true + np.sqrt(shares * (1 - shares)) * rng.normal(size=(20, 4)), shares, data)
 
 
 def test_chance_is_called_something_else_as_seldom_as_said() -> None:

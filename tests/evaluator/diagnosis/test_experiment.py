@@ -14,9 +14,10 @@ from simulator.command import Command
 from simulator.dynamics.model import compile_robot
 from simulator.dynamics.terms import PATTERNS
 from simulator.effects.catalogue import EFFECTS
+from simulator.effects.entry import EffectEntry
 from simulator.effects.free_form import ID as FREE_FORM
 from simulator.observation import marks_of_run
-from simulator.robot import Effect, load_robot
+from simulator.robot import load_robot
 from simulator.run import State
 from simulator.simulation import simulate
 
@@ -32,22 +33,22 @@ def test_every_effect_of_the_catalogue_is_a_candidate_with_its_own_parameters() 
     terms = named_terms(20.0, (30.0, 60.0))
     assert set(terms) == set(EFFECTS)
     for effect, term in terms.items():
-        assert set(term.physical(term.neutral)) == {parameter.name for parameter in EFFECTS[effect].parameters}
+        assert set(term.physical(term.absent)) == {parameter.name for parameter in EFFECTS[effect].parameters}
 
 
 def test_neutral_coordinates_change_nothing() -> None:
     data, terms = _runs([(33.3, 14.4)]), named_terms(20.0, (14.4, 33.3))
     simulated = Simulated([load_robot("barrel")], data, terms)
-    own = (1.0, 2.0, 0.3, 0.0, 0.0, 0.0)
+    own = (1.0, 2.0, 0.3, 0.0, 0.0, 0.0, 0.0)
     plain = simulated.marks([Task(0, own)])[0]
     for effect, term in terms.items():
-        assert np.abs(simulated.marks([Task(0, own, {}, {effect: term.neutral})])[0] - plain).max() < 1e-5, effect
+        assert np.abs(simulated.marks([Task(0, own, {}, {effect: term.absent})])[0] - plain).max() < 1e-5, effect
 
 
 def test_every_free_form_term_acts() -> None:
     data, free = _runs([(33.3, 14.4)]), free_terms()
     simulated = Simulated([load_robot("barrel")], data, free)
-    own = (3.0, 2.0, 0.3, 0.0, 0.0, 0.0)
+    own = (3.0, 2.0, 0.3, 0.0, 0.0, 0.0, 0.0)
     plain = simulated.marks([Task(0, own)])[0]
     for effect, term in free.items():
         step = tuple(coordinate.step for coordinate in term.coordinates)
@@ -58,8 +59,8 @@ def test_every_free_form_term_acts() -> None:
 def test_only_effects_that_are_compiled_run_by_run_know_the_order_of_the_runs() -> None:
     barrel = load_robot("barrel")
     for effect, definition in EFFECTS.items():
-        values = {parameter.name: parameter.neutral + parameter.step for parameter in definition.parameters}
-        robot = barrel.model_copy(update={"effect": (Effect.model_validate({"id": effect, **values}),)})
+        values = {parameter.name: parameter.absent + parameter.step for parameter in definition.parameters}
+        robot = barrel.model_copy(update={"effect": (EffectEntry.model_validate({"id": effect, **values}),)})
         same = compile_robot(robot, 0).tobytes() == compile_robot(robot, 7).tobytes()
         assert same == (effect not in BY_ORDER), effect
 
@@ -68,7 +69,7 @@ def test_marks_of_a_task_are_those_of_a_robot_with_its_friction_gains_and_effect
     data = _runs([(30.0, 30.0), (33.3, 14.4)])
     barrel, terms = load_robot("barrel"), {**named_terms(20.0, (14.4, 33.3)), **free_terms()}
     creep = "free:camera_x.time+camera_y.time"
-    own = (1.0, 2.0, 0.3, 0.05, 0.02, -0.01)
+    own = (1.0, 2.0, 0.3, 0.05, 0.02, -0.01, 0.0)
     task = Task(1, own, {"slip.lateral_friction": 0.1}, {"drive-speed-scale": (1.03,), creep: (0.02, -0.01)})
     seen = Simulated([barrel, barrel], data, terms).marks([Task(0, own), task])[1]
     slip = barrel.slip.model_copy(
@@ -82,7 +83,7 @@ def test_marks_of_a_task_are_those_of_a_robot_with_its_friction_gains_and_effect
         {"id": FREE_FORM, "channel": "camera_x", "basis": "time", "coefficient": 0.02},
         {"id": FREE_FORM, "channel": "camera_y", "basis": "time", "coefficient": -0.01},
     ]
-    robot = barrel.model_copy(update={"slip": slip, "effect": tuple(map(Effect.model_validate, entries))})
+    robot = barrel.model_copy(update={"slip": slip, "effect": tuple(map(EffectEntry.model_validate, entries))})
     command = Command.constant(33.3 * 1.02, 14.4 * 0.99, 0.1)
     marks = marks_of_run(robot, simulate(robot, command, data[1].time_s, State(*own[:3])))
     assert np.abs(seen - marks.iloc[:, 1:].to_numpy()).max() < 2e-5
@@ -91,7 +92,7 @@ def test_marks_of_a_task_are_those_of_a_robot_with_its_friction_gains_and_effect
 def test_what_cannot_be_simulated_is_nan_not_an_exception() -> None:
     data, terms = _runs([(30, 30)]), named_terms(20.0, (30.0,))
     simulated = Simulated([load_robot("barrel")], data, terms)
-    assert np.isnan(simulated.marks([Task(0, (0.0,) * 6, {}, {"mass-offset": (5.0, 0.0)})])[0]).all()
+    assert np.isnan(simulated.marks([Task(0, (0.0,) * 7, {}, {"mass-offset": (5.0, 0.0)})])[0]).all()
 
 
 def test_a_whole_command_and_repeats_are_kept_aside() -> None:

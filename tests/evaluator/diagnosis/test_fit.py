@@ -26,7 +26,7 @@ def fitted(session: Session, *effects: str) -> Fit:
 @pytest.fixture(scope="module")
 def faster(tmp_path_factory: pytest.TempPathFactory) -> Session:
     """Wheels that are faster than commanded: drag with the wrong sign would explain it."""
-    return hidden_session(tmp_path_factory.mktemp("faster"), {"drive-speed-scale": {"factor": 1.01}})
+    return hidden_session(tmp_path_factory.mktemp("faster"), {"drive-speed-scale": {"factor": 1.01}}, exact=True)
 
 
 def test_what_only_a_value_beyond_the_bounds_would_gain_is_no_evidence(faster: Session) -> None:
@@ -42,7 +42,7 @@ def test_fit_that_wants_friction_no_run_can_have_is_not_tried_without_limit_agai
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Only friction of 0.4 times the nominal explains the runs; each run's own may go to half of it."""
-    session = hidden_session(tmp_path, {"friction-level": {"factor": 0.4}})
+    session = hidden_session(tmp_path, {"friction-level": {"factor": 0.4}}, exact=True)
     right, wrong = fitted(session, "friction-level"), fitted(session, "mark-offset")
     assert (right.converged, right.overreaches) == (True, False)
     assert (wrong.converged, wrong.overreaches) == (False, True)

@@ -12,9 +12,9 @@ def _runs(rng: np.random.Generator, theta: float, tau: float, count: int = 24) -
     """Runs whose effect hides entirely in their friction: what happens in one run says nothing beyond that run."""
     result = []
     for _ in range(count):
-        start, scatter = rng.normal(size=(40, 3)), rng.normal(size=(40, 3)) * 50
+        start, scatter = rng.normal(size=(40, 3)), rng.normal(size=(40, 4)) * 50
         common = scatter[:, :1]
-        own = np.array([tau, 1e-3, 1e-3]) * rng.normal(size=3)
+        own = np.array([tau, 1e-3, 1e-3, 1.0]) * rng.normal(size=4)
         response = common[:, 0] * theta + scatter @ own + start @ rng.normal(size=3) * 10 + rng.normal(size=40)
         result.append(Linearized(response, common, start, scatter))
     return result
@@ -55,10 +55,10 @@ def test_a_prior_holds_a_nominal_value_within_its_tolerance() -> None:
 def test_parameters_that_only_stand_for_each_runs_own_friction_stay_within_their_bounds(seed: int) -> None:
     # what is left of the common parameters is a difference of equal numbers: rounding, of either sign
     rng = np.random.default_rng(seed)
-    same, root = rng.normal(size=(3, 4)), 1e7 * rng.normal(size=(6, 3, 3))
-    A, own = np.swapaxes(root, 1, 2) @ root, rng.normal(size=(6, 3))
+    same, root = rng.normal(size=(4, 4)), 1e7 * rng.normal(size=(6, 4, 4))
+    A, own = np.swapaxes(root, 1, 2) @ root, rng.normal(size=(6, 4))
     c = np.einsum("nij,nj->ni", A, own)
     s, C = np.einsum("ni,ni->n", own, c), A @ same
     reduced = Reduced(s, c @ same, same.T @ C, c, C, A, np.full(6, 100))
-    found = solve_within(reduced, np.zeros(4), np.array([0.3, 0.1, 0.1]), np.full(4, -0.01), np.full(4, 0.01))
+    found = solve_within(reduced, np.zeros(4), np.array([0.3, 0.1, 0.1, 1.0]), np.full(4, -0.01), np.full(4, 0.01))
     assert (np.abs(found) <= 0.01).all()

@@ -10,11 +10,12 @@ import pytest
 from click.testing import CliRunner
 
 from evaluator.cli.group import turnscope
-from evaluator.diagnosis.candidates.coordinates import Term, named_terms
-from evaluator.diagnosis.design.candidate_runs import Candidate, Room
+from evaluator.diagnosis.candidates.coordinates import named_terms
+from evaluator.diagnosis.design.candidate_runs import CandidateRun, Room
 from evaluator.diagnosis.design.plan import expected, plan_runs
 from evaluator.errors import InputError
 from simulator.command import Command
+from simulator.effects.coordinates import Candidate
 from simulator.observation import marks_of_run
 from simulator.robot import load_robot
 from simulator.run import State
@@ -24,17 +25,17 @@ ROOM = Room.of_plate((40.0, 30.0), 4.5)
 FEW = ("drive-speed-mismatch", "plate-tilt", "scrub-torque", "mark-offset", "friction-gradient")
 
 
-def _terms() -> dict[str, Term]:
+def _terms() -> dict[str, Candidate]:
     every = named_terms(15.0, (30.0, 60.0))
     return {effect: every[effect] for effect in FEW}
 
 
 @pytest.fixture(scope="module")
-def planned() -> list[Candidate]:
+def planned() -> list[CandidateRun]:
     return plan_runs(load_robot("barrel"), _terms(), (30.0, 60.0), ROOM, 18)
 
 
-def test_a_plan_is_balanced_and_repeats_commands_from_other_headings(planned: list[Candidate]) -> None:
+def test_a_plan_is_balanced_and_repeats_commands_from_other_headings(planned: list[CandidateRun]) -> None:
     kinds = Counter((np.sign(run.left_rpm + run.right_rpm), np.sign(run.right_rpm - run.left_rpm)) for run in planned)
     assert set(kinds.values()) == {3}
     assert len(kinds) == 6
@@ -45,7 +46,7 @@ def test_a_plan_is_balanced_and_repeats_commands_from_other_headings(planned: li
     assert len({(run.x_mm > 0, run.y_mm > 0) for run in planned}) == 4
 
 
-def test_planned_runs_stay_on_the_plate(planned: list[Candidate]) -> None:
+def test_planned_runs_stay_on_the_plate(planned: list[CandidateRun]) -> None:
     robot = load_robot("barrel")
     for run in planned:
         start = State(run.x_mm, run.y_mm, np.radians(run.heading_deg))
@@ -56,7 +57,7 @@ def test_planned_runs_stay_on_the_plate(planned: list[Candidate]) -> None:
         )
 
 
-def test_what_is_expected_grows_with_the_root_of_the_number_of_runs(planned: list[Candidate]) -> None:
+def test_what_is_expected_grows_with_the_root_of_the_number_of_runs(planned: list[CandidateRun]) -> None:
     robot = load_robot("barrel")
     once, twice = (expected(robot, _terms(), runs) for runs in (planned[:6], planned[:6] * 2))
     assert [item.effect for item in once] == list(FEW)

@@ -22,7 +22,7 @@ ENOUGH = 1.5  # of the drop of 3.84: the ends are walked to within a tenth, and 
 @pytest.fixture(scope="module")
 def search(tmp_path_factory: pytest.TempPathFactory) -> Search:
     """Runs of weaker magnets, fitted: how strong they are shows in little but weight and inertia beside them."""
-    session = hidden_session(tmp_path_factory.mktemp("weaker"), {"magnet-strength": WEAKER})
+    session = hidden_session(tmp_path_factory.mktemp("weaker"), {"magnet-strength": WEAKER}, exact=True)
     terms = named_terms(20.0, (30.0, 60.0))
     problem, start = build_problem(session.data, Simulated(session.robots, session.data, terms))
     found = Search(problem, terms, session.tolerance, tuple(range(len(session.data))))

@@ -56,7 +56,9 @@ def sessions(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, Session
         table.to_csv(run.marks, index=False)
         marks[run.id] = Path(run.marks)
         sightings.append(Sighting(table[list(COLUMNS)], "camera 1", camera, HEIGHT_MM))
-    exact = session_of(experiment, marks)
+    read = session_of(experiment, marks)
+    plain = tuple(replace(run, systematic={}) for run in read.data)
+    exact = replace(read, data=plain, known=(), start_sigma_s=0.0)
     errors = shared_errors(sightings)
     data = tuple(replace(run, systematic=error) for run, error in zip(exact.data, errors, strict=True))
     return exact, Session(data, exact.robots, exact.skipped)
@@ -88,7 +90,7 @@ def test_a_camera_known_badly_is_evidence_for_an_effect_only_where_it_is_taken_a
 def test_a_shared_error_moves_the_marks_as_its_unit_says(sessions: tuple[Session, Session]) -> None:
     _, known = sessions
     simulated = Simulated(known.robots, known.data, {})
-    own = (0.0, 0.0, 0.3, 0.0, 0.0, 0.0)
+    own = (0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0)
     key, shift = next(iter(known.data[2].systematic.items()))
     plain, moved = simulated.marks([Task(2, own), Task(2, own, {key: 2 * SHARED_UNIT})])
     assert np.allclose(moved - plain, 2 * shift, atol=1e-12)

@@ -8,7 +8,7 @@ import pytest
 
 from evaluator.errors import InputError
 from evaluator.workflow import Analysis, analyze, plan
-from simulator.robot import WHEELS
+from simulator.nominal_robot import WHEELS
 from tests.evaluator.synthetic import circling_marks, three_runs, write_experiment
 
 

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simulator.errors import SimulationError
-from simulator.robot import Slip, load_robot
+from simulator.nominal_robot import Slip
+from simulator.robot import load_robot
 from simulator.slip.bench import (
     COLUMNS,
     LATERAL_OK,

@@ -1,0 +1,103 @@
+"""The coordinates in which effects are fitted.
+
+A linear fit needs coordinates in which the response is smooth where the effect vanishes. Most effects are fitted in
+their own parameters. A size and a direction become Cartesian components, since the direction of nothing is undefined.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from simulator.effects.parameter import Parameter
+
+Parameters = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One number of a candidate: its value where the effect is absent, a small visible step, and physical bounds."""
+
+    name: str
+    absent: float
+    step: float
+    low: float = -inf
+    high: float = inf
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What coordinates may depend on of the runs that are fitted.
+
+    reach_mm: how far from the origin of the plate the robot moved; command_levels_rpm: the different |rpm| commanded.
+    """
+
+    reach_mm: float
+    command_levels_rpm: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect as it is fitted: coordinates, the effect's parameters from them, and where a fit may begin.
+
+    starts: full vectors of coordinates at which a linear fit is worth beginning where the response at the absent effect
+    says nothing (the place of an attraction whose force is zero). stepwise: the response is not differentiable, only
+    the starts are tried, and each stands for the interval of `between` around it, as (low, high).
+    """
+
+    id: str
+    coordinates: tuple[Coordinate, ...]
+    physical: Callable[[tuple[float, ...]], Parameters]
+    starts: tuple[tuple[float, ...], ...] = ()
+    stepwise: bool = False
+    between: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return len(self.coordinates)
+
+    @property
+    def absent(self) -> tuple[float, ...]:
+        """Coordinates where the effect is absent."""
+        return tuple(item.absent for item in self.coordinates)
+
+    def clipped(self, values: tuple[float, ...]) -> tuple[float, ...]:
+        """Values moved inside the physical bounds."""
+        return tuple(float(np.clip(v, c.low, c.high)) for v, c in zip(values, self.coordinates, strict=True))
+
+
+def coordinate(parameter: Parameter) -> Coordinate:
+    """The coordinate that is the parameter itself."""
+    return Coordinate(parameter.name, parameter.absent, parameter.step, parameter.low, parameter.high)
+
+
+def plain(effect_id: str, parameters: Sequence[Parameter]) -> Candidate:
+    """An effect fitted in its own parameters."""
+    names = [parameter.name for parameter in parameters]
+    return Candidate(
+        effect_id,
+        tuple(map(coordinate, parameters)),
+        lambda values: dict(zip(names, map(float, values), strict=True)),
+    )
+
+
+def polar(effect_id: str, size: Parameter, angle: Parameter) -> Candidate:
+    """An effect of a size and a direction, fitted in components; the size bounds each, the angle repeats by its period.
+
+    The direction, in degrees, is told from 0 to its period.
+    """
+    if angle.period is None:
+        raise ValueError(f"{effect_id}: {angle.name} has no period, so it is no direction")
+    period, fold = angle.period, 360.0 / angle.period
+
+    def physical(values: tuple[float, ...]) -> Parameters:
+        x, y = values
+        turned = np.degrees(np.arctan2(y, x)) / fold % period
+        return {size.name: float(np.hypot(x, y)), angle.name: float(turned)}
+
+    components = tuple(Coordinate(name, 0.0, size.step, -size.high, size.high) for name in ("along", "across"))
+    return Candidate(effect_id, components, physical)
