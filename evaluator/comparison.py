@@ -7,7 +7,7 @@ through simulated marks, so that an estimator's habits (a minimum over a traject
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +72,31 @@ def simulated_counterpart(robot: Robot, run: Run, poses: Poses, run_index: int =
     return Counterpart(motion, seen, turning)
 
 
-def simulated_poses(robot: Robot, run: Run, poses: Poses, run_index: int = 0) -> tuple[Motion, Poses]:
+class Commanded(Protocol):
+    """A run with one command: left and right rpm, when the motors start and stop, s in the time of the recording."""
+
+    @property
+    def left_rpm(self) -> float:
+        """Of the left driving wheel."""
+        ...
+
+    @property
+    def right_rpm(self) -> float:
+        """Of the right driving wheel."""
+        ...
+
+    @property
+    def start_s(self) -> float:
+        """Motors on."""
+        ...
+
+    @property
+    def stop_s(self) -> float | None:
+        """Motors off."""
+        ...
+
+
+def simulated_poses(robot: Robot, run: Commanded, poses: Poses, run_index: int = 0) -> tuple[Motion, Poses]:
     """The motion of a run simulated from its measured start pose, and its poses as they would be measured.
 
     A robot with errors of the observation (marks elsewhere, millimetres or seconds off by a factor) rests where its

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from evaluator.diagnosis.assessment.adequacy import Adequacy, adequacy
 from evaluator.diagnosis.assessment.cross_validation import Constancy, constancy
 from evaluator.diagnosis.assessment.disagreement import Dependence, dependences, pieces
-from evaluator.diagnosis.assessment.gap import Gap, noise_floor, run_gaps
+from evaluator.diagnosis.assessment.gap import Gap, noise_floor, predicted_gaps, run_gaps
+from evaluator.diagnosis.assessment.knowledge import Knowledge, knowledge
 from evaluator.diagnosis.assessment.model_comparison import (
     Set,
     Standing,
@@ -21,6 +22,7 @@ from evaluator.diagnosis.assessment.model_comparison import (
     separations,
     standing,
 )
+from evaluator.diagnosis.assessment.relevance import Changes, changes
 from evaluator.diagnosis.assessment.verdict import Verdict, decide, doubts, kept
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.candidates.free_form import free_terms
@@ -35,6 +37,7 @@ from evaluator.diagnosis.likelihood.known_to import simulated_sigmas
 from evaluator.diagnosis.likelihood.problem import Point, Problem, build_problem, with_noise_of
 from evaluator.diagnosis.likelihood.random_effects import place_runs, place_starts
 from evaluator.diagnosis.likelihood.simulation import Simulated
+from evaluator.diagnosis.output.effect_tables import corrected_robot
 from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
@@ -78,6 +81,9 @@ class Diagnosis:
     astray: tuple[int, ...] = ()  # runs that the chosen model does not follow
     follows: bool = True  # whether the chosen model follows nearly all runs
     constancy: tuple[Constancy, ...] = ()  # of the best named effects
+    changes: Mapping[str, Changes] = field(default_factory=dict)  # what each detected effect does
+    negligible: Set = frozenset()  # detected effects that do less than matters
+    known: tuple[Knowledge, ...] = ()  # where the data want what is known to a tolerance
 
     @property
     def fit(self) -> Fit:
@@ -98,6 +104,11 @@ def diagnose(session: Session, progress: Progress, ends: Ends | None = None) -> 
     _challenge(everything, free, progress)
     table, best_named = _best_named(everything, len(free))
     chosen, verdict, reason = decide(everything, table, len(free), best_named)
+    done = {effect: changes(everything.problem, everything.fits[chosen], effect) for effect in chosen}
+    negligible: Set = frozenset()
+    if verdict == "effect" and not any(item.matter(session.relevant) for item in done.values()):
+        negligible, verdict = chosen, "none"
+        reason = f"what is missing ({', '.join(sorted(chosen))}) does less than is stated as relevant"
     left = adequacy(everything.fits[chosen], session.data)
     constant = constancy(everything.fits[best_named], session.data, session.tolerance)
     if verdict != "unknown" and (reserve := doubts(left, constant)):
@@ -122,6 +133,9 @@ def diagnose(session: Session, progress: Progress, ends: Ends | None = None) -> 
         terms=terms,
         next_runs=best_next_runs(everything, chosen, table, apart),
         constancy=tuple(constant),
+        changes=done,
+        negligible=negligible,
+        known=knowledge(session.known, everything.fits[chosen]),
     )
     return _looked_at_again(found, start)
 
@@ -185,9 +199,14 @@ def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
     # what a model that does not follow the marks says of each run's friction and gains is worth nothing
     before = place_starts(problem, Point(after.own) if follows else nominal, runs)
     seen = pieces(problem, before)
+    assert found.terms is not None
+    corrected = tuple(corrected_robot(robot, found.terms, gap_fit.point) for robot in found.session.robots)
+    predicted = [
+        predicted_gaps(found.session.data, robots, found.session.robots) for robots in (found.session.robots, corrected)
+    ]
     found = replace(
         found,
-        gap=Gap(run_gaps(problem, before, runs), after_mm, floor_mm),
+        gap=Gap(run_gaps(problem, before, runs), after_mm, floor_mm, predicted[0], predicted[1]),
         confirmation=_confirmation(part, gap_fit, found.held_out) if found.held_out and chosen else float("nan"),
         pieces=seen,
         where=tuple(dependences(seen)),

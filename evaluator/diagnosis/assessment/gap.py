@@ -1,9 +1,12 @@
 """The gap between simulation and measurement in millimetres, on fitted runs and on runs kept aside.
 
-The gap of a run is the RMS distance between the measured and the simulated midpoint of the marks. After: parameters
-come from the fitted runs alone; start pose and the run's own friction and gains are fitted within the run-to-run
-scatter. Before: the robot file as it is, for the same friction and gains of each run and the start pose that suits it
-best. The floor is what tracking noise alone leaves, and never less than two programs of the same model differ by.
+Refitted: the RMS distance of a run between the measured and the simulated midpoint of the marks. After: parameters
+come from the fitted runs alone; start pose and the run's own friction, gains and start are fitted within the run-to-run
+scatter. Before: the robot file as it is, for the same friction, gains and start of each run and the start pose that
+suits it best. The floor is what tracking noise alone leaves, and never less than two programs of the same model differ
+by.
+Predicted: the RMS distance of the robot's centre where a robot file is simulated from the start pose alone, as
+`turnscope compare` does it; nothing of the run is fitted.
 """
 
 from __future__ import annotations
@@ -12,21 +15,49 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
+from evaluator.comparison import simulated_poses, trajectory_gap
 from evaluator.diagnosis.likelihood.features import MODEL_FLOOR_MM
 from evaluator.diagnosis.likelihood.problem import Point, Problem
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.marks import COLUMNS
+from evaluator.pose import poses_from_marks
+from evaluator.robot_geometry import mark_geometry
+from simulator.errors import SimulationError
+from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Gap:
-    """RMS gap by run, mm, before and after the effect is added, and the noise floor of each run."""
+    """RMS gap by run, mm, before and after the effect is added, refitted and predicted; noise floor of each run."""
 
     before_mm: Floats
     after_mm: Floats
     floor_mm: Floats
+    predicted_before_mm: Floats
+    predicted_after_mm: Floats
+
+
+def predicted_gaps(data: Sequence[RunData], robots: Sequence[Robot], measured_by: Sequence[Robot]) -> Floats:
+    """RMS distance of the centre by run, mm, of robots simulated from the start pose; NaN where that cannot be done.
+
+    measured_by: the robots whose marks turn measured marks into poses.
+    """
+    return np.array([_predicted_gap(*item) for item in zip(data, robots, measured_by, strict=True)])
+
+
+def _predicted_gap(run: RunData, robot: Robot, measured_by: Robot) -> float:
+    table = pd.DataFrame(np.column_stack([run.time_s, run.marks_mm]), columns=list(COLUMNS))
+    poses = poses_from_marks(table, mark_geometry(measured_by))
+    try:
+        _, seen = simulated_poses(robot, run, poses, run.order)
+    except SimulationError:
+        return float("nan")
+    return trajectory_gap(poses, seen)["gap_rms_mm"]
 
 
 def run_gaps(problem: Problem, placed: Point, runs: Sequence[int]) -> Floats:
@@ -43,4 +74,5 @@ def noise_floor(problem: Problem, runs: Sequence[int]) -> Floats:
 
 def rms(values: Floats, runs: Sequence[int]) -> float:
     """RMS over some runs; NaN over none."""
-    return float(np.sqrt(np.mean(values[list(runs)] ** 2))) if len(runs) else float("nan")
+    chosen = values[list(runs)]
+    return float(np.sqrt(np.nanmean(chosen**2))) if np.isfinite(chosen).any() else float("nan")

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 
@@ -15,7 +14,8 @@ Floats = NDArray[np.float64]
 WINDOW_S = 0.15  # of a velocity: nine frames at 60/s, shorter than any push by hand
 ONSET_SPAN_S = 0.4  # of motion from which the onset is extrapolated back: a chord is a path still
 ONSET_SIGMAS, ONSET_LEAST_MM = 6.0, 0.02  # beyond this much of the scatter at rest, and this distance: moving
-FEWEST_AT_REST = 4
+FEWEST_AT_REST = 3
+REST_S = 0.08  # of a recording in which the robot is taken to rest; it is not where it moves already
 
 
 @dataclass(frozen=True)
@@ -79,19 +79,19 @@ def onset_s(run: RunData) -> float | None:
     """
     seen = np.isfinite(run.marks_mm).all(axis=1)
     time, marks = run.time_s[seen], run.marks_mm[seen]
-    rest = max(FEWEST_AT_REST, int(np.searchsorted(time, time[0] + WINDOW_S)))
+    rest = max(FEWEST_AT_REST, int(np.searchsorted(time, time[0] + REST_S)))
     if len(time) < 3 * rest:
         return None
     off = marks - np.median(marks[:rest], axis=0)
     bends = np.diff(marks, n=2, axis=0)  # of a moving robot too: nearly all noise, √6 times that of a frame
     scatter = max(float(np.median(np.abs(bends))) * 1.4826 / 6**0.5, float(np.std(off[:rest])))
-    away = median_filter(np.maximum(np.hypot(off[:, 0], off[:, 1]), np.hypot(off[:, 2], off[:, 3])), 5)
+    away = np.maximum(np.hypot(off[:, 0], off[:, 1]), np.hypot(off[:, 2], off[:, 3]))
     least = ONSET_SIGMAS * scatter + ONSET_LEAST_MM
-    if away[:rest].max() > least or not (away > least).any():
+    # two frames in a row: a single one may be noise
+    moving = np.flatnonzero((away[:-1] > least) & (away[1:] > least))
+    if not len(moving) or moving[0] < rest:
         return None
-    first = int(np.flatnonzero(away > least)[0])
-    if first <= rest:
-        return None
+    first = int(moving[0])
     part = slice(first, int(np.searchsorted(time, time[first] + ONSET_SPAN_S)))
     if len(time[part]) < FEWEST_AT_REST:
         return None

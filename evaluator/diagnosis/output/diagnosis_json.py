@@ -17,7 +17,7 @@ from evaluator.diagnosis.design.next_runs import MOST_RUNS
 from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.likelihood.random_effects import place_runs
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, is_shared
-from evaluator.diagnosis.output.effects_json import effects, rounded
+from evaluator.diagnosis.output.effects_json import effects, rounded, told
 
 Floats = NDArray[np.float64]
 Json = dict[str, Any]
@@ -47,11 +47,30 @@ def record(diagnosis: Diagnosis) -> Json:
         }
     return found | {
         "effects": effects(diagnosis),
+        "negligible": [
+            {"id": item["id"], "parameters": item["parameters"], "changes": diagnosis.changes[effect].to_json()}
+            for effect in sorted(diagnosis.negligible)
+            for item in [told(diagnosis, effect)]
+        ],
+        "known_to": [
+            {
+                "quantity": item.quantity.key,
+                "name": item.quantity.name,
+                "unit": item.quantity.unit,
+                "taken": rounded(item.quantity.sigma),
+                "found": rounded(item.found),
+                "low": rounded(item.low),
+                "high": rounded(item.high),
+            }
+            for item in diagnosis.known
+        ],
+        "findings": [item.sentence for item in diagnosis.known if item.is_finding],
         "gap": _gap(diagnosis),
         "where": [
             {
                 "quantity": item.quantity,
                 "by": item.by,
+                "depends_on": item.by,
                 "parity": item.parity or None,
                 "sigmas": rounded(item.sigmas),
                 "sentence": item.sentence,
@@ -97,6 +116,7 @@ def _gap(diagnosis: Diagnosis) -> Json:
         "held_out_runs": [ids[run] for run in held],
         "before": pair(gap.before_mm),
         "after": pair(gap.after_mm),
+        "predicted": {"before": pair(gap.predicted_before_mm), "after": pair(gap.predicted_after_mm)},
         "noise_floor": rounded(rms(gap.floor_mm, everything)),
         "held_out_gain_sigmas": rounded(math.sqrt(max(2 * diagnosis.confirmation, 0.0)))
         if math.isfinite(diagnosis.confirmation)

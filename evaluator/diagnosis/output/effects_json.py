@@ -23,8 +23,15 @@ DRAWS = 4000
 DRAW_SEED = 20120612  # intervals of directions and anchors are read from draws; the same input gives the same output
 
 
+def told(diagnosis: Diagnosis, effect: str) -> Json:
+    """One effect of the chosen set: id, name, sizes with intervals, what it cannot be told from, probability."""
+    return _effect(diagnosis, effect)
+
+
 def effects(diagnosis: Diagnosis) -> list[Json]:
     """What was chosen; where no term that was fitted says what is unknown, the disagreement itself."""
+    if diagnosis.negligible:
+        return []
     said = diagnosis.verdict != "unknown" or (diagnosis.follows and any(map(is_free, diagnosis.chosen)))
     if said or diagnosis.pieces is None or diagnosis.pieces.empty:
         return _without_repetition([_effect(diagnosis, effect) for effect in sorted(diagnosis.chosen)], diagnosis)

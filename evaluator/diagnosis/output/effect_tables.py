@@ -1,0 +1,62 @@
+"""Fitted effects as [[effect]] tables of a robot file, and the robot that has them."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+
+from evaluator.diagnosis.candidates.free_form import FreeTerm
+from evaluator.diagnosis.likelihood.problem import Point
+from evaluator.diagnosis.likelihood.run_data import is_shared
+from evaluator.diagnosis.likelihood.simulation import varied_robot
+from evaluator.diagnosis.output.robot_file import number
+from simulator.effects.coordinates import Candidate
+from simulator.effects.entry import EffectEntry
+from simulator.robot import Robot
+
+# Patterns of one wheel, and of the driven pair, as sums of those that robot.toml knows.
+PATTERN_SUMS: dict[str, tuple[tuple[str, float], ...]] = {
+    "front-left": (("driving", 0.5), ("driving-left-right", 0.5)),
+    "front-right": (("driving", 0.5), ("driving-left-right", -0.5)),
+    "rear-left": (("driven", 0.5), ("left-right", 0.5), ("driving-left-right", -0.5)),
+    "rear-right": (("driven", 0.5), ("left-right", -0.5), ("driving-left-right", 0.5)),
+    "driven-left-right": (("left-right", 1.0), ("driving-left-right", -1.0)),
+}
+
+
+def corrected_robot(robot: Robot, terms: Mapping[str, Candidate], point: Point) -> Robot:
+    """The robot as a fitted point has it: what its file will say, but for the rounding of numbers."""
+    nominal = {key: value for key, value in point.nominal.items() if not is_shared(key)}
+    text = "\n".join(effect_tables(terms, point.terms))
+    added = tuple(EffectEntry.model_validate(item) for item in tomllib.loads(text).get("effect", []))
+    return varied_robot(robot, nominal).model_copy(update={"effect": (*robot.effect, *added)})
+
+
+def effect_tables(terms: Mapping[str, Candidate], fitted: Mapping[str, tuple[float, ...]]) -> list[str]:
+    """Lines of the [[effect]] tables of fitted effects."""
+    parts: list[str] = []
+    for effect, values in sorted(fitted.items()):
+        term = terms[effect]
+        if isinstance(term, FreeTerm):
+            parts += _free_tables(term, values)
+            continue
+        parts += ["[[effect]]  # found by turnscope diagnose", f'id = "{effect}"']
+        parts += [f"{name} = {number(value)}" for name, value in term.physical(values).items()]
+        parts.append("")
+    return parts
+
+
+def _free_tables(term: FreeTerm, values: tuple[float, ...]) -> list[str]:
+    lines = []
+    for item, value in zip(term.items, values, strict=True):
+        for pattern, share in PATTERN_SUMS.get(item.pattern, ((item.pattern, 1.0),)):
+            lines += [
+                f"[[effect]]  # found by turnscope diagnose: {term.describe()}",
+                'id = "free-form"',
+                f'channel = "{item.channel}"',
+                f'basis = "{item.basis}"',
+                f"coefficient = {number(value * share)}",
+                f'pattern = "{pattern}"',
+                "",
+            ]
+    return lines
