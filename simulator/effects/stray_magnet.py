@@ -10,8 +10,8 @@ from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
 from simulator.effects.parameter import Parameter
 
-FORCE = Parameter("force_mN", "mN", 0.0, 0.05, 0.0, 20.0)
-PLACE = (Parameter("x_mm", "mm", 0.0, 0.5), Parameter("y_mm", "mm", 0.0, 0.5))
+FORCE = Parameter("force_mN", "mN", 0.0, 0.05, 0.0, 20.0, shown=5.0)
+PLACE = (Parameter("x_mm", "mm", 0.0, 0.5, shown=10.0), Parameter("y_mm", "mm", 0.0, 0.5, shown=5.0))
 FARTHEST_REACHES = 4.0  # a point farther away pulls like a slope: that is plate-tilt's to say
 
 
