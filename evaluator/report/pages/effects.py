@@ -26,7 +26,7 @@ SUMMARY = (
     f"Each drawing: the {ROBOT} robot at {LEFT_RPM:g}/{RIGHT_RPM:g} rpm for {DURATION_S:g} s, without and with the "
     "effect, as a camera measures the robot's centre."
 )
-HEAD = ("parameter", "unit", "absent at", "fitted from", "to")
+HEAD = ("parameter", "unit", "if not given", "fitted from", "to")
 
 
 def effects_page() -> str:
@@ -46,7 +46,7 @@ def effects_page() -> str:
 
 
 def parameter_rows(effect: Effect) -> tuple[tuple[str, str, str, str, str], ...]:
-    """Name, unit, value at which the effect vanishes, and bounds of a fit of every parameter, as text."""
+    """Name, unit, value that holds if none is given, and bounds of a fit of every parameter, as text."""
     return tuple(
         (item.name, item.unit or "–", f"{item.absent:g}", bound_text(item.low), bound_text(item.high))
         for item in effect.parameters
@@ -74,7 +74,13 @@ def _section(effect: Effect, robot: Robot, plain: pd.DataFrame) -> Section:
             f"Where it stops being true: {effect.limits}",
         ),
         figures=(effect_figure(effect.id, sizes, table),),
-        tables=(Table("Parameters; bounds of a fit.", HEAD, parameter_rows(effect)),),
+        tables=(
+            Table(
+                "Parameters, and the bounds of a fit. At the values that hold if not given, the effect vanishes.",
+                HEAD,
+                parameter_rows(effect),
+            ),
+        ),
     )
 
 
