@@ -23,6 +23,7 @@ COMMANDS = {
     "plan": ("diagnose", "Propose the runs of a good experiment."),
     "simulate": ("simulate", "Simulate one run."),
     "sweep": ("sweep", "Simulate grids and samples of runs."),
+    "effects": ("effects", "List the effects that can be simulated and found, or describe one."),
     "slip-bench": ("slip_bench", "Turn bench torques into forces and a fitted slip law."),
     "paper": ("paper", "Recompute every published figure and number."),
     "render": ("render", "Draw the video a rig's camera would see, with exact truth."),

@@ -31,8 +31,9 @@ from simulator.dynamics.terms import (
 
 # A yaw rate far below any that is measured (0.06 degrees over 10 s) rounds the sign of the yaw rate.
 REST_YAW_RATE_RAD_S = 1e-4
-# The pull of a point is rounded within a millimetre, less than the robot's size.
-POINT_SIZE_MM = 1.0
+# The pull of a point is rounded off within 2 mm, half the wheelbase: nearer, no part of the robot is at its centre.
+POINT_SIZE_MM = 2.0
+REFERENCE_MM = 10.0  # distance at which a pull that falls off has its stated size
 
 
 @compiled()
@@ -69,9 +70,12 @@ def velocity_basis(basis: int, u: float, v: float, r: float, rest_speed: float) 
 
 @compiled()
 def place_basis(
-    basis: int, x: float, y: float, cos: float, sin: float, time: float, angle: float, to_x: float, to_y: float
+    basis: int, x: float, y: float, cos: float, sin: float, time: float, angle: float, point: tuple[float, float, float]
 ) -> float:
-    """Bases of place (mm), heading (its cosine and sine), time (s) and wheel angle (rad)."""
+    """Bases of place (mm), heading (its cosine and sine), time (s) and wheel angle (rad).
+
+    point: x, y (mm) and fall-off of the bases toward a point.
+    """
     if basis == COS:
         return cos
     if basis == SIN:
@@ -90,9 +94,11 @@ def place_basis(
         return math.cos(angle)
     if basis == SIN_ANGLE:
         return math.sin(angle)
+    to_x, to_y, falloff = point
     away_x, away_y = to_x - x, to_y - y
     distance = math.sqrt(away_x * away_x + away_y * away_y + POINT_SIZE_MM * POINT_SIZE_MM)
-    return away_x / distance if basis == TOWARD_X else away_y / distance
+    size: float = 1.0 if falloff == 0.0 else (REFERENCE_MM / distance) ** falloff
+    return size * away_x / distance if basis == TOWARD_X else size * away_y / distance
 
 
 @compiled()

@@ -25,7 +25,8 @@ def body_forces(u: float, v: float, r: float, place: Any, rest: float, model: An
     for term in range(model.body_terms):
         channel, basis, value = model.channel[term], model.basis[term], model.coefficient[term]
         if basis >= COS:
-            value *= place_basis(basis, x, y, cos, sin, time, 0.0, model.point_x[term], model.point_y[term])
+            point = model.point_x[term], model.point_y[term], model.falloff[term]
+            value *= place_basis(basis, x, y, cos, sin, time, 0.0, point)
         elif basis != ONE:
             value *= velocity_basis(basis, u, v, r, rest)
         if channel == FORCE_FORWARD:

@@ -65,7 +65,8 @@ def _touch_one(
             at_x = x + cos * model.wheel_x[wheel] - sin * model.wheel_y[wheel]
             at_y = y + sin * model.wheel_x[wheel] + cos * model.wheel_y[wheel]
             angle = drive[2 + wheel] if wheel < 2 else 0.0
-            value *= place_basis(basis, at_x, at_y, cos, sin, time, angle, model.point_x[term], model.point_y[term])
+            point = model.point_x[term], model.point_y[term], model.falloff[term]
+            value *= place_basis(basis, at_x, at_y, cos, sin, time, angle, point)
         elif basis != ONE:
             value *= velocity_basis(basis, u, v, r, rest)
         if channel == SPEED:

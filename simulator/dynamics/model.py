@@ -67,6 +67,7 @@ MODEL = np.dtype(
         ("coefficient", float, MOST_TERMS),
         ("point_x", float, MOST_TERMS),
         ("point_y", float, MOST_TERMS),
+        ("falloff", float, MOST_TERMS),
         ("pattern", float, (MOST_TERMS, 4)),
     ],
     align=True,
@@ -198,4 +199,5 @@ def _fill_terms(row: Any, terms: list[Term]) -> None:
     row["basis"][:count] = [term.basis for term in ordered]
     row["coefficient"][:count] = [term.coefficient for term in ordered]
     row["point_x"][:count], row["point_y"][:count] = zip(*(term.point_mm for term in ordered), strict=True)
+    row["falloff"][:count] = [term.falloff for term in ordered]
     row["pattern"][:count] = [term.pattern for term in ordered]

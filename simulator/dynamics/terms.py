@@ -60,7 +60,7 @@ BASES = {
     "time": TIME,
     "cos_wheel_angle": COS_ANGLE,
     "sin_wheel_angle": SIN_ANGLE,
-    "toward_x": TOWARD_X,  # components of the unit vector toward a point of the plate
+    "toward_x": TOWARD_X,  # components of the unit vector toward a point of the plate, times a fall-off with distance
     "toward_y": TOWARD_Y,
     "cos_2_slide": SLIDE_COS2,  # of the direction in which the contact slides over the plate
     "sin_2_slide": SLIDE_SIN2,
@@ -81,7 +81,8 @@ PATTERNS = {
 class Term:
     """One term: channel and basis of this module, coefficient in the channel's unit per unit of the basis.
 
-    pattern: weight of each wheel, for wheel channels; point_mm: for the bases toward_x and toward_y.
+    pattern: weight of each wheel, for wheel channels; point_mm and falloff: for the bases toward_x and toward_y, which
+    are 1 in size at 10 mm from the point and go with the distance to the power of -falloff.
     """
 
     channel: int
@@ -89,6 +90,7 @@ class Term:
     coefficient: float
     pattern: tuple[float, ...] = PATTERNS["common"]
     point_mm: tuple[float, float] = (0.0, 0.0)
+    falloff: float = 0.0
 
     @property
     def acts_on_wheels(self) -> bool:

@@ -23,8 +23,8 @@ EFFECT = Effect(
     "1 %. The origin of the plate frame keeps its place and scale.",
     kind="observation",
     parameters=(
-        Parameter("per_mm_x", "1/mm", 0.0, 1e-4, -0.02, 0.02),
-        Parameter("per_mm_y", "1/mm", 0.0, 1e-4, -0.02, 0.02),
+        Parameter("per_mm_x", "1/mm", 0.0, 1e-4, -0.02, 0.02, shown=0.01),
+        Parameter("per_mm_y", "1/mm", 0.0, 1e-4, -0.02, 0.02, shown=0.01),
     ),
     view=_view,
 )

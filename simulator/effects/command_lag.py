@@ -7,8 +7,8 @@ from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
 from simulator.effects.parameter import Parameter
 
-DEAD_TIME = Parameter("dead_time_s", "s", 0.0, 0.01, 0.0, 2.0, at_least=0.0)
-TIME_CONSTANT = Parameter("time_constant_s", "s", 0.0, 0.01, 0.0, 2.0, at_least=0.0)
+DEAD_TIME = Parameter("dead_time_s", "s", 0.0, 0.01, 0.0, 2.0, at_least=0.0, shown=0.5)
+TIME_CONSTANT = Parameter("time_constant_s", "s", 0.0, 0.01, 0.0, 2.0, at_least=0.0, shown=0.5)
 
 
 def _act(draft: Draft, values: Values) -> None:

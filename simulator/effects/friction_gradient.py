@@ -25,8 +25,8 @@ EFFECT = Effect(
     "friction. The stiffness for small slip stays.",
     kind="dynamics",
     parameters=(
-        Parameter("per_mm_x", "1/mm", 0.0, 1e-3, -0.05, 0.05),
-        Parameter("per_mm_y", "1/mm", 0.0, 1e-3, -0.05, 0.05),
+        Parameter("per_mm_x", "1/mm", 0.0, 1e-3, -0.05, 0.05, shown=-0.05),
+        Parameter("per_mm_y", "1/mm", 0.0, 1e-3, -0.05, 0.05, shown=0.05),
     ),
     act=_act,
 )

@@ -10,8 +10,8 @@ from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
 from simulator.effects.parameter import Parameter
 
-AMPLITUDE = Parameter("amplitude", "", 0.0, 0.01, 0.0, 0.9, at_least=0.0)
-DIRECTION = Parameter("direction_deg", "deg", 0.0, 5.0, 0.0, 180.0, period=180.0)
+AMPLITUDE = Parameter("amplitude", "", 0.0, 0.01, 0.0, 0.9, at_least=0.0, shown=0.6)
+DIRECTION = Parameter("direction_deg", "deg", 0.0, 5.0, 0.0, 180.0, period=180.0, shown=90.0)
 
 
 def _act(draft: Draft, values: Values) -> None:

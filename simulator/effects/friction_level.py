@@ -20,6 +20,6 @@ EFFECT = Effect(
     source="Coulomb's friction: the limit of the force is the coefficient times the load",
     limits="One factor for all wheels, directions and slips: the shape of the slip curve stays.",
     kind="dynamics",
-    parameters=(Parameter("factor", "", 1.0, 0.01, 0.2, 5.0, at_least=0.01),),
+    parameters=(Parameter("factor", "", 1.0, 0.01, 0.2, 5.0, at_least=0.01, shown=3.0),),
     act=_act,
 )

@@ -23,6 +23,6 @@ EFFECT = Effect(
     source="balance of forces: the load of a wheel is its weight share plus its attraction",
     limits="The attraction is constant over place and time: a plate of even thickness and permeability.",
     kind="dynamics",
-    parameters=(Parameter("left_over_right", "", 1.0, 0.02, 0.2, 5.0, at_least=0.01),),
+    parameters=(Parameter("left_over_right", "", 1.0, 0.02, 0.2, 5.0, at_least=0.01, shown=4.0),),
     act=_act,
 )

@@ -7,8 +7,8 @@ from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
 from simulator.effects.parameter import Parameter
 
-DRIVING = Parameter("driving_factor", "", 1.0, 0.02, 0.05, 5.0, at_least=0.0)
-DRIVEN = Parameter("driven_factor", "", 1.0, 0.02, 0.0, 100.0, at_least=0.0)
+DRIVING = Parameter("driving_factor", "", 1.0, 0.02, 0.05, 5.0, at_least=0.0, shown=1.0)
+DRIVEN = Parameter("driven_factor", "", 1.0, 0.02, 0.0, 100.0, at_least=0.0, shown=6.0)
 
 
 def _act(draft: Draft, values: Values) -> None:

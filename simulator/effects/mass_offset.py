@@ -24,8 +24,8 @@ EFFECT = Effect(
     "out: the model is plane.",
     kind="dynamics",
     parameters=(
-        Parameter("x_mm", "mm", 0.0, 0.05, -1.9, 1.9),
-        Parameter("y_mm", "mm", 0.0, 0.05, -1.9, 1.9),
+        Parameter("x_mm", "mm", 0.0, 0.05, -1.9, 1.9, shown=-1.5),
+        Parameter("y_mm", "mm", 0.0, 0.05, -1.9, 1.9, shown=1.5),
     ),
     act=_act,
 )

@@ -34,13 +34,17 @@ UNITS = {
 }
 
 
+SHOWN_STEPS = 20  # a step shows in the marks; so many show in a small drawing
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One number of an effect.
 
     unit: a key of UNITS; absent: the value at which the effect vanishes, and which holds where an entry does not give
     the parameter; step: a small change that shows in the marks, for differences and scaling; low, high: bounds of a
-    fit; at_least: values below make no sense and are refused; period: of an angle, in its unit, else None.
+    fit; at_least: values below make no sense and are refused; period: of an angle, in its unit, else None; shown: value
+    at which the catalogue draws the effect, without it SHOWN_STEPS steps from absent.
     """
 
     name: str
@@ -51,3 +55,9 @@ class Parameter:
     high: float = inf
     at_least: float = -inf
     period: float | None = None
+    shown: float | None = None
+
+    @property
+    def shown_value(self) -> float:
+        """The value at which the catalogue draws the effect."""
+        return self.absent + SHOWN_STEPS * self.step if self.shown is None else self.shown

@@ -10,8 +10,8 @@ from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
 from simulator.effects.parameter import Parameter
 
-ANGLE = Parameter("angle_deg", "deg", 0.0, 0.2, 0.0, 45.0)
-AZIMUTH = Parameter("azimuth_deg", "deg", 0.0, 5.0, 0.0, 360.0, period=360.0)
+ANGLE = Parameter("angle_deg", "deg", 0.0, 0.2, 0.0, 45.0, shown=20.0)
+AZIMUTH = Parameter("azimuth_deg", "deg", 0.0, 5.0, 0.0, 360.0, period=360.0, shown=90.0)
 
 
 def _act(draft: Draft, values: Values) -> None:

@@ -28,6 +28,6 @@ EFFECT = Effect(
     limits="Independent of speed; rounded off at rest. The brake takes nothing of the wheel's grip across, which holds "
     "while coefficient is far below the friction coefficient.",
     kind="dynamics",
-    parameters=(Parameter("coefficient", "", 0.0, 0.002, 0.0, 0.5, at_least=0.0),),
+    parameters=(Parameter("coefficient", "", 0.0, 0.002, 0.0, 0.5, at_least=0.0, shown=0.3),),
     act=_act,
 )

@@ -22,7 +22,7 @@ EFFECT = Effect(
     limits="Runs count by their order in the file, not by the time between them; constant within a run. Never below 1 "
     "% of the speed.",
     kind="dynamics",
-    parameters=(Parameter("per_run", "1/run", 0.0, 5e-4, -0.05, 0.05),),
+    parameters=(Parameter("per_run", "1/run", 0.0, 5e-4, -0.05, 0.05, shown=0.02),),
     act=_act,
     varies_by_run=True,
 )

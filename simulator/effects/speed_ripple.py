@@ -10,8 +10,8 @@ from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
 from simulator.effects.parameter import Parameter
 
-AMPLITUDE = Parameter("amplitude", "", 0.0, 0.01, 0.0, 0.5)
-PHASE = Parameter("phase_deg", "deg", 0.0, 10.0, 0.0, 360.0, period=360.0)
+AMPLITUDE = Parameter("amplitude", "", 0.0, 0.01, 0.0, 0.5, shown=0.3)
+PHASE = Parameter("phase_deg", "deg", 0.0, 10.0, 0.0, 360.0, period=360.0, shown=90.0)
 
 
 def _act(draft: Draft, values: Values) -> None:

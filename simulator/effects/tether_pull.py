@@ -24,8 +24,8 @@ EFFECT = Effect(
     limits="Whatever the pose, speed and time. The line of action passes through the robot's centre: no moment.",
     kind="dynamics",
     parameters=(
-        Parameter("x_mN", "mN", 0.0, 0.05, -20.0, 20.0),
-        Parameter("y_mN", "mN", 0.0, 0.05, -20.0, 20.0),
+        Parameter("x_mN", "mN", 0.0, 0.05, -20.0, 20.0, shown=0.0),
+        Parameter("y_mN", "mN", 0.0, 0.05, -20.0, 20.0, shown=3.0),
     ),
     act=_act,
 )

@@ -8,8 +8,8 @@ from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
 from simulator.effects.parameter import Parameter
 
-STIFFNESS = Parameter("stiffness_mN_mm", "mN/mm", 0.0, 0.005, 0.0, 10.0, at_least=0.0)
-ANCHOR = (Parameter("anchor_x_mm", "mm", 0.0, 2.0), Parameter("anchor_y_mm", "mm", 0.0, 2.0))
+STIFFNESS = Parameter("stiffness_mN_mm", "mN/mm", 0.0, 0.005, 0.0, 10.0, at_least=0.0, shown=0.1)
+ANCHOR = (Parameter("anchor_x_mm", "mm", 0.0, 2.0, shown=0.0), Parameter("anchor_y_mm", "mm", 0.0, 2.0, shown=30.0))
 PULL_STEP_MN = 0.05  # of tether-pull: a pull of this size shows in the marks
 SOFTEST_MN_MM = 1e-9  # a pull without stiffness is a soft spring from afar
 

@@ -29,8 +29,8 @@ EFFECT = Effect(
     "drag of inertia of the fluid (∝ v²), no meniscus.",
     kind="dynamics",
     parameters=(
-        Parameter("force_mN_s_mm", "mN·s/mm", 0.0, 0.01, 0.0, 10.0, at_least=0.0),
-        Parameter("moment_uN_mm_s", "µN·mm·s", 0.0, 50.0, 0.0, 1e6, at_least=0.0),
+        Parameter("force_mN_s_mm", "mN·s/mm", 0.0, 0.01, 0.0, 10.0, at_least=0.0, shown=1.0),
+        Parameter("moment_uN_mm_s", "µN·mm·s", 0.0, 50.0, 0.0, 1e6, at_least=0.0, shown=10000.0),
     ),
     act=_act,
 )

@@ -24,8 +24,8 @@ EFFECT = Effect(
     limits="The contact stays where it is; camber, and the toe of driven wheels, are left out.",
     kind="dynamics",
     parameters=(
-        Parameter("left_deg", "deg", 0.0, 0.2, -30.0, 30.0),
-        Parameter("right_deg", "deg", 0.0, 0.2, -30.0, 30.0),
+        Parameter("left_deg", "deg", 0.0, 0.2, -30.0, 30.0, shown=4.0),
+        Parameter("right_deg", "deg", 0.0, 0.2, -30.0, 30.0, shown=-4.0),
     ),
     act=_act,
 )

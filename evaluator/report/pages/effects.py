@@ -1,0 +1,109 @@
+"""The catalogue of effects as one page: what each does, its law, where that is from and where it stops being true."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+
+from evaluator.report.figures.effects import effect_figure
+from evaluator.report.pages.html import Page, Section, Table, page_html
+from simulator.command import Command
+from simulator.effects.catalogue import EFFECTS
+from simulator.effects.definition import Effect
+from simulator.effects.entry import EffectEntry
+from simulator.observation import marks_of_run
+from simulator.robot import Robot, load_robot
+from simulator.run import State
+from simulator.simulation import simulate
+
+ROBOT = "barrel"
+LEFT_RPM, RIGHT_RPM, DURATION_S = 33.3, 14.4, 6.0  # the turn of the paper's Figure 19
+FRAMES_PER_S = 30
+RUN_INDEX = 10  # of what changes from run to run, the eleventh run is drawn
+SUMMARY = (
+    f"Each drawing: the {ROBOT} robot at {LEFT_RPM:g}/{RIGHT_RPM:g} rpm for {DURATION_S:g} s, without and with the "
+    "effect, as a camera measures the robot's centre."
+)
+HEAD = ("parameter", "unit", "if not given", "fitted from", "to")
+
+
+def effects_page() -> str:
+    """The page as HTML text; it simulates every effect once."""
+    robot = load_robot(ROBOT)
+    plain = _measured(robot, robot)
+    return page_html(
+        Page(
+            kind="catalogue",
+            title="Effects that turnscope can simulate and find",
+            facts=(f"{len(EFFECTS)} effects",),
+            summary=(SUMMARY,),
+            sections=tuple(_section(effect, robot, plain) for effect in EFFECTS.values()),
+            footer="Made by turnscope.",
+        )
+    )
+
+
+def parameter_rows(effect: Effect) -> tuple[tuple[str, str, str, str, str], ...]:
+    """Name, unit, value that holds if none is given, and bounds of a fit of every parameter, as text."""
+    return tuple(
+        (item.name, item.unit or "–", f"{item.absent:g}", bound_text(item.low), bound_text(item.high))
+        for item in effect.parameters
+    )
+
+
+def bound_text(bound: float) -> str:
+    """A bound as text; a dash where there is none."""
+    return f"{bound:g}" if math.isfinite(bound) else "–"
+
+
+def _section(effect: Effect, robot: Robot, plain: pd.DataFrame) -> Section:
+    values = {item.name: item.shown_value for item in effect.parameters}
+    entry = EffectEntry.model_validate({"id": effect.id, **values})
+    changed = _measured(robot.model_copy(update={"effect": (entry,)}), robot)
+    table = plain.assign(with_x_mm=changed["x_mm"], with_y_mm=changed["y_mm"])
+    sizes = ", ".join(f"{name} = {value:g}" for name, value in values.items())
+    return Section(
+        effect.id,
+        f"{effect.id}: {effect.name}",
+        text=(
+            effect.sentence,
+            f"Law: {effect.law}.",
+            f"Source: {effect.source}.",
+            f"Where it stops being true: {effect.limits}",
+        ),
+        figures=(effect_figure(effect.id, sizes, table),),
+        tables=(
+            Table(
+                "Parameters, and the bounds of a fit. At the values that hold if not given, the effect vanishes.",
+                HEAD,
+                parameter_rows(effect),
+            ),
+        ),
+    )
+
+
+def _measured(robot: Robot, stated: Robot) -> pd.DataFrame:
+    """time_s, x_mm, y_mm of the centre of a robot as read from its marks, which are taken to sit where stated says."""
+    times = np.arange(round(1.25 * DURATION_S * FRAMES_PER_S) + 1) / FRAMES_PER_S  # a wrong clock may read less
+    run = simulate(robot, Command.constant(LEFT_RPM, RIGHT_RPM), times, State(0.0, 0.0, 0.0), RUN_INDEX)
+    marks = marks_of_run(robot, run)
+    green, yellow = (marks[[f"{name}_x_mm", f"{name}_y_mm"]].to_numpy() for name in ("green", "yellow"))
+    sides = (green - yellow) / np.linalg.norm(green - yellow, axis=1)[:, None]
+    (ahead, left), aside = np.mean([stated.marks.green_mm, stated.marks.yellow_mm], axis=0), _aside(stated)
+    # The direction from yellow to green is the body's, turned by the heading.
+    cos, sin = sides @ aside, sides @ np.array([-aside[1], aside[0]])
+    middle = (green + yellow) / 2
+    x, y = middle[:, 0] - ahead * cos + left * sin, middle[:, 1] - ahead * sin - left * cos
+    shown = np.arange(round(DURATION_S * FRAMES_PER_S) + 1) / FRAMES_PER_S
+    measured_s = marks["time_s"].to_numpy()
+    return pd.DataFrame(
+        {"time_s": shown, "x_mm": np.interp(shown, measured_s, x), "y_mm": np.interp(shown, measured_s, y)}
+    )
+
+
+def _aside(robot: Robot) -> np.ndarray:
+    """Unit vector from the yellow to the green mark in the body frame."""
+    line = np.subtract(robot.marks.green_mm, robot.marks.yellow_mm)
+    return np.asarray(line / np.hypot(*line))
