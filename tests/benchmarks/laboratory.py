@@ -1,0 +1,272 @@
+"""The second world judges the diagnosis: `python -m tests.benchmarks.laboratory --messes 24 --seeds 10 --workers 2`.
+
+Experiments of tests/laboratory are written as files, diagnosed by the command line in a process of its own, and scored
+against truths that lie in another folder. With --keep an interrupted run continues where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from tests.laboratory import mess, odd, outside
+from tests.laboratory.experiment import EFFECTS, draw, write
+
+ROOT = Path(__file__).parents[2]
+LONGEST_S = 900  # a diagnosis that takes longer is stopped and counted as no answer
+ANGLES = ("azimuth_deg", "phase_deg", "direction_deg")  # periodic: no rank without a branch
+
+
+def main() -> None:
+    """Draw, diagnose, score, print."""
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.laboratory", description=__doc__)
+    parser.add_argument("--messes", type=int, default=len(mess.KINDS), help="kinds of mess (default: all)")
+    parser.add_argument("--seeds", type=int, default=1, help="experiments of each kind of mess")
+    for name, what in (
+        ("singles", "experiments with one effect under the whole mess"),
+        ("pairs", "with two effects"),
+        ("outside", "with physics that no effect has"),
+        ("odd", "untidy experiments with one odd run"),
+    ):
+        parser.add_argument(f"--{name}", type=int, default=0, help=what)
+    parser.add_argument("--seed", type=int, default=0, help="of everything that is drawn")
+    parser.add_argument("--workers", type=int, default=1, help="diagnoses at a time, each in one process")
+    parser.add_argument("--minutes", type=float, default=1e6, help="begin no further experiment after so many minutes")
+    parser.add_argument("--known-to", action="store_true", help="write [known_to] tables too")
+    parser.add_argument("--keep", type=Path, help="folder for experiments, truths and rows.jsonl; continues there")
+    chosen = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = chosen.keep or Path(temporary)
+        folder.mkdir(parents=True, exist_ok=True)
+        print(table(run_all(keys(chosen), chosen, folder)))
+
+
+def keys(chosen: argparse.Namespace) -> list[str]:
+    """What to draw, as "kind/name/number", kinds interleaved so that an early stop has seen some of each."""
+    kinds = [
+        [f"mess/{name}/{i}" for i in range(chosen.seeds) for name in list(mess.KINDS)[: chosen.messes]],
+        [f"odd/{list(odd.KINDS)[i % len(odd.KINDS)]}/{i // len(odd.KINDS)}" for i in range(chosen.odd)],
+        [f"single/{EFFECTS[i % len(EFFECTS)]}/{i // len(EFFECTS)}" for i in range(chosen.singles)],
+        [f"pair//{i}" for i in range(chosen.pairs)],
+        [
+            f"outside/{list(outside.KINDS)[i % len(outside.KINDS)]}/{i // len(outside.KINDS)}"
+            for i in range(chosen.outside)
+        ],
+    ]
+    placed = [((i + 0.5) / len(part), key) for part in kinds for i, key in enumerate(part)]
+    return [key for _, key in sorted(placed, key=lambda pair: pair[0])]
+
+
+def run_all(wanted: list[str], chosen: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
+    """Rows of all wanted experiments; those that rows.jsonl has already are read from there."""
+    file, ends = folder / "rows.jsonl", time.monotonic() + 60 * chosen.minutes
+    label = f"{chosen.seed}{'k' if chosen.known_to else ''}"
+    old = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
+    rows = {row["key"]: row for row in old if row["label"] == label}
+
+    def one(key: str) -> None:
+        if key in rows or time.monotonic() > ends:
+            return
+        row = {"key": key, "label": label, **diagnosed(key, chosen, folder)}
+        rows[key] = row
+        with file.open("a", encoding="utf-8") as out:
+            out.write(json.dumps(row) + "\n")
+        print(line(row), flush=True)
+
+    with ThreadPoolExecutor(chosen.workers) as pool:
+        list(pool.map(one, wanted))
+    return [rows[key] for key in wanted if key in rows]
+
+
+def diagnosed(key: str, chosen: argparse.Namespace, folder: Path) -> dict[str, Any]:
+    """Draw one experiment, write its files, diagnose them, score the answer."""
+    kind, name, _ = key.split("/")
+    digest = hashlib.sha256(f"{chosen.seed}/{key}".encode()).digest()
+    rng = np.random.default_rng(list(digest))
+    drawn = draw(kind, name, rng)
+    where = folder / "experiments" / digest.hex()[:10]  # says nothing of what is hidden in it
+    shutil.rmtree(where, ignore_errors=True)
+    write(drawn, where, folder / "truths", rng, known_to=chosen.known_to)
+    out = where / "out"
+    command = [sys.executable, "-m", "evaluator", "diagnose", str(where / "experiment.toml"), "-o", str(out), "-q"]
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+    began, message = time.perf_counter(), ""
+    try:
+        done = subprocess.run(
+            [*command, "--workers", "1"],
+            cwd=ROOT, env={**os.environ, **threads}, capture_output=True, text=True, timeout=LONGEST_S, check=False,
+        )  # fmt: skip
+        message = "" if done.returncode == 0 else f"exit {done.returncode}: {done.stderr.strip()[-300:]}"
+    except subprocess.TimeoutExpired:
+        message = f"no answer within {LONGEST_S} s"
+    seconds = time.perf_counter() - began
+    path = out / "diagnosis.json"
+    answer = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    return {**scored(drawn.truth, answer), "runs": drawn.session.runs, "seconds": seconds, "message": message}
+
+
+def scored(truth: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
+    """What an answer says and how it compares with the truth."""
+    effects = {effect["id"]: effect for effect in answer.get("effects", []) if "id" in effect}
+    verdict = answer.get("verdict", "no answer")
+    named = sorted(effects) if verdict == "effect" else []
+    credit = {name: {name, *effects[name].get("equivalent", [])} for name in named}
+    true = set(truth["effects"])
+    right = len(named) == len(true) and all(any(t in credit[n] for n in named) for t in true) and bool(true)
+    ranks, covered = [], []
+    for name in true & set(named):
+        for parameter, value in truth["effects"][name].items():
+            spread = effects[name]["parameters"].get(parameter)
+            if spread and None not in spread.values() and not parameter.endswith(ANGLES):
+                sigma = max((spread["high"] - spread["low"]) / 3.92, 1e-300)
+                ranks.append([f"{name}.{parameter}", float(stats.norm.cdf((value - spread["value"]) / sigma))])
+                covered.append(bool(spread["low"] <= value <= spread["high"]))
+    mistakes = answer.get("mistakes", [])
+    gap = answer.get("gap") or {}
+    wanted = truth["odd"] or {"runs": [], "kinds": []}
+    hit = [m for m in mistakes if set(m["runs"]) & set(wanted["runs"]) and m["kind"] in wanted["kinds"]]
+    pinned = {run for m in hit for run in m["runs"]}
+    return {
+        "truth": truth,
+        "verdict": verdict,
+        "named": named,
+        "unusual": sorted(set(effects) - set(named)),
+        "right": bool(right),
+        "odd_named": bool(truth["odd"]) and pinned == set(wanted["runs"]),
+        "false_mistakes": [m for m in mistakes if not set(m["runs"]) & set(wanted["runs"])],
+        "ranks": ranks,
+        "covered": covered,
+        "gap": {key: (gap.get(key) or {}).get("held_out") for key in ("before", "after")},
+        "noise_floor": gap.get("noise_floor"),
+    }
+
+
+def line(row: dict[str, Any]) -> str:
+    """One experiment, as it is done."""
+    sizes = {
+        effect: {name: float(f"{value:.3g}") for name, value in values.items()}
+        for effect, values in row["truth"]["effects"].items()
+    }
+    extra = f" {json.dumps(sizes)}" if sizes else ""
+    named = f" {row['named']}" if row["named"] else ""
+    return f"{row['key']:42} {row['verdict']}{named} {row['seconds']:.0f} s{extra} {row['message']}".rstrip()
+
+
+def share(hits: int, count: int) -> str:
+    """A share with its 95 % interval."""
+    if not count:
+        return "-"
+    interval = stats.binomtest(hits, count).proportion_ci()
+    return f"{hits}/{count} = {hits / count:.0%} ({interval.low:.0%} to {interval.high:.0%})"
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """All figures beside their thresholds."""
+    parts = {
+        kind: [r for r in rows if r["truth"]["kind"] == kind] for kind in ("mess", "odd", "single", "pair", "outside")
+    }
+    lines = ["", *_messes(parts["mess"]), "", *_odds(parts["odd"]), ""]
+    for kind, wanted in (("single", "95 %"), ("pair", "85 %")):
+        part = parts[kind]
+        matter = [r for r in part if all(size["matters"] for size in r["truth"]["sizes"].values())]
+        lines.append(
+            f"{kind}s named, or a stated equivalent  {share(sum(r['right'] for r in part), len(part))}  [{wanted}]"
+        )
+        lines.append(f"  of those larger than the mess     {share(sum(r['right'] for r in matter), len(matter))}")
+        lines += [f"  missed: {_truth(r)} -> {r['verdict']} {r['named']}" for r in part if not r["right"]]
+    part = parts["outside"]
+    lines.append(
+        f"outside physics called unknown       {share(sum(r['verdict'] == 'unknown' for r in part), len(part))}  [90 %]"
+    )
+    lines.append(f"outside physics misnamed             {share(sum(bool(r['named']) for r in part), len(part))}  [2 %]")
+    lines += [f"  {r['truth']['name']} -> {r['verdict']} {r['named']}" for r in part if r["verdict"] != "unknown"]
+    return "\n".join([*lines, "", *_ranks(rows), *_gaps(rows), *_times(rows)])
+
+
+def _truth(row: dict[str, Any]) -> str:
+    return " + ".join(row["truth"]["effects"])
+
+
+def _messes(part: list[dict[str, Any]]) -> list[str]:
+    lies = [r for r in part if r["named"]]
+    lines = [f"untidy laboratories, an effect named (lie)   {share(len(lies), len(part))}  [none]"]
+    for name in dict.fromkeys(r["truth"]["name"] for r in part):
+        mine = [r for r in part if r["truth"]["name"] == name]
+        grain = mess.NAMESAKES.get(name, set())
+        told = [" + ".join(n + ("*" if n in grain else "") for n in r["named"]) for r in mine if r["named"]]
+        verdicts = {v: sum(r["verdict"] == v for r in mine) for v in dict.fromkeys(r["verdict"] for r in mine)}
+        said = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
+        lines.append(f"  {name:32} {said:28} {'; '.join(told)}")
+    wrong = sum(bool(r["false_mistakes"]) for r in part)
+    return [
+        *lines,
+        "  * the effect says what was untidy",
+        f"runs called mistaken without reason  {share(wrong, len(part))}",
+    ]
+
+
+def _odds(part: list[dict[str, Any]]) -> list[str]:
+    lines = [f"odd run named, with its kind         {share(sum(r['odd_named'] for r in part), len(part))}  [95 %]"]
+    for r in part:
+        found = "named" if r["odd_named"] else "not named"
+        lines.append(f"  {r['truth']['name']:18} {found:10} {r['verdict']} {r['named']} {r['message'][:110]}")
+    return [
+        *lines,
+        f"  an effect named beside it         {share(sum(bool(r['named']) for r in part), len(part))}  [none]",
+    ]
+
+
+def _ranks(rows: list[dict[str, Any]]) -> list[str]:
+    ranks = [(name, rank) for r in rows for name, rank in r["ranks"]]
+    inside = [value for r in rows for value in r["covered"]]
+    lines = [f"95 % intervals that cover            {share(sum(inside), len(inside))}"]
+    if len(ranks) >= 5:
+        test = stats.kstest([rank for _, rank in ranks], "uniform")
+        lines.append(f"ranks of all parameters uniform      p = {test.pvalue:.3g} ({len(ranks)} ranks)  [p > 0.05]")
+    for name in dict.fromkeys(name for name, _ in ranks):
+        mine = [rank for other, rank in ranks if other == name]
+        if len(mine) >= 5:
+            lines.append(f"  {name:40} p = {stats.kstest(mine, 'uniform').pvalue:.3g} ({len(mine)})")
+    return lines
+
+
+def _gaps(rows: list[dict[str, Any]]) -> list[str]:
+    gaps = [(r["gap"]["before"], r["gap"]["after"], r["noise_floor"]) for r in rows if r["right"]]
+    gaps = [gap for gap in gaps if None not in gap]
+    if not gaps:
+        return ["gap of held-out runs, where right: -"]
+    before, after, floor = np.median(gaps, axis=0)
+    return [
+        f"gap of held-out runs, where right    {before:.4f} -> {after:.4f} mm, noise floor {floor:.4f} mm (medians)"
+    ]
+
+
+def _times(rows: list[dict[str, Any]]) -> list[str]:
+    if not rows:
+        return ["nothing was diagnosed"]
+    seconds, scaled = [r["seconds"] for r in rows], [r["seconds"] * 24 / r["runs"] for r in rows]
+    failed = sum(r["verdict"] == "no answer" for r in rows)
+    return [
+        (
+            f"seconds per experiment               median {np.median(seconds):.0f}, worst {max(seconds):.0f}; "
+            f"scaled to 24 runs {np.median(scaled):.0f} and {max(scaled):.0f}  [10 and 60]"
+        ),
+        f"no answer                            {share(failed, len(rows))}",
+    ]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""A second world: a reference simulator and a laboratory that share no code with the product they judge."""
