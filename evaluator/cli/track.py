@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 Examples:
   turnscope track r01.mp4 --camera camera.json -o r01.csv
   turnscope track r01.mp4 --settings tracking.toml -o r01.csv --overlay r01-marks.mp4 --sheet doubtful.png
-  turnscope track pictures/ --rate 60 -o r02.csv"""
+  turnscope track images/ --rate 60 -o r02.csv"""
 )
-@click.argument("video", type=PATH)
+@click.argument("video", type=click.Path())  # text: an address is not a path
 @click.option("-o", "--out", "output", required=True, type=PATH, help="The marks CSV to write.")
 @click.option("--settings", type=PATH, help="tracking.toml: colors, size, region, masks.")
 @click.option("--camera", type=PATH, help="camera.json: places the marks in mm on the plate.")
 @click.option("--robot", default="barrel", show_default=True, help="Robot (name or robot.toml): where its marks are.")
 @click.option("--height-mm", type=float, help="Height of the marks above the plate; else the robot's.")
-@click.option("--rate", type=float, help="Pictures a second, where there are no times: a folder of pictures.")
+@click.option("--rate", type=float, help="Frames a second, where there are no times: a folder of images.")
 @click.option(
     "--fields",
     type=click.Choice(["auto", "none", "top", "bottom"]),
@@ -40,10 +40,10 @@ Examples:
 )
 @click.option("--corrections", type=PATH, help='CSV of corrections by hand: frame, mark, x, y or "absent".')
 @click.option("--overlay", type=PATH, help="Video to write with all that was measured drawn on it.")
-@click.option("--sheet", type=PATH, help="PNG to write with the pictures to look at twice.")
+@click.option("--sheet", type=PATH, help="PNG to write with the frames to look at twice.")
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
 def track(
-    video: Path,
+    video: str,
     output: Path,
     settings: Path | None,
     camera: Path | None,
@@ -56,9 +56,9 @@ def track(
     sheet: Path | None,
     quiet: bool,
 ) -> None:
-    """Track the marks of VIDEO: their centres with standard uncertainties, picture by picture.
+    """Track the marks of VIDEO: their centres with standard uncertainties, frame by frame.
 
-    VIDEO is any file that FFmpeg reads, a folder of pictures (with --rate), a camera device, an address, or "-" for
+    VIDEO is any file that FFmpeg reads, a folder of images (with --rate), a camera device, an address, or "-" for
     standard input. Without --camera the table is in px; with it, in mm on the plane of the marks as well.
     """
     from evaluator.cli.progress import progress_bar
@@ -78,7 +78,7 @@ def track(
         seen_by = read_with(load_camera, camera)
         height_mm = _height(robot) if height_mm is None else height_mm
     recording = open_recording(video, rate_hz=rate, fields=fields)  # type: ignore[arg-type]
-    with progress_bar(f"tracking {video.name}", quiet=quiet) as progress:
+    with progress_bar(f"tracking {Path(video).name}", quiet=quiet) as progress:
         table = track_recording(recording, wanted, progress)
     if by_hand is not None:
         table = correct(table, by_hand, str(corrections))
@@ -88,7 +88,7 @@ def track(
     counts = {name: int(table[f"{name}_x_px"].notna().sum()) for name in wanted.mark}
     if not any(counts.values()):
         raise InputError(
-            f"{video}: no mark was found in any of {len(table)} pictures; "
+            f"{video}: no mark was found in any of {_frames(len(table))}; "
             "say their color, diameter_px and region_px in a tracking.toml (--settings)"
         )
     if seen_by is not None and height_mm is not None:
@@ -97,7 +97,7 @@ def track(
     _write_pictures(recording, table, overlay, sheet, _drawing(table, seen_by, robot) if overlay else None, quiet=quiet)
     if not quiet:
         shares = ", ".join(f"{name} in {100 * count / len(table):.1f} %" for name, count in counts.items())
-        click.echo(f"{output}: {len(table)} pictures; {shares}")
+        click.echo(f"{output}: {_frames(len(table))}; {shares}")
 
 
 def _write_pictures(
@@ -119,7 +119,11 @@ def _write_pictures(
     if sheet is not None:
         shown = write_contact_sheet(recording, table, sheet)
         if not quiet:
-            click.echo(f"{sheet}: {shown} doubtful pictures" if shown else "no doubtful pictures: no sheet written")
+            click.echo(f"{sheet}: {_frames(shown, 'doubtful ')}" if shown else "no doubtful frames: no sheet written")
+
+
+def _frames(count: int, kind: str = "") -> str:
+    return f"{count} {kind}frame{'s' * (count != 1)}"
 
 
 def _height(robot: str) -> float:
@@ -130,7 +134,7 @@ def _height(robot: str) -> float:
 
 
 def _drawing(table: pd.DataFrame, camera: Camera | None, robot: str) -> Drawing | None:
-    """Centre, heading and turning circle in the picture, where a camera places them."""
+    """Centre, heading and turning circle in the frame, where a camera places them."""
     if camera is None or not {"green_x_mm", "yellow_x_mm"} <= set(table):
         return None
     import numpy as np

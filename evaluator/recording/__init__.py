@@ -1,4 +1,4 @@
-"""Pictures of a recording with their exact presentation times, whatever FFmpeg decodes."""
+"""Frames of a recording with their exact presentation times, whatever FFmpeg decodes."""
 
 from evaluator.recording.fields import Fields
 from evaluator.recording.frame import Frame

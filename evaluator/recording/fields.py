@@ -1,8 +1,8 @@
-"""Interlaced recordings: each field is a picture of its own, at its own time, on every second line.
+"""Interlaced recordings: each field is a frame of its own, at its own time, on every second line.
 
-The cameras of the CCD age expose the odd and the even lines half a frame apart. Weaving them into one picture tears
-everything that moves; taken apart, they are pictures at twice the rate. Which field comes first is seen from the
-pictures: a field resembles the one that is next to it in time more than the one that is farther away.
+The cameras of the CCD age expose the odd and the even lines half a frame apart. Weaving them into one frame tears
+everything that moves; taken apart, they are frames at twice the rate. Which field comes first is seen from the
+frames: a field resembles the one that is next to it in time more than the one that is farther away.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ Fields = Literal["auto", "none", "top", "bottom"]
 MOVED = 12  # levels of 8 bits by which a pixel changes when an edge moves over it; twice the noise of dim recordings
 ENOUGH = 400  # moved pixels from which the verdict is taken
 # Lines of the other field fit worse than lines of the same field twice as far away: by 1.0 or less on progressive
-# pictures, by 2 and more where fields differ by a quarter of a pixel at a mark's edge.
+# frames, by 2 and more where fields differ by a quarter of a pixel at a mark's edge.
 TORN = 1.4
 
 
 def fields_of(frame: Frame, first: str, half_ticks: int, index: int) -> Iterator[Frame]:
-    """Split a picture into its two fields in the order of time.
+    """Split a frame into its two fields in the order of time.
 
-    first: "top" or "bottom". half_ticks: half the time between pictures, in the halved ticks that fields count in.
+    first: "top" or "bottom". half_ticks: half the time between frames, in the halved ticks that fields count in.
     index: of the first field.
     """
     order = (0, 1) if first == "top" else (1, 0)
@@ -48,7 +48,7 @@ def fields_of(frame: Frame, first: str, half_ticks: int, index: int) -> Iterator
 
 
 def field_order(frames: Iterable[Frame]) -> Literal["none", "top", "bottom"] | None:
-    """See from the pictures whether they are woven of two fields, and which comes first; None where nothing moves."""
+    """See from the frames whether they are woven of two fields, and which comes first; None where nothing moves."""
     torn = smooth = 0.0
     top_first = bottom_first = 0.0
     moved_pixels = 0

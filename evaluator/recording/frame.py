@@ -1,6 +1,6 @@
-"""One picture of a recording: views of the decoder's planes, no copies, no conversion to RGB.
+"""One frame of a recording: views of the decoder's planes, no copies, no conversion to RGB.
 
-Picture frame: x right, y down, px, the centre of the top left pixel of the full picture is (0, 0).
+Image coordinates: x right, y down, px, the centre of the top left pixel of the full frame is (0, 0).
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 Plane = NDArray[np.unsignedinteger]
 
 
-@dataclass(slots=True)  # not frozen: one is made for every picture, and that takes four times as long then
+@dataclass(slots=True)  # not frozen: one is made for every frame, and that takes four times as long then
 class Frame:
-    """A picture (or a field of one) as the viewer sees it: rotation is already applied to the planes.
+    """A frame (or a field of one) as the viewer sees it: rotation is already applied to the planes.
 
-    index: counts the pictures of the recording from 0. ticks, tick: presentation time in ticks of the clock,
+    index: counts the frames of the recording from 0. ticks, tick: presentation time in ticks of the clock,
     and the tick in s. luma: (rows, columns) of 8 or 16 bit samples; row j lies at y = row_origin + row_step·j px of the
-    full picture (a field has row_step 2). u, v: the colour planes, subsampled by whole factors, or None for a grey
+    full frame (a field has row_step 2). u, v: the colour planes, subsampled by whole factors, or None for a grey
     recording. depth: bits of a sample. full_range: luma spans the whole of its range rather than 16/256 to 235/256 of
-    it. matrix: "bt601" or "bt709". kind: "I", "P" or "B" where the codec says how it stored the picture, else "".
-    repeated: equal to the picture before. owner: keeps the decoder's buffer alive. The planes are views: copy what must
+    it. matrix: "bt601" or "bt709". kind: "I", "P" or "B" where the codec says how it stored the frame, else "".
+    repeated: equal to the frame before. owner: keeps the decoder's buffer alive. The planes are views: copy what must
     outlive the frame.
     """
 
@@ -55,11 +55,11 @@ class Frame:
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """(width, height) of the full picture; a field's height is doubled."""
+        """(width, height) of the full frame; a field's height is doubled."""
         return self.luma.shape[1], self.luma.shape[0] * self.row_step
 
     def to_rgb(self) -> NDArray[np.uint8]:
-        """Convert to (height, width, 3) RGB of 8 bits; a field's lines are doubled. For pictures people look at."""
+        """Convert to (height, width, 3) RGB of 8 bits; a field's lines are doubled. For frames people look at."""
         scale = 2.0 ** (self.depth - 8)
         luma = self.luma.astype(np.float32)
         if self.u is None or self.v is None:

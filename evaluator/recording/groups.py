@@ -1,6 +1,6 @@
-"""Groups of H.264 pictures that stand each for itself: from an IDR picture on, nothing leans on what was before it.
+"""Groups of H.264 frames that stand each for itself: from an IDR frame on, nothing leans on what was before it.
 
-Decoders that take groups in turn need not hand pictures to one another, as FFmpeg's frame threads do for every picture.
+Decoders that take groups in turn need not hand frames to one another, as FFmpeg's frame threads do for every frame.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-SLICE, IDR_SLICE, KIND = 1, 5, 31  # NAL units of a picture, and the bits that say so (ITU-T H.264, 7.3.1 and table 7-1)
+SLICE, IDR_SLICE, KIND = 1, 5, 31  # NAL units of a frame, and the bits that say so (ITU-T H.264, 7.3.1 and table 7-1)
 AVC_CONFIGURATION = 1  # first of extradata where units are told by their length, tables lie apart (ISO/IEC 14496-15)
-LONGEST = 300  # pictures of a group: encoders make 250 at most unless told
+LONGEST = 300  # frames of a group: encoders make 250 at most unless told
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Groups:
     length_bytes: int
 
     def begins(self, packet: Any) -> bool:
-        """Whether a packet holds an IDR picture: of those called key frames, some only start open groups."""
+        """Whether a packet holds an IDR frame: of those called key frames, some only start open groups."""
         if not packet.is_keyframe:
             return False
         data, place = memoryview(packet), 0

@@ -1,4 +1,4 @@
-"""A folder of pictures as a recording: PNG, JPEG, TIFF in the order of their names, at a rate the user knows."""
+"""A folder of images as a recording: PNG, JPEG, TIFF in the order of their names, at a rate the user knows."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm")
 
 
 def pictures_in(folder: Path) -> list[Path]:
-    """Pictures of a folder, frame 2 before frame 10."""
-    found = [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES]
+    """Images of a folder, frame 2 before frame 10."""
+    found = [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.is_file()]
     return sorted(found, key=lambda path: [int(part) if part.isdigit() else part for part in _parts(path.name)])
 
 
@@ -29,14 +29,14 @@ def _parts(name: str) -> list[str]:
 
 
 class ImageSequence:
-    """Pictures of a folder at a constant rate; the same interface as `Recording`."""
+    """Images of a folder at a constant rate; the same interface as `Recording`."""
 
     def __init__(self, folder: Path, rate_hz: Fraction) -> None:
-        """folder: holds the pictures. Raises InputError where it holds none."""
+        """folder: holds the images. Raises InputError where it holds none."""
         self.name = str(folder)
         self._paths = pictures_in(folder)
         if not self._paths:
-            raise InputError(f"{folder}: holds no pictures ({', '.join(SUFFIXES)})")
+            raise InputError(f"{folder}: holds no images ({', '.join(SUFFIXES)})")
         self.nominal_rate: Fraction | None = rate_hz
         self.tick = 1 / rate_hz
         self.expected_frames = len(self._paths)
@@ -46,18 +46,18 @@ class ImageSequence:
         self._done = 0
 
     def __iter__(self) -> Iterator[Frame]:
-        """Read the pictures one after the other. Raises InputError for one that cannot be read or differs in size."""
+        """Read the images one after the other. Raises InputError for one that cannot be read or differs in size."""
         self._duplicates, self._done = [], 0
         before: Plane | None = None
         for index, path in enumerate(self._paths):
             picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
             if picture is None:
-                raise InputError(f"{path}: not a picture that can be read")
-            luma, u, v, depth = _planes(picture)
+                raise InputError(f"{path}: not an image that can be read")
+            luma, u, v, depth = _planes(picture, path)
             if before is not None and luma.shape != before.shape:
                 height, width = before.shape
                 raise InputError(
-                    f"{path}: is {luma.shape[1]}×{luma.shape[0]} but the pictures before are {width}×{height}"
+                    f"{path}: is {luma.shape[1]}×{luma.shape[0]} but the images before are {width}×{height}"
                 )
             repeated = before is not None and bool(np.array_equal(luma, before))
             if repeated:
@@ -71,8 +71,12 @@ class ImageSequence:
         return summarise(range(self._done), self.tick, self._duplicates, [])
 
 
-def _planes(picture: NDArray[np.generic]) -> tuple[Plane, Plane | None, Plane | None, int]:
-    """Luma and colour planes (BT.601, full range) of a grey, BGR or BGRA picture of 8 or 16 bits."""
+def _planes(picture: NDArray[np.generic], path: Path) -> tuple[Plane, Plane | None, Plane | None, int]:
+    """Luma and colour planes (BT.601, full range) of a grey, BGR or BGRA image of 8 or 16 bits."""
+    if picture.dtype not in (np.uint8, np.uint16):
+        raise InputError(
+            f"{path}: its samples are {picture.dtype}, whose range is not known; save it with 8 or 16 bits a sample"
+        )
     depth = 8 if picture.dtype == np.uint8 else 16
     kind = np.uint8 if depth == 8 else np.uint16
     if picture.ndim == 2:

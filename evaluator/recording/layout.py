@@ -1,4 +1,4 @@
-"""How a decoded picture's planes lie in memory, worked out once and used for all pictures of a recording."""
+"""How a decoded frame's planes lie in memory, worked out once and used for all frames of a recording."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ KINDS = {1: "I", 2: "P", 3: "B"}
 
 @dataclass(frozen=True)
 class Layout:
-    """What `frame` needs to know of all pictures alike.
+    """What `frame` needs to know of all frames alike.
 
-    name, width, height: of the decoder's pictures. target: format to convert to first, where the planes cannot be used
-    as they are. depth: bits of a sample after that. turns: quarter turns that make the picture upright. shapes: of its
+    name, width, height: of the decoder's frames. target: format to convert to first, where the planes cannot be used
+    as they are. depth: bits of a sample after that. turns: quarter turns that make the frame upright. shapes: of its
     planes before that, (rows, columns).
     """
 
@@ -37,7 +37,7 @@ class Layout:
 
     @classmethod
     def of(cls, picture: Any) -> Self:
-        """Work out the layout of a decoded picture."""
+        """Work out the layout of a decoded frame."""
         name = picture.format.name
         depth = picture.format.components[0].bits
         base = name.split("p1")[0] + "p" if depth > 8 else name
@@ -55,13 +55,13 @@ class Layout:
         return cls(name, picture.width, picture.height, target, depth, turns, full, matrix, shapes)
 
     def fits(self, picture: Any) -> bool:
-        """Whether a picture is laid out like the one this was made from."""
+        """Whether a frame is laid out like the one this was made from."""
         return bool(picture.width == self.width and picture.height == self.height and picture.format.name == self.name)
 
     def frame(self, picture: Any, index: int, ticks: int, tick: Fraction, before: Frame | None) -> Frame:
-        """Take a picture's planes as views, upright, without copying where the format allows.
+        """Take a frame's planes as views, upright, without copying where the format allows.
 
-        before: the frame before, to tell a repeated picture.
+        before: the frame before, to tell a repeated frame.
         """
         kind = KINDS.get(picture.pict_type, "")
         if self.target is not None:
@@ -80,7 +80,7 @@ class Layout:
 
 
 def _same(one: Plane, other: Plane) -> bool:
-    """Whether two pictures are equal; nearly all that are not differ in one of four rows, the rest in every 37th."""
+    """Whether two frames are equal; nearly all that are not differ in one of four rows, the rest in every 37th."""
     if one.shape != other.shape:
         return False
     quarter = max(len(one) // 4, 1)

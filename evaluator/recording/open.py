@@ -20,16 +20,16 @@ def open_recording(
     fields: Fields = "auto",
     threads: int = 0,
 ) -> Recording | ImageSequence:
-    """Open a recording: a video file, a folder of pictures, or a live source.
+    """Open a recording: a video file, a folder of images, or a live source.
 
     path: a file; a folder; "-" for a stream on standard input; a camera device (/dev/video0) or an address (rtsp://…,
     udp://…). rate_hz: of a folder, or of a recording that brings no times; not used where there are times. fields:
-    whether pictures are woven of two fields and which comes first; "auto" sees for itself. threads: of the decoder, 0
+    whether frames are woven of two fields and which comes first; "auto" sees for itself. threads: of the decoder, 0
     for one per core. Raises InputError with one sentence where there is no recording.
     """
     name = str(path)
     if rate_hz is not None and not 0 < rate_hz < math.inf:
-        raise InputError(f"{name}: the rate must be above 0 pictures a second, not {float(rate_hz):g}")
+        raise InputError(f"{name}: the rate must be above 0 frames a second, not {float(rate_hz):g}")
     rate = None if rate_hz is None else Fraction(rate_hz).limit_denominator(1001)
     opened = partial(Recording, fields=fields, threads=threads, rate_hz=rate)
     if name == "-":
@@ -41,7 +41,7 @@ def open_recording(
         raise InputError(f"{name}: no such file")
     if place.is_dir():
         if rate is None:
-            raise InputError(f"{name}: a folder of pictures has no clock: say its rate (pictures a second)")
+            raise InputError(f"{name}: a folder of images has no clock: say its rate (frames a second)")
         return ImageSequence(place, rate)
     if place.is_char_device():
         return opened(name, live=True, format_name="v4l2")

@@ -1,7 +1,7 @@
-"""Decoding beside what is done with the pictures: FFmpeg's threads never wait for whoever looks at the last picture.
+"""Decoding beside what is done with the frames: FFmpeg's threads never wait for whoever looks at the last frame.
 
-Where FFmpeg itself uses one core, for codecs whose pictures stand each for itself (Motion JPEG), on all cores. Where
-its threads cost more than they gain, for small pictures of H.264, on two by groups of pictures.
+Where FFmpeg itself uses one core, for codecs whose frames stand each for itself (Motion JPEG), on all cores. Where
+its threads cost more than they gain, for small frames of H.264, on two by groups of frames.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from av.codec.codec import Capabilities
 from evaluator.recording.groups import LONGEST, Groups, groups_of
 
 END = object()  # of a group: the decoder gives what it held back, and begins anew
-Decoded = Callable[[], list[Any]]  # gives the pictures of a packet, or raises what decoding it raised
+Decoded = Callable[[], list[Any]]  # gives the frames of a packet, or raises what decoding it raised
 
 THREADED = int(Capabilities.frame_threads | Capabilities.slice_threads)
-MOST = 6  # decoders: a tracker keeps up with no more, and each holds two pictures
+MOST = 6  # decoders: a tracker keeps up with no more, and each holds two frames
 AHEAD = 2  # packets a decoder is handed before its first is asked for
-# Pictures ahead where there is one decoder, whose threads share its packets. With none ahead, they stand still while a
-# picture is looked at: 210 µs of decoding on two cores and 100 µs of tracking then make 290 instead of 250. More than
-# the processor's caches hold beside the pictures that the codec itself keeps make all slower: of 1920 × 1080, 6 instead
-# of 2 by 100 to 170 µs a picture, where 4 gain 25 µs (twice measured, in 9 and in 16 turns).
+# Frames ahead where there is one decoder, whose threads share its packets. With none ahead, they stand still while a
+# frame is looked at: 210 µs of decoding on two cores and 100 µs of tracking then make 290 instead of 250. More than
+# the processor's caches hold beside the frames that the codec itself keeps make all slower: of 1920 × 1080, 6 instead
+# of 2 by 100 to 170 µs a frame, where 4 gain 25 µs (twice measured, in 9 and in 16 turns).
 MOST_AHEAD, AHEAD_BYTES = 6, 12_500_000
 # FFmpeg takes a thread more than there are cores. Where the tracker wants a part of two cores, as many threads as cores
 # are faster (H.264, file to marks: 6 % at 1920 × 1080, 8 % at 1280 × 720, 2 to 12 % at 640 × 480).
 FEW_CORES = 2
-# Of small pictures each is handed from thread to thread for about 70 µs. Two decoders that take groups in turn do
+# Of small frames each is handed from thread to thread for about 70 µs. Two decoders that take groups in turn do
 # without: file to marks is faster by 15 to 33 % at 640 × 480, 22 % at 800 × 600, 1 % at 1024 × 768, and slower beyond,
 # for a group waits in memory for its turn.
 GROUP_DECODERS, SMALL_PX, GROUPS_AHEAD_BYTES = 2, 1024 * 768, 100_000_000
@@ -125,9 +125,9 @@ def _handed_out(packets: Iterable[Any], decoders: list[_Decoder]) -> Iterator[_D
     """Hand packets to the decoders in turn; gives the one that has each."""
     turns = cycle(decoders)
     for count, packet in enumerate(packets):
-        if not packet.size and len(decoders) > 1:  # the end: these codecs hold no picture back
+        if not packet.size and len(decoders) > 1:  # the end: these codecs hold no frame back
             continue
-        if count == 0:  # tables that only the first picture brings serve all that follow
+        if count == 0:  # tables that only the first frame brings serve all that follow
             for decoder in decoders[1:]:
                 decoder.prime(packet)
         decoder = next(turns)
@@ -149,7 +149,7 @@ def _dealt(packets: Iterable[Any], decoders: list[_Decoder], groups: Groups) -> 
 
 
 class _Decoder:
-    """One decoder in a thread of its own; packets go in and pictures, or what was raised, come out in order."""
+    """One decoder in a thread of its own; packets go in and frames, or what was raised, come out in order."""
 
     def __init__(self, context: Any) -> None:
         self._context = context
@@ -168,7 +168,7 @@ class _Decoder:
         self._packets.put(packet)
 
     def get(self) -> list[Any]:
-        """Give the pictures of the next packet; raises what decoding it raised."""
+        """Give the frames of the next packet; raises what decoding it raised."""
         result = self._results.get()
         if isinstance(result, Exception):
             raise result

@@ -1,4 +1,4 @@
-"""What the presentation times of a recording say: its rate, pictures dropped, pictures shown twice."""
+"""What the presentation times of a recording say: its rate, frames dropped, frames shown twice."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from typing import Any
 class TimingReport:
     """Times of a recording, summed up.
 
-    frames: pictures decoded. first, last: presentation times, s. interval: the commonest time between pictures, s
-    (None below two pictures). dropped: (index of the picture after the gap, number missing). duplicates: indices of
-    pictures equal to the one before. variable: the intervals differ by more than the clock's rounding even outside
+    frames: frames decoded. first, last: presentation times, s. interval: the commonest time between frames, s
+    (None below two frames). dropped: (index of the frame after the gap, number missing). duplicates: indices of
+    frames equal to the one before. variable: the intervals differ by more than the clock's rounding even outside
     gaps. notes: sentences on everything unusual, for people.
     """
 
@@ -31,7 +31,7 @@ class TimingReport:
 
     @property
     def rate_hz(self) -> float:
-        """Pictures a second, from the commonest interval; NaN below two pictures."""
+        """Frames a second, from the commonest interval; NaN below two frames."""
         return float("nan") if not self.interval else float(1 / self.interval)
 
 
@@ -42,10 +42,10 @@ def clock_runs(packets: Sequence[Any]) -> bool:
 
 
 def in_order(timed: Iterable[tuple[Any, int | None]]) -> Iterator[tuple[Any, int | None]]:
-    """Pictures with their times, those of two neighbours exchanged where the second is the earlier.
+    """Frames with their times, those of two neighbours exchanged where the second is the earlier.
 
-    Decoders give pictures in the order they are shown in. Where a container has no presentation times (AVI) and the
-    codec has B-pictures, the times made up for them are not always in that order.
+    Decoders give frames in the order they are shown in. Where a container has no presentation times (AVI) and the
+    codec has B-frames, the times made up for them are not always in that order.
     """
     held: tuple[Any, int | None] | None = None
     for picture, ticks in timed:
@@ -61,7 +61,7 @@ def in_order(timed: Iterable[tuple[Any, int | None]]) -> Iterator[tuple[Any, int
 def summarise(ticks: Sequence[int], tick: Fraction, duplicates: Sequence[int], notes: Sequence[str]) -> TimingReport:
     """Find rate, gaps and repetitions.
 
-    ticks: presentation times of the pictures in order, in ticks of the clock. tick: s; intervals that differ
+    ticks: presentation times of the frames in order, in ticks of the clock. tick: s; intervals that differ
     by no more than two ticks count as equal, because each of the two times is rounded to a tick.
     """
     steps = [after - before for before, after in pairwise(ticks)]
@@ -78,12 +78,12 @@ def summarise(ticks: Sequence[int], tick: Fraction, duplicates: Sequence[int], n
         variable = len(odd) > len(steps) // 20
     said = list(notes)
     if variable:
-        said.append("the frame rate varies; every picture keeps its own time")
+        said.append("the frame rate varies; every frame keeps its own time")
     elif dropped:
         missing = sum(count for _, count in dropped)
-        said.append(f"{missing} pictures are missing in {len(dropped)} gaps, the first before picture {dropped[0][0]}")
+        said.append(f"{missing} frames are missing in {len(dropped)} gaps, the first before frame {dropped[0][0]}")
     if duplicates:
-        said.append(f"{len(duplicates)} pictures equal the one before, the first is picture {duplicates[0]}")
+        said.append(f"{len(duplicates)} frames equal the one before, the first is frame {duplicates[0]}")
     return TimingReport(
         frames=len(ticks),
         first=ticks[0] * tick if ticks else None,

@@ -18,19 +18,19 @@ from evaluator.recording.layout import Layout
 from evaluator.recording.parallel import decoded, decoders_for, glanced, groups_for, threads_for
 from evaluator.recording.timing import TimingReport, clock_runs, in_order, summarise
 
-# Pictures looked at for torn edges: four seconds, by when a robot has moved; of large pictures those that take so much
+# Frames looked at for torn edges: four seconds, by when a robot has moved; of large frames those that take so much
 # memory (their luma), for they are held: cameras that do not say that they weave fields have small ones.
 PROBED, HELD_BYTES = 120, 100_000_000
 SLOWEST_PROGRESSIVE = 31  # interlaced cameras give 25 or 29.97 frames a second; faster ones are not looked at
 GLANCED = 8  # packets whose times tell whether the clock of a file runs at all
-STREAMED = ("mpegts", "mpeg")  # containers whose clock starts anywhere: their times count from the first picture
+STREAMED = ("mpegts", "mpeg")  # containers whose clock starts anywhere: their times count from the first frame
 
 
 class Recording:
-    """Pictures in presentation order with exact times; iterate as often as needed, `report` afterwards.
+    """Frames in presentation order with exact times; iterate as often as needed, `report` afterwards.
 
-    Raises InputError when iterated where not a single picture can be decoded. A file that ends early or is damaged
-    gives its good pictures, and `report().notes` says so.
+    Raises InputError when iterated where not a single frame can be decoded. A file that ends early or is damaged
+    gives its good frames, and `report().notes` says so.
     """
 
     def __init__(
@@ -45,17 +45,17 @@ class Recording:
     ) -> None:
         """Open once to see that there is a video in it.
 
-        name: a path, or an address FFmpeg understands. live: give each picture at once, and expect no second iteration.
-        rate_hz: pictures a second where the recording has no times; None for the rate it names.
+        name: a path, or an address FFmpeg understands. live: give each frame at once, and expect no second iteration.
+        rate_hz: frames a second where the recording has no times; None for the rate it names.
         threads: of the decoder; 0: one per core; 1: none beside the caller's own.
         """
         self.name, self.live, self.fields, self._threads = name, live, fields, threads
         self._format, self._rate = format_name, rate_hz
         container = self._open()
-        stream = container.streams.video[0]
+        stream = _video_of(container)
         self.nominal_rate: Fraction | None = stream.average_rate or stream.guessed_rate
         self.expected_frames: int = stream.frames  # 0 where the container does not say
-        # What a container says of its whole length speaks of the pictures only where it holds nothing else.
+        # What a container says of its whole length speaks of the frames only where it holds nothing else.
         alone = container.duration is not None and len(container.streams) == 1 and not live
         self.expected_s: float | None = container.duration / av.time_base if alone else None
         self.tick: Fraction = stream.time_base
@@ -66,13 +66,13 @@ class Recording:
         self._ticks: list[int] = []
         self._duplicates: list[int] = []
         self._notes: list[str] = []
-        self._standing = 0  # pictures left out
-        self._counted = False  # whether pictures are counted, for want of times
+        self._standing = 0  # frames left out
+        self._counted = False  # whether frames are counted, for want of times
         self.clock = self.tick
 
     def _open(self) -> Any:
         try:
-            # No "nobuffer" for live sources: it throws away the pictures that the format was recognised from.
+            # No "nobuffer" for live sources: it throws away the frames that the format was recognised from.
             container = av.open(self.name, format=self._format)
         except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
             raise InputError(f"{self.name}: {str(error.strerror).lower()}") from error
@@ -81,8 +81,14 @@ class Recording:
                 f"{self.name}: not a video that FFmpeg can open ({_reason(error)}); is it whole and of a known format?"
             ) from error
         if not container.streams.video:
+            kinds = _kinds(container)
             container.close()
-            raise InputError(f"{self.name}: holds no video, only {_kinds(container)}; give a video file")
+            raise InputError(f"{self.name}: holds no video, {kinds}; give a video file")
+        if _video_of(container) is None:
+            container.close()
+            raise InputError(
+                f"{self.name}: FFmpeg has no decoder for the codec of its video; convert it, for example to H.264"
+            )
         return container
 
     def __iter__(self) -> Iterator[Frame]:
@@ -96,7 +102,7 @@ class Recording:
                 self._count(frame)
                 yield frame
             return
-        self._notes.append(f"interlaced, {order} field first: every field is a picture of its own")
+        self._notes.append(f"interlaced, {order} field first: every field is a frame of its own")
         ticks = self._interval_ticks()
         for frame in pictures:
             for field in fields_of(frame, order, ticks, len(self._ticks)):
@@ -110,7 +116,7 @@ class Recording:
             self._duplicates.append(frame.index)
 
     def _pictures(self) -> Iterator[Frame]:
-        """Every picture of the recording, not yet taken apart into fields."""
+        """Every frame of the recording, not yet taken apart into fields."""
         container, self._opened = self._opened or self._open(), None
         with ExitStack() as opened:
             opened.enter_context(container)
@@ -134,9 +140,9 @@ class Recording:
         self._finish(index)
 
     def _under_way(self, container: Any, opened: ExitStack) -> tuple[list[Any], Iterator[Any]]:
-        """Set up decoding as is fastest for the recording; gives its first packets, and all pictures."""
-        stream, threads = container.streams.video[0], self._threads
-        # Frame threads are fastest but hold back a picture a thread; a live source must not wait for them.
+        """Set up decoding as is fastest for the recording; gives its first packets, and all frames."""
+        stream, threads = _video_of(container), self._threads
+        # Frame threads are fastest but hold back a frame a thread; a live source must not wait for them.
         stream.thread_type = "SLICE" if self.live else "AUTO"
         if self.live:
             stream.codec_context.thread_count = threads
@@ -150,7 +156,7 @@ class Recording:
         return first, self._decoded(packets, [stream, *(self._again(opened) for _ in again)], groups)
 
     def _field_order(self, pictures: Iterator[Frame]) -> tuple[Literal["none", "top", "bottom"], Iterator[Frame]]:
-        """Whether the recording is interlaced: what the file says, else what the pictures show; gives all of them."""
+        """Whether the recording is interlaced: what the file says, else what the frames show; gives all of them."""
         if self.live:
             return "none", pictures
         said, rate = self._said_order(), self.nominal_rate
@@ -175,7 +181,7 @@ class Recording:
     def _said_order(self) -> Literal["none", "top", "bottom"]:
         # FFmpeg's AVFieldOrder: 2 and 5 show the top field first, 3 and 4 the bottom field.
         self._opened = self._opened or self._open()
-        order = int(getattr(self._opened.streams.video[0].codec_context, "field_order", 0) or 0)
+        order = int(getattr(_video_of(self._opened).codec_context, "field_order", 0) or 0)
         return "top" if order in {2, 5} else "bottom" if order in {3, 4} else "none"
 
     def _interval_ticks(self) -> int:
@@ -184,10 +190,10 @@ class Recording:
 
     def _again(self, opened: ExitStack) -> Any:
         """Open the stream once more, until `opened` is left."""
-        return opened.enter_context(self._open()).streams.video[0]
+        return _video_of(opened.enter_context(self._open()))
 
     def _decoded(self, packets: Iterator[Any], streams: list[Any], groups: Groups | None) -> Iterator[Any]:
-        """Every picture that decodes; stops, with a note, where nothing more can be read."""
+        """Every frame that decodes; stops, with a note, where nothing more can be read."""
         results = decoded(packets, streams, at_once=self.live or self._threads == 1, groups=groups)
         given = 0
         while True:
@@ -196,12 +202,12 @@ class Recording:
             except StopIteration:
                 return
             except (av.error.FFmpegError, OSError) as error:
-                self._notes.append(f"the recording cannot be read beyond picture {given} ({_reason(error)})")
+                self._notes.append(f"the recording cannot be read beyond frame {given} ({_reason(error)})")
                 return
             try:
                 pictures = result()
             except (av.error.FFmpegError, OSError) as error:
-                note = f"damaged data near picture {given} ({_reason(error)})"
+                note = f"damaged data near frame {given} ({_reason(error)})"
                 if not self._notes:
                     self._notes.append(note)
                 continue
@@ -210,10 +216,10 @@ class Recording:
                     given += 1
                     yield picture
                 elif not self._notes:
-                    self._notes.append(f"damaged pictures are left out, the first near picture {given}")
+                    self._notes.append(f"damaged frames are left out, the first near frame {given}")
 
     def _ticks_of(self, picture: Any, count: int, *, runs: bool) -> int | None:
-        """Presentation time of a picture in ticks, None where it has none; runs: whether the recording's clock does."""
+        """Presentation time of a frame in ticks, None where it has none; runs: whether the recording's clock does."""
         if count == 0:
             self._counted = not runs or picture.pts is None
             rate = self._rate or self.nominal_rate
@@ -228,19 +234,19 @@ class Recording:
 
     def _finish(self, count: int) -> None:
         if count == 0:
-            raise InputError(f"{self.name}: not a single picture can be decoded; the file is damaged or cut off")
+            raise InputError(f"{self.name}: not a single frame can be decoded; the file is damaged or cut off")
         if self._standing > count:
             raise InputError(
                 f"{self.name}: presentation times stand still or run backwards in {self._standing} of"
-                f" {self._standing + count} pictures; record it anew, or write it into a container with a frame rate"
+                f" {self._standing + count} frames; record it anew, or write it into a container with a frame rate"
             )
         if self._standing:
-            self._notes.append(f"{self._standing} pictures are left out: their times are not after those before them")
+            self._notes.append(f"{self._standing} frames are left out: their times are not after those before them")
         if self.expected_frames > count + self._standing:
-            self._notes.append(f"the file promises {self.expected_frames} pictures but only {count} could be decoded")
+            self._notes.append(f"the file promises {self.expected_frames} frames but only {count} could be decoded")
 
     def report(self) -> TimingReport:
-        """Sum up the times of the pictures decoded in the last iteration."""
+        """Sum up the times of the frames decoded in the last iteration."""
         return summarise(self._ticks, self.clock, self._duplicates, self._notes)
 
 
@@ -248,5 +254,11 @@ def _reason(error: BaseException) -> str:
     return str(getattr(error, "strerror", None) or error).split(":")[0].strip().lower()
 
 
+def _video_of(container: Any) -> Any:
+    """Give the first video stream that FFmpeg has a decoder for, None where there is none."""
+    return next((stream for stream in container.streams.video if stream.codec_context is not None), None)
+
+
 def _kinds(container: Any) -> str:
-    return ", ".join(sorted({stream.type for stream in container.streams})) or "no stream at all"
+    kinds = sorted({stream.type for stream in container.streams})
+    return f"only {', '.join(kinds)}" if kinds else "no stream of any kind"

@@ -1,6 +1,6 @@
-"""The recording with what was measured drawn on it, and a contact sheet of the pictures to look at twice.
+"""The recording with what was measured drawn on it, and a contact sheet of the frames to look at twice.
 
-Everything is drawn in picture px at sub-pixel precision. Drawing measures nothing.
+Everything is drawn in image px at sub-pixel precision. Drawing measures nothing.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def write_overlay(
 ) -> None:
     """Write the recording as H.264 video with marks, trails, centre, heading, circle and time drawn on it.
 
-    table: of `track`, a row per picture of the recording. The pictures keep their own presentation times.
+    table: of `track`, a row per frame of the recording. The frames keep their own presentation times.
     """
     drawing = drawing or Drawing()
     with written_whole(path) as temporary, av.open(str(temporary), "w") as container:
@@ -93,7 +93,7 @@ def _short(tick: Fraction) -> Fraction:
 
 
 def draw_frame(frame: Frame, table: pd.DataFrame, row: int, drawing: Drawing) -> Picture:
-    """One picture of the overlay, RGB."""
+    """One frame of the overlay, RGB."""
     picture = np.ascontiguousarray(frame.to_rgb())
     size = max(picture.shape[0] / 480, 0.6)
     thick = max(1, round(size))
@@ -108,9 +108,7 @@ def draw_frame(frame: Frame, table: pd.DataFrame, row: int, drawing: Drawing) ->
         if np.isfinite([drawing.center_px[row], drawing.nose_px[row]]).all():
             start, tip = (_fixed(point) for point in (drawing.center_px[row], drawing.nose_px[row]))
             cv2.arrowedLine(picture, start, tip, CENTER, thick + 1, cv2.LINE_AA, SHIFT, 0.25)
-    lines = [
-        f"{table['time_s'].iloc[row]:8.3f} s   picture {int(table['frame'].iloc[row])}   {drawing.caption}".rstrip()
-    ]
+    lines = [f"{table['time_s'].iloc[row]:8.3f} s   frame {int(table['frame'].iloc[row])}   {drawing.caption}".rstrip()]
     lines += [
         f"{name}: {status}"
         for name in mark_names(table)
@@ -122,9 +120,9 @@ def draw_frame(frame: Frame, table: pd.DataFrame, row: int, drawing: Drawing) ->
 
 
 def write_contact_sheet(recording: Iterable[Frame], table: pd.DataFrame, path: Path, most: int = 24) -> int:
-    """Write a PNG of enlarged cut-outs of the most doubtful pictures; returns how many there are (none: no file).
+    """Write a PNG of enlarged cut-outs of the most doubtful frames; returns how many there are (none: no file).
 
-    Doubtful: a mark is absent, or its uncertainty is far above what is usual. Neighbouring pictures stand for each
+    Doubtful: a mark is absent, or its uncertainty is far above what is usual. Neighbouring frames stand for each
     other.
     """
     chosen = doubtful(table, most)
@@ -144,7 +142,7 @@ def write_contact_sheet(recording: Iterable[Frame], table: pd.DataFrame, path: P
 
 
 def doubtful(table: pd.DataFrame, most: int) -> list[tuple[int, str]]:
-    """Rows and marks to look at twice, the most doubtful of each stretch of pictures, in the order of time."""
+    """Rows and marks to look at twice, the most doubtful of each stretch of frames, in the order of time."""
     found: list[tuple[float, int, str]] = []
     for name in mark_names(table):
         sigma = np.hypot(*table[[f"{name}_x_sigma_px", f"{name}_y_sigma_px"]].to_numpy(float).T)
@@ -214,7 +212,7 @@ def _fixed(point: Array) -> tuple[int, int]:
 
 
 def _write(picture: Picture, text: str, place: tuple[int, int], size: float, color: Color) -> None:
-    """Text on a darkened strip, so that it reads on any picture."""
+    """Text on a darkened strip, so that it reads on any frame."""
     (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.45 * size, 1)
     left, bottom = place
     strip = picture[max(bottom - height - 3, 0) : bottom + below + 2, max(left - 4, 0) : left + width + 4]

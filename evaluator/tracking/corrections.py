@@ -49,7 +49,7 @@ def correct(table: pd.DataFrame, corrections: pd.DataFrame, source: str = "corre
         if f"{mark}_x_px" not in table:
             raise InputError(f"{source}: line {line}: there is no mark {mark!r} in this recording")
         if int(frame) not in rows:
-            raise InputError(f"{source}: line {line}: the recording has no picture {int(frame)}")
+            raise InputError(f"{source}: line {line}: the recording has no frame {int(frame)}")
         row, placed = rows[int(frame)], bool(np.isfinite(x))
         sigma = HAND_SIGMA_PX if placed else float("nan")
         values = {

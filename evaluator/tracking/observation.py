@@ -1,16 +1,16 @@
-"""What is said of one mark in one picture."""
+"""What is said of one mark in one frame."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 OK = "ok"
-REPEATED = "repeated picture"  # the recording shows the picture before once more
+REPEATED = "repeated frame"  # the recording shows the frame before once more
 WRONG_DISTANCE = "wrong distance"  # it and its partner lie farther apart or nearer than on one body: found afterwards
 
 
 class Sighting(NamedTuple):
-    """One mark in one picture: centre and its variances in px and px², status "ok" or why it is absent (then NaN)."""
+    """One mark in one frame: centre and its variances in px and px², status "ok" or why it is absent (then NaN)."""
 
     x: float
     y: float
@@ -25,7 +25,7 @@ ABSENT = {
     reason: Sighting(NAN, NAN, NAN, NAN, NAN, reason)
     for reason in (
         "not seen",  # its colour is nowhere that it could be
-        "outside the picture",  # partly or wholly beyond the border
+        "outside the image",  # partly or wholly beyond the border
         "partly hidden",  # too little of it shows
         "disturbed",  # its luma is not that of a disc: glare, a wire, a shadow
         "no disc",  # its colour is there but no disc of its size and brightness

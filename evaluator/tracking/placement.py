@@ -1,4 +1,4 @@
-"""From picture points to the plane of the marks."""
+"""From image points to the plane of the marks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def place_on_plate(table: pd.DataFrame, camera: Camera, height_mm: float) -> pd.
     """Place tracked marks on the plane height_mm above the plate.
 
     table: of `track`. Returns time_s and NAME_x_mm, NAME_y_mm first, then frame, NAME_x_sigma_mm, NAME_y_sigma_mm,
-    NAME_xy_cov_mm2 (the picture's random error only; the camera's own uncertainty is common to all pictures and comes
+    NAME_xy_cov_mm2 (the frame's random error only; the camera's own uncertainty is common to all frames and comes
     from `Camera.plate_sensitivity`), NAME_status, and all columns in px. Absent marks stay NaN.
     """
     names = [column.removesuffix("_x_px") for column in map(str, table) if column.endswith("_x_px")]

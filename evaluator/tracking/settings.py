@@ -56,7 +56,7 @@ class TrackingSettings(Table):
 
     mark: by name; a name begins with its colour (green, yellow, yellow_left …) unless color or hue_deg says it.
     region_px: search here only. mask_px: boxes never to look at. distance_diameters: distance of green and yellow over
-    their diameter, used to choose between candidates in the first picture (3.66 on the paper's robot). exposure: share
+    their diameter, used to choose between candidates in the first frame (3.66 on the paper's robot). exposure: share
     of the frame interval that the shutter is open; learnt from fast marks where it is not said.
     """
 

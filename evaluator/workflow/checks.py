@@ -77,7 +77,7 @@ def _video(folder: Path, name: str, experiment: Path) -> Iterator[str]:
     from evaluator.recording import open_recording
 
     del experiment
-    if not (folder / name).is_dir():  # a folder of pictures is opened with the rate of its run
+    if not (folder / name).is_dir():  # a folder of images is opened with the rate of its run
         yield from _fault(open_recording, folder / name)
 
 

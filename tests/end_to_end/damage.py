@@ -89,7 +89,7 @@ def overwritten(good: Path, target: Path) -> None:
 DAMAGES: dict[str, tuple[Damage, str]] = {
     "missing": (lambda _, __: None, "no such file"),
     "empty": (lambda _, target: target.touch(), "empty"),
-    "folder": (lambda _, target: target.mkdir(), "folder of pictures has no clock"),
+    "folder": (lambda _, target: target.mkdir(), "folder of images has no clock"),
     "text": (text, "not a video"),
     "overwritten": (overwritten, "not a video"),
     "cut": (cut_in_the_middle, "cut off after"),

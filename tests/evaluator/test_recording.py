@@ -72,7 +72,7 @@ def test_pictures_that_are_not_after_those_before_them_are_left_out(tmp_path: Pa
     frames = list(recording)
     assert [frame.index for frame in frames] == list(range(6))
     assert [float(frame.time) for frame in frames] == pytest.approx([k / 60 for k in range(6)], abs=1e-3)
-    assert recording.report().notes == ("2 pictures are left out: their times are not after those before them",)
+    assert recording.report().notes == ("2 frames are left out: their times are not after those before them",)
 
 
 def test_h264_in_avi_has_its_times_in_order(tmp_path: Path) -> None:
@@ -84,7 +84,7 @@ def test_h264_in_avi_has_its_times_in_order(tmp_path: Path) -> None:
 
 def test_a_recording_whose_clock_stops_is_refused(tmp_path: Path) -> None:
     video = write_video(tmp_path / "v.mkv", noise_pictures(12), pts=[0, 1, *[2] * 10])
-    with pytest.raises(InputError, match="stand still or run backwards in 9 of 12 pictures"):
+    with pytest.raises(InputError, match="stand still or run backwards in 9 of 12 frames"):
         list(open_recording(video))
 
 

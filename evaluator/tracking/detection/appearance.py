@@ -1,4 +1,4 @@
-"""What is learnt of a mark from the pictures it was found in: its colour against the plate, its disc."""
+"""What is learnt of a mark from the frames it was found in: its colour against the plate, its disc."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Compiled inner loops: which samples of the colour planes have a colour.
 
-Picture frame, px; a chroma sample covers across × down luma samples.
+Image coordinates, px; a chroma sample covers across × down luma samples.
 """
 # mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
 # ruff: noqa: ANN001, ANN201 - numba infers the types
@@ -26,7 +26,7 @@ def color_window(u, v, cell, x, y, half, color, found):
 
     cell: width and height in px that a chroma sample covers, and where the first one's centre lies (x, y). color: see
     `is_color`. found: area of the pixels that have the colour, px²; their centre; their mean chroma; share of the
-    window that lies outside the picture.
+    window that lies outside the image.
     """
     rows, columns = u.shape
     first_i, last_i = math.floor((x - half - cell[2]) / cell[0]), math.ceil((x + half - cell[2]) / cell[0])

@@ -1,6 +1,6 @@
-"""Find marks in a whole picture without knowing where they are: coloured blobs, their shape, the likeliest pair.
+"""Find marks in a whole frame without knowing where they are: coloured blobs, their shape, the likeliest pair.
 
-Works on the colour planes at their own resolution. White balance: what most of the picture shows (plate, field) is
+Works on the colour planes at their own resolution. White balance: what most of the frame shows (plate, field) is
 taken as neutral, so that hues mean the same under any lamp; where that gives no good pair, the plate itself may be
 coloured, and the camera's own balance is taken.
 """
@@ -33,10 +33,10 @@ UNSEEN = 30.0  # as bad as a mark can score, and more
 
 @dataclass(frozen=True)
 class ColorMap:
-    """A picture's colours at the resolution of its colour planes.
+    """A frame's colours at the resolution of its colour planes.
 
     chroma: (rows, columns), largest minus smallest of the balanced R, G, B, levels of 8 bits. floor: chroma that the
-    picture's own noise and tints reach. colorful: (m,), the cells above it, counted along the rows; hue_deg: (m,),
+    frame's own noise and tints reach. colorful: (m,), the cells above it, counted along the rows; hue_deg: (m,),
     their HSV hue against the neutral. u, v: the planes, levels of their own depth.
     """
 
@@ -57,7 +57,7 @@ def cell_of(frame: Frame) -> tuple[int, int]:
 
 
 def color_map(frame: Frame, allowed: NDArray[np.bool_], balance: float = 1.0) -> ColorMap:
-    """Balance a picture's colours.
+    """Balance a frame's colours.
 
     allowed: (rows, columns) of the colour planes, where to look. balance: share of the plate's tint that the lamp has.
     """
@@ -87,7 +87,7 @@ def color_map(frame: Frame, allowed: NDArray[np.bool_], balance: float = 1.0) ->
 
 
 def _rgb_from_planes(frame: Frame) -> Array:
-    """(3, 4): R, G, B, levels of 8 bits, from luma, u, v of the picture's own depth and 1."""
+    """(3, 4): R, G, B, levels of 8 bits, from luma, u, v of the frame's own depth and 1."""
     scale = 2.0 ** (8 - frame.depth)
     kr, kb = (0.2126, 0.0722) if frame.matrix == "bt709" else (0.299, 0.114)
     luma, color, black = (1.0, 1.0, 0.0) if frame.full_range else (255 / 219, 255 / 224, 16.0)
@@ -103,7 +103,7 @@ def _rgb(to_rgb: Array, luma: Plane, u: Plane, v: Plane) -> NDArray[np.float32]:
 
 
 def neutral_of(frame: Frame, allowed: NDArray[np.bool_]) -> tuple[float, float]:
-    """(u, v) of what most of the picture shows, in levels of the planes' own depth."""
+    """(u, v) of what most of the frame shows, in levels of the planes' own depth."""
     assert frame.u is not None
     assert frame.v is not None
     sample = sampled(allowed)
@@ -111,7 +111,7 @@ def neutral_of(frame: Frame, allowed: NDArray[np.bool_]) -> tuple[float, float]:
 
 
 def sampled(allowed: NDArray[np.bool_]) -> tuple[NDArray[np.intp], ...]:
-    """Every so many of the allowed cells, as an index of a plane: what is usual in a picture takes no more."""
+    """Every so many of the allowed cells, as an index of a plane: what is usual in a frame takes no more."""
     step = max(int(np.count_nonzero(allowed)) // SAMPLE, 1) | 1  # odd, and so in all columns
     return np.unravel_index(step * np.flatnonzero(allowed.ravel()[::step]), allowed.shape)
 

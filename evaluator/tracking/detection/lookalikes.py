@@ -18,7 +18,7 @@ Pair = dict[str, Candidate]
 # A pair has moved where a blob of it is farther from where it was first than this, in radii; as one body, where its
 # distance changed by less than this share of the way: two things that move on their own seldom keep it.
 MOVED, RIGID = 1.5, 0.1
-STEP = 2.0  # radii that a blob moves from picture to picture at most, to be known again
+STEP = 2.0  # radii that a blob moves from frame to frame at most, to be known again
 APART_PX = 3.0  # change of a pair's distance from which its blobs are on no one body: more than blobs jitter
 
 
@@ -49,7 +49,7 @@ class _Rival:
 
 
 class Rivals:
-    """Pairs that look alike, from the first picture that shows them until one of them moves."""
+    """Pairs that look alike, from the first frame that shows them until one of them moves."""
 
     def __init__(self) -> None:
         """Start with none."""
@@ -64,7 +64,7 @@ class Rivals:
     def decide(self, found: list[Candidate], settings: TrackingSettings, chosen: Pair) -> Pair:
         """Give the pair that is the robot's marks; nothing while several may be.
 
-        found: all blobs of the picture. chosen: its likeliest pair.
+        found: all blobs of the frame. chosen: its likeliest pair.
         """
         pairs = alike([one for one in found if one.mark in chosen], settings)
         if not self._rivals and len(pairs) < 2:

@@ -1,4 +1,4 @@
-"""Look for a known mark in the whole picture."""
+"""Look for a known mark in the whole image."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ WEAKER = 0.5  # of the usual least chroma: a blurred mark is weaker at its rim
 
 
 class Search:
-    """Finds blobs of a learnt colour and size; keeps its masks from picture to picture."""
+    """Finds blobs of a learnt colour and size; keeps its masks from frame to frame."""
 
     def __init__(self, frame: Frame, settings: TrackingSettings, cell: Array) -> None:
-        """frame: any picture of the recording, for its size."""
+        """frame: any frame of the recording, for its size."""
         assert frame.u is not None
         self._cell = cell
         self._allowed = {name: allowed_cells(frame, settings, mark) for name, mark in settings.mark.items()}

@@ -1,4 +1,4 @@
-"""Which of the coloured blobs of a picture are the marks: colour, roundness, size, and the distance of a pair."""
+"""Which of the coloured blobs of a frame are the marks: colour, roundness, size, and the distance of a pair."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Follow one mark from picture to picture: predict, look for its colour there, fit its disc, judge what came out."""
+"""Follow one mark from frame to frame: predict, look for its colour there, fit its disc, judge what came out."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SMEARED_PX = 2.0  # motion in an interval from which the share matters
 STEADY = 2.0  # ratio of speeds, either way, beyond which a mark starts, stops or was pushed: that is no turn
 
 VIEW_EVERY = 10
-RELEARN_AT = (60, 240)  # pictures in which a mark was seen: a second and four seconds of most recordings
+RELEARN_AT = (60, 240)  # frames in which a mark was seen: a second and four seconds of most recordings
 
 
 @dataclass
@@ -40,7 +40,7 @@ class Follower:
     """Where one mark was last and how it moves.
 
     look: what it looks like. exposure: share of the interval that the shutter is open, None to learn it. position,
-    velocity: px and px/s at time_s (the mean since the picture before), None while never seen. missed: pictures since
+    velocity: px and px/s at time_s (the mean since the frame before), None while never seen. missed: frames since
     it was measured. turn_rad_s: how fast a velocity turns that smears the mark.
     """
 
@@ -108,7 +108,7 @@ class Follower:
     def look_again(
         self, frame: Frame, cell: Array, place: Point, interval_s: float, guide: Point, light: float
     ) -> Sighting:
-        """Measure a mark that was lost where the whole picture was searched for it.
+        """Measure a mark that was lost where the whole frame was searched for it.
 
         It may be faster than it was. guide: velocity, px/s, of the body it is on. light: of what there was when it was
         last seen.
@@ -124,7 +124,7 @@ class Follower:
                 max(light, 1.0),
             )
         velocities = [(0.0, 0.0)] if guide == (0.0, 0.0) else [guide, (0.0, 0.0)]
-        # Seen in the picture before, though not measured: a jump of speed smears a mark as nothing foretold.
+        # Seen in the frame before, though not measured: a jump of speed smears a mark as nothing foretold.
         for where, when in ((self.position, self.time_s), self.glimpse):
             lapse = frame.time_s - when
             if where is not None and 0 < lapse < LATELY * interval_s:
@@ -140,7 +140,7 @@ class Follower:
         return one
 
     def look_at(self, frame: Frame, cell: Array, place: Point, reach_px: float, interval_s: float) -> Sighting:
-        """Measure the mark near a place of the picture; reach_px: how far from it the mark may be.
+        """Measure the mark near a place of the frame; reach_px: how far from it the mark may be.
 
         cell: of the chroma samples, as `color_kernels.color_window` takes it.
         """
@@ -152,7 +152,7 @@ class Follower:
             self._noise, self._start, self._found, result,
         )  # fmt: skip
         if verdict == fast_path.TOO_LITTLE:
-            return ABSENT["outside the picture" if self._found[color_kernels.CLIPPED] > 0.2 else "not seen"]
+            return ABSENT["outside the image" if self._found[color_kernels.CLIPPED] > 0.2 else "not seen"]
         lookout = self._closer.begin(frame)
         if verdict == fast_path.WELL and not lookout:
             return self._measured(frame)
@@ -207,7 +207,7 @@ class Follower:
         if x != x:  # noqa: PLR0124 - NaN: no fit
             reason = "no disc"
         elif inside < fast_path.LEAST_INSIDE:
-            reason = "outside the picture"
+            reason = "outside the image"
         elif far > reach_px + slack or not 1.0 / fast_path.PLAUSIBLE < brightness < fast_path.PLAUSIBLE:
             reason = "no disc"
         elif used < fast_path.LEAST_USED:

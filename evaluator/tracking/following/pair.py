@@ -13,15 +13,15 @@ Point = tuple[float, float]
 Place = TypeVar("Place", bound=Sequence[float])
 
 PAIR = {"green", "yellow"}
-# Perspective and slant change the distance of two marks in a picture by this at most: a camera tilted by 20 degrees
+# Perspective and slant change the distance of two marks in a frame by this at most: a camera tilted by 20 degrees
 # gives 6 % with direction and as much across the plate.
 TOLERANCE = 0.15
-ENOUGH = 6  # pictures with both marks from which their distance is believed
+ENOUGH = 6  # frames with both marks from which their distance is believed
 SHARE = 0.05  # of a new distance in the running mean
 
 
 class Body:
-    """What is known of the marks' distance in the picture, px; before that everything fits."""
+    """What is known of the marks' distance in the frame, px; before that everything fits."""
 
     def __init__(self) -> None:
         """Start with nothing known."""
@@ -30,11 +30,11 @@ class Body:
 
     @property
     def known(self) -> bool:
-        """Whether enough pictures showed both marks."""
+        """Whether enough frames showed both marks."""
         return self._count >= ENOUGH
 
     def note(self, one: Point, other: Point) -> None:
-        """Learn from a picture that shows both marks."""
+        """Learn from a frame that shows both marks."""
         apart = math.hypot(one[0] - other[0], one[1] - other[1])
         if self.known and not self._near(apart):
             return

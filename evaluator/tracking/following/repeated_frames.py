@@ -1,7 +1,7 @@
-"""Pictures that show the picture before once more, found from how the marks move.
+"""Frames that show the frame before once more, found from how the marks move.
 
-A recorder that fills a gap repeats a picture, and a codec then stores it anew, not quite the same. What gives it away:
-every mark stands still for a picture in the midst of motion and then makes up for it in one step.
+A recorder that fills a gap repeats a frame, and a codec then stores it anew, not quite the same. What gives it away:
+every mark stands still for a frame in the midst of motion and then makes up for it in one step.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-AROUND = 5  # pictures to either side that the usual step is taken from
+AROUND = 5  # frames to either side that the usual step is taken from
 MOVING_PX = 0.5  # a usual step from which standing still is told from the codec's own errors
 STILL = 0.25  # of the usual step: what a mark may seem to move by while it is shown again
 AGAIN = 0.35  # relative difference between the step after and what was to be made up for
-LONGEST = 5  # pictures repeated in a row
+LONGEST = 5  # frames repeated in a row
 
 
 def repeated_pictures(marks_px: list[Array]) -> list[NDArray[np.bool_]]:
-    """Per mark the pictures in which it moves, but all marks that move are seen to stand still and then to catch up.
+    """Per mark the frames in which it moves, but all marks that move are seen to stand still and then to catch up.
 
     marks_px: (n, 2) each, NaN where absent. A mark at rest is where it is seen, shown again or not.
     """
@@ -29,7 +29,7 @@ def repeated_pictures(marks_px: list[Array]) -> list[NDArray[np.bool_]]:
 
 
 def _of_mark(points: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Where a mark moves around a picture, and where it is shown again."""
+    """Where a mark moves around a frame, and where it is shown again."""
     n = len(points)
     moving, shown = np.zeros(n, bool), np.zeros(n, bool)
     step = np.concatenate([[np.nan], np.hypot(*np.diff(points, axis=0).T)])

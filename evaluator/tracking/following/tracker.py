@@ -1,4 +1,4 @@
-"""Find, learn, follow and find again all marks of a recording, one picture after the other."""
+"""Find, learn, follow and find again all marks of a recording, one frame after the other."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from evaluator.tracking.refinement.disc import Disc, shaped_as
 from evaluator.tracking.refinement.learn_shape import Steps, finished
 from evaluator.tracking.settings import TrackingSettings
 
-STEPS = 1  # of learning a shape anew, a picture: 1 ms on a mark of 20 px radius
-LEARNING_FRAMES = 12  # pictures a shape is learnt from; more do not improve the centre: shape and centre are orthogonal
-# Light is measured in every second picture at first, then in every sixteenth: it belongs to the place, not to the time.
+STEPS = 1  # of learning a shape anew, a frame: 1 ms on a mark of 20 px radius
+LEARNING_FRAMES = 12  # frames a shape is learnt from; more do not improve the centre: shape and centre are orthogonal
+# Light is measured in every second frame at first, then in every sixteenth: it belongs to the place, not to the time.
 SHADING_MASK, SHADED, RARELY_MASK = 1, 512, 15
-UNEQUAL = 0.08  # radii of equal marks differ by less: halation of a brighter mark, learning from noisy pictures
+UNEQUAL = 0.08  # radii of equal marks differ by less: halation of a brighter mark, learning from noisy frames
 UNEQUAL_NOISE = 4.0  # and so does their noise: light and codec treat them alike
 UNEQUAL_SLANT = 0.02  # and they are slanted alike: a rim that something cuts looks slanted alone
 MORE_COVERED = 0.05  # of its information, from which a mark tells less of its shape than its partner
 DAZZLED = 2.0  # noise over squared contrast of one over the other; by their colours alone they differ by less
-NEAR_MISSES = 8  # pictures for which a lost mark is sought first where it was going to
+NEAR_MISSES = 8  # frames for which a lost mark is sought first where it was going to
 DARKEST = 0.2  # of the light there was: below that, marks that can still be told are found as never seen before
-LIGHT_MASK = 7  # light is looked at in every eighth picture
-PATIENCE = 30  # pictures to wait for both marks of a pair before following one alone
-STILL_PX = 0.3  # a mark that moves less a picture rests, and a codec may well repeat its picture
+LIGHT_MASK = 7  # light is looked at in every eighth frame
+PATIENCE = 30  # frames to wait for both marks of a pair before following one alone
+STILL_PX = 0.3  # a mark that moves less a frame rests, and a codec may well repeat its frame
 NOT_SEEN, AGAIN, AMBIGUOUS = ABSENT["not seen"], ABSENT[REPEATED], ABSENT["ambiguous"]
 
 
@@ -56,9 +56,9 @@ class Tracker:
         self._lessons: list[tuple[Follower, Steps[Disc | None]]] = []
 
     def run(self, recording: Iterable[Frame]) -> Iterator[tuple[Frame, list[Sighting]]]:
-        """Give every picture with the sightings of its marks, in the order of `names`.
+        """Give every frame with the sightings of its marks, in the order of `names`.
 
-        The first LEARNING_FRAMES pictures with a mark are held back until its shape is learnt from them.
+        The first LEARNING_FRAMES frames with a mark are held back until its shape is learnt from them.
         """
         self._source = getattr(recording, "name", self._source)
         pictures = iter(recording)
@@ -79,7 +79,7 @@ class Tracker:
             yield frame, self.step(frame)
 
     def step(self, frame: Frame) -> list[Sighting]:
-        """Measure all marks in the next picture."""
+        """Measure all marks in the next frame."""
         time_s = frame.time_s
         if self._time_s is not None and time_s > self._time_s:
             self.interval_s = time_s - self._time_s
@@ -88,7 +88,7 @@ class Tracker:
             self._prepare(frame)
         followers = self.followers
         if frame.repeated and any(f.step_px(self.interval_s) > STILL_PX for f in followers.values()):
-            # The recorder filled a gap with the picture before: it shows where the marks were, not where they are.
+            # The recorder filled a gap with the frame before: it shows where the marks were, not where they are.
             return [AGAIN] * len(self.names)
         if len(followers) < len(self.names):
             self._discover(frame)
@@ -132,12 +132,12 @@ class Tracker:
         place = None if follower is None else follower.predicted(time_s)
         if follower is None or place is None or follower.missed > NEAR_MISSES:
             return AMBIGUOUS if self._rivals.undecided else NOT_SEEN
-        # An acceleration may change the step by half of itself from one picture to the next; every miss adds to that.
+        # An acceleration may change the step by half of itself from one frame to the next; every miss adds to that.
         reach = (2.0 + 0.5 * follower.step_px(self.interval_s)) * (1 + follower.missed)
         return follower.look_at(frame, self.cell, place, reach, self.interval_s)
 
     def _recover(self, frame: Frame, sightings: list[Sighting]) -> None:
-        """Look in the whole picture for marks that are not where they should be; in place.
+        """Look in the whole image for marks that are not where they should be; in place.
 
         Two marks of one robot are found at their distance only, or alone where the robot can have come to.
         """
@@ -234,7 +234,7 @@ class Tracker:
         self.followers[name] = follower
 
     def _refine(self, held: list[tuple[Frame, list[Sighting]]]) -> None:
-        """Learn the shapes anew from the pictures held."""
+        """Learn the shapes anew from the frames held."""
         for k, name in enumerate(self.names):
             follower = self.followers.get(name)
             if follower is None:
@@ -247,7 +247,7 @@ class Tracker:
         self._agree()
 
     def _learn_on(self) -> None:
-        """Take some steps in learning a shape anew: no picture waits for all of it."""
+        """Take some steps in learning a shape anew: no frame waits for all of it."""
         follower, steps = self._lessons[0]
         try:
             for _ in range(STEPS):
@@ -286,6 +286,6 @@ class Tracker:
 
 
 def _light(frame: Frame) -> float:
-    """Mean luma of the picture above black, from a few hundred of its pixels."""
+    """Mean luma of the frame above black, from a few hundred of its pixels."""
     black = 0.0 if frame.full_range else 16.0 * 2 ** (frame.depth - 8)
     return max(float(frame.luma[::37, ::23].mean()) - black, 1e-9)

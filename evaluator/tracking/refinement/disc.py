@@ -28,7 +28,7 @@ NOTHING = 1e-15
 
 @dataclass(frozen=True)
 class Disc:
-    """Shape of a mark in the picture.
+    """Shape of a mark in the frame.
 
     radius_px, blur_px: of the disc and its edge; e1, e2: slant, r² = (1+e1) dx² + 2 e2 dx dy + (1-e1) dy². amplitude,
     base: luma of the mark above its surroundings, and of the surroundings. noise: luma variance. profile, slope: of
@@ -70,7 +70,7 @@ class Disc:
         return float(np.hypot(self.e1 - other.e1, self.e2 - other.e2)) - 3.0 * (self._unsure() + other._unsure())
 
     def _unsure(self) -> float:
-        """Standard uncertainty of a slant from six pictures: an edge off by c·cos 2φ is slanted by 2c/R."""
+        """Standard uncertainty of a slant from six frames: an edge off by c·cos 2φ is slanted by 2c/R."""
         return (
             2.0
             / self.radius_px

@@ -1,4 +1,4 @@
-"""Compiled: what is done with a mark in every picture in which nothing is unusual, in one piece.
+"""Compiled: what is done with a mark in every frame in which nothing is unusual, in one piece.
 
 A glance looks for the mark's colour where it should be, fits its disc there, and says whether anything is unusual;
 `follow` then looks closer. Afterwards what is usual follows what was seen.
@@ -28,7 +28,7 @@ DISTURBED = 1.5
 # Sigmas of the residual's usual scatter (as it was learnt: codecs make it larger than chance) from which a sloping
 # background is tried, and from which the uncertainty allows for what is in the way.
 SUSPECT, ODD = 2.0, 3.0
-LEAST_INSIDE, LEAST_USED = 0.9, 0.75  # of a mark's pixels: in the picture, and its own
+LEAST_INSIDE, LEAST_USED = 0.9, 0.75  # of a mark's pixels: in the frame, and its own
 BRIGHTER = 1.2  # amplitude over what it was, from which the light has changed rather than flickered
 PLAUSIBLE = 4.0  # amplitude over what it was, either way, beyond which it is something else
 NOISE_STEP = 1.03

@@ -1,6 +1,6 @@
 """Compiled inner loops: where exactly a disc is in the luma.
 
-Picture frame, px. Luma row j lies at y = row_origin + row_step·j. Numbers only in and
+Image coordinates, px. Luma row j lies at y = row_origin + row_step·j. Numbers only in and
 out; the meaning is in disc.py and follow.py.
 
 What a kernel calls is compiled into it (forceinline): several copies of a function, each optimised within another
@@ -71,12 +71,12 @@ def fit_disc(luma, row_origin, row_step, start, slopes, disc, table, noise, resu
 
 @njit(cache=True, nogil=True, forceinline=True)
 def window_around(luma, row_origin, row_step, state, reach):
-    """Rows and columns (first, and one beyond the last) of the picture within reach of a centre, in whole lanes."""
+    """Rows and columns (first, and one beyond the last) of the frame within reach of a centre, in whole lanes."""
     rows, columns = luma.shape
     left, right = max(math.ceil(state[0] - reach), 0), min(math.floor(state[0] + reach), columns - 1) + 1
     top = max(math.ceil((state[1] - reach - row_origin) / row_step), 0)
     bottom = min(math.floor((state[1] + reach - row_origin) / row_step), rows - 1) + 1
-    # Whole lanes, where the picture has them: what lies beyond the disc weighs nothing.
+    # Whole lanes, where the frame has them: what lies beyond the disc weighs nothing.
     whole = left + (right - left + LANES - 1) // LANES * LANES
     return top, bottom, left, whole if left < right and whole <= columns else right
 
@@ -85,7 +85,7 @@ def window_around(luma, row_origin, row_step, state, reach):
 def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, path, noise, normal, right, sums):  # noqa: PLR0915 - one loop
     """Fill the upper triangle of the normal equations of `fit_disc` at a state, from the pixels in a window.
 
-    path: of `smear.path_of`, or None where nothing smears: a loop of its own is made of that, for nearly all pictures.
+    path: of `smear.path_of`, or None where nothing smears: a loop of its own is made of that, for nearly all frames.
     sums: weighted squares, sum of outlier weights, pixels used. In one piece, in single precision and without branches
     within a row, so that several pixels are taken at once: 1e-7 of the sums is below all else.
     """
@@ -149,7 +149,7 @@ def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, p
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def surroundings(luma, row_origin, row_step, state, reach, disc):
-    """Count the pixels that `accumulate` would use if the picture had no border; 0 where it is not near."""
+    """Count the pixels that `accumulate` would use if the frame had no border; 0 where it is not near."""
     (rows, columns), x, y = luma.shape, state[0], state[1]
     within = x - reach > 0.0 and x + reach < columns - 1.0
     if within and y - reach > row_origin and y + reach < row_origin + row_step * (rows - 1.0):

@@ -1,4 +1,4 @@
-"""The shape of a mark, learnt from pictures of it: one disc in all, its centre, levels and slopes free in each."""
+"""The shape of a mark, learnt from frames of it: one disc in all, its centre, levels and slopes free in each."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from evaluator.tracking.refinement.shape_kernel import OWN, PRODUCTS, SHAPE, add
 
 Array = NDArray[np.float64]
 Learnt = TypeVar("Learnt")
-Steps = Generator[None, None, Learnt]  # of something that takes long, so that pictures can be looked at in between
+Steps = Generator[None, None, Learnt]  # of something that takes long, so that frames can be looked at in between
 BEYOND, FEW = 5.0, 0.005  # spreads beyond which residuals are not the disc's, and share of them that does no harm
 
 
 @dataclass(frozen=True)
 class Patch:
-    """Luma around a mark: x, y of its samples in the picture, and the values (all (n,)); the mark is near center_px."""
+    """Luma around a mark: x, y of its samples in the frame, and the values (all (n,)); the mark is near center_px."""
 
     x: Array
     y: Array
@@ -58,7 +58,7 @@ class _Samples:
 def learn_disc(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0) -> Steps[Disc]:
     """Learn radius, blur and slant common to all patches, with centre, amplitude and background free in each.
 
-    Gives way after every step of the fit, and returns the disc: run it by `finished`, or a step a picture. The
+    Gives way after every step of the fit, and returns the disc: run it by `finished`, or a step a frame. The
     background may slope in each patch: glare that was there from the start is no part of the shape. radius_px, blur_px:
     about what they are. Where some pixels are not the disc's (a wire, a glint), they lose their weight in a second and
     third round. Raises LinAlgError where the patches do not determine a disc.

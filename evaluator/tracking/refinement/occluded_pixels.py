@@ -16,10 +16,10 @@ from evaluator.tracking.refinement.motion_blur import mean_over, path_of
 # Sigmas of the mean of 3 × 3 pixels beyond which something covers them: 1 % of the clear pixels are lost.
 BEYOND = 3.0
 # What the mean of 3 × 3 residuals reaches, beyond a shift of CORE_OFF_PX, where something lies across a mark: sigmas of
-# the picture's single pixels, and share of the amplitude. Of 10,000 clear marks none reaches both; codec blocks, whose
+# the frame's single pixels, and share of the amplitude. Of 10,000 clear marks none reaches both; codec blocks, whose
 # errors are shared by all neighbours, reach 4 % of the amplitude, at the median 2 %. A wire over 3 % of a mark reaches
 # 30 %, one beside it 9 %; 4 % where the shape that it is seen against was learnt under it. Less is asked for where it
-# is likely: just after something was seen, and while learning, from all pictures alike.
+# is likely: just after something was seen, and while learning, from all frames alike.
 CORE, CORE_EXPECTED, CORE_OFF_PX = (4.0, 0.06), (2.6, 0.03), 0.1
 # Most, over what single pixels' noise makes of it, that the mean's noise is taken for: codec blocks share their errors.
 MOST = 2.0
@@ -92,7 +92,7 @@ def trimmed(plane, used, scale):
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def scale_of(planes, used, noise):
-    """Sigma of the mean of 3 × 3 residuals, without those far off: what the picture's own errors have in common."""
+    """Sigma of the mean of 3 × 3 residuals, without those far off: what the frame's own errors have in common."""
     least = math.sqrt(noise) / 3.0
     return min(max(trimmed(planes[MEAN], used, 6.0 * least), least), MOST * least)
 

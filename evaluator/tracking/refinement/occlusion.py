@@ -55,7 +55,7 @@ OFF_PX = np.array([0.4, 0.3, 0.2, 0.15, 0.1, 0.05, 0.05])
 # Share of a mark's information on its centre that what covers it takes, from which the fit without is taken. By chance
 # and by the blocks of a codec it takes less.
 NOTABLE = 0.03
-SLOPING = 12.0  # fall of the squares, in variances, that two slopes bring by chance once in 400 pictures
+SLOPING = 12.0  # fall of the squares, in variances, that two slopes bring by chance once in 400 frames
 SLOPES_AT = 2  # step at which slopes are looked for: what covers the mark is about known then
 # Of the shift that a slope makes, what may be left where it is taken out: what bends (the light of a lamp's reflection,
 # over the distance that it fades in).

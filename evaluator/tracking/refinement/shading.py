@@ -2,7 +2,7 @@
 
 A disc whose luma is (base + amplitude·P)·(1 + β·d), d from its centre, is fitted by the even model with its centre
 shifted by β·(½∫P² + (base/amplitude)∫P) / (π∫P'²r dr), about √π·s·R·β: 0.01 px at R = 20, s = 0.8 where the light falls
-by 0.04 % a pixel, as it does by vignetting of a quarter toward the corners. β of one picture is noisier than the
+by 0.04 % a pixel, as it does by vignetting of a quarter toward the corners. β of one frame is noisier than the
 centre, but it changes smoothly with place: a plane β(x, y) is fitted over the whole recording.
 """
 
@@ -20,7 +20,7 @@ from evaluator.tracking.refinement.disc import PER_PX, Disc
 Array = NDArray[np.float64]
 
 # What lenses and lamps do (1 sigma): light changes by 0.1 % a pixel, and that by 1e-3 over 200 px. Without enough
-# pictures the prior wins, and nothing is taken out.
+# frames the prior wins, and nothing is taken out.
 PRIOR = np.diag([1e-3, 5e-6, 5e-6]) ** 2
 LEAST = 20
 FAR, ROUNDS = 4.0, 3  # sigmas beyond which a slope is not the light's; fits, each without the last one's outliers
@@ -28,7 +28,7 @@ FAR, ROUNDS = 4.0, 3  # sigmas beyond which a slope is not the light's; fits, ea
 
 @dataclass(frozen=True)
 class Shading:
-    """Plane of relative slopes β over the picture: β = (1, x - x0, y - y0) · coefficients. gain: shift over β, px²."""
+    """Plane of relative slopes β over the frame: β = (1, x - x0, y - y0) · coefficients. gain: shift over β, px²."""
 
     origin_px: Array
     coefficients: Array
@@ -87,9 +87,9 @@ class LightNotes:
 
 
 def learn_shading(disc: Disc, black: float, centers_px: Array, slopes: Array) -> Shading | None:
-    """Fit the plane; None where too few pictures show it.
+    """Fit the plane; None where too few frames show it.
 
-    black: luma of no light. centers_px, slopes (levels a px): (m, 2), of many pictures.
+    black: luma of no light. centers_px, slopes (levels a px): (m, 2), of many frames.
     """
     light = disc.amplitude + disc.base - black
     seen = np.isfinite(slopes).all(axis=1)

@@ -15,7 +15,7 @@ from evaluator.tracking.refinement.occlusion import BENT, NOTABLE, SLOPING, fit_
 Array = NDArray[np.float64]
 
 # A slope or a wire that was there from the start, or came slowly, looks just like a shift: it is looked for in every
-# fourth picture, and in the eight after one that has it. Lenses and lamps change by about 0.1 % a pixel (`shading`),
+# fourth frame, and in the eight after one that has it. Lenses and lamps change by about 0.1 % a pixel (`shading`),
 # reflections by more.
 LOOKOUT_MASK, WATCHED, GLARING = 3, 8, 1.5e-3
 UNTAKEN = 1.0  # of the shift that a slope makes, what may be left where it is not taken out
@@ -32,7 +32,7 @@ NEVER = 2.0  # share that nothing reaches
 class Closer:
     """Fits of one mark and what they show; the arrays are those of `kernels.fit_disc`, shared with who follows it.
 
-    inner_px: radius of the mark's even inside. watch: pictures in which to look closer; covered_lately: for what covers
+    inner_px: radius of the mark's even inside. watch: frames in which to look closer; covered_lately: for what covers
     the mark, too. shift: of the centre by a slope that was not taken out when it was last looked at closer, as far as
     it may be wrong, px. covered: whether the result is that of what shows beside something that covers the mark: its
     variances are then whole.
@@ -54,13 +54,13 @@ class Closer:
         self.level, self.sloped, self.uncovered = np.zeros(2), np.zeros(kernels.RESULTS), np.zeros(kernels.RESULTS)
 
     def begin(self, frame: Frame) -> bool:
-        """Forget the picture before; whether a mark that looks well is to be looked at closer in this one."""
+        """Forget the frame before; whether a mark that looks well is to be looked at closer in this one."""
         self.covered = False
         return self.watch > 0 or self.regular(frame)
 
     @staticmethod
     def regular(frame: Frame) -> bool:
-        """Whether it is the turn of a picture to be looked at closer, though nothing is odd."""
+        """Whether it is the turn of a frame to be looked at closer, though nothing is odd."""
         return not frame.index & LOOKOUT_MASK
 
     def fit(self, frame: Frame, start: Array) -> None:

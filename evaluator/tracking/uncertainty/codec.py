@@ -1,7 +1,7 @@
-"""Errors that a single picture cannot show: those of the video codec, from how smoothly marks move.
+"""Errors that a single frame cannot show: those of the video codec, from how smoothly marks move.
 
 A codec moves a mark as a whole by a fraction of its motion vector's step (a quarter of a pixel in H.264) and leaves no
-trace in the residuals of the fit. Between pictures the error shows: marks move smoothly, so what a picture's centre
+trace in the residuals of the fit. Between frames the error shows: marks move smoothly, so what a frame's centre
 differs from the course of its neighbours is error.
 """
 
@@ -17,23 +17,23 @@ Array = NDArray[np.float64]
 OFFSETS = np.array([-5, -4, -3, -2, -1, 1, 2, 3, 4, 5])
 REACH = 5
 # The course is the quartic through the neighbours by least squares: on a circle of 100 px radius at 0.05 rad a step it
-# leaves 1e-3 px. Two more neighbours than it has unknowns, two of them on either side, tell a picture's error.
+# leaves 1e-3 px. Two more neighbours than it has unknowns, two of them on either side, tell a frame's error.
 ORDER, NEIGHBORS, EITHER_SIDE = 5, 7, 2
 EVEN = 1e-3  # of the span: neighbours that are as evenly timed as this share one set of weights
 LEAST = 24  # differences that a variance is estimated from: its own relative uncertainty is then below 0.3
 ROUNDS = 3  # of weighing: sigmas are then those of any number of rounds to 3 %
-EXACT_PX2 = 1e-12  # variance below which all pictures tell alike: drawn paths may be known exactly
+EXACT_PX2 = 1e-12  # variance below which all frames tell alike: drawn paths may be known exactly
 FEW = 8  # enough to tell that there is an error, where a recording moves no longer than that
 MOVING_PX = 0.1  # a step that codecs still take for rest, give or take their own error
 STRIDES = (1, 2, 4, 8)
 STRAIGHT_PX = 6.0  # path over which the centre of a mark follows a quartic to 0.01 px on turns of 20 px radius
-# Errors of codecs have long tails, those of Student's t with about as many degrees of freedom: 0.5 to 1.5 % of pictures
+# Errors of codecs have long tails, those of Student's t with about as many degrees of freedom: 0.5 to 1.5 % of frames
 # lie beyond 4 sigma on H.264, HEVC and VP9 alike.
 FREEDOM = 4.0
-TAIL = 3.0  # sigmas off the course from which a picture's own error counts as a large one: nearer ones tell nothing
+TAIL = 3.0  # sigmas off the course from which a frame's own error counts as a large one: nearer ones tell nothing
 
 
-CLOCK = 0.06  # of an interval: what rounding to a clock of 1 ms moves pictures by at up to 120 a second
+CLOCK = 0.06  # of an interval: what rounding to a clock of 1 ms moves frames by at up to 120 a second
 
 
 def steady_times(time_s: Array) -> Array:
@@ -59,7 +59,7 @@ class Course:
     """
 
     def __init__(self, time_s: Array, centers_px: Array, stride: int = 1) -> None:
-        """time_s: (n,). centers_px: (n, 2), NaN where absent. stride: pictures between neighbours."""
+        """time_s: (n,). centers_px: (n, 2), NaN where absent. stride: frames between neighbours."""
         n = len(time_s)
         around = np.arange(n) + stride * OFFSETS[:, None]
         self.around = np.clip(around, 0, max(n - 1, 0))
@@ -72,7 +72,7 @@ class Course:
         usual = stride * OFFSETS * float(np.median(np.diff(time_s))) if n > 1 else OFFSETS.astype(float)
         even = self.known & (np.where(usable, np.abs(lapse - usual[:, None]), 0.0).max(axis=0) < EVEN * abs(usual[0]))
         self.weights = np.zeros((len(OFFSETS), n))
-        # Evenly timed pictures with the same neighbours seen share their weights; nearly all do.
+        # Evenly timed frames with the same neighbours seen share their weights; nearly all do.
         pattern = (1 << np.arange(len(OFFSETS))) @ usable[:, even]
         _, first, which = np.unique(pattern, return_index=True, return_inverse=True)
         seen_alike = usable[:, even][:, first].T
@@ -96,12 +96,12 @@ def _to_the_middle(lapse_s: Array, usable: NDArray[np.bool_]) -> Array:
 
 
 def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: NDArray[np.str_]) -> Array:
-    """Variance per axis, px², to add to every picture's own, from all that the course of a mark tells; (n,).
+    """Variance per axis, px², to add to every frame's own, from all that the course of a mark tells; (n,).
 
-    A slow mark rests in the codec's memory for some pictures, so that neighbours share their error: neighbours farther
+    A slow mark rests in the codec's memory for some frames, so that neighbours share their error: neighbours farther
     away tell more. variances: mean of the axes (n,), NaN where absent. kinds: of `codec_variance`.
     """
-    # Pictures where something was in the way have an uncertainty of their own, and tell nothing of the codec.
+    # Frames where something was in the way have an uncertainty of their own, and tell nothing of the codec.
     calm = variances < 3.0 * np.nanmedian(variances) if np.isfinite(variances).any() else np.zeros(len(variances), bool)
     centers_px, quiet = np.where(calm[:, None], centers_px, np.nan), np.where(calm, variances, np.nan)
     course = Course(time_s, centers_px)
@@ -128,7 +128,7 @@ def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: N
 
 
 def _tail(course: Course, variances: Array) -> Array:
-    """Variance to add where a picture lies so far off its course that its own error is a large one; (n,).
+    """Variance to add where a frame lies so far off its course that its own error is a large one; (n,).
 
     The mean of the variance of an error that follows Student's t, once the error is seen.
     """
@@ -138,7 +138,7 @@ def _tail(course: Course, variances: Array) -> Array:
 
 
 def _moving(centers_px: Array) -> NDArray[np.bool_]:
-    """Pictures in which the mark moves by more than MOVING_PX a picture, over three pictures to either side."""
+    """Frames in which the mark moves by more than MOVING_PX a frame, over three frames to either side."""
     if len(centers_px) < 7:
         return np.ones(len(centers_px), bool)
     step = np.hypot(*(centers_px[6:] - centers_px[:-6]).T) / 6
@@ -146,9 +146,9 @@ def _moving(centers_px: Array) -> NDArray[np.bool_]:
 
 
 def codec_variance(course: Course, chosen: NDArray[np.bool_], known: Array, kinds: NDArray[np.str_]) -> Array:
-    """Variance to add to every picture, one value for each kind of picture (I, P, B); (n,).
+    """Variance to add to every frame, one value for each kind of frame (I, P, B); (n,).
 
-    chosen: pictures to learn it from (n,). known: variance that the course's errors have already (n,), NaN where
+    chosen: frames to learn it from (n,). known: variance that the course's errors have already (n,), NaN where
     absent. kinds: (n,).
     """
     rows = np.flatnonzero(chosen)
@@ -165,21 +165,21 @@ def codec_variance(course: Course, chosen: NDArray[np.bool_], known: Array, kind
     known, square = known[rows], np.zeros(len(rows))
     for one in mine:
         square[one] = _clipped_squares(course.error[rows[one]])
-    # A picture of large known variance (a smear, something in the way) tells little of what is added, and if its
+    # A frame of large known variance (a smear, something in the way) tells little of what is added, and if its
     # variance is stated too large it hides the rest: squares scatter by their variance, and weigh by that.
     total = known + square.mean() + EXACT_PX2
     for _ in range(ROUNDS):
         weights = mine / total**2
         solution = _shared_out(weights, shares + mine, square - known)
         total = known + solution @ (shares + mine) + EXACT_PX2
-    # Kinds too rare to tell (the few I pictures) get the mean of the others: never less than is known of them.
+    # Kinds too rare to tell (the few I frames) get the mean of the others: never less than is known of them.
     of_kind = np.full(kind.max() + 1, solution.mean())
     of_kind[usable] = solution
     return np.asarray(of_kind[kind])
 
 
 def _shared_out(weights: Array, shares: Array, excess: Array) -> Array:
-    """Variance of each of k kinds of pictures from the squares of n errors beyond what is known; (k,).
+    """Variance of each of k kinds of frames from the squares of n errors beyond what is known; (k,).
 
     weights: of the errors in what their own kind is told by, 0 for those of others (k, n). shares: of the kinds'
     variances in each error's (k, n). excess: px² (n,).

@@ -17,7 +17,7 @@ from evaluator.tracking.uncertainty.rigid_pair import Distance, wrong_ends
 
 Array = NDArray[np.float64]
 
-# A wire or a glare comes on within some pictures: those beside a disturbed picture, as many as a slope is not looked
+# A wire or a glare comes on within some frames: those beside a disturbed frame, as many as a slope is not looked
 # for in, may be wrong by half as much, before their own residuals show it.
 ONSET, BESIDE = 0.25, 3
 
@@ -31,8 +31,8 @@ def refine(
 ) -> None:
     """Correct centres, complete variances and take out marks at a wrong distance, in place.
 
-    kinds: of the pictures. numbers: per mark (n, 5) of x, y, their variances and covariance, px and px², NaN if absent.
-    status: per mark, of every picture.
+    kinds: of the frames. numbers: per mark (n, 5) of x, y, their variances and covariance, px and px², NaN if absent.
+    status: per mark, of every frame.
     """
     kind, times, time_s = np.array(list(kinds), dtype=str), time_s, steady_times(time_s)
     again = repeated_pictures([values[:, :2] for values in numbers.values()])
@@ -69,7 +69,7 @@ def refine(
 
 
 def _allow_for_onsets(values: Array) -> None:
-    """Widen what stands beside a disturbed picture; values: (n, 5) as in `refine`, in place."""
+    """Widen what stands beside a disturbed frame; values: (n, 5) as in `refine`, in place."""
     around = np.pad(np.nan_to_num(values[:, 2:4]), ((BESIDE, BESIDE), (0, 0)))
     largest = np.max([around[k : k + len(values)] for k in range(2 * BESIDE + 1)], axis=0)
     values[:, 2:4] = np.maximum(values[:, 2:4], ONSET * largest)

@@ -1,4 +1,4 @@
-"""Where a mark was in the middle of an exposure: its picture shows where it was on the average.
+"""Where a mark was in the middle of an exposure: its frame shows where it was on the average.
 
 Speed that changes by a·t during an exposure T leaves the average off the middle by a·T²/24. Where it jumps by Δv at a
 moment t from the middle, the average is off by Δv·(T/2 - |t|)²/2T: a jump at any moment is as likely as at any other,
@@ -20,8 +20,8 @@ def exposed(time_s: Array, centers_px: Array, variances: Array, shutter: tuple[f
     """Shift of the average off the middle of the exposure, px, and its variance per axis, px²; both (n, 2).
 
     centers_px, variances: (n, 2), px and px², NaN where absent. shutter: share of the interval that it is open, and its
-    standard uncertainty. Beside an absent picture, and in the first and the last one, speed is taken to change as it
-    does in the pictures next to them.
+    standard uncertainty. Beside an absent frame, and in the first and the last one, speed is taken to change as it
+    does in the frames next to them.
     """
     n = len(time_s)
     if n < 3:
@@ -31,12 +31,12 @@ def exposed(time_s: Array, centers_px: Array, variances: Array, shutter: tuple[f
     change = np.full((n, 2), np.nan)
     change[1:-1] = np.diff(np.diff(centers_px, axis=0) / interval[:, None], axis=0)
     lapse = np.nan_to_num(np.fmin(np.append(interval, np.nan), np.append(np.nan, interval)))[:, None]
-    # A steady change goes on in the pictures around; a jump shows in one alone, or in two of three in part.
+    # A steady change goes on in the frames around; a jump shows in one alone, or in two of three in part.
     around = np.pad(change, ((1, 1), (0, 0)), constant_values=np.nan)
     before, after = around[:-2], around[2:]
     lower, upper = np.minimum(before, after), np.maximum(before, after)
     steady = np.maximum(lower, np.minimum(upper, change))  # their median, NaN where one is
-    for _ in range(2):  # of three changes in a row, the first picture with one is the second from an absent one
+    for _ in range(2):  # of three changes in a row, the first frame with one is the second from an absent one
         around = np.pad(steady, ((1, 1), (0, 0)), constant_values=np.nan)
         steady = np.where(np.isnan(steady), np.where(np.isnan(around[:-2]), around[2:], around[:-2]), steady)
     steady = np.nan_to_num(steady)

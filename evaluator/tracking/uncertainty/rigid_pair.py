@@ -9,10 +9,10 @@ from evaluator.tracking.uncertainty.codec import LEAST, robust_square
 
 Array = NDArray[np.float64]
 
-# Sigmas of a distance from which one of its ends is wrong: by chance once in 1.5e5 pictures; a mark wrong by 9 of its
-# own sigmas along the line, beside one that is right, is found in 97 % of pictures.
+# Sigmas of a distance from which one of its ends is wrong: by chance once in 1.5e5 frames; a mark wrong by 9 of its
+# own sigmas along the line, beside one that is right, is found in 97 % of frames.
 BEYOND = 4.5
-NEAR = 10  # pictures that a mark's course is taken from: a cubic through them follows all but starts and stops
+NEAR = 10  # frames that a mark's course is taken from: a cubic through them follows all but starts and stops
 CLEARLY = 2.0  # a mark this much farther off its course than its partner is the wrong one
 CLIPPED = 4.0  # robust sigmas beyond which a distance does not shape the surface
 
@@ -20,8 +20,8 @@ CLIPPED = 4.0  # robust sigmas beyond which a distance does not shape the surfac
 class Distance:
     """How the distance of two marks differs from what it should be.
 
-    error: px, (n,), NaN where a mark is absent or too few pictures show both. along: unit vectors from the first to the
-    second mark (n, 2). freedom: share of the pictures' freedom that the surface of expected distances leaves.
+    error: px, (n,), NaN where a mark is absent or too few frames show both. along: unit vectors from the first to the
+    second mark (n, 2). freedom: share of the frames' freedom that the surface of expected distances leaves.
     """
 
     def __init__(self, first_px: Array, second_px: Array) -> None:
@@ -67,7 +67,7 @@ class Distance:
 def wrong_ends(
     time_s: Array, numbers: tuple[Array, Array], distance: Distance | None = None
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Pictures in which the first and in which the second mark is wrong, because their distance is.
+    """Frames in which the first and in which the second mark is wrong, because their distance is.
 
     numbers: of both marks (n, 5) x, y, their variances and covariance, px and px². distance: theirs, where it is known
     already. Of the two the one that is clearly farther off its own course is wrong; both are where the courses do not
@@ -86,14 +86,14 @@ def wrong_ends(
 
 
 def _off_course(time_s: Array, mark: Array, usable: NDArray[np.bool_], row: int) -> float:
-    """Distance of a mark from the cubic through the pictures around, in sigmas; NaN where there are too few."""
+    """Distance of a mark from the cubic through the frames around, in sigmas; NaN where there are too few."""
     rows = np.flatnonzero(usable & np.isfinite(mark[:, 0]))
     rows = np.sort(rows[np.argsort(np.abs(rows - row), kind="stable")[:NEAR]])
     if len(rows) < NEAR or abs(rows - row).max() > 2 * NEAR:
         return float("nan")
     span = float(np.ptp(time_s[rows]))
     powers = np.vander((time_s[rows] - time_s[row]) / span, 4, increasing=True)
-    weights = np.linalg.pinv(powers)[0]  # the value at the picture itself
+    weights = np.linalg.pinv(powers)[0]  # the value at the frame itself
     off = mark[row, :2] - weights @ mark[rows, :2]
     variance = mark[row, 2:4] + weights**2 @ mark[rows, 2:4]
     return float(np.sqrt(np.sum(off**2 / variance)))

@@ -3,7 +3,7 @@
 Around a mark whose shape is known, the rim's distance from the disc's is a sum of harmonics of the direction. The first
 is the shift that is fitted; the higher ones are zero but for error. Whatever disturbs a part of the rim (a wire, a
 corner that was cut off while the shape was learnt, a codec's blocks) has a spectrum that is about flat, so that the
-higher harmonics show how large the error in the first is, even where each picture repeats it. Noise alone gives all of
+higher harmonics show how large the error in the first is, even where each frame repeats it. Noise alone gives all of
 them the variance of the centre.
 """
 # mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
@@ -20,11 +20,11 @@ from evaluator.tracking.refinement.motion_blur import mean_over, path_of
 # Harmonics that are used. The second is that of perspective too; beyond the fifth a codec keeps little of a mark of
 # 5 px radius. All that a smear may differ from its model by is even, and shifts nothing: then the fourth is left out.
 FIRST, LAST, SYMMETRIC = 3, 5, 4
-SQUARES = 6.0  # harmonics of one picture, cosines and sines
-ODD = 2.8  # mean of the squares over what it usually is, from which a picture is disturbed: by chance in one of 100
-LATELY = 20.0  # pictures that what is usual is the mean of
+SQUARES = 6.0  # harmonics of one frame, cosines and sines
+ODD = 2.8  # mean of the squares over what it usually is, from which a frame is disturbed: by chance in one of 100
+LATELY = 20.0  # frames that what is usual is the mean of
 SURE = 3.0  # sigmas, of chance in its mean, from which noise alone does not explain what is usual
-# Mean of a variance that is known from n squares alone, n/(n - 2): where pictures repeat each other, or one is
+# Mean of a variance that is known from n squares alone, n/(n - 2): where frames repeat each other, or one is
 # disturbed on its own, there are no more.
 FEW_SQUARES = SQUARES / (SQUARES - 2.0)
 
@@ -38,7 +38,7 @@ class Rim:
         self._usual, self._count = 0.0, 0.0
 
     def note(self, power_px2: float, own_px2: float) -> None:
-        """Take in a picture: `rim_power` and the variance that the fit states, per axis; NaN tells nothing."""
+        """Take in a frame: `rim_power` and the variance that the fit states, per axis; NaN tells nothing."""
         if not (math.isfinite(power_px2) and math.isfinite(own_px2)):
             return
         odd = power_px2 > ODD * max(self._usual, own_px2)

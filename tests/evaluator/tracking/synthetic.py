@@ -52,7 +52,7 @@ def draw(
     blur: float,
     noise: float,
 ) -> NDArray[np.uint8]:
-    """One RGB picture."""
+    """One RGB frame."""
     picture = np.empty((size[1], size[0], 3))
     picture[:] = PLATE
     if marks:
@@ -76,7 +76,7 @@ def write_video(
     pts: list[int] | None = None,
     options: dict[str, str] | None = None,
 ) -> Path:
-    """Encode RGB (or grey) pictures; pts in units of 1/rate."""
+    """Encode RGB (or grey) frames; pts in units of 1/rate."""
     with av.open(str(path), "w") as container:
         stream = container.add_stream(codec, rate=rate, options=options or {})
         stream.height, stream.width = pictures[0].shape[:2]

@@ -28,7 +28,7 @@ def test_corrections_replace_remove_and_say_so(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("line", "said"),
-    [("99,green,1,2", "no picture 99"), ("10,red,1,2", "no mark 'red'"), ("10,green,1,", "line 2 needs")],
+    [("99,green,1,2", "no frame 99"), ("10,red,1,2", "no mark 'red'"), ("10,green,1,", "line 2 needs")],
 )
 def test_wrong_corrections_are_named(tmp_path: Path, line: str, said: str) -> None:
     path = tmp_path / "c.csv"

@@ -123,7 +123,7 @@ def test_marks_stay_found_when_the_lights_change(tmp_path: Path) -> None:
 
 def test_a_repeated_picture_is_no_measurement_of_a_moving_mark(tmp_path: Path) -> None:
     table, _ = tracked(tmp_path, untouched, repeat=30)
-    assert table["green_status"][30] == "repeated picture"
+    assert table["green_status"][30] == "repeated frame"
     assert (table["green_status"].drop(30) == "ok").all()
 
 

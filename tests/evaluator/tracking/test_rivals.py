@@ -11,7 +11,7 @@ SIZE, RADIUS, REST = (420, 220), 6.0, 15
 
 
 def tracked(frames: int, still: int, settings: TrackingSettings | None = None) -> tuple[pd.DataFrame, np.ndarray]:
-    """Two robots that look alike, the right one always at rest, the left one for some pictures; truth of its green."""
+    """Two robots that look alike, the right one always at rest, the left one for some frames; truth of its green."""
     rng = np.random.default_rng(3)
     truth = turning_marks(frames, (100.0, 110.0), 24.0, 12.0, 0.03)
     lookalike = {name: points[0] + [210.0, 0.0] for name, points in truth.items()}

@@ -36,7 +36,7 @@ def test_a_smeared_disc_is_the_mean_of_the_disc_over_its_path(length: float) -> 
 
 @pytest.fixture(scope="module")
 def fast(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, np.ndarray]]:
-    """Marks that set off from rest, 7 and 14 px a picture, each picture the mean of instants; truth at their middle."""
+    """Marks that set off from rest, 7 and 14 px a frame, each frame the mean of instants; truth at their middle."""
     rng = np.random.default_rng(4)
     paths = turning_marks((MOVING + 1) * INSTANTS, (130.0, 130.0), 70.0, 16.0, 0.14 / INSTANTS)
     middles = INSTANTS // 2 + INSTANTS * np.maximum(np.arange(REST + MOVING) - REST + 1, 0)
@@ -60,7 +60,7 @@ def test_marks_smeared_along_a_curve_are_found_within_their_uncertainty(
     table = track(open_recording(video))
     for name, points in truth.items():
         assert (table[f"{name}_status"] == "ok").all()
-        # Where the mark sets off, nothing tells how long the shutter was open: two pictures know it less well.
+        # Where the mark sets off, nothing tells how long the shutter was open: two frames know it less well.
         error = (table[[f"{name}_x_px", f"{name}_y_px"]].to_numpy() - points)[REST + 2 :]
         normal = error / table[[f"{name}_x_sigma_px", f"{name}_y_sigma_px"]].to_numpy()[REST + 2 :]
         assert np.sqrt(np.mean(error**2)) < 0.025
@@ -76,5 +76,5 @@ def test_the_first_and_the_last_picture_of_a_turn_are_corrected_too() -> None:
     shift, variance = exposed(np.arange(40) / 60, centers * np.sin(half) / half, np.full((40, 2), 1e-4), (share, 0.0))
     expected = centers * (np.sin(half) / half - 1.0)
     assert np.abs(shift - expected)[2:-2].max() < 0.02 * np.abs(expected).max()
-    assert np.abs(shift - expected).max() < 0.35 * np.abs(expected).max()  # at the ends, that of two pictures on
+    assert np.abs(shift - expected).max() < 0.35 * np.abs(expected).max()  # at the ends, that of two frames on
     assert np.sqrt(variance.max()) < 0.35 * np.abs(expected).max()

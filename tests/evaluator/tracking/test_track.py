@@ -60,7 +60,7 @@ def test_resting_marks_of_a_real_video_scatter_little(tmp_path: Path) -> None:
     assert (table["green_status"] == "ok").mean() >= 0.99
     for name, place in {"yellow_top": (457.4, 38.5), "yellow_low": (529.4, 202.0)}.items():
         points = table[[f"{name}_x_px", f"{name}_y_px"]].dropna().to_numpy()
-        assert len(points) >= 0.99 * len(table)  # the recording holds pictures twice while the camera shakes
+        assert len(points) >= 0.99 * len(table)  # the recording holds frames twice while the camera shakes
         assert np.abs(np.median(points, axis=0) - place).max() < 0.6
         assert np.std(points, axis=0).max() < 0.2
 
