@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -34,9 +34,9 @@ from evaluator.diagnosis.inference.short_horizon import is_large, short_horizon_
 from evaluator.diagnosis.likelihood.problem import Point, Problem, build_problem, with_noise_of
 from evaluator.diagnosis.likelihood.random_effects import place_runs, place_starts
 from evaluator.diagnosis.likelihood.simulation import Simulated
+from evaluator.progress import Progress
 
 Floats = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 # Whatever the evidences say, a model that misses the marks of a run by so many times the noise floor does not follow
 # it. Where the verdict was right the gap lay between 0.9 and 1.12 floors; fits that had not settled left 50 and more.
