@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +23,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True)
+# Columns of turning.csv that a notebook shows.
+SHOWN = (
+    *("run", "left_rpm", "right_rpm", "radius_mm", "radius_low_mm", "radius_high_mm"),
+    *("speed_mm_s", "yaw_rate_deg_s", "radius_status"),
+)
+
+
+@dataclass(frozen=True, repr=False)
 class Analysis:
     """What an analysis leaves: tables with a row per run, and the reason for every run that has no numbers.
 
@@ -39,6 +47,20 @@ class Analysis:
     faults: dict[str, str]
     notes: dict[str, tuple[str, ...]]
     reused: int
+
+    def __repr__(self) -> str:
+        """One line: the experiment, its runs and the folder of the results."""
+        return f"Analysis({self._title()})"
+
+    def _repr_html_(self) -> str:
+        """The first columns of turning.csv, for notebooks."""
+        shown = [name for name in SHOWN if name in self.turning]
+        table = self.turning[shown].to_html(index=False, float_format="{:.4g}".format, na_rep="")
+        return f"<p>{escape(self._title())}</p>{table}"
+
+    def _title(self) -> str:
+        lost = f", {len(self.faults)} without results" if self.faults else ""
+        return f"{self.experiment.name}: {len(self.turning)} runs{lost}, in {self.outputs.folder}"
 
 
 def analyze(

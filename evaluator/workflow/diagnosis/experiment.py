@@ -49,6 +49,17 @@ class DiagnosisResult:
         named = f": {', '.join(self.effects)}" if self.effects else ""
         return f"DiagnosisResult({self.experiment.name}, {self.verdict}{named})"
 
+    def _repr_html_(self) -> str:
+        """The verdict and the parameters of its effects as a table, for notebooks."""
+        rows = [
+            f"<tr><td>{effect['id']}</td><td>{name}</td><td>{value['value']:.4g}</td>"
+            f"<td>{value['low']:.4g} to {value['high']:.4g}</td></tr>"
+            for effect in self.content["effects"]
+            for name, value in effect["parameters"].items()
+        ]
+        head = "<tr><th>effect</th><th>parameter</th><th>value</th><th>95 %</th></tr>"
+        return f"<p>verdict: {self.verdict}</p>" + (f"<table>{head}{''.join(rows)}</table>" if rows else "")
+
 
 def diagnose(
     experiment: Path | str,
