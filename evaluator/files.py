@@ -15,10 +15,13 @@ from pydantic import BaseModel, ValidationError
 
 from evaluator.errors import InputError
 
-if TYPE_CHECKING:  # pandas takes long to import, and reading a TOML file does not need it
+if TYPE_CHECKING:  # they take long to import, and reading a TOML file does not need them
+    import numpy as np
     import pandas as pd
+    from numpy.typing import NDArray
 
 Value = TypeVar("Value")
+IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
 
 
 @contextmanager
@@ -55,6 +58,18 @@ def write_table(table: pd.DataFrame, path: Path) -> None:
 
         with temporary.open("w", encoding="utf-8", newline="") as file:
             file.writelines(csv_text(table))
+
+
+def write_image(image: NDArray[np.generic], path: Path) -> None:
+    """Write an image (h, w) or (h, w, 3) RGB whole or not at all, in the format of its ending. Raises InputError."""
+    import cv2
+    import numpy as np
+
+    if path.suffix.lower() not in IMAGES:
+        raise InputError(f"{path}: an image is written as {', '.join(IMAGES)}")
+    stored = image[..., ::-1] if image.ndim == 3 else image  # OpenCV writes blue, green, red
+    with written_whole(path) as temporary:
+        cv2.imwrite(str(temporary), np.ascontiguousarray(stored))
 
 
 def read_with(load: Callable[[Path], Value], path: Path) -> Value:

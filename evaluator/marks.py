@@ -26,9 +26,7 @@ def read_marks(path: Path) -> pd.DataFrame:
         raise InputError(f"{path}: no such file") from error
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
-    missing = [name for name in COLUMNS if name not in table]
-    if missing:
-        raise InputError(f"{path}: column {', '.join(missing)} is missing; a marks CSV has {', '.join(COLUMNS)}")
+    require_columns(table, str(path))
     numeric = [name for name in table if name in COLUMNS or str(name).endswith("_mm")]
     for name in numeric:
         values = pd.to_numeric(table[name], errors="coerce")
@@ -41,6 +39,19 @@ def read_marks(path: Path) -> pd.DataFrame:
     if len(time) < 2 or not np.all(np.diff(time) > 0):
         raise InputError(f"{path}: time_s must hold at least two values and increase from row to row")
     return table
+
+
+def require_columns(table: pd.DataFrame, name: str) -> None:
+    """Refuse a table without COLUMNS; name: of the table, for the message. Raises InputError."""
+    missing = [column for column in COLUMNS if column not in table]
+    if not missing:
+        return
+    if all(column in table or column.replace("_mm", "_px") in table for column in COLUMNS):
+        raise InputError(
+            f"{name}: the marks are in px, and only a camera tells where on the plate they are; track with --camera "
+            "or call evaluator.place_on_plate(table, camera, height_mm)"
+        )
+    raise InputError(f"{name}: column {', '.join(missing)} is missing; a marks CSV has {', '.join(COLUMNS)}")
 
 
 def write_marks(table: pd.DataFrame, path: Path) -> None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from calibration.camera import Camera
 from calibration.frames import plate_from_body
 from evaluator.errors import InputError
+from evaluator.marks import require_columns
 from evaluator.pose_systematic import systematic_shifts
 
 Array = NDArray[np.float64]
@@ -105,7 +106,9 @@ def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera
     mean. Uncertainties come from the sigma columns (`green_x_sigma_mm`, …, `green_xy_cov_mm2`) or, where the table has
     none, from the scatter of the rigid distance itself. A frame with a missing mark is NaN with the mark's reason.
     With a camera the poses also carry what its uncertainty does to them (needs geometry.height_mm).
+    Raises InputError for a table whose marks are not placed on the plate.
     """
+    require_columns(marks, "marks")
     time = marks["time_s"].to_numpy(float)
     green, yellow = (marks[[f"{m}_x_mm", f"{m}_y_mm"]].to_numpy(float) for m in ("green", "yellow"))
     spacing = np.hypot(*(green - yellow).T)

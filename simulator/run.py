@@ -45,7 +45,7 @@ class WheelStates:
     lateral_force_mN: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Run:
     """Motion of the robot's centre: plate frame pose, body frame velocity, wheel states; all at time_s (n,).
 
@@ -64,6 +64,29 @@ class Run:
     yaw_rate_rad_s: Array
     wheels_of: Callable[[], WheelStates] | None = None
     amplification: float = 1.0
+
+    def __repr__(self) -> str:
+        """One line: how long, from where to where."""
+        if not len(self.time_s):
+            return "Run(empty)"
+        return "Run(" + ", ".join(f"{name} {value}" for name, value in self._facts().items()) + ")"
+
+    def _repr_html_(self) -> str:
+        """The facts of one line as a table, for notebooks."""
+        if not len(self.time_s):
+            return "Run(empty)"
+        rows = (f"<tr><th>{name}</th><td>{value}</td></tr>" for name, value in self._facts().items())
+        return f"<table>{''.join(rows)}</table>"
+
+    def _facts(self) -> dict[str, str]:
+        places = [f"({self.x_mm[at]:.2f}, {self.y_mm[at]:.2f}) mm" for at in (0, -1)]
+        return {
+            "samples": f"{len(self.time_s)}",
+            "time": f"{self.time_s[0]:g} to {self.time_s[-1]:g} s",
+            "from": places[0],
+            "to": places[1],
+            "turned": f"{np.degrees(self.heading_rad[-1] - self.heading_rad[0]):.1f}°",
+        }
 
     @property
     def is_by_chance(self) -> bool:

@@ -126,9 +126,9 @@ def status_of(found: Analysis) -> int:
 
 def print_plan(experiment: Path, out: Path, *, simulate: bool) -> int:
     """Say what an analysis would compute."""
-    from evaluator.workflow import plan
+    from evaluator.workflow import pending
 
-    steps = plan(experiment, out, simulate=simulate)
+    steps = pending(experiment, out, simulate=simulate)
     for run, stages in steps.items():
         click.echo(f"{run}: {', '.join(stages) if stages else 'up to date'}")
     count = sum(1 for stages in steps.values() if stages)
@@ -138,7 +138,7 @@ def print_plan(experiment: Path, out: Path, *, simulate: bool) -> int:
 
 def print_json(table: pd.DataFrame) -> None:
     """Print a table of runs as a list of objects; unknown values are null."""
-    from evaluator.interchange.export import records
+    from evaluator.workflow.exporting import records
 
     click.echo(json.dumps(records(table), indent=1))
 

@@ -41,67 +41,50 @@ def demo(out: Path, puzzle: bool, workers: int | None, quiet: bool) -> int:
     """
     from evaluator.cli.analyze import comparison_text, run_analysis, status_of
     from evaluator.report.build import write_report
-    from evaluator.workflow.execution.precompile import compile_ahead
-    from evaluator.workflow.samples import copy_samples
+    from evaluator.workflow import prepare_samples
 
     def say(text: str = "") -> None:
         if not quiet:
             click.echo(text)
 
-    say("Samples: rendered recordings of the paper's robot with barrel wheels, and pictures of a dot gauge.")
-    experiment = copy_samples(out / "samples")
-    compile_ahead(experiment.parent / "turn-33-5.mp4")
+    say("Samples: rendered recordings of the paper's robot with barrel wheels, and images of a dot gauge.")
     say("Calibration: where every pixel lies on the plane of the marks …")
-    say(f"  {calibrate_samples(experiment.parent)}")
+    with progress_bar("calibration", quiet=quiet) as progress:
+        samples = prepare_samples(out / "samples", progress)
+    found = samples.calibrated.calibration
+    residual = f"{len(found.views)} images, residual {found.rms_px:.3f} px RMS"
+    say(f"  {residual}; {samples.calibrated.verdict.summary}")
     say("Runs: tracked, fitted, simulated …")
-    found = run_analysis(experiment, out / "results", simulate=True, workers=workers, quiet=quiet)
-    say(_indented(comparison_text(found, verbose=False)))
-    write_report(found)
-    reports = [found]
+    measured = run_analysis(samples.experiment, out / "results", simulate=True, workers=workers, quiet=quiet)
+    say(_indented(comparison_text(measured, verbose=False)))
+    write_report(measured)
+    reports = [measured]
     if puzzle:
         say()
-        reports.append(
-            _solve_puzzle(experiment.parent / "puzzle" / "experiment.toml", out / "puzzle", workers, quiet=quiet)
-        )
+        reports.append(_solve_puzzle(samples.puzzle, out / "puzzle", workers, quiet=quiet))
     say("\nOpen in a browser:")
     for each in reports:
         say(f"  {each.outputs.report}")
+    say("\nYour own recordings: turnscope new FOLDER lays out an experiment and says what to do next.")
     return max(status_of(each) for each in reports)
 
 
 def _solve_puzzle(experiment: Path, out: Path, workers: int | None, *, quiet: bool) -> Analysis:
     """Measure the experiment with a hidden effect, have the effect named, and report before and after."""
     from evaluator.cli.analyze import run_analysis
-    from evaluator.cli.diagnose import summary
     from evaluator.report.build import write_report
-    from evaluator.workflow.diagnosis import diagnose_experiment
+    from evaluator.report.verdict import verdict_lines
+    from evaluator.workflow import diagnose
 
     if not quiet:
         click.echo("Puzzle: recordings of a robot with something that its model does not know.")
-    found = run_analysis(experiment, out, simulate=True, workers=workers, quiet=quiet)
-    with progress_bar("diagnosis", quiet=quiet) as bar:
-        _, content = diagnose_experiment(experiment, out, lambda _, share: bar(round(100 * share), 100))
+    measured = run_analysis(experiment, out, simulate=True, workers=workers, quiet=quiet)
+    with progress_bar("diagnosis", quiet=quiet) as progress:
+        found = diagnose(experiment, out, workers=workers, progress=progress)
     if not quiet:
-        click.echo(_indented("\n".join(summary(content))))
-    write_report(found)
-    return found
-
-
-def calibrate_samples(folder: Path) -> str:
-    """Write camera.json from the gauge pictures; returns the verdict in words."""
-    from calibration.assessment.quality import assess
-    from calibration.detection.image import read_picture
-    from calibration.estimation.calibrate import calibrate
-    from calibration.gauge.geometry import load_gauge
-    from calibration.store import camera_to_json
-    from evaluator.files import read_with, write_text
-
-    pictures = sorted(folder.glob("gauge-*.png"))
-    gauge = read_with(load_gauge, folder / "gauge.toml")
-    found = calibrate([read_picture(path) for path in pictures], gauge, names=[path.name for path in pictures])
-    verdict = assess(found)
-    write_text(folder / "camera.json", camera_to_json(found, verdict))
-    return f"{len(pictures)} pictures, residual {found.rms_px:.3f} px RMS; {verdict.summary}"
+        click.echo(_indented("\n".join(verdict_lines(found.content))))
+    write_report(measured)
+    return measured
 
 
 def _indented(text: str) -> str:

@@ -25,7 +25,7 @@ def export(experiment: Path, out: Path, workers: int | None, quiet: bool, dry_ru
     if dry_run:
         return print_plan(experiment, out, simulate=True)
     found = run_analysis(experiment, out, simulate=True, workers=workers, quiet=quiet)
-    from evaluator.interchange.export import export as write_all
+    from evaluator.workflow import export as write_all
 
     for path in write_all(found):
         if not quiet:

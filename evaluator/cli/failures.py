@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import click
 
+from evaluator.progress import Cancelled
+
 
 def run_safely(group: click.Group) -> int:
     """Run the group; return the exit status: 0 done, 2 bad input, 130 interrupted."""
@@ -12,7 +14,7 @@ def run_safely(group: click.Group) -> int:
     except click.ClickException as error:
         error.show()
         return 2
-    except (click.Abort, KeyboardInterrupt):
+    except (click.Abort, Cancelled, KeyboardInterrupt):
         click.echo("interrupted; what was finished is kept, run the same command again to go on", err=True)
         return 130
     except (ValueError, OSError) as error:

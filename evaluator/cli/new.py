@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from evaluator.cli.options import PATH, experiment_argument, json_option, quiet_option
+from evaluator.cli.tables import counted
 
 BAD_INPUT = 2
 
@@ -20,25 +21,14 @@ def new(folder: Path, robot: str) -> None:
 
     Nothing that is already there is overwritten.
     """
-    from importlib.resources import files
+    from evaluator.workflow import new_experiment
 
-    from evaluator.errors import InputError
-    from evaluator.files import write_text
-    from simulator.robot import shipped_robot_text
-
-    names = ("experiment.toml", "gauge.toml", "tracking.toml")
-    contents = {name: (files("evaluator.templates") / name).read_text(encoding="utf-8") for name in names}
-    contents["robot.toml"] = shipped_robot_text(robot)
-    there = sorted(name for name in contents if (folder / name).exists())
-    if there:
-        raise InputError(f"{folder}: {', '.join(there)} is already there; give a folder without them")
-    for name, text in contents.items():
-        write_text(folder / name, text)
-    click.echo(f"{folder}: {', '.join(contents)}")
+    written = new_experiment(folder, robot)
+    click.echo(f"{folder}: {', '.join(path.name for path in written)}")
     click.echo(f"""
 Next:
   1. edit robot.toml and gauge.toml to what stands on your bench (no gauge? turnscope gauge {folder / "gauge.toml"})
-  2. turnscope calibrate PICTURES… --gauge {folder / "gauge.toml"} -o {folder / "camera.json"}
+  2. turnscope calibrate IMAGES… --gauge {folder / "gauge.toml"} -o {folder / "camera.json"}
   3. record runs, name them in {folder / "experiment.toml"}
   4. turnscope check {folder / "experiment.toml"}
   5. turnscope report {folder / "experiment.toml"} -o {folder / "out"}""")
@@ -53,7 +43,7 @@ def check(experiment: Path, as_json: bool, quiet: bool) -> int:
 
     Exit status: 0 nothing is wrong, 2 something is.
     """
-    from evaluator.workflow.checks import check_experiment
+    from evaluator.workflow import check_experiment
 
     found = check_experiment(experiment)
     if as_json:
@@ -62,5 +52,5 @@ def check(experiment: Path, as_json: bool, quiet: bool) -> int:
         for fault in found.faults:
             click.echo(f"error: {fault}", err=True)
         if not found.faults and not quiet:
-            click.echo(f"{experiment}: nothing is wrong; {found.runs} runs, {found.videos} of them videos")
+            click.echo(f"{experiment}: nothing is wrong; {counted(found.runs, 'run')}, {found.videos} from video")
     return BAD_INPUT if found.faults else 0

@@ -8,7 +8,7 @@ import click
 
 
 @click.command(
-    epilog="Example: turnscope simulate --robot barrel --left 33.3 --right 14.4 --duration 10 -o run.csv",
+    epilog="\b\nExample:\n  turnscope simulate --robot barrel --left 33.3 --right 14.4 --duration 10 -o run.csv",
 )
 @click.option("--robot", required=True, metavar="NAME|FILE", help="Shipped robot or robot.toml.")
 @click.option("--left", "left_rpm", type=float, metavar="RPM", help="Left driving wheel; negative: backward.")
@@ -41,32 +41,21 @@ def simulate(
     """Simulate one run: pose, velocities, and slip and friction of every wheel over time."""
     import math
 
-    import numpy as np
-
-    from evaluator.errors import InputError
-    from evaluator.files import read_with, written_whole
-    from simulator.command import Command
-    from simulator.robot import load_robot
+    from evaluator.files import written_whole
+    from evaluator.workflow import simulate as simulate_run
     from simulator.run import State
-    from simulator.simulation import simulate as run_simulation
 
-    if log is None and (left_rpm is None or right_rpm is None):
-        raise InputError("say what the motors do: --left RPM and --right RPM, or --command LOG.csv")
-    if log is not None and not (left_rpm is None and right_rpm is None):
-        raise InputError("--command replaces --left and --right; give one or the other")
-    for name, value in {"--duration": duration_s, "--rate": rate_hz}.items():
-        if not (math.isfinite(value) and value > 0):
-            raise InputError(f"{name} must be a positive number; found {value}")
-    rows = round(duration_s * rate_hz) + 1
-    if rows < 2:
-        raise InputError(f"--duration {duration_s} s at --rate {rate_hz} Hz holds no second row")
-    if log is None:
-        command = Command.constant(left_rpm or 0.0, right_rpm or 0.0, start_s, stop_s)
-    else:
-        command = read_with(Command.from_csv, log)
-    described = read_with(load_robot, Path(robot)) if robot.endswith(".toml") else load_robot(robot)
-    start = State(x_mm, y_mm, math.radians(heading_deg))
-    run = run_simulation(described, command, np.arange(rows) / rate_hz, start)
+    run = simulate_run(
+        robot,
+        left_rpm,
+        right_rpm,
+        duration_s=duration_s,
+        commands=log,
+        start_s=start_s,
+        stop_s=stop_s,
+        start=State(x_mm, y_mm, math.radians(heading_deg)),
+        rate_hz=rate_hz,
+    )
     with written_whole(output) as temporary:
         run.to_table().to_csv(temporary, index=False, float_format="%.9g")
     if run.is_by_chance:

@@ -3,16 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from evaluator.cli.options import PATH, out_option, quiet_option
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from simulator.slip.bench import Apparatus
 
 
 @click.command(
@@ -41,50 +35,19 @@ def slip_bench(
     from evaluator.cli.tables import text_table
     from evaluator.errors import InputError
     from evaluator.report.pages.slip_bench import HEAD, fit_rows, fit_sentences, write_slip_bench
-    from simulator.slip.bench import Apparatus, checked_bench
-    from simulator.slip.fit import fit_slip_law
+    from evaluator.workflow import evaluate_slip, evaluate_virtual_slip
+    from simulator.slip.bench import Apparatus
 
-    if (bench is None) == (virtual is None):
-        raise InputError("give either a recording BENCH.csv or --virtual ROBOT")
     apparatus = Apparatus(wheel_mm, contact_mm)
-    if bench is not None:
-        name, table = bench.stem, checked_bench(_read(bench), str(bench))
+    if bench is not None and virtual is None:
+        found = evaluate_slip(bench, apparatus)
+    elif bench is None and virtual is not None:
+        found = evaluate_virtual_slip(virtual, seed, apparatus)
     else:
-        name, table = f"{virtual}, virtual bench", _virtual(str(virtual), seed, apparatus, out)
-    fit = fit_slip_law(table, apparatus)
-    forces = write_slip_bench(name, table, fit, apparatus, out)
+        raise InputError("give either a recording BENCH.csv or --virtual ROBOT")
+    forces = write_slip_bench(found, out)
     if not quiet:
-        click.echo(text_table(HEAD, fit_rows(fit)))
-        for sentence in fit_sentences(fit, forces):
+        click.echo(text_table(HEAD, fit_rows(found.fit)))
+        for sentence in fit_sentences(found.fit, forces):
             click.echo(sentence)
         click.echo(f"\n{out / 'index.html'}")
-
-
-def _read(path: Path) -> pd.DataFrame:
-    import pandas as pd
-
-    from evaluator.errors import InputError
-    from evaluator.files import read_with
-
-    def load(place: Path) -> pd.DataFrame:
-        try:
-            return pd.read_csv(place)
-        except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-            raise InputError(f"{place}: not a CSV table ({str(error).strip()})") from error
-
-    return read_with(load, path)
-
-
-def _virtual(robot: str, seed: int, apparatus: Apparatus, out: Path) -> pd.DataFrame:
-    """A virtual recording, kept beside its results."""
-    import numpy as np
-
-    from evaluator.files import read_with, written_whole
-    from simulator.robot import load_robot
-    from simulator.slip.bench import virtual_bench
-
-    described = read_with(load_robot, Path(robot)) if robot.endswith(".toml") else load_robot(robot)
-    table = virtual_bench(described.slip, np.random.default_rng(seed), apparatus=apparatus)
-    with written_whole(out / "bench.csv") as temporary:
-        table.to_csv(temporary, index=False, float_format="%.9g")
-    return table

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -38,10 +38,10 @@ from evaluator.diagnosis.likelihood.problem import Point, Problem, build_problem
 from evaluator.diagnosis.likelihood.random_effects import place_runs, place_starts
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.output.effect_tables import corrected_robot
+from evaluator.progress import Progress
 from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 # Whatever the evidences say, a model that misses the marks of a run by so many times the noise floor does not follow
 # it. Where the verdict was right the gap lay between 0.9 and 1.12 floors; fits that had not settled left 50 and more.

@@ -82,7 +82,7 @@ def write_overlay(
             shown.time_base = stream.codec_context.time_base
             shown.pts = round(frame.time / shown.time_base)
             container.mux(stream.encode(shown))
-            progress(row + 1, len(table))
+            progress("drawing", row + 1, len(table))
         if stream is not None:
             container.mux(stream.encode())
 

@@ -13,7 +13,7 @@ from evaluator.report.diagnosis.words import gap_sentence, verdict_sentence
 from evaluator.report.numbers import number, significant
 from evaluator.report.runs import RunView, column
 from evaluator.turning.pooling import Z_975, pooled
-from evaluator.workflow.jobs import SPACING_PERCENT
+from evaluator.workflow.runs.job import SPACING_PERCENT
 
 
 @dataclass(frozen=True)

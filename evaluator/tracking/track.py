@@ -28,7 +28,7 @@ def track(
     Returns a row per frame: frame, time_s, and per mark (green, yellow, or those of the settings) NAME_x_px,
     NAME_y_px, NAME_x_sigma_px, NAME_y_sigma_px, NAME_xy_cov_px2 (standard uncertainties and covariance of this
     frame's centre) and NAME_status: "ok", or why the mark is absent (its numbers are then NaN). Image coordinates, px.
-    progress: called with the numbers of frames done and expected. Raises InputError for a recording without colour.
+    progress: told the numbers of frames done and expected. Raises InputError for a recording without colour.
     """
     tracker = Tracker(settings or TrackingSettings())
     expected = int(getattr(recording, "expected_frames", 0))
@@ -46,10 +46,10 @@ def track(
             measured[name].extend(one[:5])
             status[name].append(one.status)
         if not len(times) & 63:
-            progress(len(times), max(expected, len(times)))
+            progress("tracking", len(times), max(expected, len(times)))
     if not times:
         raise InputError("the recording holds no frames")
-    progress(len(times), len(times))
+    progress("tracking", len(times), len(times))
     time_s = np.array(times)
     numbers = {name: np.array(values).reshape(-1, 5) for name, values in measured.items()}
     refine(time_s, kinds, numbers, status, tracker.followers)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 NAN = float("nan")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Turning:
     """One run's row of turning.csv; NaN where a quantity is unknown, with the reason in `radius_status`.
 
@@ -95,6 +95,22 @@ class Turning:
             f"radius {self.radius_mm:.4f} mm, 95 % from {self.radius_low_mm:.4f} to {self.radius_high_mm:.4f}{steady};"
             f" {self.turned_deg:.0f} degrees at {self.speed_mm_s:.3g} mm/s, {self.yaw_rate_deg_s:.3g} degrees/s"
         )
+
+    def __repr__(self) -> str:
+        """One line for people."""
+        return f"Turning({self.summary()})"
+
+    def _repr_html_(self) -> str:
+        """What is asked first, as a table, for notebooks."""
+        rows = {
+            "radius": f"{self.radius_mm:.4f} mm",
+            "95 %": f"{self.radius_low_mm:.4f} to {self.radius_high_mm:.4f} mm",
+            "status": self.radius_status,
+            "speed": f"{self.speed_mm_s:.4f} mm/s",
+            "yaw rate": f"{self.yaw_rate_deg_s:.3f} deg/s",
+            "turned": f"{self.turned_deg:.1f}°",
+        }
+        return f"<table>{''.join(f'<tr><th>{name}</th><td>{value}</td></tr>' for name, value in rows.items())}</table>"
 
     def to_row(self) -> dict[str, float | str | bool]:
         """Columns of turning.csv in order, to follow run, left_rpm and right_rpm."""

@@ -1,6 +1,89 @@
-"""From experiment.toml to tables: every run tracked, fitted and simulated, in parallel and resumable."""
+"""All that a front end can do, as functions: from recordings to tables, from a robot to its motion, what is missing.
 
-from evaluator.workflow.analysis import Analysis, analyze, plan
-from evaluator.workflow.outputs import Outputs
+Each takes paths or values, reports to a Progress that may cancel it, and leaves whole files. What an experiment needs
+is computed in parallel and reused while it is up to date. The names below are imported when they are first used.
+"""
 
-__all__ = ["Analysis", "Outputs", "analyze", "plan"]
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from evaluator.workflow.analysis import Analysis, analyze, compare, pending
+    from evaluator.workflow.calibration import Calibrated, calibrate
+    from evaluator.workflow.checks import Check, check_experiment
+    from evaluator.workflow.demo import Samples, prepare_samples
+    from evaluator.workflow.diagnosis.batch import diagnose_each
+    from evaluator.workflow.diagnosis.experiment import DiagnosisResult, diagnose
+    from evaluator.workflow.exporting import export
+    from evaluator.workflow.fresh import new_experiment
+    from evaluator.workflow.planning import Plan, plan
+    from evaluator.workflow.rendering import Rendered, SceneOrder, read_scene, render_scene, render_scenes
+    from evaluator.workflow.results.outputs import Outputs
+    from evaluator.workflow.simulation import simulate
+    from evaluator.workflow.slip_bench import SlipBench, evaluate_slip, evaluate_virtual_slip
+    from evaluator.workflow.sweep import SweepDone, run_sweep
+
+__all__ = [
+    "Analysis",
+    "Calibrated",
+    "Check",
+    "DiagnosisResult",
+    "Outputs",
+    "Plan",
+    "Rendered",
+    "Samples",
+    "SceneOrder",
+    "SlipBench",
+    "SweepDone",
+    "analyze",
+    "calibrate",
+    "check_experiment",
+    "compare",
+    "diagnose",
+    "diagnose_each",
+    "evaluate_slip",
+    "evaluate_virtual_slip",
+    "export",
+    "new_experiment",
+    "pending",
+    "plan",
+    "prepare_samples",
+    "read_scene",
+    "render_scene",
+    "render_scenes",
+    "run_sweep",
+    "simulate",
+]
+
+_HOMES = {
+    "evaluator.workflow.analysis": ("Analysis", "analyze", "compare", "pending"),
+    "evaluator.workflow.calibration": ("Calibrated", "calibrate"),
+    "evaluator.workflow.checks": ("Check", "check_experiment"),
+    "evaluator.workflow.demo": ("Samples", "prepare_samples"),
+    "evaluator.workflow.diagnosis.batch": ("diagnose_each",),
+    "evaluator.workflow.diagnosis.experiment": ("DiagnosisResult", "diagnose"),
+    "evaluator.workflow.exporting": ("export",),
+    "evaluator.workflow.fresh": ("new_experiment",),
+    "evaluator.workflow.planning": ("Plan", "plan"),
+    "evaluator.workflow.rendering": ("Rendered", "SceneOrder", "read_scene", "render_scene", "render_scenes"),
+    "evaluator.workflow.results.outputs": ("Outputs",),
+    "evaluator.workflow.simulation": ("simulate",),
+    "evaluator.workflow.slip_bench": ("SlipBench", "evaluate_slip", "evaluate_virtual_slip"),
+    "evaluator.workflow.sweep": ("SweepDone", "run_sweep"),
+}
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name from its home (PEP 562)."""
+    from importlib import import_module
+
+    for home, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(home), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """Public names, also those that are not imported yet."""
+    return sorted(__all__)

@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evaluator.errors import InputError
 from evaluator.files import read_with, write_table
-from evaluator.progress import Progress, no_progress
+from evaluator.progress import Progress, no_progress, part_way
 from evaluator.settings import Experiment, load_experiment
-from evaluator.workflow.execution.batch import available_cores, in_processes, on_cluster
-from evaluator.workflow.jobs import Job, RunResult, analyse_run, known_result, lost_run, outdated_stages
-from evaluator.workflow.outputs import Outputs
-from evaluator.workflow.provenance import write_provenance
+from evaluator.workflow.execution.answers import answers_of
+from evaluator.workflow.results.outputs import Outputs
+from evaluator.workflow.results.provenance import write_provenance
+from evaluator.workflow.runs.job import Job, RunResult, known_result, lost_run, outdated_stages, step_of
 from simulator.robot import Robot, load_robot
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True)
+# Columns of turning.csv that a notebook shows.
+SHOWN = (
+    *("run", "left_rpm", "right_rpm", "radius_mm", "radius_low_mm", "radius_high_mm"),
+    *("speed_mm_s", "yaw_rate_deg_s", "radius_status"),
+)
+
+
+@dataclass(frozen=True, repr=False)
 class Analysis:
     """What an analysis leaves: tables with a row per run, and the reason for every run that has no numbers.
 
@@ -39,10 +48,24 @@ class Analysis:
     notes: dict[str, tuple[str, ...]]
     reused: int
 
+    def __repr__(self) -> str:
+        """One line: the experiment, its runs and the folder of the results."""
+        return f"Analysis({self._title()})"
+
+    def _repr_html_(self) -> str:
+        """The first columns of turning.csv, for notebooks."""
+        shown = [name for name in SHOWN if name in self.turning]
+        table = self.turning[shown].to_html(index=False, float_format="{:.4g}".format, na_rep="")
+        return f"<p>{escape(self._title())}</p>{table}"
+
+    def _title(self) -> str:
+        lost = f", {len(self.faults)} without results" if self.faults else ""
+        return f"{self.experiment.name}: {len(self.turning)} runs{lost}, in {self.outputs.folder}"
+
 
 def analyze(
-    experiment_path: Path,
-    out: Path,
+    experiment: Path | str,
+    out: Path | str = "out",
     *,
     simulate: bool = False,
     workers: int | None = None,
@@ -50,56 +73,83 @@ def analyze(
     progress: Progress = no_progress,
     command_line: Sequence[str] = (),
 ) -> Analysis:
-    """Measure every run of an experiment (and simulate its counterpart), reusing what is up to date.
+    """Measure every run of an experiment.toml (and simulate its counterpart), reusing what is up to date.
 
     Writes turning.csv, pooled.csv, directions.csv, marks/ and poses/ below out; with simulate also comparison.csv and
     simulated/; and provenance.json. A comparison.csv of earlier results does not stay beside new ones. A run that
     cannot be analysed is named in `faults` with its reason and does not stop the others.
     workers: processes, by default one per core; dask: address of a Dask scheduler whose workers see the same files
-    under the same names. The results depend on neither.
+    under the same names. The results depend on neither. Cancelled by its progress, it keeps the runs that are done.
     Raises InputError where the experiment cannot be used, or none of its runs can.
     """
-    experiment = read_with(load_experiment, experiment_path)
+    path = Path(experiment)
+    described = read_with(load_experiment, path)
     outputs = Outputs(Path(out))
-    jobs = jobs_of(experiment, outputs, simulate=simulate)
-    results = {job.run.id: result for job in jobs if (result := known_result(job))}
-    todo = [job for job in jobs if job.run.id not in results]
-    progress(len(results), len(jobs))
-    for result in _answers(todo, workers, dask):
-        results[result.run] = result
-        progress(len(results), len(jobs))
-    faults = {run.id: fault for run in experiment.run if (fault := results[run.id].fault)}
+    jobs = jobs_of(described, outputs, simulate=simulate)
+    results = _results(jobs, workers, dask, progress)
+    faults = {run.id: fault for run in described.run if (fault := results[run.id].fault)}
     if len(faults) == len(jobs):
         raise InputError(_nothing_left(faults))
-    turning = _table(
-        experiment, [results[run.id].turning or {"radius_status": faults[run.id]} for run in experiment.run]
-    )
+    turning = _table(described, [results[run.id].turning or {"radius_status": faults[run.id]} for run in described.run])
     write_table(turning, outputs.turning)
     pooled, directions = _pool(turning, outputs)
     comparison = None
     if simulate:
-        comparison = _table(experiment, [results[run.id].comparison or {} for run in experiment.run])
+        comparison = _table(described, [results[run.id].comparison or {} for run in described.run])
         write_table(comparison, outputs.comparison)
     elif any(not result.reused for result in results.values()):
         outputs.comparison.unlink(missing_ok=True)  # it compared what no longer is
-    write_provenance(
-        outputs.provenance, experiment_path=experiment_path, inputs=input_files(experiment), command_line=command_line
-    )
-    notes = {run.id: found for run in experiment.run if (found := results[run.id].notes)}
+    write_provenance(outputs.provenance, experiment_path=path, inputs=input_files(described), command_line=command_line)
+    notes = {run.id: found for run in described.run if (found := results[run.id].notes)}
     reused = sum(result.reused for result in results.values())
-    return Analysis(experiment, outputs, turning, pooled, directions, comparison, faults, notes, reused)
+    return Analysis(described, outputs, turning, pooled, directions, comparison, faults, notes, reused)
 
 
-def _answers(jobs: Sequence[Job], workers: int | None, dask: str | None) -> Iterator[RunResult]:
-    if dask is not None:
-        return on_cluster(analyse_run, jobs, address=dask, when_killed=lost_run)
-    return in_processes(analyse_run, jobs, workers=workers or available_cores(), when_killed=lost_run)
+def compare(
+    experiment: Path | str,
+    out: Path | str = "out",
+    *,
+    workers: int | None = None,
+    dask: str | None = None,
+    progress: Progress = no_progress,
+    command_line: Sequence[str] = (),
+) -> Analysis:
+    """Set every run of an experiment.toml beside its simulated counterpart: `analyze` with simulate."""
+    return analyze(
+        experiment, out, simulate=True, workers=workers, dask=dask, progress=progress, command_line=command_line
+    )
 
 
-def plan(experiment_path: Path, out: Path, *, simulate: bool = False) -> dict[str, list[str]]:
-    """Stages that `analyze` would compute, by run; an empty list where everything is up to date."""
-    experiment = read_with(load_experiment, experiment_path)
-    return {job.run.id: _outdated(job) for job in jobs_of(experiment, Outputs(Path(out)), simulate=simulate)}
+def _results(jobs: Sequence[Job], workers: int | None, dask: str | None, progress: Progress) -> dict[str, RunResult]:
+    """The result of every run by its id: known, or computed now."""
+    results = {job.run.id: result for job in jobs if (result := known_result(job))}
+    todo = [job for job in jobs if job.run.id not in results]
+
+    def told() -> None:
+        progress("runs", len(results), len(jobs))
+
+    told()
+    work: Callable[[Job], RunResult] = _analyse
+    if dask is None and (workers == 1 or len(todo) == 1):  # in this process, which can tell how far a recording is
+        work = partial(_analyse, progress=part_way(progress, "runs", lambda: len(results), len(jobs)))
+    with answers_of(work, todo, when_killed=lost_run, workers=workers, dask=dask, waiting=told) as answers:
+        for _, result in answers:
+            results[result.run] = result
+            told()
+    return results
+
+
+def _analyse(job: Job, progress: Progress = no_progress) -> RunResult:
+    """Analyse a run, in a worker as a rule: only there are the libraries imported that do the work."""
+    from evaluator.workflow.runs.analyse import analyse_run
+
+    return analyse_run(job, progress)
+
+
+def pending(experiment: Path | str, out: Path | str = "out", *, simulate: bool = False) -> dict[str, list[str]]:
+    """What `analyze` would do for each run, in words; an empty list where everything is up to date."""
+    described = read_with(load_experiment, Path(experiment))
+    return {job.run.id: _outdated(job) for job in jobs_of(described, Outputs(Path(out)), simulate=simulate)}
 
 
 def jobs_of(experiment: Experiment, outputs: Outputs, *, simulate: bool) -> list[Job]:
@@ -126,7 +176,7 @@ def input_files(experiment: Experiment) -> list[Path]:
 
 def _outdated(job: Job) -> list[str]:
     try:
-        return outdated_stages(job)
+        return [step_of(job, stage) for stage in outdated_stages(job)]
     except OSError as error:
         return [f"cannot be read: {error.filename}: {error.strerror}"]
 

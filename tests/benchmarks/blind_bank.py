@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from evaluator.workflow.diagnosis import diagnose_experiment
+from evaluator.workflow.diagnosis.experiment import diagnose_experiment
 from tests.benchmarks.bank.draw import SIZES, Drawn, draw, repeated
 from tests.benchmarks.bank.outside import KINDS
 from tests.benchmarks.bank.visible import sigmas_beyond_named, visible_sigmas

@@ -26,7 +26,7 @@ from calibration.gauge.geometry import load_gauge
 from calibration.store import camera_to_json
 from evaluator.diagnosis.output.robot_file import with_value
 from evaluator.files import written_whole
-from evaluator.workflow.diagnosis import diagnose_experiment
+from evaluator.workflow.diagnosis.experiment import diagnose_experiment
 from simulator.command import Command
 from simulator.effects.entry import EffectEntry
 from simulator.rendering import Scene, render_clip

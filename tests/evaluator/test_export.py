@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluator.interchange.export import export
 from evaluator.interchange.tracks import Tracks, read_any_marks
 from evaluator.marks import COLUMNS, read_marks
 from evaluator.workflow import Analysis, analyze
+from evaluator.workflow.exporting import export
 from tests.evaluator.synthetic import three_runs
 
 

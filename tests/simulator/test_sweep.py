@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +11,12 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from evaluator.cli import sweep as command
+from evaluator.cli.group import turnscope
 from evaluator.errors import InputError
-from evaluator.workflow.execution import scale_out
+from evaluator.progress import Cancelled
+from evaluator.workflow import run_sweep
+from evaluator.workflow import sweep as command
+from evaluator.workflow.execution import cluster
 from simulator.command import Command
 from simulator.effects.entry import EffectEntry
 from simulator.errors import SimulationError
@@ -91,67 +92,68 @@ def test_a_key_that_is_none_is_named_before_anything_runs(tmp_path: Path, line: 
     assert said in str(caught.value)
 
 
-def test_an_interrupted_sweep_goes_on_where_it_was(
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_cancelled_sweep_goes_on_where_it_was_and_ends_the_same(
+    sweep_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int
+) -> None:
+    monkeypatch.setattr(command, "RUNS_A_PART", 3)
+    whole, output = tmp_path / "whole.csv", tmp_path / "out.csv"
+    assert run_sweep(sweep_file, whole, workers=1).parts == 4
+
+    def cancel_half_way(stage: str, done: float, total: float = 1.0, /) -> None:
+        assert (stage, total) == ("simulating", 4)
+        if done >= 2:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        run_sweep(sweep_file, output, workers=workers, progress=cancel_half_way)
+    assert not output.exists()
+    done = run_sweep(sweep_file, output, workers=workers)
+    assert (done.runs, done.reused) == (12, 2)
+    assert output.read_bytes() == whole.read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv", "sweep.toml", "whole.csv"]
+
+
+def test_the_command_writes_a_row_for_every_run(sweep_file: Path, tmp_path: Path) -> None:
+    output = tmp_path / "out.csv"
+    run = CliRunner().invoke(turnscope, ["sweep", str(sweep_file), "-o", str(output), "--workers", "1"])
+    assert run.exit_code == 0, run.output
+    sweep = load_sweep(sweep_file)
+    rows = run_part(sweep, robot_of_sweep(sweep), 0, 12)
+    assert np.allclose(pd.read_csv(output)["x_mm"], rows["x_mm"], rtol=1e-8)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_nothing_is_lost_when_a_dask_worker_is_killed_during_the_sweep(
     sweep_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    worked: list[int] = []
-
-    @contextmanager
-    def serial(
-        work: Callable[..., pd.DataFrame], jobs: list[tuple[object, ...]], *_: object
-    ) -> Iterator[Iterator[tuple[int, pd.DataFrame]]]:
-        def each() -> Iterator[tuple[int, pd.DataFrame]]:
-            for number, job in enumerate(jobs):
-                if len(worked) == 2:
-                    worked.append(-1)
-                    raise KeyboardInterrupt
-                worked.append(number)
-                yield number, work(*job)
-
-        yield each()
-
-    monkeypatch.setattr(scale_out, "results_of", serial)
-    monkeypatch.setattr(command, "RUNS_A_PART", 3)
-    output = tmp_path / "out.csv"
-    first = CliRunner().invoke(command.sweep, [str(sweep_file), "-o", str(output)])
-    assert first.exit_code != 0
-    assert not output.exists()
-    second = CliRunner().invoke(command.sweep, [str(sweep_file), "-o", str(output)])
-    assert second.exit_code == 0, second.output
-    assert worked == [0, 1, -1, 0, 1]
-    sweep = load_sweep(sweep_file)
-    whole = run_part(sweep, robot_of_sweep(sweep), 0, 12)
-    assert np.allclose(pd.read_csv(output)["x_mm"], whole["x_mm"], rtol=1e-8)
-    assert [path.name for path in tmp_path.iterdir() if path.name.startswith("out")] == ["out.csv"]
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_nothing_is_lost_when_a_dask_worker_is_killed_during_the_sweep(sweep_file: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="the optional extra dask is not installed")
-    sweep = load_sweep(sweep_file).model_copy(update={"samples": 300})
-    robot = robot_of_sweep(sweep)
-    jobs = [(sweep, robot, start, start + 100) for start in range(0, len(sweep), 100)]
+    monkeypatch.setattr(command, "RUNS_A_PART", 100)
+    sweep_file.write_text(SWEEP.replace("samples = 3", "samples = 300"), encoding="utf-8")
+    killed: list[int] = []
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
-    ) as cluster:
-        victim = next(iter(cluster.workers.values())).pid
-        found: dict[int, pd.DataFrame] = {}
-        with scale_out.results_of(run_part, jobs, cluster.scheduler_address) as results:
-            for number, table in results:
-                if not found:
-                    os.kill(victim, signal.SIGKILL)
-                found[number] = table
-    assert sorted(found) == list(range(12))
-    together = pd.concat([found[number] for number in range(12)], ignore_index=True)
-    pd.testing.assert_frame_equal(together, run_part(sweep, robot, 0, len(sweep)))
+    ) as cluster_of_two:
+        victim = next(iter(cluster_of_two.workers.values())).pid
+
+        def kill(stage: str, done: float, total: float = 1.0, /) -> None:
+            assert (stage, total) == ("simulating", 12)
+            if done and not killed:
+                killed.append(victim)
+                os.kill(victim, signal.SIGKILL)
+
+        address = cluster_of_two.scheduler_address
+        run_sweep(sweep_file, tmp_path / "there.csv", dask=address, progress=kill)
+    run_sweep(sweep_file, tmp_path / "here.csv", workers=1)
+    assert killed
+    assert (tmp_path / "there.csv").read_bytes() == (tmp_path / "here.csv").read_bytes()
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_a_scheduler_that_does_not_answer_is_one_clear_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_scheduler_that_does_not_answer_is_one_clear_error(
+    sweep_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("distributed", reason="the optional extra dask is not installed")
-    monkeypatch.setattr(scale_out, "DASK_TIMEOUT_S", 0.5)
-    with (
-        pytest.raises(InputError, match="no Dask scheduler answers"),
-        scale_out.results_of(run_part, [(1,)], "tcp://127.0.0.1:1"),
-    ):
-        pass
+    monkeypatch.setattr(cluster, "DASK_TIMEOUT_S", 0.5)
+    with pytest.raises(InputError, match="no Dask scheduler answers"):
+        run_sweep(sweep_file, tmp_path / "out.csv", dask="tcp://127.0.0.1:1")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from evaluator.diagnosis.inference.fit import Fit, fit_model, prior_precision
 from evaluator.diagnosis.likelihood.mixed_model import MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import Values
+from evaluator.progress import Progress
 from simulator.effects.coordinates import Candidate
 
 # Prior of no, one, two, three effects. A lab that asks is as likely as not to have one; each further one is rarer.
@@ -34,8 +35,6 @@ POSE = 3  # of a run's own numbers, those of its start pose come first
 USUAL_SCATTER = (0.03, 0.006, 0.006, 1.0)
 # An addition must promise this much evidence to be fitted: less than half of what it must bring to be kept.
 PROMISING = 2.0
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass

@@ -7,7 +7,6 @@ there is a start for a longer horizon, up to the whole run.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from evaluator.diagnosis.inference.fit import Fit
 from evaluator.diagnosis.inference.search import Search, run_search
 from evaluator.diagnosis.likelihood.problem import Point, Problem, with_noise_of
+from evaluator.progress import Progress
 
 HORIZONS_S = (1.0, 2.5)
 # Misfit of the nominal model in one run, RMS, from which on the whole run is no place to begin: a linear view errs by
@@ -22,8 +22,6 @@ HORIZONS_S = (1.0, 2.5)
 # is then many times the tracking noise. Below it the fits of development experiments converged from the nominal model.
 LARGE_TURN_RAD, LARGE_SHIFT_MM = 0.1, 1.0
 KEPT = 4  # sets that go on to the next horizon
-
-Progress = Callable[[str, float], None]
 
 
 def is_large(problem: Problem, point: Point) -> bool:

@@ -10,8 +10,8 @@ import pandas as pd
 
 from evaluator.diagnosis.assessment.disagreement import COLUMNS, QUANTITIES
 from evaluator.settings import Experiment
-from evaluator.workflow.diagnosis_validity import kept_diagnosis
-from evaluator.workflow.outputs import Outputs
+from evaluator.workflow.diagnosis.validity import kept_diagnosis
+from evaluator.workflow.results.outputs import Outputs
 
 
 @dataclass(frozen=True)

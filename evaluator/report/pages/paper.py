@@ -9,6 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from evaluator.files import write_text, written_whole
+from evaluator.progress import Progress
 from evaluator.report.figures.paper_slip import slip_figures
 from evaluator.report.figures.paper_turns import (
     difference_figure,
@@ -29,8 +30,6 @@ from simulator.paper.readings import reading_table
 from simulator.robot import load_robot
 from simulator.slip.curves import slip_curves
 
-Progress = Callable[[int, int], None]
-
 
 @dataclass(frozen=True)
 class Paper:
@@ -42,17 +41,17 @@ class Paper:
 
 
 def recompute(progress: Progress) -> Paper:
-    """Compute and draw all; progress is told (done, total) after every part."""
+    """Compute and draw all; progress is told after every part."""
     parts: list[Callable[[], list[Figure]]] = [_slip_figures, _attraction_figures, _magnetic_figures, _wheel_figures]
     figures: list[Figure] = []
     for done, part in enumerate(parts):
-        progress(done, len(parts) + 2)
+        progress("recomputing", done, len(parts) + 2)
         figures += part()
-    progress(len(parts), len(parts) + 2)
+    progress("recomputing", len(parts), len(parts) + 2)
     checks = tuple(published_numbers())
-    progress(len(parts) + 1, len(parts) + 2)
+    progress("recomputing", len(parts) + 1, len(parts) + 2)
     readings = reading_table()
-    progress(len(parts) + 2, len(parts) + 2)
+    progress("recomputing", len(parts) + 2, len(parts) + 2)
     return Paper(tuple(figures), checks, readings)
 
 

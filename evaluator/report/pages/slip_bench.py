@@ -10,7 +10,8 @@ from evaluator.files import write_text, written_whole
 from evaluator.report.figures.paper_slip import slip_figures
 from evaluator.report.pages.html import Page, Section, Table, page_html
 from evaluator.report.style import plain_svg
-from simulator.slip.bench import LATERAL_OK, SIGMAS, Apparatus, forces_from_torques
+from evaluator.workflow import SlipBench
+from simulator.slip.bench import LATERAL_OK, SIGMAS, forces_from_torques
 from simulator.slip.curves import slip_curves
 from simulator.slip.fit import NAMES, SlipFit, slip_toml
 
@@ -41,8 +42,15 @@ def fit_sentences(fit: SlipFit, forces: pd.DataFrame) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def write_slip_bench(name: str, table: pd.DataFrame, fit: SlipFit, apparatus: Apparatus, out: Path) -> pd.DataFrame:
-    """Write forces.csv, slip.toml, the two figures with their data and index.html; return the forces."""
+def write_slip_bench(bench: SlipBench, out: Path) -> pd.DataFrame:
+    """Write forces.csv, slip.toml, the two figures with their data and index.html; return the forces.
+
+    The torques of a virtual bench are written too, as bench.csv.
+    """
+    name, table, fit, apparatus = bench.name, bench.torques, bench.fit, bench.apparatus
+    if bench.virtual:
+        with written_whole(out / "bench.csv") as temporary:
+            table.to_csv(temporary, index=False, float_format="%.9g")
     if not fit.sigmas_given:
         table = table.assign(**dict(zip(SIGMAS, fit.torque_sigma_mN_mm, strict=True)))
     forces = forces_from_torques(table, apparatus)

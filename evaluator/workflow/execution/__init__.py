@@ -1,1 +1,1 @@
-"""Jobs on all cores or on a cluster, and compilation ahead of their use."""
+"""Work on all cores of this machine or on a Dask cluster, and compilation ahead of its use."""

@@ -18,7 +18,7 @@ from evaluator.report.diagnosis.sections import diagnosis_sections
 from evaluator.report.diagnosis.view import known_diagnosis
 from evaluator.settings import load_experiment
 from evaluator.workflow import Outputs, analyze
-from evaluator.workflow.diagnosis import diagnose_experiment
+from evaluator.workflow.diagnosis.experiment import diagnose_experiment
 from simulator.robot import load_robot
 from tests.evaluator.diagnosis.hidden import write_hidden
 

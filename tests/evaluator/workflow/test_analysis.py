@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 
 from evaluator.errors import InputError
-from evaluator.workflow import Analysis, analyze, plan
+from evaluator.progress import Cancelled
+from evaluator.workflow import Analysis, analyze, pending
 from simulator.nominal_robot import WHEELS
 from tests.evaluator.synthetic import circling_marks, three_runs, write_experiment
 
@@ -68,27 +69,27 @@ def test_only_what_a_changed_file_touches_is_computed_again(tmp_path: Path) -> N
     text = experiment.read_text(encoding="utf-8").replace("left_rpm = 5.0", "left_rpm = 6.0")
     experiment.write_text(text, encoding="utf-8")
     (out / "simulated" / "r03.csv").unlink()
-    stages = plan(experiment, out, simulate=True)
-    assert stages == {"r01": ["track", "turn", "simulate"], "r02": ["turn", "simulate"], "r03": ["simulate"]}
+    stages = pending(experiment, out, simulate=True)
+    assert stages == {"r01": ["read marks", "turn", "simulate"], "r02": ["turn", "simulate"], "r03": ["simulate"]}
 
 
-def test_an_interrupted_analysis_ends_as_an_uninterrupted_one(analysed: tuple[Path, Analysis], tmp_path: Path) -> None:
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_cancelled_analysis_resumes_and_ends_as_an_uninterrupted_one(
+    analysed: tuple[Path, Analysis], tmp_path: Path, workers: int
+) -> None:
     experiment, whole = analysed
     out = tmp_path / "out"
 
-    class KilledError(Exception):
-        pass
+    def cancel_after_one(stage: str, done: float, total: float = 1.0, /) -> None:
+        assert (stage, total) == ("runs", 3)
+        if done >= 1:
+            raise Cancelled
 
-    def kill_after_one(done: int, total: int) -> None:
-        assert total == 3
-        if done == 1:
-            raise KilledError
-
-    with pytest.raises(KilledError):
-        analyze(experiment, out, simulate=True, workers=1, progress=kill_after_one)
+    with pytest.raises(Cancelled):
+        analyze(experiment, out, simulate=True, workers=workers, progress=cancel_after_one)
     assert not (out / "turning.csv").exists()
-    rest = analyze(experiment, out, simulate=True, workers=1)
-    assert rest.reused == 1
+    rest = analyze(experiment, out, simulate=True, workers=workers)
+    assert rest.reused >= 1
     assert contents(out) == contents(whole.outputs.folder)
 
 

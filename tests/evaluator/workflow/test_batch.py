@@ -11,9 +11,11 @@ from pathlib import Path
 import pytest
 
 from evaluator.errors import InputError
+from evaluator.files import written_whole
+from evaluator.progress import Cancelled
 from evaluator.workflow import analyze
-from evaluator.workflow.execution import scale_out
-from evaluator.workflow.execution.batch import in_processes
+from evaluator.workflow.execution import cluster
+from evaluator.workflow.execution.answers import answers_of
 from tests.evaluator.synthetic import circling_marks, write_experiment
 
 
@@ -27,25 +29,55 @@ def square_unless_three(number: int) -> int:
     return number * number
 
 
-def test_every_job_is_answered_once() -> None:
-    answers = in_processes(square, range(7), workers=2, when_killed=lambda _: -1)
-    assert sorted(answers) == [0, 1, 4, 9, 16, 25, 36]
+def slow_write(path: Path) -> int:
+    with written_whole(path) as temporary:
+        temporary.write_text("begun", encoding="utf-8")
+        path.with_suffix(".began").touch()
+        time.sleep(60)
+    return 0
+
+
+def answered(work: Callable[[int], int], count: int) -> dict[int, int]:
+    with answers_of(work, range(count), workers=2, when_killed=lambda _: -1) as answers:
+        return dict(answers)
+
+
+def test_every_job_is_answered_once_under_its_number() -> None:
+    assert answered(square, 7) == {number: number**2 for number in range(7)}
 
 
 def test_a_killed_worker_costs_only_its_own_job() -> None:
-    answers = in_processes(square_unless_three, range(6), workers=2, when_killed=lambda _: -1)
-    assert sorted(answers) == [-1, 0, 1, 4, 16, 25]
+    assert answered(square_unless_three, 6) == {0: 0, 1: 1, 2: 4, 3: -1, 4: 16, 5: 25}
+
+
+def test_leaving_interrupts_running_jobs_and_leaves_whole_files_only(tmp_path: Path) -> None:
+    paths = [tmp_path / f"{number}.txt" for number in range(3)]
+    began = time.monotonic()
+
+    def cancel_once_two_run() -> None:
+        if len(list(tmp_path.glob("*.began"))) == 2:
+            raise Cancelled
+        assert time.monotonic() - began < 50
+
+    with (
+        pytest.raises(Cancelled),
+        answers_of(slow_write, paths, workers=2, when_killed=lambda _: -1, waiting=cancel_once_two_run) as answers,
+    ):
+        list(answers)
+    assert time.monotonic() - began < 50
+    assert {path.suffix for path in tmp_path.iterdir()} == {".began"}
 
 
 PARENT = """
 import time
-from evaluator.workflow.execution.batch import in_processes
+from evaluator.workflow.execution.answers import answers_of
 
 def slow(number):
     time.sleep(60)
 
 if __name__ == "__main__":
-    list(in_processes(slow, range(4), workers=2, when_killed=print))
+    with answers_of(slow, range(4), workers=2, when_killed=print) as answers:
+        list(answers)
 """
 
 
@@ -87,17 +119,21 @@ def test_nothing_is_lost_when_a_dask_worker_is_killed_half_way(tmp_path: Path) -
     runs = [(f"r{k}", 14.4, 33.3, circling_marks(5.0 + k, seconds=2, seed=k)) for k in range(8)]
     experiment = write_experiment(tmp_path, runs)
     here = analyze(experiment, tmp_path / "here", workers=1)
+    killed: list[int] = []
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
-    ) as cluster:
-        victim = next(iter(cluster.workers.values())).pid
+    ) as two:
+        victim = next(iter(two.workers.values())).pid
 
-        def kill(done: int, total: int) -> None:
+        def kill(stage: str, done: float, total: float = 1.0, /) -> None:
+            assert stage == "runs"
             assert total == 8
-            if done == 1:
+            if done == 1 and not killed:
+                killed.append(victim)
                 os.kill(victim, signal.SIGKILL)
 
-        there = analyze(experiment, tmp_path / "there", dask=cluster.scheduler_address, progress=kill)
+        there = analyze(experiment, tmp_path / "there", dask=two.scheduler_address, progress=kill)
+    assert killed
     assert there.faults == {}
     assert there.outputs.turning.read_bytes() == here.outputs.turning.read_bytes()
     for run in ("r0", "r7"):
@@ -106,7 +142,7 @@ def test_nothing_is_lost_when_a_dask_worker_is_killed_half_way(tmp_path: Path) -
 
 def test_a_scheduler_that_does_not_answer_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed", reason="the optional extra dask is not installed")
-    monkeypatch.setattr(scale_out, "DASK_TIMEOUT_S", 0.2)
+    monkeypatch.setattr(cluster, "DASK_TIMEOUT_S", 0.2)
     experiment = write_experiment(tmp_path, [("r0", 14.4, 33.3, circling_marks(5.0, seconds=1))])
     with pytest.raises(InputError, match="no Dask scheduler answers"):
         analyze(experiment, tmp_path / "out", dask="tcp://127.0.0.1:1")

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from evaluator.files import write_text
-from evaluator.workflow.validity import code_hash, file_hash, installed_version, library_versions
+from evaluator.workflow.results.validity import code_hash, file_hash, installed_version, library_versions
 
 
 def write_provenance(path: Path, *, experiment_path: Path, inputs: Iterable[Path], command_line: Sequence[str]) -> None:

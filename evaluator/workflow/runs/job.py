@@ -15,8 +15,8 @@ from calibration.errors import CalibrationError
 from evaluator.errors import InputError
 from evaluator.interchange.tracks import Tracks, program_of
 from evaluator.settings import Run
-from evaluator.workflow.outputs import Outputs
-from evaluator.workflow.validity import Record, file_hash, key_of
+from evaluator.workflow.results.outputs import Outputs
+from evaluator.workflow.results.validity import Record, file_hash, key_of
 from simulator.errors import SimulationError
 from simulator.robot import Robot
 
@@ -122,6 +122,11 @@ def outdated_stages(job: Job) -> list[str]:
     return [stage for stage in job.stages if record.fresh(stage, keys[stage]) is None]
 
 
+def step_of(job: Job, stage: str) -> str:
+    """A stage of a job in a word: marks that are given are read, not tracked."""
+    return "read marks" if stage == "track" and job.run.marks is not None else stage
+
+
 def known_result(job: Job) -> RunResult | None:
     """The result of a job that is known without work: up to date, or without a readable input; None otherwise."""
     record = job.record()
@@ -132,16 +137,6 @@ def known_result(job: Job) -> RunResult | None:
     values = {stage: record.fresh(stage, keys[stage]) for stage in job.stages}
     there = {stage: value for stage, value in values.items() if value is not None}
     return RunResult.of(job, there, reused=True) if len(there) == len(values) else None
-
-
-def analyse_run(job: Job) -> RunResult:
-    """Analyse one run; a recording that cannot be used is a result with a reason, not an exception."""
-    from evaluator.workflow.stages import bring_up_to_date
-
-    try:
-        return bring_up_to_date(job)
-    except Exception as error:  # noqa: BLE001 - a defect met in one run must not cost the others; it is reported
-        return failed(job, error)
 
 
 def failed(job: Job, error: Exception) -> RunResult:

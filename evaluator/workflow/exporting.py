@@ -16,14 +16,29 @@ from scipy.io import netcdf_file
 
 from evaluator.files import write_text, written_whole
 from evaluator.marks import read_marks
-from evaluator.workflow import Analysis, Outputs
+from evaluator.progress import Progress, no_progress
+from evaluator.workflow.analysis import Analysis, compare
+from evaluator.workflow.results.outputs import Outputs
 
 KEYPOINTS = ("green", "yellow", "center")
 DIMENSIONS = ("time", "space", "keypoints", "individuals")
 
 
-def export(analysis: Analysis) -> list[Path]:
-    """Write results.json and netcdf/RUN.nc into the output folder; returns their paths."""
+def export(
+    experiment: Analysis | Path | str,
+    out: Path | str = "out",
+    *,
+    workers: int | None = None,
+    progress: Progress = no_progress,
+) -> list[Path]:
+    """Write results.json and netcdf/RUN.nc into the output folder; returns their paths.
+
+    experiment: an analysis, or an experiment.toml whose results below out are brought up to date first.
+    """
+    if isinstance(experiment, Analysis):
+        analysis = experiment
+    else:
+        analysis = compare(experiment, out, workers=workers, progress=progress)
     outputs = analysis.outputs
     provenance = json.loads(outputs.provenance.read_text(encoding="utf-8"))
     results: dict[str, Any] = {"format": 1, "provenance": provenance, "faults": analysis.faults}

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from calibration.errors import CalibrationError
 from evaluator.errors import InputError
-from evaluator.workflow.execution.batch import available_cores, in_processes, on_cluster
+from evaluator.progress import Progress, no_progress
+from evaluator.workflow.execution.answers import answers_of
+from evaluator.workflow.execution.machine import available_cores
 from simulator.errors import SimulationError
 
 
@@ -35,20 +37,33 @@ class Answer:
 
 
 def diagnose_each(
-    experiments: Sequence[Path], out: Path, *, workers: int | None = None, dask: str | None = None
-) -> Iterator[Answer]:
-    """Diagnose experiments into folders of their own below out, in the order of completion.
+    experiments: Sequence[Path],
+    out: Path,
+    *,
+    workers: int | None = None,
+    dask: str | None = None,
+    progress: Progress = no_progress,
+) -> list[Answer]:
+    """Diagnose experiments into folders of their own below out; an answer for each, in their order.
 
     The diagnoses do not depend on workers or dask. An experiment that cannot be used does not stop the others.
     """
+    experiments = tuple(dict.fromkeys(experiments))
     count = workers or available_cores()
     trackers = max(count // len(experiments), 1) if dask is None else 1
     folders = folders_of(experiments, out)
     orders = [Order(path.resolve(), folders[path].resolve(), trackers) for path in experiments]
-    if dask is not None:
-        yield from on_cluster(_diagnosed, orders, address=dask, when_killed=_lost)
-    else:
-        yield from in_processes(_diagnosed, orders, workers=count, when_killed=_lost)
+    found: dict[int, Answer] = {}
+
+    def told() -> None:
+        progress("experiments", len(found), len(orders))
+
+    told()
+    with answers_of(_diagnosed, orders, when_killed=_lost, workers=count, dask=dask, waiting=told) as answers:
+        for number, answer in answers:
+            found[number] = answer
+            told()
+    return [found[number] for number in range(len(orders))]
 
 
 def folders_of(experiments: Sequence[Path], out: Path) -> dict[Path, Path]:
@@ -65,10 +80,10 @@ def folders_of(experiments: Sequence[Path], out: Path) -> dict[Path, Path]:
 
 def _diagnosed(order: Order) -> Answer:
     """Carry out an order in a worker process."""
-    from evaluator.workflow.diagnosis import diagnose_experiment
+    from evaluator.workflow.diagnosis.experiment import diagnose_experiment
 
     try:
-        found, content = diagnose_experiment(order.experiment, order.out, _unseen, workers=order.trackers)
+        found, content = diagnose_experiment(order.experiment, order.out, workers=order.trackers)
     except (InputError, CalibrationError, SimulationError) as error:
         return Answer(order.experiment, order.out, fault=str(error))
     except OSError as error:
@@ -79,7 +94,3 @@ def _diagnosed(order: Order) -> Answer:
 def _lost(order: Order) -> Answer:
     reason = f"{order.experiment}: its process was killed (out of memory?); try again with fewer --workers"
     return Answer(order.experiment, order.out, fault=reason)
-
-
-def _unseen(what: str, share: float) -> None:
-    del what, share

@@ -20,25 +20,30 @@ from evaluator.files import read_with, write_table, write_text
 from evaluator.interchange.tracks import read_any_marks
 from evaluator.marks import MARKS, read_marks, write_marks
 from evaluator.pose import Poses, poses_from_marks
+from evaluator.progress import Progress, no_progress
 from evaluator.recording import TimingReport, open_recording
 from evaluator.robot_geometry import mark_geometry, robot_shape
 from evaluator.tracking import load_settings, place_on_plate, track
 from evaluator.turning import Turning, measure_turning
-from evaluator.workflow.jobs import Job, RunResult
-from evaluator.workflow.outputs import Outputs
-from evaluator.workflow.thumbnails import Glimpsed
+from evaluator.workflow.results.outputs import Outputs
+from evaluator.workflow.runs.job import Job, RunResult
+from evaluator.workflow.runs.thumbnails import Glimpsed
 
 
-def bring_up_to_date(job: Job) -> RunResult:
-    """Compute every stage of a job that is not up to date. Raises for an input that cannot be used."""
-    return _Stages(job).result()
+def bring_up_to_date(job: Job, progress: Progress = no_progress) -> RunResult:
+    """Compute every stage of a job that is not up to date. Raises for an input that cannot be used.
+
+    progress: told how far the tracking of a video is.
+    """
+    return _Stages(job, progress).result()
 
 
 class _Stages:
     """The stages of one run, each computed at most once."""
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, job: Job, progress: Progress) -> None:
         self.job = job
+        self.progress = progress
         self.run = job.run
         self.out = Outputs(job.out)
         self.record = job.record()
@@ -95,7 +100,7 @@ class _Stages:
         # One decoder thread: the other cores have runs of their own.
         recording = Glimpsed(open_recording(self.run.video, rate_hz=self.run.rate_hz, threads=1))
         settings = read_with(load_settings, self.job.tracking) if self.job.tracking else None
-        table = track(recording, settings)
+        table = track(recording, settings, self.progress)
         report = recording.report()
         _refuse_cut(report, recording.expected_frames, recording.expected_s, self.run.video)
         for mark in MARKS:

@@ -42,7 +42,7 @@ def key_of(inputs: Mapping[str, Any]) -> str:
 def code_hash() -> str:
     """Hash of the installed sources that results depend on."""
     digest = hashlib.sha256()
-    root = Path(__file__).parents[2]
+    root = Path(__file__).parents[3]
     for path in sorted(path for package in PACKAGES for path in (root / package).rglob("*.py")):
         parts = path.relative_to(root).parts
         if parts[0] == "evaluator" and parts[1] in NOT_RESULTS:

@@ -12,8 +12,8 @@ from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.settings import Experiment
 from evaluator.workflow.analysis import jobs_of
-from evaluator.workflow.outputs import Outputs
-from evaluator.workflow.validity import Record, key_of
+from evaluator.workflow.results.outputs import Outputs
+from evaluator.workflow.results.validity import Record, key_of
 
 STAGE = "diagnose"
 

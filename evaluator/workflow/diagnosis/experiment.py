@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from evaluator.diagnosis.diagnosis import Diagnosis, diagnose
+from evaluator.diagnosis.diagnosis import Diagnosis
+from evaluator.diagnosis.diagnosis import diagnose as diagnose_session
 from evaluator.diagnosis.experiment import Session, session_of
 from evaluator.diagnosis.inference.fit_cache import Ends
 from evaluator.diagnosis.output.diagnosis_json import disagreement, record
@@ -18,16 +17,69 @@ from evaluator.diagnosis.output.robot_with_effect import robot_with_effect
 from evaluator.errors import InputError
 from evaluator.files import read_with, write_table, write_text
 from evaluator.interchange.tracks import program_of
+from evaluator.progress import Progress, no_progress
 from evaluator.settings import Experiment, Run, load_experiment
-from evaluator.workflow.analysis import jobs_of
-from evaluator.workflow.diagnosis_validity import is_current, keep, key_of_diagnosis, load_diagnosis
-from evaluator.workflow.outputs import Outputs
+from evaluator.workflow.analysis import analyze, jobs_of
+from evaluator.workflow.diagnosis.validity import is_current, keep, key_of_diagnosis, load_diagnosis
+from evaluator.workflow.execution.sharing import one_core
+from evaluator.workflow.results.outputs import Outputs
 
-Progress = Callable[[str, float], None]
+
+@dataclass(frozen=True, repr=False)
+class DiagnosisResult:
+    """The content of diagnosis.json, the folder it is in, and whether it was made anew or still held."""
+
+    experiment: Path
+    out: Path
+    content: dict[str, Any]
+    anew: bool
+
+    @property
+    def verdict(self) -> str:
+        """`none`, `effect`, `unknown` or `insufficient`."""
+        return str(self.content["verdict"])
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Ids of the effects found."""
+        return tuple(effect["id"] for effect in self.content["effects"])
+
+    def __repr__(self) -> str:
+        """One line: the verdict and its effects."""
+        named = f": {', '.join(self.effects)}" if self.effects else ""
+        return f"DiagnosisResult({self.experiment.name}, {self.verdict}{named})"
+
+    def _repr_html_(self) -> str:
+        """The verdict and the parameters of its effects as a table, for notebooks."""
+        rows = [
+            f"<tr><td>{effect['id']}</td><td>{name}</td><td>{value['value']:.4g}</td>"
+            f"<td>{value['low']:.4g} to {value['high']:.4g}</td></tr>"
+            for effect in self.content["effects"]
+            for name, value in effect["parameters"].items()
+        ]
+        head = "<tr><th>effect</th><th>parameter</th><th>value</th><th>95 %</th></tr>"
+        return f"<p>verdict: {self.verdict}</p>" + (f"<table>{head}{''.join(rows)}</table>" if rows else "")
+
+
+def diagnose(
+    experiment: Path | str,
+    out: Path | str = "out",
+    *,
+    workers: int | None = None,
+    dask: str | None = None,
+    progress: Progress = no_progress,
+) -> DiagnosisResult:
+    """Name the missing effect that makes model and data disagree; see `diagnose_experiment`.
+
+    Cancelled by its progress, it keeps the fits made so far and goes on with them the next time.
+    """
+    path, folder = Path(experiment), Path(out)
+    found, content = diagnose_experiment(path, folder, progress, workers=workers, dask=dask)
+    return DiagnosisResult(path, folder, content, anew=found is not None)
 
 
 def diagnose_experiment(
-    path: Path, out: Path, progress: Progress, *, workers: int | None = None, dask: str | None = None
+    path: Path, out: Path, progress: Progress = no_progress, *, workers: int | None = None, dask: str | None = None
 ) -> tuple[Diagnosis | None, dict[str, Any]]:
     """Diagnose an experiment and write the results below out.
 
@@ -42,34 +94,17 @@ def diagnose_experiment(
         return None, load_diagnosis(outputs.diagnosis)
     session = _session(path, experiment, outputs, progress, workers, dask)
     try:
-        with _on_one_core():
-            found = diagnose(session, progress, Ends(outputs.diagnosis_fits, key))
+        # A fit is small steps of Python between small batches of runs: the simulator is a quarter of its time. Threads
+        # that meet after every batch save a tenth on an idle machine, but cost half as much processor time again, and
+        # on a busy one the diagnosis took three times as long. Other cores have other experiments.
+        with one_core():
+            found = diagnose_session(session, progress, Ends(outputs.diagnosis_fits, key))
     except FloatingPointError as error:
         raise InputError(f"{path}: {error}; are the robot file and the command of that run right?") from error
     content = record(found)
     keep(outputs, key, _written(found, content, experiment, outputs))
     outputs.diagnosis_fits.unlink(missing_ok=True)
     return found, content
-
-
-@contextmanager
-def _on_one_core() -> Iterator[None]:
-    """Simulate and solve on one core.
-
-    A fit is small steps of Python between small batches of runs: the simulator is a quarter of its time. Threads that
-    meet after every batch save a tenth on an idle machine, but cost half as much processor time again, and on a busy
-    one the diagnosis took three times as long. Other cores have other experiments. Also, sums keep one order.
-    """
-    import numba
-    from threadpoolctl import threadpool_limits
-
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
-        with threadpool_limits(1, user_api="blas"):
-            yield
-    finally:
-        numba.set_num_threads(before)
 
 
 def _written(found: Diagnosis, content: dict[str, Any], experiment: Experiment, outputs: Outputs) -> list[Path]:
@@ -98,15 +133,12 @@ def _session(
     faults: dict[str, str] = {}
     cameras: dict[str, Path] = {}
     if len(marks) < len(experiment.run):
-        from evaluator.workflow import analyze
-
-        progress("tracking", 0.0)
         analysis = analyze(
             path,
             outputs.folder,
             workers=workers,
             dask=dask,
-            progress=lambda done, total: progress("tracking", done / max(total, 1)),
+            progress=lambda _, done, total=1.0: progress("tracking", done, total),
         )
         faults = dict(analysis.faults)
         marks |= {

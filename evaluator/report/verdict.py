@@ -1,0 +1,34 @@
+"""A diagnosis in a few lines, for a terminal or a notebook."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from evaluator.report.diagnosis.words import (
+    as_sentence,
+    closes,
+    equivalents_sentence,
+    gap_sentence,
+    in_words,
+    next_runs_sentence,
+    separations_sentence,
+    verdict_sentence,
+)
+
+SENTENCES = 4  # about where the disagreement is; all are in diagnosis.json
+
+
+def verdict_lines(content: dict[str, Any]) -> list[str]:
+    """The content of diagnosis.json in a few lines."""
+    lines = [verdict_sentence(content), as_sentence(in_words(content["reason"]))]
+    for effect in content["effects"]:
+        lines.append(f"{effect['id']}, probability {effect['probability']:.3f}:")
+        for name, value in effect["parameters"].items():
+            lines.append(f"  {name} = {value['value']:.4g}  [{value['low']:.4g}, {value['high']:.4g}]")
+        lines.append(equivalents_sentence(effect))
+    lines.append(gap_sentence(content))
+    if content.get("runs_not_followed") and closes(content):
+        lines.append(f"Not followed, look at these recordings first: {', '.join(content['runs_not_followed'])}.")
+    lines += [as_sentence(item["sentence"]) for item in content["where"][:SENTENCES]]
+    lines += [next_runs_sentence(content), separations_sentence(content)]
+    return [line for line in lines if line]

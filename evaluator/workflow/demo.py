@@ -1,0 +1,33 @@
+"""The shipped samples made ready to be analysed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from evaluator.progress import Progress, no_progress
+from evaluator.workflow.calibration import Calibrated, calibrate
+from evaluator.workflow.execution.precompile import compile_ahead
+from evaluator.workflow.samples import copy_samples
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A copy of the samples: the experiment, a second one that hides an effect, and how their camera was solved."""
+
+    experiment: Path
+    puzzle: Path
+    calibrated: Calibrated
+
+
+def prepare_samples(folder: Path | str, progress: Progress = no_progress) -> Samples:
+    """Copy the samples into a folder and solve their camera from the gauge images.
+
+    What the analysis needs is compiled meanwhile, where it is not yet. Raises InputError where there are no samples.
+    """
+    experiment = copy_samples(Path(folder))
+    compile_ahead(experiment.parent / "turn-33-5.mp4")
+    images = sorted(experiment.parent.glob("gauge-*.png"))
+    found = calibrate(images, experiment.parent / "gauge.toml", progress=progress)
+    found.save(experiment.parent / "camera.json")
+    return Samples(experiment, experiment.parent / "puzzle" / "experiment.toml", found)

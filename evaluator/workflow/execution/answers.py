@@ -1,0 +1,42 @@
+"""A function over many jobs, on all cores or on a cluster; the answers depend on neither."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from typing import TypeVar
+
+from evaluator.workflow.execution.cluster import on_cluster
+from evaluator.workflow.execution.machine import available_cores
+from evaluator.workflow.execution.processes import in_processes
+from evaluator.workflow.execution.sharing import Waiting, nothing
+
+Job = TypeVar("Job")
+Answer = TypeVar("Answer")
+
+
+@contextmanager
+def answers_of(
+    work: Callable[[Job], Answer],
+    jobs: Sequence[Job],
+    *,
+    when_killed: Callable[[Job], Answer],
+    workers: int | None = None,
+    dask: str | None = None,
+    waiting: Waiting = nothing,
+) -> Iterator[Iterator[tuple[int, Answer]]]:
+    """Give an iterator of number and answer of every job, in the order of completion.
+
+    work: a function of a module (it travels to other processes); each job is done on one core, and what it raises
+    is raised here. when_killed: the answer for a job whose process dies every time. workers: processes, by default one
+    per core, and with one the work is done in this process; dask: address of a Dask scheduler whose workers work
+    instead. waiting: called every quarter of a second while no answer is ready. Leaving the block early, by an error
+    or by Cancelled, interrupts the jobs that are under way.
+    """
+    if dask is not None:
+        answers = on_cluster(work, jobs, address=dask, when_killed=when_killed, waiting=waiting)
+    else:
+        count = workers or available_cores()
+        answers = in_processes(work, jobs, workers=count, when_killed=when_killed, waiting=waiting)
+    with closing(answers):
+        yield answers

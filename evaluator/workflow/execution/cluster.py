@@ -1,0 +1,77 @@
+"""Work on a Dask cluster."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from typing import TYPE_CHECKING, TypeVar
+
+from evaluator.errors import InputError
+from evaluator.workflow.execution.sharing import Waiting, as_completed, on_one_core
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+Job = TypeVar("Job")
+Answer = TypeVar("Answer")
+DASK_TIMEOUT_S = 20.0
+# A worker that dies takes its jobs down; each is tried again so often before the job itself is held to be at fault.
+DASK_RETRIES = 5
+
+
+def on_cluster(
+    work: Callable[[Job], Answer],
+    jobs: Sequence[Job],
+    *,
+    address: str,
+    when_killed: Callable[[Job], Answer],
+    waiting: Waiting,
+) -> Generator[tuple[int, Answer]]:
+    """Yield number and answer of every job, done by the workers of a Dask cluster, in the order of completion.
+
+    A worker that dies loses nothing: its jobs go to the others; when_killed(job) is the answer for a job that takes
+    every worker down. Raises InputError where no scheduler answers.
+    """
+    if not jobs:
+        return
+    with _client(address) as client:
+        from distributed import KilledWorker
+
+        doing = partial(on_one_core, work)
+        futures = [client.submit(doing, job, pure=False, retries=DASK_RETRIES) for job in jobs]
+        numbers = {future.key: number for number, future in enumerate(futures)}
+        try:
+            for future in as_completed(futures, waiting):
+                number = numbers[future.key]
+                try:
+                    yield number, future.result()
+                except KilledWorker:
+                    yield number, when_killed(jobs[number])
+        finally:
+            client.cancel(futures)
+
+
+@contextmanager
+def _client(address: str) -> Iterator[Client]:
+    """Give a connection to the scheduler at an address, once it has workers."""
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise InputError('--dask needs the optional extra: pip install "turnscope[dask]"') from error
+    try:
+        client = Client(address, timeout=DASK_TIMEOUT_S, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InputError(f"no Dask scheduler answers at {address} ({error})") from error
+    try:
+        deadline = time.monotonic() + DASK_TIMEOUT_S
+        while not client.scheduler_info()["workers"]:
+            if time.monotonic() > deadline:
+                raise InputError(
+                    f"the Dask scheduler at {address} has no workers; start some with: dask worker {address}"
+                )
+            time.sleep(0.1)
+        yield client
+    finally:
+        client.close()

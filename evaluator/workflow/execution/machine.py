@@ -1,0 +1,96 @@
+"""What depends on the operating system: how many cores there are, and how worker processes start and end."""
+
+from __future__ import annotations
+
+import multiprocessing
+import multiprocessing.connection
+import os
+import signal
+import sys
+import threading
+from _thread import interrupt_main
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from typing import TypeVar
+
+from evaluator.progress import Cancelled
+
+Job = TypeVar("Job")
+Answer = TypeVar("Answer")
+
+
+def available_cores() -> int:
+    """Cores this process may use (a container or a scheduler may grant fewer than the machine has)."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def worker_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Give a pool of worker processes; jobs that still run when the block ends are interrupted.
+
+    Give it work through `interruptible`. Workers end with this process, even where it is killed outright.
+    """
+    # A fork server imports the libraries once and is free of the threads that make plain forks unsafe.
+    method = "forkserver" if sys.platform == "linux" else "spawn"
+    context = multiprocessing.get_context(method)
+    if method == "forkserver":
+        context.set_forkserver_preload(["evaluator.workflow.runs.stages"])
+    ended, end = context.Pipe(duplex=False)
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(ended,))
+    try:
+        yield pool
+    finally:
+        end.close()  # every worker sees the end of its pipe
+        pool.shutdown(wait=True, cancel_futures=True)
+        ended.close()
+
+
+class _Worker:
+    """Whether this worker process has a job, and whether its pool wants it to end."""
+
+    busy = False
+    ending = False
+
+
+def interruptible(work: Callable[[Job], Answer], job: Job) -> Answer:
+    """Do a job in a worker process; raises Cancelled as soon as the pool ends, so that files are left whole."""
+    _Worker.busy = True
+    try:
+        if _Worker.ending:
+            raise Cancelled
+        return work(job)
+    finally:
+        _Worker.busy = False
+
+
+def _begin(ended: Connection) -> None:
+    """Prepare a worker process: an interrupt from the terminal is for the parent, which ends the pool in its turn."""
+    signal.signal(signal.SIGINT, _interrupted)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    threading.Thread(target=_watch, args=(ended, parent.sentinel), daemon=True).start()
+
+
+def _watch(ended: Connection, parent: int) -> None:
+    """Wait in a thread: interrupt the job when the pool ends, and exit when the parent is gone."""
+    if parent not in multiprocessing.connection.wait([parent, ended]):
+        _Worker.ending = True
+        _interrupt_main()
+        multiprocessing.connection.wait([parent])
+    os._exit(1)
+
+
+def _interrupt_main() -> None:
+    """Call `_interrupted` in the main thread, also where it waits in a call of the system (not so on Windows)."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+    else:
+        interrupt_main()
+
+
+def _interrupted(number: int, frame: object) -> None:
+    del number, frame
+    if _Worker.busy and _Worker.ending:
+        raise Cancelled

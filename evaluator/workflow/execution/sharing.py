@@ -1,0 +1,60 @@
+"""What local processes and a cluster have in common: a job keeps to one core, and answers come as they are ready."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from queue import Empty, SimpleQueue
+from typing import Any, TypeVar
+
+Job = TypeVar("Job")
+Answer = TypeVar("Answer")
+Waiting = Callable[[], None]
+
+PULSE_S = 0.25  # people feel a cancel button that takes longer
+
+
+def nothing() -> None:
+    """Do nothing while waiting."""
+
+
+@contextmanager
+def one_core() -> Iterator[None]:
+    """Keep the libraries from starting threads: processes share the cores, and sums keep one order of addition."""
+    import cv2
+    import numba
+    from threadpoolctl import threadpool_limits
+
+    of_opencv, of_numba = cv2.getNumThreads(), numba.get_num_threads()
+    cv2.setNumThreads(1)
+    numba.set_num_threads(1)
+    try:
+        with threadpool_limits(1):
+            yield
+    finally:
+        numba.set_num_threads(of_numba)
+        cv2.setNumThreads(of_opencv)
+
+
+def on_one_core(work: Callable[[Job], Answer], job: Job) -> Answer:
+    """Do a job on one core."""
+    with one_core():
+        return work(job)
+
+
+def as_completed(futures: Sequence[Any], waiting: Waiting) -> Iterator[Any]:
+    """Futures (of concurrent.futures or Dask) in the order in which they are done.
+
+    waiting: called every quarter of a second in between; it may raise to give up.
+    """
+    done: SimpleQueue[Any] = SimpleQueue()
+    for future in futures:
+        future.add_done_callback(done.put)
+    for _ in futures:
+        while True:
+            try:
+                future = done.get(timeout=PULSE_S)
+                break
+            except Empty:
+                waiting()
+        yield future

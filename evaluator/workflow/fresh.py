@@ -1,0 +1,29 @@
+"""A fresh experiment: commented files, ready to be edited."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+
+from evaluator.errors import InputError
+from evaluator.files import write_text
+from simulator.robot import shipped_robot_text
+
+TEMPLATES = ("experiment.toml", "gauge.toml", "tracking.toml")
+
+
+def new_experiment(folder: Path | str, robot: str = "barrel") -> list[Path]:
+    """Write experiment.toml, gauge.toml, tracking.toml and robot.toml into a folder; gives their paths.
+
+    robot: a shipped robot to start from. Raises InputError where one of the files is there already, SimulationError for
+    a robot that is not shipped.
+    """
+    folder = Path(folder)
+    contents = {name: (files("evaluator.templates") / name).read_text(encoding="utf-8") for name in TEMPLATES}
+    contents["robot.toml"] = shipped_robot_text(robot)
+    there = sorted(name for name in contents if (folder / name).exists())
+    if there:
+        raise InputError(f"{folder}: {', '.join(there)} is already there; give a folder without them")
+    for name, text in contents.items():
+        write_text(folder / name, text)
+    return [folder / name for name in contents]

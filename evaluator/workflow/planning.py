@@ -1,0 +1,60 @@
+"""The runs of a good experiment, and what they would show."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from evaluator.errors import InputError
+from evaluator.progress import Progress, no_progress
+from evaluator.workflow.simulation import robot_of
+from simulator.robot import Robot
+
+if TYPE_CHECKING:
+    from evaluator.diagnosis.design.candidate_runs import CandidateRun
+    from evaluator.diagnosis.design.plan import Expected
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Runs in the order in which to make them, and by how many sigmas every effect would show in them."""
+
+    runs: tuple[CandidateRun, ...]
+    effects: tuple[Expected, ...]
+
+
+def plan(
+    robot: Robot | Path | str = "barrel",
+    runs: int = 18,
+    *,
+    rpm: Sequence[float] = (30.0, 60.0),
+    plate_mm: tuple[float, float] = (40.0, 30.0),
+    progress: Progress = no_progress,
+) -> Plan:
+    """Propose the runs of a good experiment and say what they would show.
+
+    rpm: speeds of the faster wheel; plate_mm: what the camera sees of the plate along its x and y.
+    Raises InputError for a plate on which the robot finds no room, and as load_robot does.
+    """
+    from evaluator.diagnosis.candidates.coordinates import named_terms
+    from evaluator.diagnosis.design.candidate_runs import Room
+    from evaluator.diagnosis.design.plan import expected, plan_runs
+
+    described = robot_of(robot)
+    half_mm = max(described.body.length_mm, described.body.width_mm) / 2
+    if min(plate_mm) <= 2 * half_mm or not all(map(math.isfinite, plate_mm)):
+        raise InputError(
+            f"a plate of {plate_mm[0]:g} by {plate_mm[1]:g} mm leaves {described.name} no room to drive: it is "
+            f"{2 * half_mm:g} mm across; give what the camera sees of the plate, in mm (--plate X Y)"
+        )
+    room = Room.of_plate(plate_mm, half_mm)
+    progress("terms", 0.0)
+    terms = named_terms(max(room.half_mm), tuple(rpm))
+    progress("runs", 0.1)
+    chosen = plan_runs(described, terms, rpm, room, runs)
+    progress("effects", 0.8)
+    shown = expected(described, terms, chosen)
+    return Plan(tuple(chosen), tuple(shown))

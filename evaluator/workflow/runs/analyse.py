@@ -1,0 +1,15 @@
+"""The work of one run, done: a result in every case."""
+
+from __future__ import annotations
+
+from evaluator.progress import Progress, no_progress
+from evaluator.workflow.runs.job import Job, RunResult, failed
+from evaluator.workflow.runs.stages import bring_up_to_date
+
+
+def analyse_run(job: Job, progress: Progress = no_progress) -> RunResult:
+    """Analyse one run; a recording that cannot be used is a result with a reason, not an exception."""
+    try:
+        return bring_up_to_date(job, progress)
+    except Exception as error:  # noqa: BLE001 - a defect met in one run must not cost the others; it is reported
+        return failed(job, error)

@@ -1,0 +1,57 @@
+"""One simulated run from what a user says: a robot by name, file or value, and what its motors do."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from evaluator.errors import InputError
+from evaluator.files import read_with
+from simulator.command import Command
+from simulator.robot import Robot, load_robot
+from simulator.run import Run, State
+from simulator.simulation import simulate as simulate_run
+
+
+def simulate(
+    robot: Robot | Path | str,
+    left_rpm: float | None = None,
+    right_rpm: float | None = None,
+    *,
+    duration_s: float,
+    commands: Command | Path | str | None = None,
+    start_s: float = 0.0,
+    stop_s: float | None = None,
+    start: State | None = None,
+    rate_hz: float = 60.0,
+) -> Run:
+    """Simulate one run from rest: pose, velocities, and slip and friction of every wheel over time.
+
+    robot: a shipped name, a robot.toml or a Robot; commands: a log (`time_s, left_rpm, right_rpm`) or a Command instead
+    of constant speeds; start_s, stop_s: motors on and off; start: pose at time 0, by default the origin of the plate.
+    Raises InputError, SimulationError.
+    """
+    if commands is None and (left_rpm is None or right_rpm is None):
+        raise InputError("say what the motors do: the speed of both sides (--left, --right) or a log (--command)")
+    if commands is not None and not (left_rpm is None and right_rpm is None):
+        raise InputError("a log (--command) replaces the speeds (--left, --right); give one or the other")
+    for name, value in {"duration": duration_s, "rate": rate_hz}.items():
+        if not (math.isfinite(value) and value > 0):
+            raise InputError(f"the {name} must be a positive number; found {value}")
+    rows = round(duration_s * rate_hz) + 1
+    if rows < 2:
+        raise InputError(f"a duration of {duration_s} s at a rate of {rate_hz} Hz holds no second row")
+    if isinstance(commands, Command):
+        command = commands
+    elif commands is not None:
+        command = read_with(Command.from_csv, Path(commands))
+    else:
+        command = Command.constant(left_rpm or 0.0, right_rpm or 0.0, start_s, stop_s)
+    return simulate_run(robot_of(robot), command, np.arange(rows) / rate_hz, start or State())
+
+
+def robot_of(robot: Robot | Path | str) -> Robot:
+    """A robot by its shipped name, its file, or itself. Raises InputError, SimulationError."""
+    return robot if isinstance(robot, Robot) else read_with(load_robot, Path(robot))

@@ -1,0 +1,114 @@
+"""Sweeps: every run of a sweep.toml, in parts that are kept while others are under way."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from evaluator.errors import InputError
+from evaluator.files import read_with, written_whole
+from evaluator.progress import Progress, no_progress
+from evaluator.workflow.execution.answers import answers_of
+from simulator.robot import Robot
+from simulator.sweep import Sweep, load_sweep, robot_of_sweep, run_part
+
+RUNS_A_PART = 500  # a part takes about a second: seldom lost, seldom waited for
+
+
+@dataclass(frozen=True)
+class SweepDone:
+    """Where the table of a sweep is, how many runs it holds, and how many of its parts were done before."""
+
+    output: Path
+    runs: int
+    parts: int
+    reused: int
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Runs start to stop of a sweep."""
+
+    sweep: Sweep
+    robot: Robot
+    start: int
+    stop: int
+
+
+def run_sweep(
+    sweep_file: Path | str,
+    output: Path | str,
+    *,
+    workers: int | None = None,
+    dask: str | None = None,
+    progress: Progress = no_progress,
+) -> SweepDone:
+    """Simulate every run of a sweep and write a CSV with a row per run.
+
+    Parts are kept in a folder beside the output until all are there: a sweep that was cancelled or interrupted goes on
+    where it was when it is started again, and ends with the same table. workers, dask: as for `analyze`.
+    Raises InputError for a file that cannot be used, SimulationError for a key that is none.
+    """
+    sweep = read_with(load_sweep, Path(sweep_file))
+    robot = read_with(lambda _: robot_of_sweep(sweep), Path(sweep.robot))
+    output, total = Path(output), len(sweep)
+    folder = _parts_folder(sweep, robot, output)
+    parts = [_Part(sweep, robot, start, min(start + RUNS_A_PART, total)) for start in range(0, total, RUNS_A_PART)]
+    missing = [part for part in parts if not _file(folder, part).exists()]
+    lost = _simulate(missing, len(parts), folder, workers, dask, progress)
+    if lost:
+        raise InputError(
+            f"{sweep_file}: {lost} of {len(parts)} parts were not simulated, their processes were killed (out of "
+            "memory?); the others are kept, try again with fewer --workers"
+        )
+    with written_whole(output) as temporary:
+        for number, part in enumerate(parts):
+            table = pd.read_csv(_file(folder, part), keep_default_na=True)
+            table.to_csv(temporary, mode="a", header=number == 0, index=False, float_format="%.9g")
+    shutil.rmtree(folder)
+    return SweepDone(output, total, len(parts), len(parts) - len(missing))
+
+
+def _simulate(
+    missing: list[_Part], count: int, folder: Path, workers: int | None, dask: str | None, progress: Progress
+) -> int:
+    """Simulate parts and keep each when it is done; gives the number of those that were lost."""
+    done, lost = count - len(missing), 0
+
+    def told() -> None:
+        progress("simulating", done, count)
+
+    told()
+    folder.mkdir(parents=True, exist_ok=True)
+    with answers_of(_run, missing, when_killed=_lost, workers=workers, dask=dask, waiting=told) as answers:
+        for number, table in answers:
+            if table is None:
+                lost += 1
+                continue
+            with written_whole(_file(folder, missing[number])) as temporary:
+                table.to_csv(temporary, index=False, float_format="%.9g")
+            done += 1
+            told()
+    return lost
+
+
+def _run(part: _Part) -> pd.DataFrame | None:
+    return run_part(part.sweep, part.robot, part.start, part.stop)
+
+
+def _lost(part: _Part) -> None:
+    del part
+
+
+def _parts_folder(sweep: Sweep, robot: Robot, output: Path) -> Path:
+    """Folder of the parts: what was done for another sweep file or another robot must not be taken for this one's."""
+    meaning = f"{sweep.model_dump_json()}\n{robot.model_dump_json()}\n{RUNS_A_PART}"
+    return output.with_name(f"{output.name}.parts-{hashlib.sha256(meaning.encode()).hexdigest()[:12]}")
+
+
+def _file(folder: Path, part: _Part) -> Path:
+    return folder / f"{part.start:09d}-{part.stop:09d}.csv"
