@@ -32,9 +32,9 @@ from evaluator.diagnosis.inference.fit import Fit, fit_model
 from evaluator.diagnosis.inference.fit_cache import Ends
 from evaluator.diagnosis.inference.profile_likelihood import Ridge, ridge_of
 from evaluator.diagnosis.inference.search import HOPELESS, LARGEST_SET, Search, fit_set, run_search, screen
-from evaluator.diagnosis.inference.short_horizon import is_large, short_horizon_fits
+from evaluator.diagnosis.inference.short_horizon import is_large, recalibrated, short_horizon_fits
 from evaluator.diagnosis.likelihood.known_to import simulated_sigmas
-from evaluator.diagnosis.likelihood.problem import Point, Problem, build_problem, with_noise_of
+from evaluator.diagnosis.likelihood.problem import Column, Point, Problem, build_problem, with_noise_of
 from evaluator.diagnosis.likelihood.random_effects import place_runs, place_starts
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.output.effect_tables import corrected_robot
@@ -50,6 +50,7 @@ MISSED = 2.5
 ASTRAY_SHARE = 0.125
 SETTLED_NOISE = 0.9  # a search is repeated where its best model lowers the noise below this share
 RIVALS_KEPT = 4
+UNSEEN_SIGMAS = 0.5  # a standard deviation of a nominal value that shows by less, in all runs together, is left out
 SWAP_SIGMAS, SWAPS = 10.0, 4
 FREE_REFITTED, FREE_HOPELESS = 8, 3  # free-form terms to be fitted, at most; so many far from the best in a row end it
 PROMISING_FREE = 6.0  # gain in log evidence at which a free-form term is fitted; its prior takes eight
@@ -110,7 +111,7 @@ def diagnose(session: Session, progress: Progress, ends: Ends | None = None) -> 
         negligible, verdict = chosen, "none"
         reason = f"what is missing ({', '.join(sorted(chosen))}) does less than is stated as relevant"
     left = adequacy(everything.fits[chosen], session.data)
-    constant = constancy(everything.fits[best_named], session.data, session.tolerance)
+    constant = constancy(everything.fits[best_named], session.data, everything.tolerance)
     if verdict != "unknown" and (reserve := doubts(left, constant)):
         verdict, reason = "unknown", reserve
         chosen = next((ids for ids in table.sets if any(is_free(effect) for effect in ids)), chosen)
@@ -176,10 +177,16 @@ def _searched(session: Session, progress: Progress, ends: Ends | None) -> tuple[
     progress("noise", 0.0)
     forward = Simulated(session.robots, data, terms, simulated_sigmas(session.known), session.start_sigma_s)
     problem, start = build_problem(data, forward, ends)
+    tolerance = told_of(problem, start, session.tolerance)
     aside = held_out_runs(data)
-    part = Search(problem, named, session.tolerance, tuple(run for run in range(len(data)) if run not in aside))
-    large = is_large(problem, start)
-    run_search(part, start, progress, short_horizon_fits(part, start, progress) if large else ())
+    part = Search(problem, named, tolerance, tuple(run for run in range(len(data)) if run not in aside))
+    begin, large = start, is_large(problem, start)
+    if large:
+        begin = recalibrated(problem, start, tolerance)
+        problem = with_noise_of(problem, begin)
+        part = replace(part, problem=problem)
+        large = is_large(problem, begin)
+    run_search(part, begin, progress, short_horizon_fits(part, start, progress) if large else ())
     part = _with_settled_noise(part, progress, large=large)
     _swap(part)
     return part, start, terms
@@ -225,6 +232,25 @@ def _confirmation(part: Search, fit: Fit, held_out: Sequence[int]) -> float:
         return predictive_score(part, fit, held_out) - predictive_score(part, part.null, held_out)
     except FloatingPointError:
         return float("nan")
+
+
+def told_of(problem: Problem, point: Point, tolerance: Mapping[str, float]) -> dict[str, float]:
+    """The tolerances of what these runs can tell: a standard deviation of the rest does not show in all of them.
+
+    It could only lend noise of the differences to a fit.
+    """
+    columns = [Column(key) for key, value in tolerance.items() if value > 0]
+    square = np.zeros(len(columns))
+    for item in problem.attempted(point, columns, range(len(problem.data))):
+        if item is not None:
+            basis = np.linalg.qr(item.start)[0]
+            left = item.common - basis @ (basis.T @ item.common)
+            square += np.sum(left**2, axis=0)
+    return {
+        column.key: tolerance[column.key]
+        for column, size in zip(columns, square, strict=True)
+        if size * tolerance[column.key] ** 2 > UNSEEN_SIGMAS**2
+    }
 
 
 def _reach(session: Session) -> float:

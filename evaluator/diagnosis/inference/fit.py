@@ -31,9 +31,11 @@ Floats = NDArray[np.float64]
 MOST_STEPS = 10
 # Promised change of -2 log density below which a fit has converged: a hundredth of what any decision needs.
 SETTLED = 0.05
-# A step that fails at this promise met the roughness of the density, not a wrong direction: over 26 runs, some of them
-# turns on the spot, it varied by 0.8 between points that are all but the same. Decisions take seven and more.
-STALLED = 2.0
+# A step that fails at this promise met the roughness of the density, or its curvature, not a wrong direction: over 26
+# runs, some of them turns on the spot, it varied by 0.8 between points that are all but the same; with two dozen
+# quantities known to a tolerance, some worth hundreds of sigmas together, 3.6 were promised where nothing was left to
+# gain. Decisions take seven and more.
+STALLED = 5.0
 # A promise that stays above this share of the one before, and is of friction or gains no run can have, is not kept.
 # In four experiments that nothing explains, 164 of 169 fits that stalled wanted such, and one of 63 that converged.
 NO_PROGRESS = 0.5

@@ -7,16 +7,18 @@ there is a start for a longer horizon, up to the whole run.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from evaluator.diagnosis.inference.fit import Fit
-from evaluator.diagnosis.inference.search import Search, run_search
+from evaluator.diagnosis.inference.fit import Fit, fit_model
+from evaluator.diagnosis.inference.search import USUAL_SCATTER, Search, run_search
 from evaluator.diagnosis.likelihood.problem import Point, Problem, with_noise_of
 from evaluator.progress import Progress
 
 HORIZONS_S = (1.0, 2.5)
+RECALIBRATION_S = (1.0, 2.0, 4.0)  # doubled: the heading errs by little more than what the horizon before left
 # Misfit of the nominal model in one run, RMS, from which on the whole run is no place to begin: a linear view errs by
 # about the square of the angle, and of the misplacement over the ten to twenty millimetres that a run covers, which
 # is then many times the tracking noise. Below it the fits of development experiments converged from the nominal model.
@@ -30,6 +32,21 @@ def is_large(problem: Problem, point: Point) -> bool:
     misfit = np.array([np.sqrt(np.nanmean(item**2, axis=0)) for item in residuals])
     turn, shift = misfit[:, 2] / problem.half_distance_mm, np.hypot(misfit[:, 0], misfit[:, 1])
     return bool(np.any(turn > LARGE_TURN_RAD) or np.any(shift > LARGE_SHIFT_MM))
+
+
+def recalibrated(problem: Problem, start: Point, tolerance: Mapping[str, float]) -> Point:
+    """The model without effects fitted to ever more of the runs, from a start from which the whole is out of reach.
+
+    Where no fit of a horizon converges, what it came to is still nearer than the start.
+    """
+    point = start
+    for horizon_s in RECALIBRATION_S:
+        short = with_noise_of(replace(problem, horizon_s=horizon_s), point)
+        try:
+            point = fit_model(short, point, [], tolerance, most_scatter=USUAL_SCATTER).point
+        except FloatingPointError:
+            break
+    return point
 
 
 def short_horizon_fits(whole: Search, start: Point, progress: Progress) -> list[Fit]:

@@ -31,10 +31,11 @@ from simulator.effects.coordinates import Candidate
 Floats = NDArray[np.float64]
 
 # mm, mm, rad, relative, standard deviations of the start: far above rounding, far below curvature
-OWN_STEPS = (1e-3, 1e-3, 1e-4, 5e-4, 2e-4, 2e-4, 0.1)
+OWN_STEPS = (1e-3, 1e-3, 1e-4, 1e-3, 2e-4, 2e-4, 0.1)
 OWN = len(OWN_STEPS)
 NOMINAL_STEP = 5e-4
-SHARED_STEP = 0.5 * SHARED_UNIT  # half a standard deviation: what these do is all but linear
+NOMINAL_STEPS = {"body": 5e-3}  # mass does little but to inertia
+SHARED_STEP = 0.05 * SHARED_UNIT  # a twentieth of a standard deviation
 STEP_SHARE = 0.2  # of a visible step: curvature would make effects and run-to-run scatter differ where they are one
 TASKS_AT_ONCE = 1500
 SETTLING_S = 0.4  # motors that lag by more would be seen as an effect first
@@ -56,7 +57,7 @@ class Column:
         if self.leap is not None:
             return self.leap
         if self.term is None:
-            return SHARED_STEP if is_shared(self.key) else NOMINAL_STEP
+            return SHARED_STEP if is_shared(self.key) else NOMINAL_STEPS.get(self.key.split(".")[0], NOMINAL_STEP)
         return STEP_SHARE * self.term.coordinates[self.coordinate].step
 
     @property

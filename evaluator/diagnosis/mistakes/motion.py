@@ -96,7 +96,11 @@ def onset_s(run: RunData) -> float | None:
     if len(time[part]) < FEWEST_AT_REST:
         return None
     slope, level = np.polyfit(time[part] - time[first], away[part], 1)
-    return float(time[first] - level / slope) if slope > 0 else None
+    if slope <= 0:
+        return None
+    onset = float(time[first] - level / slope)
+    # a robot that moves already would seem to begin in the middle of what was taken for its rest
+    return onset if onset > time[0] + REST_S else None
 
 
 def jump(run: RunData) -> tuple[float, float] | None:
