@@ -11,7 +11,7 @@ from simulator.effects.catalogue import EFFECTS
 from simulator.effects.coordinates import Candidate, Scene, polar
 from simulator.effects.parameter import UNITS, Parameter
 
-SCENE = Scene(20.0, (30.0, 10.0, 0.0, 10.0))
+SCENE = Scene(20.0, (30.0, 10.0, 0.0, 10.0 + 1e-9, 10.0))  # levels are rounded before they are compared
 OWN = {"command-lag", "magnet-strength", "tether-spring", "plate-tilt", "speed-ripple", "friction-grain"}
 
 
@@ -70,6 +70,8 @@ def test_delay_is_the_sum_of_dead_time_and_time_constant() -> None:
     assert candidate("command-lag").physical((0.3, 0.25)) == pytest.approx(
         {"dead_time_s": 0.15, "time_constant_s": 0.15}
     )
+    bounds = [(item.absent, item.low, item.high) for item in candidate("command-lag").coordinates]
+    assert bounds == [(0.0, 0.0, 2.0), (0.0, 0.0, 1.0)]  # a share is a share
     told = candidate("command-lag").physical((0.3, 0.04))
     assert told == pytest.approx({"dead_time_s": 0.24, "time_constant_s": 0.06})
 
