@@ -116,6 +116,8 @@ def test_a_magnet_is_looked_for_in_and_around_the_reach_of_the_runs() -> None:
         (1.0, 0.95, "the right wheel alone is off"),
         (1.05, 0.95, ""),
         (1.001, 0.999, ""),
+        (1.009, 0.95, "the right wheel alone is off"),  # 1.8 standard deviations: within the 95 %
+        (0.989, 0.95, ""),  # 2.2: beyond
     ],
 )
 def test_a_mismatch_and_a_scale_are_one_wheel_where_the_other_may_be_right(
