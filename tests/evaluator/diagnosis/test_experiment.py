@@ -9,7 +9,7 @@ from evaluator.diagnosis.candidates.free_form import WHEEL_PATTERNS, free_terms
 from evaluator.diagnosis.experiment import held_out_runs, shortcomings
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
 from evaluator.diagnosis.likelihood.simulation import BY_ORDER, Simulated
-from evaluator.diagnosis.output.robot_with_effect import PATTERN_SUMS
+from evaluator.diagnosis.output.effect_tables import PATTERN_SUMS
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot
 from simulator.dynamics.terms import PATTERNS

@@ -1,0 +1,132 @@
+"""Coordinates in which effects are fitted, and what an effect says of two that are one cause, worked out on paper."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from simulator.effects.catalogue import EFFECTS
+from simulator.effects.coordinates import Candidate, Scene, polar
+from simulator.effects.parameter import UNITS, Parameter
+
+SCENE = Scene(20.0, (30.0, 10.0, 0.0, 10.0 + 1e-9, 10.0))  # levels are rounded before they are compared
+OWN = {"command-lag", "magnet-strength", "tether-spring", "plate-tilt", "speed-ripple", "friction-grain"}
+
+
+def candidate(effect_id: str) -> Candidate:
+    return EFFECTS[effect_id].candidate(SCENE)
+
+
+@pytest.mark.parametrize("effect_id", sorted(set(EFFECTS) - OWN))
+def test_other_effects_are_fitted_in_their_parameters(effect_id: str) -> None:
+    found = candidate(effect_id)
+    declared = EFFECTS[effect_id].parameters
+    assert [item.name for item in found.coordinates] == [item.name for item in declared]
+    values = tuple(2.0 * item.step + item.absent for item in declared)
+    assert tuple(found.physical(values).values()) == values
+    for item, given in zip(found.coordinates, declared, strict=True):
+        assert (item.absent, item.step) == (given.absent, given.step)
+
+
+@pytest.mark.parametrize("effect_id", sorted(EFFECTS))
+def test_a_fit_may_begin_where_the_effect_is_absent_and_at_its_starts(effect_id: str) -> None:
+    found, declared = candidate(effect_id), EFFECTS[effect_id]
+    for values in (found.absent, *found.starts):
+        assert found.clipped(values) == values
+        for name, value in found.physical(values).items():
+            parameter = declared.parameter(name)
+            assert parameter is not None
+            assert parameter.at_least <= value
+    assert all(item.step > 0 for item in found.coordinates)
+    assert all(parameter.unit in UNITS for parameter in declared.parameters)
+
+
+@pytest.mark.parametrize(
+    ("effect_id", "size", "angle", "degrees"),
+    [
+        ("plate-tilt", "angle_deg", "azimuth_deg", 210.0),
+        ("speed-ripple", "amplitude", "phase_deg", 210.0),
+        ("friction-grain", "amplitude", "direction_deg", 105.0),  # half of it: a grain is the same after half a turn
+    ],
+)
+def test_components_are_size_times_cosine_and_sine(effect_id: str, size: str, angle: str, degrees: float) -> None:
+    """(-4 cos 30°, -4 sin 30°) of the bound: the direction of 210 degrees."""
+    found = candidate(effect_id)
+    unit = found.coordinates[0].step
+    told = found.physical((-4 * unit * math.cos(math.pi / 6), -4 * unit * 0.5))
+    assert told == pytest.approx({size: 4 * unit, angle: degrees})
+    assert all(item.low == -item.high for item in found.coordinates)
+
+
+def test_a_direction_has_a_period() -> None:
+    with pytest.raises(ValueError, match="no period"):
+        polar("some-effect", Parameter("size", "", 0.0, 0.1), Parameter("angle_deg", "deg", 0.0, 5.0))
+
+
+def test_delay_is_the_sum_of_dead_time_and_time_constant() -> None:
+    """A share of a quarter: half of the delay is the time constant."""
+    assert candidate("command-lag").physical((0.3, 0.25)) == pytest.approx(
+        {"dead_time_s": 0.15, "time_constant_s": 0.15}
+    )
+    bounds = [(item.absent, item.low, item.high) for item in candidate("command-lag").coordinates]
+    assert bounds == [(0.0, 0.0, 2.0), (0.0, 0.0, 1.0)]  # a share is a share
+    told = candidate("command-lag").physical((0.3, 0.04))
+    assert told == pytest.approx({"dead_time_s": 0.24, "time_constant_s": 0.06})
+
+
+def test_magnets_are_fitted_in_the_inverse_of_their_level_and_their_balance() -> None:
+    found = candidate("magnet-strength")
+    assert found.physical((4.0, 2.0)) == pytest.approx({"driving_factor": 0.25, "driven_factor": 0.5})
+    assert [item.low for item in found.coordinates] == pytest.approx([0.2, 0.0])
+    assert [item.high for item in found.coordinates] == pytest.approx([20.0, 20.0])
+
+
+def test_a_spring_is_fitted_in_its_stiffness_and_its_pull_at_the_origin() -> None:
+    told = candidate("tether-spring").physical((0.02, 0.3, -0.1))
+    assert told == pytest.approx({"stiffness_mN_mm": 0.02, "anchor_x_mm": 15.0, "anchor_y_mm": -5.0})
+    slack = candidate("tether-spring").physical((0.0, 0.3, 0.0))
+    assert slack["stiffness_mN_mm"] * slack["anchor_x_mm"] == pytest.approx(0.3)
+    assert slack["stiffness_mN_mm"] < 1e-6
+
+
+def test_a_dead_band_lies_between_commands_or_above_the_largest() -> None:
+    found = candidate("dead-band")
+    assert found.stepwise
+    assert found.between == ((10.0, 30.0), (30.0, 60.0))
+    assert found.starts == ((20.0,), (45.0,))
+    assert EFFECTS["dead-band"].candidate(Scene(20.0, (0.0,))).starts == ()
+
+
+def test_a_magnet_is_looked_for_in_and_around_the_reach_of_the_runs() -> None:
+    found = candidate("stray-magnet")
+    force, x, y, exponent = np.array(found.starts).T
+    assert not force.any()
+    assert (exponent == 2.0).all()
+    assert sorted(set(np.hypot(x, y).round(6))) == [10.0, 24.0]
+    assert sorted(set(np.degrees(np.arctan2(y, x)).round(6) % 360)) == [45.0 * number for number in range(8)]
+    assert [(item.low, item.high) for item in found.coordinates] == [(0, 20), (-80, 80), (-80, 80), (0, 6)]
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "words"),
+    [
+        (1.05, 1.0, "the left wheel alone is off"),
+        (1.0, 0.95, "the right wheel alone is off"),
+        (1.05, 0.95, ""),
+        (1.001, 0.999, ""),
+        (1.009, 0.95, "the right wheel alone is off"),  # 1.8 standard deviations: within the 95 %
+        (0.989, 0.95, ""),  # 2.2: beyond
+    ],
+)
+def test_a_mismatch_and_a_scale_are_one_wheel_where_the_other_may_be_right(
+    left: float, right: float, words: str
+) -> None:
+    """Speeds of the wheels relative to their commands, each known to 0.005."""
+    rng = np.random.default_rng(1)
+    speeds = np.array([left, right])[:, None] + 0.005 * rng.normal(size=(2, 4000))
+    cause = EFFECTS["drive-speed-mismatch"].single_cause
+    assert cause is not None
+    assert cause.other == "drive-speed-scale"
+    assert cause.words({"left_over_right": speeds[0] / speeds[1], "factor": speeds.mean(axis=0)}) == words

@@ -1,0 +1,78 @@
+"""Laws of effects of the observation, worked out on paper, with their signs."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from simulator.observation import view_of
+from simulator.robot import Robot, load_robot
+from tests.simulator.effect_probe import affected, marks
+
+GREEN, YELLOW = np.array([-1.55, 1.83]), np.array([-1.55, -1.83])
+
+
+@pytest.fixture(scope="module")
+def barrel() -> Robot:
+    return load_robot("barrel")
+
+
+def test_marks_are_turned_about_the_robots_centre_and_then_moved(barrel: Robot) -> None:
+    """A quarter turn takes (x, y) to (-y, x): green to (-1.83, -1.55), then (0.5, 0.2) on. Looking along +y at (10, 5),
+    forward is +y and left is -x.
+    """
+    robot = affected(barrel, "mark-offset", x_mm=0.5, y_mm=0.2, angle_deg=90.0)
+    assert marks(robot, (0.0, 0.0, 0.0)) == pytest.approx(np.array([[-1.33, -1.35], [2.33, -1.35]]))
+    assert marks(robot, (10.0, 5.0, math.pi / 2)) == pytest.approx(np.array([[11.35, 3.67], [11.35, 7.33]]))
+
+
+def test_mark_offset_by_a_small_angle_is_counter_clockwise(barrel: Robot) -> None:
+    robot = affected(barrel, "mark-offset", angle_deg=1.0)
+    moved = marks(robot, (0.0, 0.0, 0.0)) - np.array([GREEN, YELLOW])
+    ahead_left = np.array([[-GREEN[1], GREEN[0]], [-YELLOW[1], YELLOW[0]]])  # a turn moves (x, y) along (-y, x)
+    assert moved == pytest.approx(math.radians(1.0) * ahead_left, abs=4e-4)
+
+
+def test_plane_scale_stretches_about_the_origin(barrel: Robot) -> None:
+    robot = affected(barrel, "plane-scale", factor=1.1)
+    assert marks(robot, (10.0, -5.0, 0.0)) == pytest.approx(1.1 * (np.array([10.0, -5.0]) + np.array([GREEN, YELLOW])))
+
+
+def test_two_scales_multiply_and_two_keystones_add(barrel: Robot) -> None:
+    from simulator.effects.catalogue import EFFECTS
+    from simulator.effects.view import View
+
+    view = View(barrel.marks.green_mm, barrel.marks.yellow_mm)
+    for id_, values in (
+        ("plane-scale", {"factor": 1.1}),
+        ("plane-scale", {"factor": 1.2}),
+        ("camera-tilt", {"per_mm_x": 0.01, "per_mm_y": -0.02}),
+        ("camera-tilt", {"per_mm_x": 0.02, "per_mm_y": 0.05}),
+        ("time-base", {"factor": 1.1}),
+        ("time-base", {"factor": 0.5}),
+    ):
+        see = EFFECTS[id_].view
+        assert see is not None
+        see(view, values)
+    assert (view.scale, view.time_factor) == pytest.approx((1.32, 0.55))
+    assert view.keystone_per_mm == pytest.approx((0.03, 0.03))
+
+
+@pytest.mark.parametrize(
+    ("given", "factor"),
+    [
+        ({"per_mm_x": 0.01, "per_mm_y": 0.0}, 1.1),
+        ({"per_mm_x": 0.0, "per_mm_y": 0.01}, 0.8),
+        ({"per_mm_x": -0.01, "per_mm_y": 0.002}, 0.86),
+    ],
+)
+def test_camera_tilt_scales_by_the_place(barrel: Robot, given: dict[str, float], factor: float) -> None:
+    """A point of the plane of the marks at (10, -20)."""
+    point = np.array([10.0, -20.0])
+    assert view_of(affected(barrel, "camera-tilt", **given)).place(point) == pytest.approx(factor * point)
+
+
+def test_time_base_multiplies_measured_times(barrel: Robot) -> None:
+    assert view_of(affected(barrel, "time-base", factor=1.02)).time_factor == pytest.approx(1.02)
