@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 
 NAN = float("nan")
@@ -88,11 +89,14 @@ class Turning:
 
     def summary(self) -> str:
         """One line for people."""
-        if self.radius_status != "ok":
+        if not math.isfinite(self.radius_mm):
             return self.radius_status
-        steady = f"; varies, {self.steady_radius_mm:.4g} mm on average" if self.radius_varies else ""
+        varies = f"{self.radius_status}; " if self.radius_status != "ok" else ""
+        steady = self.radius_varies and math.isfinite(self.steady_radius_mm)
+        mean = f"; varies, {self.steady_radius_mm:.4g} mm on average" if steady else ""
         return (
-            f"radius {self.radius_mm:.4f} mm, 95 % from {self.radius_low_mm:.4f} to {self.radius_high_mm:.4f}{steady};"
+            f"{varies}radius {self.radius_mm:.4f} mm, 95 % from {self.radius_low_mm:.4f} to {self.radius_high_mm:.4f}"
+            f"{mean};"
             f" {self.turned_deg:.0f} degrees at {self.speed_mm_s:.3g} mm/s, {self.yaw_rate_deg_s:.3g} degrees/s"
         )
 
