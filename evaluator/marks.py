@@ -23,16 +23,16 @@ LATEST_S = 1e12
 NUMBERS = ("_mm", "_mm2", "_px")  # how the names of columns of numbers end
 
 
-def read_marks(path: Path) -> pd.DataFrame:
-    """Read a marks CSV; only COLUMNS are needed. Raises InputError for a file that is not one."""
+def read_marks(path: Path, needed: tuple[str, ...] = COLUMNS) -> pd.DataFrame:
+    """Read a marks CSV; only the columns `needed` have to be there. Raises InputError for a file that is not one."""
     try:
         table = pd.read_csv(path, skipinitialspace=True)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
-    require_columns(table, str(path))
-    numeric = [name for name in table if name in COLUMNS or str(name).endswith(NUMBERS)]
+    require_columns(table, str(path), needed)
+    numeric = [name for name in table if name == "time_s" or str(name).endswith(NUMBERS)]
     for name in numeric:
         values = pd.to_numeric(table[name], errors="coerce")
         bad = values.isna() & table[name].notna()
@@ -44,9 +44,9 @@ def read_marks(path: Path) -> pd.DataFrame:
     return table
 
 
-def require_columns(table: pd.DataFrame, name: str) -> None:
-    """Refuse a table without COLUMNS; name: of the table, for the message. Raises InputError."""
-    missing = [column for column in COLUMNS if column not in table]
+def require_columns(table: pd.DataFrame, name: str, needed: tuple[str, ...] = COLUMNS) -> None:
+    """Refuse a table without the columns needed; name: of the table, for the message. Raises InputError."""
+    missing = [column for column in needed if column not in table]
     if not missing:
         return
     if all(column in table or column.replace("_mm", "_px") in table for column in COLUMNS):

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 NAN = float("nan")
+Z_975 = 1.96
 
 
 @dataclass(frozen=True, repr=False)
@@ -115,6 +116,27 @@ class Turning:
             "turned": f"{self.turned_deg:.1f}°",
         }
         return f"<table>{''.join(f'<tr><th>{name}</th><td>{value}</td></tr>' for name, value in rows.items())}</table>"
+
+    def with_scale(self, sigma: float) -> Turning:
+        """Bounds and systematic parts widened by a relative standard uncertainty of the unit of length."""
+
+        def wider(value: float, low: float, high: float) -> tuple[float, float]:
+            reach = Z_975 * sigma * abs(value)
+            return value - math.hypot(value - low, reach), value + math.hypot(high - value, reach)
+
+        radius = wider(self.radius_mm, self.radius_low_mm, self.radius_high_mm)
+        steady = wider(self.steady_radius_mm, self.steady_radius_low_mm, self.steady_radius_high_mm)
+        curvature = wider(self.curvature_per_mm, self.curvature_low_per_mm, self.curvature_high_per_mm)
+        return replace(
+            self,
+            radius_low_mm=radius[0],
+            radius_high_mm=radius[1],
+            radius_systematic_mm=math.hypot(self.radius_systematic_mm, sigma * self.radius_mm),
+            steady_radius_low_mm=steady[0],
+            steady_radius_high_mm=steady[1],
+            curvature_low_per_mm=curvature[0],
+            curvature_high_per_mm=curvature[1],
+        )
 
     def to_row(self) -> dict[str, float | str | bool]:
         """Columns of turning.csv in order, to follow run, left_rpm and right_rpm."""

@@ -36,6 +36,7 @@ FEWEST_PIECES = 4
 FINER = (1, 2, 4)
 # A fit that sets aside more than a tenth of the frames takes a bend for jumps: they are looked for in pieces instead.
 FEWEST_USED = 0.9
+LEAST_SHARE = 1e-6  # no length is known better; without it the rounding of a simulated circle makes it vary
 STEADY = 1  # index of the steady turn among the regions
 # Quarter turns are slid in steps of half of one, then around the tightest in steps of an eighth: 11 degrees beside the
 # tightest window, a change of curvature there and back has changed the mean over the window by less than 2 % of it.
@@ -223,7 +224,7 @@ def _wander(fits: list[TurnFit]) -> float:
 
 def _known_to(one: Curvature) -> float:
     """Standard uncertainty of a quarter turn: errors of the camera and the marks differ from one to the next too."""
-    return float(np.hypot(one.sigma, one.systematic))
+    return float(np.linalg.norm([one.sigma, one.systematic, LEAST_SHARE * one.value]))
 
 
 def _mean_of(values: Array, sigmas: Array, between: float) -> Curvature:
