@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +43,7 @@ movement are read too. robot.toml needs no more than [marks]. Exit status: 2 whe
 @click.option("--stop-s", type=float, help="When the motors were commanded off.")
 @click.option("--left-rpm", type=float, help="Commanded rotation, for the slip ratio.")
 @click.option("--right-rpm", type=float, help="Commanded rotation, for the slip ratio.")
+@click.option("--phases", type=PATH, help="A table to write of all phases: rest, straight, turn, spot, transient.")
 @click.option("-o", "--out", "output", type=PATH, help="A turning.csv to write, a row per table.")
 def turning(
     marks: tuple[Path, ...],
@@ -57,6 +59,7 @@ def turning(
     stop_s: float | None,
     left_rpm: float | None,
     right_rpm: float | None,
+    phases: Path | None,
     output: Path | None,
 ) -> int:
     """Measure how a robot turns from MARKS, tables of its tracked marks.
@@ -90,7 +93,9 @@ def turning(
     if len(found) > 1 and (said := together([one.row for one in found])):
         click.echo(said)
     if output is not None and found:
-        _write(output, found)
+        _write(output, [one.row for one in found])
+    if phases is not None:
+        _write(phases, [row for one in found for row in one.phases])
     return BAD_INPUT if faults else 0
 
 
@@ -99,12 +104,11 @@ def _say(path: Path, found: MeasuredTable) -> None:
         click.echo(f"{path}: {line}" if number == 0 else f"  {line}")
 
 
-def _write(output: Path, found: list[MeasuredTable]) -> None:
+def _write(output: Path, rows: Sequence[dict[str, Any]]) -> None:
     import pandas as pd
 
     from evaluator.files import write_table
 
-    rows: list[dict[str, Any]] = [one.row for one in found]
     write_table(pd.DataFrame(rows), output)
 
 

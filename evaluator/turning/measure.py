@@ -17,6 +17,7 @@ from evaluator.pose import Poses
 from evaluator.turning.motion.fit import FEWEST_FRAMES, TurnFit, fit_turn, part, scaled_poses
 from evaluator.turning.motion.least_squares import Block, averaged_least_squares
 from evaluator.turning.motion.steady_motion import linearised, moved
+from evaluator.turning.phase_table import phase_table, several_motions
 from evaluator.turning.phases import find_phases
 from evaluator.turning.quantities import Rate, RobotShape, body_quantities, path_quantities, with_sigmas
 from evaluator.turning.result import Turning
@@ -67,6 +68,9 @@ def measure_turning(
     )
     if phases.reason:
         return replace(seen, radius_status=phases.reason)
+    seen = replace(seen, phases=phase_table(time, scaled, stretched, _commanded(time, start_s, stop_s)))
+    if several := several_motions(seen.phases):
+        return replace(seen, radius_status=several)
     names = phases.names(time)
     steady = names == "steady"
     if steady.sum() < FEWEST_FRAMES:
@@ -95,7 +99,12 @@ def _too_few(poses: Poses) -> str:
 
 def _with(seen: Turning, values: dict[str, float]) -> Turning:
     """Fill in quantities by their names."""
-    return Turning(**{**seen.to_row(), **values})  # type: ignore[arg-type]
+    return replace(seen, **values)  # type: ignore[arg-type]
+
+
+def _commanded(time: Array, start_s: float | None, stop_s: float | None) -> NDArray[np.bool_]:
+    """Frames between the commands."""
+    return (time >= (-np.inf if start_s is None else start_s)) & (time <= (np.inf if stop_s is None else stop_s))
 
 
 def _with_radii(seen: Turning, fit: TurnFit, sustained: Sustained) -> Turning:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields, replace
 
+from evaluator.turning.phase_table import Phase
+
 NAN = float("nan")
 Z_975 = 1.96
 
@@ -25,6 +27,7 @@ class Turning:
     outermost wheel and the outermost corner (wall to wall) as in SAE J695. Slips as in the model: ratio
     (u - r·phi')/max(|u|, |r·phi'|), angle atan2(v, |u|); their sigmas hold noise and camera, not what the marks' places
     in robot.toml or the commanded rpm are off by.
+    phases: the motions that the run is made of, in time; a run that is several motions has no radius and no speed.
     Quality: path_efficiency, speed_ripple, smoothness (quantities.py).
     """
 
@@ -87,6 +90,7 @@ class Turning:
     start_delay_s: float = NAN
     mark_spacing_ratio: float = NAN
     mark_spacing_ratio_sigma: float = NAN
+    phases: tuple[Phase, ...] = ()
 
     def summary(self) -> str:
         """One line for people."""
@@ -140,4 +144,8 @@ class Turning:
 
     def to_row(self) -> dict[str, float | str | bool]:
         """Columns of turning.csv in order, to follow run, left_rpm and right_rpm."""
-        return {item.name: getattr(self, item.name) for item in fields(self)}
+        return {item.name: getattr(self, item.name) for item in fields(self) if item.name != "phases"}
+
+    def phase_rows(self) -> list[dict[str, float | str]]:
+        """Rows of phases.csv, in time: start_s, stop_s, kind, radius_mm with its bounds, speed_mm_s, turned_deg."""
+        return [vars(phase).copy() for phase in self.phases]

@@ -17,6 +17,7 @@ from evaluator.interchange.tracks import Tracks, read_points
 from evaluator.pose import MarkGeometry, poses_from_marks
 from evaluator.turning import measure_turning
 from evaluator.turning.path import PointPath, measure_path
+from evaluator.turning.phase_table import several_motions
 from evaluator.turning.pooling import pooled
 from evaluator.turning.repetitions import disagreement
 
@@ -70,10 +71,11 @@ class Request:
 
 @dataclass(frozen=True)
 class MeasuredTable:
-    """What one table tells: its row of turning.csv and lines for people, the most important first."""
+    """What one table tells: its row of turning.csv, its phases, and lines for people, the most important first."""
 
     row: dict[str, Any]
     lines: tuple[str, ...]
+    phases: tuple[dict[str, float | str], ...] = ()
 
 
 def measure_table(path: Path, request: Request) -> MeasuredTable:
@@ -121,7 +123,20 @@ def measure_table(path: Path, request: Request) -> MeasuredTable:
     )
     if scale_sigma:
         found = found.with_scale(scale_sigma)
-    return MeasuredTable({**head, **found.to_row()}, (found.summary(), *lines))
+    phases = tuple({"run": path.stem, **row} for row in found.phase_rows())
+    if several_motions(found.phases):
+        lines += [_phase_line(row) for row in phases]
+    return MeasuredTable({**head, **found.to_row()}, (found.summary(), *lines), phases)
+
+
+def _phase_line(phase: dict[str, Any]) -> str:
+    radius = ""
+    if np.isfinite(phase["radius_mm"]):
+        low, high = phase["radius_low_mm"], phase["radius_high_mm"]
+        radius = f", radius {phase['radius_mm']:.4g} mm, 95 % from {low:.4g} to {high:.4g}"
+    speed = f", {phase['speed_mm_s']:.3g} mm/s" if np.isfinite(phase["speed_mm_s"]) else ""
+    when = f"{phase['start_s']:.2f} to {phase['stop_s']:.2f} s"
+    return f"{when}: {phase['kind']}{radius}, {phase['turned_deg']:.0f} degrees{speed}"
 
 
 def together(rows: Sequence[dict[str, Any]]) -> str:
