@@ -16,18 +16,23 @@ from evaluator.files import write_table
 
 MARKS = ("green", "yellow")
 COLUMNS = ("time_s", "green_x_mm", "green_y_mm", "yellow_x_mm", "yellow_y_mm")
+# Whatever lies beyond is no measurement: a thousand kilometres, and thirty thousand years of seconds (a clock that
+# counts nanoseconds since 1970 is beyond it too). Squares of lengths within stay far from the limits of a float.
+LARGEST_MM = 1e9
+LATEST_S = 1e12
+NUMBERS = ("_mm", "_mm2", "_px")  # how the names of columns of numbers end
 
 
-def read_marks(path: Path) -> pd.DataFrame:
-    """Read a marks CSV; only COLUMNS are needed. Raises InputError for a file that is not one."""
+def read_marks(path: Path, needed: tuple[str, ...] = COLUMNS) -> pd.DataFrame:
+    """Read a marks CSV; only the columns `needed` have to be there. Raises InputError for a file that is not one."""
     try:
         table = pd.read_csv(path, skipinitialspace=True)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
-    require_columns(table, str(path))
-    numeric = [name for name in table if name in COLUMNS or str(name).endswith("_mm")]
+    require_columns(table, str(path), needed)
+    numeric = [name for name in table if name == "time_s" or str(name).endswith(NUMBERS)]
     for name in numeric:
         values = pd.to_numeric(table[name], errors="coerce")
         bad = values.isna() & table[name].notna()
@@ -35,15 +40,13 @@ def read_marks(path: Path) -> pd.DataFrame:
             row = int(np.flatnonzero(bad)[0])
             raise InputError(f"{path}: line {row + 2}, {name} = {table[name].iloc[row]!r} is not a number")
         table[name] = values.astype(float)
-    time = table["time_s"].to_numpy()
-    if len(time) < 2 or not np.all(np.diff(time) > 0):
-        raise InputError(f"{path}: time_s must hold at least two values and increase from row to row")
+    check_marks(table, path)
     return table
 
 
-def require_columns(table: pd.DataFrame, name: str) -> None:
-    """Refuse a table without COLUMNS; name: of the table, for the message. Raises InputError."""
-    missing = [column for column in COLUMNS if column not in table]
+def require_columns(table: pd.DataFrame, name: str, needed: tuple[str, ...] = COLUMNS) -> None:
+    """Refuse a table without the columns needed; name: of the table, for the message. Raises InputError."""
+    missing = [column for column in needed if column not in table]
     if not missing:
         return
     if all(column in table or column.replace("_mm", "_px") in table for column in COLUMNS):
@@ -52,6 +55,29 @@ def require_columns(table: pd.DataFrame, name: str) -> None:
             "or call evaluator.place_on_plate(table, camera, height_mm)"
         )
     raise InputError(f"{name}: column {', '.join(missing)} is missing; a marks CSV has {', '.join(COLUMNS)}")
+
+
+def check_marks(table: pd.DataFrame, path: Path) -> None:
+    """Refuse a table whose times do not increase or whose lengths are none. Raises InputError that names the line."""
+    time = table["time_s"].to_numpy(float)
+    if len(time) < 2:
+        raise InputError(f"{path}: {len(time)} rows; time_s must hold at least two values and increase from row to row")
+    wrong = np.flatnonzero(~(np.abs(time) <= LATEST_S))
+    if len(wrong):
+        raise InputError(f"{path}: line {wrong[0] + 2}, time_s = {time[wrong[0]]:g} is not a time in seconds")
+    back = np.flatnonzero(np.diff(time) <= 0)
+    if len(back):
+        before, after = time[back[0]], time[back[0] + 1]
+        raise InputError(
+            f"{path}: line {back[0] + 3}, time_s = {after:.9g} does not come after {before:.9g} of the line before; "
+            "time_s must increase from row to row"
+        )
+    for name in table:
+        if str(name).endswith(("_x_mm", "_y_mm")):
+            values = table[name].to_numpy(float)
+            far = np.flatnonzero(np.isfinite(values) & (np.abs(values) > LARGEST_MM))
+            if len(far):
+                raise InputError(f"{path}: line {far[0] + 2}, {name} = {values[far[0]]:g} is not a place on a plate")
 
 
 def write_marks(table: pd.DataFrame, path: Path) -> None:

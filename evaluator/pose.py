@@ -27,6 +27,8 @@ SPACING_LIMIT_SIGMA = 6.0
 # Marks CSV carry six decimals of a millimetre: the rounding error of one coordinate, the least sigma a file can have.
 ROUNDING_SIGMA_MM = 1e-6 / np.sqrt(12)
 GAUSSIAN_SIGMA_PER_MAD = 1.4826
+# Marks nearer than this, the rounding of four coordinates, are one place: no heading.
+ONE_PLACE_MM = 10 * ROUNDING_SIGMA_MM
 NEIGHBOURS = 31  # frames whose common heading tells that one of them, or up to fifteen, is turned about
 
 
@@ -40,7 +42,7 @@ class MarkGeometry:
 
     def __post_init__(self) -> None:
         """Refuse marks that coincide: they carry no heading."""
-        if not self.spacing_mm > 0:
+        if not self.spacing_mm > ONE_PLACE_MM:
             raise InputError(
                 f"marks: green and yellow are both at {self.green_mm}; two different places give a heading"
             )
@@ -169,6 +171,7 @@ def _status(marks: pd.DataFrame, green: Array, yellow: Array, spacing: Array) ->
         absent = ~np.isfinite(points).all(axis=1)
         reason = marks[f"{name}_status"].to_numpy(str) if f"{name}_status" in marks else np.full(len(marks), "absent")
         status[absent] = [f"{name}: {text if text not in ('nan', '', OK) else 'absent'}" for text in reason[absent]]
+    status[(status == OK) & ~(spacing > ONE_PLACE_MM)] = "both marks are in one place: no heading"
     there = status == OK
     if there.sum() >= 3:
         usual = float(np.median(spacing[there]))

@@ -127,10 +127,9 @@ def _frames(count: int, kind: str = "") -> str:
 
 
 def _height(robot: str) -> float:
-    from evaluator.files import read_with
-    from simulator.robot import load_robot
+    from evaluator.robot_geometry import read_geometry
 
-    return float(read_with(load_robot, robot).marks.height_mm)  # type: ignore[arg-type]
+    return float(read_geometry(Path(robot)).height_mm)
 
 
 def _drawing(table: pd.DataFrame, camera: Camera | None, robot: str) -> Drawing | None:
@@ -139,14 +138,13 @@ def _drawing(table: pd.DataFrame, camera: Camera | None, robot: str) -> Drawing 
         return None
     import numpy as np
 
-    from evaluator.files import read_with
-    from evaluator.pose import MarkGeometry, poses_from_marks
+    from evaluator.pose import poses_from_marks
     from evaluator.report.overlay import Drawing
+    from evaluator.robot_geometry import read_geometry
     from evaluator.turning import measure_turning
-    from simulator.robot import load_robot
 
-    marks = read_with(load_robot, robot).marks  # type: ignore[arg-type]
-    geometry = MarkGeometry(green_mm=marks.green_mm, yellow_mm=marks.yellow_mm, height_mm=marks.height_mm)
+    marks = read_geometry(Path(robot))
+    geometry = marks.of_pair("green", "yellow")
     poses = poses_from_marks(table, geometry)
     turning = measure_turning(poses)
 

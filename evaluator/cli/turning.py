@@ -1,83 +1,131 @@
-"""`turnscope turning`: marks CSVs → turning radius, straight from the tables."""
+"""`turnscope turning`: tables of marks → turning radius, straight from the tables."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from evaluator.cli.options import PATH
+
 if TYPE_CHECKING:
-    import pandas as pd
+    from evaluator.interchange.tracks import Tracks
+    from evaluator.workflow.turning_tables import MeasuredTable
+
+BAD_INPUT = 2
 
 
 @click.command(
     epilog="""\b
-Example:
+Examples:
   turnscope turning r01.csv --robot barrel
-  turnscope turning forward_*.csv --robot robot.toml --camera camera.json --start-s 0.5 -o turning.csv"""
+  turnscope turning forward_*.csv --robot robot.toml --camera camera.json --start-s 0.5 -o turning.csv
+  turnscope turning tracker.trk --robot robot.toml --green "mass A" --yellow "mass B"
+  turnscope turning one_mark.csv
+  turnscope turning px.csv --scale-px 102 40 902 44 --length-mm 50
+
+\b
+A marks CSV has time_s and NAME_x_mm, NAME_y_mm (or _px) of every mark; files of OSP Tracker, DeepLabCut, SLEAP and
+movement are read too. robot.toml needs no more than [marks]. Exit status: 2 where a table cannot be measured."""
 )
-@click.argument("marks", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--robot", required=True, help="Shipped robot or robot.toml: where its marks and wheels are.")
-@click.option("--camera", type=click.Path(path_type=Path), help="camera.json: adds what its uncertainty does.")
+@click.argument("marks", nargs=-1, required=True, type=PATH)
+@click.option("--robot", help="Shipped robot or robot.toml: where its marks are. Without: the path of each mark.")
+@click.option("--camera", type=PATH, help="camera.json: adds what its uncertainty does; places marks given in px.")
+@click.option("--scale-px", nargs=4, type=float, metavar="X1 Y1 X2 Y2", help="Ends of a ruler in the image, px.")
+@click.option("--length-mm", type=float, help="Length between the ends of the ruler.")
+@click.option("--unit", type=click.Choice(["mm", "cm", "m", "inch", "px"]), help="Of the lengths in the tables.")
+@click.option("--green", default="green", help="Name of the green mark in a table of another program.")
+@click.option("--yellow", default="yellow", help="Name of the yellow mark in a table of another program.")
+@click.option("--rate-hz", type=click.FloatRange(min=0, min_open=True), help="Frames a second, for tables of frames.")
 @click.option("--start-s", type=float, help="When the motors were commanded on; found without it too.")
 @click.option("--stop-s", type=float, help="When the motors were commanded off.")
 @click.option("--left-rpm", type=float, help="Commanded rotation, for the slip ratio.")
 @click.option("--right-rpm", type=float, help="Commanded rotation, for the slip ratio.")
-@click.option("-o", "--out", "output", type=click.Path(path_type=Path), help="A turning.csv to write, a row per table.")
+@click.option("--phases", type=PATH, help="A table to write of all phases: rest, straight, turn, spot, transient.")
+@click.option("-o", "--out", "output", type=PATH, help="A turning.csv to write, a row per table.")
 def turning(
     marks: tuple[Path, ...],
-    robot: str,
+    robot: str | None,
     camera: Path | None,
+    scale_px: tuple[float, float, float, float] | None,
+    length_mm: float | None,
+    unit: str | None,
+    green: str,
+    yellow: str,
+    rate_hz: float | None,
     start_s: float | None,
     stop_s: float | None,
     left_rpm: float | None,
     right_rpm: float | None,
+    phases: Path | None,
     output: Path | None,
-) -> None:
+) -> int:
     """Measure how a robot turns from MARKS, tables of its tracked marks.
 
     The radius is that of the robot's centre, the smallest that is sustained for a quarter turn, with its 95 % interval.
     """
+    from evaluator.errors import InputError
+    from evaluator.workflow.turning_tables import Request, Ruler, measure_table, together
+
+    if (scale_px is None) != (length_mm is None):
+        raise InputError("--scale-px and --length-mm belong together: the ends of a ruler and its length")
+    request = Request(
+        robot=_robot(robot),
+        tracks=_tracks(green, yellow, unit, rate_hz),
+        camera=_camera(camera),
+        ruler=Ruler(scale_px, length_mm) if scale_px is not None and length_mm is not None else None,
+        start_s=start_s,
+        stop_s=stop_s,
+        left_rpm=left_rpm,
+        right_rpm=right_rpm,
+    )
+    found, faults = [], 0
+    for path in marks:
+        try:
+            found.append(measure_table(path, request))
+        except InputError as error:
+            faults += 1
+            click.echo(f"error: {error}", err=True)
+            continue
+        _say(path, found[-1])
+    if len(found) > 1 and (said := together([one.row for one in found])):
+        click.echo(said)
+    if output is not None and found:
+        _write(output, [one.row for one in found])
+    if phases is not None:
+        _write(phases, [row for one in found for row in one.phases])
+    return BAD_INPUT if faults else 0
+
+
+def _say(path: Path, found: MeasuredTable) -> None:
+    for number, line in enumerate(found.lines):
+        click.echo(f"{path}: {line}" if number == 0 else f"  {line}")
+
+
+def _write(output: Path, rows: Sequence[dict[str, Any]]) -> None:
     import pandas as pd
 
-    from evaluator.files import read_with, written_whole
-    from evaluator.marks import read_marks
-    from evaluator.pose import poses_from_marks
-    from evaluator.robot_geometry import mark_geometry, robot_shape
-    from evaluator.turning import measure_turning
-    from simulator.robot import load_robot
+    from evaluator.files import write_table
 
-    machine = read_with(load_robot, Path(robot))
-    geometry, shape = mark_geometry(machine), robot_shape(machine)
-    seen_by = None
-    if camera is not None:
-        from calibration.store import load_camera
-
-        seen_by = read_with(load_camera, camera)
-    rows: list[dict[str, object]] = []
-    for path in marks:
-        poses = poses_from_marks(read_marks(path), geometry, seen_by)
-        found = measure_turning(poses, start_s, stop_s, shape=shape, left_rpm=left_rpm, right_rpm=right_rpm)
-        rows.append({"run": path.stem, "left_rpm": left_rpm, "right_rpm": right_rpm, **found.to_row()})
-        click.echo(f"{path}: {found.summary()}")
-    if len(rows) > 1:
-        click.echo(_together(pd.DataFrame(rows)))
-    if output is not None:
-        with written_whole(output) as temporary:
-            pd.DataFrame(rows).to_csv(temporary, index=False)
+    write_table(pd.DataFrame(rows), output)
 
 
-def _together(rows: pd.DataFrame) -> str:
-    """All tables as repetitions of one run."""
-    from evaluator.turning.pooling import pooled
+def _robot(name: str | None) -> Any:
+    from evaluator.robot_geometry import read_geometry
 
-    turns = rows[rows["radius_mm"].notna()]
-    radius = pooled(turns["radius_mm"].to_numpy(float), turns["radius_random_mm"].to_numpy(float))
-    if radius.runs < 2:
-        return "repetitions: fewer than two of these turn"
-    shared = radius.with_systematic(float(turns["radius_systematic_mm"].mean()))
-    return (
-        f"{radius.runs} repetitions: radius {radius.mean:.4f} mm, 95 % from {shared.low:.4f} to {shared.high:.4f}; "
-        f"scatter from run to run {radius.between:.2g} mm, of a single measurement {radius.within:.2g} mm"
-    )
+    return None if name is None else read_geometry(Path(name))
+
+
+def _tracks(green: str, yellow: str, unit: str | None, rate_hz: float | None) -> Tracks:
+    from evaluator.interchange.tracks import Tracks
+
+    return Tracks.model_validate({"green": green, "yellow": yellow, "unit": unit, "rate_hz": rate_hz})
+
+
+def _camera(path: Path | None) -> Any:
+    from calibration.store import load_camera
+    from evaluator.files import read_with
+
+    return None if path is None else read_with(load_camera, path)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Program = Literal["turnscope", "tracker", "deeplabcut", "movement"]
 
-MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 MARKS = ("green", "yellow")
 
 
@@ -40,7 +40,7 @@ class Tracks(BaseModel):
 
     green: str = "green"
     yellow: str = "yellow"
-    unit: Literal["px", "mm", "cm", "m"] | None = None
+    unit: Literal["px", "mm", "cm", "m", "inch"] | None = None
     rate_hz: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     likelihood: Annotated[float, Field(ge=0, le=1)] = 0.6
 
@@ -57,11 +57,65 @@ def read_any_marks(
     camera, height_mm: for tracks in px. Raises InputError for a file that cannot be read, or that needs more said.
     """
     program = program_of(path)
+    said = tracks or Tracks()
     if program == "turnscope":
         from evaluator.marks import read_marks
 
-        return read_marks(path)
-    said = tracks or Tracks()
+        return _in_mm(read_marks(path), said)
+    time, points, unit = _foreign_points(path, program, said)
+    return _marks_table(path, time, points, unit, camera, height_mm)
+
+
+def read_points(
+    path: Path, tracks: Tracks | None = None, camera: Camera | None = None, height_mm: float = 0.0
+) -> tuple[Array, dict[str, Array], str]:
+    """Read times (n,) and the points (n, 2) of every mark of any known program, and their unit: "mm", or "px".
+
+    Points in px are turned so that y points up, unless a camera places them in mm. A file may hold one mark only.
+    """
+    program, said = program_of(path), tracks or Tracks()
+    if program == "turnscope":
+        time, points, unit = _own_points(path, said)
+    else:
+        time, points, unit = _foreign_points(path, program, said, all_marks=False)
+    if unit == "px" and camera is not None:
+        table = _marks_table(path, time, points, unit, camera, height_mm)
+        return time, {name: table[[f"{name}_x_mm", f"{name}_y_mm"]].to_numpy(float) for name in points}, "mm"
+    if unit == "px":
+        return time, {name: place * np.array([1.0, -1.0]) for name, place in points.items()}, "px"
+    return time, {name: place * MM_PER[unit] for name, place in points.items()}, "mm"
+
+
+def _own_points(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array], str]:
+    """Marks of a marks CSV under any name, in mm where it has them, else in px."""
+    from evaluator.marks import read_marks
+
+    table = read_marks(path, ("time_s",))
+    for unit in ("mm", "px"):
+        ends = (f"_x_{unit}", f"_y_{unit}")
+        names = [str(name).removesuffix(ends[0]) for name in table if str(name).endswith(ends[0])]
+        names = [name for name in names if f"{name}{ends[1]}" in table]
+        if names:
+            points = {name: table[[f"{name}{end}" for end in ends]].to_numpy(float) for name in names}
+            return table["time_s"].to_numpy(float), points, tracks.unit or unit if unit == "mm" else "px"
+    raise InputError(f"{path}: no columns NAME_x_mm and NAME_y_mm of a mark (or in px); see turnscope turning --help")
+
+
+def _in_mm(table: pd.DataFrame, tracks: Tracks) -> pd.DataFrame:
+    """A marks table whose lengths are in another unit than its columns say."""
+    if tracks.unit not in (None, "px", "mm"):
+        factor = MM_PER[tracks.unit]
+        for name in table:
+            if str(name).endswith(("_mm", "_mm2")):
+                table[name] *= factor**2 if str(name).endswith("_mm2") else factor
+    return table
+
+
+def _foreign_points(
+    path: Path, program: Program, said: Tracks, *, all_marks: bool = True
+) -> tuple[Array, dict[str, Array], str]:
+    """Times, points by mark and unit of a file of another program; without all_marks one mark is enough."""
+    del all_marks
     reader = {"tracker": _read_tracker, "deeplabcut": _read_deeplabcut, "movement": _read_movement}[program]
     time, points = reader(path, said)
     unit = said.unit or ("px" if program != "tracker" else None)
@@ -71,7 +125,7 @@ def read_any_marks(
         )
     if len(time) < 2 or not np.all(np.diff(time) > 0):
         raise InputError(f"{path}: times must be at least two and increase from row to row")
-    return _marks_table(path, time, points, unit, camera, height_mm)
+    return time, points, unit
 
 
 def program_of(path: Path) -> Program:

@@ -17,9 +17,11 @@ from evaluator.pose import Poses
 from evaluator.turning.motion.fit import FEWEST_FRAMES, TurnFit, fit_turn, part, scaled_poses
 from evaluator.turning.motion.least_squares import Block, averaged_least_squares
 from evaluator.turning.motion.steady_motion import linearised, moved
+from evaluator.turning.phase_table import phase_table, several_motions
 from evaluator.turning.phases import find_phases
 from evaluator.turning.quantities import Rate, RobotShape, body_quantities, path_quantities, with_sigmas
 from evaluator.turning.result import Turning
+from evaluator.turning.status import OK, spacing_fault, straightness, variation
 from evaluator.turning.sustained import Sustained, sustained_turn
 
 Array = NDArray[np.float64]
@@ -47,7 +49,9 @@ def measure_turning(
     ratio, ratio_sigma = poses.spacing_ratio()
     seen = Turning(mark_spacing_ratio=ratio, mark_spacing_ratio_sigma=ratio_sigma)
     if there.sum() < FEWEST_FRAMES:
-        return replace(seen, radius_status=f"{int(there.sum())} frames with a pose; {FEWEST_FRAMES} are needed")
+        return replace(seen, radius_status=_too_few(poses))
+    if fault := spacing_fault(poses):
+        return replace(seen, radius_status=fault)
     time = poses.time_s[there]
     pose = np.column_stack([poses.x_mm, poses.y_mm, poses.heading_rad])[there]
     systematic = None if poses.systematic is None else poses.systematic[there]
@@ -64,6 +68,9 @@ def measure_turning(
     )
     if phases.reason:
         return replace(seen, radius_status=phases.reason)
+    seen = replace(seen, phases=phase_table(time, scaled, stretched, _commanded(time, start_s, stop_s)))
+    if several := several_motions(seen.phases):
+        return replace(seen, radius_status=several)
     names = phases.names(time)
     steady = names == "steady"
     if steady.sum() < FEWEST_FRAMES:
@@ -82,22 +89,34 @@ def measure_turning(
     return _with(seen, body | path)
 
 
+def _too_few(poses: Poses) -> str:
+    """How many frames have a pose, and the most common reason of the others."""
+    there = poses.measured
+    reasons, counts = np.unique(poses.status[~there], return_counts=True)
+    common = f" ({reasons[counts.argmax()]})" if len(reasons) else ""
+    return f"{int(there.sum())} frames with a pose; {FEWEST_FRAMES} are needed{common}"
+
+
 def _with(seen: Turning, values: dict[str, float]) -> Turning:
     """Fill in quantities by their names."""
-    return Turning(**{**seen.to_row(), **values})  # type: ignore[arg-type]
+    return replace(seen, **values)  # type: ignore[arg-type]
+
+
+def _commanded(time: Array, start_s: float | None, stop_s: float | None) -> NDArray[np.bool_]:
+    """Frames between the commands."""
+    return (time >= (-np.inf if start_s is None else start_s)) & (time <= (np.inf if stop_s is None else stop_s))
 
 
 def _with_radii(seen: Turning, fit: TurnFit, sustained: Sustained) -> Turning:
     curvature = fit.curvature()
-    status = "ok"
-    if curvature.straight:
-        status = (
-            f"straight: curvature {1000 * curvature.value:.3g} 1/m,"
-            f" 95 % from {1000 * curvature.low:.3g} to {1000 * curvature.high:.3g} 1/m"
-        )
-    radius = sustained.tightest.radius_mm() if status == "ok" else (NAN, NAN, NAN)
-    steady = sustained.mean.radius_mm() if status == "ok" else (NAN, NAN, NAN)
-    place = fit.centers_mm(fit.averaged.mean()[None])[0] if status == "ok" else (NAN, NAN)
+    straight = straightness(fit)
+    radius = (NAN, NAN, NAN) if straight else sustained.tightest.radius_mm()
+    steady = (NAN, NAN, NAN) if straight else sustained.mean.radius_mm()
+    place = (NAN, NAN) if straight else fit.centers_mm(fit.averaged.mean()[None])[0]
+    varies = variation(sustained)
+    status = straight or varies or OK
+    if not straight and not np.isfinite(radius[0]):
+        status = f"{varies or 'varies'}; no stretch turns for certain"
     return replace(
         seen,
         radius_mm=radius[0],
@@ -118,7 +137,7 @@ def _with_radii(seen: Turning, fit: TurnFit, sustained: Sustained) -> Turning:
         curvature_high_per_mm=curvature.high,
         center_x_mm=float(place[0]),
         center_y_mm=float(place[1]),
-        center_wander_mm=sustained.wander_mm if status == "ok" else NAN,
+        center_wander_mm=NAN if straight else sustained.wander_mm,
         turned_deg=float(np.degrees(fit.motion.turn_rad)),
         noise_correlation=fit.averaged.correlation(),
         residual_rms_mm=float(np.sqrt((fit.motion.residual_mm[fit.used] ** 2).mean())),

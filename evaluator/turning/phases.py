@@ -99,10 +99,20 @@ def _reach(scaled: Array) -> float:
     return float(np.linalg.norm(blocks[:, None] - blocks[None], axis=2).max())
 
 
-def local_rates(time_s: Array, scaled: Array, sigma_mm: float, inside: Flags) -> Rates:
-    """Slopes over windows just long enough for their precision, at most a tenth of the run on either side."""
+def local_rates(
+    time_s: Array,
+    scaled: Array,
+    sigma_mm: float,
+    inside: Flags,
+    share: float = SLOPE_SHARE,
+    longest: int | None = None,
+) -> Rates:
+    """Slopes over windows just long enough for their relative precision `share`.
+
+    longest: frames that a window reaches to either side at most; by default a tenth of the run.
+    """
     interval = float(np.median(np.diff(time_s)))
-    longest = max(int(inside.sum()) // 10, 2)
+    longest = max(int(inside.sum()) // 10, 2) if longest is None else longest
     half = 2
     while True:
         width = 2 * half + 1
@@ -110,9 +120,9 @@ def local_rates(time_s: Array, scaled: Array, sigma_mm: float, inside: Flags) ->
         # Variance of a slope over w equal steps: 12 sigma² / (w³ - w).
         sigma = sigma_mm * np.sqrt(12 / (width**3 - width)) / interval
         usual = _usual(np.linalg.norm(value[inside], axis=1))
-        if sigma <= SLOPE_SHARE * usual or half >= longest:
+        if sigma <= share * usual or half >= longest:
             return Rates(value, sigma, half)
-        half = min(max(int(half * min((sigma / (SLOPE_SHARE * max(usual, sigma))) ** (2 / 3), 3)), half + 1), longest)
+        half = min(max(int(half * min((sigma / (share * max(usual, sigma))) ** (2 / 3), 3)), half + 1), longest)
 
 
 def _slopes(values: Array, half: int) -> Array:

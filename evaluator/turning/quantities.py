@@ -157,6 +157,8 @@ def _spectral_arc_length(speed: Array, interval_s: float) -> float:
     frequency = np.fft.rfftfreq(padded, interval_s)
     amplitude = np.abs(np.fft.rfft(speed, padded))
     band = frequency <= SMOOTHNESS_BAND_HZ
+    if not amplitude[0] > 0:
+        return NAN
     frequency, amplitude = frequency[band], amplitude[band] / amplitude[0]
     last = int(np.flatnonzero(amplitude >= SMOOTHNESS_AMPLITUDE)[-1])
     if last < 1:

@@ -14,6 +14,9 @@ import pandas as pd
 from evaluator.turning.pooling import Z_975, Pooled, difference, pooled
 
 ISO_4138_REPETITIONS = 3
+# Repetitions of a command scatter by some percent (friction, grain, dirt). Radii of which one is half as large again as
+# another are no repetitions, whatever was commanded: a run was disturbed, or its command is not what the file says.
+DISAGREEMENT = 1.5
 COMMAND = ["group", "left_rpm", "right_rpm"]
 Key = tuple[str, float, float]
 
@@ -25,7 +28,7 @@ def pool_runs(turning: pd.DataFrame) -> pd.DataFrame:
     for straight), direction, runs that have a radius, radius_mm with its 95 % bounds, radius_between_mm (scatter from
     run to run), radius_within_mm (of a single measurement by noise), radius_systematic_mm (shared by all), p_same; then
     curvature, speed, path efficiency and smoothness, each with its scatter from run to run; note: what ISO 4138 still
-    asks for.
+    asks for, and why runs that disagree have no common radius.
     """
     groups = _commands(turning)
     sides = {key: _side(rows) if key[1] != key[2] else "" for key, rows in groups.items()}
@@ -62,6 +65,23 @@ def compare_directions(turning: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
+def disagreement(rows: pd.DataFrame, factor: float = DISAGREEMENT) -> str:
+    """Why runs are no repetitions of one another by their results; "" where they can be.
+
+    factor: largest over smallest radius from which on they are different runs.
+    """
+    turns = rows[rows["radius_mm"].notna()]
+    if len(turns) < 2:
+        return ""
+    forward, left = turns["speed_mm_s"] > 0, turns["yaw_rate_deg_s"] * turns["speed_mm_s"] > 0
+    if forward.any() and not forward.all():
+        return "they drive forward and backward"
+    if left.any() and not left.all():
+        return "they turn to both sides"
+    least, most = float(turns["radius_mm"].min()), float(turns["radius_mm"].max())
+    return "" if most <= factor * least else f"radii from {least:.4g} to {most:.4g} mm"
+
+
 def _commands(turning: pd.DataFrame) -> dict[Key, pd.DataFrame]:
     """Rows of every command, in the order of their first run; runs without results are no repetitions."""
     there = turning[turning["speed_mm_s"].notna()]
@@ -79,6 +99,8 @@ def _row(key: Key, rows: pd.DataFrame, side: str, note: str) -> dict[str, Any]:
     radius = radius.with_systematic(systematic)
     result: dict[str, Any] = dict(zip(COMMAND, key, strict=True))
     result |= {"side": side, "direction": "backward" if key[1] + key[2] < 0 else "forward", "runs": len(rows)}
+    if fault := disagreement(rows):
+        radius, note = Pooled(runs=radius.runs), "; ".join(filter(None, [f"runs disagree: {fault}", note]))
     result |= {"radius_mm": radius.mean, "radius_low_mm": radius.low, "radius_high_mm": radius.high}
     result |= {"radius_between_mm": radius.between, "radius_within_mm": radius.within}
     result |= {"radius_systematic_mm": systematic, "p_same": radius.p_same}

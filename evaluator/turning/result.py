@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+import math
+from dataclasses import dataclass, fields, replace
+
+from evaluator.turning.phase_table import Phase
 
 NAN = float("nan")
+Z_975 = 1.96
 
 
 @dataclass(frozen=True, repr=False)
@@ -23,6 +27,7 @@ class Turning:
     outermost wheel and the outermost corner (wall to wall) as in SAE J695. Slips as in the model: ratio
     (u - r·phi')/max(|u|, |r·phi'|), angle atan2(v, |u|); their sigmas hold noise and camera, not what the marks' places
     in robot.toml or the commanded rpm are off by.
+    phases: the motions that the run is made of, in time; a run that is several motions has no radius and no speed.
     Quality: path_efficiency, speed_ripple, smoothness (quantities.py).
     """
 
@@ -85,14 +90,18 @@ class Turning:
     start_delay_s: float = NAN
     mark_spacing_ratio: float = NAN
     mark_spacing_ratio_sigma: float = NAN
+    phases: tuple[Phase, ...] = ()
 
     def summary(self) -> str:
         """One line for people."""
-        if self.radius_status != "ok":
+        if not math.isfinite(self.radius_mm):
             return self.radius_status
-        steady = f"; varies, {self.steady_radius_mm:.4g} mm on average" if self.radius_varies else ""
+        varies = f"{self.radius_status}; " if self.radius_status != "ok" else ""
+        steady = self.radius_varies and math.isfinite(self.steady_radius_mm)
+        mean = f"; varies, {self.steady_radius_mm:.4g} mm on average" if steady else ""
         return (
-            f"radius {self.radius_mm:.4f} mm, 95 % from {self.radius_low_mm:.4f} to {self.radius_high_mm:.4f}{steady};"
+            f"{varies}radius {self.radius_mm:.4f} mm, 95 % from {self.radius_low_mm:.4f} to {self.radius_high_mm:.4f}"
+            f"{mean};"
             f" {self.turned_deg:.0f} degrees at {self.speed_mm_s:.3g} mm/s, {self.yaw_rate_deg_s:.3g} degrees/s"
         )
 
@@ -112,6 +121,31 @@ class Turning:
         }
         return f"<table>{''.join(f'<tr><th>{name}</th><td>{value}</td></tr>' for name, value in rows.items())}</table>"
 
+    def with_scale(self, sigma: float) -> Turning:
+        """Bounds and systematic parts widened by a relative standard uncertainty of the unit of length."""
+
+        def wider(value: float, low: float, high: float) -> tuple[float, float]:
+            reach = Z_975 * sigma * abs(value)
+            return value - math.hypot(value - low, reach), value + math.hypot(high - value, reach)
+
+        radius = wider(self.radius_mm, self.radius_low_mm, self.radius_high_mm)
+        steady = wider(self.steady_radius_mm, self.steady_radius_low_mm, self.steady_radius_high_mm)
+        curvature = wider(self.curvature_per_mm, self.curvature_low_per_mm, self.curvature_high_per_mm)
+        return replace(
+            self,
+            radius_low_mm=radius[0],
+            radius_high_mm=radius[1],
+            radius_systematic_mm=math.hypot(self.radius_systematic_mm, sigma * self.radius_mm),
+            steady_radius_low_mm=steady[0],
+            steady_radius_high_mm=steady[1],
+            curvature_low_per_mm=curvature[0],
+            curvature_high_per_mm=curvature[1],
+        )
+
     def to_row(self) -> dict[str, float | str | bool]:
         """Columns of turning.csv in order, to follow run, left_rpm and right_rpm."""
-        return {item.name: getattr(self, item.name) for item in fields(self)}
+        return {item.name: getattr(self, item.name) for item in fields(self) if item.name != "phases"}
+
+    def phase_rows(self) -> list[dict[str, float | str]]:
+        """Rows of phases.csv, in time: start_s, stop_s, kind, radius_mm with its bounds, speed_mm_s, turned_deg."""
+        return [vars(phase).copy() for phase in self.phases]

@@ -1,12 +1,13 @@
 """The smallest turning radius that a run sustains, without the bias of a minimum over noisy windows.
 
-Sustained means: held over at least a quarter turn of heading. The run is cut into quarter turns (and again, shifted by
-half of one); each has a curvature with its own uncertainty. If these differ by no more than their uncertainties explain
-(Cochran 1954, doi:10.2307/3001666), the run has one radius, and the smallest sustained one is that of the whole: no
-minimum is taken, so noise cannot make it smaller. If they differ, they are a population of their own spread (Paule and
-Mandel 1982, doi:10.6028/jres.087.022), each value is shrunk toward the mean by the share of its difference that noise
-would explain, and the tightest is the answer: a posterior mean, which choosing the largest does not bias (Dawid 1994,
-doi:10.1214/lnms/1215463797).
+Sustained means: held over at least a quarter turn of heading. The run is cut into quarter turns, or into four pieces
+where it holds fewer; each has a curvature with its own uncertainty. If these differ by no more than their uncertainties
+explain (Cochran 1954, doi:10.2307/3001666), the run has one radius, and the smallest sustained one is that of the
+whole: no minimum is taken, so noise cannot make it smaller. If they differ, they are a population of their own spread
+(Paule and Mandel 1982, doi:10.6028/jres.087.022). Windows of a quarter turn are then slid along the run; each value is
+shrunk toward the mean by the share of its difference that noise would explain, and the tightest is the answer: a
+posterior mean, which choosing the largest does not bias (Dawid 1994, doi:10.1214/lnms/1215463797). The radius of a
+window is the length of its path per angle turned, whether the curvature changes inside the window or not.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from evaluator.turning.motion.fit import FEWEST_FRAMES, Curvature, Scaled, TurnFit, fit_turns
+from evaluator.turning.motion.fit import COVERED_SIGMAS, FEWEST_FRAMES, Curvature, Scaled, TurnFit, fit_turns
 from evaluator.turning.pooling import cochran, paule_mandel
 
 Array = NDArray[np.float64]
@@ -28,6 +29,21 @@ Flags = NDArray[np.bool_]
 QUARTER_TURN_RAD = np.pi / 2
 # A run of one radius is taken for a varying one this often.
 FALSE_ALARM = 1e-3
+# Pieces that show whether the curvature changes: with four, change in one direction and change there and back both do.
+FEWEST_PIECES = 4
+# Where the curvature changes much inside a piece, what the circle leaves over passes for noise and hides the change
+# from piece to piece; what is left over falls with the cube of the length, so pieces of a quarter of it show it.
+FINER = (1, 2, 4)
+# A fit that sets aside more than a tenth of the frames takes a bend for jumps: they are looked for in pieces instead.
+FEWEST_USED = 0.9
+LEAST_SHARE = 1e-6  # no length is known better; without it the rounding of a simulated circle makes it vary
+STEADY = 1  # index of the steady turn among the regions
+# Quarter turns are slid in steps of half of one, then around the tightest in steps of an eighth: 11 degrees beside the
+# tightest window, a change of curvature there and back has changed the mean over the window by less than 2 % of it.
+COARSE, FINE = 0.5, 0.125
+# The change of curvature inside a window is estimated to first order. What is left is of second order in the share c of
+# the turn that the change makes up; c² holds it for ellipses and spirals (tests).
+SECOND_ORDER = 1.0
 
 
 @dataclass(frozen=True)
@@ -53,37 +69,43 @@ class Sustained:
 def sustained_turn(time_s: Array, scaled: Scaled, regions: list[Flags], whole: TurnFit) -> Sustained:
     """Find the smallest sustained radius.
 
-    regions: stretches of frames, (n,) each, cut into quarter turns one by one. whole: fit to the steady turn, the
+    regions: stretches of frames, (n,) each, before, in and after the steady turn. whole: fit to the steady turn, the
     answer where nothing varies.
     """
-    steady = whole.curvature()
-    first = [window for region in regions for window in _quarter_turns(scaled.pose[:, 2], region, 0.0)]
+    steady, heading = whole.curvature(), scaled.pose[:, 2]
     same = Sustained(steady, steady, varies=False, spread_per_mm=0.0, p_value=1.0, from_s=time_s[0], to_s=time_s[-1])
-    if len(first) < 2:
+    regions = list(regions)
+    if whole.used.mean() > FEWEST_USED:  # a few frames that jump would weigh much in a short window
+        regions[STEADY] = _only(regions[STEADY], whole.used)
+    tests: list[_Pieces] = []
+    for finer in FINER:
+        pieces = _pieces(heading, regions, finer)
+        if len(pieces) <= (len(tests[-1].fits) if tests else 1):
+            continue
+        tests.append(_one_curvature(fit_turns(time_s, scaled, pieces)))
+        if len(tests) == 1:
+            regions = [region & ~_jumping(pieces, tests[0].fits) for region in regions]
+    if not tests:
         return same
-    fits = fit_turns(time_s, scaled, first)
-    same = replace(same, wander_mm=_wander(fits))
-    curvatures = [fit.curvature() for fit in fits]
-    values, sigmas = np.array([c.value for c in curvatures]), np.array([_known_to(c) for c in curvatures])
-    p_value = float(special.chdtrc(len(values) - 1, cochran(values, sigmas, 0.0)))
+    same = replace(same, wander_mm=_wander(tests[0].fits))
+    test = min(tests, key=lambda test: test.p_value)
+    p_value = min(len(tests) * test.p_value, 1.0)
     if p_value > FALSE_ALARM:
         return replace(same, p_value=p_value)
+    values, sigmas = test.values, test.sigmas
     between = paule_mandel(values, sigmas)
     center = _mean_of(values, sigmas, between)
-    shifted = [window for region in regions for window in _quarter_turns(scaled.pose[:, 2], region, 0.5)]
-    windows = first + shifted
-    curvatures += [fit.curvature() for fit in fit_turns(time_s, scaled, shifted)] if shifted else []
-    shrunk = [_shrunk(curvature, center, between) for curvature in curvatures]
+    sense = np.sign(center.value) or 1.0
+    windows, found = _tightest(time_s, scaled, np.any(regions, axis=0), sense, center, between)
+    if found is None:
+        # Nothing was held for a quarter turn: the answer is that of the whole, known no better than it changes.
+        windows, found = regions[STEADY], steady.with_systematic(between)
     # The camera's error is common to the whole run: a share of the curvature, whichever stretch it is of.
     share = abs(steady.systematic / steady.value) if steady.value else 0.0
-    shrunk = [curvature.with_systematic(share * abs(curvature.value)) for curvature in shrunk]
-    center = center.with_systematic(share * abs(center.value))
-    sense = np.sign(center.value) or 1.0
-    best = int(np.argmax([sense * curvature.value for curvature in shrunk]))
-    when = time_s[windows[best]]
+    when = time_s[windows]
     return Sustained(
-        shrunk[best],
-        center,
+        found.with_systematic(share * abs(found.value)),
+        center.with_systematic(share * abs(center.value)),
         varies=True,
         spread_per_mm=between,
         p_value=p_value,
@@ -93,26 +115,102 @@ def sustained_turn(time_s: Array, scaled: Scaled, regions: list[Flags], whole: T
     )
 
 
-def _quarter_turns(heading_rad: Array, region: Flags, shift: float) -> list[Flags]:
-    """Cut a region into equal windows of at least a quarter turn; shifted ones leave half a window at either end."""
-    inside = np.flatnonzero(region)
-    if len(inside) < FEWEST_FRAMES:
-        return []
-    turned = heading_rad[inside] - heading_rad[inside[0]]
-    total = turned[-1]
-    count = min(int(abs(total) / QUARTER_TURN_RAD + 1e-6), len(inside) // (2 * FEWEST_FRAMES))
-    if count < 1 or (shift and count < 2):
-        return []
-    index = np.floor(turned / total * count - shift)
-    if not shift:
-        index = np.clip(index, 0, count - 1)
+@dataclass(frozen=True)
+class _Pieces:
+    """Curvatures of pieces of a run, and how likely such differences are if it has one curvature."""
+
+    fits: list[TurnFit]
+    values: Array
+    sigmas: Array
+    p_value: float
+
+
+def _one_curvature(fits: list[TurnFit]) -> _Pieces:
+    curvatures = [fit.curvature() for fit in fits]
+    values, sigmas = np.array([c.value for c in curvatures]), np.array([_known_to(c) for c in curvatures])
+    return _Pieces(fits, values, sigmas, float(special.chdtrc(len(values) - 1, cochran(values, sigmas, 0.0))))
+
+
+def _only(region: Flags, used: Flags) -> Flags:
+    """The frames of a region that a fit to it has used."""
+    result = region.copy()
+    result[region] = used
+    return result
+
+
+def _jumping(pieces: list[Flags], fits: list[TurnFit]) -> Flags:
+    """Frames, (n,), that the fits to pieces have set aside."""
+    result = np.zeros(len(pieces[0]), dtype=bool)
+    for piece, fit in zip(pieces, fits, strict=True):
+        result[np.flatnonzero(piece)[~fit.used]] = True
+    return result
+
+
+def _pieces(heading_rad: Array, regions: list[Flags], finer: int) -> list[Flags]:
+    """Cut regions into equal turns: quarter turns, the steady one into at least FEWEST_PIECES; finer: into more.
+
+    Of what comes before and after the steady turn only quarter turns count.
+    """
     windows = []
-    for number in range(count - (1 if shift else 0)):
+    for index, region in enumerate(regions):
+        inside = np.flatnonzero(region)
+        if len(inside) < FEWEST_FRAMES:
+            continue
+        turned, most = heading_rad[inside[-1]] - heading_rad[inside[0]], len(inside) // (2 * FEWEST_FRAMES)
+        count = int(abs(turned) / QUARTER_TURN_RAD + 1e-6)
+        if index == STEADY:
+            count = max(count, FEWEST_PIECES)
+        count = min(finer * count, most)
+        if count and turned:
+            shares = [(number / count, (number + 1) / count) for number in range(count)]
+            windows += _between(heading_rad, inside, shares)
+    return windows
+
+
+def _between(heading_rad: Array, inside: NDArray[np.intp], shares: list[tuple[float, float]]) -> list[Flags]:
+    """Frames of `inside` between shares of its turn; windows of too few frames are left out."""
+    turned = heading_rad[inside] - heading_rad[inside[0]]
+    share = np.clip(turned / turned[-1], 0, 1)
+    windows = []
+    for low, high in shares:
         window = np.zeros(len(heading_rad), dtype=bool)
-        window[inside[index == number]] = True
+        window[inside[(share >= low) & (share <= high)]] = True
         if window.sum() >= FEWEST_FRAMES:
             windows.append(window)
     return windows
+
+
+def _tightest(
+    time_s: Array, scaled: Scaled, moving: Flags, sense: float, center: Curvature, between: float
+) -> tuple[Flags, Curvature | None]:
+    """Tightest window of a quarter turn and its curvature; no curvature where the run holds no quarter turn."""
+    heading, inside = scaled.pose[:, 2], np.flatnonzero(moving)
+    turned = abs(heading[inside[-1]] - heading[inside[0]])
+    width = QUARTER_TURN_RAD / turned if turned else np.inf
+    if width > 1:
+        return moving, None
+    starts = np.linspace(0, 1 - width, int(np.ceil((1 - width) / (COARSE * width))) + 1)
+    best: tuple[float, Flags, Curvature] | None = None
+    for _ in ("coarse", "fine"):
+        windows = _between(heading, inside, [(start, start + width) for start in starts])
+        if len(windows) < len(starts):
+            return moving, None  # too few frames in a quarter turn
+        fits = fit_turns(time_s, scaled, windows, bending=True)
+        shrunk = [_shrunk(_with_change(fit), center, between) for fit in fits]
+        chosen = int(np.argmax([sense * curvature.value for curvature in shrunk]))
+        if best is None or sense * shrunk[chosen].value > best[0]:
+            best = (sense * shrunk[chosen].value, windows[chosen], shrunk[chosen])
+        steps = width * FINE * np.arange(1 - COARSE / FINE, COARSE / FINE)
+        starts = np.unique(np.clip(starts[chosen] + steps, 0, 1 - width))
+    assert best is not None  # the first round has a window
+    return best[1], best[2]
+
+
+def _with_change(fit: TurnFit) -> Curvature:
+    """Mean curvature of a window, its bounds widened by what its change inside the window makes unsure."""
+    circle = fit.curvature()
+    uneven = SECOND_ORDER * float(fit.change_rad @ fit.change_rad) / max(fit.motion.turn_rad, 1e-9) ** 2
+    return circle.with_systematic(uneven * abs(circle.value) / COVERED_SIGMAS)
 
 
 def _wander(fits: list[TurnFit]) -> float:
@@ -126,7 +224,7 @@ def _wander(fits: list[TurnFit]) -> float:
 
 def _known_to(one: Curvature) -> float:
     """Standard uncertainty of a quarter turn: errors of the camera and the marks differ from one to the next too."""
-    return float(np.hypot(one.sigma, one.systematic))
+    return float(np.linalg.norm([one.sigma, one.systematic, LEAST_SHARE * one.value]))
 
 
 def _mean_of(values: Array, sigmas: Array, between: float) -> Curvature:

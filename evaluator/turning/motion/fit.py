@@ -15,7 +15,7 @@ from evaluator.turning.motion.least_squares import (
     averaged_over_blocks,
     responses,
 )
-from evaluator.turning.motion.steady_motion import SteadyMotion, fit_steady_motion, moved
+from evaluator.turning.motion.steady_motion import SteadyMotion, bend_design, fit_steady_motion, moved
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -29,6 +29,7 @@ FEWEST_FRAMES = 8
 COVERED = (0.025, 0.975)
 COVERED_SIGMAS = 1.96
 HALF_TURN = np.pi / 2
+MOTION = 4  # parameters of a steady motion: start across it and twist across it
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,8 @@ class TurnFit:
     offset_mm: (2,) body-frame place of the point whose position and heading noise are uncorrelated (between the marks);
     the motion is that of this point. used: (n,) frames that took part. averaged: steps of the four parameters about
     `motion` with their uncertainty; systematic: (4, k) their shifts by independent errors of the camera. ahead: 1 where
-    the path parameter grows with time, else -1.
+    the path parameter grows with time, else -1. change_rad: (2,) turn that the change of curvature along the path makes
+    up, even and there and back (Legendre polynomials of first and second degree); zeros where none was allowed.
     """
 
     motion: SteadyMotion
@@ -85,6 +87,7 @@ class TurnFit:
     averaged: Averaged
     ahead: float
     systematic: Array
+    change_rad: Array
 
     def body_twists(self, steps: Array, place_mm: Array) -> Array:
         """Velocity (v_x, v_y) and yaw rate of a body point per path parameter: (m, 3) for steps (m, 4)."""
@@ -205,13 +208,16 @@ def fit_turn(time_s: Array, scaled: Scaled) -> TurnFit:
     return _turn_fit(motion, scaled, used, averaged_least_squares(block), block, channel)
 
 
-def fit_turns(time_s: Array, scaled: Scaled, stretches: list[Flags]) -> list[TurnFit]:
-    """Fit a steady motion to each of several stretches, all with the same noise."""
+def fit_turns(time_s: Array, scaled: Scaled, stretches: list[Flags], *, bending: bool = False) -> list[TurnFit]:
+    """Fit a steady motion to each of several stretches, all with the same noise.
+
+    bending: the curvature may change inside a stretch, and what is estimated is its mean over the path.
+    """
     parts = [part(scaled, where) for where in stretches]
     fits = [_robust_motion(one) for one in parts]
     channel = _channel_factor([_standard(m, one)[used] for one, (m, used) in zip(parts, fits, strict=True)])
     blocks = tuple(
-        _block(time_s[where], one, motion, used, channel)
+        _block(time_s[where], one, motion, used, channel, bending=bending)
         for where, one, (motion, used) in zip(stretches, parts, fits, strict=True)
     )
     return [
@@ -225,11 +231,15 @@ def _turn_fit(
 ) -> TurnFit:
     along = motion.along_mm[used]
     ahead = 1.0 if np.median(np.sign(np.diff(along))) >= 0 else -1.0
-    shift = np.zeros((4, 0))
+    shift = np.zeros((MOTION, 0))
     if scaled.systematic is not None:
         across = channel @ _whitening(motion, scaled.covariance) @ motion.across.T @ scaled.systematic
-        shift = responses(averaged, block, across[used])
-    return TurnFit(motion, scaled.offset_mm, used, averaged, ahead, shift)
+        shift = responses(averaged, block, across[used])[:MOTION]
+    change = averaged.mean()[MOTION:] * float(np.ptp(along)) if averaged.estimate.shape[1] > MOTION else np.zeros(2)
+    averaged = replace(
+        averaged, estimate=averaged.estimate[:, :MOTION], covariance=averaged.covariance[:, :MOTION, :MOTION]
+    )
+    return TurnFit(motion, scaled.offset_mm, used, averaged, ahead, shift, change)
 
 
 def _robust_motion(scaled: Scaled) -> tuple[SteadyMotion, Flags]:
@@ -258,13 +268,18 @@ def _not_jumping(standard: Array) -> Flags:
     return np.asarray(squared <= OUTLIER_SQUARED * np.median(squared) / MEDIAN_SQUARED)
 
 
-def _block(time_s: Array, scaled: Scaled, motion: SteadyMotion, used: Flags, channel: Array) -> Block:
+def _block(
+    time_s: Array, scaled: Scaled, motion: SteadyMotion, used: Flags, channel: Array, *, bending: bool = False
+) -> Block:
     whitening = channel @ _whitening(motion, scaled.covariance)
+    design = (
+        np.concatenate([motion.design, bend_design(motion, scaled.offset_mm)], axis=2) if bending else motion.design
+    )
     return Block(
         time=time_s[used] / float(np.median(np.diff(time_s))),
         heading_rad=scaled.pose[used, 2],
         residual=np.einsum("nij,nj->ni", whitening, motion.residual_mm)[used],
-        design=(whitening @ motion.design)[used],
+        design=(whitening @ design)[used],
     )
 
 

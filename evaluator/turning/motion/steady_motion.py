@@ -82,6 +82,37 @@ def moved(motion: SteadyMotion, step: Array) -> tuple[Array, Array]:
     return start, twist / np.linalg.norm(twist)
 
 
+def bend_design(motion: SteadyMotion, offset_mm: Array) -> Array:
+    """Derivative (n, 2, 2) of the prediction by a change of curvature along the path, in rad per mm of parameter.
+
+    offset_mm: place of the motion's point in the body frame; the curvature is that of the body's centre.
+
+    The two columns are Legendre polynomials of first and second degree over the stretch: neither changes the mean
+    curvature. A turn dφ made at an earlier place moves a later pose crosswise, by dφ times the distance.
+    """
+    order = np.argsort(motion.along_mm, kind="stable")
+    along = motion.along_mm[order]
+    span = float(np.ptp(along)) or 1.0
+    share = 2 * (along - along[0]) / span - 1
+    length, turn = motion.length_mm, along * motion.twist[2] / motion.length_mm
+    velocity = np.array([motion.twist[0] + 1j * motion.twist[1]])
+    # Places of the motion as complex numbers, from parameter 0; its start drops out in the body frame.
+    rate = motion.twist[2] / length
+    place = velocity * along * np.exp(0.5j * turn) * np.sinc(rate * along / 2 / np.pi)
+    center = place - np.exp(1j * turn) * (offset_mm[0] + 1j * offset_mm[1])
+    columns = []
+    for primitive, bend in ((share**2 / 2, share), ((share**3 - share) / 2, (3 * share**2 - 1) / 2)):
+        turned = (primitive - primitive[0]) * span / 2
+        steps = np.diff(along, prepend=along[0])
+        weighed = bend * center
+        moment = np.cumsum(steps * (weighed + np.concatenate([weighed[:1], weighed[:-1]])) / 2)
+        shift = 1j * (place * turned - moment) * np.exp(-1j * turn)
+        columns.append(np.stack([shift.real, shift.imag, length * turned], axis=1) @ motion.across)
+    design = np.empty((len(along), 2, 2))
+    design[order] = np.stack(columns, axis=2)
+    return design
+
+
 def _solved(normal: Array, right: Array) -> Array:
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     return np.asarray(np.linalg.lstsq(normal / np.outer(scale, scale), right / scale, rcond=1e-13)[0] / scale)

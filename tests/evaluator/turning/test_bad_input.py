@@ -11,7 +11,7 @@ from evaluator.errors import InputError
 from evaluator.pose import poses_from_marks
 from evaluator.turning import Turning, measure_turning
 
-from .synthetic import GEOMETRY, arc_poses, marks_of, resting
+from .synthetic import GEOMETRY, arc_poses, marks_of, resting, winding_poses
 
 MARKS = ["green_x_mm", "green_y_mm", "yellow_x_mm", "yellow_y_mm"]
 
@@ -30,7 +30,7 @@ def test_recording_without_marks_has_no_radius_but_a_reason() -> None:
     camera = camera_above(size_px=(640, 480), focal_px=2000, distance_mm=150)
     turning = measure_turning(poses_from_marks(marks, GEOMETRY, camera))
     assert np.isnan(turning.radius_mm)
-    assert turning.radius_status == "0 frames with a pose; 8 are needed"
+    assert turning.radius_status == "0 frames with a pose; 8 are needed (green: absent)"
 
 
 @pytest.mark.parametrize("frames", [2, 5, 7, 8, 9, 12])
@@ -79,3 +79,48 @@ def test_recording_of_a_frozen_picture_is_at_rest() -> None:
     marks = circle()
     marks[MARKS] = marks.loc[0, MARKS].to_numpy(float)
     assert measured(marks).radius_status.startswith("at rest")
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [(1e-3, "look like m,"), (0.1, "look like cm,"), (1 / 25.4, "look like inches,"), (0.4, "2.5 times too near")],
+)
+def test_lengths_that_the_marks_belie_are_said_first_with_the_likely_unit(factor: float, said: str) -> None:
+    marks = circle()
+    marks[MARKS] *= factor
+    turning = measured(marks)
+    assert said in turning.radius_status
+    assert turning.summary() == turning.radius_status
+    assert np.isnan(turning.radius_mm)
+
+
+def test_lengths_in_pixels_are_recognised() -> None:
+    marks = circle()
+    marks[MARKS] = 40 * marks[MARKS] + 500
+    assert "look like px" in measured(marks).radius_status
+
+
+def test_marks_a_tenth_off_still_have_a_radius() -> None:
+    marks = circle()
+    marks[MARKS] *= 1.1
+    assert measured(marks).radius_status == "ok"
+
+
+def test_marks_in_one_place_have_no_heading() -> None:
+    marks = circle()
+    marks.loc[:149, MARKS[2:]] = marks.loc[:149, MARKS[:2]].to_numpy()
+    poses = poses_from_marks(marks, GEOMETRY)
+    assert not poses.measured[:150].any()
+    assert poses.status[0] == "both marks are in one place: no heading"
+    assert measure_turning(poses).radius_mm == pytest.approx(5.0, rel=1e-2)
+
+
+def test_wandering_within_noise_has_no_radius_of_kilometres() -> None:
+    """Of straight runs with a bow of 1 µm some are significant at 95 %; none has a radius."""
+    curvature = np.full(300, 3e-6)
+    found = [
+        measured(marks_of(winding_poses(curvature, 0.17), 0.003, np.random.default_rng(seed))) for seed in range(20)
+    ]
+    assert all(np.isnan(turning.radius_mm) for turning in found)
+    assert all(turning.radius_status.startswith("straight: curvature") for turning in found)
+    assert any(turning.curvature_low_per_mm > 0 for turning in found)

@@ -76,3 +76,11 @@ def test_runs_without_a_partner_or_a_result_are_not_compared() -> None:
     failed = runs_of(-33.0, -14.0, [np.nan], {"yaw_rate_deg_s": np.nan, "speed_mm_s": np.nan})
     assert compare_directions(pd.concat([runs_of(33.0, 14.0, [8.0], RIGHT), failed])).empty
     assert len(pool_runs(pd.concat([runs_of(33.0, 14.0, [8.0], RIGHT), failed]))) == 1
+
+
+def test_runs_of_one_command_that_disagree_have_no_common_radius() -> None:
+    (row,) = pool_runs(runs_of(33.0, 14.0, [7.8, 7.9, 15.77], RIGHT)).to_dict("records")
+    assert np.isnan(row["radius_mm"])
+    assert row["note"].startswith("runs disagree: radii from 7.8 to 15.77 mm")
+    both = pd.concat([runs_of(33.0, 14.0, [7.8], RIGHT), runs_of(33.0, 14.0, [7.8], LEFT)])
+    assert "they turn to both sides" in pool_runs(both)["note"][0]

@@ -1,0 +1,65 @@
+"""What the numbers of a run are worth, in one sentence: wrong lengths, a straight run, a radius that varies."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from evaluator.pose import Poses
+from evaluator.turning.motion.fit import TurnFit
+from evaluator.turning.sustained import Sustained
+
+OK = "ok"
+# Marks are put on a robot to some hundredths of a millimetre, a few percent of their distance at worst. Lengths that
+# are off by more than a fifth are of another unit, another gauge or another robot.
+SPACING_SHARE = 0.2
+UNITS_MM = {"m": 1000.0, "cm": 10.0, "inches": 25.4}
+PX_FAR = 50.0  # coordinates of an image reach farther than this and are not negative
+# A radius is given where its 95 % bounds are within a factor of three: the curvature is then known to four standard
+# uncertainties, and a straight run passes for a turn once in 16,000, not once in 20.
+LEAST_CERTAIN = 0.5
+LEAST_TURN_DEG = 1.0  # less turn is straight to the eye, and no calibration is good enough to call it an arc
+VARIES_SHARE = 0.05  # of the mean curvature: a standard deviation beyond is more than a steady turn has (phases.py)
+
+
+def spacing_fault(poses: Poses) -> str:
+    """Sentence on lengths that the distance of the marks belies, with the likely unit; "" where they can be right."""
+    ratio, _ = poses.spacing_ratio()
+    if poses.geometry is None or not np.isfinite(ratio) or abs(np.log(ratio)) < np.log1p(SPACING_SHARE):
+        return ""
+    nominal = poses.geometry.spacing_mm
+    found = f"the marks are {ratio * nominal:.4g} apart where robot.toml says {nominal:.4g} mm"
+    for unit, size_mm in UNITS_MM.items():
+        if abs(np.log(ratio * size_mm)) < np.log1p(SPACING_SHARE):
+            return f"wrong unit: {found}; lengths look like {unit}, not mm"
+    x, y = poses.x_mm[poses.measured], poses.y_mm[poses.measured]
+    if ratio > 1 and min(x.min(), y.min()) >= 0 and max(x.max(), y.max()) > PX_FAR:
+        return f"wrong unit: {found}; lengths look like px, not mm"
+    times = f"{ratio:.3g} times too far apart" if ratio > 1 else f"{1 / ratio:.3g} times too near"
+    return (
+        f"wrong scale: {found}, {times}; are the places of the marks in robot.toml, their height and the pitch of the "
+        "gauge right?"
+    )
+
+
+def straightness(fit: TurnFit) -> str:
+    """Why a run has no radius; "" where it has one. On the spot it has one, of zero."""
+    curvature, length = fit.curvature(), fit.motion.length_mm
+    text = (
+        f"straight: curvature {1000 * curvature.value:.3g} 1/m,"
+        f" 95 % from {1000 * curvature.low:.3g} to {1000 * curvature.high:.3g} 1/m"
+    )
+    nearest = min(abs(curvature.low), abs(curvature.high))
+    if curvature.straight or np.arctan(length * nearest) < LEAST_CERTAIN * np.arctan(length * abs(curvature.value)):
+        return text
+    turned = float(np.degrees(fit.motion.turn_rad))
+    return f"{text}; turns by {turned:.2g} degrees" if turned < LEAST_TURN_DEG else ""
+
+
+def variation(sustained: Sustained) -> str:
+    """Sentence on a radius that is no single one; "" where it is."""
+    if not sustained.varies:
+        return ""
+    share = abs(sustained.spread_per_mm / sustained.mean.value) if sustained.mean.value else np.inf
+    if share < VARIES_SHARE:
+        return ""
+    return f"varies: the curvature scatters by {100 * min(share, 9.99):.0f} % from stretch to stretch"

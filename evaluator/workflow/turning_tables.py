@@ -1,0 +1,212 @@
+"""Tables of marks measured one by one, by what is known of them: marks and robot, one mark, px, a ruler."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from evaluator.errors import InputError
+from evaluator.interchange.tracks import Tracks, read_points
+from evaluator.pose import MarkGeometry, poses_from_marks
+from evaluator.turning import measure_turning
+from evaluator.turning.path import PointPath, measure_path
+from evaluator.turning.phase_table import several_motions
+from evaluator.turning.pooling import pooled
+from evaluator.turning.repetitions import disagreement
+
+if TYPE_CHECKING:
+    from calibration.camera import Camera
+    from evaluator.robot_geometry import RobotGeometry
+
+Array = NDArray[np.float64]
+POINTED_PX = 1.0  # a person points at the end of a ruler to about a pixel
+SAME_RUN = 1.1  # commands are not known here: radii that differ by more than a tenth are different runs
+
+
+@dataclass(frozen=True)
+class Ruler:
+    """Two points of an image and the length between them: the scale of a plane seen straight from above."""
+
+    ends_px: tuple[float, float, float, float]
+    length_mm: float
+
+    @property
+    def mm_per_px(self) -> float:
+        """Size of a pixel. Raises InputError for a ruler without length."""
+        x1, y1, x2, y2 = self.ends_px
+        distance = float(np.hypot(x2 - x1, y2 - y1))
+        if not (np.isfinite(distance) and distance > POINTED_PX and np.isfinite(self.length_mm) and self.length_mm > 0):
+            raise InputError(
+                f"--scale-px {x1:g} {y1:g} {x2:g} {y2:g} --length-mm {self.length_mm:g}: no length; give two points of "
+                "the image that are apart and the millimetres between them"
+            )
+        return self.length_mm / distance
+
+    @property
+    def sigma(self) -> float:
+        """Relative standard uncertainty: both ends are pointed at to POINTED_PX."""
+        return float(np.sqrt(2) * POINTED_PX * self.mm_per_px / self.length_mm)
+
+
+@dataclass(frozen=True)
+class Request:
+    """How tables are to be read and measured; what is not known is None."""
+
+    robot: RobotGeometry | None = None
+    tracks: Tracks = field(default_factory=Tracks)
+    camera: Camera | None = None
+    ruler: Ruler | None = None
+    start_s: float | None = None
+    stop_s: float | None = None
+    left_rpm: float | None = None
+    right_rpm: float | None = None
+
+
+@dataclass(frozen=True)
+class MeasuredTable:
+    """What one table tells: its row of turning.csv, its phases, and lines for people, the most important first."""
+
+    row: dict[str, Any]
+    lines: tuple[str, ...]
+    phases: tuple[dict[str, float | str], ...] = ()
+
+
+def measure_table(path: Path, request: Request) -> MeasuredTable:
+    """Measure one table. Raises InputError where it cannot be read, or none of its frames can be measured."""
+    height = request.robot.height_mm if request.robot else 0.0
+    time, points, unit = read_points(path, request.tracks, request.camera, height)
+    lines: list[str] = []
+    scale_sigma = 0.0
+    if unit == "px" and request.ruler is not None:
+        points = {name: place * request.ruler.mm_per_px for name, place in points.items()}
+        unit, scale_sigma = "mm", request.ruler.sigma
+        lines.append(
+            f"scale from the ruler, known to {100 * scale_sigma:.2g} % (1 sigma); not in the intervals: a camera that "
+            "is not straight above, its lens, the height of the marks over the ruler"
+        )
+    elif request.ruler is not None:
+        raise InputError(f"{path}: holds lengths in {unit}; --scale-px is for columns in px")
+    head = {"run": path.stem, "left_rpm": request.left_rpm, "right_rpm": request.right_rpm}
+    pair = _pair(points, request.robot)
+    if pair is None:
+        row, said = _each_mark(path, time, points, unit, scale_sigma, request)
+        return MeasuredTable({**head, **row}, (*lines, *said))
+    assert request.robot is not None  # a pair is one of its marks
+    geometry = request.robot.of_pair(*pair)
+    marks = _table(path, time, {"green": points[pair[0]], "yellow": points[pair[1]]}, request)
+    if unit == "px":
+        per_px = _mm_per_px(path, marks, geometry)
+        marks = marks.drop(columns="time_s") * per_px
+        marks.insert(0, "time_s", time)
+        lines.append(
+            f"px: scale from the distance of the marks, {per_px:.4g} mm per px; not in the intervals: where the marks "
+            "really are, a camera that is not straight above, its lens"
+        )
+    poses = poses_from_marks(marks, geometry, request.camera)
+    if not poses.measured.any():
+        reasons, counts = np.unique(poses.status, return_counts=True)
+        raise InputError(f"{path}: no frame can be measured ({reasons[counts.argmax()]}); are both marks in it?")
+    found = measure_turning(
+        poses,
+        request.start_s,
+        request.stop_s,
+        shape=request.robot.shape,
+        left_rpm=request.left_rpm,
+        right_rpm=request.right_rpm,
+    )
+    if scale_sigma:
+        found = found.with_scale(scale_sigma)
+    phases = tuple({"run": path.stem, **row} for row in found.phase_rows())
+    if several_motions(found.phases):
+        lines += [_phase_line(row) for row in phases]
+    return MeasuredTable({**head, **found.to_row()}, (found.summary(), *lines), phases)
+
+
+def _phase_line(phase: dict[str, Any]) -> str:
+    radius = ""
+    if np.isfinite(phase["radius_mm"]):
+        low, high = phase["radius_low_mm"], phase["radius_high_mm"]
+        radius = f", radius {phase['radius_mm']:.4g} mm, 95 % from {low:.4g} to {high:.4g}"
+    speed = f", {phase['speed_mm_s']:.3g} mm/s" if np.isfinite(phase["speed_mm_s"]) else ""
+    when = f"{phase['start_s']:.2f} to {phase['stop_s']:.2f} s"
+    return f"{when}: {phase['kind']}{radius}, {phase['turned_deg']:.0f} degrees{speed}"
+
+
+def together(rows: Sequence[dict[str, Any]]) -> str:
+    """What repetitions have in common, in one sentence; "" for tables that are no repetitions of one run."""
+    table = pd.DataFrame(rows)
+    if "radius_mm" not in table:
+        return ""
+    turns = table[table["radius_mm"].notna()]
+    if len(turns) < 2:
+        return ""
+    if fault := disagreement(turns, SAME_RUN):
+        return f"not pooled, these are no repetitions: {fault}"
+    radius = pooled(turns["radius_mm"].to_numpy(float), turns["radius_random_mm"].to_numpy(float))
+    shared = radius.with_systematic(float(turns["radius_systematic_mm"].mean()))
+    return (
+        f"{radius.runs} repetitions: radius {radius.mean:.4f} mm, 95 % from {shared.low:.4f} to {shared.high:.4f}; "
+        f"scatter from run to run {radius.between:.2g} mm, of a single measurement {radius.within:.2g} mm"
+    )
+
+
+def _pair(points: dict[str, Array], robot: RobotGeometry | None) -> tuple[str, str] | None:
+    """Two marks of the robot that are in the table, of more the two farthest apart; None where there are no two."""
+    if robot is None:
+        return None
+    there = [name for name in robot.places_mm if name in points and np.isfinite(points[name]).all(axis=1).any()]
+    pairs = list(combinations(there, 2))
+    return max(pairs, key=lambda pair: robot.of_pair(*pair).spacing_mm) if pairs else None
+
+
+def _each_mark(
+    path: Path, time: Array, points: dict[str, Array], unit: str, scale_sigma: float, request: Request
+) -> tuple[dict[str, Any], list[str]]:
+    """The path of every mark by itself."""
+    paths: dict[str, PointPath] = {
+        name: measure_path(time, place, request.start_s, request.stop_s, scale_sigma)
+        for name, place in points.items()
+        if np.isfinite(place).all(axis=1).any()
+    }
+    if not paths:
+        raise InputError(f"{path}: no mark is in any frame")
+    why = "no robot.toml" if request.robot is None else "a single mark"
+    suffix = {"px": "px"}.get(unit, "mm")
+    row: dict[str, Any] = {"radius_status": f"{why}: paths of marks, no heading and no radius of the robot's centre"}
+    lines = [f"{name} mark: {found.summary(suffix)}" for name, found in paths.items()]
+    for name, found in paths.items():
+        row |= {f"{name}_radius_{suffix}": found.radius, f"{name}_radius_low_{suffix}": found.low}
+        row |= {f"{name}_radius_high_{suffix}": found.high, f"{name}_speed_{suffix}_s": found.speed}
+        row |= {f"{name}_turned_deg": found.turned_deg, f"{name}_radius_status": found.status}
+    return row, [*lines, str(row["radius_status"])]
+
+
+def _table(path: Path, time: Array, points: dict[str, Array], request: Request) -> pd.DataFrame:
+    """Marks table of two marks; with all that turnscope's own tracker knows of them where it wrote the file."""
+    from evaluator.interchange.tracks import program_of
+    from evaluator.marks import COLUMNS, read_marks
+
+    if program_of(path) == "turnscope" and request.tracks.unit in (None, "mm"):
+        table = read_marks(path, ("time_s",))
+        if set(COLUMNS) <= set(table):
+            return table
+    table = pd.DataFrame({"time_s": time})
+    for name, place in points.items():
+        table[[f"{name}_x_mm", f"{name}_y_mm"]] = place
+    return table
+
+
+def _mm_per_px(path: Path, marks: pd.DataFrame, geometry: MarkGeometry) -> float:
+    green, yellow = (marks[[f"{name}_x_mm", f"{name}_y_mm"]].to_numpy(float) for name in ("green", "yellow"))
+    distance = np.hypot(*(green - yellow).T)
+    usual = float(np.median(distance[np.isfinite(distance)])) if np.isfinite(distance).any() else 0.0
+    if not usual > 0:
+        raise InputError(f"{path}: both marks are in one place: their distance gives no scale")
+    return geometry.spacing_mm / usual
