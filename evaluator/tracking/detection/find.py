@@ -28,6 +28,7 @@ SAME = 1.25  # blobs of two levels are one where their radii differ by less, and
 UNUSUAL = ((0.0, 0.0, 2.0), (1.0, 15.0, 4.0), (0.0, 15.0, 6.0))
 SAMPLE = 1 << 14  # cells that medians are taken of: known to a hundredth of their spread
 GOOD = -4.0  # log-likelihood of two blobs that look like marks (98 % of pairs that are): nothing unusual is tried
+STRIPE = 6.0  # longer than a sticker, or a disc smeared by twice its diameter, is
 UNSEEN = 30.0  # as bad as a mark can score, and more
 
 
@@ -225,7 +226,7 @@ def _known(blob: Candidate, blobs: list[Candidate]) -> bool:
 def _fits(blob: Candidate, mark: MarkSettings) -> bool:
     if mark.diameter_px is not None and not 0.6 < 2 * blob.radius_px / mark.diameter_px < 1.7:
         return False
-    return blob.elongation < 3.0  # a disc smeared by twice its diameter; longer is a stripe
+    return blob.elongation < STRIPE
 
 
 def _blobs(name: str, colors: ColorMap, cells: NDArray[np.intp]) -> list[Candidate]:
