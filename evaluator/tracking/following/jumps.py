@@ -22,7 +22,7 @@ AROUND = 10  # steps on either side that tell how fast a mark is there
 FASTER, SHARE, LEAST_PX = 1.8, 0.35, 1.5
 STILL, MOVING_PX = 0.25, 0.5  # of the usual step: standing; a usual step that standing can be told from
 # Frames that a jump must be worth: a robot that was carried elsewhere is followed there, a residue of half a second is
-# not. What stands still counts a third: residue stands, robots seldom do where their track jumps.
+# not. Where some pieces move, those that stand count a third, all together up to half a jump: residue stands.
 JUMP, STANDING = 15.0, 1.0 / 3.0
 
 
@@ -47,7 +47,7 @@ def off_course(time_s: Array, centers_px: Array, radius_px: float) -> NDArray[np
         return wrong
     still = (steps < STILL * usual) & (usual > MOVING_PX)
     pieces = _pieces(jumps, still)
-    kept = _likeliest(pieces, time_s[seen], centers_px[seen], usual / float(np.median(np.diff(time_s))), room, still)
+    kept = _likeliest(pieces, time_s[seen], centers_px[seen], usual / float(np.median(np.diff(time_s))), room)
     for k, piece in enumerate(pieces):
         if k not in kept:
             wrong[seen[piece]] = True
@@ -91,16 +91,19 @@ def _pieces(jumps: NDArray[np.bool_], still: NDArray[np.bool_]) -> list[slice]:
     return [slice(first, last) for first, last in pairwise(ordered)]
 
 
-def _likeliest(
-    pieces: list[slice], time_s: Array, centers_px: Array, usual_px_s: Array, room: float, still: NDArray[np.bool_]
-) -> set[int]:
+def _worth(pieces: list[slice], centers_px: Array, room: float) -> Array:
+    """Frames that each piece counts for."""
+    counts = np.array([piece.stop - piece.start for piece in pieces], float)
+    stands = np.array([float(np.ptp(centers_px[piece], axis=0).max()) < room for piece in pieces])
+    if stands.all():
+        return counts
+    standing = np.where(stands, STANDING * counts, 0.0)
+    return np.where(stands, standing * min(1.0, JUMP / 2.0 / max(standing.sum(), 1e-9)), counts)
+
+
+def _likeliest(pieces: list[slice], time_s: Array, centers_px: Array, usual_px_s: Array, room: float) -> set[int]:
     """Pieces on the course of one body: most frames, less JUMP for every jump between them."""
-    worth = np.zeros(len(pieces))
-    for k, piece in enumerate(pieces):
-        rest = still[piece.start : max(piece.stop - 1, piece.start)]
-        count = piece.stop - piece.start
-        alone = count == 1 or (len(rest) > 0 and bool(rest.all()))
-        worth[k] = count * (STANDING if alone else 1.0)
+    worth = _worth(pieces, centers_px, room)
     best, before = worth.copy(), np.full(len(pieces), -1)
     for k, piece in enumerate(pieces):
         for j in range(max(k - 30, 0), k):

@@ -47,6 +47,22 @@ def test_a_robot_that_was_carried_elsewhere_is_followed_there() -> None:
     assert not off_course(TIMES, points, RADIUS).any()
 
 
+def test_a_spot_where_something_is_found_while_the_mark_is_out_of_view_is_off_its_course() -> None:
+    points = circle()
+    points[:50], points[62:] = [230.0, 30.0], [230.0, 30.0]
+    wrong = off_course(TIMES, points, RADIUS)
+    assert wrong[:50].all()
+    assert wrong[62:].all()
+    assert not wrong[50:62].any()
+
+
+def test_a_thing_at_rest_that_is_put_elsewhere_rests_there() -> None:
+    points = np.full((120, 2), [40.0, 60.0]) + np.random.default_rng(1).normal(0, 0.05, (120, 2))
+    points[60:] += 90.0
+    points[20] += 30.0
+    assert np.flatnonzero(off_course(TIMES, points, RADIUS)).tolist() == [20]
+
+
 def test_a_gap_in_the_recording_is_no_jump() -> None:
     times = TIMES.copy()
     times[60:] += 0.5
