@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 Examples:
   turnscope track r01.mp4 --camera camera.json -o r01.csv
   turnscope track r01.mp4 --settings tracking.toml -o r01.csv --overlay r01-marks.mp4 --sheet doubtful.png
+  turnscope track r01.mp4 -o r01.csv --explain search.png
   turnscope track images/ --rate 60 -o r02.csv"""
 )
 @click.argument("video", type=click.Path())  # text: an address is not a path
@@ -41,6 +42,9 @@ Examples:
 @click.option("--corrections", type=PATH, help='CSV of corrections by hand: frame, mark, x, y or "absent".')
 @click.option("--overlay", type=PATH, help="Video to write with all that was measured drawn on it.")
 @click.option("--sheet", type=PATH, help="PNG to write with the frames to look at twice.")
+@click.option(
+    "--explain", type=PATH, help="PNG to write with what the search saw: colors, blobs, and why each was refused."
+)
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
 def track(
     video: str,
@@ -54,6 +58,7 @@ def track(
     corrections: Path | None,
     overlay: Path | None,
     sheet: Path | None,
+    explain: Path | None,
     quiet: bool,
 ) -> None:
     """Track the marks of VIDEO: their centres with standard uncertainties, frame by frame.
@@ -68,6 +73,7 @@ def track(
     from evaluator.recording import open_recording
     from evaluator.tracking import TrackingSettings, correct, load_settings, place_on_plate, read_corrections
     from evaluator.tracking import track as track_recording
+    from evaluator.wording import counted
 
     wanted = read_with(load_settings, settings) if settings else TrackingSettings()
     by_hand = read_corrections(corrections) if corrections else None
@@ -85,11 +91,16 @@ def track(
     if not quiet:
         for note in recording.report().notes:
             click.echo(f"note: {video}: {note}", err=True)
+    if explain is not None:
+        from evaluator.report.search_sheet import write_search_sheet
+
+        write_search_sheet(recording, table, wanted, explain)
     counts = {name: int(table[f"{name}_x_px"].notna().sum()) for name in wanted.mark}
     if not any(counts.values()):
         raise InputError(
-            f"{video}: no mark was found in any of {_frames(len(table))}; "
-            "say their color, diameter_px and region_px in a tracking.toml (--settings)"
+            f"{video}: no mark was found in any of {counted(len(table), 'frame')}; "
+            + ("see what the search saw with --explain search.png, and " if explain is None else f"see {explain}, and ")
+            + "say their color, diameter_px and region_px in a tracking.toml (--settings)"
         )
     if seen_by is not None and height_mm is not None:
         table = place_on_plate(table, seen_by, height_mm)
@@ -97,7 +108,7 @@ def track(
     _write_pictures(recording, table, overlay, sheet, _drawing(table, seen_by, robot) if overlay else None, quiet=quiet)
     if not quiet:
         shares = ", ".join(f"{name} in {100 * count / len(table):.1f} %" for name, count in counts.items())
-        click.echo(f"{output}: {_frames(len(table))}; {shares}")
+        click.echo(f"{output}: {counted(len(table), 'frame')}; {shares}")
 
 
 def _write_pictures(
@@ -112,6 +123,7 @@ def _write_pictures(
     """Write the overlay video and the contact sheet that were asked for."""
     from evaluator.cli.progress import progress_bar
     from evaluator.report.overlay import write_contact_sheet, write_overlay
+    from evaluator.wording import counted
 
     if overlay is not None:
         with progress_bar(f"drawing {overlay.name}", quiet=quiet) as progress:
@@ -119,11 +131,11 @@ def _write_pictures(
     if sheet is not None:
         shown = write_contact_sheet(recording, table, sheet)
         if not quiet:
-            click.echo(f"{sheet}: {_frames(shown, 'doubtful ')}" if shown else "no doubtful frames: no sheet written")
-
-
-def _frames(count: int, kind: str = "") -> str:
-    return f"{count} {kind}frame{'s' * (count != 1)}"
+            click.echo(
+                f"{sheet}: {counted(shown, 'doubtful mark')} to look at"
+                if shown
+                else "no doubtful mark: no sheet written"
+            )
 
 
 def _height(robot: str) -> float:

@@ -9,6 +9,8 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
+from evaluator.wording import counted, verb
+
 
 @dataclass(frozen=True)
 class TimingReport:
@@ -81,9 +83,13 @@ def summarise(ticks: Sequence[int], tick: Fraction, duplicates: Sequence[int], n
         said.append("the frame rate varies; every frame keeps its own time")
     elif dropped:
         missing = sum(count for _, count in dropped)
-        said.append(f"{missing} frames are missing in {len(dropped)} gaps, the first before frame {dropped[0][0]}")
+        said.append(
+            f"{counted(missing, 'frame')} {verb(missing, 'is', 'are')} missing in {counted(len(dropped), 'gap')},"
+            f" the first before frame {dropped[0][0]}"
+        )
     if duplicates:
-        said.append(f"{len(duplicates)} frames equal the one before, the first is frame {duplicates[0]}")
+        equal, first = verb(len(duplicates), "equals", "equal"), duplicates[0]
+        said.append(f"{counted(len(duplicates), 'frame')} {equal} the one before, the first is frame {first}")
     return TimingReport(
         frames=len(ticks),
         first=ticks[0] * tick if ticks else None,

@@ -17,6 +17,7 @@ from evaluator.recording.groups import LONGEST, Groups
 from evaluator.recording.layout import Layout
 from evaluator.recording.parallel import decoded, decoders_for, glanced, groups_for, threads_for
 from evaluator.recording.timing import TimingReport, clock_runs, in_order, summarise
+from evaluator.wording import counted, verb
 
 # Frames looked at for torn edges: four seconds, by when a robot has moved; of large frames those that take so much
 # memory (their luma), for they are held: cameras that do not say that they weave fields have small ones.
@@ -238,12 +239,16 @@ class Recording:
         if self._standing > count:
             raise InputError(
                 f"{self.name}: presentation times stand still or run backwards in {self._standing} of"
-                f" {self._standing + count} frames; record it anew, or write it into a container with a frame rate"
+                f" {counted(self._standing + count, 'frame')};"
+                " record it anew, or write it into a container with a frame rate"
             )
         if self._standing:
-            self._notes.append(f"{self._standing} frames are left out: their times are not after those before them")
+            left_out = f"{counted(self._standing, 'frame')} {verb(self._standing, 'is', 'are')} left out"
+            self._notes.append(f"{left_out}: their times are not after those before them")
         if self.expected_frames > count + self._standing:
-            self._notes.append(f"the file promises {self.expected_frames} frames but only {count} could be decoded")
+            self._notes.append(
+                f"the file promises {counted(self.expected_frames, 'frame')} but only {count} could be decoded"
+            )
 
     def report(self) -> TimingReport:
         """Sum up the times of the frames decoded in the last iteration."""

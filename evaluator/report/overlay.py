@@ -120,7 +120,7 @@ def draw_frame(frame: Frame, table: pd.DataFrame, row: int, drawing: Drawing) ->
 
 
 def write_contact_sheet(recording: Iterable[Frame], table: pd.DataFrame, path: Path, most: int = 24) -> int:
-    """Write a PNG of enlarged cut-outs of the most doubtful frames; returns how many there are (none: no file).
+    """Write a PNG of enlarged cut-outs of the most doubtful frames; returns the number of cut-outs (none: no file).
 
     Doubtful: a mark is absent, or its uncertainty is far above what is usual. Neighbouring frames stand for each
     other.
@@ -145,7 +145,7 @@ def doubtful(table: pd.DataFrame, most: int) -> list[tuple[int, str]]:
     """Rows and marks to look at twice, the most doubtful of each stretch of frames, in the order of time."""
     found: list[tuple[float, int, str]] = []
     for name in mark_names(table):
-        sigma = np.hypot(*table[[f"{name}_x_sigma_px", f"{name}_y_sigma_px"]].to_numpy(float).T)
+        sigma = _sigma(table, name)
         usual = np.nanmedian(sigma) if np.isfinite(sigma).any() else 1.0
         doubt = np.where(np.isfinite(sigma), sigma / usual, 100.0)
         rows = np.flatnonzero(doubt > 2.5)
@@ -154,6 +154,19 @@ def doubtful(table: pd.DataFrame, most: int) -> list[tuple[int, str]]:
                 worst = int(stretch[np.argmax(doubt[stretch])])
                 found.append((float(doubt[worst]) * len(stretch) ** 0.5, worst, name))
     return sorted((row, name) for _, row, name in sorted(found, reverse=True)[:most])
+
+
+def _sigma(table: pd.DataFrame, name: str) -> Array:
+    """Uncertainty of a mark in each frame, both axes together, px; NaN where it is absent."""
+    return np.asarray(np.hypot(*table[[f"{name}_x_sigma_px", f"{name}_y_sigma_px"]].to_numpy(float).T))
+
+
+def why_doubtful(table: pd.DataFrame, name: str, row: int) -> str:
+    """Why a frame is on the sheet: the reason why the mark is absent, or how uncertain it is."""
+    sigma = _sigma(table, name)
+    if not np.isfinite(sigma[row]):
+        return str(table[f"{name}_status"].iloc[row])
+    return f"sigma {sigma[row]:.2g} px, usually {np.nanmedian(sigma):.2g}"
 
 
 def _wanted(
@@ -181,9 +194,9 @@ def _tile(frame: Frame, table: pd.DataFrame, name: str) -> Picture:
     ).astype(np.uint8)
     if np.isfinite(points[row]).all():
         _cross(tile, np.full(2, side * zoom / 2), color_of(name), 14, 1)
-    status = str(table[f"{name}_status"].iloc[row])
-    _write(tile, f"{frame.index}: {table['time_s'].iloc[row]:.3f} s", (6, 16), 0.9, INK)
-    _write(tile, f"{name}: {status}", (6, side * zoom - 8), 0.9, INK if status == "ok" else WARNING)
+    _write(tile, f"frame {frame.index}: {table['time_s'].iloc[row]:.3f} s", (6, 16), 0.9, INK)
+    _write(tile, f"{name}:", (6, side * zoom - 22), 0.9, WARNING)
+    _write(tile, why_doubtful(table, name, row), (6, side * zoom - 8), 0.9, WARNING)
     tile[:, -1], tile[-1] = 60, 60
     return tile
 

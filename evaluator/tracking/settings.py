@@ -37,6 +37,11 @@ class MarkSettings(Table):
         _check_box("region_px", self.region_px)
         return self
 
+    @property
+    def said(self) -> bool:
+        """Whether the settings say its colour by numbers, rather than by a name."""
+        return self.hue_deg is not None or (self.color or "").startswith("#")
+
     def hue_range(self, name: str) -> tuple[float, float]:
         """Hues this mark may have; name: of the mark, whose colour is the default."""
         if self.hue_deg is not None:

@@ -28,6 +28,8 @@ SAME = 1.25  # blobs of two levels are one where their radii differ by less, and
 UNUSUAL = ((0.0, 0.0, 2.0), (1.0, 15.0, 4.0), (0.0, 15.0, 6.0))
 SAMPLE = 1 << 14  # cells that medians are taken of: known to a hundredth of their spread
 GOOD = -4.0  # log-likelihood of two blobs that look like marks (98 % of pairs that are): nothing unusual is tried
+STRIPE = 6.0  # longer than a sticker, or a disc smeared by twice its diameter, is
+SMALLEST_RATIO, LARGEST_RATIO = 0.6, 1.7  # of a blob's diameter over diameter_px: about, as thresholds tell it
 UNSEEN = 30.0  # as bad as a mark can score, and more
 
 
@@ -56,10 +58,11 @@ def cell_of(frame: Frame) -> tuple[int, int]:
     return -(-frame.luma.shape[1] // frame.u.shape[1]), -(-frame.luma.shape[0] // frame.u.shape[0])
 
 
-def color_map(frame: Frame, allowed: NDArray[np.bool_], balance: float = 1.0) -> ColorMap:
+def color_map(frame: Frame, allowed: NDArray[np.bool_], balance: float = 1.0, share_of_floor: float = 1.0) -> ColorMap:
     """Balance a frame's colours.
 
     allowed: (rows, columns) of the colour planes, where to look. balance: share of the plate's tint that the lamp has.
+    share_of_floor: from which cells count as colourful.
     """
     assert frame.u is not None
     assert frame.v is not None
@@ -78,7 +81,7 @@ def color_map(frame: Frame, allowed: NDArray[np.bool_], balance: float = 1.0) ->
     typical = chroma[sample]
     spread = float(np.median(np.abs(typical - np.median(typical)))) * 1.4826
     floor = max(float(np.median(typical)) + 6 * spread, 14.0)
-    colorful = np.flatnonzero(chroma > floor)
+    colorful = np.flatnonzero(chroma > share_of_floor * floor)
     cells = np.unravel_index(colorful, chroma.shape)
     hue = _hue(_rgb(to_rgb, luma[cells], frame.u[cells], frame.v[cells]))
     cell = float(across), float(down * frame.row_step)
@@ -156,6 +159,10 @@ def find_marks(
     """The likeliest blob of each of the named marks, as far as there is one; and all blobs of the usual colours."""
     found = candidates(frame, settings, names)
     best, most = choose(found, settings)
+    unseen = [name for name in names if name not in best and settings.mark[name].said]
+    if unseen:
+        # Who says a colour has read it off the image as it is: hues mean what they do without white balance, then.
+        best |= choose(candidates(frame, settings, unseen, balance=0.0), settings)[0]
     if len(names) == 1 or (len(best) == len(names) and most > GOOD):
         return best, found
     most -= UNSEEN * (len(names) - len(best))
@@ -202,7 +209,7 @@ def candidates(
             cells, chroma = cells[chroma > level], chroma[chroma > level]
             if not len(cells):
                 break
-            blobs += [one for one in _blobs(name, colors, cells) if _fits(one, mark) and not _known(one, blobs)]
+            blobs += [one for one in blobs_of(name, colors, cells) if _fits(one, mark) and not _known(one, blobs)]
         found += sorted(blobs, key=lambda blob: -blob.chroma * min(blob.radius_px, 3.0))[:limit]
     return found
 
@@ -223,12 +230,12 @@ def _known(blob: Candidate, blobs: list[Candidate]) -> bool:
 
 
 def _fits(blob: Candidate, mark: MarkSettings) -> bool:
-    if mark.diameter_px is not None and not 0.6 < 2 * blob.radius_px / mark.diameter_px < 1.7:
+    if mark.diameter_px is not None and not SMALLEST_RATIO < 2 * blob.radius_px / mark.diameter_px < LARGEST_RATIO:
         return False
-    return blob.elongation < 3.0  # a disc smeared by twice its diameter; longer is a stripe
+    return blob.elongation < STRIPE
 
 
-def _blobs(name: str, colors: ColorMap, cells: NDArray[np.intp]) -> list[Candidate]:
+def blobs_of(name: str, colors: ColorMap, cells: NDArray[np.intp]) -> list[Candidate]:
     """Blobs that some cells, counted along the rows, make up."""
     y, x = np.divmod(cells, colors.chroma.shape[1])
     first_x, first_y = int(x.min()), int(y.min())

@@ -10,11 +10,14 @@ from evaluator.recording import Frame
 from evaluator.tracking.detection import color_kernels
 from evaluator.tracking.detection.find import allowed_cells
 from evaluator.tracking.following.follow import Follower
+from evaluator.tracking.following.follow_blob import BlobFollower
 from evaluator.tracking.settings import TrackingSettings
 
 Array = NDArray[np.float64]
 
 
+# Longer side over shorter one of a bounding box: discs, whose threshold grows them by their blur; oblong stickers.
+ROUND, OBLONG = 3.0, 8.0
 WEAKER = 0.5  # of the usual least chroma: a blurred mark is weaker at its rim
 
 
@@ -28,9 +31,12 @@ class Search:
         self._allowed = {name: allowed_cells(frame, settings, mark) for name, mark in settings.mark.items()}
         self._mask = np.zeros(frame.u.shape, np.uint8)
 
-    def places(self, name: str, frame: Frame, follower: Follower, light: float) -> list[tuple[float, float]]:
+    def places(
+        self, name: str, frame: Frame, follower: Follower | BlobFollower, light: float
+    ) -> list[tuple[float, float]]:
         """Centres of the blobs that may be the mark, likeliest size first; light: of what there was."""
         color, area, cell = follower.color, follower.look.area_px2, self._cell
+        longest = OBLONG if isinstance(follower, BlobFollower) else ROUND
         count, top, bottom, left, right = color_kernels.color_scan(
             frame.u, frame.v, self._allowed[name], color, min(WEAKER, light) * color[4], self._mask
         )
@@ -43,8 +49,7 @@ class Search:
         for label in range(1, number):
             size = stats[label, cv2.CC_STAT_AREA] * cell_area / area
             wide, high = stats[label, cv2.CC_STAT_WIDTH] * cell[0], stats[label, cv2.CC_STAT_HEIGHT] * cell[1]
-            # The lower threshold grows a blob by its blur; a bounding box far from square is no disc.
-            if 0.35 < size < 3.0 and max(wide, high) < 3.0 * min(wide, high):
+            if 0.35 < size < 3.0 and max(wide, high) < longest * min(wide, high):
                 x, y = centers[label]
                 place = float(cell[2] + cell[0] * (left + x)), float(cell[3] + cell[1] * (top + y))
                 found.append((abs(np.log(size)), place))

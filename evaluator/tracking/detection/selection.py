@@ -11,6 +11,7 @@ from evaluator.tracking.settings import MarkSettings, TrackingSettings
 
 # Spread of the logarithm of a pair's distance in diameters: of one robot, as coloured blobs show it; of all robots.
 SAID, OTHER = 0.05, 0.2
+OBLONG = -2.0  # log odds of a mark that is a sticker of any shape, not a disc
 # Log-likelihood by which two pairs of the same geometry differ: blobs are 2 % uncertain (0.1), light 10 % uneven (0.4).
 ALIKE = 0.7
 
@@ -67,7 +68,8 @@ def alike(found: list[Candidate], settings: TrackingSettings) -> list[dict[str, 
 
 def _own_score(one: Candidate, mark: MarkSettings, strongest: float) -> float:
     """Log-likelihood, up to a constant, of a blob being a mark; spreads are those of real marks."""
-    score = -0.5 * (np.log(one.elongation) / 0.3) ** 2 + 2.0 * np.log(one.chroma / strongest)
+    round_or_not = np.logaddexp(-0.5 * (np.log(one.elongation) / 0.3) ** 2, OBLONG)
+    score = round_or_not + 2.0 * np.log(one.chroma / strongest)
     if mark.diameter_px is not None:
         score -= 0.5 * (np.log(2 * one.radius_px / mark.diameter_px) / 0.15) ** 2
     elif one.radius_px > 3:

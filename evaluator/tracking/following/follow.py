@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from evaluator.recording import Frame
 from evaluator.tracking.detection import color_kernels
 from evaluator.tracking.detection.appearance import SOFTNESS, Appearance, patch_of
+from evaluator.tracking.following.motion import Motion, Point, beyond
 from evaluator.tracking.observation import ABSENT, OK, Sighting
 from evaluator.tracking.refinement import fast_path, kernels
 from evaluator.tracking.refinement.learn_shape import Patch
@@ -19,7 +20,6 @@ from evaluator.tracking.refinement.slow_path import Closer
 from evaluator.tracking.uncertainty.rim import Rim, rim_power
 
 Array = NDArray[np.float64]
-Point = tuple[float, float]
 # A disturbance that looked just like a shift would move the centre by √pixels times its own share of the noise; real
 # ones (wires, glare, shadows) reach a third of that.
 LIKENESS = 0.11
@@ -36,12 +36,11 @@ RELEARN_AT = (60, 240)  # frames in which a mark was seen: a second and four sec
 
 
 @dataclass
-class Follower:
-    """Where one mark was last and how it moves.
+class Follower(Motion):
+    """Where one disc was last and how it moves.
 
-    look: what it looks like. exposure: share of the interval that the shutter is open, None to learn it. position,
-    velocity: px and px/s at time_s (the mean since the frame before), None while never seen. missed: frames since
-    it was measured. turn_rad_s: how fast a velocity turns that smears the mark.
+    look: what it looks like. exposure: share of the interval that the shutter is open, None to learn it. turn_rad_s:
+    how fast a velocity turns that smears the mark.
     """
 
     look: Appearance
@@ -86,17 +85,6 @@ class Follower:
         self.take_look(look)
         self._usual[[fast_path.U_AMPLITUDE, fast_path.U_BASE]] = level
         self._noise[0] = max(noise, self._usual[fast_path.U_LEAST_NOISE])
-
-    def predicted(self, time_s: float) -> Point | None:
-        """Where the mark should be at a time, at constant velocity."""
-        if self.position is None:
-            return None
-        lapse = time_s - self.time_s
-        return self.position[0] + self.velocity[0] * lapse, self.position[1] + self.velocity[1] * lapse
-
-    def step_px(self, interval_s: float) -> float:
-        """How far the mark moves in an interval, along both axes together."""
-        return (abs(self.velocity[0]) + abs(self.velocity[1])) * interval_s
 
     def _turned(self, velocity: Point, lapse_s: float) -> Point:
         """Velocity after a lapse, turned on as it turned last: on a curve no smear along the last step fits."""
@@ -152,7 +140,7 @@ class Follower:
             self._noise, self._start, self._found, result,
         )  # fmt: skip
         if verdict == fast_path.TOO_LITTLE:
-            return ABSENT["outside the image" if self._found[color_kernels.CLIPPED] > 0.2 else "not seen"]
+            return ABSENT["outside the image" if beyond(frame, place, self.radius_px) else "not seen"]
         lookout = self._closer.begin(frame)
         if verdict == fast_path.WELL and not lookout:
             return self._measured(frame)
@@ -271,18 +259,11 @@ class Follower:
 
     def accept(self, sighting: Sighting, time_s: float) -> None:
         """Take over a measurement, or count a miss."""
-        if sighting.status != OK:
-            self.missed += 1
-            return
-        lapse = time_s - self.time_s
-        if self.position is not None and self.missed == 0 and lapse > 0:
-            before = self.velocity
-            self.velocity = (sighting.x - self.position[0]) / lapse, (sighting.y - self.position[1]) / lapse
+        before, lapse = self.velocity, time_s - self.time_s
+        if self.move(sighting, time_s):
             self.turn_rad_s = self._turn(before, lapse)
-        elif self.missed > 3:
-            self.velocity = (0.0, 0.0)
-        self.position, self.time_s, self.missed = (sighting.x, sighting.y), time_s, 0
-        fast_path.settle(self._usual, self._noise, self.color, self._found, self._result)
+        if sighting.status == OK:
+            fast_path.settle(self._usual, self._noise, self.color, self._found, self._result)
 
     def _turn(self, before: Point, lapse_s: float) -> float:
         """How fast the velocity has turned since the one before, rad/s; 0 where the mark is slow, starts or stops."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -13,8 +13,12 @@ from evaluator.tracking.detection.find import allowed_cells, cell_of, find_marks
 from evaluator.tracking.detection.lookalikes import Rivals
 from evaluator.tracking.detection.search import Search
 from evaluator.tracking.detection.selection import Candidate
-from evaluator.tracking.following.follow import RELEARN_AT, Array, Follower, Point
+from evaluator.tracking.following.equal_discs import agree
+from evaluator.tracking.following.follow import RELEARN_AT, Array, Follower
+from evaluator.tracking.following.follow_blob import BlobFollower, start_blob
+from evaluator.tracking.following.motion import Point
 from evaluator.tracking.following.pair import PAIR, Body
+from evaluator.tracking.following.shape import OBLONG, try_blob
 from evaluator.tracking.observation import ABSENT, OK, REPEATED, Sighting
 from evaluator.tracking.refinement.disc import Disc, shaped_as
 from evaluator.tracking.refinement.learn_shape import Steps, finished
@@ -24,15 +28,11 @@ STEPS = 1  # of learning a shape anew, a frame: 1 ms on a mark of 20 px radius
 LEARNING_FRAMES = 12  # frames a shape is learnt from; more do not improve the centre: shape and centre are orthogonal
 # Light is measured in every second frame at first, then in every sixteenth: it belongs to the place, not to the time.
 SHADING_MASK, SHADED, RARELY_MASK = 1, 512, 15
-UNEQUAL = 0.08  # radii of equal marks differ by less: halation of a brighter mark, learning from noisy frames
-UNEQUAL_NOISE = 4.0  # and so does their noise: light and codec treat them alike
-UNEQUAL_SLANT = 0.02  # and they are slanted alike: a rim that something cuts looks slanted alone
-MORE_COVERED = 0.05  # of its information, from which a mark tells less of its shape than its partner
-DAZZLED = 2.0  # noise over squared contrast of one over the other; by their colours alone they differ by less
 NEAR_MISSES = 8  # frames for which a lost mark is sought first where it was going to
 DARKEST = 0.2  # of the light there was: below that, marks that can still be told are found as never seen before
 LIGHT_MASK = 7  # light is looked at in every eighth frame
 PATIENCE = 30  # frames to wait for both marks of a pair before following one alone
+DISCLESS = 3  # frames that show a mark's colour, but no disc, before it is followed without one
 STILL_PX = 0.3  # a mark that moves less a frame rests, and a codec may well repeat its frame
 NOT_SEEN, AGAIN, AMBIGUOUS = ABSENT["not seen"], ABSENT[REPEATED], ABSENT["ambiguous"]
 
@@ -44,7 +44,10 @@ class Tracker:
         """Start with nothing learnt."""
         self.settings = settings
         self.names = list(settings.mark)
-        self.followers: dict[str, Follower] = {}
+        self.followers: dict[str, Follower | BlobFollower] = {}
+        self._starts: dict[str, tuple[int, BlobFollower]] = {}  # where each was found first, as if it were no disc
+        self._discless = dict.fromkeys(self.names, 0)  # frames in which its colour was found, but no disc
+        self._settled = False  # whether the first frames have told which marks are discs
         self.cell: Array = np.zeros(4)
         self.interval_s = 1.0 / 60.0
         self._time_s: float | None = None
@@ -71,6 +74,7 @@ class Tracker:
             held.append((frame, sightings))
             if len(held) == LEARNING_FRAMES:
                 break
+        self._choose_shapes(held)
         self._refine(held)
         for frame, sightings in held:
             yield frame, [self._again(name, frame, one) for name, one in zip(self.names, sightings, strict=True)]
@@ -110,13 +114,18 @@ class Tracker:
         """Gather what is learnt on the way: shape from more places, light; give up what never fitted anything."""
         follower = self.followers[name]
         if one.status == OK:
+            if isinstance(follower, BlobFollower):
+                return
             follower.keep_view(frame)
             if follower.seen in RELEARN_AT and follower.views and follower.looks_changed():
                 views = follower.views[:: -(-len(follower.views) // LEARNING_FRAMES)]
                 self._lessons.append((follower, learn_shape(views, follower.radius_px, follower.look.disc.blur_px)))
             if not frame.index & (SHADING_MASK if follower.seen < SHADED else RARELY_MASK):
                 follower.note_light(frame)
-        elif follower.missed > PATIENCE and follower.seen < LEARNING_FRAMES:
+        elif (
+            follower.missed > (PATIENCE if isinstance(follower, Follower) else NEAR_MISSES)
+            and follower.seen < LEARNING_FRAMES
+        ):
             del self.followers[name]
 
     def _prepare(self, frame: Frame) -> None:
@@ -128,7 +137,7 @@ class Tracker:
         self._search = Search(frame, self.settings, self.cell)
         self._shape = frame.luma.shape
 
-    def _followed(self, follower: Follower | None, frame: Frame, time_s: float) -> Sighting:
+    def _followed(self, follower: Follower | BlobFollower | None, frame: Frame, time_s: float) -> Sighting:
         place = None if follower is None else follower.predicted(time_s)
         if follower is None or place is None or follower.missed > NEAR_MISSES:
             return AMBIGUOUS if self._rivals.undecided else NOT_SEEN
@@ -185,7 +194,7 @@ class Tracker:
         return abs(place[0] - follower.position[0]) + abs(place[1] - follower.position[1]) < reach
 
     def _found_again(
-        self, follower: Follower, frame: Frame, places: list[Point], guide: Point, miss: Sighting
+        self, follower: Follower | BlobFollower, frame: Frame, places: list[Point], guide: Point, miss: Sighting
     ) -> Sighting:
         """Measure a mark in the likeliest of the places that it may be at."""
         expected = follower.predicted(frame.time_s)
@@ -222,10 +231,17 @@ class Tracker:
 
     def _start(self, name: str, frame: Frame, candidate: Candidate, color: Array) -> None:
         disc = finished(learn_shape([patch_of(frame, candidate.center_px, candidate.radius_px)], candidate.radius_px))
+        where = candidate.center_px, candidate.radius_px
+        blob = start_blob(frame, self.cell, *where, color, self.settings.exposure)
+        self._starts[name] = frame.index, blob
+        self._discless[name] += disc is None
+        if self._discless[name] >= DISCLESS or (self._settled and candidate.elongation > OBLONG):
+            self.followers[name] = blob
+            return
         if disc is None:
             return
         partner = self.followers.get(next(iter(PAIR - {name}))) if name in PAIR else None
-        if partner is not None and partner.seen >= LEARNING_FRAMES:
+        if isinstance(partner, Follower) and partner.seen >= LEARNING_FRAMES:
             # What hid it so long may still cut it or shine on it: its partner shows what it looks like.
             disc = shaped_as(disc, partner.look.disc)
         area = np.pi * max(candidate.radius_px**2, 0.8 * disc.radius_px**2)
@@ -233,18 +249,31 @@ class Tracker:
         follower.position, follower.time_s = candidate.center_px, frame.time_s
         self.followers[name] = follower
 
+    def _choose_shapes(self, held: list[tuple[Frame, list[Sighting]]]) -> None:
+        """Follow marks that are no discs as blobs, from the first frame on; in place."""
+        self._settled = True
+        for k, name in enumerate(self.names):
+            if not isinstance(self.followers.get(name), Follower):
+                continue
+            first, start = self._starts[name]
+            tried = try_blob(start, first, [(frame, sightings[k]) for frame, sightings in held], self.cell)
+            if tried is not None:
+                self.followers[name] = tried[0]
+                for (_, sightings), one in zip(held, tried[1], strict=True):
+                    sightings[k] = one
+
     def _refine(self, held: list[tuple[Frame, list[Sighting]]]) -> None:
         """Learn the shapes anew from the frames held."""
         for k, name in enumerate(self.names):
             follower = self.followers.get(name)
-            if follower is None:
+            if not isinstance(follower, Follower):
                 continue
             seen: list[tuple[Frame, Point]] = [(f, (s[k].x, s[k].y)) for f, s in held if s[k].status == OK]
             patches = [patch_of(frame, place, follower.radius_px) for frame, place in seen[::2]]
             disc = finished(learn_shape(patches, follower.radius_px, follower.look.disc.blur_px))
             if disc is not None:
                 follower.take_look(with_disc(follower.look, disc))
-        self._agree()
+        agree(self.followers, Follower.take_look)
 
     def _learn_on(self) -> None:
         """Take some steps in learning a shape anew: no frame waits for all of it."""
@@ -256,31 +285,10 @@ class Tracker:
             del self._lessons[0]
             if end.value is not None:
                 follower.take_shape(with_disc(follower.look, end.value))
-                self._agree(Follower.take_shape)
-
-    def _agree(self, take: Callable[[Follower, Appearance], None] = Follower.take_look) -> None:
-        """Give the two marks of a robot one shape where one of them was partly hidden: they are equal discs."""
-        if not {"green", "yellow"} <= self.followers.keys():
-            return
-        marks = [self.followers[name] for name in ("green", "yellow")]
-        better, worse = sorted(marks, key=lambda mark: mark.look.disc.covered)
-        if worse.look.disc.covered > better.look.disc.covered + MORE_COVERED:
-            take(worse, with_disc(worse.look, shaped_as(worse.look.disc, better.look.disc)))
-            return
-        worse, better = sorted(marks, key=lambda mark: mark.radius_px)
-        if worse.radius_px < (1 - UNEQUAL) * better.radius_px:
-            # What hides a mark makes it smaller; what dazzles it takes its contrast, and makes it larger.
-            if better.look.disc.unclear > DAZZLED * worse.look.disc.unclear:
-                worse, better = better, worse
-        else:
-            better, worse = sorted(marks, key=lambda mark: mark.look.disc.noise)
-            alike = worse.look.disc.unlike(better.look.disc) < UNEQUAL_SLANT
-            if alike and worse.look.disc.noise < UNEQUAL_NOISE * better.look.disc.noise:
-                return
-        take(worse, with_disc(worse.look, shaped_as(worse.look.disc, better.look.disc)))
+                agree(self.followers, Follower.take_shape)
 
     def _again(self, name: str, frame: Frame, one: Sighting) -> Sighting:
-        if one.status != OK:
+        if one.status != OK or isinstance(self.followers[name], BlobFollower):
             return one
         return self.followers[name].look_at(frame, self.cell, (one.x, one.y), 2.0, 0.0)
 

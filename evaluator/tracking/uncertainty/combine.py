@@ -8,9 +8,13 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.tracking.following.background import background, strangers
 from evaluator.tracking.following.follow import Follower
+from evaluator.tracking.following.follow_blob import BlobFollower
+from evaluator.tracking.following.jumps import off_course
+from evaluator.tracking.following.pair import PAIR
 from evaluator.tracking.following.repeated_frames import repeated_pictures
-from evaluator.tracking.observation import REPEATED, WRONG_DISTANCE
+from evaluator.tracking.observation import ALONE, BACKGROUND, OFF_COURSE, REPEATED, STRANGER, WRONG_DISTANCE
 from evaluator.tracking.uncertainty.codec import hidden_variance, steady_times
 from evaluator.tracking.uncertainty.exposure import exposed
 from evaluator.tracking.uncertainty.rigid_pair import Distance, wrong_ends
@@ -27,7 +31,7 @@ def refine(
     kinds: Sequence[str],
     numbers: dict[str, Array],
     status: dict[str, list[str]],
-    followers: dict[str, Follower],
+    followers: dict[str, Follower | BlobFollower],
 ) -> None:
     """Correct centres, complete variances and take out marks at a wrong distance, in place.
 
@@ -36,15 +40,15 @@ def refine(
     """
     kind, times, time_s = np.array(list(kinds), dtype=str), time_s, steady_times(time_s)
     again = repeated_pictures([values[:, :2] for values in numbers.values()])
-    for (name, values), shown in zip(numbers.items(), again, strict=True):
-        values[shown] = np.nan
-        for row in np.flatnonzero(shown):
-            status[name][row] = REPEATED
+    for name, shown in zip(numbers, again, strict=True):
+        _take_out(numbers[name], status[name], shown, REPEATED)
+    _take_out_impossible(time_s, numbers, status, followers)
+    for name, values in numbers.items():
         follower = followers.get(name)
         if follower is None or not len(values):
             continue
-        shading = follower.light.learnt(follower.look.disc)
-        if shading is not None:
+        shading = follower.light.learnt(follower.look.disc) if isinstance(follower, Follower) else None
+        if shading is not None and isinstance(follower, Follower):
             shift, variance = shading.shift(values[:, :2])
             shifted = follower.light.shifted(times)
             values[shifted, :2] -= shift[shifted]
@@ -63,9 +67,36 @@ def refine(
                 one[:, 2:5] *= ratio
                 other[:, 2:5] *= ratio
             for name, wrong in zip((first, second), wrong_ends(time_s, (one, other), distance), strict=True):
-                numbers[name][wrong] = np.nan
-                for row in np.flatnonzero(wrong):
-                    status[name][row] = WRONG_DISTANCE
+                _take_out(numbers[name], status[name], wrong, WRONG_DISTANCE)
+
+
+def _take_out_impossible(
+    time_s: Array,
+    numbers: dict[str, Array],
+    status: dict[str, list[str]],
+    followers: dict[str, Follower | BlobFollower],
+) -> None:
+    """Take out what no mark of the robot can be: things at rest while it moves, and jumps; in place."""
+    radii = {name: follower.radius_px for name, follower in followers.items()}
+    usual = float(np.median(list(radii.values()))) if radii else 0.0
+    if numbers.keys() == PAIR:
+        places = {name: values[:, :2].copy() for name, values in numbers.items()}
+        for name, other in (("green", "yellow"), ("yellow", "green")):
+            rests = background(places[name], places[other], radii.get(other, usual))
+            alone = not np.isfinite(places[other][:, 0]).any()
+            _take_out(numbers[name], status[name], rests, ALONE if alone else BACKGROUND)
+        rarer, other = sorted(PAIR, key=lambda name: int(np.isfinite(numbers[name][:, 0]).sum()))
+        if strangers(numbers[rarer][:, :2], numbers[other][:, :2], usual):
+            _take_out(numbers[rarer], status[rarer], np.isfinite(numbers[rarer][:, 0]), STRANGER)
+    for name, values in numbers.items():
+        _take_out(values, status[name], off_course(time_s, values[:, :2], radii.get(name, usual)), OFF_COURSE)
+
+
+def _take_out(values: Array, status: list[str], rows: NDArray[np.bool_], why: str) -> None:
+    """Make a mark absent in some frames (n,), in place; values: (n, 5)."""
+    values[rows] = np.nan
+    for row in np.flatnonzero(rows):
+        status[row] = why
 
 
 def _allow_for_onsets(values: Array) -> None:

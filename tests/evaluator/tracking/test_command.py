@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 from evaluator.cli.track import track
 from evaluator.recording import open_recording
+from evaluator.report.overlay import why_doubtful
 from tests.evaluator.tracking.synthetic import draw, turning_marks, write_video
 
 
@@ -63,3 +64,14 @@ def test_a_grey_recording_is_refused_in_one_sentence(tmp_path: Path) -> None:
     video = write_video(tmp_path / "grey.mkv", pictures, pixels="gray")
     result = CliRunner().invoke(track, [str(video), "-o", str(tmp_path / "m.csv")])
     assert "grey.mkv has no colour" in str(result.exception)
+
+
+def test_numbers_agree_with_their_nouns_and_a_doubtful_frame_says_why(tmp_path: Path) -> None:
+    one = small_clip(tmp_path, frames=1)
+    result = CliRunner().invoke(track, [str(one), "-o", str(tmp_path / "m.csv")], catch_exceptions=False)
+    assert ": 1 frame; green" in result.output
+    table = pd.DataFrame({"frame": [0, 1, 2], "time_s": [0.0, 0.1, 0.2], "green_status": ["ok", "ok", "not seen"]})
+    for axis in "xy":
+        table[f"green_{axis}_sigma_px"] = [0.03, 0.3, np.nan]
+    assert why_doubtful(table, "green", 1) == "sigma 0.42 px, usually 0.23"
+    assert why_doubtful(table, "green", 2) == "not seen"

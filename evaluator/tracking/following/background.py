@@ -1,0 +1,77 @@
+"""Things that have a mark's colour but do not move with the robot: they are none of its marks.
+
+The two marks of one robot keep their distance, apart from perspective. Where one of them never moves while the other
+travels, and their distance changes by more than perspective does, the one at rest belongs to the background. A robot
+that turns about one of its marks leaves that at rest, too, but not their distance.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.tracking.following.pair import TOLERANCE
+
+Array = NDArray[np.float64]
+
+STILL_PX = 1.5  # about its median: what noise and codec move a thing at rest by at most
+TRAVELS = 3.0  # radii that a robot's mark must move by before what rests beside it is judged
+APART = 2.0  # times TOLERANCE that distances differ by, largest over smallest, of what is on no one body
+# Change of the distance of two marks over their steps: a body that turns, seen at 60 degrees, reaches 0.5.
+APART_STEPS = 0.6
+FEW = 4  # frames in which the other mark must be seen
+
+
+def background(rest_px: Array, mover_px: Array, radius_px: float) -> NDArray[np.bool_]:
+    """Frames in which a mark is something at rest that is not on the body of the other mark; (n,).
+
+    rest_px, mover_px: (n, 2), NaN where absent. radius_px: of the marks.
+    """
+    wrong = np.zeros(len(rest_px), bool)
+    found = stays(rest_px, radius_px)
+    always = len(found) > 0 and all(rests for _, rests in found)
+    if always and np.isfinite(mover_px[:, 0]).sum() < FEW:
+        return np.isfinite(rest_px[:, 0])  # nothing shows that it is on a robot
+    for rows, rests in found:
+        if not rests:
+            continue
+        seen = mover_px[rows[0] : rows[-1] + 1]
+        seen = seen[np.isfinite(seen[:, 0])]
+        if len(seen) < FEW and always:
+            seen = mover_px[np.isfinite(mover_px[:, 0])]  # what never moves was there before, and will be
+        if len(seen) >= FEW and not on_one_body(np.median(rest_px[rows], axis=0), seen, radius_px):
+            wrong[rows] = True
+    return wrong
+
+
+def strangers(one_px: Array, other_px: Array, radius_px: float) -> bool:
+    """Whether two moving things are on no one body: their distance changes as much as they move; (n, 2) each."""
+    step = [np.hypot(*np.diff(places, axis=0).T) for places in (one_px, other_px)]
+    change = np.abs(np.diff(np.hypot(*(one_px - other_px).T)))
+    both = np.isfinite(change)
+    if both.sum() < FEW - 1:
+        return False
+    steps = (step[0][both] + step[1][both]) / 2.0
+    return bool(steps.sum() > TRAVELS * radius_px and np.median(change[both]) > APART_STEPS * np.median(steps))
+
+
+def on_one_body(rest_px: Array, mover_px: Array, radius_px: float) -> bool:
+    """Whether something at rest (2,) may be on the body of a mark that is seen at several places (m, 2)."""
+    if np.ptp(mover_px, axis=0).max() < TRAVELS * radius_px:
+        return True
+    apart = np.hypot(*(mover_px - rest_px).T)
+    near, far = np.quantile(apart, (0.1, 0.9))
+    return bool(far < near * (1.0 + APART * TOLERANCE) + 2.0)
+
+
+def stays(places_px: Array, radius_px: float) -> list[tuple[NDArray[np.intp], bool]]:
+    """Rows between jumps of more than a radius, each with whether the mark rests there; places_px: (n, 2)."""
+    seen = np.flatnonzero(np.isfinite(places_px).all(axis=1))
+    if not len(seen):
+        return []
+    steps = np.hypot(*np.diff(places_px[seen], axis=0).T)
+    found = []
+    for rows in np.split(seen, np.flatnonzero(steps > max(radius_px, 2.0 * STILL_PX)) + 1):
+        low, high = np.quantile(places_px[rows], (0.05, 0.95), axis=0)
+        found.append((rows, len(rows) >= FEW and float((high - low).max()) < 2.0 * STILL_PX))
+    return found

@@ -1,0 +1,39 @@
+"""The two marks of a robot are equal discs: what one of them shows of its shape better, the other has too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from evaluator.tracking.detection.appearance import Appearance, with_disc
+from evaluator.tracking.following.follow import Follower
+from evaluator.tracking.following.motion import Motion
+from evaluator.tracking.following.pair import PAIR
+from evaluator.tracking.refinement.disc import shaped_as
+
+UNEQUAL = 0.08  # radii of equal marks differ by less: halation of a brighter mark, learning from noisy frames
+UNEQUAL_NOISE = 4.0  # and so does their noise: light and codec treat them alike
+UNEQUAL_SLANT = 0.02  # and they are slanted alike: a rim that something cuts looks slanted alone
+MORE_COVERED = 0.05  # of its information, from which a mark tells less of its shape than its partner
+DAZZLED = 2.0  # noise over squared contrast of one over the other; by their colours alone they differ by less
+
+
+def agree(followers: Mapping[str, Motion], take: Callable[[Follower, Appearance], None]) -> None:
+    """Give the two marks of a robot one shape where one of them was partly hidden: they are equal discs."""
+    marks = [mark for name in sorted(PAIR) if isinstance(mark := followers.get(name), Follower)]
+    if len(marks) < len(PAIR):
+        return
+    better, worse = sorted(marks, key=lambda mark: mark.look.disc.covered)
+    if worse.look.disc.covered > better.look.disc.covered + MORE_COVERED:
+        take(worse, with_disc(worse.look, shaped_as(worse.look.disc, better.look.disc)))
+        return
+    worse, better = sorted(marks, key=lambda mark: mark.radius_px)
+    if worse.radius_px < (1 - UNEQUAL) * better.radius_px:
+        # What hides a mark makes it smaller; what dazzles it takes its contrast, and makes it larger.
+        if better.look.disc.unclear > DAZZLED * worse.look.disc.unclear:
+            worse, better = better, worse
+    else:
+        better, worse = sorted(marks, key=lambda mark: mark.look.disc.noise)
+        alike = worse.look.disc.unlike(better.look.disc) < UNEQUAL_SLANT
+        if alike and worse.look.disc.noise < UNEQUAL_NOISE * better.look.disc.noise:
+            return
+    take(worse, with_disc(worse.look, shaped_as(worse.look.disc, better.look.disc)))

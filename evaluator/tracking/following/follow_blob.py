@@ -1,0 +1,147 @@
+"""Follow a mark that is no disc: a sticker, a coloured roof, a ball smeared by its own speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.recording import Frame
+from evaluator.tracking.following.motion import Motion, Point, beyond
+from evaluator.tracking.observation import ABSENT, OK, Sighting
+from evaluator.tracking.refinement.blob import Blob, blobs_around
+
+Array = NDArray[np.float64]
+
+# Soft area over what it usually is: below, a part is hidden or smeared beyond its own colour; above, something else of
+# the colour touches it.
+LEAST, MOST = 0.6, 1.7
+FADED = 0.55  # of the usual chroma: a codec's residue of a mark is paler than the mark
+RATE = 0.2  # of a new area or chroma in what is usual: slant and distance change them within a dozen frames
+SOUGHT = 0.2  # of the usual area: less of the colour is not looked at
+OUTLINE = 1.0  # of the area's relative variance times the spread, in the centre's: as clips with known truth show
+SLOWLY, SETTLED = 0.05, 10  # rate at which unsteadiness is learnt, and frames after which odd ones are cut back
+SMALLEST_PX = 4.0  # around a place, that its blob is looked for within
+SHUTTER = (0.5, 12**-0.5)  # share of the interval that the shutter is open, any being as likely
+
+
+class Look(NamedTuple):
+    """What a search needs to know of a blob; as of `Appearance`."""
+
+    area_px2: float
+
+
+def start_blob(
+    frame: Frame, cell: Array, place: Point, radius_px: float, color: Array, exposure: float | None
+) -> BlobFollower:
+    """Begin to follow what was found at a place; its radius is that of a threshold, which may cut most of it off."""
+    reach = max(2.0 * radius_px, SMALLEST_PX)
+    blobs = blobs_around(frame, cell, color, place, reach, SOUGHT * np.pi * radius_px**2)
+    near = [one for one in blobs if np.hypot(*np.subtract(one.center_px, place)) < reach]
+    area = max((one.area_px2 for one in near), default=np.pi * radius_px**2)
+    follower = BlobFollower(color.copy(), area, exposure)
+    follower.position, follower.time_s = place, frame.time_s
+    return follower
+
+
+@dataclass
+class BlobFollower(Motion):
+    """Where one blob was last and how it moves.
+
+    color: as `color_kernels.is_color` takes it. area_px2: usual soft area. radius_px: of the disc of that area.
+    """
+
+    color: Array
+    area_px2: float
+    exposure: float | None
+    position: Point | None = None
+    velocity: Point = (0.0, 0.0)
+    time_s: float = 0.0
+    missed: int = 0
+    seen: int = 0
+    glimpse: tuple[Point | None, float] = (None, 0.0)
+    long_px: float = 0.0  # half the longest axis
+    blob: Blob | None = field(default=None)  # as it was seen last
+    unsteady: float = 1e-6  # variance of the logarithm of the area
+    areas: tuple[float, ...] = ()  # logarithms of the last three
+
+    def __post_init__(self) -> None:
+        """Work out what follows from the arguments."""
+        self.shutter = SHUTTER if self.exposure is None else (self.exposure, 0.0)
+        self.strength = self.color[4] / 0.45  # as `learn_color` sets it
+        self.long_px = self.long_px or 2.0 * self.radius_px
+
+    @property
+    def radius_px(self) -> float:
+        """Radius of the disc of equal area."""
+        return float(np.sqrt(self.area_px2 / np.pi))
+
+    @property
+    def look(self) -> Look:
+        """What a search for it goes by."""
+        return Look(self.area_px2)
+
+    def look_at(self, frame: Frame, cell: Array, place: Point, reach_px: float, interval_s: float) -> Sighting:
+        """Measure the mark near a place of the frame; as `Follower.look_at`."""
+        del interval_s
+        return self._look(frame, cell, place, reach_px, 1.0)
+
+    def look_again(
+        self, frame: Frame, cell: Array, place: Point, interval_s: float, guide: Point, light: float
+    ) -> Sighting:
+        """Measure a mark that was lost where the whole image was searched for it; as `Follower.look_again`."""
+        del interval_s, guide
+        return self._look(frame, cell, place, self.radius_px, min(light, 1.0))
+
+    def _look(self, frame: Frame, cell: Array, place: Point, reach_px: float, light: float) -> Sighting:
+        color = self.color.copy()
+        color[4] *= light
+        half = self.long_px + reach_px + 2.0 * float(cell[0])
+        blobs = blobs_around(frame, cell, color, place, half, SOUGHT * self.area_px2)
+        slack = reach_px + 0.5 * self.radius_px + 1.0
+        near = [one for one in blobs if max(abs(np.subtract(one.center_px, place))) < slack]
+        if not near:
+            return ABSENT["outside the image" if beyond(frame, place, self.radius_px) else "not seen"]
+        best = min(near, key=lambda one: self._unlike(one, place, slack))
+        ratio = best.area_px2 / self.area_px2
+        if not best.whole:
+            return ABSENT["outside the image"]
+        if best.strength < FADED * light * self.strength:
+            return ABSENT["faded"]
+        if not LEAST < ratio < MOST:
+            return ABSENT["partly hidden" if ratio < 1.0 else "ambiguous"]
+        self.blob = best
+        # Where a codec cuts or smears the outline, area and centre err together: a share of the area that is missing at
+        # one end moves the centre by that share of the length.
+        covariance = best.covariance_px2 + OUTLINE * self.unsteady * best.spread_px2
+        (var_x, cov_xy), (_, var_y) = covariance.tolist()
+        return Sighting(*best.center_px, var_x, var_y, cov_xy, OK)
+
+    def _unlike(self, one: Blob, place: Point, slack: float) -> float:
+        """How little a blob is like the mark in size and place."""
+        far = float(np.hypot(*np.subtract(one.center_px, place))) / slack
+        return far + abs(float(np.log(one.area_px2 / self.area_px2)))
+
+    def accept(self, sighting: Sighting, time_s: float) -> None:
+        """Take over a measurement, or count a miss."""
+        self.move(sighting, time_s)
+        if sighting.status == OK and self.blob is not None:
+            self.seen += 1
+            rate = max(RATE, 1.0 / self.seen)
+            self._note_area(float(np.log(self.blob.area_px2)))
+            self.area_px2 += rate * (self.blob.area_px2 - self.area_px2)
+            self.strength += rate * (self.blob.strength - self.strength)
+            self.color[4] += rate * (0.45 * self.strength - self.color[4])
+            # A bar of length l has a variance of l²/12 along it, an ellipse one of l²/16.
+            self.long_px = float(np.sqrt(4.0 * np.linalg.eigvalsh(self.blob.spread_px2)[1]))
+
+    def _note_area(self, log_area: float) -> None:
+        """Learn how unsteady the area is, apart from slow changes of slant and distance."""
+        self.areas = (*self.areas[-2:], log_area)
+        if len(self.areas) == 3:
+            first, middle, last = self.areas
+            # A second difference has six times the variance of one value; a single odd one tells little.
+            square = min((first - 2.0 * middle + last) ** 2 / 6.0, 9.0 * self.unsteady if self.seen > SETTLED else 1.0)
+            self.unsteady += max(SLOWLY, 1.0 / self.seen) * (square - self.unsteady)

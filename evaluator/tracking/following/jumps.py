@@ -1,0 +1,121 @@
+"""Sightings that a mark cannot have moved to: residue that a codec left behind, something else that was taken for it.
+
+A codec that saves bits skips blocks: a mark then stands where it was while its robot drives on, and jumps when the
+block is coded again; or a faded copy of it stays and is found now and then. Every single frame of that looks like a
+mark. Between frames it shows: a body has no jumps. A track is cut where it jumps, and where it stands still beside a
+jump; of the pieces those are right that one body can have passed through, as many frames of them as possible.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+AROUND = 10  # steps on either side that tell how fast a mark is there
+# A step longer than this many of the usual ones and this share of the mark's radius is a jump: what stands for two
+# frames and catches up takes three steps at once.
+FASTER, SHARE, LEAST_PX = 1.8, 0.35, 1.5
+STILL, MOVING_PX = 0.25, 0.5  # of the usual step: standing; a usual step that standing can be told from
+# Frames that a jump must be worth: a robot that was carried elsewhere is followed there, a residue of half a second is
+# not. Where some pieces move, those that stand count a third, all together up to half a jump: residue stands.
+JUMP, STANDING = 15.0, 1.0 / 3.0
+
+
+def off_course(time_s: Array, centers_px: Array, radius_px: float) -> NDArray[np.bool_]:
+    """Frames in which a mark is where it cannot have come to; (n,).
+
+    time_s: (n,). centers_px: (n, 2), NaN where absent. radius_px: of the mark.
+    """
+    wrong = np.zeros(len(time_s), bool)
+    seen = np.flatnonzero(np.isfinite(centers_px).all(axis=1))
+    if len(seen) < 4:
+        return wrong
+    lapse = np.maximum(np.diff(time_s[seen]) / float(np.median(np.diff(time_s))), 0.5)
+    steps = np.hypot(*np.diff(centers_px[seen], axis=0).T) / lapse  # px in an interval
+    room = max(SHARE * radius_px, LEAST_PX)
+    far = steps * lapse > room + FASTER * float(np.median(steps)) * lapse
+    if not far.any():
+        return wrong  # nearly all tracks
+    usual = _usual(steps, room)
+    jumps = steps * lapse > room + FASTER * usual * lapse
+    if not jumps.any():
+        return wrong
+    still = (steps < STILL * usual) & (usual > MOVING_PX)
+    pieces = _pieces(jumps, still)
+    kept = _likeliest(pieces, time_s[seen], centers_px[seen], usual / float(np.median(np.diff(time_s))), room)
+    for k, piece in enumerate(pieces):
+        if k not in kept:
+            wrong[seen[piece]] = True
+    return wrong
+
+
+def _usual(steps: Array, room: float) -> Array:
+    """How long steps are around each: the median of those before or after that are no rest, the larger one; (n,)."""
+    padded = np.pad(steps, AROUND, constant_values=np.nan)
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
+    usual = np.zeros_like(steps)
+    for side in (around[:, :AROUND], around[:, AROUND + 1 :]):
+        typical, most = _ranked(side, 0.5), _ranked(side, 0.8)
+        # Residue stands for long: then steps that are none say nothing. A jump is no usual step, either.
+        with np.errstate(invalid="ignore"):
+            moving = (side > STILL * most[:, None]) & (side < 3.0 * typical[:, None] + 2.0 * room)
+        of_moving = _ranked(np.where(moving, side, np.nan), 0.5)
+        usual = np.fmax(usual, np.where(moving.sum(axis=1) >= 2, of_moving, typical))
+    return usual
+
+
+def _ranked(rows: Array, share: float) -> Array:
+    """Value of each row below which a share of its known ones lie, NaN where none is known; rows: (n, m), (n,)."""
+    count = np.isfinite(rows).sum(axis=1)
+    return np.asarray(np.sort(rows, axis=1)[np.arange(len(rows)), (share * np.maximum(count - 1, 0)).astype(int)])
+
+
+def _pieces(jumps: NDArray[np.bool_], still: NDArray[np.bool_]) -> list[slice]:
+    """Cut at jumps, and where standing that ends or begins with a jump begins or ends; slices of the frames seen."""
+    cuts = {0, len(jumps) + 1}
+    for k in np.flatnonzero(jumps):
+        cuts.add(int(k) + 1)
+        before, after = int(k), int(k) + 1
+        while before > 0 and still[before - 1]:
+            before -= 1
+        while after < len(still) and still[after]:
+            after += 1
+        # The first frame of a rest is where the mark truly was.
+        cuts |= {before + 1 if before < k else int(k) + 1, after + 1 if after > k + 1 else int(k) + 1}
+    ordered = sorted(cuts)
+    return [slice(first, last) for first, last in pairwise(ordered)]
+
+
+def _worth(pieces: list[slice], centers_px: Array, room: float) -> Array:
+    """Frames that each piece counts for."""
+    counts = np.array([piece.stop - piece.start for piece in pieces], float)
+    stands = np.array([float(np.ptp(centers_px[piece], axis=0).max()) < room for piece in pieces])
+    if stands.all():
+        return counts
+    standing = np.where(stands, STANDING * counts, 0.0)
+    return np.where(stands, standing * min(1.0, JUMP / 2.0 / max(standing.sum(), 1e-9)), counts)
+
+
+def _likeliest(pieces: list[slice], time_s: Array, centers_px: Array, usual_px_s: Array, room: float) -> set[int]:
+    """Pieces on the course of one body: most frames, less JUMP for every jump between them."""
+    worth = _worth(pieces, centers_px, room)
+    best, before = worth.copy(), np.full(len(pieces), -1)
+    for k, piece in enumerate(pieces):
+        for j in range(max(k - 30, 0), k):
+            last, first = pieces[j].stop - 1, piece.start
+            speed = max(usual_px_s[max(last - 1, 0)], usual_px_s[min(first, len(usual_px_s) - 1)])
+            way = float(np.hypot(*(centers_px[first] - centers_px[last])))
+            jumped = way > room + FASTER * speed * (time_s[first] - time_s[last])
+            value = best[j] + worth[k] - (JUMP if jumped else 0.0)
+            if value > best[k]:
+                best[k], before[k] = value, j
+    kept, k = set[int](), int(np.argmax(best))
+    while k >= 0:
+        kept.add(k)
+        k = int(before[k])
+    return kept

@@ -1,0 +1,53 @@
+"""Where a mark was last and how it moves: what all kinds of marks have in common."""
+
+from __future__ import annotations
+
+from evaluator.recording import Frame
+from evaluator.tracking.observation import OK, Sighting
+
+Point = tuple[float, float]
+
+
+def beyond(frame: Frame, place: Point, radius_px: float) -> bool:
+    """Whether a mark at a place would be cut by the border of the image, or lie outside."""
+    return any(not radius_px < at < size - 1 - radius_px for at, size in zip(place, frame.size_px, strict=True))
+
+
+class Motion:
+    """Place and speed of one mark.
+
+    position, velocity: px and px/s at time_s (the mean since the frame before), None while never seen. missed: frames
+    since it was measured. seen: frames in which it was. glimpse: where and when it was seen last but not measured.
+    """
+
+    position: Point | None
+    velocity: Point
+    time_s: float
+    missed: int
+    seen: int
+    glimpse: tuple[Point | None, float]
+
+    def predicted(self, time_s: float) -> Point | None:
+        """Where the mark should be at a time, at constant velocity."""
+        if self.position is None:
+            return None
+        lapse = time_s - self.time_s
+        return self.position[0] + self.velocity[0] * lapse, self.position[1] + self.velocity[1] * lapse
+
+    def step_px(self, interval_s: float) -> float:
+        """How far the mark moves in an interval, along both axes together."""
+        return (abs(self.velocity[0]) + abs(self.velocity[1])) * interval_s
+
+    def move(self, sighting: Sighting, time_s: float) -> bool:
+        """Take over a place, or count a miss; whether it was measured in the frame before, too."""
+        if sighting.status != OK:
+            self.missed += 1
+            return False
+        lapse, steady = time_s - self.time_s, False
+        if self.position is not None and self.missed == 0 and lapse > 0:
+            self.velocity = (sighting.x - self.position[0]) / lapse, (sighting.y - self.position[1]) / lapse
+            steady = True
+        elif self.missed > 3:
+            self.velocity = (0.0, 0.0)
+        self.position, self.time_s, self.missed = (sighting.x, sighting.y), time_s, 0
+        return steady

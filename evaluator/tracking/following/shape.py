@@ -1,0 +1,48 @@
+"""Whether a mark is a disc or something else, seen from the first frames that show it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from evaluator.recording import Frame
+from evaluator.tracking.following.follow_blob import Array, BlobFollower
+from evaluator.tracking.observation import OK, REPEATED, Sighting
+from evaluator.tracking.refinement.blob import elongation
+
+# A disc seen at 45 degrees is 1.41 as long as wide; more is told apart from the shortest smear that leaves it rounder.
+OBLONG = 1.45
+SHUTTERS = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of the interval that the smear is tried for
+FEW = 3  # frames that tell
+SELDOM = 0.5  # of the frames that show the blob: where no more hold a disc, it is none
+NEARBY = 3.0  # radii that a mark may be from where it was going to, while nothing is known of its speed
+
+
+def try_blob(
+    start: BlobFollower, first: int, held: Sequence[tuple[Frame, Sighting]], cell: Array
+) -> tuple[BlobFollower, list[Sighting]] | None:
+    """Follow a mark as a blob through the first frames; None where a disc describes it.
+
+    start: where it was found first, in the frame of index first. held: all of these frames, with what the disc gave.
+    Returns the follower as it is after them, and what it measured.
+    """
+    blob = replace(start, color=start.color.copy())
+    sightings, ratios, interval_s, before = list[Sighting](), list[float](), 0.0, start.time_s
+    for frame, one in held:
+        if frame.index < first or one.status == REPEATED:
+            sightings.append(one)
+            continue
+        interval_s, before = frame.time_s - before or interval_s, frame.time_s
+        place = blob.predicted(frame.time_s) or (0.0, 0.0)
+        reach = NEARBY * (1 + blob.missed) * blob.radius_px
+        sightings.append(blob.look_at(frame, cell, place, reach, interval_s))
+        blob.accept(sightings[-1], frame.time_s)
+        if sightings[-1].status == OK and blob.blob is not None:
+            path = np.multiply(blob.velocity, interval_s)
+            ratios.append(min(elongation(blob.blob.spread_px2, tuple(share * path)) for share in SHUTTERS))
+    discs = sum(one.status == OK for _, one in held)
+    if len(ratios) < FEW or (np.median(ratios) < OBLONG and discs >= SELDOM * len(ratios)):
+        return None
+    return blob, sightings

@@ -1,0 +1,183 @@
+"""Centre of a mark of any shape: the centroid of its colour, each pixel by the share of it that the mark covers.
+
+The share is what a linear discriminant of luma and chroma tells (Fisher): between the colour of the blob's core and
+that of the ring around it, in the direction that the ring varies in least. An edge pixel then counts in part, a floor
+that varies in luma alone speaks through chroma, and the centroid needs no model of the shape.
+
+Image coordinates, px.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.recording import Frame
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+Mask = NDArray[np.uint8]
+
+RIM_PX, RING_PX = 3, 9  # beyond a blob's half height: where a blurred edge ends; how far the surroundings are looked at
+FEW = 12  # pixels that a mean colour is taken from
+BEYOND = 0.2  # of a share below 0 or above 1 that noise, not another thing, explains
+LEAST_VARIANCE = 1.0  # levels²: rounding of luma and chroma to whole levels, and of chroma between its samples
+LUMPS = 7  # side, px, of the squares that tell how far neighbouring pixels err together
+SHORTEST = 1.0 / 12.0  # px²: variance of a single pixel, below which no axis is
+
+
+@dataclass(frozen=True)
+class Blob:
+    """A coloured blob. center_px: (2,). covariance_px2: (2, 2) of the centre, from the scatter of the pixels around.
+
+    area_px2: sum of the shares, which blur does not change. spread_px2: (2, 2), second moments about the centre.
+    strength: mean chroma of the core along its colour, levels. whole: does not touch the border of the image.
+    """
+
+    center_px: tuple[float, float]
+    covariance_px2: Array
+    area_px2: float
+    spread_px2: Array
+    strength: float
+    whole: bool
+
+
+def elongation(spread_px2: Array, path_px: tuple[float, float] = (0.0, 0.0)) -> float:
+    """Longer over shorter axis, without the smear along a path while the shutter is open; at least 1."""
+    smear = np.outer(path_px, path_px) / 12.0
+    small, large = np.linalg.eigvalsh(spread_px2 - smear)
+    return float(np.sqrt(max(large, SHORTEST) / max(small, SHORTEST)))
+
+
+def blobs_around(
+    frame: Frame, cell: Array, color: Array, place: tuple[float, float], half_px: float, least_px2: float
+) -> list[Blob]:
+    """Blobs of a colour within half_px of a place, of at least least_px2; cell, color: as `color_window` takes them."""
+    assert frame.u is not None
+    assert frame.v is not None
+    rows, columns = frame.u.shape
+    left, right = _span(place[0], half_px, cell[2], cell[0], columns)
+    top, bottom = _span(place[1], half_px, cell[3], cell[1], rows)
+    if right - left < 2 or bottom - top < 2:
+        return []
+    u, v = (plane[top:bottom, left:right].astype(np.float32) for plane in (frame.u, frame.v))
+    along, member = _members(u, v, color)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(member, connectivity=8)
+    found = []
+    for label in range(1, count):
+        if stats[label, cv2.CC_STAT_AREA] * cell[0] * cell[1] < least_px2:
+            continue
+        x, y = stats[label, cv2.CC_STAT_LEFT], stats[label, cv2.CC_STAT_TOP]
+        right_end, low_end = x + stats[label, cv2.CC_STAT_WIDTH], y + stats[label, cv2.CC_STAT_HEIGHT]
+        whole = left + x > 0 and top + y > 0 and left + right_end < columns and top + low_end < rows
+        margin_x, margin_y = (int(np.ceil((RING_PX + 2) / size)) for size in cell[:2])
+        part = (
+            slice(max(top + y - margin_y, 0), min(top + low_end + margin_y, rows)),
+            slice(max(left + x - margin_x, 0), min(left + right_end + margin_x, columns)),
+        )
+        own = np.zeros((part[0].stop - part[0].start, part[1].stop - part[1].start), np.uint8)
+        own[
+            top + y - part[0].start : top + low_end - part[0].start,
+            left + x - part[1].start : left + right_end - part[1].start,
+        ] = labels[y:low_end, x:right_end] == label
+        strength = float(along[labels == label].mean())
+        blob = _measured(frame, cell, color, part, own, strength, whole=bool(whole))
+        if blob is not None:
+            found.append(blob)
+    return found
+
+
+def _span(middle: float, half: float, origin: float, size: float, count: int) -> tuple[int, int]:
+    """First sample within half of the middle, and one beyond the last."""
+    return max(int(np.floor((middle - half - origin) / size)), 0), min(
+        int(np.ceil((middle + half - origin) / size)) + 1, count
+    )
+
+
+def _members(u: Single, v: Single, color: Array) -> tuple[Single, Mask]:
+    """Chroma along the colour, and the samples that are of it, as `color_kernels.is_color` says."""
+    du, dv = u - np.float32(color[0]), v - np.float32(color[1])
+    along = du * np.float32(color[2]) + dv * np.float32(color[3])
+    across = np.abs(dv * np.float32(color[2]) - du * np.float32(color[3]))
+    return along, ((along > color[4]) & (across < color[5] * along)).astype(np.uint8)
+
+
+def _measured(
+    frame: Frame, cell: Array, color: Array, part: tuple[slice, slice], own: Mask, strength: float, *, whole: bool
+) -> Blob | None:
+    """Measure the blob that own marks in a part of the chroma planes; None where nothing around it is to be seen."""
+    assert frame.u is not None
+    assert frame.v is not None
+    across, down = round(cell[0]), round(cell[1] / frame.row_step)
+    x0, y0 = part[1].start * across, part[0].start * down
+    luma = frame.luma[y0 : part[0].stop * down, x0 : part[1].stop * across].astype(np.float32)
+    # Luma sample i lies at (i - (across - 1) / 2) / across samples of chroma, of the part's first one.
+    to_chroma = np.array([[1 / across, 0, (1 / across - 1) / 2], [0, 1 / down, (1 / down - 1) / 2]])
+    size = luma.shape[1], luma.shape[0]
+
+    def upsampled(plane: Single) -> Single:
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        return np.asarray(
+            cv2.warpAffine(plane, to_chroma, size, flags=flags, borderMode=cv2.BORDER_REPLICATE), np.float32
+        )
+
+    u, v = (upsampled(plane[part].astype(np.float32)) for plane in (frame.u, frame.v))
+    mask = (upsampled(own.astype(np.float32)) > 0.5).astype(np.uint8)
+    other = (_members(u, v, color)[1] > 0) & (_grown(mask, RIM_PX) == 0)
+    core = cv2.erode(mask, np.ones((3, 3), np.uint8)) > 0
+    core = core if core.sum() >= FEW else mask > 0
+    around = (_grown(mask, RING_PX) > 0) & (_grown(mask, RIM_PX + 1) == 0) & ~other
+    if core.sum() < FEW or around.sum() < FEW:
+        return None
+    share = _share(np.stack([luma, u, v]), core, around)
+    region = (_grown(mask, RIM_PX) > 0) & ~(_grown(other.astype(np.uint8), 1) > 0)
+    return _moments(
+        share, region, core, around, (x0, frame.row_origin + y0 * frame.row_step, frame.row_step), strength, whole=whole
+    )
+
+
+def _grown(mask: Mask, by_px: int) -> Mask:
+    side = 2 * by_px + 1
+    return np.asarray(cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))), np.uint8)
+
+
+def _share(planes: Single, core: NDArray[np.bool_], around: NDArray[np.bool_]) -> Array:
+    """Share of each pixel that is of the core's colour rather than of that around; planes: (3, rows, columns)."""
+    inside, outside = planes[:, core].astype(float), planes[:, around].astype(float)
+    middle, apart = outside.mean(axis=1), inside.mean(axis=1) - outside.mean(axis=1)
+    scatter = np.cov(outside) + np.cov(inside) + LEAST_VARIANCE * np.eye(3)
+    direction = np.linalg.solve(scatter, apart)
+    return np.tensordot(direction / (direction @ apart), planes - middle[:, None, None].astype(np.float32), axes=1)
+
+
+def _moments(
+    share: Array, region: NDArray[np.bool_], core: NDArray[np.bool_], around: NDArray[np.bool_],
+    grid: tuple[int, int, int], strength: float, *, whole: bool,
+) -> Blob | None:  # fmt: skip
+    """Moments of the shares in a region; grid: x and y of the first pixel, step of the rows."""
+    rows, columns = np.nonzero(region)
+    weight = np.clip(share[region], -BEYOND, 1.0 + BEYOND)
+    total = float(weight.sum())
+    if total < FEW / 2:
+        return None
+    x, y = grid[0] + columns.astype(float), grid[1] + grid[2] * rows.astype(float)
+    center = float(weight @ x) / total, float(weight @ y) / total
+    away = np.stack([x - center[0], y - center[1]])
+    # What varies within the blob (light, a codec's blocks) weighs as what varies around it does.
+    variance = np.where(core, _lumpy_variance(share, core), _lumpy_variance(share, around))[region]
+    covariance = (variance * away) @ away.T / total**2
+    spread = (weight * away) @ away.T / total
+    return Blob(center, covariance, total * grid[2], spread, strength, whole)
+
+
+def _lumpy_variance(share: Array, part: NDArray[np.bool_]) -> float:
+    """Variance of a pixel's share in a part of the image, times the pixels that err together (texture, blocks)."""
+    variance = float(np.var(share[part]))
+    side = (LUMPS, LUMPS)
+    count = cv2.boxFilter(part.astype(np.float64), -1, side, normalize=False)[part]
+    mean = cv2.boxFilter(np.where(part, share - share[part].mean(), 0.0), -1, side, normalize=False)[part] / count
+    together = float(np.mean(mean**2 * count)) / max(variance, 1e-12)
+    return variance * min(max(together, 1.0), float(LUMPS**2))
