@@ -10,9 +10,9 @@ import click
 COMMANDS = {
     "demo": ("demo", "Run the whole pipeline on the shipped sample videos."),
     "gauge": ("gauge", "Write a printable dot gauge in true scale."),
-    "calibrate": ("calibrate", "Solve the camera from gauge pictures."),
+    "calibrate": ("calibrate", "Solve the camera from gauge images."),
     "check-camera": ("calibrate", "Tell whether a calibration still holds."),
-    "dots": ("calibrate", "Find and assign the dots of a picture, without a gauge file."),
+    "dots": ("calibrate", "Find and assign the dots of an image, without a gauge file."),
     "track": ("track", "Track the two marks of one recording."),
     "turning": ("turning", "Measure how a robot turns from a table of its marks."),
     "analyze": ("analyze", "Track, reconstruct and fit every run of an experiment."),

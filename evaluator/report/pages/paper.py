@@ -1,4 +1,4 @@
-"""The published figures and numbers, recomputed, as pictures, tables and one page."""
+"""The published figures and numbers, recomputed, as figures, tables and one page."""
 
 from __future__ import annotations
 
