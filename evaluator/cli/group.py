@@ -22,6 +22,7 @@ COMMANDS = {
     "diagnose": ("diagnose", "Name the missing effect that makes model and data disagree."),
     "plan": ("diagnose", "Propose the runs of a good experiment."),
     "simulate": ("simulate", "Simulate one run."),
+    "steady": ("steady", "Tabulate steady turning radii over speeds and ratios."),
     "sweep": ("sweep", "Simulate grids and samples of runs."),
     "effects": ("effects", "List the effects that can be simulated and found, or describe one."),
     "slip-bench": ("slip_bench", "Turn bench torques into forces and a fitted slip law."),
