@@ -1,4 +1,4 @@
-"""Steady turns: the velocities at which all forces balance, one, all, over a map, or followed through folds."""
+"""Steady turns: the velocities at which all forces balance, one, all, or over a map of commands."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from simulator.dynamics.model import compile_robot
 from simulator.errors import SimulationError
 from simulator.integrator.balance import newton
 from simulator.integrator.batch import TOLERANCE_MM
-from simulator.integrator.branch import follow
 from simulator.integrator.run_kernel import DONE, MOST_STEPS, integrate_run
 from simulator.integrator.stability import is_stable
 from simulator.robot import Robot
@@ -66,18 +65,6 @@ class SteadyMap:
     v_mm_s: Array
     yaw_rate_rad_s: Array
     curvature_per_mm: Array
-
-
-@dataclass(frozen=True)
-class Branch:
-    """A balance followed while the ratio right/left changes; arrays (n,) in the order of following."""
-
-    ratio: Array
-    u_mm_s: Array
-    v_mm_s: Array
-    yaw_rate_rad_s: Array
-    curvature_per_mm: Array
-    stable: NDArray[np.bool_]
 
 
 def steady_turn(robot: Robot, left_rpm: float, right_rpm: float) -> SteadyTurn:
@@ -134,18 +121,6 @@ def steady_map(robot: Robot, left_rpm: ArrayLike, ratios: ArrayLike) -> SteadyMa
                 found[row, column] = velocity
     u, v, yaw_rate = np.moveaxis(found, -1, 0)
     return SteadyMap(left, ratio, u, v, yaw_rate, _curvature(u, v, yaw_rate))
-
-
-def steady_branch(
-    robot: Robot, left_rpm: float, turn: SteadyTurn, ratio: float, to_ratio: float, step: float = 0.02
-) -> Branch:
-    """Follow a steady turn from its ratio right/left toward another, through folds where several turns exist.
-
-    step: arc length in ratio and velocity over the largest surface speed. The branch ends where it leaves the interval.
-    """
-    velocity = np.array([turn.u_mm_s, turn.v_mm_s, turn.yaw_rate_rad_s])
-    ratios, u, v, yaw_rate, stable = follow(_frozen(robot)[0], left_rpm, ratio, to_ratio, velocity, step).T
-    return Branch(ratios, u, v, yaw_rate, _curvature(u, v, yaw_rate), stable > 0.5)
 
 
 def settled(model: Any, left: float, right: float, velocity: Array, linear: Array) -> bool:

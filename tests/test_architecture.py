@@ -24,9 +24,6 @@ def test_import_contracts_hold() -> None:
     assert run.returncode == 0, run.stdout + run.stderr
 
 
-# Cycles that are known and are to go: each entry names modules of one.
-KNOWN_CYCLES: tuple[tuple[str, ...], ...] = ()
-
 MOST_FILES = 14  # of a folder, so that its listing reads as a table of contents
 CATALOGUES = ("simulator/effects", "evaluator/cli")  # a file an effect, a file a command
 
@@ -34,7 +31,7 @@ CATALOGUES = ("simulator/effects", "evaluator/cli")  # a file an effect, a file 
 def test_no_modules_import_each_other_not_even_inside_functions() -> None:
     graph = grimp.build_graph("calibration", "simulator", "evaluator", cache_dir=None)
     imported = {module: graph.find_modules_directly_imported_by(module) for module in graph.modules}
-    assert [cycle for cycle in cycles_of(imported) if not known(cycle)] == []
+    assert cycles_of(imported) == []
 
 
 def test_cycles_are_found() -> None:
@@ -74,10 +71,6 @@ def reachable(module: str, imported: Mapping[str, Collection[str]]) -> set[str]:
             found.add(following)
             ahead += imported.get(following, ())
     return found
-
-
-def known(cycle: list[str]) -> bool:
-    return any(all(module.startswith(entry) for module in cycle) for entry in KNOWN_CYCLES)
 
 
 def test_every_module_of_physics_but_rendering_is_kept_from_calibration() -> None:

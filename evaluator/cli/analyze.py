@@ -44,6 +44,11 @@ def analyze(
     Writes turning.csv (a row per run), pooled.csv (a row per command, its repetitions pooled), directions.csv (backward
     against forward), marks/RUN.csv and poses/RUN.csv. What is up to date is reused, so the same
     command goes on after an interruption.
+
+    Marks may come from elsewhere: a run then says marks = "r01.csv" instead of video, a table with the columns time_s,
+    green_x_mm, green_y_mm, yellow_x_mm and yellow_y_mm on the plane of the marks, a missing mark as empty cells. Files
+    of OSP Tracker, DeepLabCut and movement are read as well; [tracks] of experiment.toml names their marks, unit and
+    frame rate.
     """
     if dry_run:
         return print_plan(experiment, out, simulate=False)
@@ -126,13 +131,14 @@ def status_of(found: Analysis) -> int:
 
 def print_plan(experiment: Path, out: Path, *, simulate: bool) -> int:
     """Say what an analysis would compute."""
+    from evaluator.words import counted
     from evaluator.workflow import pending
 
     steps = pending(experiment, out, simulate=simulate)
     for run, stages in steps.items():
         click.echo(f"{run}: {', '.join(stages) if stages else 'up to date'}")
     count = sum(1 for stages in steps.values() if stages)
-    click.echo(f"{count} of {len(steps)} runs to compute, nothing was done (--dry-run)")
+    click.echo(f"{count} of {counted(len(steps), 'run')} to compute, nothing was done (--dry-run)")
     return 0
 
 
@@ -146,17 +152,18 @@ def print_json(table: pd.DataFrame) -> None:
 def turning_text(found: Analysis, *, verbose: bool) -> str:
     """What was measured, for a terminal."""
     from evaluator.cli.tables import text_table
+    from evaluator.report.numbers import command_text, number, true_minus
 
     rows = []
     for row in found.turning.to_dict("records"):
         if row["run"] not in found.faults:
             cells = [
                 row["run"],
-                f"{row['left_rpm']:g} / {row['right_rpm']:g}",
+                command_text(row["left_rpm"], row["right_rpm"]),
                 *radius(row),
-                f"{row['speed_mm_s']:.3f}",
+                number(row["speed_mm_s"], 3),
             ]
-            rows.append([*cells, str(row["radius_status"])] if verbose else cells)
+            rows.append([*cells, true_minus(str(row["radius_status"]))] if verbose else cells)
     head = ["run", "rpm left / right", "radius, mm", "95 %", "speed, mm/s"]
     return text_table([*head, "remark"] if verbose else head, rows)
 
@@ -164,16 +171,17 @@ def turning_text(found: Analysis, *, verbose: bool) -> str:
 def comparison_text(found: Analysis, *, verbose: bool) -> str:
     """Measured beside simulated, for a terminal."""
     from evaluator.cli.tables import text_table
+    from evaluator.report.numbers import command_text, number
 
     assert found.comparison is not None
     rows = []
     for row, measured in zip(found.comparison.to_dict("records"), found.turning.to_dict("records"), strict=True):
         if row["run"] in found.faults:
             continue
-        command, simulated = f"{row['left_rpm']:g} / {row['right_rpm']:g}", row["simulated_radius_mm"]
+        command, simulated = command_text(row["left_rpm"], row["right_rpm"]), row["simulated_radius_mm"]
         known = f"{simulated:.3f}" if math.isfinite(simulated) else "straight"
         cells = [row["run"], command, *radius(measured), known, f"{row['gap_rms_mm']:.3f}"]
-        rows.append([*cells, f"{row['heading_gap_end_deg']:.2f}"] if verbose else cells)
+        rows.append([*cells, number(row["heading_gap_end_deg"], 2)] if verbose else cells)
     head = ["run", "rpm left / right", "radius, mm", "95 %", "simulated, mm", "path gap, mm"]
     return text_table([*head, "heading gap, deg"] if verbose else head, rows)
 

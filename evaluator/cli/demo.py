@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 def demo(out: Path, puzzle: bool, workers: int | None, quiet: bool) -> int:
     """Run the whole pipeline on the shipped sample videos.
 
-    Copies the samples, calibrates the camera from the gauge pictures, tracks and measures every run, simulates its
+    Copies the samples, calibrates the camera from the gauge images, tracks and measures every run, simulates its
     counterpart and writes the report. Then it finds the effect that is hidden in a second set of recordings, and
     reports that too; --no-puzzle leaves this out.
     """

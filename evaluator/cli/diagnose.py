@@ -150,6 +150,7 @@ def plan(robot: str, runs: int, levels: tuple[float, ...], plate: tuple[float, f
 
 def _plan_text(plan: Plan) -> str:
     from evaluator.cli.tables import text_table
+    from evaluator.report.numbers import true_minus
 
     head = ["run", "left rpm", "right rpm", "start x, mm", "y, mm", "heading, deg", "drive, s"]
     rows = [
@@ -163,4 +164,4 @@ def _plan_text(plan: Plan) -> str:
         for item in plan.effects
     ]  # fmt: skip
     titles = ["effect", "of this size", "shows, sigmas", "nearest other", "apart from it, sigmas"]
-    return f"{text_table(head, rows)}\n\n{text_table(titles, effects)}"
+    return true_minus(f"{text_table(head, rows)}\n\n{text_table(titles, effects)}")

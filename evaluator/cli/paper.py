@@ -8,6 +8,8 @@ import click
 
 from evaluator.cli.options import out_option, quiet_option
 
+ORDER = ["source", "standing", "verdict", "quantity", "published", "ours", "difference"]  # the worth of a row first
+
 
 @click.command(epilog="\b\nExample:\n  turnscope paper -o paper/")
 @out_option
@@ -15,17 +17,22 @@ from evaluator.cli.options import out_option, quiet_option
 def paper(out: Path, quiet: bool) -> None:
     """Recompute every published figure and number.
 
-    Prints published values beside ours, and writes index.html with all figures, each figure as SVG and its data as CSV,
-    numbers.csv and readings.csv (the ways to read the paper's equations, and the radii each gives).
+    Prints published values beside ours, and says of each row what it is worth: computed, fitted to this very figure,
+    conjecture, not reproduced, or out of scope. Writes index.html with all figures, each figure as SVG and its data as
+    CSV, numbers.csv and readings.csv (the ways to read the paper's equations, and the radii each gives).
     """
     from evaluator.cli.progress import progress_bar
     from evaluator.cli.tables import text_table
-    from evaluator.report.pages.paper import check_table, recompute, write_paper
+    from evaluator.report.numbers import true_minus
+    from evaluator.report.pages.paper import check_table, recompute, summary_lines, write_paper
 
     with progress_bar("recomputing", quiet=quiet) as progress:
         found = recompute(progress)
     page = write_paper(found, out)
     if not quiet:
-        table = check_table(found.checks)
-        click.echo(text_table(list(table.columns), table.to_numpy().tolist()))
+        table = check_table(found.checks)[
+            ["source", "standing", "verdict", "quantity", "published", "ours", "difference"]
+        ]
+        click.echo(true_minus(text_table(list(table.columns), table.to_numpy().tolist())))
+        click.echo("\n" + "\n".join(summary_lines(found.checks)))
         click.echo(f"\n{page}")

@@ -54,5 +54,7 @@ def render(scenes: tuple[Path, ...], output: Path | None, truth: Path | None, wo
 
 
 def _text(rendered: Rendered) -> str:
-    what = f"{rendered.dots} dots" if rendered.dots else f"{rendered.frames} frames"
+    from evaluator.words import counted
+
+    what = counted(rendered.dots, "dot") if rendered.dots else counted(rendered.frames, "frame")
     return f"{rendered.output}: {what}; truth in {rendered.truth}"

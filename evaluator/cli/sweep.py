@@ -42,6 +42,7 @@ def sweep(sweep_file: Path, output: Path, workers: int | None, dask: str | None,
     effect.ID.PARAMETER. An interrupted sweep goes on where it was when the command is given again.
     """
     from evaluator.cli.progress import progress_bar
+    from evaluator.words import counted
     from evaluator.workflow import run_sweep
 
     with progress_bar("sweep", quiet=quiet) as progress:
@@ -49,4 +50,4 @@ def sweep(sweep_file: Path, output: Path, workers: int | None, dask: str | None,
     if not quiet:
         if done.reused:
             click.echo(f"{done.reused} of {done.parts} parts were done before", err=True)
-        click.echo(f"{done.output}: {done.runs} runs")
+        click.echo(f"{done.output}: {counted(done.runs, 'run')}")

@@ -17,8 +17,3 @@ def text_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         return "  ".join(placed).rstrip()
 
     return "\n".join([line(head), *map(line, rows)])
-
-
-def counted(number: int, thing: str) -> str:
-    """A number of things in words: 1 run, 2 runs."""
-    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"

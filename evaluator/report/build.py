@@ -15,6 +15,7 @@ from evaluator.report.player import player_data
 from evaluator.report.runs import RunView, views_of
 from evaluator.report.sections import sections
 from evaluator.report.summary import headline, summary
+from evaluator.words import counted
 from evaluator.workflow import Analysis
 from simulator.robot import Robot, load_robot
 
@@ -47,7 +48,7 @@ def report_html(analysis: Analysis) -> str:
 
 def _facts(analysis: Analysis, runs: Sequence[RunView], robot: Robot) -> tuple[str, ...]:
     total = len(analysis.experiment.run)
-    count = f"{total} runs" if len(runs) == total else f"{len(runs)} of {total} runs"
+    count = counted(total, "run") if len(runs) == total else f"{len(runs)} of {counted(total, 'run')}"
     videos = sum(run.video is not None for run in analysis.experiment.run)
     source = "from video" if videos == total else "from marks" if videos == 0 else f"{videos} from video"
     return tuple(filter(None, (f"robot: {robot.name}", f"{count}, {source}", analysis.experiment.notes)))

@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
+HYPHEN_OF_A_NUMBER = re.compile(r"(?<![\w.])-(?=[\d.])")
 UNKNOWN = "–"  # in the place of a number that is not known
+
+
+def true_minus(text: str) -> str:
+    """Text for people: numbers in it have a minus sign in the place of a hyphen; names such as turn-33 stay."""
+    return HYPHEN_OF_A_NUMBER.sub("−", text)
+
+
+def command_text(left_rpm: float, right_rpm: float) -> str:
+    """A command as people write it."""
+    return true_minus(f"{left_rpm:g} / {right_rpm:g}")
 
 
 def number(value: float, digits: int, *, sign: bool = False) -> str:

@@ -1,4 +1,4 @@
-"""Data of the trajectory player: curves thinned and rounded, pictures fitted to a budget: the page stays small."""
+"""Data of the trajectory player: curves thinned and rounded, frames fitted to a budget: the page stays small."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from evaluator.report.figures.trajectory import thinned
-from evaluator.report.numbers import significant
+from evaluator.report.figures.trajectory import LEGEND, thinned
+from evaluator.report.numbers import significant, true_minus
 from evaluator.report.runs import RunView
 from simulator.robot import Robot
 
@@ -32,6 +32,7 @@ def player_data(runs: Sequence[RunView], robot: Robot) -> str:
             "yellow": robot.marks.yellow_mm,
             "mark": robot.marks.diameter_mm,
         },
+        "lines": [{"color": line.color, "width": line.width, "dash": line.dash} for line in LEGEND],
         "runs": [_run(run, points, chosen) for run, chosen in zip(runs, pictures, strict=True)],
     }
     return json.dumps(content, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
@@ -40,10 +41,10 @@ def player_data(runs: Sequence[RunView], robot: Robot) -> str:
 def _run(run: RunView, points: int, pictures: list[tuple[float, str]]) -> dict[str, Any]:
     marks, poses, simulated = (thinned(table, points) for table in (run.marks, run.poses, run.simulated))
     circle = [run.value(name) for name in ("center_x_mm", "center_y_mm", "radius_mm")]
-    radius = f"radius {significant(run.value('radius_mm'))} mm." if run.turns else f"{run.turning['radius_status']}."
+    radius = f"radius {significant(run.value('radius_mm'))} mm" if run.turns else str(run.turning["radius_status"])
     return {
         "label": f"{run.id}: {run.command}" + (f" ({run.group})" if run.group else ""),
-        "note": f"{run.command}, {radius}",
+        "note": true_minus(f"{run.command}, {radius}."),
         "t": _rounded(poses["time_s"], 3),
         "x": _rounded(poses["x_mm"], 2),
         "y": _rounded(poses["y_mm"], 2),
@@ -64,7 +65,7 @@ def _rounded(values: pd.Series[float], digits: int) -> list[float | None]:
 
 
 def _fitted(pictures: Sequence[list[dict[str, Any]]]) -> list[list[tuple[float, str]]]:
-    """As many and as large pictures per run as the budget allows: fewer before smaller."""
+    """As many and as large frames per run as the budget allows: fewer before smaller."""
     total = sum(len(item["jpeg"]) * 3 // 4 for chosen in pictures for item in chosen)
     every, scale = 1, 1.0
     for every, scale in ((1, 1.0), (2, 1.0), (2, 0.75), (3, 0.75), (3, 0.5), (6, 0.5)):

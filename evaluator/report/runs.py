@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.marks import read_marks
+from evaluator.report.numbers import command_text
 from evaluator.workflow import Analysis, Outputs
 
 Array = NDArray[np.float64]
@@ -63,7 +64,7 @@ class RunView:
     @property
     def command(self) -> str:
         """The command as people write it, with a true minus sign."""
-        return f"{self.left_rpm:g} / {self.right_rpm:g} rpm".replace("-", "−")
+        return f"{command_text(self.left_rpm, self.right_rpm)} rpm"
 
     def value(self, name: str, table: str = "turning") -> float:
         """A number of the run's row; NaN where the table has none."""
@@ -87,7 +88,7 @@ class RunView:
 
     @cached_property
     def pictures(self) -> list[dict[str, Any]]:
-        """Small pictures of the video (time_s, jpeg as base64), none for a run given as marks."""
+        """Small frames of the video (time_s, jpeg as base64), none for a run given as marks."""
         path = self.outputs.pictures(self.id)
         if not path.is_file():
             return []

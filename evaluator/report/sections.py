@@ -19,7 +19,7 @@ from evaluator.report.figures.repetitions import repetitions
 from evaluator.report.figures.speed import straight_speed
 from evaluator.report.figures.trajectory import representative, trajectories
 from evaluator.report.figures.wheel_states import wheel_states_figure
-from evaluator.report.numbers import UNKNOWN, interval, number
+from evaluator.report.numbers import UNKNOWN, command_text, interval, number, true_minus
 from evaluator.report.pages.html import Section, Table
 from evaluator.report.runs import RunView
 from evaluator.report.style import Figure
@@ -70,7 +70,7 @@ def _figures(name: str, title: str, *figures: Figure | None, tables: tuple[Table
 
 def _repetitions(runs: Sequence[RunView], analysis: Analysis) -> Section | None:
     """Repetitions of each command, and backward against forward."""
-    if not (analysis.pooled["side"] != "").any():
+    if analysis.pooled.empty or not (analysis.pooled["side"] != "").any():
         return None
     tables = [pooled_table(analysis.pooled)]
     if not analysis.directions.empty:
@@ -88,7 +88,8 @@ def _repetitions(runs: Sequence[RunView], analysis: Analysis) -> Section | None:
 def _wheels(runs: Sequence[RunView], robot: Robot) -> Section | None:
     """Figures 20 and 21: a forward and a backward turn of the same speeds, where there are both."""
     turning = [run for run in runs if run.turns]
-    chosen = {run.backward: run for run in reversed(representative(turning, len(turning)))}
+    both = [run for run in turning if np.isfinite(run.value("simulated_radius_mm", "comparison"))]
+    chosen = {run.backward: run for run in reversed(representative(both, len(both)))}
     figures = []
     for backward in sorted(chosen):
         run = chosen[backward]
@@ -132,7 +133,7 @@ def _calibration(path: Path, robot: Robot) -> Section:
         (Path(picture.name).name, f"{picture.dots}", f"{picture.left_out}", f"{picture.rms_px:.4f}")
         for picture in stored.pictures
     )
-    table = Table("Gauge pictures.", ("picture", "dots used", "left out", "residual, px RMS"), rows)
+    table = Table("Gauge images.", ("image", "dots used", "left out", "residual, px RMS"), rows)
     camera = stored.camera()
     figures = (camera_uncertainty(camera, robot.marks.height_mm), distortion_map(camera))
     return Section(f"calibration-{path.stem}", f"Calibration ({path.name})", _sentences(text), figures, (table,))
@@ -152,7 +153,7 @@ def _mark_sigma_um(run: RunView, mark: str) -> float:
 def _run_table(runs: Sequence[RunView]) -> Section:
     columns: dict[str, Callable[[RunView], str]] = {
         "run": lambda run: run.id,
-        "left / right, rpm": lambda run: f"{run.left_rpm:g} / {run.right_rpm:g}".replace("-", "−"),
+        "left / right, rpm": lambda run: command_text(run.left_rpm, run.right_rpm),
         "radius, mm": lambda run: number(run.value("radius_mm"), 3) if run.turns else UNKNOWN,
         "95 %, mm": lambda run: (
             interval(run.value("radius_low_mm"), run.value("radius_high_mm")) if run.turns else UNKNOWN
@@ -171,5 +172,7 @@ def _run_table(runs: Sequence[RunView]) -> Section:
         "tables are turning.csv and comparison.csv."
     )
     status = {run.id: str(run.turning["radius_status"]) for run in runs}
-    text = tuple(f"{run}: {reason.replace(': ', ', ')}." for run, reason in status.items() if reason != "ok")
+    text = tuple(
+        true_minus(f"{run}: {reason.replace(': ', ', ')}.") for run, reason in status.items() if reason != "ok"
+    )
     return Section("runs", "All runs", text, tables=(table_of_runs(caption, columns, runs),))

@@ -97,10 +97,35 @@ STYLE: dict[Any, Any] = {
 
 
 @dataclass(frozen=True)
+class Line:
+    """How a line is drawn, alike in figures, their legend and the player: CSS colour, width, dashes in widths.
+
+    marker: "square" (open) or "dot" where points are drawn instead.
+    """
+
+    color: str
+    text: str
+    width: float = 1.0
+    dash: tuple[float, ...] = ()
+    marker: str = ""
+
+    @property
+    def drawn(self) -> dict[str, Any]:
+        """Arguments for matplotlib."""
+        light = next(light for light, (variable, _) in THEME.items() if variable == f"--{self.color}")
+        return {"color": light, "lw": self.width, "ls": (0, self.dash) if self.dash else "-"}
+
+    @property
+    def dasharray(self) -> str:
+        """The dashes in the units of the page, for SVG."""
+        return " ".join(f"{part * self.width:g}" for part in self.dash) or "none"
+
+
+@dataclass(frozen=True)
 class Figure:
     """A finished figure: what to see in it, its panels as inline SVG, and the numbers behind it.
 
-    legend: entries (CSS class of the line, text) of a legend shared by all panels, drawn by the page.
+    legend: lines of a legend shared by all panels, drawn by the page.
     """
 
     name: str
@@ -108,7 +133,7 @@ class Figure:
     caption: str
     panels: tuple[str, ...]
     data: pd.DataFrame
-    legend: tuple[tuple[str, str], ...] = ()
+    legend: tuple[Line, ...] = ()
 
     @property
     def wide(self) -> bool:

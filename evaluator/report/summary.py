@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from evaluator.report.diagnosis.words import gap_sentence, verdict_sentence
-from evaluator.report.numbers import number, significant
+from evaluator.report.numbers import number, significant, true_minus
 from evaluator.report.runs import RunView, column
 from evaluator.turning.pooling import Z_975, pooled
 from evaluator.workflow.runs.job import SPACING_PERCENT
@@ -49,14 +49,15 @@ def headline(runs: Sequence[RunView]) -> list[Number]:
         best = min(turning, key=lambda run: run.value("radius_mm"))
         numbers.append(Number("tightest turn", _radius(best), f"95 %: {_interval(best)}, run {best.id}"))
         off = np.abs(column(turning, "radius_difference_percent", "comparison"))
-        worst = turning[int(np.nanargmax(off))]
-        numbers.append(
-            Number(
-                "simulated radius",
-                f"{_percent(np.nanmedian(off))} off",
-                f"median; worst {_percent(np.nanmax(off))}, run {worst.id}",
+        if np.isfinite(off).any():
+            worst = turning[int(np.nanargmax(off))]
+            numbers.append(
+                Number(
+                    "simulated radius",
+                    f"{_percent(np.nanmedian(off))} off",
+                    f"median; worst {_percent(np.nanmax(off))}, run {worst.id}",
+                )
             )
-        )
     share = 100 * column(runs, "share_used")
     if np.isfinite(share).any():
         numbers.append(
@@ -113,7 +114,7 @@ def _directions(directions: pd.DataFrame) -> str:
     low, high = known["radius_change_low_percent"], known["radius_change_high_percent"]
     change = pooled(known["radius_change_percent"].to_numpy(float), ((high - low) / (2 * Z_975)).to_numpy(float))
     over = f"{len(known)} pairs of commands" if len(known) > 1 else "one pair of commands"
-    bounds = f"95 %: {change.low:+.2g} to {change.high:+.2g} %, {over}".replace("-", "−")
+    bounds = true_minus(f"95 %: {change.low:+.2g} to {change.high:+.2g} %, {over}")
     if change.low <= 0 <= change.high:
         return f"Forward and backward turns do not differ beyond their scatter ({bounds})."
     way = "tighter" if change.mean < 0 else "wider"
@@ -130,6 +131,8 @@ def _agreement(turning: Sequence[RunView]) -> str:
     simulated = column(turning, "simulated_radius_mm", "comparison")
     low, high = column(turning, "radius_low_mm"), column(turning, "radius_high_mm")
     inside = int(np.sum((simulated >= low) & (simulated <= high)))
+    if not np.isfinite(off).any():
+        return "The simulated robot drives straight where the measured one turns."
     worst = int(np.nanargmax(np.abs(off)))
     text = f"The simulated radius lies inside the measured 95 % interval in {inside} of {len(turning)} turns"
     way = "wider" if off[worst] > 0 else "tighter"
@@ -142,6 +145,8 @@ def _speed(runs: Sequence[RunView]) -> str:
         return ""
     measured, simulated = column(straight, "speed_mm_s"), column(straight, "simulated_speed_mm_s", "comparison")
     off = 100 * (measured / simulated - 1)
+    if not np.isfinite(off).any():
+        return ""
     worst = int(np.nanargmax(np.abs(off)))
     furthest = f"run {straight[worst].id} is the furthest off"
     return f"Straight runs are as fast as simulated to within {_percent(abs(off[worst]))} ({furthest})."

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import pandas as pd
 
-from evaluator.report.numbers import UNKNOWN, interval, number
+from evaluator.report.numbers import UNKNOWN, command_text, interval, number
 from evaluator.report.pages.html import Table
 from evaluator.report.runs import RunView
 from simulator.nominal_robot import WHEELS
@@ -17,7 +17,7 @@ Column = Callable[[RunView], str]
 
 def command(left_rpm: float, right_rpm: float, group: str = "") -> str:
     """A command as people write it."""
-    return f"{left_rpm:g} / {right_rpm:g}".replace("-", "−") + (f" ({group})" if group else "")
+    return command_text(left_rpm, right_rpm) + (f" ({group})" if group else "")
 
 
 def table_of_runs(caption: str, columns: dict[str, Column], runs: Sequence[RunView]) -> Table:
@@ -36,8 +36,8 @@ def slip_table(runs: Sequence[RunView]) -> Table:
         columns[f"slip angle, {name.replace('_', ' ')}, °"] = _beside(f"{name}_slip_angle_deg", 2)
     columns["slip angle of the body, °"] = _beside("body_slip_angle_deg", 2)
     caption = (
-        "Measured | simulated. Slip angles follow from the measured motion; slip ratios take the commanded rotation "
-        "for the true one, so that a motor which turns slower than commanded shows as slip."
+        "Measured above simulated. Slip angles follow from the measured motion; slip ratios take the commanded "
+        "rotation for the true one, so that a motor which turns slower than commanded shows as slip."
     )
     return table_of_runs(caption, columns, runs)
 
@@ -101,7 +101,7 @@ def standard_sentence(pooled: pd.DataFrame) -> str:
     alone = turns.loc[turns["note"].str.contains("side")]
     parts = [f"{len(few)} of {len(turns)} commands have fewer" if len(few) else ""]
     if len(alone):
-        names = [command(left, right) for left, right in zip(alone["left_rpm"], alone["right_rpm"], strict=True)]
+        names = [command_text(left, right) for left, right in zip(alone["left_rpm"], alone["right_rpm"], strict=True)]
         listed = ", ".join(names[:MOST_NAMED]) + (", …" if len(names) > MOST_NAMED else "")
         parts.append(f"{listed} rpm {'were' if len(names) > 1 else 'was'} driven to one side only")
     return asks + "; ".join(filter(None, parts)) + "."
@@ -136,5 +136,5 @@ def directions_table(directions: pd.DataFrame) -> Table:
 
 def _beside(name: str, digits: int) -> Column:
     return lambda run: (
-        f"{number(run.value(name), digits)} | {number(run.value(f'simulated_{name}', 'comparison'), digits)}"
+        f"{number(run.value(name), digits)}\n{number(run.value(f'simulated_{name}', 'comparison'), digits)}"
     )

@@ -14,6 +14,7 @@ from evaluator.report.diagnosis.words import (
     separations_sentence,
     verdict_sentence,
 )
+from evaluator.report.numbers import true_minus
 
 SENTENCES = 4  # about where the disagreement is; all are in diagnosis.json
 
@@ -24,7 +25,8 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
     for effect in content["effects"]:
         lines.append(f"{effect['id']}, probability {effect['probability']:.3f}:")
         for name, value in effect["parameters"].items():
-            lines.append(f"  {name} = {value['value']:.4g}  [{value['low']:.4g}, {value['high']:.4g}]")
+            text = f"  {name} = {value['value']:.4g}  [95 %: {value['low']:.4g} to {value['high']:.4g}]"
+            lines.append(true_minus(text))
         lines.append(equivalents_sentence(effect))
     lines.append(gap_sentence(content))
     if content.get("runs_not_followed") and closes(content):

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from evaluator.workflow.planning import Plan, plan
     from evaluator.workflow.rendering import Rendered, SceneOrder, read_scene, render_scene, render_scenes
     from evaluator.workflow.results.outputs import Outputs
-    from evaluator.workflow.simulation import simulate
+    from evaluator.workflow.simulation import simulate, steady_turns
     from evaluator.workflow.slip_bench import SlipBench, evaluate_slip, evaluate_virtual_slip
     from evaluator.workflow.sweep import SweepDone, run_sweep
 
@@ -54,6 +54,7 @@ __all__ = [
     "render_scenes",
     "run_sweep",
     "simulate",
+    "steady_turns",
 ]
 
 _HOMES = {
@@ -68,7 +69,7 @@ _HOMES = {
     "evaluator.workflow.planning": ("Plan", "plan"),
     "evaluator.workflow.rendering": ("Rendered", "SceneOrder", "read_scene", "render_scene", "render_scenes"),
     "evaluator.workflow.results.outputs": ("Outputs",),
-    "evaluator.workflow.simulation": ("simulate",),
+    "evaluator.workflow.simulation": ("simulate", "steady_turns"),
     "evaluator.workflow.slip_bench": ("SlipBench", "evaluate_slip", "evaluate_virtual_slip"),
     "evaluator.workflow.sweep": ("SweepDone", "run_sweep"),
 }

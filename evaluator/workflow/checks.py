@@ -10,7 +10,8 @@ from typing import Any
 
 from evaluator.errors import InputError
 from evaluator.files import read_with
-from evaluator.settings import Experiment, load_experiment
+from evaluator.settings import Experiment, Run, load_experiment
+from evaluator.workflow.runs.job import outside_recording
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,26 @@ def check_experiment(path: Path) -> Check:
         faults.append(str(error))
     faults += _faults_of_named_files(path)
     runs = experiment.run if experiment else ()
+    faults += [fault for run in runs if (fault := _outside(run))]
     return Check(tuple(dict.fromkeys(faults)), len(runs), sum(run.video is not None for run in runs))
+
+
+def _outside(run: Run) -> str | None:
+    """The fault of motors that start or stop outside the recording, as far as the file tells without decoding it."""
+    from evaluator.interchange.tracks import program_of
+    from evaluator.marks import read_marks
+    from evaluator.recording import open_recording
+
+    try:
+        if run.video is not None:
+            last = open_recording(run.video, rate_hz=run.rate_hz).expected_s
+            return outside_recording(run, 0.0, last) if last is not None else None
+        if run.marks is not None and program_of(run.marks) == "turnscope":
+            time = read_marks(run.marks)["time_s"]
+            return outside_recording(run, float(time.iloc[0]), float(time.iloc[-1]))
+    except (InputError, OSError):
+        return None  # said of the file itself
+    return None
 
 
 def _faults_of_named_files(path: Path) -> Iterator[str]:
@@ -61,7 +81,7 @@ def _camera(folder: Path, name: str, experiment: Path) -> Iterator[str]:
     from calibration.store import load_camera
 
     if not (folder / name).exists():
-        yield f"{experiment}: camera {name} does not exist; turnscope calibrate makes it from pictures of the gauge"
+        yield f"{experiment}: camera {name} does not exist; turnscope calibrate makes it from images of the gauge"
         return
     yield from _fault(load_camera, folder / name)
 

@@ -1,11 +1,13 @@
-"""One simulated run from what a user says: a robot by name, file or value, and what its motors do."""
+"""One simulated run, or a map of steady turns, of a robot by its name, file or value."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from evaluator.errors import InputError
 from evaluator.files import read_with
@@ -13,6 +15,7 @@ from simulator.command import Command
 from simulator.robot import Robot, load_robot
 from simulator.run import Run, State
 from simulator.simulation import simulate as simulate_run
+from simulator.steady import steady_map
 
 
 def simulate(
@@ -50,6 +53,28 @@ def simulate(
     else:
         command = Command.constant(left_rpm or 0.0, right_rpm or 0.0, start_s, stop_s)
     return simulate_run(robot_of(robot), command, np.arange(rows) / rate_hz, start or State())
+
+
+def steady_turns(robot: Robot | Path | str, left_rpm: Sequence[float], ratios: Sequence[float]) -> pd.DataFrame:
+    """The turn on which a robot settles at every left speed and every ratio right/left, a row each.
+
+    Columns: left_rpm, right_rpm, ratio, radius_mm (signed, positive to the left; infinite on a straight line),
+    speed_mm_s, yaw_rate_deg_s. NaN where it does not settle. Neighbouring ratios are best given in order.
+    """
+    found = steady_map(robot_of(robot), left_rpm, ratios)
+    left, ratio = np.meshgrid(found.left_rpm, found.ratio, indexing="ij")
+    curvature = found.curvature_per_mm.ravel()
+    with np.errstate(divide="ignore"):
+        radius = np.where(curvature == 0, np.inf, 1 / curvature)
+    columns = {
+        "left_rpm": left.ravel(),
+        "right_rpm": (left * ratio).ravel(),
+        "ratio": ratio.ravel(),
+        "radius_mm": radius,
+        "speed_mm_s": np.hypot(found.u_mm_s, found.v_mm_s).ravel(),
+        "yaw_rate_deg_s": np.degrees(found.yaw_rate_rad_s).ravel(),
+    }
+    return pd.DataFrame(columns)
 
 
 def robot_of(robot: Robot | Path | str) -> Robot:

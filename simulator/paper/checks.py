@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 AGREES, CLOSE, DIFFERS, HOLDS, FAILS = "agrees", "close", "differs", "holds", "fails"
+NOT_COMPUTED = "not computed"
+# What a row is worth: computed from the paper's equations and numbers alone; from a law that was fitted to this very
+# figure; a conjecture made after the number was known; a number or claim that the model does not give; no part of it.
+COMPUTED, FITTED, CONJECTURE = "computed", "fitted to this figure", "conjecture"
+NOT_REPRODUCED, OUT_OF_SCOPE = "not reproduced", "out of scope"
 AGREEMENT = 1e-3  # the project's aim: a published number met to 0.1 %
 CLOSENESS = 0.03  # a number read off a figure or stated as "approximately"
 
@@ -15,7 +21,8 @@ CLOSENESS = 0.03  # a number read off a figure or stated as "approximately"
 class Check:
     """A published number or statement beside what the model gives.
 
-    source: equation, figure or section; difference: in % of the published value, or empty for a statement.
+    source: equation, figure or section; difference: in % of the published value, or empty for a statement; standing:
+    what the row is worth, COMPUTED and so on.
     """
 
     source: str
@@ -24,6 +31,22 @@ class Check:
     ours: str
     difference: str
     verdict: str
+    standing: str = COMPUTED
+
+    def __post_init__(self) -> None:
+        """A row that misses what is published is not reproduced, whatever its law was fitted to."""
+        if self.verdict in (DIFFERS, FAILS):
+            object.__setattr__(self, "standing", NOT_REPRODUCED)
+
+
+def standing(checks: Iterable[Check], worth: str) -> list[Check]:
+    """Checks with another standing than computed; those that miss what is published stay not reproduced."""
+    return [replace(check, standing=worth) for check in checks]
+
+
+def out_of_scope(source: str, quantity: str, published: str, reason: str) -> Check:
+    """Something published that is not computed, and why."""
+    return Check(source, quantity, published, reason, "", NOT_COMPUTED, OUT_OF_SCOPE)
 
 
 def number(

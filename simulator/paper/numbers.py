@@ -8,7 +8,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.paper import tables
-from simulator.paper.checks import AGREEMENT, CLOSE, CLOSENESS, DIFFERS, Check, number, statement
+from simulator.paper.checks import (
+    AGREEMENT,
+    CLOSE,
+    CLOSENESS,
+    CONJECTURE,
+    DIFFERS,
+    FITTED,
+    Check,
+    number,
+    standing,
+    statement,
+)
+from simulator.paper.forward_backward import direction_checks, scope
 from simulator.paper.machines import PUBLISHED_TURNS, TIRE_PEAK_FRICTION, machine_of
 from simulator.paper.readings import RIGHT_ANGLES, published_radii
 from simulator.paper.slip_numbers import slip_checks
@@ -16,8 +28,6 @@ from simulator.robot import load_robot
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from simulator.steady import SteadyTurn
 
 EQUATION_10 = (0.0524, 0.00007)
 EQUATION_11 = (2.5735, -1.5141)
@@ -53,7 +63,9 @@ def published_numbers() -> list[Check]:
     checks += _tire_against_magnetic_checks()
     checks += _straight_checks()
     checks += _turning_checks()
-    checks += _prototype_checks()
+    checks += direction_checks()
+    checks += _wheel_type_checks()
+    checks += scope()
     return checks
 
 
@@ -66,7 +78,8 @@ def _attraction_checks() -> list[Check]:
     published = np.array([turn.radius_mm for turn in PUBLISHED_TURNS])
     off = np.abs(published_radii(RIGHT_ANGLES) / published - 1).max()
     what = "these radii, slip angle of Eq. (5) in right angles"
-    checks.append(statement("Fig. 9, 10", what, "as above", f"all within {off:.2%}", off <= AGREEMENT))
+    right_angles = statement("Fig. 9, 10", what, "as above", f"all within {off:.2%}", off <= AGREEMENT)
+    checks += standing([right_angles], CONJECTURE)
     a, b, c, none, strong = (radii[turn.case] for turn in PUBLISHED_TURNS)
     found = f"{c:.2f} < {b:.2f} < {a:.2f} mm"
     checks.append(statement("Fig. 9", "order of the radii", "c < b < a", found, c < b < a))
@@ -113,14 +126,18 @@ def _turning_checks() -> list[Check]:
         robot = load_robot(wheel)
         table = tables.turning_map(robot)
         law = power_law(table["ratio"], table["radius_mm"])
-        checks.append(number("Eq. (11)", f"factor, {wheel}", EQUATION_11[0], law.factor, "mm"))
-        checks.append(number("Eq. (11)", f"exponent, {wheel}", EQUATION_11[1], law.exponent))
+        law_checks = [
+            number("Eq. (11)", f"factor, {wheel}", EQUATION_11[0], law.factor, "mm"),
+            number("Eq. (11)", f"exponent, {wheel}", EQUATION_11[1], law.exponent),
+        ]
         radii = np.array([tables.radius_mm(robot, 35.0, 35.0 * (1 - ratio)) for ratio in grid])
         off = radii / equation_11(grid) - 1
         worst, rms = np.abs(off).max(), np.sqrt(np.mean(off**2))
         ours = f"largest {worst:.1%} at {grid[np.abs(off).argmax()]:g}, RMS {rms:.1%}"
         what = f"deviation, ratios 0.1 to 0.7, {wheel}"
-        checks.append(Check("Eq. (11)", what, "2.5735 r^-1.5141", ours, "", CLOSE if worst <= CLOSENESS else DIFFERS))
+        met = CLOSE if worst <= CLOSENESS else DIFFERS
+        law_checks.append(Check("Eq. (11)", what, "2.5735 r^-1.5141", ours, "", met))
+        checks += standing(law_checks, FITTED)
         spread = _spread_over_speed(table)
         what = f"one radius a ratio over 20 to 50 rpm, {wheel}"
         checks.append(statement("Fig. 14", what, "one to one", f"equal within {spread:.2%}", spread < 0.005))
@@ -133,49 +150,15 @@ def _spread_over_speed(table: pd.DataFrame) -> float:
     return float((groups.max() / groups.min() - 1).max())
 
 
-def _prototype_checks() -> list[Check]:
-    forward, backward = tables.prototype_turn(1), tables.prototype_turn(-1)
-    off = backward.radius_mm / forward.radius_mm - 1
+def _wheel_type_checks() -> list[Check]:
+    """Figure 22: barrel against column; the two laws were told apart by it."""
     table = tables.prototype_turns()
     paired = table[table["figure"] == "22"].pivot_table(index="difference_rpm", columns="wheel", values="radius_mm")
     gain = paired["barrel"] / paired["column"] - 1
     small, large = float(gain.loc[4.8]), gain.loc[[19.4, 28.5]].abs().max()
-    return [
-        statement(
-            "Sec. 2",
-            "barrel, 14.4 / 33.3 rpm, forward and backward",
-            "not stated for the model",
-            f"{forward.radius_mm:.3f} and {backward.radius_mm:.3f} mm: equal within {abs(off):.3%}",
-            abs(off) < 1e-3,
-        ),
-        *_skid_checks(forward),
-        statement("Fig. 22", "barrel over column, 4.8 rpm difference", "tighter", f"{small:+.1%}", small < -0.01),
-        statement(
-            "Fig. 22",
-            "barrel over column, 19.4 and 28.5 rpm",
-            "not much different",
-            f"within {large:.1%}",
-            large < 0.01,
-        ),
+    few, much = "barrel over column, 4.8 rpm difference", "barrel over column, 19.4 and 28.5 rpm"
+    rows = [
+        statement("Fig. 22", few, "tighter", f"{small:+.1%}", small < -0.01),
+        statement("Fig. 22", much, "not much different", f"within {large:.1%}", large < 0.01),
     ]
-
-
-def _skid_checks(forward: SteadyTurn) -> list[Check]:
-    """The words of Section 6.1 on Figure 20: a turn to the left."""
-    slip, angle = forward.wheels.slip_ratio, np.degrees(forward.wheels.slip_angle_rad)
-    return [
-        statement(
-            "Fig. 20",
-            "driving wheel 1 (inner) over its input, 2 (outer) under",
-            "faster, slower",
-            f"slip ratios {slip[0]:+.3f}, {slip[1]:+.3f}",
-            slip[0] > 0 > slip[1],
-        ),
-        statement(
-            "Fig. 20",
-            "skid of the front and of the rear wheels",
-            "to the left, to the right",
-            "slip angles " + ", ".join(f"{value:+.1f}°" for value in angle),
-            (angle[:2] > 0).all() and (angle[2:] < 0).all(),
-        ),
-    ]
+    return standing(rows, FITTED)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simulator.nominal_robot import Slip
-from simulator.paper.checks import Check, number, statement
+from simulator.paper.checks import FITTED, Check, number, standing, statement
 from simulator.paper.machines import TIRE_PEAK_FRICTION, tire_machine
 from simulator.robot import load_robot
 from simulator.slip.curves import law_parameters, normalized_forces
@@ -53,7 +53,8 @@ def slip_checks() -> list[Check]:
     """Figures 3, 7 and 8 in words."""
     tire = slip_shape(tire_machine(friction=TIRE_PEAK_FRICTION).slip)
     column, barrel = slip_shape(load_robot("column").slip), slip_shape(load_robot("barrel").slip)
-    return [*_tire_checks(tire), *_column_checks(column), *_barrel_checks(column, barrel)]
+    fitted = [*_column_checks(column), *_barrel_checks(column, barrel)]
+    return [*_tire_checks(tire), *standing(fitted, FITTED)]
 
 
 def _tire_checks(tire: SlipShape) -> list[Check]:
@@ -62,9 +63,12 @@ def _tire_checks(tire: SlipShape) -> list[Check]:
         f"falls beyond {tire.lateral_peak_deg:.1f}°",
     )
     friction = f"tire, mu_0 = {TIRE_PEAK_FRICTION}"
-    return [
+    peaks = [  # mu_0 was set to them
         number("Fig. 3a", f"longitudinal peak over f_z, {friction}", 0.8, tire.longitudinal_peak, "", 0.1, 3),
         number("Fig. 3b", f"lateral peak over f_z, {friction}", 0.8, tire.lateral_peak, "", 0.1, 3),
+    ]
+    return [
+        *standing(peaks, FITTED),
         statement(
             "Fig. 3a",
             "longitudinal force, tire",

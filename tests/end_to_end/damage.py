@@ -96,8 +96,8 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "cut-matroska": (cut_matroska, "it promises 1.48 s"),
     "cut-index": (cut_before_its_index, "not a video that FFmpeg can open"),
     "sound": (sound_only, "holds no video"),
-    "grey": (grey, "mark is in none of the 24 pictures"),
-    "no-robot": (without_robot, "mark is in none of the 24 pictures"),
+    "grey": (grey, "mark is in none of 24 frames"),
+    "no-robot": (without_robot, "mark is in none of 24 frames"),
 }
 
 

@@ -104,3 +104,35 @@ def test_what_is_up_to_date_is_not_done_again_and_programs_read_along(out: Path)
     assert rows[2]["radius_mm"] is None
     assert turnscope("report", experiment, "-o", out, "--quiet").stdout == ""
     assert (out / "report.html").read_bytes() == before
+
+
+def test_motors_that_start_after_the_recording_are_a_fault_of_check_and_run(samples: Path, tmp_path: Path) -> None:
+    experiment = three_runs(tmp_path)
+    text = experiment.read_text(encoding="utf-8").replace('marks = "r02.csv"', 'marks = "r02.csv"\nstart_s = 500.0')
+    experiment.write_text(text, encoding="utf-8")
+    said = "run r02: start_s = 500 s, but r02.csv ends at 5.98 s; give the time of the recording"
+    checked = turnscope("check", experiment)
+    assert checked.returncode == 2
+    assert said in checked.stderr
+    done = turnscope("analyze", experiment, "-o", tmp_path / "out", "--workers", 1)
+    assert done.returncode == 1
+    assert said in done.stderr
+    assert pd.read_csv(tmp_path / "out" / "turning.csv")["radius_mm"].notna().tolist() == [True, False, False]
+    video = (samples / "experiment.toml").read_text(encoding="utf-8").replace("start_s = 0.5", "start_s = 500.0", 1)
+    (samples / "late.toml").write_text(video, encoding="utf-8")
+    assert "run straight-30: start_s = 500 s" in turnscope("check", samples / "late.toml").stderr
+
+
+def test_numbers_for_people_have_a_minus_sign_and_names_keep_their_hyphen() -> None:
+    from evaluator.report.numbers import command_text, true_minus
+
+    assert command_text(-33.3, 14.4) == "−33.3 / 14.4"
+    assert true_minus("turn-33.3-14.4: -0.5 to +.5, r^-1.5, [-3") == "turn-33.3-14.4: −0.5 to +.5, r^−1.5, [−3"
+
+
+def test_dry_run_names_marks_as_read_and_help_shows_an_example_file_line_by_line(tmp_path: Path) -> None:
+    shown = turnscope("analyze", three_runs(tmp_path), "-o", tmp_path / "out", "--dry-run").stdout
+    assert "r01: read marks, turn" in shown
+    lines = turnscope("sweep", "--help").stdout.splitlines()
+    assert "  samples = 100" in [line[2:] for line in lines]
+    assert not [line for line in lines if "\\b" in line]

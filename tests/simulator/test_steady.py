@@ -1,14 +1,19 @@
-"""Steady turns: against integration, over every ratio, through folds."""
+"""Steady turns: against integration and over every ratio."""
 
 from __future__ import annotations
 
-import numpy as np
-import pytest
+from pathlib import Path
 
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from evaluator.cli.group import turnscope
 from simulator.command import Command
 from simulator.robot import load_robot
 from simulator.simulation import simulate
-from simulator.steady import steady_branch, steady_map, steady_turn, steady_turns
+from simulator.steady import steady_map, steady_turn, steady_turns
 
 
 @pytest.mark.parametrize("ratio", [0.9, 0.5, 0.1, 0.0, -0.3, -0.9])
@@ -49,18 +54,20 @@ def test_several_balances_of_the_tire_in_opposition_are_found_and_told_apart() -
     assert steady_turn(load_robot("tire"), 30.0, -9.0).stable
 
 
-def test_branch_passes_from_one_ratio_to_the_other_through_known_turns() -> None:
-    robot = load_robot("barrel")
-    branch = steady_branch(robot, 30.0, steady_turn(robot, 30.0, 27.0), 0.9, 0.2)
-    assert branch.ratio[0] == pytest.approx(0.9)
-    assert branch.ratio[-1] == pytest.approx(0.2, abs=0.03)
-    assert branch.stable.all()
-    middle = len(branch.ratio) // 2
-    turn = steady_turn(robot, 30.0, 30.0 * branch.ratio[middle])
-    assert branch.curvature_per_mm[middle] == pytest.approx(turn.curvature_per_mm, rel=1e-6)
-
-
 def test_straight_line_has_infinite_radius() -> None:
     turn = steady_turn(load_robot("tire"), 60.0, 60.0)
     assert turn.radius_mm == float("inf")
     assert turn.u_mm_s == pytest.approx(np.pi, rel=1e-4)
+
+
+def test_the_command_writes_every_speed_and_ratio_with_the_radius_of_its_turn(tmp_path: Path) -> None:
+    output = tmp_path / "turns.csv"
+    arguments = ["steady", "--robot", "barrel", "--left", "20", "--left", "50", "--ratios", "0.8", "0.2", "4"]
+    run = CliRunner().invoke(turnscope, [*arguments, "-o", str(output)])
+    assert run.exit_code == 0, run.output
+    table = pd.read_csv(output)
+    assert table["right_rpm"].to_numpy() == pytest.approx([16.0, 12.0, 8.0, 4.0, 40.0, 30.0, 20.0, 10.0])
+    turn = steady_turn(load_robot("barrel"), 50.0, 20.0)
+    row = table.iloc[6]
+    assert row["radius_mm"] == pytest.approx(turn.radius_mm, rel=1e-6)
+    assert row["speed_mm_s"] == pytest.approx(turn.speed_mm_s, rel=1e-6)

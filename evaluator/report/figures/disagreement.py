@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from evaluator.diagnosis.assessment.disagreement import QUANTITIES, SHOWN_SIGMAS, UNITS, Dependence, every_dependence
-from evaluator.report.style import BLUE, INK, PAPER, SOFT, VERMILLION, Figure, drawing
+from evaluator.report.style import BLUE, INK, PAPER, SOFT, VERMILLION, Figure, Line, drawing
 
 MOST_PANELS = 6
 MOST_POINTS = 250  # of a panel: more hide each other, and make the page heavy
@@ -117,7 +117,7 @@ def disagreement_panels(pieces: pd.DataFrame, *, after: bool = True) -> Figure |
         "over, so that one line shows it. On the plate: triangles up more, down less than simulated, before.",
         tuple(panels),
         pieces,
-        (("vermillion", "before"), ("blue", "after")) if after else (),
+        (Line("vermillion", "before", marker="square"), Line("blue", "after", marker="dot")) if after else (),
     )
 
 

@@ -11,16 +11,15 @@ from matplotlib.patches import Circle
 
 from evaluator.report.numbers import significant
 from evaluator.report.runs import RunView
-from evaluator.report.style import BLUE, GREEN, INK, VERMILLION, YELLOW, Figure, drawing
+from evaluator.report.style import BLUE, INK, Figure, Line, drawing
 
 MOST_POINTS = 240  # of a drawn curve: below a tenth of a pixel of error on a turn that fills its panel
-LEGEND = (
-    ("green", "green mark"),
-    ("yellow dashed", "yellow mark"),
-    ("ink", "centre"),
-    ("vermillion dashed", "simulated centre"),
-    ("blue thin", "circle of minimum radius"),
-)
+GREEN_MARK = Line("green", "green mark", 1.0)
+YELLOW_MARK = Line("yellow", "yellow mark", 1.0, (6.4, 1.6, 1.0, 1.6))
+CENTRE = Line("ink", "centre", 1.8)
+SIMULATED_CENTRE = Line("vermillion", "simulated centre", 1.3, (4.0, 2.0))
+CIRCLE = Line("blue", "circle of minimum radius", 0.8)
+LEGEND = (GREEN_MARK, YELLOW_MARK, CENTRE, SIMULATED_CENTRE, CIRCLE)
 MOST_PANELS = 12  # more runs than that are seen in the player; on paper they would be stamps
 
 
@@ -37,7 +36,7 @@ def trajectories(runs: Sequence[RunView]) -> Figure | None:
     return Figure(
         "trajectories",
         "Trajectories and circles of minimum radius",
-        "The dot is the start. The thin circle is the minimum turning radius; where the dashed line leaves the black "
+        "The dot is the start. The thin circle is the minimum turning radius; where the dashed line leaves the thick "
         "one, the simulation leaves the robot. One run per command, forward and backward side by side; all are in the "
         "player. (Figure 19 of the paper.)",
         tuple(panels),
@@ -70,16 +69,16 @@ def thinned(table: pd.DataFrame, most: int) -> pd.DataFrame:
 
 def _panel(axes: Axes, run: RunView) -> None:
     marks, poses, simulated = (thinned(table, MOST_POINTS) for table in (run.marks, run.poses, run.simulated))
-    axes.plot(marks["green_x_mm"], marks["green_y_mm"], color=GREEN, lw=1.0)
-    axes.plot(marks["yellow_x_mm"], marks["yellow_y_mm"], color=YELLOW, lw=1.0, ls="-.")
-    axes.plot(poses["x_mm"], poses["y_mm"], color=INK, lw=1.8)
-    axes.plot(simulated["x_mm"], simulated["y_mm"], color=VERMILLION, lw=1.2, ls=(0, (4, 2)))
+    axes.plot(marks["green_x_mm"], marks["green_y_mm"], **GREEN_MARK.drawn)
+    axes.plot(marks["yellow_x_mm"], marks["yellow_y_mm"], **YELLOW_MARK.drawn)
+    axes.plot(poses["x_mm"], poses["y_mm"], **CENTRE.drawn)
+    axes.plot(simulated["x_mm"], simulated["y_mm"], **SIMULATED_CENTRE.drawn)
     first = poses.dropna(subset=["x_mm"]).iloc[:1]
     axes.plot(first["x_mm"], first["y_mm"], color=INK, marker="o", ms=4, ls="none")
     title = f"{run.id}: {run.command}"
     center = run.value("center_x_mm"), run.value("center_y_mm")
     if run.turns and np.isfinite(center).all():
-        axes.add_patch(Circle(center, run.value("radius_mm"), fill=False, ec=BLUE, lw=0.8))
+        axes.add_patch(Circle(center, run.value("radius_mm"), fill=False, ec=BLUE, lw=CIRCLE.width))
         axes.plot(*center, color=BLUE, marker="+", ms=5, ls="none")
         title += f"\nradius {significant(run.value('radius_mm'))} mm"
     axes.set_title(title)

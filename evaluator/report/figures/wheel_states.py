@@ -12,6 +12,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Rectangle
 
+from evaluator.report.numbers import true_minus
 from evaluator.report.style import BLUE, FAINT, INK, PAPER, SOFT, VERMILLION, Figure, drawing
 from simulator.nominal_robot import WHEELS
 from simulator.robot import Robot
@@ -54,9 +55,9 @@ def wheel_states_figure(name: str, title: str, robot: Robot, turn: SteadyTurn) -
         axes.set_axis_off()
     motion = "forward" if turn.u_mm_s > 0 else "backward"
     caption = (
-        f"Moving {motion}, radius {abs(turn.radius_mm):.2f} mm. Red: friction on each wheel; blue: velocity of "
-        "the wheel over the plate; thin lines: radii from the centre of the turn (cross). The driven wheels roll "
-        "freely, so their friction is lateral alone. Seen from above, front of the robot at the top."
+        f"Moving {motion}, radius {abs(turn.radius_mm):.2f} mm. Thick orange arrows: friction on each wheel; "
+        "thin blue arrows: velocity of the wheel over the plate; dotted lines: radii from the centre of the turn "
+        "(cross). The driven wheels roll freely, so their friction is lateral alone. Seen from above, front at the top."
     )
     return Figure(name, title, caption, (canvas.svg,), table)
 
@@ -100,7 +101,7 @@ def _label(axes: Axes, number: int, place: np.ndarray, table: pd.DataFrame) -> N
     )
     axes.text(
         *(side * 4.3, end * 4.6),
-        text,
+        true_minus(text),
         ha="center",
         va="center",
         fontsize=8,

@@ -7,7 +7,7 @@ from importlib.resources import files
 
 from jinja2 import Environment, StrictUndefined
 
-from evaluator.report.style import THEME, Figure
+from evaluator.report.style import THEME, Figure, Line
 from evaluator.report.summary import Number
 
 
@@ -46,7 +46,7 @@ class Page:
     numbers: tuple[Number, ...] = ()
     faults: dict[str, str] = field(default_factory=dict)
     player: str = ""
-    legend: tuple[tuple[str, str], ...] = ()
+    legend: tuple[Line, ...] = ()
 
 
 def page_html(page: Page) -> str:

@@ -1,4 +1,4 @@
-"""A bench recording as forces, fitted law, pictures and one page."""
+"""A bench recording as forces, fitted law, figures and one page."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import pandas as pd
 
 from evaluator.files import write_text, written_whole
 from evaluator.report.figures.paper_slip import slip_figures
+from evaluator.report.numbers import true_minus
 from evaluator.report.pages.html import Page, Section, Table, page_html
 from evaluator.report.style import plain_svg
 from evaluator.workflow import SlipBench
@@ -18,10 +19,13 @@ from simulator.slip.fit import NAMES, SlipFit, slip_toml
 HEAD = ("parameter", "value", "95 % from", "to")
 
 
-def fit_rows(fit: SlipFit) -> list[tuple[str, str, str, str]]:
+def fit_rows(fit: SlipFit) -> list[tuple[str, ...]]:
     """Parameter, value and interval as text."""
     rows = zip(NAMES, fit.value, fit.low, fit.high, strict=True)
-    return [(name.replace("_", " "), f"{value:.4g}", f"{low:.4g}", f"{high:.4g}") for name, value, low, high in rows]
+    return [
+        (name.replace("_", " "), *(true_minus(f"{value:.4g}") for value in (best, low, high)))
+        for name, best, low, high in rows
+    ]
 
 
 def fit_sentences(fit: SlipFit, forces: pd.DataFrame) -> tuple[str, ...]:

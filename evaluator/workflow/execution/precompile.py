@@ -53,7 +53,7 @@ def simulate_run() -> None:
 
 
 def measure_turn(video: Path) -> None:
-    """Track a few pictures, and measure the turn of marks on a circle."""
+    """Track a few frames, and measure the turn of marks on a circle."""
     import numpy as np
     import pandas as pd
 

@@ -89,7 +89,7 @@ class Outputs:
         return self.folder / "simulated" / f"{run}.csv"
 
     def pictures(self, run: str) -> Path:
-        """A few small pictures of a run's video, for the report."""
+        """A few small frames of a run's video, for the report."""
         return self.folder / "pictures" / f"{run}.json"
 
     def record(self, run: str) -> Path:

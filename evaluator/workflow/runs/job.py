@@ -116,6 +116,22 @@ def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterat
         )
 
 
+def outside_recording(run: Run, first_s: float, last_s: float) -> str | None:
+    """Say that the motors start after a recording from first_s to last_s, or stop before it; None where they do not."""
+    named = (run.video or run.marks or Path(run.id)).name
+    if run.start_s >= last_s:
+        return (
+            f"run {run.id}: start_s = {run.start_s:g} s, but {named} ends at {last_s:.2f} s; "
+            "give the time of the recording at which the motors were commanded on"
+        )
+    if run.stop_s is not None and run.stop_s <= first_s:
+        return (
+            f"run {run.id}: stop_s = {run.stop_s:g} s, but {named} begins at {first_s:.2f} s; "
+            "give the time of the recording at which the motors were commanded off"
+        )
+    return None
+
+
 def outdated_stages(job: Job) -> list[str]:
     """Stages of a job that are not up to date. Raises OSError where an input cannot be read."""
     record, keys = job.record(), job.keys()

@@ -25,8 +25,9 @@ from evaluator.recording import TimingReport, open_recording
 from evaluator.robot_geometry import mark_geometry, robot_shape
 from evaluator.tracking import load_settings, place_on_plate, track
 from evaluator.turning import Turning, measure_turning
+from evaluator.words import counted
 from evaluator.workflow.results.outputs import Outputs
-from evaluator.workflow.runs.job import Job, RunResult
+from evaluator.workflow.runs.job import Job, RunResult, outside_recording
 from evaluator.workflow.runs.thumbnails import Glimpsed
 
 
@@ -110,6 +111,12 @@ class _Stages:
         return [path, pictures], {"notes": list(report.notes), "last_s": float(report.last or 0)}
 
     def _turn(self) -> tuple[list[Path], dict[str, Any]]:
+        fault = outside_recording(self.run, float(self.poses.time_s[0]), float(self.poses.time_s[-1]))
+        if fault is not None:
+            raise InputError(fault)
+        if not self.poses.measured.any():
+            reasons, counts = np.unique(self.poses.status, return_counts=True)
+            raise InputError(f"no frame has a pose ({reasons[counts.argmax()]}); does it show both marks?")
         path = self.out.poses(self.run.id)
         write_table(pose_table(self.poses), path)
         return [path], self.turning.to_row()
@@ -122,15 +129,15 @@ class _Stages:
 
 
 def _refuse_cut(report: TimingReport, promised: int, promised_s: float | None, video: Path) -> None:
-    """Pictures lost here and there cost nothing (each keeps its own time); a lost end may be the turn itself.
+    """Frames lost here and there cost nothing (each keeps its own time); a lost end may be the turn itself.
 
-    promised: pictures that the container says it holds, else 0; promised_s: how long it says it lasts, else None.
+    promised: frames that the container says it holds, else 0; promised_s: how long it says it lasts, else None.
     """
     if report.interval is None or report.last is None:
         return
     there = 1 + round(report.last / report.interval)
     if promised and promised - there > promised / 100:
-        promise = f"{report.frames} of the {promised} pictures that it promises are there"
+        promise = f"{report.frames} of the {promised} frames that it promises are there"
     elif not promised and promised_s and promised_s / report.interval - there > there / 100:
         promise = f"it promises {promised_s:.2f} s"
     else:
@@ -143,7 +150,7 @@ def _refuse_unseen(table: pd.DataFrame, mark: str, video: Path) -> None:
     if not (status == "ok").any():
         reason = status.mode().iloc[0]
         raise InputError(
-            f"{video}: the {mark} mark is in none of the {len(table)} pictures ({reason}); "
+            f"{video}: the {mark} mark is in none of {counted(len(table), 'frame')} ({reason}); "
             f"say its color, diameter_px and region_px in a tracking.toml"
         )
 

@@ -1,4 +1,4 @@
-"""A few small pictures of a recording, kept while it is tracked: the report shows them without decoding again."""
+"""A few small frames of a recording, kept while it is tracked: the report shows them without decoding again."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Glimpsed:
             yield frame
 
     def to_json(self) -> str:
-        """The pictures kept in the last iteration, as the report reads them."""
+        """The frames kept in the last iteration, as the report reads them."""
         thin = max(1, round(len(self._kept) / PICTURES))
         chosen = self._kept[::thin]
         return json.dumps([{"time_s": time, "jpeg": base64.b64encode(data).decode()} for time, data in chosen]) + "\n"

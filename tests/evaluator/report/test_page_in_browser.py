@@ -53,6 +53,12 @@ window.addEventListener("load", async () => {
     seen.svg = { panels: drawn.documentElement.querySelectorAll(":scope > svg").length,
       faulty: drawn.querySelector("parsererror") !== null, variables: text.includes("var(--") };
     delete seen.blob;
+    const strokes = (selector) => [...document.querySelectorAll(selector)].map((line) =>
+      [line.getAttribute("stroke"), (line.getAttribute("stroke-dasharray") ?? "none") !== "none"]);
+    seen.legend = strokes("#player .legend line");
+    seen.drawn = strokes("#player-plot > path, #player-plot > circle");
+    seen.cut = [...document.querySelectorAll(".scroll")].filter((table) => table.scrollWidth > table.clientWidth)
+      .map((table) => table.closest("section").id);
     seen.wide = document.documentElement.scrollWidth - document.documentElement.clientWidth;
   } catch (error) { seen.error = String(error); }
   const result = document.createElement("pre");
@@ -106,6 +112,13 @@ def test_player_scrubs_and_plays_and_figures_are_saved_with_their_data(page: Pat
         [name, ",".join(head.split(",")[:4])] for name, head in seen["tables"]
     ]
     assert seen["svg"] == {"panels": 3, "faulty": False, "variables": False}
+
+
+def test_no_table_is_cut_on_a_laptop_and_the_legend_shows_the_lines_of_the_player(page: Path) -> None:
+    seen = driven(page, dark=False, width=1400)
+    assert seen["cut"] == []
+    assert len(seen["legend"]) == 5
+    assert seen["legend"] == seen["drawn"]
 
 
 def test_the_page_is_dark_where_the_reader_is_and_fits_a_phone(page: Path) -> None:

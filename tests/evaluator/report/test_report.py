@@ -81,10 +81,10 @@ def test_the_summary_names_the_tightest_turn_with_the_digits_its_interval_bears(
 
 
 def test_slips_of_the_wheels_stand_measured_beside_simulated(page: str) -> None:
-    table = page[page.index("Measured | simulated") :]
+    table = page[page.index("Measured above simulated") :]
     row = re.sub("<[^>]*>", " ", table[: table.index("</tr>", table.index("<tbody>"))])
     assert "slip ratio, front left" in row
-    assert len(re.findall(r"[−0-9.]+ \| [−0-9.]+", row.split("r01")[-1])) == 7
+    assert len(re.findall(r"[−0-9.]+\n[−0-9.]+", row.split("r01")[-1])) == 7
 
 
 def test_repetitions_and_directions_are_pooled_on_the_page(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ for (const link of document.querySelectorAll("a.svg")) {
 const source = document.getElementById("player-data");
 if (source) startPlayer(JSON.parse(source.textContent));
 
-function startPlayer({ runs, robot }) {
+function startPlayer({ runs, robot, lines }) {
   const find = (name) => document.getElementById(`player-${name}`);
   const [choice, play, slider, clock, plot, picture, note] =
     ["run", "play", "time", "clock", "plot", "picture", "note"].map(find);
@@ -70,17 +70,18 @@ function startPlayer({ runs, robot }) {
     plot.setAttribute("viewBox", `${cx - width / 2} ${cy - height / 2} ${width} ${height}`);
     const unit = width / 400;
     grid(cx - width / 2, cy - height / 2, width, height, unit);
-    const line = (d, color, thickness, dash) => draw(plot, "path", {
-      d, fill: "none", stroke: `var(--${color})`, "stroke-width": thickness * unit,
-      ...(dash ? { "stroke-dasharray": dash.map((part) => part * unit).join(" ") } : {}),
-    });
-    line(path(run.gx, run.gy), "green", 1);
-    line(path(run.yx, run.yy), "yellow", 1);
-    line(path(run.x, run.y), "ink", 1.8);
-    line(path(run.sx, run.sy), "vermillion", 1.3, [5, 3]);
+    // As in the legend: green mark, yellow mark, centre, simulated centre, circle.
+    const [green, yellow, centre, simulated, circle] = lines.map(({ color, width, dash }) => ({
+      fill: "none", stroke: `var(--${color})`, "stroke-width": width * unit,
+      ...(dash.length ? { "stroke-dasharray": dash.map((part) => part * width * unit).join(" ") } : {}),
+    }));
+    draw(plot, "path", { d: path(run.gx, run.gy), ...green });
+    draw(plot, "path", { d: path(run.yx, run.yy), ...yellow });
+    draw(plot, "path", { d: path(run.x, run.y), ...centre });
+    draw(plot, "path", { d: path(run.sx, run.sy), ...simulated });
     if (run.circle) {
       const [x, y, r] = run.circle;
-      draw(plot, "circle", { cx: x, cy: -y, r, fill: "none", stroke: "var(--blue)", "stroke-width": 0.9 * unit });
+      draw(plot, "circle", { cx: x, cy: -y, r, ...circle });
     }
     const body = draw(plot, "g", {});
     draw(body, "rect", { x: -robot.length / 2, y: -robot.width / 2, width: robot.length, height: robot.width, rx: 0.3,
@@ -97,7 +98,7 @@ function startPlayer({ runs, robot }) {
     const raw = width / 6, power = 10 ** Math.floor(Math.log10(raw));
     const step = [1, 2, 5, 10].map((factor) => factor * power).find((value) => value >= raw);
     const label = (x, y, text, anchor) => {
-      draw(plot, "text", { x, y, "font-size": 11 * unit, fill: "var(--soft)", "text-anchor": anchor }).textContent = text;
+      draw(plot, "text", { x, y, "font-size": 11 * unit, fill: "var(--soft)", "text-anchor": anchor }).textContent = `${text}`.replace("-", "−");
     };
     for (let x = Math.ceil(left / step) * step; x < left + width; x += step) {
       draw(plot, "line", { x1: x, x2: x, y1: top, y2: top + height, stroke: "var(--faint)", "stroke-width": 0.7 * unit });
@@ -124,7 +125,7 @@ function startPlayer({ runs, robot }) {
         picture.src = `data:image/jpeg;base64,${nearest[1]}`;
         picture.dataset.at = `${run.label}${nearest[0]}`;
       }
-      note.textContent += ` Picture at ${nearest[0].toFixed(2)} s.`;
+      note.textContent += ` Frame at ${nearest[0].toFixed(2)} s.`;
     }
   }
 

@@ -1,0 +1,57 @@
+"""Experiments that went wrong in every way still give a report, without a warning and without "nan"."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evaluator.report.build import report_html
+from evaluator.workflow import analyze
+from tests.evaluator.synthetic import circling_marks, write_experiment
+
+TURN = circling_marks(6.0)
+
+
+def resting() -> pd.DataFrame:
+    noise = np.random.default_rng(1)
+    marks = TURN.copy()
+    marks.iloc[:, 1:] = marks.iloc[0, 1:].to_numpy() + noise.normal(0, 0.002, (len(marks), 4))
+    return marks
+
+
+def seen_in(share: float) -> pd.DataFrame:
+    marks = TURN.copy()
+    marks.loc[np.random.default_rng(1).random(len(marks)) > share, marks.columns[1:]] = np.nan
+    return marks
+
+
+EXPERIMENTS = {
+    "one turn": [("a", 14.4, 33.3, TURN)],
+    "turns commanded straight": [("a", 33.3, 33.3, TURN), ("b", -20.0, -20.0, TURN)],
+    "no motion": [("a", 14.4, 33.3, resting())],
+    "no command": [("a", 0.0, 0.0, resting())],
+    "one wheel": [("a", 0.0, 33.3, TURN)],
+    "wheels opposed": [("a", -30.0, 30.0, TURN)],
+    "marks mostly missing": [("a", 14.4, 33.3, seen_in(0.05)), ("b", 14.4, 33.3, TURN)],
+    "four frames": [("a", 14.4, 33.3, TURN.iloc[:4])],
+    "two frames": [("a", 14.4, 33.3, TURN.iloc[:2])],
+    "nearly straight": [("a", 33.0, 33.3, circling_marks(5000.0))],
+}
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_odd_experiments_have_a_report(name: str, tmp_path: Path) -> None:
+    found = analyze(write_experiment(tmp_path, EXPERIMENTS[name]), tmp_path / "out", simulate=True, workers=1)
+    page = report_html(found)
+    assert found.faults == {}
+    assert not re.search(r">[^<]*\bnan\b[^<]*<", page)
+
+
+def test_a_run_whose_marks_are_never_seen_together_has_its_reason(tmp_path: Path) -> None:
+    runs = [("a", 14.4, 33.3, TURN.assign(green_x_mm=np.nan)), ("b", 14.4, 33.3, TURN)]
+    found = analyze(write_experiment(tmp_path, runs), tmp_path / "out", simulate=True, workers=1)
+    assert found.faults["a"].endswith("a.csv: no frame has a pose (green: absent); does it show both marks?")
