@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.assignment.lattice import Lattice, assign_grid
+from calibration.assignment.array_in_image import find_array
+from calibration.assignment.lattice import Lattice
 from calibration.assignment.matching import Match, match_gauge
 from calibration.assignment.neighbours import nearest
 from calibration.assignment.wrong_gauge import size_ratio
 from calibration.detection.disturbed import useful
-from calibration.detection.dots import Dots, detect_dots
+from calibration.detection.dots import Dots
 from calibration.detection.roundness import NAMES, OUT_OF_ROUND, out_of_round
 from calibration.errors import CalibrationError
 from calibration.estimation.bundle_adjustment import View, whitening
@@ -20,6 +21,8 @@ from calibration.estimation.flatness import face_terms
 from calibration.gauge.geometry import Gauge
 
 FEWEST_DOTS = 12  # six for the pose, twice over
+# A gauge of few dots must show so many of them; eight still overdetermine a pose, and hardly arise by chance.
+FEWEST_SHARE, FEWEST_EVER = 2 / 3, 8
 # A dot blurred beyond its own size looks like a normal distribution, which the disc model fits with an edge of 0.6
 # radii on too wide a disc. Up to there centres are still good; from there on neighbours run into each other.
 SMUDGE = (0.5, 1.2)
@@ -45,14 +48,14 @@ class Sighting:
 
 def sight(picture: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
     """Find the gauge in one picture. Raises CalibrationError that names the picture."""
-    dots = detect_dots(picture, gauge.dots.color, gauge.dots.background)
-    if len(dots) < FEWEST_DOTS:
+    dots, lattice = find_array(picture, gauge.dots.color, gauge.dots.background)
+    fewest = fewest_dots(gauge)
+    if len(dots) < fewest:
         raise CalibrationError(
-            f"{name}: {len(dots)} dots of color {gauge.dots.color} found, at least {FEWEST_DOTS} are needed; "
+            f"{name}: {len(dots)} dots of color {gauge.dots.color} found, at least {fewest} are needed; "
             "is it a sharp picture of the gauge?"
         )
-    lattice = assign_grid(dots)
-    if len(lattice) < FEWEST_DOTS:
+    if len(lattice) < fewest:
         raise CalibrationError(
             f"{name}: {len(dots)} dots found, but only {len(lattice)} of them form a regular array; is it the gauge?"
         )
@@ -83,6 +86,12 @@ def sight(picture: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
             "them; is it the gauge of this picture, and are its pitch_mm and diameter_mm right?"
         )
     return Sighting(name, dots, lattice, match, ratio)
+
+
+def fewest_dots(gauge: Gauge) -> int:
+    """How many dots of a gauge an image must show."""
+    count = gauge.dots.columns * gauge.dots.rows
+    return min(FEWEST_DOTS, max(FEWEST_EVER, int(np.ceil(FEWEST_SHARE * count))))
 
 
 def _expected_diameter_px(dots: Dots, lattice: Lattice, gauge: Gauge) -> float:

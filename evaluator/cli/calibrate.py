@@ -92,14 +92,13 @@ def dots(pictures: tuple[Path, ...], annotate: Path | None) -> None:
     """Find and assign the dots of pictures, without a gauge file."""
     import numpy as np
 
-    from calibration.assignment.lattice import assign_grid, rows_and_columns
-    from calibration.detection.dots import detect_dots
+    from calibration.assignment.array_in_image import find_array
+    from calibration.assignment.lattice import rows_and_columns
     from calibration.detection.image import read_picture
 
     for path in pictures:
         picture = read_picture(path)
-        found = detect_dots(picture)
-        lattice = assign_grid(found)
+        found, lattice = find_array(picture)
         if not len(lattice):
             click.echo(f"{path}: {len(found)} dots found, 0 assigned: they form no regular array")
             continue

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from calibration.assessment.quality import assess
-from calibration.assignment.lattice import assign_grid, rows_and_columns
-from calibration.detection.dots import detect_dots
+from calibration.assignment.array_in_image import find_array
+from calibration.assignment.lattice import rows_and_columns
 from calibration.detection.image import read_picture
 from calibration.estimation.calibrate import calibrate
 from calibration.gauge.geometry import Gauge
@@ -24,20 +24,20 @@ ASYMMETRIC = sorted((REAL / "dot_grids" / "asymmetric_grid").glob("*.png"))
     ("name", "least"), [("dot_pattern_01", 6300), ("dot_pattern_02", 1290), ("GoPro8_dot_pattern", 1550)]
 )
 def test_dense_arrays_are_assigned(name: str, least: int) -> None:
-    lattice = assign_grid(detect_dots(read_picture(REAL / "dot_arrays" / f"{name}.jpg")))
+    lattice = find_array(read_picture(REAL / "dot_arrays" / f"{name}.jpg"))[1]
     assert len(lattice) >= least
 
 
 @pytest.mark.parametrize("path", SYMMETRIC, ids=lambda path: path.stem[-8:])
 def test_symmetric_photographs_are_assigned_whole(path: Path) -> None:
-    lattice = assign_grid(detect_dots(read_picture(path)))
+    lattice = find_array(read_picture(path))[1]
     _, index = rows_and_columns(lattice)
     assert (len(lattice), sorted((index.max(axis=0) + 1).tolist())) == (30, [5, 6])
 
 
 @pytest.mark.parametrize("path", ASYMMETRIC, ids=lambda path: path.stem[-8:])
 def test_asymmetric_photographs_are_assigned_whole(path: Path) -> None:
-    lattice = assign_grid(detect_dots(read_picture(path)))
+    lattice = find_array(read_picture(path))[1]
     layout, index = rows_and_columns(lattice)
     assert (len(lattice), layout, (index.max(axis=0) + 1).tolist()) == (44, "staggered", [4, 11])
 
