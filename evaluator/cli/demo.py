@@ -90,7 +90,7 @@ def _solve_puzzle(experiment: Path, out: Path, workers: int | None, *, quiet: bo
 def calibrate_samples(folder: Path) -> str:
     """Write camera.json from the gauge pictures; returns the verdict in words."""
     from calibration.assessment.quality import assess
-    from calibration.detection.image import read_picture
+    from calibration.detection.image import read_image
     from calibration.estimation.calibrate import calibrate
     from calibration.gauge.geometry import load_gauge
     from calibration.store import camera_to_json
@@ -98,7 +98,7 @@ def calibrate_samples(folder: Path) -> str:
 
     pictures = sorted(folder.glob("gauge-*.png"))
     gauge = read_with(load_gauge, folder / "gauge.toml")
-    found = calibrate([read_picture(path) for path in pictures], gauge, names=[path.name for path in pictures])
+    found = calibrate([read_image(path) for path in pictures], gauge, names=[path.name for path in pictures])
     verdict = assess(found)
     write_text(folder / "camera.json", camera_to_json(found, verdict))
     return f"{len(pictures)} pictures, residual {found.rms_px:.3f} px RMS; {verdict.summary}"

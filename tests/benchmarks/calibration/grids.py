@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from calibration.assignment.array_in_image import find_array
 from calibration.assignment.gauge_in_image import sight
-from calibration.detection.image import read_picture
+from calibration.detection.image import read_image
 from calibration.errors import CalibrationError
 from calibration.gauge.geometry import Gauge
 from tests.calibration.grid_images import KINDS, GridImage, Layout, grid_images, grid_places
@@ -149,6 +149,6 @@ def _photographs(
     places = grid_places(layout, (columns, rows))
     unknown = np.full(places.shape, np.nan)
     return [
-        GridImage(path.name, read_picture(path), places, unknown, layout, (columns, rows), bright, diameter)  # type: ignore[arg-type]
+        GridImage(path.name, read_image(path), places, unknown, layout, (columns, rows), bright, diameter)  # type: ignore[arg-type]
         for path in paths
     ]
