@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from calibration.assessment.verdict import Verdict
     from calibration.camera import Camera, camera_above
     from calibration.detection.dots import Dots
-    from calibration.detection.image import read_picture
+    from calibration.detection.image import read_image
     from calibration.errors import CalibrationError
     from calibration.estimation.calibrate import Calibration, calibrate
     from calibration.gauge.geometry import Gauge, load_gauge
@@ -31,7 +31,7 @@ __all__ = [
     "camera_to_json",
     "load_camera",
     "load_gauge",
-    "read_picture",
+    "read_image",
 ]
 
 _HOMES = {
@@ -39,7 +39,7 @@ _HOMES = {
     "calibration.detection.dots": ("Dots",),
     "calibration.errors": ("CalibrationError",),
     "calibration.gauge.geometry": ("Gauge", "load_gauge"),
-    "calibration.detection.image": ("read_picture",),
+    "calibration.detection.image": ("read_image",),
     "calibration.assessment.quality": ("assess",),
     "calibration.estimation.calibrate": ("Calibration", "calibrate"),
     "calibration.store": ("camera_to_json", "load_camera"),

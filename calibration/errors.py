@@ -1,5 +1,14 @@
-"""The one error a user of this package can cause."""
+"""The errors a user of this package can cause."""
 
 
 class CalibrationError(ValueError):
-    """A picture, gauge or camera file cannot be used; the message says what was found and what to do."""
+    """An image, gauge or camera file cannot be used; the message says what was found and what to do."""
+
+
+class ImageError(CalibrationError):
+    """One image of a set cannot be used; others may do without it. image: its name. reason: the message without it."""
+
+    def __init__(self, image: str, reason: str) -> None:
+        """Join name and reason to the message."""
+        super().__init__(f"{image}: {reason}")
+        self.image, self.reason = image, reason

@@ -220,7 +220,7 @@ def _height_sentence(calibration: Calibration, height: float, scale: float, plat
 
 
 def _notes(calibration: Calibration) -> list[str]:
-    notes = []
+    notes = [f"left out {name}: {reason}" for name, reason in calibration.left_out]
     left_out, found = np.array(calibration.rejected), np.array([len(s.match) for s in calibration.sightings])
     worst = int(np.argmax(left_out / found))
     if left_out[worst] > LEFT_OUT * found[worst]:

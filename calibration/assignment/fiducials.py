@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from calibration.assignment.lattice import Lattice
 from calibration.assignment.neighbours import nearest
+from calibration.assignment.relative_size import relative_size
 from calibration.detection.dots import Dots
 from calibration.detection.image import color_bgr
 from calibration.gauge.geometry import Gauge
@@ -27,11 +28,9 @@ def of_equal_size(dots: Dots, lattice: Lattice, gauge: Gauge) -> Lattice:
 
 
 def _relative_size(dots: Dots, lattice: Lattice) -> Array:
-    """Logarithm of diameter over the median of the neighbours' diameters, (m,)."""
+    """Logarithm of diameter over what the neighbours' lead to expect, (m,)."""
     points = dots.centers_px[lattice.dot]
-    size = np.log(dots.diameter_px[lattice.dot])
-    _, neighbours = nearest(points, 12)
-    return np.asarray(size - np.median(size[neighbours], axis=1))
+    return relative_size(points, dots.diameter_px[lattice.dot], nearest(points, 12)[1])
 
 
 def features_seen(dots: Dots, lattice: Lattice, gauge: Gauge) -> Array:

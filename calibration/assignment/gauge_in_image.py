@@ -7,19 +7,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.assignment.lattice import Lattice, assign_grid
+from calibration.assignment.array_in_image import find_array
+from calibration.assignment.lattice import Lattice
 from calibration.assignment.matching import Match, match_gauge
 from calibration.assignment.neighbours import nearest
 from calibration.assignment.wrong_gauge import size_ratio
 from calibration.detection.disturbed import useful
-from calibration.detection.dots import Dots, detect_dots
+from calibration.detection.dots import Dots
 from calibration.detection.roundness import NAMES, OUT_OF_ROUND, out_of_round
-from calibration.errors import CalibrationError
+from calibration.errors import CalibrationError, ImageError
 from calibration.estimation.bundle_adjustment import View, whitening
 from calibration.estimation.flatness import face_terms
 from calibration.gauge.geometry import Gauge
 
 FEWEST_DOTS = 12  # six for the pose, twice over
+# A gauge of few dots must show so many of them; eight still overdetermine a pose, and hardly arise by chance.
+FEWEST_SHARE, FEWEST_EVER = 2 / 3, 8
 # A dot blurred beyond its own size looks like a normal distribution, which the disc model fits with an edge of 0.6
 # radii on too wide a disc. Up to there centres are still good; from there on neighbours run into each other.
 SMUDGE = (0.5, 1.2)
@@ -44,45 +47,54 @@ class Sighting:
 
 
 def sight(picture: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
-    """Find the gauge in one picture. Raises CalibrationError that names the picture."""
-    dots = detect_dots(picture, gauge.dots.color, gauge.dots.background)
-    if len(dots) < FEWEST_DOTS:
-        raise CalibrationError(
-            f"{name}: {len(dots)} dots of color {gauge.dots.color} found, at least {FEWEST_DOTS} are needed; "
-            "is it a sharp picture of the gauge?"
+    """Find the gauge in one picture. Raises ImageError."""
+    dots, lattice = find_array(picture, gauge.dots.color, gauge.dots.background)
+    fewest = fewest_dots(gauge)
+    if len(dots) < fewest:
+        raise ImageError(
+            name,
+            f"{len(dots)} dots of color {gauge.dots.color} found, at least {fewest} are needed; "
+            "is it a sharp picture of the gauge?",
         )
-    lattice = assign_grid(dots)
-    if len(lattice) < FEWEST_DOTS:
-        raise CalibrationError(
-            f"{name}: {len(dots)} dots found, but only {len(lattice)} of them form a regular array; is it the gauge?"
+    if len(lattice) < fewest:
+        raise ImageError(
+            name, f"{len(dots)} dots found, but only {len(lattice)} of them form a regular array; is it the gauge?"
         )
     if lattice.others:
-        raise CalibrationError(
-            f"{name}: two dot arrays in view, of {len(lattice)} and {lattice.others} dots; show one gauge at a time"
+        raise ImageError(
+            name, f"two dot arrays in view, of {len(lattice)} and {lattice.others} dots; show one gauge at a time"
         )
     blur = float(np.median(2 * dots.blur_px / dots.diameter_px))
     swollen = float(np.median(dots.diameter_px[lattice.dot])) / _expected_diameter_px(dots, lattice, gauge)
     if blur > SMUDGE[0] and swollen > SMUDGE[1]:
-        raise CalibrationError(
-            f"{name}: blurred beyond use, dots are smeared to {swollen:.1f} times their size; focus the lens"
+        raise ImageError(
+            name, f"blurred beyond use, dots are smeared to {swollen:.1f} times their size; focus the lens"
         )
     try:
         match = match_gauge(dots, lattice, gauge)
     except CalibrationError as error:
-        raise CalibrationError(f"{name}: {error}") from None
+        raise ImageError(name, str(error)) from None
     order, depth = out_of_round(dots, match.dot)
     if depth > OUT_OF_ROUND and blur < SHARP:
-        raise CalibrationError(
-            f"{name}: the marks are not discs but {NAMES[order]}: their rims depart from an ellipse by "
-            f"{100 * depth:.0f} % of the radius; is it the gauge of this picture?"
+        raise ImageError(
+            name,
+            f"the marks are not discs but {NAMES[order]}: their rims depart from an ellipse by "
+            f"{100 * depth:.0f} % of the radius; is it the gauge of this picture?",
         )
     ratio = size_ratio(dots.centers_px[match.dot], dots.diameter_px[match.dot], match.column, match.row, gauge)
     if ratio > FOREIGN_SIZE or ratio < 1 / FOREIGN_SIZE:
-        raise CalibrationError(
-            f'{name}: dots are seen {ratio:.2g} times as wide against their distance as the gauge "{gauge.name}" has '
-            "them; is it the gauge of this picture, and are its pitch_mm and diameter_mm right?"
+        raise ImageError(
+            name,
+            f'dots are seen {ratio:.2g} times as wide against their distance as the gauge "{gauge.name}" has '
+            "them; is it the gauge of this picture, and are its pitch_mm and diameter_mm right?",
         )
     return Sighting(name, dots, lattice, match, ratio)
+
+
+def fewest_dots(gauge: Gauge) -> int:
+    """How many dots of a gauge an image must show."""
+    count = gauge.dots.columns * gauge.dots.rows
+    return min(FEWEST_DOTS, max(FEWEST_EVER, int(np.ceil(FEWEST_SHARE * count))))
 
 
 def _expected_diameter_px(dots: Dots, lattice: Lattice, gauge: Gauge) -> float:

@@ -22,6 +22,7 @@ CAPTURE = 0.28
 # reach, an eighth of the basis vector, and nothing is predicted from it.
 ODD_SHARE = 0.45
 OPPOSITE = 0.22  # mismatch of the two arms of a seed, as a share of an arm
+SLANTED = 0.45  # of a seed in a grid of few large dots seen at a slant, where steps shrink by a third from dot to dot
 NEIGHBOURS = 12  # enough to see both directions of a lattice with pitches 1 : 2.5
 # Beside a hole the arms of a seed may reach over two pitches; then its cell is at least twice that of a sound seed
 # nearby, while perspective changes cells by some percent from dot to dot.
@@ -29,10 +30,11 @@ WIDE_CELL = 1.4
 STEPS = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1), (2, 0), (-2, 0), (0, 2), (0, -2))
 
 
-def seed_bases(points: Array, neighbours: Integers) -> tuple[Array, Array]:
+def seed_bases(points: Array, neighbours: Integers, opposite_share: float = OPPOSITE) -> tuple[Array, Array]:
     """Local basis (n, 4) ux, uy, vx, vy of each dot, and how ill it suits a seed (n,), inf for none.
 
-    points: (n, 2). neighbours: (n, k) nearest first. An arm is a neighbour with another one opposite to it.
+    points: (n, 2). neighbours: (n, k) nearest first. An arm is a neighbour with another one opposite to it, to
+    opposite_share of its length.
     """
     arm = points[neighbours] - points[:, None]
     x, y = arm[..., 0], arm[..., 1]
@@ -41,7 +43,7 @@ def seed_bases(points: Array, neighbours: Integers) -> tuple[Array, Array]:
     opposite = off.argmin(axis=2)
     error = np.sqrt(np.take_along_axis(off, opposite[..., None], axis=2)[..., 0]) / length
     half = (arm - np.take_along_axis(arm, opposite[..., None], axis=1)) / 2
-    paired = error <= OPPOSITE
+    paired = error <= opposite_share
     dot = np.arange(len(points))
     first = paired.argmax(axis=1)
     u = half[dot, first]

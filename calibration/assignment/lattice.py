@@ -6,14 +6,16 @@ Indices are of a right-handed reduced basis as seen in the picture (x right, y d
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.assignment.growth import NEIGHBOURS, bucket, grow, seed_bases
+from calibration.assignment.completion import completed, without_strays
+from calibration.assignment.growth import NEIGHBOURS, OPPOSITE, SLANTED, bucket, grow, seed_bases
 from calibration.assignment.neighbours import nearest
+from calibration.assignment.relative_size import relative_size
 from calibration.detection.dots import Dots
 
 Array = NDArray[np.float64]
@@ -30,6 +32,8 @@ BARE = 0.35
 # pitches, the dots may lie from them. Distortion bends a prediction over three pitches by a few percent.
 BESIDE, OFF_PLACE = 24, 0.2
 SMALLEST_LATTICE = 6  # dots; fewer make no lattice
+SECOND = 10  # dots: a second array of fewer may be chance
+FEW = 100  # dots: arrays that are worth a second look from every side
 
 
 @dataclass(frozen=True)
@@ -55,12 +59,33 @@ def assign_grid(dots: Dots) -> Lattice:
     empty = Lattice(np.empty(0, dtype=np.int64), np.empty((0, 2), dtype=np.int64))
     if len(points) < SMALLEST_LATTICE:
         return empty
+    best = _largest(dots, points, OPPOSITE)
+    if len(points) <= FEW or len(best) <= FEW:
+        slanted = _completed(dots, _largest(dots, points, SLANTED))
+        best = _completed(dots, best)
+        best = slanted if len(slanted) > len(best) else best
+    if not len(best):
+        return empty
+    return _without_specks(dots, replace(best, index=_reduced(points[best.dot], best.index)))
+
+
+def _completed(dots: Dots, lattice: Lattice) -> Lattice:
+    """A small lattice with the dots that continue it, and without those that do not."""
+    if not SMALLEST_LATTICE <= len(lattice) <= FEW:
+        return lattice
+    all_dots = dots.centers_px, dots.diameter_px, dots.contrast
+    dot, index = completed(*all_dots, lattice.dot, lattice.index)
+    keep = without_strays(dots.centers_px, dot, index)
+    return Lattice(*completed(*all_dots, dot[keep], index[keep]), lattice.others)
+
+
+def _largest(dots: Dots, points: Array, opposite_share: float) -> Lattice:
+    """The largest lattice that grows from a seed, with its parts that something hidden splits off."""
     distance, neighbours = nearest(points, NEIGHBOURS)
-    bases, mismatch = seed_bases(points, neighbours)
+    bases, mismatch = seed_bases(points, neighbours, opposite_share)
     size = float(np.median(distance[:, 0]))
     cells, following, origin = bucket(points, size)
-    width = np.log(dots.diameter_px)
-    odd = np.abs(width - np.median(width[neighbours], axis=1)) > ODD
+    odd = np.abs(relative_size(points, dots.diameter_px, neighbours)) > ODD
     mismatch[odd] = np.inf
     taken = np.zeros(len(points), dtype=bool)
     found: list[Lattice] = []
@@ -77,7 +102,7 @@ def assign_grid(dots: Dots) -> Lattice:
         if (~taken).sum() <= max((len(lattice) for lattice in found), default=0) // 4:
             break
     if not found:
-        return empty
+        return Lattice(np.empty(0, dtype=np.int64), np.empty((0, 2), dtype=np.int64))
     best = max(found, key=len)
     rest = sorted((lattice for lattice in found if lattice is not best), key=len, reverse=True)
     for lattice in list(rest):
@@ -85,8 +110,8 @@ def assign_grid(dots: Dots) -> Lattice:
         if joined is not None:
             best = joined
             rest.remove(lattice)
-    others = sum(len(lattice) for lattice in rest if 2 * len(lattice) >= len(best))
-    return _without_specks(dots, Lattice(best.dot, _reduced(points[best.dot], best.index), others))
+    second = max(SECOND, len(best) / 2)
+    return replace(best, others=sum(len(lattice) for lattice in rest if len(lattice) >= second))
 
 
 def _joined(points: Array, main: Lattice, part: Lattice) -> Lattice | None:

@@ -21,6 +21,11 @@ SMALLEST_AREA_PX = 9  # below 3 × 3 pixels ten parameters cannot be fitted
 # For a filled ellipse area = 4π√det(second moments). A square gives 0.955, an L-shaped letter below 0.8; pixel steps
 # and noise move small ellipses by some percent. The fit judges what passes here.
 FILLED = (0.85, 1.12)
+# For a search that leaves nothing out: dots wider than a quarter of the image's height, and dots so near to something
+# dark that no local mean lies between the two.
+WIDE_WINDOWS = (1023, 2047, 4095)
+LEVELS = 12
+MOST_BLOBS = 3000  # of one mask, the largest: more are texture, and the time of a search stays bounded
 NOISE_SAMPLES = 50_000  # pixels that tell the noise to half a percent
 LONGEST_AXIS_RATIO = 4.0  # a circle seen at 75 degrees
 
@@ -66,6 +71,20 @@ def candidates_by_window(plane: Plane, noise: float) -> Iterator[tuple[int, Cand
             yield window, _at_window(plane, window, noise)
 
 
+def all_candidates(plane: Plane, noise: float) -> Candidates:
+    """Dark blobs of about elliptical shape of all windows and of levels over the whole plane, each as often as found.
+
+    noise: as `noise_of` tells it.
+    """
+    found = [_at_window(plane, w, noise) for w in (*WINDOWS, *WIDE_WINDOWS) if w <= 2 * min(plane.shape)]
+    levels = np.quantile(plane[:: max(1, plane.shape[0] // 500)], np.linspace(0, 1, LEVELS + 2)[1:-1])
+    low, high = np.quantile(plane, [0.005, 0.995])
+    span = np.linspace(float(low), float(high), LEVELS + 2)[1:-1]
+    found += [_blobs(plane < level) for level in np.unique(np.concatenate([levels, span]))]
+    found = [each.take(np.argsort(-each.area_px, kind="stable")[:MOST_BLOBS]) for each in found]
+    return Candidates(*(np.concatenate([getattr(each, name) for each in found]) for name in Candidates.__annotations__))
+
+
 def noise_of(plane: Plane) -> float:
     """Standard deviation of white noise, from the median second difference along rows (flat ground prevails)."""
     step = max(1, plane.size // NOISE_SAMPLES)
@@ -79,8 +98,12 @@ def _at_window(plane: Plane, window: int, noise: float) -> Candidates:
     span = cv2.blur(cv2.absdiff(plane, mean), (window, window), borderType=cv2.BORDER_REFLECT)
     # Half the mean deviation keeps the threshold between the two levels for dots that fill 5 to 60 % of the window;
     # four sigmas of noise keep flat ground empty.
-    mask = (plane < mean - np.maximum(0.5 * span, 4.0 * noise)).astype(np.uint8)
-    count, labels = cv2.connectedComponents(mask, connectivity=4, ltype=cv2.CV_32S)
+    return _blobs(plane < mean - np.maximum(0.5 * span, 4.0 * noise))
+
+
+def _blobs(mask: NDArray[np.bool_]) -> Candidates:
+    """Regions of a mask that are about elliptical and wholly in view."""
+    count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4, ltype=cv2.CV_32S)
     sums = _sums(labels, count)
     sums = sums[sums[:, 0] >= SMALLEST_AREA_PX]
     area = sums[:, 0]
@@ -94,9 +117,9 @@ def _at_window(plane: Plane, window: int, noise: float) -> Candidates:
     root = np.sqrt((xx - yy) ** 2 + 4 * xy**2)
     ratio = np.sqrt((xx + yy + root) / np.maximum(xx + yy - root, 1e-9))
     keep = (filled > FILLED[0]) & (filled < FILLED[1]) & (ratio < LONGEST_AXIS_RATIO)
-    keep &= area < 0.25 * plane.size
+    keep &= area < 0.25 * mask.size
     # what touches the rim of the picture is cut
     reach_x, reach_y = 2 * np.sqrt(xx), 2 * np.sqrt(yy)
-    keep &= (mean_x - reach_x > -0.5) & (mean_x + reach_x < plane.shape[1] - 0.5)
-    keep &= (mean_y - reach_y > -0.5) & (mean_y + reach_y < plane.shape[0] - 0.5)
+    keep &= (mean_x - reach_x > -0.5) & (mean_x + reach_x < mask.shape[1] - 0.5)
+    keep &= (mean_y - reach_y > -0.5) & (mean_y + reach_y < mask.shape[0] - 0.5)
     return Candidates(np.stack([mean_x, mean_y], 1)[keep], np.stack([xx, xy, yy], 1)[keep], area[keep])

@@ -6,13 +6,14 @@ gauge.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from calibration.assignment.neighbours import nearest
-from calibration.detection.candidates import WINDOWS, Candidates, candidates_by_window, noise_of
+from calibration.detection.candidates import WINDOWS, Candidates, all_candidates, candidates_by_window, noise_of
 from calibration.detection.disturbed import doubted, fit_again
 from calibration.detection.ellipse_fit import fit_dots
 from calibration.detection.image import Plane, dark_dots
@@ -27,6 +28,7 @@ LARGEST_MISFIT = 0.14
 TRIALS = 50  # blobs fitted to judge a window: its share of dots to 7 %
 # So many dots, and so large a share of the blobs, and no dot wider than half the window: no other window can do better.
 PLENTY = (25, 0.8)
+SAME = 0.15  # of the radius: blobs of two thresholds that differ by less are one
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,11 @@ class Dots:
         """Count of dots."""
         return len(self.centers_px)
 
+    def take(self, index: NDArray[np.bool_] | NDArray[np.int64]) -> Dots:
+        """Some of the dots."""
+        whole = {"size_px", "plane"}
+        return replace(self, **{f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in whole})
+
 
 def detect_dots(picture: NDArray[np.generic], color: str | None = None, background: str | None = None) -> Dots:
     """Find all dots of a picture.
@@ -70,6 +77,50 @@ def detect_dots(picture: NDArray[np.generic], color: str | None = None, backgrou
     sign, _, candidates = max(voted, key=lambda vote: vote[1])
     plane = np.float32(sign) * plane
     return _dots(picture, plane, *_fit(plane, candidates, noise, correlated=True))
+
+
+def every_dot(image: NDArray[np.generic], color: str | None = None, background: str | None = None) -> list[Dots]:
+    """Find whatever may be a dot, at all sizes: one set of dots for each sign of contrast that is possible.
+
+    Arguments as for `detect_dots`, which stops at the one window that shows most and is faster by far: of a grid of few
+    large dots before a cluttered room that window may miss some.
+    """
+    plane = dark_dots(image, color, background)
+    noise = noise_of(plane)
+    signs = (1.0,) if color is not None and background is not None else (1.0, -1.0)
+    found = []
+    for sign in signs:
+        signed = np.float32(sign) * plane
+        candidates = _distinct(all_candidates(signed, noise))
+        fitted, covariance, rest = _fit(signed, candidates, noise, correlated=True)
+        keep = _without_doubles(fitted, rest)
+        found.append(_dots(image, signed, fitted[keep], covariance[keep], rest[keep]))
+    return found
+
+
+def _distinct(candidates: Candidates) -> Candidates:
+    """Leave out blobs found again by another threshold: their fits would end at one and the same dot."""
+    radius = np.sqrt(candidates.area_px / np.pi)
+    keys = np.column_stack([candidates.center_px / (SAME * radius[:, None]), np.log(radius) / SAME])
+    first = np.unique(np.floor(keys).astype(np.int64), axis=0, return_index=True)[1]
+    return candidates.take(first)
+
+
+def _without_doubles(fitted: Array, noise: Array) -> NDArray[np.intp]:
+    """Indices of the fits that stand for different dots; of those about one place the one with least residual."""
+    if len(fitted) == 0:
+        return np.empty(0, dtype=np.intp)
+    radius = np.sqrt(_area(fitted) / np.pi)
+    tree = cKDTree(fitted[:, :2])
+    misfit = noise / np.maximum(-fitted[:, 7], 1e-12)
+    left_out = np.zeros(len(fitted), dtype=bool)
+    kept = []
+    for k in np.argsort(misfit, kind="stable"):
+        if left_out[k]:
+            continue
+        kept.append(k)
+        left_out[tree.query_ball_point(fitted[k, :2], 0.5 * radius[k])] = True
+    return np.array(kept, dtype=np.intp)
 
 
 def _best_window(plane: Plane, noise: float) -> tuple[float, Candidates]:

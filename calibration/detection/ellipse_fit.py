@@ -30,6 +30,8 @@ SHARED = 1000  # dots from which on threads are worth their start
 # contrast: a step this short, and of the blur and contrast by so small a share, is the last, and leaves 2e-4 px.
 RESTS_PX, RESTS_SHARE = 5e-3, 0.03
 
+MOST_PIXELS = 500  # along a side of the square around a dot: its derivatives take 28 MB
+
 # Divisions as numpy has them: a check of each divisor would keep the compiler from taking several pixels at once.
 compiled = njit(cache=True, fastmath=True, error_model="numpy")
 
@@ -55,12 +57,14 @@ def _tail(t, density):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
 def collect_pixels(plane, start, reach, longest, pixels):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Collect x, y and value of the pixels within reach of the start ellipse in (3, m) work space; returns their count.
 
-    They are chosen once, so that every iteration sees the same ones.
+    They are chosen once, so that every iteration sees the same ones. Of a very large dot only every k-th in each row
+    and column is taken: MOST_PIXELS tell its centre better than anything else is known.
     """
     x0, y0, half = round(start[0]), round(start[1]), int(longest + reach + 2.5)
+    stride = 1 + int((2 * half + 1) / MOST_PIXELS)
     count = 0
-    for iy in range(max(0, y0 - half), min(plane.shape[0] - 1, y0 + half) + 1):
-        for ix in range(max(0, x0 - half), min(plane.shape[1] - 1, x0 + half) + 1):
+    for iy in range(max(0, y0 - half), min(plane.shape[0] - 1, y0 + half) + 1, stride):
+        for ix in range(max(0, x0 - half), min(plane.shape[1] - 1, x0 + half) + 1, stride):
             dx, dy = ix - start[0], iy - start[1]
             ux, uy = start[2] * dx + start[3] * dy, start[3] * dx + start[4] * dy
             q2 = dx * ux + dy * uy
@@ -208,7 +212,7 @@ def _fit_one(plane, start, reach, p, cov):  # type: ignore[no-untyped-def]  # no
     N, L, work = np.empty((10, 10)), np.zeros((10, 10)), np.empty((4, 10))
     rhs, scale, step, trial = work[0], work[1], work[2], work[3]
     longest = sqrt(max(start[2], start[4]) / (start[2] * start[4] - start[3] * start[3]))
-    box = (2 * int(longest + reach + 2.5) + 1) ** 2
+    box = min(2 * int(longest + reach + 2.5) + 1, MOST_PIXELS) ** 2
     pixels, rows = np.empty((3, box)), np.empty((11, box))
     count = collect_pixels(plane, start, reach, longest, pixels)
     for k in range(10):
@@ -246,11 +250,23 @@ def _fit_one(plane, start, reach, p, cov):  # type: ignore[no-untyped-def]  # no
     return sqrt(variance)
 
 
+@njit(cache=True)  # not with fastmath, which takes it that nothing is NaN
+def _fits_in(shape, start, reach):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Whether a start is an ellipse no larger than the image; a degenerate one would claim all memory there is."""
+    determinant = start[2] * start[4] - start[3] * start[3]
+    if not (determinant > 0.0 and start[2] > 0.0):
+        return False
+    size = float(max(shape[0], shape[1]))
+    inside = -size < start[0] < 2.0 * size and -size < start[1] < 2.0 * size
+    return inside and sqrt(max(start[2], start[4]) / determinant) + reach < size
+
+
 @njit(cache=True, nogil=True)
 def _fit_some(plane, starts, reach, first, last, fitted, covariance, noise):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Fit the dots from first to before last into the arrays handed in."""
     for i in range(first, last):
-        noise[i] = _fit_one(plane, starts[i], reach[i], fitted[i], covariance[i])
+        if _fits_in(plane.shape, starts[i], reach[i]):
+            noise[i] = _fit_one(plane, starts[i], reach[i], fitted[i], covariance[i])
 
 
 def fit_dots(plane: NDArray[np.float32], starts: Array, reach: Array) -> tuple[Array, Array, Array]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from calibration.errors import CalibrationError
 
 Plane = NDArray[np.float32]
+SMALLEST_PX = 12  # along either side: four dots of three pixels
 # The names gauge.toml may use beside "#rrggbb"; sRGB, as browsers define them.
 COLORS = {
     "black": "#000000", "white": "#ffffff", "gray": "#808080", "grey": "#808080", "red": "#ff0000",
@@ -24,7 +25,7 @@ COLORS = {
 }  # fmt: skip
 
 
-def read_picture(path: Path) -> NDArray[np.generic]:
+def read_image(path: Path) -> NDArray[np.generic]:
     """Read a picture file as it is: (height, width) or (height, width, 3) BGR, 8 or 16 bit.
 
     Raises CalibrationError for a file that is missing or not a picture.
@@ -36,6 +37,10 @@ def read_picture(path: Path) -> NDArray[np.generic]:
     picture = None if raw.size == 0 else cv2.imdecode(raw, cv2.IMREAD_UNCHANGED)
     if picture is None:
         raise CalibrationError(f"{path}: not a picture that can be read; PNG, TIFF and JPEG are known to work")
+    if min(picture.shape[:2]) < SMALLEST_PX:
+        raise CalibrationError(f"{path}: {picture.shape[1]}×{picture.shape[0]} pixels, too small to hold a dot array")
+    if not np.isfinite(picture).all():
+        raise CalibrationError(f"{path}: holds values that are no numbers (NaN or infinite); mask or fill them first")
     if picture.ndim == 3 and picture.shape[2] == 2:
         picture = picture[:, :, 0]
     elif picture.ndim == 3 and picture.shape[2] == 4:

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from calibration.detection.ellipse_fit import collect_pixels, derivatives
+from calibration.detection.ellipse_fit import MOST_PIXELS, collect_pixels, derivatives
 
 Array = NDArray[np.float64]
 REACH = 3  # px: interpolation of single-chip colour reaches two, codecs mix blocks of eight
@@ -49,7 +49,7 @@ def _autocorrelations(plane, fitted, reach, noise):  # type: ignore[no-untyped-d
         p = fitted[i]
         longest = np.sqrt(max(p[2], p[4]) / (p[2] * p[4] - p[3] * p[3]))
         half = int(longest + reach[i] + 2.5)
-        box, room = 2 * (half + REACH) + 1, (2 * half + 1) ** 2
+        box, room = 2 * (half + REACH) + 1, min(2 * half + 1, MOST_PIXELS) ** 2
         pixels, rows = np.empty((3, room)), np.empty((11, room))
         count = collect_pixels(plane, p, reach[i], longest, pixels)
         derivatives(pixels, count, p, rows)

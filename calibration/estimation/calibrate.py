@@ -12,7 +12,7 @@ from calibration.assignment.gauge_in_image import FEWEST_DOTS, Sighting, sight, 
 from calibration.assignment.neighbours import nearest
 from calibration.assignment.wrong_gauge import does_not_fit
 from calibration.camera import PARAMETERS, Camera
-from calibration.errors import CalibrationError
+from calibration.errors import CalibrationError, ImageError
 from calibration.estimation.bundle_adjustment import Fit, Prior, View, outliers, solve, solve_discs, with_disc_offsets
 from calibration.estimation.flatness import (
     QUADRATIC,
@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 FOREIGN_PITCH = 0.02
 # Glare and dirt spoil a tenth of the dots; a third is another camera, another plate or a bent one.
 MOST_LEFT_OUT = 1 / 3
+FEWEST_IMAGES = 3  # that must remain where others are left out: fewer cannot tell which one is at fault
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,8 @@ class Calibration:
     camera: in the frame of the plate picture. sightings: per picture. fit: solved bundle over the dots kept; views:
     those dots. trials: lens models tried, best first. rejected: per picture, count of dots left out as outliers.
     distance_mm: measured height of the lens and its sigma, where it was given. flatness: of the gauge; None for a
-    single picture of a gauge whose flatness is not stated, which says nothing of it.
+    single picture of a gauge whose flatness is not stated, which says nothing of it. left_out: images that were not
+    used, with the reason.
     """
 
     camera: Camera
@@ -56,6 +58,7 @@ class Calibration:
     plate_index: int = 0
     distance_mm: tuple[float, float] | None = None
     flatness: Flatness | None = None
+    left_out: tuple[tuple[str, str], ...] = ()
 
     @property
     def rms_px(self) -> float:
@@ -70,50 +73,121 @@ def calibrate(
     *,
     names: Sequence[str] = (),
     distance_mm: tuple[float, float] | None = None,
+    strict: bool = True,
+    left_out: Sequence[tuple[str, str]] = (),
 ) -> Calibration:
-    """Solve the camera from pictures of the gauge.
+    """Solve the camera from images of the gauge.
 
-    pictures: (h, w) or (h, w, 3) BGR each, all of one size. plate_index: the picture in which the gauge lies on the
-    plate; it defines the plate frame. names: of the pictures, for messages. distance_mm: measured height of the lens
-    above the plate and its standard uncertainty, where known. Raises CalibrationError where pictures and gauge do not
-    allow a camera.
+    pictures: (h, w) or (h, w, 3) BGR each, all of one size. plate_index: the image in which the gauge lies on the
+    plate; it defines the plate frame. names: of the images, for messages. distance_mm: measured height of the lens
+    above the plate and its standard uncertainty, where known. strict: whether one image that cannot be used is an
+    error; otherwise it is left out and named, as long as it is not that of the plate and FEWEST_IMAGES remain.
+    left_out: names of further images that are left out already, with the reason. Raises CalibrationError where images
+    and gauge do not allow a camera.
     """
     if not pictures:
-        raise CalibrationError("no pictures given; calibration needs at least one picture of the gauge on the plate")
+        raise CalibrationError("no images given; calibration needs at least one image of the gauge on the plate")
     names = list(names) or [f"picture {k + 1}" for k in range(len(pictures))]
-    sizes = {picture.shape[:2] for picture in pictures}
-    if len(sizes) > 1:
-        listed = ", ".join(f"{name} {p.shape[1]}×{p.shape[0]}" for name, p in zip(names, pictures, strict=True))
+    plate = names[plate_index]
+    faults = Faults(plate, len(pictures) + len(left_out), strict=strict, known=left_out)
+    if strict:
+        _check_sizes(pictures, names)
+    sightings = {}
+    for image, name in zip(pictures, names, strict=True):
+        try:
+            sightings[name] = _sight(image, gauge, name, plate, pictures[plate_index])
+        except ImageError as error:
+            faults.add(error)
+    while True:
+        order = [sightings[plate], *(each for name, each in sightings.items() if name != plate)]
+        try:
+            return _solved(order, gauge, distance_mm, plate_index, faults.found)
+        except ImageError as error:
+            faults.add(error)
+            del sightings[error.image]
+
+
+class Faults:
+    """The images of a set that cannot be used."""
+
+    def __init__(self, plate: str, count: int, *, strict: bool, known: Sequence[tuple[str, str]] = ()) -> None:
+        """Start a list. plate: name of the image that is needed. count: of all images. known: name and reason."""
+        self._plate, self._count, self._strict = plate, count, strict
+        self.found: tuple[tuple[str, str], ...] = tuple(known)
+
+    def add(self, error: ImageError) -> None:
+        """Note an image that is left out; raises where it must not be or too few remain."""
+        if self._strict or self._count == 1:
+            raise error
+        if error.image == self._plate:
+            raise CalibrationError(
+                f"{error}. This image defines the plate frame and cannot be left out: take it again or name another "
+                "with --plate"
+            ) from error
+        self.found = (*self.found, (error.image, error.reason))
+        if self._count - len(self.found) < FEWEST_IMAGES:
+            listed = "; ".join(f"{name}: {reason}" for name, reason in self.found)
+            raise CalibrationError(
+                f"{len(self.found)} of {self._count} images cannot be used, and at least {FEWEST_IMAGES} must remain: "
+                f"{listed}"
+            ) from error
+
+
+def _size(image: NDArray[np.generic]) -> str:
+    return f"{image.shape[1]}×{image.shape[0]}"
+
+
+def _sight(
+    image: NDArray[np.generic], gauge: Gauge, name: str, plate: str, plate_image: NDArray[np.generic]
+) -> Sighting:
+    if image.shape[:2] != plate_image.shape[:2]:
+        raise ImageError(name, f"{_size(image)} pixels, but {plate} has {_size(plate_image)}")
+    return sight(image, gauge, name)
+
+
+def _check_sizes(images: Sequence[NDArray[np.generic]], names: Sequence[str]) -> None:
+    if len({image.shape[:2] for image in images}) > 1:
+        listed = ", ".join(f"{name} {_size(image)}" for name, image in zip(names, images, strict=True))
         raise CalibrationError(f"pictures differ in size: {listed}; a calibration holds for one camera mode")
-    sightings = [sight(picture, gauge, name) for picture, name in zip(pictures, names, strict=True)]
+
+
+def _solved(
+    sightings: Sequence[Sighting],
+    gauge: Gauge,
+    distance_mm: tuple[float, float] | None,
+    plate_index: int,
+    left_out: tuple[tuple[str, str], ...],
+) -> Calibration:
+    """The camera from sightings of the gauge, that of the plate first. Raises ImageError for one at fault."""
     _check_extent(sightings, gauge)
-    order = [plate_index, *(k for k in range(len(sightings)) if k != plate_index)]
-    views = [view_of(sightings[k], gauge, on_plate=k == plate_index) for k in order]
+    views = [view_of(sighting, gauge, on_plate=k == 0) for k, sighting in enumerate(sightings)]
     size_px = sightings[0].dots.size_px
     prior = replace(rough_prior(size_px), distance_mm=distance_mm, face_mm=coefficient_sigma(gauge))
     rough = rough_start(views, size_px, prior)
     if not rough:
-        raise CalibrationError(f"{names[0]}: no camera explains the dots; do all show the gauge {gauge.name!r}?")
+        raise CalibrationError(
+            f"{sightings[0].name}: no camera explains the dots; do all show the gauge {gauge.name!r}?"
+        )
     views = with_tolerance(views, rough[0].state, gauge.tolerance)
     fit, kept, trials = _solve_robustly(views, rough, prior, _faces(gauge, len(views)))
     _check_pitch(fit, kept, gauge)
     flatness = _flatness(fit, kept, gauge, prior)
-    camera = _camera(fit, kept, gauge, flatness, size_px)
     return Calibration(
-        camera=camera,
+        camera=_camera(fit, kept, gauge, flatness, size_px),
         gauge=gauge,
-        sightings=tuple(sightings[k] for k in order),
+        sightings=tuple(sightings),
         views=tuple(kept),
         fit=fit,
         trials=tuple(trials),
-        rejected=tuple(len(sightings[k].match) - len(part) for k, part in zip(order, kept, strict=True)),
+        rejected=tuple(len(each.match) - len(part) for each, part in zip(sightings, kept, strict=True)),
         plate_index=plate_index,
         distance_mm=distance_mm,
         flatness=flatness,
+        left_out=left_out,
     )
 
 
-def _check_extent(sightings: list[Sighting], gauge: Gauge) -> None:
+def _check_extent(sightings: Sequence[Sighting], gauge: Gauge) -> None:
     """Raise where pictures show the array end before the gauge's, and none shows the rest."""
     for axis in (0, 1):
         short = [sighting for sighting in sightings if sighting.match.extent[axis] == "short"]
@@ -150,9 +224,10 @@ def _check_pitch(fit: Fit, views: list[View], gauge: Gauge) -> None:
         pitch_px = float(np.median(nearest(view.centers_px, 1)[0]))
         rms = float(np.sqrt(np.mean(residual**2)))
         if rms > FOREIGN_PITCH * pitch_px:
-            raise CalibrationError(
-                f"{view.name}: the dots lie {rms:.1f} px RMS ({100 * rms / pitch_px:.0f} % of their distance) from "
-                f'where the gauge "{gauge.name}" has them; are pitch_mm and layout in its file those of this plate?'
+            raise ImageError(
+                view.name,
+                f"the dots lie {rms:.1f} px RMS ({100 * rms / pitch_px:.0f} % of their distance) from "
+                f'where the gauge "{gauge.name}" has them; are pitch_mm and layout in its file those of this plate?',
             )
 
 
@@ -179,9 +254,10 @@ def _check_left_out(views: list[View], kept: list[View]) -> None:
         left_out = len(view) - len(part)
         if left_out > MOST_LEFT_OUT * len(view) or len(part) < FEWEST_DOTS // 2:
             rest = "the other pictures" if len(views) > 1 else "any camera"
-            raise CalibrationError(
-                f"{view.name}: {left_out} of {len(view)} dots contradict {rest}; are all pictures from one camera, "
-                "with pitch_mm and layout of the gauge file those of the plate? Leave this one out or take it again"
+            raise ImageError(
+                view.name,
+                f"{left_out} of {len(view)} dots contradict {rest}; are all pictures from one camera, "
+                "with pitch_mm and layout of the gauge file those of the plate? Leave this one out or take it again",
             )
 
 

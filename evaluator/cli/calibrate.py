@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 FILE = click.Path(path_type=Path, dir_okay=False)
 
@@ -25,6 +30,9 @@ FILE = click.Path(path_type=Path, dir_okay=False)
 @click.option(
     "--tolerance-um", type=float, default=10.0, show_default=True, help="Asked of a coordinate (95 %), for the page."
 )
+@click.option(
+    "--strict", is_flag=True, help="Stop at the first image that cannot be used; else it is left out and named."
+)
 @click.option("--page/--no-page", default=True, show_default=True, help="Write a page of pictures beside camera.json.")
 def calibrate(
     pictures: tuple[Path, ...],
@@ -34,6 +42,7 @@ def calibrate(
     distance_mm: tuple[float, float] | None,
     mark_height_mm: float,
     tolerance_um: float,
+    strict: bool,
     page: bool,
 ) -> None:
     """Solve the camera from gauge pictures.
@@ -42,7 +51,6 @@ def calibrate(
     covariance and a verdict.
     """
     from calibration.assessment.quality import assess
-    from calibration.detection.image import read_picture
     from calibration.estimation.calibrate import calibrate as solve
     from calibration.gauge.geometry import load_gauge
     from calibration.store import camera_to_json
@@ -54,12 +62,16 @@ def calibrate(
         pictures = (plate, *pictures)
     if distance_mm is not None and not (distance_mm[0] > 0 and distance_mm[1] > 0):
         raise InputError(f"--distance-mm {distance_mm[0]} {distance_mm[1]}: distance and sigma must be positive")
+    plate = plate or pictures[0]
+    images, unreadable = _read_images(pictures, plate, strict=strict)
     found = solve(
-        [read_picture(path) for path in pictures],
+        list(images.values()),
         gauge,
-        pictures.index(plate) if plate is not None else 0,
-        names=[str(path) for path in pictures],
+        list(images).index(str(plate)),
+        names=list(images),
         distance_mm=distance_mm,
+        strict=strict,
+        left_out=unreadable,
     )
     verdict = assess(found, mark_height_mm)
     write_text(out, camera_to_json(found, verdict))
@@ -83,6 +95,24 @@ def calibrate(
     click.echo(f"written: {written}")
 
 
+def _read_images(
+    paths: tuple[Path, ...], plate: Path, *, strict: bool
+) -> tuple[dict[str, NDArray[np.generic]], list[tuple[str, str]]]:
+    """Images by their names, and those that cannot be read with the reason; that of the plate must be readable."""
+    from calibration.detection.image import read_image
+    from calibration.errors import CalibrationError
+
+    images, unreadable = {}, []
+    for path in paths:
+        try:
+            images[str(path)] = read_image(path)
+        except CalibrationError as error:
+            if strict or path == plate or len(paths) == 1:
+                raise
+            unreadable.append((str(path), str(error).removeprefix(f"{path}: ")))
+    return images, unreadable
+
+
 @click.command(epilog="\b\nExample:\n  turnscope dots plate.png --annotate found/")
 @click.argument("pictures", nargs=-1, required=True, type=FILE)
 @click.option(
@@ -92,14 +122,13 @@ def dots(pictures: tuple[Path, ...], annotate: Path | None) -> None:
     """Find and assign the dots of pictures, without a gauge file."""
     import numpy as np
 
-    from calibration.assignment.lattice import assign_grid, rows_and_columns
-    from calibration.detection.dots import detect_dots
-    from calibration.detection.image import read_picture
+    from calibration.assignment.array_in_image import find_array
+    from calibration.assignment.lattice import rows_and_columns
+    from calibration.detection.image import read_image
 
     for path in pictures:
-        picture = read_picture(path)
-        found = detect_dots(picture)
-        lattice = assign_grid(found)
+        picture = read_image(path)
+        found, lattice = find_array(picture)
         if not len(lattice):
             click.echo(f"{path}: {len(found)} dots found, 0 assigned: they form no regular array")
             continue
@@ -127,7 +156,7 @@ def check_camera(context: click.Context, camera_file: Path, picture: Path, gauge
     The verdict is in sigmas. The exit status is 0 where the calibration holds and 1 where it does not.
     """
     from calibration.assessment.camera_check import check_camera as check
-    from calibration.detection.image import read_picture
+    from calibration.detection.image import read_image
     from calibration.gauge.geometry import load_gauge
     from calibration.store import load_camera_file
     from evaluator.files import read_with
@@ -138,7 +167,7 @@ def check_camera(context: click.Context, camera_file: Path, picture: Path, gauge
     found = check(
         stored.camera(),
         gauge,
-        read_picture(picture),
+        read_image(picture),
         name=str(picture),
         variance=stored.variance,
         height_mm=stored.verdict.mark_height_mm,

@@ -12,7 +12,7 @@ import numpy as np
 from calibration.assessment.quality import assess
 from calibration.assessment.verdict import Verdict
 from calibration.camera import Camera
-from calibration.detection.image import read_picture
+from calibration.detection.image import read_image
 from calibration.estimation.calibrate import Calibration
 from calibration.estimation.calibrate import calibrate as solve
 from calibration.gauge.geometry import Gauge, load_gauge
@@ -65,7 +65,7 @@ def calibrate(
         )
     described = gauge if isinstance(gauge, Gauge) else read_with(load_gauge, Path(gauge))
     progress("reading images", 0.0)
-    read = [image if isinstance(image, np.ndarray) else read_picture(Path(image)) for image in images]
+    read = [image if isinstance(image, np.ndarray) else read_image(Path(image)) for image in images]
     names = [
         f"image {number}" if isinstance(image, np.ndarray) else str(image) for number, image in enumerate(images, 1)
     ]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from calibration.assessment.quality import assess
-from calibration.assignment.lattice import assign_grid, rows_and_columns
-from calibration.detection.dots import detect_dots
-from calibration.detection.image import read_picture
+from calibration.assignment.array_in_image import find_array
+from calibration.assignment.lattice import rows_and_columns
+from calibration.detection.image import read_image
 from calibration.estimation.calibrate import calibrate
 from calibration.gauge.geometry import Gauge
 
@@ -24,20 +24,20 @@ ASYMMETRIC = sorted((REAL / "dot_grids" / "asymmetric_grid").glob("*.png"))
     ("name", "least"), [("dot_pattern_01", 6300), ("dot_pattern_02", 1290), ("GoPro8_dot_pattern", 1550)]
 )
 def test_dense_arrays_are_assigned(name: str, least: int) -> None:
-    lattice = assign_grid(detect_dots(read_picture(REAL / "dot_arrays" / f"{name}.jpg")))
+    lattice = find_array(read_image(REAL / "dot_arrays" / f"{name}.jpg"))[1]
     assert len(lattice) >= least
 
 
 @pytest.mark.parametrize("path", SYMMETRIC, ids=lambda path: path.stem[-8:])
 def test_symmetric_photographs_are_assigned_whole(path: Path) -> None:
-    lattice = assign_grid(detect_dots(read_picture(path)))
+    lattice = find_array(read_image(path))[1]
     _, index = rows_and_columns(lattice)
     assert (len(lattice), sorted((index.max(axis=0) + 1).tolist())) == (30, [5, 6])
 
 
 @pytest.mark.parametrize("path", ASYMMETRIC, ids=lambda path: path.stem[-8:])
 def test_asymmetric_photographs_are_assigned_whole(path: Path) -> None:
-    lattice = assign_grid(detect_dots(read_picture(path)))
+    lattice = find_array(read_image(path))[1]
     layout, index = rows_and_columns(lattice)
     assert (len(lattice), layout, (index.max(axis=0) + 1).tolist()) == (44, "staggered", [4, 11])
 
@@ -46,7 +46,7 @@ def test_lines_of_the_dense_array_become_straight() -> None:
     # the array goes on beyond the picture: any size that holds it will do
     dots = {"columns": 102, "rows": 80, "pitch_mm": 1.0, "diameter_mm": 0.48}
     gauge = Gauge.model_validate({"format": 1, "name": "dense", "dots": dots})
-    found = calibrate([read_picture(REAL / "dot_arrays" / "dot_pattern_01.jpg")], gauge)
+    found = calibrate([read_image(REAL / "dot_arrays" / "dot_pattern_01.jpg")], gauge)
     match = found.sightings[0].match
     assert len(match) >= 6300
     assert len(found.views[0]) > 0.9 * len(match)
@@ -64,6 +64,6 @@ def test_published_degenerate_sets_are_called_so(kind: str) -> None:
         dots = {"columns": 4, "rows": 11, "pitch_mm": (10.0, 5.0), "diameter_mm": 5.0, "layout": "staggered"}
     gauge = Gauge.model_validate({"format": 1, "name": kind, "dots": dots})
     paths = SYMMETRIC if kind == "symmetric" else ASYMMETRIC
-    verdict = assess(calibrate([read_picture(path) for path in paths], gauge))
+    verdict = assess(calibrate([read_image(path) for path in paths], gauge))
     assert verdict.level == "ill-conditioned"
     assert verdict.next_steps

@@ -5,6 +5,7 @@ python -m tests.benchmarks.calibration plane       plane at mark height from 7 p
 python -m tests.benchmarks.calibration coverage    do 95 % intervals cover 95 % of the truth? (--cameras 300)
 python -m tests.benchmarks.calibration bent        a gauge that is not flat, solved as flat and with its face
 python -m tests.benchmarks.calibration opencv      side by side with findCirclesGrid + calibrateCamera
+python -m tests.benchmarks.calibration grids       whole grids found, few large dots too, beside findCirclesGrid
 python -m tests.benchmarks.calibration speed       time of detection and assignment
 python -m tests.benchmarks.calibration straight    straightness of a real picture's lines after correction (PICTURE)
 """
@@ -15,6 +16,7 @@ import click
 
 from tests.benchmarks.calibration.bent import bent
 from tests.benchmarks.calibration.centers import centers
+from tests.benchmarks.calibration.grids import grids
 from tests.benchmarks.calibration.opencv import opencv
 from tests.benchmarks.calibration.plane import coverage, plane
 from tests.benchmarks.calibration.speed import speed
@@ -26,7 +28,7 @@ def main() -> None:
     """Benchmarks of the calibration."""
 
 
-for command in (centers, plane, coverage, bent, opencv, speed, straight):
+for command in (centers, plane, coverage, bent, opencv, grids, speed, straight):
     main.add_command(command)
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.assignment.neighbours import nearest
-from calibration.detection.image import read_picture
+from calibration.detection.image import read_image
 from calibration.estimation.calibrate import calibrate
 from tests.benchmarks.calibration.rig import Array, gauge_of
 
@@ -24,7 +24,7 @@ def straight(picture: Path, columns: int, rows: int) -> None:
     After correction a pixel is the pitch in the middle of the picture divided by its pixels. "All" are the dots that
     were given a place of the gauge, "kept" those that the solver did not leave out as outliers.
     """
-    found = calibrate([read_picture(picture)], gauge_of(1.0, 0.48, columns, rows))
+    found = calibrate([read_image(picture)], gauge_of(1.0, 0.48, columns, rows))
     match, view = found.sightings[0].match, found.views[0]
     centers = found.sightings[0].dots.centers_px[match.dot]
     site = match.row * columns + match.column

@@ -1,0 +1,63 @@
+"""The dot array of an image, found without knowing the gauge: the one search that all commands use."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.assignment.lattice import Lattice, assign_grid, rows_and_columns
+from calibration.detection.dots import Dots, detect_dots, every_dot
+
+# An array of at least so many dots, most of those found, is not improved by a slower search.
+CONVINCING, MOST = 25, 0.6
+WHOLE = 12  # dots: so many that fill whole rows and columns need no slower search either
+# Dots of one array differ by less in diameter, perspective and fiducials included; specks between them by more.
+SIZE_CLASS = 4.0
+
+
+def find_array(
+    image: NDArray[np.generic], color: str | None = None, background: str | None = None
+) -> tuple[Dots, Lattice]:
+    """Find the dots of an image and the array they form; an empty lattice where they form none.
+
+    image: (h, w) or (h, w, 3) BGR. color, background: of dots and sheet, as in gauge.toml; without them both signs of
+    contrast are tried.
+    """
+    dots = detect_dots(image, color, background)
+    best = dots, assign_grid(dots)
+    if _convinces(*best):
+        return best
+    for found in every_dot(image, color, background):
+        for some in _size_classes(found):
+            lattice = assign_grid(some)
+            if _weight(some, lattice) > _weight(*best) * (1 + 1e-9):
+                best = some, lattice
+    return best
+
+
+def _convinces(dots: Dots, lattice: Lattice) -> bool:
+    """Whether a slower search is not worth its time."""
+    if len(lattice) >= CONVINCING and len(lattice) >= MOST * len(dots):
+        return True
+    if len(lattice) < WHOLE or _weight(dots, lattice) < MOST * float(dots.diameter_px.sum()):
+        return False
+    columns, rows = rows_and_columns(lattice)[1].max(axis=0) + 1
+    return bool(len(lattice) == columns * rows)
+
+
+def _size_classes(dots: Dots) -> list[Dots]:
+    """The dots in overlapping classes of diameter, so that no specks stand between the dots of an array."""
+    if len(dots) == 0:
+        return []
+    smallest, largest = float(dots.diameter_px.min()), float(dots.diameter_px.max())
+    classes, low = [], smallest
+    while True:
+        classes.append(dots.take((dots.diameter_px >= low * 0.999) & (dots.diameter_px <= SIZE_CLASS * low)))
+        if SIZE_CLASS * low >= largest:
+            return classes
+        low *= SIZE_CLASS**0.5
+
+
+def _weight(dots: Dots, lattice: Lattice) -> float:
+    """Sum of the diameters of an array's dots: an array of dots outweighs one that specks form by chance."""
+    return float(dots.diameter_px[lattice.dot].sum())

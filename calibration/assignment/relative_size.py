@@ -1,0 +1,41 @@
+"""Size of a dot against the dots around it, perspective apart."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+SURE = 0.1  # of ln(diameter): dots this near the median of those around need no closer look
+FEWEST = 5  # dots around: a plane through fewer follows each of them
+SOFTENING = 0.02  # of ln(diameter): scatter of equal dots, within which no dot outweighs another
+
+
+def relative_size(points: Array, diameters: Array, neighbours: Integers) -> Array:
+    """Logarithm of each diameter over what the dots around lead to expect, (n,).
+
+    points: (n, 2). diameters: (n,). neighbours: (n, k). Expected is their median. Where perspective makes dots grow
+    from row to row that is no measure, but the plane through their logarithms is, laid by least absolute deviations so
+    that single ones do not bend it. Of the two the one that fits better counts.
+    """
+    size = np.log(diameters)
+    around = size[neighbours]
+    relative = size - np.median(around, axis=1)
+    doubted = np.flatnonzero(np.abs(relative) > SURE)
+    if neighbours.shape[1] < FEWEST or len(doubted) == 0:
+        return np.asarray(relative)
+    arm = points[neighbours[doubted]] - points[doubted, None]
+    scale = np.median(np.hypot(arm[..., 0], arm[..., 1]), axis=1)
+    rows = np.concatenate([np.ones((*arm.shape[:2], 1)), arm / scale[:, None, None]], axis=2)
+    seen, weight = around[doubted], np.ones(arm.shape[:2])
+    plane = np.zeros((len(doubted), 3, 1))
+    for _ in range(8):  # reweighting: each round halves the pull of what does not fit
+        weighted = rows * weight[..., None]
+        normal = np.swapaxes(weighted, 1, 2) @ rows + 1e-6 * np.eye(3)
+        plane = np.linalg.solve(normal, (weighted * seen[..., None]).sum(axis=1)[..., None])
+        weight = 1 / np.maximum(np.abs(seen - (rows @ plane)[..., 0]), SOFTENING)
+    on_plane = size[doubted] - plane[:, 0, 0]
+    relative[doubted] = np.where(np.abs(on_plane) < np.abs(relative[doubted]), on_plane, relative[doubted])
+    return np.asarray(relative)

@@ -1,0 +1,50 @@
+"""Grids of few, large dots are found as surely as dense arrays, and no image ends in a traceback."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from calibration.assignment.array_in_image import find_array
+from calibration.assignment.lattice import rows_and_columns
+from tests.calibration.grid_images import GridImage, draw_grid, grid_images, loose_circles
+
+
+def whole_error_px(image: GridImage) -> float:
+    """RMS error of the centres; infinite unless every dot wholly in view is found once and nothing else is."""
+    dots, lattice = find_array(image.image)
+    true = image.centers_px[np.isfinite(image.centers_px).all(axis=1)]
+    if len(lattice) != len(true):
+        return np.inf
+    distance = np.hypot(*np.moveaxis(dots.centers_px[lattice.dot][:, None] - true, -1, 0))
+    near = distance.argmin(axis=1)
+    off = distance[np.arange(len(near)), near]
+    return float(np.sqrt(np.mean(off**2))) if len(set(near.tolist())) == len(near) else np.inf
+
+
+@pytest.mark.parametrize(
+    ("kind", "error_px"),
+    [("few large", 0.03), ("tilted", 0.04), ("light on dark", 0.03), ("small image", 0.1), ("asymmetric", 0.05),
+     ("hexagonal", 0.06)],
+)  # fmt: skip
+def test_whole_grid_is_found_and_its_centres_are_right(kind: str, error_px: float) -> None:
+    errors = [whole_error_px(image) for image in grid_images(kind, 5, seed=7)]
+    assert max(errors) < error_px
+
+
+def test_soft_edges_and_little_contrast_cost_at_most_one_grid_of_five() -> None:
+    errors = [whole_error_px(image) for image in grid_images("thermal", 5, seed=7)]
+    assert sorted(errors)[-2] < 0.5
+
+
+def test_grid_whose_dots_grow_by_half_is_assigned_to_its_rows_and_columns() -> None:
+    image = draw_grid("slanted", np.random.default_rng(3), size=(6, 4), diameter=0.75, tilt_deg=75, fill=(0.7, 0.7))
+    dots, lattice = find_array(image.image)
+    assert np.ptp(np.log(dots.diameter_px[lattice.dot])) > np.log(1.4)
+    layout, index = rows_and_columns(lattice)
+    assert (len(lattice), layout, sorted((index.max(axis=0) + 1).tolist())) == (24, "square", [4, 6])
+
+
+def test_loose_circles_form_no_grid_of_their_number() -> None:
+    for seed in range(5):
+        assert len(find_array(loose_circles(np.random.default_rng(seed)))[1]) < 8
