@@ -101,11 +101,18 @@ def diagnosed(key: str, chosen: argparse.Namespace, folder: Path) -> dict[str, A
     """Draw one experiment, write its files, diagnose them, score the answer."""
     kind, name, _ = key.split("/")
     digest = hashlib.sha256(f"{chosen.seed}/{key}".encode()).digest()
-    rng = np.random.default_rng(list(digest))
-    drawn = draw(kind, name, rng)
     where = folder / "experiments" / digest.hex()[:10]  # says nothing of what is hidden in it
-    shutil.rmtree(where, ignore_errors=True)
-    write(drawn, where, folder / "truths", rng, known_to=chosen.known_to)
+    for attempt in range(5):
+        shutil.rmtree(where, ignore_errors=True)
+        rng = np.random.default_rng([*digest, *[attempt] * bool(attempt)])
+        try:
+            drawn = draw(kind, name, rng)
+            write(drawn, where, folder / "truths", rng, known_to=chosen.known_to)
+        except ArithmeticError:  # effects so large together that the robot finds no balance: draw again
+            continue
+        break
+    else:
+        raise ArithmeticError(f"{key}: five draws without a balance of forces")
     out = where / "out"
     command = [sys.executable, "-m", "evaluator", "diagnose", str(where / "experiment.toml"), "-o", str(out), "-q"]
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
