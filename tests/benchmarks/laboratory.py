@@ -175,7 +175,7 @@ def line(row: dict[str, Any]) -> str:
         for effect, values in row["truth"]["effects"].items()
     }
     extra = f" {json.dumps(sizes)}" if sizes else ""
-    said = {name: {p: float(f"{v:.3g}") for p, v in values.items()} for name, values in row["said"].items()}
+    said = {name: {p: float(f"{v:.6g}") for p, v in values.items()} for name, values in row["said"].items()}
     named = f" {json.dumps(said)}" if said else ""
     return f"{row['key']:42} {row['verdict']}{named} {row['seconds']:.0f} s{extra} {row['message']}".rstrip()
 
