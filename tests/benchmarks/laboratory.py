@@ -73,7 +73,7 @@ def keys(chosen: argparse.Namespace) -> list[str]:
 def run_all(wanted: list[str], chosen: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
     """Rows of all wanted experiments; those that rows.jsonl has already are read from there."""
     file, ends = folder / "rows.jsonl", time.monotonic() + 60 * chosen.minutes
-    label = f"{chosen.seed}{'k' if chosen.known_to else ''}"
+    label = f"{chosen.seed}{'k' if chosen.known_to else ''}-{generator_digest()}"
     old = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
     rows = {row["key"]: row for row in old if row["label"] == label}
 
@@ -91,15 +91,28 @@ def run_all(wanted: list[str], chosen: argparse.Namespace, folder: Path) -> list
     return [rows[key] for key in wanted if key in rows]
 
 
+def generator_digest() -> str:
+    """Of the laboratory's code: rows of another generator are not taken for this one's."""
+    files = [file for file in sorted((ROOT / "tests" / "laboratory").glob("*.py")) if not file.name.startswith("test_")]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:8]
+
+
 def diagnosed(key: str, chosen: argparse.Namespace, folder: Path) -> dict[str, Any]:
     """Draw one experiment, write its files, diagnose them, score the answer."""
     kind, name, _ = key.split("/")
     digest = hashlib.sha256(f"{chosen.seed}/{key}".encode()).digest()
-    rng = np.random.default_rng(list(digest))
-    drawn = draw(kind, name, rng)
     where = folder / "experiments" / digest.hex()[:10]  # says nothing of what is hidden in it
-    shutil.rmtree(where, ignore_errors=True)
-    write(drawn, where, folder / "truths", rng, known_to=chosen.known_to)
+    for attempt in range(5):
+        shutil.rmtree(where, ignore_errors=True)
+        rng = np.random.default_rng([*digest, *[attempt] * bool(attempt)])
+        try:
+            drawn = draw(kind, name, rng)
+            write(drawn, where, folder / "truths", rng, known_to=chosen.known_to)
+        except ArithmeticError:  # effects so large together that the robot finds no balance: draw again
+            continue
+        break
+    else:
+        raise ArithmeticError(f"{key}: five draws without a balance of forces")
     out = where / "out"
     command = [sys.executable, "-m", "evaluator", "diagnose", str(where / "experiment.toml"), "-o", str(out), "-q"]
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
@@ -143,6 +156,7 @@ def scored(truth: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
         "truth": truth,
         "verdict": verdict,
         "named": named,
+        "said": {name: {p: v["value"] for p, v in effects[name]["parameters"].items()} for name in named},
         "unusual": sorted(set(effects) - set(named)),
         "right": bool(right),
         "odd_named": bool(truth["odd"]) and pinned == set(wanted["runs"]),
@@ -161,7 +175,8 @@ def line(row: dict[str, Any]) -> str:
         for effect, values in row["truth"]["effects"].items()
     }
     extra = f" {json.dumps(sizes)}" if sizes else ""
-    named = f" {row['named']}" if row["named"] else ""
+    said = {name: {p: float(f"{v:.6g}") for p, v in values.items()} for name, values in row["said"].items()}
+    named = f" {json.dumps(said)}" if said else ""
     return f"{row['key']:42} {row['verdict']}{named} {row['seconds']:.0f} s{extra} {row['message']}".rstrip()
 
 

@@ -195,7 +195,7 @@ ALL_AT_ONCE: tuple[Mess, ...] = (
     clock_rounds,
 )
 KINDS: dict[str, Mess] = {
-    kind.__name__.replace("_", "-"): kind for kind in (everything, *ALL_AT_ONCE, starts_in_a_corner, tidy)
+    kind.__name__.replace("_", "-"): kind for kind in (tidy, everything, *ALL_AT_ONCE, starts_in_a_corner)
 }
 NAMESAKES = {  # effects that say the same as what was untidy: naming them is a lie with a grain of truth
     "motors-lag": {"command-lag"},

@@ -19,7 +19,7 @@ STEP_S = 1 / 60  # paths change by less than 0.5 µm with half of it (tested)
 FIRST_STEP_S = 2e-4
 STANDING_MM_S = 0.05  # static friction holds a robot whose wheels turn slower than 1 rpm; moves paths by 0.4 µm
 UNBALANCED_MN = 1e-7  # of forces of some mN
-SHORTEST_LAG_S = 1e-3  # of any real motor: less would shift paths by 3 µm along themselves
+SHORTEST_LAG_S = 1e-3  # a jump of speed would keep Newton's method from its balance; session.py takes it back out
 ROUNDINGS_MM_S = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3, 3e-4, 1e-4)
 DROOP_LAG_S = 5e-3  # a load slows a motor as fast as a command speeds it up
 

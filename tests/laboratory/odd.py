@@ -67,8 +67,7 @@ def mirrored(session: Session, run: int, rng: np.random.Generator) -> Session:
 def wrong_rate(session: Session, run: int, rng: np.random.Generator) -> Session:
     """Times are doubled: 30 frames a second were written instead of 60. start_s stays as it is."""
     del rng
-    start = session.start_s[run]
-    return _after(session, run, lambda times, marks: (start + 2 * (times - start), marks))
+    return _after(session, run, lambda times, marks: (times[0] + 2 * (times - times[0]), marks))
 
 
 def wrong_unit(session: Session, run: int, rng: np.random.Generator) -> Session:

@@ -22,7 +22,7 @@ def sticking_wheel(world: World, size: float, angle_rad: float) -> World:
 
     def law(_now: Now, sliding: Sliding) -> Array:
         factor = np.ones_like(sliding.speed_mm_s)
-        factor[0] -= share / (1 + np.exp(-(sliding.speed_mm_s[0] - 0.25) / 0.03))
+        factor[0] -= share / (1 + np.exp(-(sliding.speed_mm_s[0] - 0.05) / 0.01))
         return factor
 
     return replace(world, frictions=(*world.frictions, law))

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from tests.laboratory.effects import View
-from tests.laboratory.motion import Motion, simulate
+from tests.laboratory.motion import SHORTEST_LAG_S, Motion, simulate
 from tests.laboratory.reference import Array, Robot, World
 
 FRAME_S = 1 / 60
@@ -102,9 +102,10 @@ def motion(session: Session) -> Motion:
 def true_marks(session: Session) -> list[tuple[Array, Array]]:
     """Times and marks of every run as a camera without noise would give them, before anything is mixed up."""
     driven, result = motion(session), []
+    ideal = 0.0 if session.world.lags_s else SHORTEST_LAG_S  # the solver's own lag: motors without any follow at once
     for run in range(session.runs):
         times = frame_times_s(session, run)
-        since = (times - session.start_s[run]) / session.view.time_factor - session.late_s[run]
+        since = (times - session.start_s[run]) / session.view.time_factor - session.late_s[run] + ideal
         pose = driven.pose_at(run, since)
         if run in session.pushes:
             pose = _pushed(pose, since, session.pushes[run])

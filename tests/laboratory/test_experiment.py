@@ -1,0 +1,78 @@
+"""Files of drawn experiments: the product accepts them, a seed fixes them, and they say nothing of what is hidden."""
+
+from __future__ import annotations
+
+import ast
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.laboratory import mess, odd
+from tests.laboratory.experiment import draw, ordinary_session, write
+from tests.laboratory.session import true_marks
+
+HERE = Path(__file__).parent
+
+
+def written(folder: Path, kind: str, name: str, seed: int) -> Path:
+    rng = np.random.default_rng(seed)
+    write(draw(kind, name, rng), folder / "a1", folder / "truths", rng)
+    return folder / "a1"
+
+
+def test_turnscope_accepts_the_files(tmp_path: Path) -> None:
+    experiment = written(tmp_path, "mess", "everything", 3) / "experiment.toml"
+    command = [sys.executable, "-m", "evaluator", "check", str(experiment)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=HERE.parents[1])
+    assert done.returncode == 0, done.stderr
+    assert "nothing is wrong" in done.stdout
+
+
+def test_equal_seeds_write_equal_files(tmp_path: Path) -> None:
+    first, second = (written(tmp_path / which, "odd", "pushed", 5) for which in ("one", "two"))
+    files = sorted(path.relative_to(first) for path in first.rglob("*") if path.is_file())
+    assert len(files) >= 18
+    assert all((first / path).read_bytes() == (second / path).read_bytes() for path in files)
+
+
+def test_the_folder_of_the_diagnosis_does_not_hold_the_truth(tmp_path: Path) -> None:
+    folder = written(tmp_path, "odd", "mirrored", 6)
+    truth = json.loads((tmp_path / "truths" / "a1.json").read_text(encoding="utf-8"))
+    texts = " ".join(path.read_text(encoding="utf-8") for path in folder.glob("*.toml"))
+    assert truth["odd"]["kinds"] == ["mirrored"]
+    assert "mirrored" not in texts
+    assert "odd" not in texts
+
+
+@pytest.mark.parametrize("name", mess.KINDS)
+def test_every_mess_leaves_enough_frames(name: str) -> None:
+    rng = np.random.default_rng(1)
+    session = mess.KINDS[name](ordinary_session(rng), rng)
+    assert (session.end_s - np.maximum(session.begin_s, session.start_s) > 1.0).all()
+
+
+def test_there_are_twenty_kinds_of_mess_and_more() -> None:
+    assert len(mess.KINDS) > 20
+
+
+def test_an_odd_run_differs_from_its_tidy_self_and_others_do_not() -> None:
+    rng = np.random.default_rng(2)
+    session = ordinary_session(rng)
+    plain = true_marks(session)
+    for name in ("reversed", "stuck", "quits-half-way", "pushed", "late-start", "wrong-robot"):
+        changed = true_marks(odd.KINDS[name](session, 4, rng))
+        moved = [float(np.abs(a[1] - b[1]).max()) for a, b in zip(plain, changed, strict=True)]
+        assert moved[4] > 0.05, name
+        assert max(moved[:4] + moved[5:]) < 1e-3, name  # all runs share the steps of one solver
+
+
+def test_the_laboratory_imports_nothing_that_it_judges() -> None:
+    for file in HERE.glob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            assert not {name.split(".")[0] for name in names} & {"simulator", "evaluator", "calibration", "numba"}, file
