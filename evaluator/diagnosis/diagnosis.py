@@ -1,4 +1,4 @@
-"""From runs to a verdict: noise, recalibration, search, confirmation on runs kept aside, and the right to abstain."""
+"""From runs to a verdict: noise, recalibration, search, confirmation on runs held out, and the right to abstain."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Diagnosis:
     held_out: tuple[int, ...] = ()
     problem: Problem | None = None
     search: Search | None = None  # over all runs
-    fit_search: Search | None = None  # without the runs kept aside
+    fit_search: Search | None = None  # without the runs held out
     standing: Standing | None = None
     chosen: Set = frozenset()
     named: Set = frozenset()  # the best set of named effects
@@ -74,7 +74,7 @@ class Diagnosis:
     separation: Mapping[str, Mapping[str, float]] | None = None
     leftover: Adequacy | None = None
     gap: Gap | None = None
-    confirmation: float = float("nan")  # gain in log density of the runs kept aside
+    confirmation: float = float("nan")  # gain in log density of the runs held out
     terms: Mapping[str, Candidate] | None = None
     pieces: pd.DataFrame | None = None
     where: tuple[Dependence, ...] = ()
@@ -168,7 +168,7 @@ def _best_named(search: Search, families: int) -> tuple[Standing, Set]:
 
 
 def _searched(session: Session, progress: Progress, ends: Ends | None) -> tuple[Search, Point, dict[str, Candidate]]:
-    """The search over named effects without the runs kept aside, the nominal point, and all terms by id."""
+    """The search over named effects without the runs held out, the nominal point, and all terms by id."""
     data = session.data
     given = {entry.id for entry in session.robots[0].effect}
     every = named_terms(_reach(session), _levels(session))
@@ -193,7 +193,7 @@ def _searched(session: Session, progress: Progress, ends: Ends | None) -> tuple[
 
 
 def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
-    """The diagnosis with the gap before and after, on fitted runs and on those kept aside, and where it shows."""
+    """The diagnosis with the gap before and after, on fitted runs and on those held out, and where it shows."""
     part, everything, chosen, fit = found.fit_search, found.search, found.chosen, found.fit
     assert part is not None
     assert everything is not None
@@ -227,7 +227,7 @@ def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
 
 
 def _confirmation(part: Search, fit: Fit, held_out: Sequence[int]) -> float:
-    """Gain in log density of the runs kept aside over the null; NaN where the null cannot even be simulated there."""
+    """Gain in log density of the runs held out over the null; NaN where the null cannot even be simulated there."""
     try:
         return predictive_score(part, fit, held_out) - predictive_score(part, part.null, held_out)
     except FloatingPointError:
@@ -301,7 +301,7 @@ def _on_all_runs(part: Search, terms: Mapping[str, Candidate]) -> Search:
             if rest not in whole.fits:
                 origin = part.fits.get(rest) or whole.fits.get(ids) or part.fits[ids]
                 fit_set(whole, rest, {effect: origin.point.terms[effect] for effect in rest}, origin)
-    if leading[0] in whole.failed:  # a run kept aside is not followed: the verdict stays with those that were fitted
+    if leading[0] in whole.failed:  # a run held out is not followed: the verdict stays with those that were fitted
         return Search(part.problem, terms, part.tolerance, part.runs, dict(part.fits))
     return whole
 

@@ -1,6 +1,6 @@
 """How a fitted model carries over: to commands that were left out, and from one half of the runs to the other.
 
-Each command in turn is kept aside with all its repeats; common parameters come from the other runs alone. An effect
+Each command in turn is held out with all its repeats; common parameters come from the other runs alone. An effect
 that is real has the same size forward and backward, slow and fast, to the left and to the right. The linear views of
 fits are enough for both, so nothing is simulated again.
 Source: Stone (1974), J. R. Stat. Soc. B 36, 111.

@@ -1,4 +1,4 @@
-"""The gap between simulation and measurement in millimetres, on fitted runs and on runs kept aside.
+"""The gap between simulation and measurement in millimetres, on fitted runs and on runs held out.
 
 Refitted: the RMS distance of a run between the measured and the simulated midpoint of the marks. After: parameters
 come from the fitted runs alone; start pose and the run's own friction, gains and start are fitted within the run-to-run

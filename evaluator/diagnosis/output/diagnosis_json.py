@@ -40,6 +40,8 @@ def record(diagnosis: Diagnosis) -> Json:
         return found | {
             "effects": [],
             "gap": None,
+            "negligible": [],
+            "known_to": [],
             "where": [],
             "rivals": [],
             "next_experiment": None,

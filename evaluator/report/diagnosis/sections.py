@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from evaluator.report.diagnosis.knowledge import knowledge_section, mistakes_section, predicted_sentence
 from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.diagnosis.words import (
     RUN_KEYS,
@@ -39,7 +40,11 @@ def diagnosis_sections(view: DiagnosisView | None) -> tuple[Section, ...]:
     """Sections of a diagnosis, in the order in which a reader asks; none where none was made."""
     if view is None:
         return ()
-    there = (_verdict(view), _where(view), _gap(view.content), _rivals(view.content), _small_print(view.content))
+    content = view.content
+    there = (
+        *(mistakes_section(content), _verdict(view), _where(view), _gap(content), _rivals(content)),
+        *(knowledge_section(content), _small_print(content)),
+    )
     return tuple(section for section in there if section is not None)
 
 
@@ -92,11 +97,11 @@ def _gap(content: Json) -> Section | None:
         return None
     lost = content.get("runs_not_followed") or []
     held = gap.get("held_out_runs") or []
-    text = [gap_sentence(content)]
+    text = [gap_sentence(content), predicted_sentence(content)]
     if held:
         gain = gap.get("held_out_gain_sigmas")
-        tail = f": the effect foretells them better by {gain:.0f} sigmas" if gain else ""
-        text.append(f"Kept aside from the beginning, whole runs: {', '.join(held)}{tail}.")
+        tail = f": the effect predicts them better by {gain:.0f} sigmas" if gain else ""
+        text.append(f"Held out from the beginning, whole runs: {', '.join(held)}{tail}.")
     if lost and closes(content):
         text.append(f"Not followed by the model that was chosen: {', '.join(lost)}. Look at these recordings first.")
     constancy = content.get("constancy") or {}

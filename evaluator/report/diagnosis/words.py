@@ -162,7 +162,7 @@ def effect_words(name: str) -> str:
 
 
 def gap_sentence(content: Json) -> str:
-    """Before and after, on fitted runs and on those kept aside, against the noise; empty where there is no gap."""
+    """Before and after, on fitted runs and on those held out, against the noise; empty where there is no gap."""
     gap = content.get("gap") or {}
     if not gap.get("before"):
         return ""
@@ -175,10 +175,12 @@ def gap_sentence(content: Json) -> str:
         return f"{f'from {micrometres(before)} to {micrometres(after)}' if again else micrometres(before)} on {where}"
 
     parts = " and ".join(
-        filter(None, (change("fit", "the runs that were fitted"), change("held_out", "runs kept aside")))
+        filter(None, (change("fit", "the runs that were fitted"), change("held_out", "held-out runs")))
     )
     noise = f"tracking noise alone makes {micrometres(gap['noise_floor'])}"
     if not again:
+        return f"The distance between model and marks is {parts}; {noise}."
+    if not content.get("effects") and gap["before"] == gap["after"]:
         return f"The distance between model and marks is {parts}; {noise}."
     how = "With what was found" if content.get("effects") else "With nominal values moved within their tolerances"
     return f"{how}, the distance between model and marks goes {parts}; {noise}."

@@ -52,7 +52,7 @@ def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, a
         "gap",
         "The gap, before and after" if after else "The gap",
         f"Squares: the model as robot.toml has it{AFTER if after else ''}. Points at the strokes mean that nothing is "
-        "left but noise. Start pose and the scatter of the run are taken out. The shaded runs were kept aside from the "
+        "left but noise. Start pose and the scatter of the run are taken out. The shaded runs were held out from the "
         f"beginning: they took no part in finding anything.{shown}",
         (canvas.svg,),
         pd.DataFrame(
@@ -69,5 +69,5 @@ def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, a
 
 
 def _label(run: str, aside: bool, lost: bool) -> str:
-    said = [word for word, true in (("kept aside", aside), ("not followed", lost)) if true]
+    said = [word for word, true in (("held out", aside), ("not followed", lost)) if true]
     return f"{run} ({', '.join(said)})" if said else run

@@ -1,0 +1,87 @@
+"""What a diagnosis says beside its verdict: mistakes of the experiment, what is taken as known, the predicted gap."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from evaluator.report.diagnosis.words import as_sentence, closes, effect_words, micrometres, value_text
+from evaluator.report.numbers import UNKNOWN, number
+from evaluator.report.pages.html import Section, Table
+
+Json = dict[str, Any]
+
+FAR = 2.0  # stated standard deviations from which on a preference is marked in the table
+
+
+def mistake_sentences(content: Json) -> list[str]:
+    """One sentence for each mistake of the experiment."""
+    return [as_sentence(str(item["sentence"])) for item in content.get("mistakes") or []]
+
+
+def finding_sentences(content: Json) -> list[str]:
+    """What the data want farther away than the laboratory knows it, one sentence each."""
+    return [as_sentence(str(item)) for item in content.get("findings") or []]
+
+
+def negligible_sentence(content: Json) -> str:
+    """Effects that are there and do not matter, in one line; empty where there are none."""
+    parts = []
+    for item in content.get("negligible") or []:
+        done = item.get("changes") or {}
+        radius, speed, path = (
+            number(done.get(name, 0.0), 3) for name in ("radius_percent", "speed_percent", "path_noise_floors")
+        )
+        parts.append(f"{effect_words(item['id'])} (radius {radius} %, speed {speed} %, path {path} of the noise floor)")
+    return f"Detectable, and less than is relevant: {'; '.join(parts)}." if parts else ""
+
+
+def predicted_sentence(content: Json) -> str:
+    """The gap of a simulation from the start pose alone, before and after; empty where it is not known."""
+    predicted = (content.get("gap") or {}).get("predicted") or {}
+
+    def change(part: str, where: str) -> str:
+        before, after = (predicted.get(side, {}).get(part) for side in ("before", "after"))
+        if before is None or after is None:
+            return ""
+        if not closes(content) or before == after:
+            return f"{micrometres(before)} on {where}"
+        return f"from {micrometres(before)} to {micrometres(after)} on {where}"
+
+    parts = [text for text in (change("fit", "the runs that were fitted"), change("held_out", "held-out runs")) if text]
+    if not parts:
+        return ""
+    return f"Predicted from the start pose alone, with nothing of a run fitted, it is {' and '.join(parts)}."
+
+
+def knowledge_section(content: Json) -> Section | None:
+    """The table of what is taken as known to a tolerance, with what the data prefer."""
+    rows = tuple(_row(item) for item in content.get("known_to") or [])
+    if not rows:
+        return None
+    caption = (
+        "Quantities that nobody knows exactly: as they were taken to be known (one standard deviation; [known_to] of "
+        "experiment.toml and robot.toml), and the value that these runs prefer. ‘far’: beyond two of them."
+    )
+    head = ("quantity", "unit", "known to", "found", "95 %", "")
+    shown = tuple(part for part in (*finding_sentences(content), negligible_sentence(content)) if part)
+    return Section("diagnosis-known", "Taken as known to", shown, (), (Table(caption, head, rows, words=True),))
+
+
+def mistakes_section(content: Json) -> Section | None:
+    """Mistakes of the experiment, and that the runs concerned are in nothing else."""
+    sentences = mistake_sentences(content)
+    if not sentences:
+        return None
+    runs = ", ".join(dict.fromkeys(run for item in content["mistakes"] for run in item["runs"]))
+    tail = f"Set aside, and in no number of the diagnosis: {runs}."
+    return Section("mistakes", "Mistakes to mend first", (*sentences, tail))
+
+
+def _row(item: Json) -> tuple[str, ...]:
+    unit = "" if item.get("unit") in (None, "1") else str(item["unit"])
+    low, high = (value_text(item.get(key)) for key in ("low", "high"))
+    taken, found = item.get("taken"), item.get("found")
+    far = bool(taken and found is not None and abs(found) > FAR * taken)
+    interval = UNKNOWN if item.get("low") is None else f"{low} to {high}"
+    name = str(item.get("name") or item["quantity"])
+    return (name, unit, value_text(taken), value_text(found), interval, "far" if far else "")
