@@ -13,6 +13,7 @@ from simulator.robot import Robot
 
 # Marks are placed to some hundredths of a millimetre of their few, 1 to 2 %: three standard deviations.
 SPACING_SHARE = 0.06
+ALONE_SHARE = 0.15  # of one run among others that are right: keystone stretches a run at the rim by some per cent
 UNITS = {"m": 1e-3, "cm": 0.1, "inch": 1 / 25.4, "µm": 1e3}
 UNIT_SHARE = 0.06  # how near to such a ratio the distance of the marks must be
 PX_RATIO = 3.0  # marks so many times too far apart, and of no length unit, are pixels
@@ -25,12 +26,14 @@ SETTLED_S = 0.5  # after the start: motors have come up
 
 def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
     """Runs whose marks are not as far apart as the robot file says: another unit, or another robot."""
+    stated_mm = [float(np.hypot(*np.subtract(robot.marks.green_mm, robot.marks.yellow_mm))) for robot in robots]
+    seen_mm = [float(np.nanmedian(np.hypot(*(run.marks_mm[:, :2] - run.marks_mm[:, 2:]).T))) for run in data]
+    usual = float(np.median(np.divide(seen_mm, stated_mm)))
     found = []
-    for run, robot in zip(data, robots, strict=True):
-        stated = float(np.hypot(*np.subtract(robot.marks.green_mm, robot.marks.yellow_mm)))
-        seen = float(np.nanmedian(np.hypot(*(run.marks_mm[:, :2] - run.marks_mm[:, 2:]).T)))
+    for run, seen, stated in zip(data, seen_mm, stated_mm, strict=True):
         ratio = seen / stated
-        if abs(ratio - 1) < SPACING_SHARE:
+        alone = abs(usual - 1) < SPACING_SHARE  # then it is this run, and a picture may be stretched at one place
+        if abs(ratio - 1) < (ALONE_SHARE if alone else SPACING_SHARE):
             continue
         words = f"its marks are {seen:.4g} mm apart, in the robot file {stated:.4g} mm"
         unit = next((name for name, factor in UNITS.items() if abs(ratio / factor - 1) < UNIT_SHARE), None)
