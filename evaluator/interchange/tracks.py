@@ -1,4 +1,4 @@
-"""Tracks of other programs as marks: OSP Tracker (delimited text), DeepLabCut (CSV), movement (netCDF).
+"""Tracks of other programs as marks: OSP Tracker, DeepLabCut (CSV), SLEAP, movement.
 
 Which program wrote a file is seen in the file. What no file says (which of its points are the marks, its unit of
 length, the frame rate) stands in [tracks] of experiment.toml. Lengths become mm in the plate frame; picture points (px,
@@ -8,6 +8,7 @@ y down, centre of the top left pixel at 0, 0) are placed on the plane of the mar
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -23,10 +24,14 @@ if TYPE_CHECKING:
     from calibration.camera import Camera
 
 Array = NDArray[np.float64]
-Program = Literal["turnscope", "tracker", "deeplabcut", "movement"]
+Program = Literal["turnscope", "tracker", "project", "deeplabcut", "movement"]
 
 MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 MARKS = ("green", "yellow")
+
+
+class UnknownPointError(InputError):
+    """A file has no point of the name that was said."""
 
 
 class Tracks(BaseModel):
@@ -115,13 +120,30 @@ def _foreign_points(
     path: Path, program: Program, said: Tracks, *, all_marks: bool = True
 ) -> tuple[Array, dict[str, Array], str]:
     """Times, points by mark and unit of a file of another program; without all_marks one mark is enough."""
-    del all_marks
-    reader = {"tracker": _read_tracker, "deeplabcut": _read_deeplabcut, "movement": _read_movement}[program]
-    time, points = reader(path, said)
-    unit = said.unit or ("px" if program != "tracker" else None)
+    readers = {
+        "tracker": _read_tracker,
+        "project": _read_project,
+        "deeplabcut": _read_deeplabcut,
+        "movement": _read_binary,
+    }
+    reader = readers[program]
+    try:
+        time, points = reader(path, said, MARKS)
+    except UnknownPointError:
+        if all_marks:
+            raise
+        for mark in MARKS:
+            try:
+                time, points = reader(path, said, (mark,))
+                break
+            except UnknownPointError:
+                continue
+        else:
+            raise
+    unit = said.unit or (_project_unit(path) if program == "project" else "px" if program != "tracker" else None)
     if unit is None:
         raise InputError(
-            f'{path}: OSP Tracker does not write its unit of length; say unit = "mm" (px, cm, m) in [tracks]'
+            f'{path}: OSP Tracker did not write its unit of length here; say unit = "mm" (px, cm, m) in [tracks]'
         )
     if len(time) < 2 or not np.all(np.diff(time) > 0):
         raise InputError(f"{path}: times must be at least two and increase from row to row")
@@ -139,6 +161,8 @@ def program_of(path: Path) -> Program:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     if head.startswith((b"CDF", b"\x89HDF")):
         return "movement"
+    if head.startswith(b"PK\x03\x04") or head.lstrip(b"\xef\xbb\xbf \r\n\t").startswith((b"<?xml", b"<object")):
+        return "project"
     lines = head.decode("utf-8", errors="replace").splitlines()
     if lines and lines[0].split(",")[0].strip() == "scorer":
         return "deeplabcut"
@@ -167,7 +191,7 @@ def _marks_table(
     return table
 
 
-def _read_tracker(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array]]:
+def _read_tracker(path: Path, tracks: Tracks, marks: Sequence[str]) -> tuple[Array, dict[str, Array]]:
     """Two header lines: names of the tracks above their columns, then t, x, y …; any usual delimiter."""
     lines = [line for line in path.read_text(encoding="utf-8-sig", errors="replace").splitlines() if line.strip()]
     delimiter = _delimiter(lines[1])
@@ -184,7 +208,7 @@ def _read_tracker(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array]]:
     width = len(columns)
     table = np.array([(row + [np.nan] * width)[:width] for row in rows], dtype=float).reshape(-1, width)
     points = {}
-    for mark in MARKS:
+    for mark in marks:
         wanted = _plain(tracks.name(mark))
         if (wanted, "x") not in place or (wanted, "y") not in place:
             known = sorted({name for name, _ in place if name})
@@ -193,7 +217,73 @@ def _read_tracker(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array]]:
     return table[:, columns.index("t")], points
 
 
-def _read_deeplabcut(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array]]:
+def _read_project(path: Path, tracks: Tracks, marks: Sequence[str]) -> tuple[Array, dict[str, Array]]:
+    """A project of OSP Tracker itself: on its own coordinate system, or in px where [tracks] says so."""
+    from evaluator.interchange.tracker_project import Project
+
+    project = Project(path)
+    named = {_plain(name): places for name, places in project.points_px.items()}
+    for mark in marks:
+        if _plain(tracks.name(mark)) not in named:
+            raise _unknown(path, tracks, mark, sorted(project.points_px))
+    chosen = {mark: named[_plain(tracks.name(mark))] for mark in marks}
+    frames = np.array(sorted(set().union(*chosen.values())), dtype=float)
+    points = {}
+    for mark, places in chosen.items():
+        place = np.array([places.get(int(frame), (np.nan, np.nan)) for frame in frames])
+        # Tracker counts px from the corner of the image, others from the centre of the first pixel.
+        points[mark] = place - 0.5 if tracks.unit == "px" else project.on_plate(frames, place)
+    return project.times_s(frames, tracks.rate_hz), points
+
+
+def _project_unit(path: Path) -> str | None:
+    """Unit of length that a project names itself; None where it names none that is known."""
+    from evaluator.interchange.tracker_project import Project
+
+    unit = Project(path).length_unit
+    return unit if unit in MM_PER else None
+
+
+def _read_binary(path: Path, tracks: Tracks, marks: Sequence[str]) -> tuple[Array, dict[str, Array]]:
+    """HDF5 of SLEAP, or netCDF of movement."""
+    with path.open("rb") as file:
+        sleap = _read_sleap(path, tracks, marks) if file.read(4) == b"\x89HDF" else None
+    return sleap or _read_movement(path, tracks, marks)
+
+
+def _read_sleap(path: Path, tracks: Tracks, marks: Sequence[str]) -> tuple[Array, dict[str, Array]] | None:
+    """An analysis file of SLEAP: tracks (individuals, 2, nodes, frames); None for any other HDF5 file.
+
+    Raises InputError for the HDF5 of DeepLabCut, which only pandas with PyTables reads.
+    """
+    try:
+        import h5py
+    except ImportError as error:
+        raise InputError(f"{path}: HDF5 needs h5py: pip install 'turnscope[netcdf]'") from error
+    try:
+        with h5py.File(path, "r") as file:
+            if "df_with_missing" in file:
+                raise InputError(f"{path}: the HDF5 of DeepLabCut; give the CSV that it writes beside it (save_as_csv)")
+            if not {"tracks", "node_names"} <= set(file):
+                return None
+            place, names = file["tracks"][0], [name.decode() for name in file["node_names"][:]]
+            score = file["point_scores"][0] if "point_scores" in file else None
+    except (OSError, IndexError, AttributeError) as error:
+        raise InputError(f"{path}: not an HDF5 file that can be read ({error})") from error
+    if tracks.rate_hz is None:
+        raise InputError(f"{path}: SLEAP counts frames; say rate_hz (frames a second) in [tracks]")
+    points = {}
+    for mark in marks:
+        if tracks.name(mark) not in names:
+            raise _unknown(path, tracks, mark, names)
+        index = names.index(tracks.name(mark))
+        points[mark] = np.array(place[:, index].T, dtype=float)
+        if score is not None:
+            points[mark][score[index] < tracks.likelihood] = np.nan
+    return np.arange(place.shape[-1]) / tracks.rate_hz, points
+
+
+def _read_deeplabcut(path: Path, tracks: Tracks, marks: Sequence[str]) -> tuple[Array, dict[str, Array]]:
     """Header lines scorer, (individuals,) bodyparts, coords; a row per frame, counted from 0."""
     import pandas as pd
 
@@ -214,7 +304,7 @@ def _read_deeplabcut(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array
     except (ValueError, pd.errors.ParserError) as error:
         raise InputError(f"{path}: {str(error).strip()}") from error
     points = {}
-    for mark in MARKS:
+    for mark in marks:
         own = {coord: i for i, (part, coord) in enumerate(zip(parts, coords, strict=True)) if part == tracks.name(mark)}
         if not {"x", "y"} <= own.keys():
             raise _unknown(path, tracks, mark, sorted(set(parts[1:])))
@@ -225,7 +315,7 @@ def _read_deeplabcut(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array
     return table[:, 0] / tracks.rate_hz, points
 
 
-def _read_movement(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array]]:
+def _read_movement(path: Path, tracks: Tracks, marks: Sequence[str]) -> tuple[Array, dict[str, Array]]:
     """A movement dataset: position over time, space, keypoints, individuals; confidence where there is one."""
     try:
         import xarray as xr
@@ -255,7 +345,7 @@ def _read_movement(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array]]
     space = [name.decode() if isinstance(name, bytes) else str(name) for name in data["space"].to_numpy()]
     position = data["position"].transpose("keypoints", "time", "space").to_numpy().astype(float)
     points = {}
-    for mark in MARKS:
+    for mark in marks:
         if tracks.name(mark) not in known:
             raise _unknown(path, tracks, mark, known)
         index = known.index(tracks.name(mark))
@@ -266,9 +356,11 @@ def _read_movement(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array]]
     return time, points
 
 
-def _unknown(path: Path, tracks: Tracks, mark: str, known: list[str]) -> InputError:
+def _unknown(path: Path, tracks: Tracks, mark: str, known: list[str]) -> UnknownPointError:
     there = ", ".join(known) or "none"
-    return InputError(f'{path}: no point named "{tracks.name(mark)}" (there: {there}); say {mark} = "…" in [tracks]')
+    return UnknownPointError(
+        f'{path}: no point named "{tracks.name(mark)}" (there: {there}); say {mark} = "…" in [tracks]'
+    )
 
 
 def _delimiter(line: str) -> str | None:

@@ -102,13 +102,24 @@ def _video(folder: Path, name: str, experiment: Path) -> Iterator[str]:
 
 
 def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
-    from evaluator.interchange.tracks import program_of
-    from evaluator.marks import read_marks
+    """Open a marks file as the analysis will, all but the camera: points in px are placed only there."""
+    from evaluator.interchange.tracks import Tracks, read_points
 
-    del experiment
+    content = tomllib.loads(experiment.read_text(encoding="utf-8"))
+    try:
+        tracks = Tracks.model_validate(content.get("tracks", {}))
+    except ValueError:
+        return  # said already
     path = folder / name
-    foreign = path.is_file() and program_of(path) != "turnscope"
-    yield from () if foreign else _fault(read_marks, path)
+    both: list[str] = []
+
+    def read(file: Path) -> None:
+        _, points, _ = read_points(file, tracks)
+        both.extend(mark for mark in points if mark in ("green", "yellow"))
+
+    yield from _fault(read, path)
+    if both and len(both) < len(("green", "yellow")):
+        yield f"{path}: holds the {both[0]} mark alone; a pose needs both (its name: [tracks] of {experiment})"
 
 
 def _fault(load: Callable[[Path], Any], path: Path) -> Iterator[str]:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from calibration.camera import camera_above
 from evaluator.errors import InputError
 from evaluator.interchange.tracks import Tracks, read_any_marks
 from evaluator.marks import COLUMNS
+from evaluator.workflow.checks import check_experiment
 from tests.evaluator.synthetic import circling_marks
 
 MARKS = ("green", "yellow")
@@ -111,3 +113,100 @@ def test_movement_dataset_is_read_in_seconds_and_in_frames(truth: pd.DataFrame, 
         path = tmp_path / f"{unit}.nc"
         data.to_netcdf(path, engine="h5netcdf")
         assert_same(read_any_marks(path, Tracks(unit="mm")), truth)
+
+
+def project_text(truth: pd.DataFrame, *, unit: str = "", yellow: str = "mass B") -> str:
+    """The truth as OSP Tracker saves it: px, y down, on a turned system whose origin and scale stand beside it."""
+    origin, angle, per_mm, marks = np.array([320.0, 240.0]), np.radians(30.0), 12.5, ""
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    for name, mark in (("mass A", "green"), (yellow, "yellow")):
+        rows = ""
+        for frame, place in enumerate(truth[[f"{mark}_x_mm", f"{mark}_y_mm"]].to_numpy() @ turn.T * per_mm):
+            if np.isfinite(place).all():
+                x, y = (origin + place * [1, -1]).tolist()
+                rows += (
+                    f'<property name="[{frame + 10}]" type="object"><object class="FrameData">'
+                    f'<property name="x" type="double">{x!r}</property>'
+                    f'<property name="y" type="double">{y!r}</property>'
+                    "</object></property>"
+                )
+        marks += (
+            f'<property name="item" type="object"><object class="org.opensourcephysics.cabrillo.tracker.PointMass">'
+            f'<property name="name" type="string"><![CDATA[{name}]]></property>'
+            f'<property name="framedata" type="array">{rows}</property></object></property>'
+        )
+    said = f'<property name="length_unit" type="string">{unit}</property>' if unit else ""
+    system = {"xorigin": 320.0, "yorigin": 240.0, "angle": 30.0, "xscale": per_mm, "yscale": per_mm}
+    frame = "".join(f'<property name="{key}" type="double">{value}</property>' for key, value in system.items())
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?><object class="org.opensourcephysics.cabrillo.tracker.TrackerPanel">'
+        '<property name="videoclip" type="object"><object class="VideoClip"><property name="startframe" type="int">10'
+        '</property></object></property><property name="clipcontrol" type="object"><object class="ClipControl">'
+        f'<property name="delta_t" type="double">{1000 / 60!r}</property></object></property>'
+        '<property name="coords" type="object"><object class="System"><property name="framedata" type="array">'
+        f'<property name="[0]" type="object"><object class="FrameData">{frame}</object></property></property></object>'
+        f'</property>{said}<property name="tracks" type="collection">{marks}</property></object>'
+    )
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_tracker_project_is_read_with_its_origin_angle_scale_and_frame_rate(
+    truth: pd.DataFrame, tmp_path: Path, packed: bool
+) -> None:
+    path = tmp_path / ("run.trz" if packed else "run.trk")
+    if packed:
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("files/run.trk", project_text(truth))
+    else:
+        path.write_text(project_text(truth), encoding="utf-8")
+    assert_same(read_any_marks(path, Tracks(green="mass A", yellow="mass B", unit="mm")), truth, within_mm=1e-6)
+    with pytest.raises(InputError, match="unit of length"):
+        read_any_marks(path, Tracks(green="mass A", yellow="mass B"))
+    with pytest.raises(InputError, match=r"there: mass A, mass B"):
+        read_any_marks(path)
+
+
+def test_unit_that_a_tracker_project_names_is_used(truth: pd.DataFrame, tmp_path: Path) -> None:
+    path = tmp_path / "run.trk"
+    path.write_text(project_text(truth, unit="cm"), encoding="utf-8")
+    table = read_any_marks(path, Tracks(green="mass A", yellow="mass B"))
+    np.testing.assert_allclose(table["green_x_mm"], 10 * truth["green_x_mm"], atol=1e-6)
+
+
+def test_broken_project_is_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "run.trk"
+    path.write_text("<?xml version='1.0'?><object", encoding="utf-8")
+    with pytest.raises(InputError, match="not a project of OSP Tracker"):
+        read_any_marks(path, Tracks(unit="mm"))
+
+
+def test_sleap_analysis_is_read_and_the_hdf5_of_deeplabcut_is_sent_for_its_csv(
+    truth: pd.DataFrame, tmp_path: Path
+) -> None:
+    h5py = pytest.importorskip("h5py", reason="reading HDF5 is an optional extra")
+    place = np.stack([truth[[f"{mark}_x_mm", f"{mark}_y_mm"]].to_numpy().T for mark in MARKS], axis=1)[None]
+    with h5py.File(tmp_path / "sleap.h5", "w") as file:
+        file["tracks"], file["node_names"] = place, np.array([b"left", b"right"])
+    said = Tracks(green="left", yellow="right", unit="mm", rate_hz=60.0)
+    assert_same(read_any_marks(tmp_path / "sleap.h5", said), truth)
+    with pytest.raises(InputError, match="rate_hz"):
+        read_any_marks(tmp_path / "sleap.h5", Tracks(green="left", yellow="right", unit="mm"))
+    with h5py.File(tmp_path / "dlc.h5", "w") as file:
+        file.create_group("df_with_missing")
+    with pytest.raises(InputError, match="save_as_csv"):
+        read_any_marks(tmp_path / "dlc.h5", said)
+
+
+def test_check_opens_marks_of_other_programs(tmp_path: Path) -> None:
+    (tmp_path / "t.txt").write_text(
+        "\tgreen\t\nt\tx\ty\n" + "".join(f"{i}\t{i}\t2\n" for i in range(9)), encoding="utf-8"
+    )
+    head = 'format = 1\nname = "x"\nrobot = "barrel"\n'
+    run = '[[run]]\nid = "r"\nleft_rpm = 1\nright_rpm = 2\nmarks = "t.txt"\n'
+    path = tmp_path / "experiment.toml"
+    path.write_text(head + run + '[tracks]\nunit = "mm"\n', encoding="utf-8")
+    (fault,) = check_experiment(path).faults
+    assert "holds the green mark alone" in fault
+    path.write_text(head + run, encoding="utf-8")
+    (fault,) = check_experiment(path).faults
+    assert "unit of length" in fault

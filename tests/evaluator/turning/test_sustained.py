@@ -5,6 +5,8 @@ import pytest
 
 from evaluator.pose import poses_from_marks
 from evaluator.turning import Turning, measure_turning
+from evaluator.turning.motion.fit import Curvature
+from evaluator.turning.sustained import _shrunk
 
 from .synthetic import GEOMETRY, arc_poses, marks_of, winding_poses
 
@@ -126,3 +128,12 @@ def test_bounds_of_an_arc_of_less_than_a_quarter_turn_hold_what_its_curvature_do
     # One standard deviation of an even change of curvature from end to end is 1/sqrt(12) of it.
     assert run.radius_low_mm < 4.2
     assert run.radius_high_mm > 4.8
+
+
+def test_a_value_is_shrunk_toward_the_mean_by_the_share_that_noise_explains() -> None:
+    """Posterior of a Gaussian value of noise 3 from a population of spread 4 about a mean known to 0."""
+    center = Curvature(10.0, 10.0, 10.0, 0.0)
+    shrunk = _shrunk(Curvature(20.0, 14.0, 26.0, 3.0), center, 4.0)
+    assert shrunk.value == pytest.approx(10 + 10 * 16 / 25)
+    assert shrunk.sigma == pytest.approx(3 * 4 / 5)
+    assert (shrunk.low, shrunk.high) == pytest.approx((16.4 - 1.96 * 2.4, 16.4 + 1.96 * 2.4))

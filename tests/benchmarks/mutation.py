@@ -1,0 +1,173 @@
+"""Mutation tests: one small change at a time is made to the code, and the tests are run; do they notice?
+
+Changes: a comparison or an arithmetic operator exchanged, a number doubled, a sign flipped, a condition negated, a
+statement left out. Every change is made in a copy of the project, so that the project itself is never touched; the
+tests of the unchanged copy have to pass first.
+
+    python -m tests.benchmarks.mutation evaluator/pose.py --tests tests/evaluator/test_pose.py --sample 30 --seed 1
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import copy
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PAIRS = (
+    *((ast.Lt, ast.GtE), (ast.LtE, ast.Gt), (ast.Gt, ast.LtE), (ast.GtE, ast.Lt), (ast.Eq, ast.NotEq)),
+    *((ast.NotEq, ast.Eq), (ast.Add, ast.Sub), (ast.Sub, ast.Add), (ast.Mult, ast.Div), (ast.Div, ast.Mult)),
+    *((ast.Pow, ast.Mult), (ast.And, ast.Or), (ast.Or, ast.And), (ast.BitAnd, ast.BitOr), (ast.BitOr, ast.BitAnd)),
+)
+SWAPPED: dict[type[ast.AST], type[ast.AST]] = dict(PAIRS)
+Change = tuple[str, Callable[[], None]]
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One change: file, line, what it is, and the text of the changed file."""
+
+    path: Path
+    line: int
+    change: str
+    text: str
+
+
+def mutants(path: Path) -> Iterator[Mutant]:
+    """All changes of a file; text, docstrings and type annotations are left alone."""
+    tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
+    nodes = [node for top in tree.body for node in _code(top)]
+    indices = {id(node): index for index, node in enumerate(ast.walk(tree))}
+    for node in nodes:
+        for number in range(len(_changes(copy.deepcopy(node)))):
+            changed = copy.deepcopy(tree)
+            target = next(other for index, other in enumerate(ast.walk(changed)) if index == indices[id(node)])
+            name, apply = _changes(target)[number]
+            apply()
+            yield Mutant(path, getattr(node, "lineno", 0), name, ast.unparse(ast.fix_missing_locations(changed)))
+
+
+def _code(node: ast.AST) -> Iterator[ast.AST]:
+    """Nodes that are run, in order."""
+    if isinstance(node, (ast.Import, ast.ImportFrom)):
+        return
+    yield node
+    for name, value in ast.iter_fields(node):
+        if name in ("annotation", "returns", "decorator_list", "type_params") or isinstance(node, ast.JoinedStr):
+            continue
+        for item in value if isinstance(value, list) else [value]:
+            if isinstance(item, ast.AST):
+                yield from _code(item)
+
+
+def _changes(node: ast.AST) -> list[Change]:
+    """Changes of one node: a name, and the function that makes it."""
+    return [*_of_operators(node), *_of_values(node), *_of_statements(node)]
+
+
+def _of_operators(node: ast.AST) -> Iterator[Change]:
+    if isinstance(node, (ast.BinOp, ast.AugAssign, ast.BoolOp)) and type(node.op) in SWAPPED:
+        new = SWAPPED[type(node.op)]
+        yield f"{type(node.op).__name__} -> {new.__name__}", lambda: setattr(node, "op", new())
+    if isinstance(node, ast.Compare):
+        for index, operator in enumerate(node.ops):
+            if type(operator) in SWAPPED:
+                new = SWAPPED[type(operator)]
+                change = partial(node.ops.__setitem__, index, new())
+                yield f"{type(operator).__name__} -> {new.__name__}", change
+
+
+def _of_values(node: ast.AST) -> Iterator[Change]:
+    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+        value = 2 * node.value or 1
+        yield f"{node.value} -> {value}", lambda: setattr(node, "value", value)
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        yield "- -> +", lambda: setattr(node, "op", ast.UAdd())
+    if isinstance(node, (ast.If, ast.IfExp, ast.While)):
+        yield "condition negated", lambda: setattr(node, "test", ast.UnaryOp(ast.Not(), node.test))
+
+
+def _of_statements(node: ast.AST) -> Iterator[Change]:
+    if not isinstance(node, (ast.FunctionDef, ast.If, ast.For, ast.While, ast.With)):
+        return
+    for index, item in enumerate(node.body):
+        said = isinstance(item, ast.Expr) and isinstance(item.value, ast.Constant)  # a docstring
+        effect = isinstance(item, (ast.AugAssign, ast.Expr)) and not said
+        if effect or (isinstance(item, ast.Assign) and _assigned_before(node, item)):
+            yield f"left out: {ast.unparse(item)[:60]}", partial(node.body.__setitem__, index, ast.Pass())
+
+
+def _assigned_before(owner: ast.AST, item: ast.Assign) -> bool:
+    """Whether what a statement assigns has a value before: only then can the statement be left out."""
+    names = {name.id for target in item.targets for name in ast.walk(target) if isinstance(name, ast.Name)}
+    read = {name.id for name in ast.walk(item.value) if isinstance(name, ast.Name)}
+    return isinstance(owner, (ast.FunctionDef, ast.If)) and bool(names & read)
+
+
+def tests_pass(folder: Path, tests: list[str], limit_s: float, *, jit: bool) -> bool | None:
+    """Run tests in a copy; None where they took longer than the limit."""
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(folder)}
+    if not jit:
+        environment["NUMBA_DISABLE_JIT"] = "1"
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
+    try:
+        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, timeout=limit_s, check=False)
+    except subprocess.TimeoutExpired:
+        return None
+    return done.returncode == 0
+
+
+def main() -> int:
+    """Run a sample of mutants; exit status 1 where fewer are noticed than asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("paths", nargs="+", type=Path, help="files or folders to change, from the project's root")
+    parser.add_argument("--tests", nargs="+", required=True, help="tests to run, from the project's root")
+    parser.add_argument("--sample", type=int, default=60, help="mutants to try (default 60)")
+    parser.add_argument("--seed", type=int, default=0, help="of the sample (default 0)")
+    parser.add_argument("--limit-s", type=float, help="time for one run (default: three times the unchanged tests')")
+    parser.add_argument("--no-jit", action="store_true", help="without numba's compiler: faster where loops are short")
+    parser.add_argument("--wanted", type=float, default=0.9, help="share to be noticed (default 0.9)")
+    said = parser.parse_args()
+    paths = [
+        file.relative_to(ROOT)
+        for path in said.paths
+        for file in (sorted((ROOT / path).rglob("*.py")) if (ROOT / path).is_dir() else [ROOT / path])
+    ]
+    everything = [mutant for path in paths for mutant in mutants(path)]
+    chosen = random.Random(said.seed).sample(everything, min(said.sample, len(everything)))  # noqa: S311
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name) / "project"
+        shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(".*", "__pycache__", "out"))
+        began = time.monotonic()
+        if not tests_pass(folder, said.tests, 3600, jit=not said.no_jit):
+            print("the tests do not pass on the unchanged code")
+            return 2
+        limit_s = said.limit_s or 3 * (time.monotonic() - began) + 10
+        survived = []
+        for mutant in chosen:
+            file = folder / mutant.path
+            original = file.read_text(encoding="utf-8")
+            file.write_text(mutant.text, encoding="utf-8")
+            passed = tests_pass(folder, said.tests, limit_s, jit=not said.no_jit)
+            file.write_text(original, encoding="utf-8")
+            if passed:
+                survived.append(mutant)
+                print(f"survived  {mutant.path}:{mutant.line}  {mutant.change}", flush=True)
+    share = 1 - len(survived) / len(chosen)
+    print(f"{len(chosen)} of {len(everything)} mutants (seed {said.seed}): {100 * share:.0f} % noticed")
+    return 0 if share >= said.wanted else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
