@@ -7,9 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from simulator.dynamics.model import NUMBERS, compile_robot
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.coordinates import Candidate, Scene, polar
 from simulator.effects.parameter import UNITS, Parameter
+from simulator.observation import view_of
+from simulator.robot import load_robot
+from tests.simulator.effect_probe import affected
 
 SCENE = Scene(20.0, (30.0, 10.0, 0.0, 10.0 + 1e-9, 10.0))  # levels are rounded before they are compared
 OWN = {"command-lag", "magnet-strength", "tether-spring", "plate-tilt", "speed-ripple", "friction-grain"}
@@ -58,6 +62,16 @@ def test_components_are_size_times_cosine_and_sine(effect_id: str, size: str, an
     told = found.physical((-4 * unit * math.cos(math.pi / 6), -4 * unit * 0.5))
     assert told == pytest.approx({size: 4 * unit, angle: degrees})
     assert all(item.low == -item.high for item in found.coordinates)
+
+
+@pytest.mark.parametrize("effect_id", sorted(EFFECTS))
+def test_where_a_fit_begins_nothing_is_changed(effect_id: str) -> None:
+    barrel = load_robot("barrel")
+    robot = affected(barrel, effect_id, **candidate(effect_id).physical(candidate(effect_id).absent))
+    found, nominal = compile_robot(robot, 3)[0], compile_robot(barrel, 3)[0]
+    assert all(np.array_equal(found[name], nominal[name]) for name in NUMBERS)
+    assert np.abs(found["coefficient"]).max() < 1e-5  # a spring has no anchor without a trace of stiffness
+    assert view_of(robot) == view_of(barrel)
 
 
 def test_a_direction_has_a_period() -> None:
