@@ -116,6 +116,7 @@ def test_a_dead_band_lies_between_commands_or_above_the_largest() -> None:
 def test_a_magnet_is_looked_for_in_and_around_the_reach_of_the_runs() -> None:
     found = candidate("stray-magnet")
     force, x, y, exponent = np.array(found.starts).T
+    assert len(found.starts) == 16
     assert not force.any()
     assert (exponent == 2.0).all()
     assert sorted(set(np.hypot(x, y).round(6))) == [10.0, 24.0]
