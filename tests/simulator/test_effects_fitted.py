@@ -7,9 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from simulator.dynamics.model import NUMBERS, compile_robot
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.coordinates import Candidate, Scene, polar
 from simulator.effects.parameter import UNITS, Parameter
+from simulator.observation import view_of
+from simulator.robot import load_robot
+from tests.simulator.effect_probe import affected
 
 SCENE = Scene(20.0, (30.0, 10.0, 0.0, 10.0 + 1e-9, 10.0))  # levels are rounded before they are compared
 OWN = {"command-lag", "magnet-strength", "tether-spring", "plate-tilt", "speed-ripple", "friction-grain"}
@@ -60,6 +64,16 @@ def test_components_are_size_times_cosine_and_sine(effect_id: str, size: str, an
     assert all(item.low == -item.high for item in found.coordinates)
 
 
+@pytest.mark.parametrize("effect_id", sorted(EFFECTS))
+def test_where_a_fit_begins_nothing_is_changed(effect_id: str) -> None:
+    barrel = load_robot("barrel")
+    robot = affected(barrel, effect_id, **candidate(effect_id).physical(candidate(effect_id).absent))
+    found, nominal = compile_robot(robot, 3)[0], compile_robot(barrel, 3)[0]
+    assert all(np.array_equal(found[name], nominal[name]) for name in NUMBERS)
+    assert np.abs(found["coefficient"]).max() < 1e-5  # a spring has no anchor without a trace of stiffness
+    assert view_of(robot) == view_of(barrel)
+
+
 def test_a_direction_has_a_period() -> None:
     with pytest.raises(ValueError, match="no period"):
         polar("some-effect", Parameter("size", "", 0.0, 0.1), Parameter("angle_deg", "deg", 0.0, 5.0))
@@ -102,6 +116,7 @@ def test_a_dead_band_lies_between_commands_or_above_the_largest() -> None:
 def test_a_magnet_is_looked_for_in_and_around_the_reach_of_the_runs() -> None:
     found = candidate("stray-magnet")
     force, x, y, exponent = np.array(found.starts).T
+    assert len(found.starts) == 16
     assert not force.any()
     assert (exponent == 2.0).all()
     assert sorted(set(np.hypot(x, y).round(6))) == [10.0, 24.0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -105,3 +106,11 @@ def acted(entries: tuple[EffectEntry, ...]) -> tuple[np.ndarray, View]:
         if effect.view:
             effect.view(view, entry.given)
     return record_of(draft), view
+
+
+@pytest.mark.parametrize("effect_id", sorted(EFFECTS))
+def test_an_effect_says_whether_it_varies_from_run_to_run(effect_id: str) -> None:
+    values = {item.name: item.absent + item.step for item in EFFECTS[effect_id].parameters}
+    robot = with_effects(EffectEntry.model_validate({"id": effect_id, **values}))
+    varies = compile_robot(robot, 0).tobytes() != compile_robot(robot, 7).tobytes()
+    assert EFFECTS[effect_id].varies_by_run == varies
