@@ -19,6 +19,9 @@ Pair = dict[str, Candidate]
 # distance changed by less than this share of the way: two things that move on their own seldom keep it.
 MOVED, RIGID = 1.5, 0.1
 STEP = 2.0  # radii that a blob moves from frame to frame at most, to be known again
+# Of the strongest chroma: fainter is noise. px by which what rests seems to move. Ratio of sizes and of chroma of one
+# thing in two frames.
+FAINT, RESTING_PX, ALIKE_WITHIN = 0.4, 1.5, 1.4
 APART_PX = 3.0  # change of a pair's distance from which its blobs are on no one body: more than blobs jitter
 
 
@@ -81,9 +84,40 @@ class Rivals:
         self._rivals = []
         return moved[0].last
 
+    def exclude(self, blobs: list[Candidate]) -> None:
+        """Remember blobs that are none of the robot's marks."""
+        self._others += blobs
+
     def there(self, place: Point, radius_px: float) -> bool:
         """Whether a place is that of a blob that was told to be none of the robot's marks."""
         return any(math.dist(place, one.center_px) < radius_px for one in self._others)
+
+
+def mover(before: list[Candidate], after: list[Candidate]) -> tuple[Candidate | None, list[Candidate]]:
+    """Give the blob, as it was before, that has moved, and those that rest; None where none or several have moved.
+
+    before, after: all blobs of a mark's colour in two frames.
+    """
+    strongest = max((one.chroma for one in before), default=0.0)
+    gone = [
+        one for one in before if one.chroma > FAINT * strongest and not any(_resting(one, other) for other in after)
+    ]
+    come = [one for one in after if not any(_resting(one, other) for other in before)]
+    found = [one for one in gone if any(_alike(one, other) for other in come)]
+    # One thing gives a blob at every level of chroma.
+    found.sort(key=lambda one: -one.radius_px)
+    alone = all(_apart(one, found[0]) < found[0].radius_px for one in found)
+    resting = [one for one in before if any(_resting(one, other) for other in after)]
+    return found[0] if found and alone else None, resting
+
+
+def _resting(one: Candidate, other: Candidate) -> bool:
+    return _apart(one, other) < max(0.25 * one.radius_px, RESTING_PX)
+
+
+def _alike(one: Candidate, other: Candidate) -> bool:
+    sizes, chromas = one.radius_px / other.radius_px, one.chroma / other.chroma
+    return all(1.0 / ALIKE_WITHIN < ratio < ALIKE_WITHIN for ratio in (sizes, chromas))
 
 
 def _apart(one: Candidate, other: Candidate) -> float:

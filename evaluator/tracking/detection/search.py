@@ -54,3 +54,9 @@ class Search:
                 place = float(cell[2] + cell[0] * (left + x)), float(cell[3] + cell[1] * (top + y))
                 found.append((abs(np.log(size)), place))
         return [place for _, place in sorted(found)]
+
+
+def mean_light(frame: Frame) -> float:
+    """Mean luma of the frame above black, from a few hundred of its pixels."""
+    black = 0.0 if frame.full_range else 16.0 * 2 ** (frame.depth - 8)
+    return max(float(frame.luma[::37, ::23].mean()) - black, 1e-9)

@@ -8,9 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from evaluator.recording import Frame
-from evaluator.tracking.following.follow_blob import Array, BlobFollower
+from evaluator.tracking.detection.appearance import learn_color
+from evaluator.tracking.detection.find import allowed_cells, candidates, neutral_of
+from evaluator.tracking.detection.lookalikes import RESTING_PX, mover
+from evaluator.tracking.detection.selection import Candidate
+from evaluator.tracking.following.follow_blob import Array, BlobFollower, start_blob
 from evaluator.tracking.observation import OK, REPEATED, Sighting
 from evaluator.tracking.refinement.blob import elongation
+from evaluator.tracking.settings import TrackingSettings
+
+Tried = tuple[BlobFollower, list[Sighting]] | None  # a follower after some frames, and what it measured in them
 
 # A disc seen at 45 degrees is 1.41 as long as wide; more is told apart from the shortest smear that leaves it rounder.
 OBLONG = 1.45
@@ -21,12 +28,14 @@ NEARBY = 3.0  # radii that a mark may be from where it was going to, while nothi
 
 
 def try_blob(
-    start: BlobFollower, first: int, held: Sequence[tuple[Frame, Sighting]], cell: Array
-) -> tuple[BlobFollower, list[Sighting]] | None:
+    start: BlobFollower, first: int, held: Sequence[tuple[Frame, Sighting]], cell: Array,
+    *, surely: bool = False,
+) -> Tried:  # fmt: skip
     """Follow a mark as a blob through the first frames; None where a disc describes it.
 
     start: where it was found first, in the frame of index first. held: all of these frames, with what the disc gave.
-    Returns the follower as it is after them, and what it measured.
+    surely: it is followed so even where a disc might describe it. Returns the follower as it is after them, and what it
+    measured.
     """
     blob = replace(start, color=start.color.copy())
     sightings, ratios, interval_s, before = list[Sighting](), list[float](), 0.0, start.time_s
@@ -43,6 +52,30 @@ def try_blob(
             path = np.multiply(blob.velocity, interval_s)
             ratios.append(min(elongation(blob.blob.spread_px2, tuple(share * path)) for share in SHUTTERS))
     discs = sum(one.status == OK for _, one in held)
+    if surely:
+        return (blob, sightings) if len(ratios) > SELDOM * len(held) else None
     if len(ratios) < FEW or (np.median(ratios) < OBLONG and discs >= SELDOM * len(ratios)):
         return None
     return blob, sightings
+
+
+def try_mover(
+    name: str, held: Sequence[tuple[Frame, Sighting]], settings: TrackingSettings, cell: Array
+) -> tuple[Tried, list[Candidate]]:
+    """Follow what moves instead of what rests, where a mark without a partner was taken for the one at rest.
+
+    held: the first frames, with what was measured. Returns what `try_blob` does, and the blobs that rest; None and none
+    where nothing else moves.
+    """
+    places = np.array([(one.x, one.y) for _, one in held if one.status == OK])
+    if len(places) < FEW or float(np.ptp(places, axis=0).max()) > RESTING_PX:
+        return None, []
+    first = held[0][0]
+    before, after = (candidates(frame, settings, [name]) for frame in (first, held[-1][0]))
+    found, resting = mover(before, after)
+    if found is None:
+        return None, []
+    color = learn_color(found, [], neutral_of(first, allowed_cells(first, settings)))
+    start = start_blob(first, cell, found.center_px, found.radius_px, color, settings.exposure)
+    tried = try_blob(start, first.index, held, cell, surely=True)
+    return tried, resting if tried is not None else []

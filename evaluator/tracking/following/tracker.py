@@ -11,14 +11,14 @@ from evaluator.recording import Frame
 from evaluator.tracking.detection.appearance import Appearance, learn_color, learn_shape, patch_of, with_disc
 from evaluator.tracking.detection.find import allowed_cells, cell_of, find_marks, neutral_of
 from evaluator.tracking.detection.lookalikes import Rivals
-from evaluator.tracking.detection.search import Search
+from evaluator.tracking.detection.search import Search, mean_light
 from evaluator.tracking.detection.selection import Candidate
 from evaluator.tracking.following.equal_discs import agree
 from evaluator.tracking.following.follow import RELEARN_AT, Array, Follower
 from evaluator.tracking.following.follow_blob import BlobFollower, start_blob
 from evaluator.tracking.following.motion import Point
 from evaluator.tracking.following.pair import PAIR, Body
-from evaluator.tracking.following.shape import OBLONG, try_blob
+from evaluator.tracking.following.shape import OBLONG, try_blob, try_mover
 from evaluator.tracking.observation import ABSENT, OK, REPEATED, Sighting
 from evaluator.tracking.refinement.disc import Disc, shaped_as
 from evaluator.tracking.refinement.learn_shape import Steps, finished
@@ -100,7 +100,7 @@ class Tracker:
         if any(one.status != OK for one in sightings):
             self._recover(frame, sightings)
         elif not frame.index & LIGHT_MASK:
-            self._light = _light(frame)
+            self._light = mean_light(frame)
         self._note_distance(sightings)
         if self._lessons:
             self._learn_on()
@@ -152,7 +152,7 @@ class Tracker:
         """
         pair, body = set(self.names) == PAIR, self.body
         lost = [k for k, one in enumerate(sightings) if one.status != OK and self.names[k] in self.followers]
-        self._dimmed = max(_light(frame) / self._light, DARKEST) if self._light else 1.0
+        self._dimmed = max(mean_light(frame) / self._light, DARKEST) if self._light else 1.0
         places = {k: self._places(self.names[k], frame) for k in lost}
         for k in lost:
             follower, mine = self.followers[self.names[k]], places[k]
@@ -253,10 +253,14 @@ class Tracker:
         """Follow marks that are no discs as blobs, from the first frame on; in place."""
         self._settled = True
         for k, name in enumerate(self.names):
-            if not isinstance(self.followers.get(name), Follower):
-                continue
-            first, start = self._starts[name]
-            tried = try_blob(start, first, [(frame, sightings[k]) for frame, sightings in held], self.cell)
+            follower, mine = self.followers.get(name), [(frame, sightings[k]) for frame, sightings in held]
+            tried = None
+            if follower is not None and set(self.names) != PAIR:
+                tried, resting = try_mover(name, mine, self.settings, self.cell)
+                self._rivals.exclude(resting)
+            if tried is None and isinstance(follower, Follower):
+                first, start = self._starts[name]
+                tried = try_blob(start, first, mine, self.cell)
             if tried is not None:
                 self.followers[name] = tried[0]
                 for (_, sightings), one in zip(held, tried[1], strict=True):
@@ -291,9 +295,3 @@ class Tracker:
         if one.status != OK or isinstance(self.followers[name], BlobFollower):
             return one
         return self.followers[name].look_at(frame, self.cell, (one.x, one.y), 2.0, 0.0)
-
-
-def _light(frame: Frame) -> float:
-    """Mean luma of the frame above black, from a few hundred of its pixels."""
-    black = 0.0 if frame.full_range else 16.0 * 2 ** (frame.depth - 8)
-    return max(float(frame.luma[::37, ::23].mean()) - black, 1e-9)

@@ -170,9 +170,12 @@ def pair(
 def sticker(
     rng: np.random.Generator, encoding: Encoding = GOOD, *, length: float = 30.0, width: float = 10.0,
     color: tuple[int, int, int] = YELLOW, name: str = "yellow", frames: int = 90, strength: float = 12.0,
+    beside: tuple[tuple[int, int], ...] = (),
 ) -> Clip:  # fmt: skip
-    """One oblong sticker on a car that drives around a textured floor."""
+    """One oblong sticker on a car that drives around a textured floor; beside: places of things at rest of its hue."""
     floor = texture(rng, strength=strength)
+    for place in beside:
+        paint(floor, box(16, 12), place, 0.4, (200, 195, 70))
     path, heading = loop(frames, (SIZE[0] / 2, SIZE[1] / 2), (85.0, 60.0), 0.055)
     images = []
     for k in range(frames):
@@ -255,6 +258,7 @@ KINDS: dict[str, Callable[[np.random.Generator], Clip]] = {
     "oblong sticker 4:1": lambda rng: sticker(rng, length=36.0, width=9.0),
     "oblong sticker, large": lambda rng: sticker(rng, length=60.0, width=22.0),
     "oblong, rough floor": lambda rng: sticker(rng, strength=30.0),
+    "oblong, things at rest": lambda rng: sticker(rng, beside=((40, 40), (280, 200))),
     "oblong, low bitrate": lambda rng: sticker(rng, LOW),
     "green oblong, MPEG-4": lambda rng: sticker(rng, OLD, color=GREEN, name="green"),
     "discs, low bitrate": lambda rng: pair(rng, ellipse(12, 12), 6.0, 44.0, LOW),

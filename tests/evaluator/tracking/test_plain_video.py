@@ -24,7 +24,14 @@ def measured(kind: str, folder: Path, seed: int = 1) -> tuple[Score, Score, pd.D
 
 @pytest.mark.parametrize(
     "kind",
-    ["discs, slanted 60 deg", "oblong stickers, two", "oblong sticker 3:1", "oblong, rough floor", "red roof, slanted"],
+    [
+        "discs, slanted 60 deg",
+        "oblong stickers, two",
+        "oblong sticker 3:1",
+        "oblong, rough floor",
+        "red roof, slanted",
+        "oblong, things at rest",
+    ],
 )
 def test_marks_of_any_shape_are_found_and_measured_at_least_as_well_as_by_a_threshold(
     tmp_path: Path, kind: str
