@@ -131,7 +131,7 @@ def status_of(found: Analysis) -> int:
 
 def print_plan(experiment: Path, out: Path, *, simulate: bool) -> int:
     """Say what an analysis would compute."""
-    from evaluator.words import counted
+    from evaluator.wording import counted
     from evaluator.workflow import pending
 
     steps = pending(experiment, out, simulate=simulate)

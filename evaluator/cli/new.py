@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from evaluator.cli.options import PATH, experiment_argument, json_option, quiet_option
-from evaluator.words import counted
+from evaluator.wording import counted
 
 BAD_INPUT = 2
 

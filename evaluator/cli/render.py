@@ -54,7 +54,7 @@ def render(scenes: tuple[Path, ...], output: Path | None, truth: Path | None, wo
 
 
 def _text(rendered: Rendered) -> str:
-    from evaluator.words import counted
+    from evaluator.wording import counted
 
     what = counted(rendered.dots, "dot") if rendered.dots else counted(rendered.frames, "frame")
     return f"{rendered.output}: {what}; truth in {rendered.truth}"

@@ -36,7 +36,7 @@ def steady(
     import numpy as np
 
     from evaluator.files import write_table
-    from evaluator.words import counted
+    from evaluator.wording import counted
     from evaluator.workflow import steady_turns
 
     table = steady_turns(robot, left_rpm, np.linspace(*ratios).tolist())

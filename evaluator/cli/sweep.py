@@ -42,7 +42,7 @@ def sweep(sweep_file: Path, output: Path, workers: int | None, dask: str | None,
     effect.ID.PARAMETER. An interrupted sweep goes on where it was when the command is given again.
     """
     from evaluator.cli.progress import progress_bar
-    from evaluator.words import counted
+    from evaluator.wording import counted
     from evaluator.workflow import run_sweep
 
     with progress_bar("sweep", quiet=quiet) as progress:

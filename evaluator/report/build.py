@@ -15,7 +15,7 @@ from evaluator.report.player import player_data
 from evaluator.report.runs import RunView, views_of
 from evaluator.report.sections import sections
 from evaluator.report.summary import headline, summary
-from evaluator.words import counted
+from evaluator.wording import counted
 from evaluator.workflow import Analysis
 from simulator.robot import Robot, load_robot
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from evaluator.workflow.simulation import simulate, steady_turns
     from evaluator.workflow.slip_bench import SlipBench, evaluate_slip, evaluate_virtual_slip
     from evaluator.workflow.sweep import SweepDone, run_sweep
+    from evaluator.workflow.tracking import Tracked, track_recording
 
 __all__ = [
     "Analysis",
@@ -36,6 +37,7 @@ __all__ = [
     "SceneOrder",
     "SlipBench",
     "SweepDone",
+    "Tracked",
     "analyze",
     "calibrate",
     "check_experiment",
@@ -55,6 +57,7 @@ __all__ = [
     "run_sweep",
     "simulate",
     "steady_turns",
+    "track_recording",
 ]
 
 _HOMES = {
@@ -72,6 +75,7 @@ _HOMES = {
     "evaluator.workflow.simulation": ("simulate", "steady_turns"),
     "evaluator.workflow.slip_bench": ("SlipBench", "evaluate_slip", "evaluate_virtual_slip"),
     "evaluator.workflow.sweep": ("SweepDone", "run_sweep"),
+    "evaluator.workflow.tracking": ("Tracked", "track_recording"),
 }
 
 

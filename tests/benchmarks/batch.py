@@ -19,8 +19,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from evaluator.cli.demo import calibrate_samples
 from evaluator.settings import load_experiment
+from evaluator.workflow import calibrate
 from evaluator.workflow.samples import copy_samples
 
 ROOT = Path(__file__).parents[2]
@@ -35,7 +35,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         samples = copy_samples(folder / "samples").parent
-        calibrate_samples(samples)
+        calibrate(sorted(samples.glob("gauge-*.png")), samples / "gauge.toml").save(samples / "camera.json")
         many = experiment_of(samples, folder / "many", options.recordings)
         few = experiment_of(samples, folder / "few", options.beside)
         first = experiment_of(samples, folder / "first", 1)

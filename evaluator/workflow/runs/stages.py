@@ -25,7 +25,7 @@ from evaluator.recording import TimingReport, open_recording
 from evaluator.robot_geometry import mark_geometry, robot_shape
 from evaluator.tracking import load_settings, place_on_plate, track
 from evaluator.turning import Turning, measure_turning
-from evaluator.words import counted
+from evaluator.wording import counted
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.runs.job import Job, RunResult, outside_recording
 from evaluator.workflow.runs.thumbnails import Glimpsed

@@ -1,0 +1,94 @@
+"""One recording to its marks CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import pandas as pd
+
+from calibration.camera import Camera
+from calibration.store import load_camera
+from evaluator.errors import InputError
+from evaluator.files import read_with
+from evaluator.marks import write_marks
+from evaluator.progress import Progress, no_progress
+from evaluator.recording import Source, open_recording
+from evaluator.robot_geometry import RobotGeometry, read_geometry
+from evaluator.tracking import TrackingSettings, correct, load_settings, place_on_plate, read_corrections, track
+from evaluator.wording import counted
+
+Fields = Literal["auto", "none", "top", "bottom"]
+
+
+@dataclass(frozen=True, repr=False)
+class Tracked:
+    """A recording with the table of its marks, and the camera and robot that place them on the plate, if any."""
+
+    recording: Source
+    marks: pd.DataFrame
+    notes: tuple[str, ...]
+    names: tuple[str, ...]
+    camera: Camera | None = None
+    geometry: RobotGeometry | None = None
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Share of the frames in which each mark is seen."""
+        return {name: float(self.marks[f"{name}_x_px"].notna().mean()) for name in self.names}
+
+    def __repr__(self) -> str:
+        """One line: frames, and the share in which each mark is seen."""
+        seen = ", ".join(f"{name} in {share:.1%}" for name, share in self.shares.items())
+        return f"Tracked({counted(len(self.marks), 'frame')}, {seen})"
+
+
+def not_looked_at(recording: Source, marks: pd.DataFrame, settings: TrackingSettings) -> None:
+    """Show nothing of the search."""
+    del recording, marks, settings
+
+
+def track_recording(
+    video: Path | str,
+    output: Path | str | None = None,
+    *,
+    settings: Path | None = None,
+    camera: Path | None = None,
+    robot: Path | str = "barrel",
+    height_mm: float | None = None,
+    rate_hz: float | None = None,
+    fields: Fields = "auto",
+    corrections: Path | None = None,
+    looked_at: Callable[[Source, pd.DataFrame, TrackingSettings], None] = not_looked_at,
+    where_to_look: str = "see what the search saw",
+    progress: Progress = no_progress,
+) -> Tracked:
+    """Track the marks of a recording and write them as a marks CSV.
+
+    settings: tracking.toml; camera: camera.json, without which marks have no place on the plate; height_mm: of the
+    marks above the plate, else that of the robot; rate_hz, fields: as for `open_recording`; corrections: CSV by hand.
+    looked_at: called with what was tracked, also where no mark was found, to show what the search saw; where_to_look:
+    says in that case where to see it.
+    Raises InputError for a file that cannot be used, and where no mark is found in any frame.
+    """
+    wanted = read_with(load_settings, settings) if settings else TrackingSettings()
+    by_hand = read_corrections(corrections) if corrections else None
+    seen_by = read_with(load_camera, camera) if camera is not None else None
+    geometry = read_geometry(Path(robot)) if seen_by is not None else None
+    recording = open_recording(video, rate_hz=rate_hz, fields=fields)
+    marks = track(recording, wanted, progress)
+    if by_hand is not None:
+        marks = correct(marks, by_hand, str(corrections))
+    looked_at(recording, marks, wanted)
+    if not any(marks[f"{name}_x_px"].notna().any() for name in wanted.mark):
+        raise InputError(
+            f"{video}: no mark was found in any of {counted(len(marks), 'frame')}; "
+            f"{where_to_look}, and say their color, diameter_px and region_px in a tracking.toml (--settings)"
+        )
+    if seen_by is not None and geometry is not None:
+        marks = place_on_plate(marks, seen_by, geometry.height_mm if height_mm is None else height_mm)
+    if output is not None:
+        write_marks(marks, Path(output))
+    return Tracked(recording, marks, tuple(recording.report().notes), tuple(wanted.mark), seen_by, geometry)
