@@ -47,10 +47,13 @@ def check(experiment: Path, as_json: bool, quiet: bool) -> int:
 
     found = check_experiment(experiment)
     if as_json:
-        click.echo(json.dumps({"faults": found.faults, "runs": found.runs, "videos": found.videos}, indent=1))
+        content = {"faults": found.faults, "mistakes": found.mistakes, "runs": found.runs, "videos": found.videos}
+        click.echo(json.dumps(content, indent=1, ensure_ascii=False))
     else:
         for fault in found.faults:
             click.echo(f"error: {fault}", err=True)
-        if not found.faults and not quiet:
+        for mistake in found.mistakes:
+            click.echo(f"mistake? {mistake}", err=True)
+        if not found.faults and not found.mistakes and not quiet:
             click.echo(f"{experiment}: nothing is wrong; {counted(found.runs, 'run')}, {found.videos} from video")
-    return BAD_INPUT if found.faults else 0
+    return BAD_INPUT if found.faults or found.mistakes else 0

@@ -14,6 +14,7 @@ from evaluator.files import read_with, write_table
 from evaluator.progress import Progress, no_progress, part_way
 from evaluator.settings import Experiment, load_experiment
 from evaluator.workflow.execution.answers import answers_of
+from evaluator.workflow.mistakes import mistakes_of_marks, with_sentences
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.provenance import write_provenance
 from evaluator.workflow.runs.job import Job, RunResult, known_result, lost_run, outdated_stages, step_of
@@ -100,7 +101,11 @@ def analyze(
     elif any(not result.reused for result in results.values()):
         outputs.comparison.unlink(missing_ok=True)  # it compared what no longer is
     write_provenance(outputs.provenance, experiment_path=path, inputs=input_files(described), command_line=command_line)
-    notes = {run.id: found for run in described.run if (found := results[run.id].notes)}
+    marks = {run.id: outputs.marks(run.id) for run in described.run if run.id not in faults}
+    notes = with_sentences(
+        {run.id: found for run in described.run if (found := results[run.id].notes)},
+        mistakes_of_marks(described, marks),
+    )
     reused = sum(result.reused for result in results.values())
     return Analysis(described, outputs, turning, pooled, directions, comparison, faults, notes, reused)
 

@@ -11,16 +11,18 @@ from typing import Any
 from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.settings import Experiment, Run, load_experiment
+from evaluator.workflow.mistakes import given_marks, mistakes_of_marks
 from evaluator.workflow.runs.job import outside_recording
 
 
 @dataclass(frozen=True)
 class Check:
-    """What a check found: faults that stop an analysis, and what the experiment holds."""
+    """What a check found: faults that stop an analysis, mistakes that would mislead it, what the experiment holds."""
 
     faults: tuple[str, ...]
     runs: int = 0
     videos: int = 0
+    mistakes: tuple[str, ...] = ()
 
 
 def check_experiment(path: Path) -> Check:
@@ -35,7 +37,11 @@ def check_experiment(path: Path) -> Check:
     faults += _faults_of_named_files(path)
     runs = experiment.run if experiment else ()
     faults += [fault for run in runs if (fault := _outside(run))]
-    return Check(tuple(dict.fromkeys(faults)), len(runs), sum(run.video is not None for run in runs))
+    mistakes: tuple[str, ...] = ()
+    if experiment is not None and not faults:
+        found = mistakes_of_marks(experiment, given_marks(experiment))
+        mistakes = tuple(item.sentence for item in found)
+    return Check(tuple(dict.fromkeys(faults)), len(runs), sum(run.video is not None for run in runs), mistakes)
 
 
 def _outside(run: Run) -> str | None:

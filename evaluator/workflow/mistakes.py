@@ -1,0 +1,57 @@
+"""Mistakes of an experiment for `check`, `analyze` and the report: recognised from marks that are there already."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from evaluator.errors import InputError
+from evaluator.settings import Experiment
+from simulator.errors import SimulationError
+
+if TYPE_CHECKING:
+    from evaluator.diagnosis.mistakes.recognised import Mistake
+
+
+def mistakes_of_marks(experiment: Experiment, marks: Mapping[str, Path]) -> list[Mistake]:
+    """What is wrong with the runs whose marks CSV is given by run id; nothing where no robot can be simulated.
+
+    Raises nothing for files that cannot be read: that is said elsewhere, of the file itself.
+    """
+    from evaluator.diagnosis.experiment import session_of
+
+    known = only_runs(experiment, marks)
+    if not known.run:
+        return []
+    try:
+        return list(session_of(known, marks).mistakes)
+    except (InputError, SimulationError, FloatingPointError):
+        return []
+
+
+def given_marks(experiment: Experiment) -> dict[str, Path]:
+    """Marks files that need no camera and no other program's names, by run id."""
+    from evaluator.interchange.tracks import program_of
+
+    if experiment.tracks is not None:
+        return {}
+    return {
+        run.id: run.marks
+        for run in experiment.run
+        if run.marks is not None and run.marks.is_file() and program_of(run.marks) == "turnscope"
+    }
+
+
+def with_sentences(notes: Mapping[str, tuple[str, ...]], mistakes: list[Mistake]) -> dict[str, tuple[str, ...]]:
+    """The notes of runs with the mistakes first."""
+    found = dict(notes)
+    for item in mistakes:
+        for run in item.runs[:1] if item.everywhere else item.runs:
+            found[run] = (item.sentence.removeprefix(f"{run}: "), *found.get(run, ()))
+    return found
+
+
+def only_runs(experiment: Experiment, marks: Mapping[str, Path]) -> Experiment:
+    """The experiment with the runs only whose marks are there; others are not to be read."""
+    return experiment.model_copy(update={"run": tuple(run for run in experiment.run if run.id in marks)})
