@@ -80,12 +80,12 @@ def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Q
     ]
     radius = robot.wheels.radius_mm
     radius_sigma = RADIUS_SHARE * radius if geometry.wheel_radius_mm is None else geometry.wheel_radius_mm
-    # two wheels, each known so well: their mean and half their difference are known better by the root of two
+    # a pair of wheels may be wrong alike (one calliper) or each by itself: the mean is known no better than each
     found.append(
         _shared(RADIUS_DIFFERENCE, "radius of the left over the right wheel", "1", 2**0.5 * radius_sigma / radius)
     )
     lengths = (
-        ("wheels.radius_mm", "radius of the wheels", radius, radius_sigma / 2**0.5),
+        ("wheels.radius_mm", "radius of the wheels", radius, radius_sigma),
         ("wheels.wheelbase_mm", "wheelbase", robot.wheels.wheelbase_mm, geometry.wheelbase_mm),
         ("wheels.track_mm", "track", robot.wheels.track_mm, geometry.track_mm),
         (
