@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from evaluator.workflow.demo import Samples, prepare_samples
     from evaluator.workflow.diagnosis.batch import diagnose_each
     from evaluator.workflow.diagnosis.experiment import DiagnosisResult, diagnose
+    from evaluator.workflow.diagnosis.planning import Plan, plan
     from evaluator.workflow.exporting import export
     from evaluator.workflow.fresh import new_experiment
-    from evaluator.workflow.planning import Plan, plan
     from evaluator.workflow.rendering import Rendered, SceneOrder, read_scene, render_scene, render_scenes
     from evaluator.workflow.results.outputs import Outputs
     from evaluator.workflow.simulation import simulate, steady_turns
@@ -69,7 +69,7 @@ _HOMES = {
     "evaluator.workflow.diagnosis.experiment": ("DiagnosisResult", "diagnose"),
     "evaluator.workflow.exporting": ("export",),
     "evaluator.workflow.fresh": ("new_experiment",),
-    "evaluator.workflow.planning": ("Plan", "plan"),
+    "evaluator.workflow.diagnosis.planning": ("Plan", "plan"),
     "evaluator.workflow.rendering": ("Rendered", "SceneOrder", "read_scene", "render_scene", "render_scenes"),
     "evaluator.workflow.results.outputs": ("Outputs",),
     "evaluator.workflow.simulation": ("simulate", "steady_turns"),

@@ -64,7 +64,7 @@ def test_a_diagnosis_of_another_program_is_shown_with_verdict_size_equivalents_a
         "Missing in the model: the plate is not level (plate-tilt), angle 1.81° [95 %: 1.72 to 1.90].",
         "These runs cannot tell it from: a wire pulls toward a fixed anchor (tether-spring).",
     )
-    assert "from 410 µm to 6 µm on the runs that were fitted and from 440 µm to 7 µm on runs kept aside" in gap.text[0]
+    assert "from 410 µm to 6 µm on the runs that were fitted and from 440 µm to 7 µm on held-out runs" in gap.text[0]
 
 
 def test_runs_to_make_stand_in_a_table_with_what_they_would_and_would_not_separate() -> None:
