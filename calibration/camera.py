@@ -6,7 +6,7 @@ z axis points roughly against the camera's. Lens: see lens.py.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -22,6 +22,7 @@ PARAMETERS = (
     "focal_px", "aspect", "principal_x_px", "principal_y_px", "k1", "k2", "p1", "p2", "k3", "k4",
 )  # fmt: skip
 __all__ = ["PARAMETERS", "Camera", "LensModel", "camera_above", "camera_height", "project"]
+CHORD = 0.15  # of the image's shorter side: half the length of the chords that stand for lengths
 POSE, PINHOLE, DISTORTION = slice(0, 6), slice(6, 10), slice(10, 16)
 
 
@@ -31,8 +32,9 @@ class Camera:
 
     size_px: (width, height) of its pictures. parameters: (16,) in the order of PARAMETERS; the rotation vector and
     translation take plate coordinates to camera coordinates. covariance: (16, 16) of the parameters, zero rows for
-    those that are fixed. lens: "brown" (k1, k2, p1, p2, k3) or "fisheye" (k1 to k4). doubt: why its millimetres are
-    not to be trusted, empty where they are.
+    those that are fixed, the error of the gauge's pitch included. lens: "brown" (k1, k2, p1, p2, k3) or "fisheye" (k1
+    to k4). doubt: why its millimetres are not to be trusted, empty where they are. pitch_error: (16,) what one standard
+    deviation of the gauge's pitch does to the parameters; its share of the covariance is the outer product.
     """
 
     size_px: tuple[int, int]
@@ -40,10 +42,11 @@ class Camera:
     lens: LensModel = "brown"
     covariance: Array = field(default_factory=lambda: np.zeros((len(PARAMETERS), len(PARAMETERS))))
     doubt: str = ""
+    pitch_error: Array = field(default_factory=lambda: np.zeros(len(PARAMETERS)))
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
-        for name in ("parameters", "covariance"):
+        for name in ("parameters", "covariance", "pitch_error"):
             array = np.array(getattr(self, name), dtype=float)
             array.setflags(write=False)
             object.__setattr__(self, name, array)
@@ -56,6 +59,54 @@ class Camera:
         """Standard uncertainty of one parameter; 0 where it is fixed."""
         index = PARAMETERS.index(name)
         return float(np.sqrt(self.covariance[index, index]))
+
+    @property
+    def pose(self) -> Array:
+        """Rotation vector and translation (6,), from the plate to the camera; mm."""
+        return self.parameters[POSE]
+
+    @property
+    def lens_parameters(self) -> Array:
+        """All but the pose (10,): pinhole, then distortion."""
+        return self.parameters[POSE.stop :]
+
+    @property
+    def focal_xy_px(self) -> Array:
+        """Focal length (2,) in pixel widths and pixel heights."""
+        return self.value("focal_px") * np.array([1.0, self.value("aspect")])
+
+    @property
+    def principal_px(self) -> Array:
+        """Principal point (2,), px."""
+        return self.parameters[PINHOLE][2:]
+
+    @property
+    def distortion(self) -> Array:
+        """Coefficients (6,) in the order of lens.py."""
+        return self.parameters[DISTORTION]
+
+    def scale_sigma(self, height_mm: float, middle_px: ArrayLike | None = None) -> float:
+        """Relative standard uncertainty of lengths about an image point on the plane height_mm above the plate.
+
+        It holds all of the covariance, so the tolerance of the gauge's pitch too. middle_px: (2,), default the middle
+        of the image. NaN where the plane is not seen there.
+        """
+        width, height = self.size_px
+        middle = np.array([(width - 1) / 2, (height - 1) / 2]) if middle_px is None else np.asarray(middle_px)
+        ends = middle + CHORD * min(width, height) * np.array([[-1, 0], [1, 0], [0, -1], [0, 1]])
+        placed, sensitivity = self.plate_from_picture(ends, height_mm), self.plate_sensitivity(ends, height_mm)
+        total, slope = 0.0, np.zeros(len(PARAMETERS))
+        for a, b in ((0, 1), (2, 3)):
+            chord = placed[b] - placed[a]
+            length = float(np.hypot(*chord))
+            total += length
+            slope += chord / length @ (sensitivity[b] - sensitivity[a])
+        return float(np.sqrt(max(float(slope @ self.covariance @ slope), 0.0)) / total)
+
+    def with_exact_pitch(self) -> Camera:
+        """Return the camera for comparisons by the same gauge, in which an error of its pitch cancels."""
+        exact = self.covariance - np.outer(self.pitch_error, self.pitch_error)
+        return replace(self, covariance=exact, pitch_error=np.zeros(len(PARAMETERS)))
 
     def picture_from_plate(self, points_mm: ArrayLike) -> Array:
         """Project points (..., 3) of the plate frame, mm; returns (..., 2) px, NaN behind the camera."""

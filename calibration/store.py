@@ -69,6 +69,11 @@ class CameraFile(Table):
     rms_px: float
     verdict: Verdict
     flatness: StoredFlatness | None = None
+    pitch_error: tuple[float, ...] | None = Field(
+        default=None,
+        description="what one standard deviation of the gauge's pitch does to the parameters; part of the covariance",
+    )
+    left_out: dict[str, str] = Field(default={}, description="images that were not used, with the reason")
 
     def camera(self) -> Camera:
         """The camera, with the verdict as its doubt where it is not sound."""
@@ -77,6 +82,7 @@ class CameraFile(Table):
             parameters=np.array([self.parameters[name] for name in PARAMETERS]),
             lens=self.lens,
             covariance=np.array(self.covariance),
+            pitch_error=np.zeros(len(PARAMETERS)) if self.pitch_error is None else np.array(self.pitch_error),
             doubt="" if self.verdict.level == "sound" else self.verdict.summary,
         )
 
@@ -107,6 +113,8 @@ def camera_to_json(calibration: Calibration, verdict: Verdict | None = None) -> 
         ),
         rms_px=calibration.rms_px,
         verdict=verdict,
+        pitch_error=tuple(camera.pitch_error.tolist()),
+        left_out=dict(calibration.left_out),
         flatness=None if calibration.flatness is None else _stored_flatness(calibration.flatness),
     )
     return json.dumps(stored.model_dump(mode="json"), indent=1) + "\n"

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from calibration.assessment.quality import SCALE_TOLERANCE, scale_sigma
+from calibration.assessment.quality import SCALE_TOLERANCE
 from calibration.assignment.gauge_in_image import sight, view_of
 from calibration.camera import PARAMETERS, Camera
 from calibration.errors import CalibrationError
@@ -35,7 +35,7 @@ from calibration.gauge.geometry import Gauge
 Array = NDArray[np.float64]
 Outcome = Literal["holds", "changed", "no longer holds"]
 ALARM_SIGMA = 4.0  # two tests, and one false alarm in 16 000 checks
-HIGHEST_SIGMA = 37.0  # beyond it the probability is below the smallest number
+HIGHEST_SIGMA = 37.0  # beyond it the probability is below the smallest number: said as "more than"
 # Focusing from infinity down to ten focal lengths changes the image distance by a tenth: two sigmas.
 FOCUSING = 0.05
 LENS = tuple(name for name in PARAMETERS[6:] if name not in {"p1", "p2"})
@@ -73,8 +73,8 @@ class Check:
             else "the camera has moved, or its lens a little"
         )
         size = (
-            f"pose {self.pose_sigma:.1f} sigma ({self.tilt_deg:.3f} degrees, {self.distance_mm:+.3f} mm), "
-            f"lens {self.lens_sigma:.1f} sigma, lengths by up to {100 * self.length_change:+.3f} %"
+            f"pose {_sigmas(self.pose_sigma)} ({self.tilt_deg:.3f} degrees, {_signed(self.distance_mm)} mm), "
+            f"lens {_sigmas(self.lens_sigma)}, lengths by up to {_signed(100 * self.length_change)} %"
         )
         if self.outcome == "holds":
             return f"the calibration holds: {size}{self._hidden}"
@@ -93,19 +93,32 @@ class Check:
         )
 
 
+def _sigmas(value: float) -> str:
+    """A significance in words; beyond HIGHEST_SIGMA it is not known how much more it is."""
+    return f"more than {HIGHEST_SIGMA:.0f} sigma" if value >= HIGHEST_SIGMA else f"{value:.1f} sigma"
+
+
+def _signed(value: float) -> str:
+    """A change with its sign and three decimals; what rounds to nothing has none."""
+    text = f"{value:+.3f}"
+    return "0.000" if float(text) == 0 else text
+
+
 def check_camera(
     camera: Camera,
     gauge: Gauge,
     picture: NDArray[np.generic],
     *,
     name: str = "picture",
+    gauge_is_known: bool = True,
     variance: float = 1.0,
     height_mm: float = 6.5,
     face_mm: tuple[float, ...] = (),
 ) -> Check:
     """Compare a camera with a new picture of the gauge on the plate.
 
-    variance: of unit weight of the calibration. height_mm: plane on which lengths are compared. face_mm: coefficients
+    gauge_is_known: whether it is the gauge of the calibration, whose pitch error is then the same in both. variance: of
+    unit weight of the calibration. height_mm: plane on which lengths are compared. face_mm: coefficients
     of the gauge's face, where the calibration found it bent. Raises
     CalibrationError for a picture that does not show the gauge or has another size.
     """
@@ -114,6 +127,7 @@ def check_camera(
             f"{name}: the picture has {picture.shape[1]}×{picture.shape[0]} pixels, the calibration holds for "
             f"{camera.size_px[0]}×{camera.size_px[1]}"
         )
+    camera = camera.with_exact_pitch() if gauge_is_known else camera
     sighting = sight(picture, gauge, name)
     view = view_of(sighting, gauge, on_plate=True)
     bend = view.terms[:, : len(face_mm)] @ np.array(face_mm)
@@ -146,8 +160,8 @@ def check_camera(
 
 def _pose(camera: Camera, view: View) -> tuple[State, View, Array, float]:
     """Pose of the gauge under the calibrated lens, without outliers; residual (n, 2) px and variance of unit weight."""
-    prior = Prior(camera.parameters[6:], rough_prior(camera.size_px).sigma)
-    start = State(rough_pose(view, camera)[None], camera.parameters[6:], camera.lens, ())
+    prior = Prior(camera.lens_parameters, rough_prior(camera.size_px).sigma)
+    start = State(rough_pose(view, camera)[None], camera.lens_parameters, camera.lens, ())
     fit, (view,) = solve_discs([view], start, prior)
     keep = outliers(fit)[0]
     fit, (view,) = solve_discs([view.take(keep)], fit.state, prior)
@@ -163,7 +177,7 @@ def _unseen(camera: Camera, state: State, view: View, noise: float, height_mm: f
     free = np.array([PARAMETERS.index("focal_px"), *range(6)])
     covariance = np.zeros((len(PARAMETERS), len(PARAMETERS)))
     covariance[np.ix_(free, free)] = np.linalg.inv(normal)
-    return 1.96 * scale_sigma(replace(camera, covariance=covariance), height_mm)
+    return 1.96 * replace(camera, covariance=covariance).scale_sigma(height_mm)
 
 
 def _plane(pose: Array) -> Array:
@@ -183,13 +197,13 @@ def _pose_change(camera: Camera, state: State, view: View, noise: float) -> tupl
     _, _, by_pose, by_lens = _rows(state, view)
     inverse = np.linalg.inv(by_pose.T @ by_pose)
     follows = -inverse @ by_pose.T @ by_lens  # how the fitted pose answers to an error of the lens
-    old, new = _plane_slope(camera.parameters[:6]), _plane_slope(state.poses[0])
+    old, new = _plane_slope(camera.pose), _plane_slope(state.poses[0])
     lens = [PARAMETERS.index(name) for name in LENS]
     joint = np.zeros((3, len(PARAMETERS)))
     joint[:, :6] = -old
     joint[:, lens] = new @ follows
     covariance = joint @ camera.covariance @ joint.T + noise * new @ inverse @ new.T
-    return _plane(state.poses[0]) - _plane(camera.parameters[:6]), covariance
+    return _plane(state.poses[0]) - _plane(camera.pose), covariance
 
 
 def _lens_sigma(camera: Camera, state: State, view: View, noise: float) -> float:

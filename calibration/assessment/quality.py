@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.assessment.verdict import Level, Verdict
-from calibration.camera import Camera, camera_height
+from calibration.camera import CHORD, Camera, camera_height
 from calibration.errors import CalibrationError
 from calibration.estimation.calibrate import Calibration
 from calibration.estimation.flatness import REST
 from calibration.estimation.initial_values import rough_prior
+from calibration.gauge.geometry import Gauge
 
 Array = NDArray[np.float64]
 
@@ -36,7 +37,6 @@ MODEST_COVERAGE, SMALLEST_COVERAGE = 0.4, 0.2
 # Dots seen wider or narrower than that against their distance: printing, blur and strong distortion make 0.85 to 1.05.
 SIZE_RATIO = 1.25
 LEFT_OUT = 0.02  # of the dots of one picture: worth a note; at most a few thousandths of sound dots are
-ARM = 0.15  # of the picture's shorter side: half the length of the chords that stand for lengths
 CELLS = (12, 9)
 
 
@@ -46,14 +46,14 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
     Raises CalibrationError where the camera that was found does not see that plane.
     """
     camera = calibration.camera
-    scale = scale_sigma(camera, mark_height_mm)
+    scale = camera.scale_sigma(mark_height_mm)
     if not np.isfinite(scale):
         raise CalibrationError(
             f"{calibration.sightings[0].name}: the plane {mark_height_mm:g} mm above the plate is not in view of the "
-            f"camera found, {camera_height(camera.parameters[:6])[0]:.3g} mm above it; is the gauge bent, and are the "
+            f"camera found, {camera_height(camera.pose)[0]:.3g} mm above it; is the gauge bent, and are the "
             "mark height and the numbers of the gauge file right? Add pictures with the gauge tilted"
         )
-    plate_scale = scale_sigma(camera, calibration.gauge.dots.height_mm)
+    plate_scale = camera.scale_sigma(calibration.gauge.dots.height_mm)
     spread = tilt_spread_deg(calibration)
     covered = coverage(calibration)
     reasons, steps, notes = [], [], _notes(calibration)
@@ -72,15 +72,19 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
         steps.append("measure pitch and dot diameter of the plate and correct gauge.toml")
     if covered < MODEST_COVERAGE:
         sparse = f"dots cover {100 * covered:.0f} % of the picture: distortion is extrapolated over the rest"
-        if covered < SMALLEST_COVERAGE or not worst_scale_sigma(camera, mark_height_mm) < SCALE_TOLERANCE:
+        if (
+            covered < SMALLEST_COVERAGE
+            or not worst_scale_sigma(camera.with_exact_pitch(), mark_height_mm) < SCALE_TOLERANCE
+        ):
             reasons.append(sparse)
             steps.append("move the gauge so that dots reach every part of the picture that will be used")
         else:
             notes.append(sparse)
     unchecked = len(calibration.views) == 1 and calibration.distance_mm is None
-    alone = unchecked and scale > 1.5 * plate_scale
-    if alone or (scale > SCALE_TOLERANCE and scale > 1.5 * plate_scale):
-        reasons.append(_height_sentence(calibration, mark_height_mm, scale, plate_scale))
+    exact = camera.with_exact_pitch()  # an error of the pitch is the same at every height
+    seen, seen_on_plate = exact.scale_sigma(mark_height_mm), exact.scale_sigma(calibration.gauge.dots.height_mm)
+    if seen > 1.5 * seen_on_plate and (unchecked or seen > SCALE_TOLERANCE):
+        reasons.append(_height_sentence(calibration, mark_height_mm, seen, seen_on_plate))
         if not ill:
             steps.append(
                 "to know the height correction add pictures with the gauge tilted by 10 to 30 degrees, or lay the "
@@ -88,7 +92,10 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
                 "(--distance-mm VALUE SIGMA)"
             )
     level: Level = "ill-conditioned" if ill else "limited" if reasons else "sound"
-    doubt = f"lengths and turning radii at {mark_height_mm:g} mm are known to {100 * scale:.2g} % (1 sigma)"
+    doubt = (
+        f"lengths and turning radii at {mark_height_mm:g} mm are known to {100 * scale:.2g} % (1 sigma), "
+        f"{_pitch_share(calibration.gauge, exact, mark_height_mm)}"
+    )
     return Verdict(
         level=level,
         summary="; ".join([f"{level}: {doubt}", *reasons]),
@@ -103,31 +110,22 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
     )
 
 
-def scale_sigma(camera: Camera, height_mm: float, middle_px: Array | None = None) -> float:
-    """Relative standard uncertainty of lengths about a point of the picture on a plane above the plate.
-
-    middle_px: (2,), default the middle of the picture. NaN where the plane is not seen there.
-    """
-    width, height = camera.size_px
-    middle = np.array([(width - 1) / 2, (height - 1) / 2]) if middle_px is None else middle_px
-    arm = ARM * min(width, height)
-    ends = middle + arm * np.array([[-1, 0], [1, 0], [0, -1], [0, 1]])
-    placed, sensitivity = camera.plate_from_picture(ends, height_mm), camera.plate_sensitivity(ends, height_mm)
-    total, slope = 0.0, np.zeros(sensitivity.shape[-1])
-    for a, b in ((0, 1), (2, 3)):
-        chord = placed[b] - placed[a]
-        length = float(np.hypot(*chord))
-        total += length
-        slope += chord / length @ (sensitivity[b] - sensitivity[a])
-    return float(np.sqrt(max(float(slope @ camera.covariance @ slope), 0.0)) / total)
+def _pitch_share(gauge: Gauge, exact: Camera, height_mm: float) -> str:
+    """What the sentence of the verdict owes to the pitch of the gauge, which no image can check."""
+    if gauge.scale_sigma == 0:
+        return "if the pitch of the gauge is exact"
+    return (
+        f"of which the pitch of the gauge leaves {100 * gauge.scale_sigma:.2g} % (pitch_tolerance_percent) and the "
+        f"images {100 * exact.scale_sigma(height_mm):.2g} %"
+    )
 
 
 def worst_scale_sigma(camera: Camera, height_mm: float) -> float:
-    """The largest `scale_sigma` of the four corners; NaN where one does not see the plane."""
+    """The largest `Camera.scale_sigma` of the four corners; NaN where one does not see the plane."""
     width, height = camera.size_px
-    arm = ARM * min(width, height)
+    arm = CHORD * min(width, height)
     corners = [np.array([x, y]) for x in (arm, width - 1 - arm) for y in (arm, height - 1 - arm)]
-    return float(np.max([scale_sigma(camera, height_mm, corner) for corner in corners]))
+    return float(np.max([camera.scale_sigma(height_mm, corner) for corner in corners]))
 
 
 def tilt_spread_deg(calibration: Calibration) -> float:

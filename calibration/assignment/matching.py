@@ -21,6 +21,7 @@ from calibration.assignment.wrong_gauge import (
     ends_early,
     goes_on,
     place_on_sheet,
+    row_offset,
     shows_bare_line,
 )
 from calibration.detection.dots import Dots
@@ -63,7 +64,7 @@ class Match:
 def match_gauge(dots: Dots, lattice: Lattice, gauge: Gauge) -> Match:
     """Lay the gauge on the lattice. Raises CalibrationError where it does not fit."""
     lattice = of_equal_size(dots, lattice, gauge)
-    sites = _gauge_lattice(gauge)
+    sites, there = _gauge_lattice(gauge), gauge.present()
     places, light = places_without_dot(dots, lattice)
     bare = np.abs(light) < BARE
     affine = np.column_stack([lattice.index, np.ones(len(lattice))])
@@ -72,16 +73,13 @@ def match_gauge(dots: Dots, lattice: Lattice, gauge: Gauge) -> Match:
     promised = features_promised(gauge, len(features))
     placements = []
     for turn in _turns(gauge, basis):
-        placements += _placements(turn, lattice, places[bare], sites, features, promised)
+        placements += _placements(turn, lattice, places[bare], sites[there], features, promised[:, there])
     if not placements:
         raise CalibrationError(does_not_fit(lattice, gauge))
     best = _choose(placements, bool(gauge.fiducial))
     match = _matched(best, placements, lattice, gauge)
     if not _is_front(best):
-        raise CalibrationError(
-            "the gauge is seen from behind or in a mirror: its fiducials fit only the mirrored array; "
-            "turn the plate over, or undo the mirroring of the picture"
-        )
+        raise CalibrationError(_mirrored(gauge))
     if np.any(promised[:, match.row, match.column]) and best.likeness <= 0:
         raise CalibrationError(_no_fiducials(dots, gauge))
     seen = place_on_sheet(lattice.index @ best.turn.T + best.shift, gauge)
@@ -94,6 +92,21 @@ def match_gauge(dots: Dots, lattice: Lattice, gauge: Gauge) -> Match:
         return match
     sure = match.certain and not shows_bare_line(seen, free, light, gauge)
     return replace(match, certain=sure, extent=ends_early(seen, free, light, gauge))
+
+
+def _mirrored(gauge: Gauge) -> str:
+    """Why only the mirror image of the gauge fits."""
+    if gauge.fiducial:
+        return (
+            "the gauge is seen from behind or in a mirror: its fiducials fit only the mirrored array; "
+            "turn the plate over, or undo the mirroring of the image"
+        )
+    other = "even" if gauge.dots.shifted_rows == "odd" else "odd"
+    return (
+        f'the rows of the array are shifted the other way than the gauge "{gauge.name}" says: counted from 0 at the '
+        f"top of the sheet, its {gauge.dots.shifted_rows} rows lie half a pitch to the right; set "
+        f'shifted_rows = "{other}" in gauge.toml, or undo the mirroring if the image is mirrored'
+    )
 
 
 def _no_fiducials(dots: Dots, gauge: Gauge) -> str:
@@ -128,10 +141,7 @@ class _Placement:
 def _gauge_lattice(gauge: Gauge) -> Integers:
     """Lattice coordinates (rows, columns, 2) of the gauge's places in a primitive basis."""
     column, row = np.meshgrid(np.arange(gauge.dots.columns), np.arange(gauge.dots.rows))
-    if gauge.dots.layout == "staggered":
-        # places (column + (row mod 2)/2, row) in pitches, basis (1, 0), (1/2, 1)
-        column = column - row // 2
-    return np.stack([column, row], axis=-1).astype(np.int64)
+    return np.stack([column - row_offset(row, gauge), row], axis=-1).astype(np.int64)
 
 
 def _gauge_basis(gauge: Gauge) -> Array:
@@ -171,8 +181,8 @@ def _placements(
     seen, void = lattice.index @ matrix.T, empty @ matrix.T
     corner = np.minimum(seen.min(axis=0), void.min(axis=0, initial=10**9))
     extent = np.maximum(seen.max(axis=0), void.max(axis=0, initial=-(10**9))) - corner + 1
-    site_corner = sites.reshape(-1, 2).min(axis=0)
-    gauge_extent = sites.reshape(-1, 2).max(axis=0) - site_corner + 1
+    site_corner = sites.min(axis=0)
+    gauge_extent = sites.max(axis=0) - site_corner + 1
     if np.any(np.concatenate([extent, gauge_extent]) > 2000):
         return []
     mask = np.zeros(gauge_extent)
@@ -277,6 +287,5 @@ def _places(gauge: Gauge) -> dict[tuple[int, int], tuple[int, int]]:
     sites = _gauge_lattice(gauge)
     return {
         (int(sites[row, column, 0]), int(sites[row, column, 1])): (row, column)
-        for row in range(sites.shape[0])
-        for column in range(sites.shape[1])
+        for row, column in np.argwhere(gauge.present()).tolist()
     }

@@ -32,8 +32,18 @@ UNLIKE = 0.12
 
 def place_on_sheet(sites: Integers, gauge: Gauge) -> Integers:
     """Column and row of lattice sites (n, 2), also beyond the array."""
-    column = sites[:, 0] + (sites[:, 1] // 2 if gauge.dots.layout == "staggered" else 0)
-    return np.stack([column, sites[:, 1]], axis=1)
+    return np.stack([sites[:, 0] + row_offset(sites[:, 1], gauge), sites[:, 1]], axis=1)
+
+
+def row_offset(row: Integers, gauge: Gauge) -> Integers:
+    """By how much column numbers exceed the first lattice coordinate in a row.
+
+    A staggered array has the basis (1, 0), (1/2, 1) in pitches; a row that is not shifted keeps its place against it
+    every second time.
+    """
+    if gauge.dots.layout == "square":
+        return np.zeros_like(row)
+    return np.asarray((row + (gauge.dots.shifted_rows == "even")) // 2)
 
 
 def goes_on(seen: Integers, gauge: Gauge) -> bool:

@@ -11,9 +11,18 @@ from numpy.typing import NDArray
 from calibration.assignment.gauge_in_image import FEWEST_DOTS, Sighting, sight, view_of
 from calibration.assignment.neighbours import nearest
 from calibration.assignment.wrong_gauge import does_not_fit
-from calibration.camera import PARAMETERS, Camera
+from calibration.camera import PARAMETERS, POSE, Camera
 from calibration.errors import CalibrationError, ImageError
-from calibration.estimation.bundle_adjustment import Fit, Prior, View, outliers, solve, solve_discs, with_disc_offsets
+from calibration.estimation.bundle_adjustment import (
+    POSE_COUNT,
+    Fit,
+    Prior,
+    View,
+    outliers,
+    solve,
+    solve_discs,
+    with_disc_offsets,
+)
 from calibration.estimation.flatness import (
     QUADRATIC,
     TERMS,
@@ -23,7 +32,7 @@ from calibration.estimation.flatness import (
     flatness_of,
     rest_covariance,
 )
-from calibration.estimation.gauge_tolerance import covariance_with_tolerance, with_tolerance
+from calibration.estimation.gauge_tolerance import change_by_pitch, covariance_with_tolerance, with_tolerance
 from calibration.estimation.initial_values import rough_prior, rough_start
 from calibration.estimation.model_choice import Trial, choose_model
 from calibration.gauge.geometry import Gauge
@@ -263,15 +272,21 @@ def _check_left_out(views: list[View], kept: list[View]) -> None:
 
 def _camera(fit: Fit, views: list[View], gauge: Gauge, flatness: Flatness | None, size_px: tuple[int, int]) -> Camera:
     free = fit.state.free_index
-    tolerance = gauge.tolerance
     bent = flatness if flatness is not None and flatness.used else None
-    if bent is not None:
-        tolerance = tolerance.model_copy(update={"scale": float(np.hypot(tolerance.scale, bend_scale(bent)))})
-    joint = covariance_with_tolerance(views, fit, tolerance)
-    covariance = np.zeros((len(PARAMETERS), len(PARAMETERS)))
-    rows = np.concatenate([6 + free, np.arange(6)])
-    known = np.concatenate([np.arange(len(free)), fit.state.shared + np.arange(6)])
+    scale = gauge.scale_sigma if bent is None else float(np.hypot(gauge.scale_sigma, bend_scale(bent)))
+    joint = covariance_with_tolerance(views, fit, gauge.tolerance)
+    rows = np.concatenate([POSE_COUNT + free, np.arange(POSE_COUNT)])
+    known = np.concatenate([np.arange(len(free)), fit.state.shared + np.arange(POSE_COUNT)])
+    covariance, pitch_error = np.zeros((len(PARAMETERS), len(PARAMETERS))), np.zeros(len(PARAMETERS))
+    pitch_error[rows] = scale * change_by_pitch(views, fit)[known]
     covariance[np.ix_(rows, rows)] = joint[np.ix_(known, known)]
+    covariance += np.outer(pitch_error, pitch_error)
     if bent is not None:
-        covariance[:6, :6] += rest_covariance(bent, gauge, fit.state.poses[0])
-    return Camera(size_px=size_px, parameters=fit.state.parameters(0), lens=fit.state.model, covariance=covariance)
+        covariance[POSE, POSE] += rest_covariance(bent, gauge, fit.state.poses[0])
+    return Camera(
+        size_px=size_px,
+        parameters=fit.state.parameters(0),
+        lens=fit.state.model,
+        covariance=covariance,
+        pitch_error=pitch_error,
+    )

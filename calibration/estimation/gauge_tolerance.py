@@ -34,29 +34,39 @@ def with_tolerance(views: list[View], state: State, tolerance: Tolerance) -> lis
 
 
 def covariance_with_tolerance(views: list[View], fit: Fit, tolerance: Tolerance) -> Array:
-    """Covariance of the free lens parameters and all poses: of noise, and of the gauge's tolerance."""
+    """Covariance of the free lens parameters and all poses: of noise, and of the places of single dots."""
     inverse = np.linalg.inv(fit.normal)
-    noise = inverse * fit.variance
-    if tolerance == Tolerance():
-        return np.asarray(noise, dtype=float)
+    if tolerance.dot_mm == 0:
+        return np.asarray(inverse * fit.variance, dtype=float)
     size = len(fit.normal)
     sites = 1 + max(int(view.site.max()) for view in views)
-    common, scale = np.zeros((size, 2 * sites)), np.zeros(size)
-    single = np.zeros((size, size))
+    common, single = np.zeros((size, 2 * sites)), np.zeros((size, size))
     for k, view in enumerate(views):
-        _, _, by_parameter = view_rows(view, fit.state, k)
-        place = places_of_view(fit.state, k)
-        by_dot = view.whitening @ _by_plane(view, fit.state, k)
-        pull = np.swapaxes(by_parameter, 1, 2) @ by_dot  # (n, place, 2)
+        place, pull = _pulls(view, fit, k)
         here = np.zeros((size, 2 * sites))
         for axis in (0, 1):
             here[place[:, None], 2 * view.site + axis] = pull[:, :, axis].T
         common += here
         single += here @ here.T
-        scale[place] += np.einsum("npa,na->p", pull, view.points_mm[:, :2])
     # the noise term counts each picture's share of the dots' errors as if they were independent: exchange it
-    errors = tolerance.dot_mm**2 * (common @ common.T - single) + tolerance.scale**2 * np.outer(scale, scale)
+    errors = tolerance.dot_mm**2 * (common @ common.T - single)
     return np.asarray(inverse * max(fit.variance, 1.0) + inverse @ errors @ inverse)
+
+
+def change_by_pitch(views: list[View], fit: Fit) -> Array:
+    """Derivative of the solution (shared + 6 n_views,) by a relative error of the pitch that all dots share."""
+    moved = np.zeros(len(fit.normal))
+    for k, view in enumerate(views):
+        place, pull = _pulls(view, fit, k)
+        moved[place] += np.einsum("npa,na->p", pull, view.points_mm[:, :2])
+    return np.asarray(-np.linalg.solve(fit.normal, moved))
+
+
+def _pulls(view: View, fit: Fit, k: int) -> tuple[NDArray[np.int64], Array]:
+    """Places of a view's unknowns in the normal matrix, and the pull on them (n, place, 2) of each dot's place."""
+    by_parameter = view_rows(view, fit.state, k)[2]
+    by_dot = view.whitening @ _by_plane(view, fit.state, k)
+    return places_of_view(fit.state, k), np.swapaxes(by_parameter, 1, 2) @ by_dot
 
 
 def _by_plane(view: View, state: State, k: int) -> Array:

@@ -51,14 +51,15 @@ def rough_start(views: list[View], size_px: tuple[int, int], prior: Prior) -> li
 
 def rough_pose(view: View, camera: Camera) -> Array:
     """Pose (6,) of the gauge in one picture of a known camera."""
-    return _pose(replace(view, centers_px=_undistorted(view.centers_px, camera)), camera.parameters[6:], camera.size_px)
+    return _pose(
+        replace(view, centers_px=_undistorted(view.centers_px, camera)), camera.lens_parameters, camera.size_px
+    )
 
 
 def _undistorted(points_px: Array, camera: Camera) -> Array:
     """Picture points as the same camera without distortion would see them."""
-    scale = camera.value("focal_px") * np.array([1.0, camera.value("aspect")])
-    principal = camera.parameters[8:10]
-    return undistort((points_px - principal) / scale, camera.parameters[10:], camera.lens) * scale + principal
+    normalised = (points_px - camera.principal_px) / camera.focal_xy_px
+    return undistort(normalised, camera.distortion, camera.lens) * camera.focal_xy_px + camera.principal_px
 
 
 def _spread(view: View, size_px: tuple[int, int]) -> View:

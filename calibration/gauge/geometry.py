@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from calibration.gauge.layouts import named_layout
+
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
@@ -21,16 +23,28 @@ class Table(BaseModel):
 
 
 class Dots(Table):
-    """The array: columns run along x, rows along y."""
+    """The array: columns run along x, rows along y.
+
+    The layouts of OpenCV and BoofCV are taken by their own names and counts, and held as the "square" or "staggered"
+    array that they are (see layouts.py).
+    """
 
     columns: int = Field(ge=2)
     rows: int = Field(ge=2)
     pitch_mm: Positive | tuple[Positive, Positive]
     diameter_mm: Positive
     layout: Literal["square", "staggered"] = "square"
+    shifted_rows: Literal["odd", "even"] = "odd"  # of a staggered array, counted from 0 at the top of the sheet
+    shifted_rows_shorter: bool = False  # by their last dot
     color: str = "black"
     background: str = "white"
     height_mm: Annotated[float, Field(allow_inf_nan=False)] = 0.0
+    pitch_tolerance_percent: NotNegative = 0.1  # 1 sigma, common to the whole plate
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named_layout(cls, table: object) -> object:
+        return named_layout(table) if isinstance(table, dict) else table
 
 
 class Fiducial(Table):
@@ -46,7 +60,7 @@ class Tolerance(Table):
     """How well the plate itself is made: standard deviations, and the maker's limit of flatness."""
 
     dot_mm: NotNegative = 0.0  # of each dot about its place, x and y alike
-    scale: NotNegative = 0.0  # relative, of the pitch as a whole
+    scale: NotNegative | None = None  # relative, of the pitch as a whole; dots.pitch_tolerance_percent says it too
     flatness_mm: Positive | None = None  # peak to valley of the face that 95 of 100 such plates keep
 
 
@@ -73,10 +87,28 @@ class Gauge(Table):
         return self
 
     @property
+    def scale_sigma(self) -> float:
+        """Relative standard uncertainty of the pitch as a whole, and so of every length."""
+        stated = self.tolerance.scale
+        return self.dots.pitch_tolerance_percent / 100 if stated is None else stated
+
+    @property
     def pitch_mm(self) -> tuple[float, float]:
         """Distance of dots along columns and rows, mm."""
         pitch = self.dots.pitch_mm
         return pitch if isinstance(pitch, tuple) else (pitch, pitch)
+
+    def shifted(self) -> NDArray[np.bool_]:
+        """Which rows lie half a pitch to the right: (rows,)."""
+        odd = np.arange(self.dots.rows) % 2 == 1
+        return np.asarray((odd if self.dots.shifted_rows == "odd" else ~odd) & (self.dots.layout == "staggered"))
+
+    def present(self) -> NDArray[np.bool_]:
+        """Which places of the array hold a dot: (rows, columns)."""
+        there = np.ones((self.dots.rows, self.dots.columns), dtype=bool)
+        if self.dots.shifted_rows_shorter:
+            there[self.shifted(), -1] = False
+        return there
 
     def positions_mm(self) -> NDArray[np.float64]:
         """Dot centres in the gauge frame: (rows, columns, 2), mm.
@@ -94,10 +126,9 @@ class Gauge(Table):
     def sheet_mm(self) -> NDArray[np.float64]:
         """Dot centres as printed: (rows, columns, 2), mm, x right, y up, origin in the middle of the array."""
         column, row = np.meshgrid(np.arange(self.dots.columns, dtype=float), np.arange(self.dots.rows, dtype=float))
-        if self.dots.layout == "staggered":
-            column = column + 0.5 * (row % 2)
-        x, y = column * self.pitch_mm[0], -row * self.pitch_mm[1]
-        return np.stack([x - (x.max() + x.min()) / 2, y - (y.max() + y.min()) / 2], axis=-1)
+        x, y = (column + 0.5 * self.shifted()[:, None]) * self.pitch_mm[0], -row * self.pitch_mm[1]
+        there = x[self.present()]
+        return np.stack([x - (there.max() + there.min()) / 2, y - (y.max() + y.min()) / 2], axis=-1)
 
     def diameters_mm(self) -> NDArray[np.float64]:
         """Diameter of every dot: (rows, columns), mm."""

@@ -76,11 +76,10 @@ def gauge_sheet(gauge: Gauge) -> Sheet:
         (left, top), (across, down) = (center - reach).tolist(), (2 * reach).tolist()
         shapes.append(Bar(left, top, across, down, gauge.dots.background))
     colors = {(f.column, f.row): f.color or gauge.dots.color for f in gauge.fiducial}
-    for row in range(gauge.dots.rows):
-        for column in range(gauge.dots.columns):
-            x, y = center + places[row, column]
-            color = colors.get((column, row), gauge.dots.color)
-            shapes.append(Disc(float(x), float(y), float(diameters[row, column]), color))
+    for row, column in np.argwhere(gauge.present()).tolist():
+        x, y = center + places[row, column]
+        color = colors.get((column, row), gauge.dots.color)
+        shapes.append(Disc(float(x), float(y), float(diameters[row, column]), color))
     return Sheet(width, height, (*shapes, *_ruler(gauge, width, height)))
 
 

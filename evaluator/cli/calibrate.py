@@ -169,6 +169,7 @@ def check_camera(context: click.Context, camera_file: Path, picture: Path, gauge
         gauge,
         read_image(picture),
         name=str(picture),
+        gauge_is_known=gauge == stored.gauge,
         variance=stored.variance,
         height_mm=stored.verdict.mark_height_mm,
         face_mm=stored.flatness.coefficients_mm if bent and stored.flatness is not None else (),

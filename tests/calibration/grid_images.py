@@ -48,9 +48,9 @@ def grid_places(layout: Layout, size: tuple[int, int]) -> Array:
         return np.array([(x, y) for y in range(rows) for x in range(columns)], dtype=float)
     if layout == "asymmetric":  # OpenCV: x = (2 column + row mod 2) s, y = row s
         return np.array([(2 * x + y % 2, y) for y in range(rows) for x in range(columns)], dtype=float) / np.sqrt(2)
-    # BoofCV: odd rows are shifted by half a step and hold the odd columns
+    # BoofCV: rows counted from the bottom; row r holds every second column from r mod 2 on
     step = np.sqrt(3) / 2
-    return np.array([(0.5 * x, step * y) for y in range(rows) for x in range(y % 2, columns, 2)])
+    return np.array([(0.5 * x, step * (rows - 1 - y)) for y in range(rows) for x in range(y % 2, columns, 2)])
 
 
 def draw_grid(

@@ -20,7 +20,11 @@ from calibration.store import camera_to_json, load_camera
 from tests.calibration.drawing import draw_gauge, random_poses
 
 GAUGE = Gauge.model_validate(
-    {"format": 1, "name": "test", "dots": {"columns": 11, "rows": 8, "pitch_mm": 3.0, "diameter_mm": 1.2}}
+    {
+        "format": 1,
+        "name": "test",
+        "dots": {"columns": 11, "rows": 8, "pitch_mm": 3.0, "diameter_mm": 1.2, "pitch_tolerance_percent": 0.0},
+    }
 )
 CAMERA = camera_above(
     size_px=(400, 300), focal_px=1200, distance_mm=120, tilt_deg=4, tilt_azimuth_deg=30, turn_deg=5, k1=-0.3

@@ -24,7 +24,13 @@ CAMERA = camera_above(size_px=(480, 360), focal_px=1200, distance_mm=120, tilt_d
 
 
 def gauge_of(columns: int = 13, rows: int = 9, **dots: object) -> Gauge:
-    table = {"columns": columns, "rows": rows, "pitch_mm": 3.0, "diameter_mm": 1.2} | dots
+    table = {
+        "columns": columns,
+        "rows": rows,
+        "pitch_mm": 3.0,
+        "diameter_mm": 1.2,
+        "pitch_tolerance_percent": 0.0,
+    } | dots
     return Gauge.model_validate({"format": 1, "name": "plate", "dots": table})
 
 

@@ -18,7 +18,7 @@ CAMERA = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=120, tilt_d
 
 
 def gauge_of(**tolerance: float) -> Gauge:
-    dots = {"columns": 12, "rows": 9, "pitch_mm": 3.0, "diameter_mm": 1.2}
+    dots = {"columns": 12, "rows": 9, "pitch_mm": 3.0, "diameter_mm": 1.2, "pitch_tolerance_percent": 0.0}
     return Gauge.model_validate({"format": 1, "name": "plate", "dots": dots, "tolerance": tolerance})
 
 

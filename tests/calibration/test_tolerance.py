@@ -32,7 +32,7 @@ def test_scale_tolerance_of_the_gauge_is_the_least_doubt_of_every_length() -> No
     assert 0.00099 < verdict.plate_scale_sigma < 0.00102
     # the distance of the lens is measured with the same gauge, the height of the marks is not
     assert abs(verdict.scale_sigma - 0.001 * 120 / (120 - 6.5)) < 2e-5
-    assert assess(calibrate(pictures, gauge_of(3.0, {}))).scale_sigma < 1e-4
+    assert assess(calibrate(pictures, gauge_of(3.0, {"scale": 0.0}))).scale_sigma < 1e-4
 
 
 def test_displaced_dots_scatter_the_camera_as_the_covariance_says() -> None:

@@ -12,6 +12,9 @@ from calibration.estimation.flatness import face_terms
 from calibration.lens import undistort
 from evaluator.report.style import BLUE, GROUPS, INK, SOFT, VERMILLION, Figure, drawing
 
+NO_SHIFT_PX = 1e-6  # a thousandth of the best dot centre's uncertainty
+MOST_STRETCH = 10_000.0
+
 
 def residual_vectors(calibration: Calibration) -> Figure:
     """Residual of every dot used, from all pictures, drawn long enough to be seen."""
@@ -19,7 +22,7 @@ def residual_vectors(calibration: Calibration) -> Figure:
     residual = np.concatenate(calibration.fit.residual_px)
     width = calibration.camera.size_px[0]
     typical = float(np.median(np.hypot(*residual.T)))
-    stretch = _round_down(0.025 * width / max(typical, 1e-9))
+    stretch = min(_round_down(0.025 * width / max(typical, NO_SHIFT_PX)), MOST_STRETCH)
     with drawing("residual-vectors") as canvas:
         (axes,) = canvas.axes
         axes.quiver(
@@ -93,14 +96,12 @@ def distortion_map(camera: Camera) -> Figure:
     """How far the lens moves each point from where a lens without distortion would show it."""
     width, height = camera.size_px
     grid = np.stack(np.meshgrid(np.linspace(0, width - 1, 17), np.linspace(0, height - 1, 13)), axis=-1).reshape(-1, 2)
-    scale = camera.value("focal_px") * np.array([1.0, camera.value("aspect")])
-    principal = camera.parameters[8:10]
-    normalised = (grid - principal) / scale
-    straight = undistort(normalised, camera.parameters[10:], camera.lens) * scale + principal
+    normalised = (grid - camera.principal_px) / camera.focal_xy_px
+    straight = undistort(normalised, camera.distortion, camera.lens) * camera.focal_xy_px + camera.principal_px
     shift = grid - straight
-    largest = float(np.nanmax(np.hypot(*shift.T)))
-    stretch = min(1.0, _round_down(0.06 * width / max(largest, 1e-9))) if largest > 0.06 * width else 1.0
-    stretch = _round_down(0.06 * width / largest) if 0 < largest < 0.02 * width else stretch
+    shift[np.hypot(*shift.T) < NO_SHIFT_PX] = 0.0  # rounding errors are no distortion
+    largest = float(np.nanmax(np.hypot(*shift.T), initial=0.0))
+    stretch = _stretch(largest, width)
     with drawing("distortion") as canvas:
         (axes,) = canvas.axes
         axes.quiver(
@@ -119,10 +120,19 @@ def distortion_map(camera: Camera) -> Figure:
         "distortion",
         "What the lens does",
         f"Arrows, {factor}, end where the lens shows a point and begin where one without distortion would; "
-        f"{largest:.3g} px at most.",
+        f"{largest:.3g} px at most."
+        if largest > 0
+        else "The lens moves no point: the model that fits best has no distortion.",
         (canvas.svg,),
         pd.DataFrame({"x_px": grid[:, 0], "y_px": grid[:, 1], "shift_x_px": shift[:, 0], "shift_y_px": shift[:, 1]}),
     )
+
+
+def _stretch(largest_px: float, width_px: float) -> float:
+    """Factor that makes the longest arrow well seen, at most MOST_STRETCH: below that there is nothing to see."""
+    if largest_px <= 0 or 0.02 * width_px <= largest_px <= 0.06 * width_px:
+        return 1.0
+    return min(_round_down(0.06 * width_px / largest_px), MOST_STRETCH)
 
 
 def _picture_axes(axes: Axes, camera: Camera) -> None:

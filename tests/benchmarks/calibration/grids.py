@@ -129,13 +129,11 @@ def _calibrate(image: GridImage) -> Array | None:
 
 
 def gauge_of(image: GridImage) -> Gauge:
-    """The gauge of an image; a hexagonal grid of BoofCV is a staggered one of half as many columns."""
+    """The gauge of an image, by the names and counts of OpenCV and BoofCV."""
     columns, rows = image.size
     dots: dict[str, object] = {"columns": columns, "rows": rows, "pitch_mm": 1.0, "diameter_mm": image.diameter}
-    if image.layout == "asymmetric":
-        dots |= {"layout": "staggered", "pitch_mm": (2**0.5, 2**-0.5)}
-    if image.layout == "hexagonal":
-        dots |= {"layout": "staggered", "pitch_mm": (1.0, 0.75**0.5), "columns": columns // 2}
+    layout = {"symmetric": "symmetric", "asymmetric": "asymmetric", "hexagonal": "circle_hexagonal"}[image.layout]
+    dots |= {"layout": layout, "pitch_mm": 2**-0.5 if layout == "asymmetric" else 1.0}
     if image.bright:
         dots |= {"color": "white", "background": "black"}
     return Gauge.model_validate({"format": 1, "name": "grid", "dots": dots})
