@@ -14,10 +14,10 @@ from evaluator.files import read_with, write_table
 from evaluator.progress import Progress, no_progress, part_way
 from evaluator.settings import Experiment, load_experiment
 from evaluator.workflow.execution.answers import answers_of
-from evaluator.workflow.mistakes import mistakes_of_marks, with_sentences
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.provenance import write_provenance
 from evaluator.workflow.runs.job import Job, RunResult, known_result, lost_run, outdated_stages, step_of
+from evaluator.workflow.runs.mistakes import mistakes_of_marks, with_sentences
 from simulator.robot import Robot, load_robot
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from typing import Any
 from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.settings import Experiment, Run, load_experiment
-from evaluator.workflow.mistakes import given_marks, mistakes_of_marks
 from evaluator.workflow.runs.job import outside_recording
+from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
 
 
 @dataclass(frozen=True)
