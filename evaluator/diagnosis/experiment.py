@@ -133,7 +133,12 @@ def without_outliers(values: Floats) -> Floats:
     for mark in (slice(1, 3), slice(3, 5)):
         seen = np.flatnonzero(np.isfinite(values[:, mark]).all(axis=1))
         points = values[seen, mark]
-        off = points - median_filter(points, size=(AROUND, 1), mode="nearest")
+        if len(points) < AROUND:
+            continue
+        half = AROUND // 2
+        # continued oddly beyond its ends, a straight path is its own median there too
+        longer = np.pad(points, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
+        off = points - median_filter(longer, size=(AROUND, 1))[half:-half]
         sigma = 1.4826 * np.median(np.abs(off - np.median(off, axis=0)), axis=0) + LEAST_SIGMA_MM
         cleaned[seen[(np.abs(off) > OUTLIER_SIGMAS * sigma).any(axis=1)], mark] = np.nan
     return cleaned

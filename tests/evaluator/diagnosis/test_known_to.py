@@ -1,0 +1,68 @@
+"""What a laboratory knows only to within a tolerance is no effect, and what lies far beyond it is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.assessment.knowledge import Knowledge
+from evaluator.diagnosis.diagnosis import Diagnosis, diagnose
+from evaluator.diagnosis.experiment import Session
+from evaluator.diagnosis.likelihood.known_to import quantities, with_shifts
+from evaluator.progress import no_progress
+from evaluator.settings import KnownTo
+from tests.evaluator.diagnosis.hidden import hidden_session
+
+LATE_S = 0.010
+
+
+def _known(found: Diagnosis, key: str) -> Knowledge:
+    return next(item for item in found.known if item.quantity.key == key)
+
+
+@pytest.fixture(scope="module")
+def late(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+    """A clean experiment whose start_s is 10 ms too late in all runs."""
+    session = hidden_session(tmp_path_factory.mktemp("late"), {})
+    data = tuple(replace(run, start_s=run.start_s + LATE_S) for run in session.data)
+    return diagnose(replace(session, data=data), no_progress)
+
+
+def test_a_start_wrong_by_ten_milliseconds_is_no_effect_and_is_found(late: Diagnosis) -> None:
+    assert late.verdict == "none"
+    start = _known(late, "start_common_s")
+    assert start.low < -LATE_S < start.high
+    assert start.found == pytest.approx(-LATE_S, abs=0.003)
+
+
+def test_what_is_preferred_beyond_three_tolerances_is_told(late: Diagnosis) -> None:
+    start = _known(late, "start_common_s")
+    assert not start.is_finding
+    told = Knowledge(replace(start.quantity, sigma=0.002), 0.020, 0.018, 0.022)
+    assert told.is_finding
+    assert told.sentence == "motion starts 20 ms later than start_s in all runs"
+
+
+def test_knowledge_of_nothing_less_than_exact_leaves_no_parameter(tmp_path: Path) -> None:
+    session: Session = hidden_session(tmp_path, {})
+    exact = KnownTo(start_common_s=0.0, start_per_run_s=0.0, time_base=0.0, plane_scale=0.0)
+    keys = {item.key for item in quantities(exact, session.robots[0], session.data)}
+    assert not keys & {"start_common_s", "time_base", "plane_scale"}
+    assert {"green_x_mm", "wheels.radius_mm", "plate_level_x_deg"} <= keys
+
+
+def test_a_mark_that_is_elsewhere_moves_with_the_robot(tmp_path: Path) -> None:
+    session = hidden_session(tmp_path, {})
+    robot = session.robots[0]
+    (quantity,) = (item for item in quantities(KnownTo(), robot, session.data) if item.key == "green_x_mm")
+    run = replace(session.data[2], systematic={})
+    (shifted,) = with_shifts([run], [robot], [quantity])
+    shift = shifted.systematic["green_x_mm"]
+    seen = np.isfinite(run.marks_mm).all(axis=1)
+    across = run.marks_mm[seen, :2] - run.marks_mm[seen, 2:]
+    assert np.allclose(np.hypot(*shift[seen, :2].T), quantity.sigma)
+    assert np.abs(np.sum(shift[seen, :2] * across, axis=1)).max() < 1e-9  # ahead is at right angles to the marks' line
+    assert np.all(shift[:, 2:] == 0.0)

@@ -1,0 +1,104 @@
+"""Mistakes of an experiment are named for what they are, before any physics; large effects are not taken for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.experiment import Session, without_outliers
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.motion import onset_s
+from evaluator.diagnosis.mistakes.recognise import recognise
+from tests.evaluator.diagnosis.hidden import hidden_session
+
+Change = Callable[[RunData], RunData]
+TURN = 4  # number of the run that is changed: a turn driven backward
+
+
+def _later(run: RunData, after_s: float, shift: tuple[float, float]) -> RunData:
+    return replace(run, marks_mm=run.marks_mm + (run.time_s > after_s)[:, None] * np.tile(shift, 2))
+
+
+def _standing(run: RunData) -> RunData:
+    noise = np.random.default_rng(5).normal(size=run.marks_mm.shape) * 0.003
+    return replace(run, marks_mm=np.nanmedian(run.marks_mm[:5], axis=0) + noise)
+
+
+CHANGES: dict[str, tuple[str, Change]] = {
+    "signs": ("reversed", lambda r: replace(r, left_rpm=-r.left_rpm, right_rpm=-r.right_rpm)),
+    "sides": ("sides-swapped", lambda r: replace(r, left_rpm=r.right_rpm, right_rpm=r.left_rpm)),
+    "columns": ("marks-swapped", lambda r: replace(r, marks_mm=r.marks_mm[:, [2, 3, 0, 1]])),
+    "mirror": ("mirrored", lambda r: replace(r, marks_mm=r.marks_mm * [-1.0, 1.0, -1.0, 1.0])),
+    "half the rate": ("wrong-rate", lambda r: replace(r, time_s=2 * r.time_s)),
+    "metres": ("wrong-unit", lambda r: replace(r, marks_mm=r.marks_mm / 1000)),
+    "inches": ("wrong-unit", lambda r: replace(r, marks_mm=r.marks_mm / 25.4)),
+    "another robot": ("wrong-robot", lambda r: replace(r, marks_mm=1.3 * r.marks_mm)),
+    "another run's command": ("wrong-command", lambda r: replace(r, left_rpm=60.0, right_rpm=40.0)),
+    "late": ("late-start", lambda r: replace(r, start_s=r.start_s - 0.2)),
+    "after the end": ("late-start", lambda r: replace(r, start_s=500.0)),
+    "held": ("stuck", _standing),
+    "knocked": ("camera-moved", lambda r: _later(r, 2.0, (0.8, 0.3))),
+}
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    return hidden_session(tmp_path_factory.mktemp("clean"), {})
+
+
+@pytest.mark.parametrize("change", sorted(CHANGES))
+def test_a_mistake_in_one_run_is_named_with_its_run_and_kind(clean: Session, change: str) -> None:
+    kind, act = CHANGES[change]
+    data = [act(run) if number == TURN else run for number, run in enumerate(clean.data)]
+    assert [(item.runs, item.kind) for item in recognise(data, clean.robots)] == [((f"r{TURN}",), kind)]
+
+
+def test_a_mistake_in_all_runs_is_said_once(clean: Session) -> None:
+    swapped = [replace(run, left_rpm=run.right_rpm, right_rpm=run.left_rpm) for run in clean.data]
+    metres = [replace(run, marks_mm=run.marks_mm / 1000) for run in clean.data]
+    (unit,) = recognise(metres, clean.robots)
+    assert unit.everywhere
+    assert unit.sentence.startswith("all runs: ")
+    turns = {item.kind for item in recognise(swapped, clean.robots)}
+    assert turns == {"sides-swapped"}
+
+
+LARGE = {
+    "drive-speed-mismatch": {"left_over_right": 1.08},
+    "friction-level": {"factor": 0.4},
+    "command-lag": {"dead_time_s": 0.2, "time_constant_s": 0.2},
+    "speed-ripple": {"amplitude": 0.2, "phase_deg": 30.0},
+    "dead-band": {"rpm": 35.0},
+    "mass-offset": {"x_mm": 1.5, "y_mm": 1.0},
+    "wheel-toe": {"left_deg": 6.0, "right_deg": -3.0},
+    "stray-magnet": {"force_mN": 2.0, "x_mm": 40.0, "y_mm": 25.0, "exponent": 1.0},
+    "plane-scale": {"factor": 1.04},
+}
+
+
+@pytest.mark.parametrize("effect", sorted(LARGE))
+def test_a_large_effect_is_no_mistake(effect: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+    assert hidden_session(tmp_path_factory.mktemp("large"), {effect: LARGE[effect]}).mistakes == ()
+
+
+def test_the_onset_of_motion_is_told_to_a_few_milliseconds_and_not_of_a_run_that_moves_already(clean: Session) -> None:
+    found = [onset for run in clean.data if (onset := onset_s(run)) is not None]
+    assert len(found) >= len(clean.data) - 1
+    assert np.median(np.abs(np.array(found) - 0.3)) < 0.01
+    moving = [replace(r, time_s=r.time_s[r.time_s > 1.0], marks_mm=r.marks_mm[r.time_s > 1.0]) for r in clean.data]
+    assert [onset_s(run) for run in moving] == [None] * len(moving)
+
+
+def test_leaps_of_a_tracker_are_left_out_and_nothing_else() -> None:
+    rng = np.random.default_rng(3)
+    time = np.arange(300) / 60
+    path = np.column_stack([3 * time, np.sin(time), 3 * time, np.sin(time) + 3.66])
+    values = np.column_stack([time, path + 0.003 * rng.normal(size=path.shape)])
+    values[[50, 120, 121], 1] += 0.4
+    lost = np.isnan(without_outliers(values))
+    assert lost[[50, 120, 121], 1].all()
+    assert lost[:, 3:].sum() == 0
+    assert lost[:, 1].sum() <= 5
