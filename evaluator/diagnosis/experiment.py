@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from calibration.store import load_camera
 from evaluator.diagnosis.likelihood.known_to import Quantity, quantities, start_per_run_s, with_shifts
@@ -26,7 +25,8 @@ Floats = NDArray[np.float64]
 
 FEWEST_FRAMES = 12  # fewer leave nothing once a start pose is fitted
 FEWEST_RUNS = 4
-AROUND = 9  # frames of the median: leaps of up to four frames are seen
+AROUND = 13  # frames, six before and six after: of the six pairs two may hold a leap
+OUTLIER_STEPS = 2.5  # and so many frames' motion: where motion begins, the middle of pairs is off by 1.75 of them
 OUTLIER_SIGMAS = 9.0  # a bend of the path at the start is less; tails of ordinary noise beyond add nothing to a fit
 LEAST_SIGMA_MM = 5e-4  # marks without noise, from another program, bend by as much
 FEWEST_COMMANDS = 2
@@ -126,8 +126,9 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
 def without_outliers(values: Floats) -> Floats:
     """Time and marks (n, 5) with marks that leap from their neighbours and back set to NaN: a tracker was mistaken.
 
-    A coordinate is an outlier where it lies farther from the median of the frames around it than OUTLIER_SIGMAS robust
-    standard deviations of this distance: no robot leaves its path for a frame or three.
+    A coordinate is an outlier where it lies farther from what the frames around it say (the median of the middles of
+    pairs) than OUTLIER_SIGMAS robust standard deviations of this distance and OUTLIER_STEPS of the robot's motion from
+    frame to frame: no robot leaves its path for a frame or two.
     """
     cleaned = values.copy()
     for mark in (slice(1, 3), slice(3, 5)):
@@ -135,12 +136,16 @@ def without_outliers(values: Floats) -> Floats:
         points = values[seen, mark]
         if len(points) < AROUND:
             continue
-        half = AROUND // 2
-        # continued oddly beyond its ends, a straight path is its own median there too
+        half, count = AROUND // 2, len(points)
+        # Halfway between frames as far before as after: of a straight path, whatever its speed, the place itself. The
+        # path is continued oddly beyond its ends.
         longer = np.pad(points, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
-        off = points - median_filter(longer, size=(AROUND, 1))[half:-half]
+        pairs = [(longer[half - j :][:count] + longer[half + j :][:count]) / 2 for j in range(1, half + 1)]
+        off = points - np.median(pairs, axis=0)
         sigma = 1.4826 * np.median(np.abs(off - np.median(off, axis=0)), axis=0) + LEAST_SIGMA_MM
-        cleaned[seen[(np.abs(off) > OUTLIER_SIGMAS * sigma).any(axis=1)], mark] = np.nan
+        step = np.percentile(np.abs(np.diff(points, axis=0)), 95, axis=0)
+        limit = np.maximum(OUTLIER_SIGMAS * sigma, OUTLIER_STEPS * step)
+        cleaned[seen[(np.abs(off) > limit).any(axis=1)], mark] = np.nan
     return cleaned
 
 
