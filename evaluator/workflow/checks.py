@@ -109,7 +109,8 @@ def _video(folder: Path, name: str, experiment: Path) -> Iterator[str]:
 
 def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
     """Open a marks file as the analysis will, all but the camera: points in px are placed only there."""
-    from evaluator.interchange.tracks import Tracks, read_points
+    from evaluator.interchange.tracks import Tracks, program_of, read_points
+    from evaluator.marks import read_marks
 
     content = tomllib.loads(experiment.read_text(encoding="utf-8"))
     try:
@@ -120,6 +121,9 @@ def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
     both: list[str] = []
 
     def read(file: Path) -> None:
+        if program_of(file) == "turnscope":
+            read_marks(file)  # needs both marks, in mm
+            return
         _, points, _ = read_points(file, tracks)
         both.extend(mark for mark in points if mark in ("green", "yellow"))
 

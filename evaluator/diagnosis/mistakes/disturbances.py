@@ -26,6 +26,8 @@ SETTLED_S = 0.5  # after the start: motors have come up
 
 def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
     """Runs whose marks are not as far apart as the robot file says: another unit, or another robot."""
+    if not data:
+        return []
     stated_mm = [float(np.hypot(*np.subtract(robot.marks.green_mm, robot.marks.yellow_mm))) for robot in robots]
     seen_mm = [float(np.nanmedian(np.hypot(*(run.marks_mm[:, :2] - run.marks_mm[:, 2:]).T))) for run in data]
     usual = float(np.median(np.divide(seen_mm, stated_mm)))
