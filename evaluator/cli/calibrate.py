@@ -149,8 +149,11 @@ def dots(pictures: tuple[Path, ...], annotate: Path | None) -> None:
 @click.argument("camera_file", type=FILE)
 @click.argument("picture", type=FILE)
 @click.option("--gauge", "gauge_file", type=FILE, help="Another gauge than the one the camera was calibrated with.")
+@click.option("--annotate", type=FILE, help="Write the image with the axes of the plate frame drawn (PNG).")
 @click.pass_context
-def check_camera(context: click.Context, camera_file: Path, picture: Path, gauge_file: Path | None) -> None:
+def check_camera(
+    context: click.Context, camera_file: Path, picture: Path, gauge_file: Path | None, annotate: Path | None
+) -> None:
     """Tell whether a calibration still holds, from one new picture of the gauge on the plate.
 
     The verdict is in sigmas. The exit status is 0 where the calibration holds and 1 where it does not.
@@ -164,10 +167,15 @@ def check_camera(context: click.Context, camera_file: Path, picture: Path, gauge
     stored = read_with(load_camera_file, camera_file)
     gauge = stored.gauge if gauge_file is None else read_with(load_gauge, gauge_file)
     bent = stored.flatness is not None and stored.flatness.used and gauge == stored.gauge
+    image = read_image(picture)
+    if annotate is not None:
+        from evaluator.report.pages.calibration import write_plate_axes
+
+        write_plate_axes(image, stored.camera(), annotate)
     found = check(
         stored.camera(),
         gauge,
-        read_image(picture),
+        image,
         name=str(picture),
         gauge_is_known=gauge == stored.gauge,
         variance=stored.variance,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from calibration.camera import Camera
 from calibration.estimation.calibrate import Calibration
@@ -55,16 +56,41 @@ def coverage_map(calibration: Calibration) -> Figure:
         at = camera.value("principal_x_px"), camera.value("principal_y_px")
         reach = 1.96 * camera.sigma("principal_x_px"), 1.96 * camera.sigma("principal_y_px")
         axes.errorbar(*at, reach[1], reach[0], color=INK, marker="+", ms=12, mew=1.6, lw=1.2, capsize=2.5)
+        _draw_plate_axes(axes, camera)
         _picture_axes(axes, camera)
     rows = [(view.name, *point) for view in calibration.views for point in view.centers_px]
     return Figure(
         "coverage",
         "Where dots were seen",
         "One colour and marker a picture; the cross is the principal point with its 95 % interval. Distortion is known "
-        "where dots were, and extrapolated elsewhere.",
+        "where dots were, and extrapolated elsewhere. The arrows are x and y of the plate frame.",
         (canvas.svg,),
         pd.DataFrame(rows, columns=["picture", "x_px", "y_px"]),
     )
+
+
+def plate_axes_px(camera: Camera, height_mm: float = 0.0) -> NDArray[np.float64]:
+    """Where the plate frame's axes lie in the image: ends (2, 2, 2) of the x and the y arrow, from and to, px.
+
+    They start at the origin where it is well in view, else at the middle of the image, and are a seventh of it long.
+    """
+    size = np.array(camera.size_px, dtype=float)
+    start = camera.picture_from_plate([0.0, 0.0, height_mm])
+    inside = np.isfinite(start).all() and (start > 0.15 * size).all() and (start < 0.85 * size).all()
+    at = np.zeros(2) if inside else camera.plate_from_picture(size / 2, height_mm)
+    side = camera.plate_from_picture(size / 2 + [size.min() / 7, 0], height_mm)
+    length = float(np.hypot(*(side - camera.plate_from_picture(size / 2, height_mm))))
+    ends = at + np.array([[[0.0, 0.0], [length, 0.0]], [[0.0, 0.0], [0.0, length]]])
+    return camera.picture_from_plate(np.concatenate([ends, np.full((2, 2, 1), height_mm)], axis=2))
+
+
+def _draw_plate_axes(axes: Axes, camera: Camera) -> None:
+    ends = plate_axes_px(camera)
+    if not np.isfinite(ends).all():
+        return
+    for (start, end), name in zip(ends, ("x", "y"), strict=True):
+        axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "color": VERMILLION, "lw": 1.6})
+        axes.annotate(name, end, xytext=(4, 4), textcoords="offset points", color=VERMILLION, fontweight="bold")
 
 
 def gauge_face(calibration: Calibration) -> Figure | None:

@@ -15,7 +15,13 @@ from calibration.detection.dots import Dots
 from calibration.estimation.calibrate import Calibration
 from calibration.estimation.flatness import QUADRATIC, TERMS
 from evaluator.files import write_text, written_whole
-from evaluator.report.figures.calibration import coverage_map, distortion_map, gauge_face, residual_vectors
+from evaluator.report.figures.calibration import (
+    coverage_map,
+    distortion_map,
+    gauge_face,
+    plate_axes_px,
+    residual_vectors,
+)
 from evaluator.report.figures.quality import camera_uncertainty
 from evaluator.report.pages.html import Page, Section, Table, page_html
 from evaluator.report.style import Figure
@@ -110,12 +116,30 @@ def _sentence(text: str) -> str:
     return text[0].upper() + text[1:].rstrip(".") + "."
 
 
+def write_plate_axes(image: NDArray[np.generic], camera: Camera, path: Path) -> None:
+    """Write the image with x (red) and y (green) of the plate frame as the camera of camera.json has them."""
+    shown, unit = _shown(image)
+    ends = plate_axes_px(camera)
+    if np.isfinite(ends).all():
+        for (start, end), name, color in zip(ends, ("x", "y"), ((60, 60, 230), (90, 180, 40)), strict=True):
+            a, b = (tuple(int(v) for v in np.rint(point)) for point in (start, end))
+            cv2.arrowedLine(shown, a, b, color, 2 * unit, cv2.LINE_AA, tipLength=0.2)
+            cv2.putText(shown, name, b, cv2.FONT_HERSHEY_SIMPLEX, 0.8 * unit, color, 2 * unit, cv2.LINE_AA)
+    with written_whole(path) as temporary:
+        temporary.write_bytes(cv2.imencode(".png", shown)[1].tobytes())
+
+
+def _shown(image: NDArray[np.generic]) -> tuple[NDArray[np.uint8], int]:
+    """An image of any type as 8-bit colour, and the width of a line on it, px."""
+    low, high = float(image.min()), float(image.max())
+    shown = ((image.astype(np.float32) - low) * (255 / max(high - low, 1e-9))).astype(np.uint8)
+    shown = np.repeat(shown[:, :, None], 3, axis=2) if shown.ndim == 2 else shown
+    return shown, max(1, round(max(shown.shape[:2]) / 1000))
+
+
 def write_annotated(picture: NDArray[np.generic], dots: Dots, lattice: Lattice, path: Path) -> None:
     """Write the picture with assigned dots ringed in two colours (like a chessboard) and others crossed in red."""
-    low, high = float(picture.min()), float(picture.max())
-    shown = ((picture.astype(np.float32) - low) * (255 / max(high - low, 1e-9))).astype(np.uint8)
-    shown = np.repeat(shown[:, :, None], 3, axis=2) if shown.ndim == 2 else shown
-    unit = max(1, round(max(shown.shape[:2]) / 1000))
+    shown, unit = _shown(picture)
     assigned = set(lattice.dot.tolist())
     for k, center in enumerate(dots.centers_px):
         if k not in assigned:
