@@ -1,4 +1,4 @@
-"""The page of one calibration: verdict in plain words, next step, and the pictures that show why."""
+"""The page of one calibration: verdict in plain words, next step, and the images that show why."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def write_calibration_page(calibration: Calibration, verdict: Verdict, path: Pat
     good = measurement_range(camera, verdict.mark_height_mm, tolerance_um)
     range_sentence = (
         f"Coordinates {verdict.mark_height_mm:g} mm above the plate are good to {tolerance_um:g} µm (95 %) in "
-        f"{100 * good:.0f} % of the picture."
+        f"{100 * good:.0f} % of the image."
     )
     page = Page(
         kind="Calibration",
         title=calibration.gauge.name,
         facts=(
-            f"{len(calibration.views)} pictures",
+            f"{len(calibration.views)} images",
             f"{sum(len(view) for view in calibration.views)} dots",
             f"residual {calibration.rms_px:.3g} px RMS",
             f"{camera.lens} lens",
@@ -69,7 +69,7 @@ def _fit_figures(calibration: Calibration) -> tuple[Figure, ...]:
 
 
 def measurement_range(camera: Camera, height_mm: float, tolerance_um: float) -> float:
-    """Share of the picture in which both coordinates are known to the tolerance (95 %), from the calibration alone."""
+    """Share of the image in which both coordinates are known to the tolerance (95 %), from the calibration alone."""
     width, height = camera.size_px
     points = np.stack(np.meshgrid(np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 25)), axis=-1)
     sigma = np.sqrt(np.einsum("...ii->...i", camera.plate_covariance(points, height_mm)))
@@ -85,9 +85,9 @@ def _tables(calibration: Calibration) -> tuple[Table, ...]:
         ("parameter", "value", "standard uncertainty"),
         tuple((name, *_with_uncertainty(camera.value(name), camera.sigma(name))) for name in named),
     )
-    pictures = Table(
-        "Pictures; the first one defines the plate frame.",
-        ("picture", "dots used", "left out", "residual, px RMS"),
+    images = Table(
+        "Images; the first one defines the plate frame.",
+        ("image", "dots used", "left out", "residual, px RMS"),
         tuple(
             (Path(view.name).name, str(len(view)), str(left_out), f"{np.sqrt(np.mean(residual**2)):.4f}")
             for view, left_out, residual in zip(
@@ -103,7 +103,7 @@ def _tables(calibration: Calibration) -> tuple[Table, ...]:
             for trial in calibration.trials
         ),
     )
-    return parameters, pictures, models
+    return parameters, images, models
 
 
 def _with_uncertainty(value: float, sigma: float) -> tuple[str, str]:
@@ -137,9 +137,9 @@ def _shown(image: NDArray[np.generic]) -> tuple[NDArray[np.uint8], int]:
     return shown, max(1, round(max(shown.shape[:2]) / 1000))
 
 
-def write_annotated(picture: NDArray[np.generic], dots: Dots, lattice: Lattice, path: Path) -> None:
-    """Write the picture with assigned dots ringed in two colours (like a chessboard) and others crossed in red."""
-    shown, unit = _shown(picture)
+def write_annotated(image: NDArray[np.generic], dots: Dots, lattice: Lattice, path: Path) -> None:
+    """Write the image with assigned dots ringed in two colours (like a chessboard) and others crossed in red."""
+    shown, unit = _shown(image)
     assigned = set(lattice.dot.tolist())
     for k, center in enumerate(dots.centers_px):
         if k not in assigned:
