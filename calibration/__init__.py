@@ -1,4 +1,4 @@
-"""Gauge pictures → camera model with uncertainty: pixels become millimetres on a plane above the plate.
+"""Gauge images → camera model with uncertainty: pixels become millimetres on a plane above the plate.
 
 The public names below are imported when they are first used, so that `import calibration` costs nothing.
 """

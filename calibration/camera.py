@@ -1,4 +1,4 @@
-"""Camera model: points of the plate (at a height) to picture points and back, with sensitivity to its parameters.
+"""Camera model: points of the plate (at a height) to image points and back, with sensitivity to its parameters.
 
 Frames: see frames.py. Camera frame: x right, y down, z along the optical axis (away from the camera), so the plate's
 z axis points roughly against the camera's. Lens: see lens.py.
@@ -30,7 +30,7 @@ POSE, PINHOLE, DISTORTION = slice(0, 6), slice(6, 10), slice(10, 16)
 class Camera:
     """A fixed camera over the plate.
 
-    size_px: (width, height) of its pictures. parameters: (16,) in the order of PARAMETERS; the rotation vector and
+    size_px: (width, height) of its images. parameters: (16,) in the order of PARAMETERS; the rotation vector and
     translation take plate coordinates to camera coordinates. covariance: (16, 16) of the parameters, zero rows for
     those that are fixed, the error of the gauge's pitch included. lens: "brown" (k1, k2, p1, p2, k3) or "fisheye" (k1
     to k4). doubt: why its millimetres are not to be trusted, empty where they are. pitch_error: (16,) what one standard
@@ -114,7 +114,7 @@ class Camera:
         return project(points.reshape(-1, 3), self.parameters, self.lens)[0].reshape(*points.shape[:-1], 2)
 
     def plate_from_picture(self, points_px: ArrayLike, height_mm: float) -> Array:
-        """Place picture points (..., 2) px on the plane height_mm above the plate; returns (..., 2) mm.
+        """Place image points (..., 2) px on the plane height_mm above the plate; returns (..., 2) mm.
 
         NaN where the line of sight misses the plane or the lens model has no inverse.
         """
@@ -133,7 +133,7 @@ class Camera:
         return np.asarray(placed.reshape(*points.shape[:-1], 2))
 
     def plate_jacobian(self, points_px: ArrayLike, height_mm: float) -> Array:
-        """Derivative of `plate_from_picture` by the picture point: (..., 2, 2), mm per px."""
+        """Derivative of `plate_from_picture` by the image point: (..., 2, 2), mm per px."""
         points = np.asarray(points_px, dtype=float)
         by_point, _ = self._at(points.reshape(-1, 2), height_mm)
         identity = np.broadcast_to(np.eye(2), by_point.shape)
@@ -143,7 +143,7 @@ class Camera:
         """Derivative of `plate_from_picture` by the parameters: (..., 2, 16).
 
         With `covariance` it gives the systematic covariance between any points, J C Jᵀ: errors that no more frames
-        would average away. From the implicit function: the picture point stays, so dX/dθ = -(du/dX)⁻¹ du/dθ.
+        would average away. From the implicit function: the image point stays, so dX/dθ = -(du/dX)⁻¹ du/dθ.
         """
         points = np.asarray(points_px, dtype=float)
         by_point, by_parameter = self._at(points.reshape(-1, 2), height_mm)
@@ -155,7 +155,7 @@ class Camera:
         return np.asarray(sensitivity @ self.covariance @ np.swapaxes(sensitivity, -1, -2))
 
     def _at(self, points_px: Array, height_mm: float) -> tuple[Array, Array]:
-        """Derivatives of the projection by plate x, y (n, 2, 2) and by the parameters (n, 2, 16) at picture points."""
+        """Derivatives of the projection by plate x, y (n, 2, 2) and by the parameters (n, 2, 16) at image points."""
         placed = self.plate_from_picture(points_px, height_mm)
         on_plane = np.column_stack([placed, np.full(len(placed), height_mm)])
         _, by_point, by_parameter = project(on_plane, self.parameters, self.lens)
@@ -163,7 +163,7 @@ class Camera:
 
 
 def project(points_mm: Array, parameters: Array, lens: LensModel) -> tuple[Array, Array, Array]:
-    """Project (n, 3) plate points: picture points (n, 2), derivatives by the point (n, 2, 3) and parameters (n, 2, 16).
+    """Project (n, 3) plate points: image points (n, 2), derivatives by the point (n, 2, 3) and parameters (n, 2, 16).
 
     NaN behind the camera.
     """
@@ -218,7 +218,7 @@ def camera_above(
     """Build the camera that looks down on the plate point center_mm from distance_mm.
 
     tilt_deg: angle of the optical axis to the plate's normal, leaning toward tilt_azimuth_deg of the plate frame;
-    turn_deg: rotation about the optical axis. With all angles zero, picture right is plate +x and picture down is -y.
+    turn_deg: rotation about the optical axis. With all angles zero, image right is plate +x and image down is -y.
     """
     tilt, azimuth, turn = np.radians([tilt_deg, tilt_azimuth_deg, turn_deg])
     looking_down = np.diag([1.0, -1.0, -1.0])

@@ -1,6 +1,6 @@
-"""Picture, plate and body frames, and the planar motions between them.
+"""Image, plate and body frames, and the planar motions between them.
 
-Picture frame: x right, y down, in px; the centre of the top left pixel is (0, 0).
+Image frame: x right, y down, in px; the centre of the top left pixel is (0, 0).
 Plate frame: x right, y up, z toward the camera, in mm; heading counter-clockwise from +x.
 Body frame: x forward, y left, z up (ISO 8855), in mm, origin midway between the axles.
 """

@@ -30,8 +30,8 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class StoredPicture(Table):
-    """One picture of the set: dots used and their residual."""
+class StoredImage(Table):
+    """One image of the set: dots used and their residual."""
 
     name: str
     dots: int
@@ -65,7 +65,7 @@ class CameraFile(Table):
     covariance: tuple[tuple[float, ...], ...]
     gauge: Gauge
     variance: float = Field(description="of unit weight: scatter of the residuals over the stated uncertainty, squared")
-    pictures: tuple[StoredPicture, ...]
+    pictures: tuple[StoredImage, ...]
     rms_px: float
     verdict: Verdict
     flatness: StoredFlatness | None = None
@@ -104,7 +104,7 @@ def camera_to_json(calibration: Calibration, verdict: Verdict | None = None) -> 
         gauge=calibration.gauge,
         variance=calibration.fit.variance,
         pictures=tuple(
-            StoredPicture(
+            StoredImage(
                 name=sighting.name, dots=len(view), left_out=left_out, rms_px=float(np.sqrt(np.mean(residual**2)))
             )
             for sighting, view, left_out, residual in zip(

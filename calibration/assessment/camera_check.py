@@ -1,8 +1,8 @@
-"""Does a calibration still hold? One new picture of the gauge lying on the plate, judged in sigmas.
+"""Does a calibration still hold? One new image of the gauge lying on the plate, judged in sigmas.
 
 The gauge may lie anywhere on the plate, so three numbers of its pose say nothing. The other three, tilt and distance
 of the plate as the camera sees it, must be what they were; and with the pose fitted, the residuals must show no trace
-of another lens. Both tests carry the uncertainty of the calibration and of the new picture. What neither sees is a lens
+of another lens. Both tests carry the uncertainty of the calibration and of the new image. What neither sees is a lens
 of another focal length at another distance that shows the plate alike; the check says how much that could hide.
 """
 
@@ -49,7 +49,7 @@ class Check:
     length_change: relative change of lengths at mark height where it is largest. tilt_deg, distance_mm: change of the
     plate's tilt and distance. shift_mm: of the gauge on the plate (no fault). dots: count used. rms_px: residual with
     the lens of the calibration. unseen: relative change of lengths at mark height (95 %) that refocusing with another
-    distance could hide from this picture.
+    distance could hide from this image.
     """
 
     outcome: Outcome
@@ -80,15 +80,15 @@ class Check:
             return f"the calibration holds: {size}{self._hidden}"
         if self.outcome == "changed":
             return f"{what}, by too little to matter: {size}{self._hidden}"
-        return f"the calibration no longer holds, {what}: {size}; calibrate again with new pictures"
+        return f"the calibration no longer holds, {what}: {size}; calibrate again with new images"
 
     @property
     def _hidden(self) -> str:
-        """What the picture cannot rule out, where that matters."""
+        """What the image cannot rule out, where that matters."""
         if self.unseen < SCALE_TOLERANCE:
             return ""
         return (
-            "; not seen in one picture this straight: refocusing and another distance together, which could change "
+            "; not seen in one image this straight: refocusing and another distance together, which could change "
             f"lengths at mark height by up to {100 * self.unseen:.2g} %; if the lens was touched, calibrate again"
         )
 
@@ -107,28 +107,28 @@ def _signed(value: float) -> str:
 def check_camera(
     camera: Camera,
     gauge: Gauge,
-    picture: NDArray[np.generic],
+    image: NDArray[np.generic],
     *,
-    name: str = "picture",
+    name: str = "image",
     gauge_is_known: bool = True,
     variance: float = 1.0,
     height_mm: float = 6.5,
     face_mm: tuple[float, ...] = (),
 ) -> Check:
-    """Compare a camera with a new picture of the gauge on the plate.
+    """Compare a camera with a new image of the gauge on the plate.
 
     gauge_is_known: whether it is the gauge of the calibration, whose pitch error is then the same in both. variance: of
     unit weight of the calibration. height_mm: plane on which lengths are compared. face_mm: coefficients
     of the gauge's face, where the calibration found it bent. Raises
-    CalibrationError for a picture that does not show the gauge or has another size.
+    CalibrationError for an image that does not show the gauge or has another size.
     """
-    if picture.shape[1::-1] != camera.size_px:
+    if image.shape[1::-1] != camera.size_px:
         raise CalibrationError(
-            f"{name}: the picture has {picture.shape[1]}×{picture.shape[0]} pixels, the calibration holds for "
+            f"{name}: the image has {image.shape[1]}×{image.shape[0]} pixels, the calibration holds for "
             f"{camera.size_px[0]}×{camera.size_px[1]}"
         )
     camera = camera.with_exact_pitch() if gauge_is_known else camera
-    sighting = sight(picture, gauge, name)
+    sighting = sight(image, gauge, name)
     view = view_of(sighting, gauge, on_plate=True)
     bend = view.terms[:, : len(face_mm)] @ np.array(face_mm)
     view = replace(view, points_mm=view.points_mm + bend[:, None] * [0.0, 0.0, 1.0])
@@ -169,7 +169,7 @@ def _pose(camera: Camera, view: View) -> tuple[State, View, Array, float]:
 
 
 def _unseen(camera: Camera, state: State, view: View, noise: float, height_mm: float) -> float:
-    """Change of lengths at a height that the picture leaves open when its focal length and pose are free together."""
+    """Change of lengths at a height that the image leaves open when its focal length and pose are free together."""
     rows = view_rows(view, replace(state, free=("focal_px",)), 0)[2]
     flat = rows.reshape(-1, rows.shape[-1])
     normal = flat.T @ flat / noise
@@ -193,7 +193,7 @@ def _plane_slope(pose: Array) -> Array:
 
 
 def _pose_change(camera: Camera, state: State, view: View, noise: float) -> tuple[Array, Array]:
-    """Change of the plane (3,) and its covariance: of the old pose and lens, and of the new picture's noise."""
+    """Change of the plane (3,) and its covariance: of the old pose and lens, and of the new image's noise."""
     _, _, by_pose, by_lens = _rows(state, view)
     inverse = np.linalg.inv(by_pose.T @ by_pose)
     follows = -inverse @ by_pose.T @ by_lens  # how the fitted pose answers to an error of the lens
@@ -211,7 +211,7 @@ def _lens_sigma(camera: Camera, state: State, view: View, noise: float) -> float
     white, _, by_pose, by_lens = _rows(state, view)
     q = np.linalg.qr(by_pose)[0]
     beyond = by_lens - q @ (q.T @ by_lens)
-    # directions of the lens that this picture can see at all, in units of its noise
+    # directions of the lens that this image can see at all, in units of its noise
     u, strength, vt = np.linalg.svd(beyond, full_matrices=False)
     seen = strength > 1e-9 * strength.max(initial=1e-300)
     score = u[:, seen].T @ (white - q @ (q.T @ white))
@@ -238,7 +238,7 @@ def _sigma(statistic: float, freedom: int) -> float:
 
 
 def _length_change(now: Camera, before: Camera, height_mm: float) -> float:
-    """Relative change of lengths where it is largest over the picture: a tilt changes them toward the rim."""
+    """Relative change of lengths where it is largest over the image: a tilt changes them toward the rim."""
     width, height = before.size_px
     arm = 0.05 * min(width, height)
     middle = np.stack(np.meshgrid(np.linspace(0.1, 0.9, 5) * width, np.linspace(0.1, 0.9, 5) * height), axis=-1)

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 MARK_HEIGHT_MM = 6.5  # of the marks of the robot this project was made for
 # Turning radii are to be good to 0.5 %; a scale that takes more than a fifth of that is worth a sentence.
 SCALE_TOLERANCE = 0.001
-# A parameter whose uncertainty is more than a quarter of its prior's was hardly measured by these pictures.
+# A parameter whose uncertainty is more than a quarter of its prior's was hardly measured by these images.
 LEARNED = 0.25
 FOCAL_TOLERANCE = 0.01  # 1 % of 4 % height correction is 0.04 % of a radius; sound sets reach 0.02 %
 IMPLAUSIBLE = 3.0  # prior sigmas
@@ -36,7 +36,7 @@ SMALLEST_TILT_DEG = 5.0  # cos 5° = 0.996: foreshortening drowns in the scale o
 MODEST_COVERAGE, SMALLEST_COVERAGE = 0.4, 0.2
 # Dots seen wider or narrower than that against their distance: printing, blur and strong distortion make 0.85 to 1.05.
 SIZE_RATIO = 1.25
-LEFT_OUT = 0.02  # of the dots of one picture: worth a note; at most a few thousandths of sound dots are
+LEFT_OUT = 0.02  # of the dots of one image: worth a note; at most a few thousandths of sound dots are
 CELLS = (12, 9)
 
 
@@ -51,7 +51,7 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
         raise CalibrationError(
             f"{calibration.sightings[0].name}: the plane {mark_height_mm:g} mm above the plate is not in view of the "
             f"camera found, {camera_height(camera.pose)[0]:.3g} mm above it; is the gauge bent, and are the "
-            "mark height and the numbers of the gauge file right? Add pictures with the gauge tilted"
+            "mark height and the numbers of the gauge file right? Add images with the gauge tilted"
         )
     plate_scale = camera.scale_sigma(calibration.gauge.dots.height_mm)
     spread = tilt_spread_deg(calibration)
@@ -61,8 +61,8 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
     if ill:
         reasons += why
         steps.append(
-            "take five or more pictures with the gauge tilted by 20 to 40 degrees in different directions, near "
-            "enough to fill the picture"
+            "take five or more images with the gauge tilted by 20 to 40 degrees in different directions, near "
+            "enough to fill the image"
         )
     if misfit := _misfit(calibration):
         reasons += misfit
@@ -71,13 +71,13 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
         reasons += wrong
         steps.append("measure pitch and dot diameter of the plate and correct gauge.toml")
     if covered < MODEST_COVERAGE:
-        sparse = f"dots cover {100 * covered:.0f} % of the picture: distortion is extrapolated over the rest"
+        sparse = f"dots cover {100 * covered:.0f} % of the image: distortion is extrapolated over the rest"
         if (
             covered < SMALLEST_COVERAGE
             or not worst_scale_sigma(camera.with_exact_pitch(), mark_height_mm) < SCALE_TOLERANCE
         ):
             reasons.append(sparse)
-            steps.append("move the gauge so that dots reach every part of the picture that will be used")
+            steps.append("move the gauge so that dots reach every part of the image that will be used")
         else:
             notes.append(sparse)
     unchecked = len(calibration.views) == 1 and calibration.distance_mm is None
@@ -87,7 +87,7 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
         reasons.append(_height_sentence(calibration, mark_height_mm, seen, seen_on_plate))
         if not ill:
             steps.append(
-                "to know the height correction add pictures with the gauge tilted by 10 to 30 degrees, or lay the "
+                "to know the height correction add images with the gauge tilted by 10 to 30 degrees, or lay the "
                 "gauge on a spacer as high as the marks (dots.height_mm), or measure the distance of the lens "
                 "(--distance-mm VALUE SIGMA)"
             )
@@ -129,7 +129,7 @@ def worst_scale_sigma(camera: Camera, height_mm: float) -> float:
 
 
 def tilt_spread_deg(calibration: Calibration) -> float:
-    """Largest angle between the normals of the gauge in any two pictures, and of each to the optical axis, degrees."""
+    """Largest angle between the normals of the gauge in any two images, and of each to the optical axis, degrees."""
     normals = np.array([cv2.Rodrigues(np.ascontiguousarray(pose[:3]))[0][:, 2] for pose in calibration.fit.state.poses])
     normals = np.vstack([normals, [0.0, 0.0, -1.0]])
     cosine = np.clip(normals @ normals.T, -1, 1)
@@ -137,7 +137,7 @@ def tilt_spread_deg(calibration: Calibration) -> float:
 
 
 def coverage(calibration: Calibration) -> float:
-    """Share of the picture, in cells, within reach of a dot in any picture."""
+    """Share of the image, in cells, within reach of a dot in any image."""
     width, height = calibration.camera.size_px
     hit = np.zeros(CELLS[::-1], dtype=bool)
     for view in calibration.views:
@@ -150,7 +150,7 @@ def coverage(calibration: Calibration) -> float:
 
 
 def _ill_conditioned(calibration: Calibration, spread: float) -> list[str]:
-    """Why several pictures do not determine the camera; empty where they do."""
+    """Why several images do not determine the camera; empty where they do."""
     camera, why = calibration.camera, []
     width, height = camera.size_px
     prior = rough_prior(camera.size_px)
@@ -158,7 +158,7 @@ def _ill_conditioned(calibration: Calibration, spread: float) -> list[str]:
     focal, sigma = camera.value("focal_px"), camera.sigma("focal_px")
     if spread < SMALLEST_TILT_DEG:
         why.append(
-            f"all pictures are parallel to within {spread:.1f} degrees, which leaves focal length and distance open"
+            f"all images are parallel to within {spread:.1f} degrees, which leaves focal length and distance open"
         )
     if sigma > FOCAL_TOLERANCE * focal:
         why.append(
@@ -166,18 +166,18 @@ def _ill_conditioned(calibration: Calibration, spread: float) -> list[str]:
             "with too little tilt shows too little perspective"
         )
     if not (0 <= x < width and 0 <= y < height):
-        why.append(f"the principal point ({x:.0f}, {y:.0f}) lies outside the picture")
+        why.append(f"the principal point ({x:.0f}, {y:.0f}) lies outside the image")
     elif max(abs(x - prior.mean[2]), abs(y - prior.mean[3])) > IMPLAUSIBLE * prior.sigma[2]:
-        why.append(f"the principal point ({x:.0f}, {y:.0f}) lies implausibly far from the middle of the picture")
+        why.append(f"the principal point ({x:.0f}, {y:.0f}) lies implausibly far from the middle of the image")
     if max(camera.sigma("principal_x_px"), camera.sigma("principal_y_px")) > LEARNED * prior.sigma[2]:
-        why.append("the principal point is not determined by these pictures and stays near the middle by assumption")
+        why.append("the principal point is not determined by these images and stays near the middle by assumption")
     if abs(camera.value("aspect") - 1) > IMPLAUSIBLE * prior.sigma[1]:
         why.append(f"pixels would be {camera.value('aspect'):.4f} times as high as wide, which no camera has")
     return why
 
 
 def _wrong_size(calibration: Calibration) -> list[str]:
-    """Dots of another size than the file's: then its pitch may be as wrong, which no picture can tell."""
+    """Dots of another size than the file's: then its pitch may be as wrong, which no image can tell."""
     ratio = float(np.median([sighting.size_ratio for sighting in calibration.sightings]))
     if not (ratio > SIZE_RATIO or ratio < 1 / SIZE_RATIO):
         return []
@@ -203,16 +203,14 @@ def _misfit(calibration: Calibration) -> list[str]:
 def _height_sentence(calibration: Calibration, height: float, scale: float, plate_scale: float) -> str:
     doubt = f"{100 * scale:.2g} % (1 sigma), on the plane of the gauge by {100 * plate_scale:.2g} %"
     if len(calibration.views) > 1:
-        return (
-            f"these pictures leave the height correction open: at {height:g} mm turning radii are in doubt by {doubt}"
-        )
+        return f"these images leave the height correction open: at {height:g} mm turning radii are in doubt by {doubt}"
     if scale > SCALE_TOLERANCE:
         return (
-            "a single picture without tilt cannot give the height correction: "
+            "a single image without tilt cannot give the height correction: "
             f"at {height:g} mm turning radii are in doubt by {doubt}"
         )
     return (
-        "the height correction rests on the perspective of a single picture, which nothing checks: "
+        "the height correction rests on the perspective of a single image, which nothing checks: "
         f"at {height:g} mm turning radii are in doubt by {doubt}, if the lens model is exact"
     )
 
@@ -240,13 +238,13 @@ def _flatness_notes(calibration: Calibration) -> list[str]:
     found = calibration.flatness
     if found is None:
         alone = (
-            "the gauge was taken as flat: a single picture cannot tell its bend from distortion of the lens; state "
-            "flatness_mm under [tolerance] of gauge.toml to have it counted, or add pictures with the gauge tilted"
+            "the gauge was taken as flat: a single image cannot tell its bend from distortion of the lens; state "
+            "flatness_mm under [tolerance] of gauge.toml to have it counted, or add images with the gauge tilted"
         )
         return [alone]
     interval = f"{found.low_mm:.3g} to {found.high_mm:.3g} mm, 95 %"
     if not found.used:
-        return [f"the gauge is flat as far as these pictures tell: peak to valley below {found.high_mm:.2g} mm (95 %)"]
+        return [f"the gauge is flat as far as these images tell: peak to valley below {found.high_mm:.2g} mm (95 %)"]
     rest = REST * np.sqrt(found.mean_square_mm2)
     solved = (
         f"the face of the gauge is solved for: peak to valley {found.peak_to_valley_mm:.3g} mm ({interval}); on which "

@@ -14,7 +14,7 @@ class Verdict(BaseModel):
 
     summary: the verdict in one sentence. reasons: why not sound. next_steps: what to do. notes: what was seen and needs
     no action. scale_sigma: relative standard uncertainty of lengths, and so of turning radii, at mark height;
-    plate_scale_sigma: on the plate itself. coverage: share of the picture that dots cover.
+    plate_scale_sigma: on the plate itself. coverage: share of the image that dots cover.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)

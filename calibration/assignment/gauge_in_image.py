@@ -1,4 +1,4 @@
-"""The gauge in one picture: dots found, given their places, and every reason to doubt that it is the gauge."""
+"""The gauge in one image: dots found, given their places, and every reason to doubt that it is the gauge."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ FOREIGN_SIZE = 1.8
 
 @dataclass(frozen=True)
 class Sighting:
-    """The gauge found in one picture.
+    """The gauge found in one image.
 
     size_ratio: how many times as wide dots are seen, against their distance, as the gauge file has them.
     """
@@ -46,15 +46,15 @@ class Sighting:
     size_ratio: float
 
 
-def sight(picture: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
-    """Find the gauge in one picture. Raises ImageError."""
-    dots, lattice = find_array(picture, gauge.dots.color, gauge.dots.background)
+def sight(image: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
+    """Find the gauge in one image. Raises ImageError."""
+    dots, lattice = find_array(image, gauge.dots.color, gauge.dots.background)
     fewest = fewest_dots(gauge)
     if len(dots) < fewest:
         raise ImageError(
             name,
             f"{len(dots)} dots of color {gauge.dots.color} found, at least {fewest} are needed; "
-            "is it a sharp picture of the gauge?",
+            "is it a sharp image of the gauge?",
         )
     if len(lattice) < fewest:
         raise ImageError(
@@ -79,14 +79,14 @@ def sight(picture: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
         raise ImageError(
             name,
             f"the marks are not discs but {NAMES[order]}: their rims depart from an ellipse by "
-            f"{100 * depth:.0f} % of the radius; is it the gauge of this picture?",
+            f"{100 * depth:.0f} % of the radius; is it the gauge of this image?",
         )
     ratio = size_ratio(dots.centers_px[match.dot], dots.diameter_px[match.dot], match.column, match.row, gauge)
     if ratio > FOREIGN_SIZE or ratio < 1 / FOREIGN_SIZE:
         raise ImageError(
             name,
             f'dots are seen {ratio:.2g} times as wide against their distance as the gauge "{gauge.name}" has '
-            "them; is it the gauge of this picture, and are its pitch_mm and diameter_mm right?",
+            "them; is it the gauge of this image, and are its pitch_mm and diameter_mm right?",
         )
     return Sighting(name, dots, lattice, match, ratio)
 
@@ -98,14 +98,14 @@ def fewest_dots(gauge: Gauge) -> int:
 
 
 def _expected_diameter_px(dots: Dots, lattice: Lattice, gauge: Gauge) -> float:
-    """Diameter of the gauge's dots at the scale of their distances in the picture, px."""
+    """Diameter of the gauge's dots at the scale of their distances in the image, px."""
     along, down = gauge.pitch_mm
     next_mm = min(along, down if gauge.dots.layout == "square" else float(np.hypot(along / 2, down)))
     return gauge.dots.diameter_mm / next_mm * float(np.median(nearest(dots.centers_px[lattice.dot], 1)[0]))
 
 
 def view_of(sighting: Sighting, gauge: Gauge, *, on_plate: bool) -> View:
-    """Dots of one picture with their places, at the gauge's height where it lies on the plate.
+    """Dots of one image with their places, at the gauge's height where it lies on the plate.
 
     Dots that something else reaches into are left out.
     """

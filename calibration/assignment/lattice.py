@@ -1,6 +1,6 @@
 """Dot centres → lattice indices, with no count given in advance: holes, partial views and distractors are normal.
 
-Indices are of a right-handed reduced basis as seen in the picture (x right, y down): which dot of the gauge is which is
+Indices are of a right-handed reduced basis as seen in the image (x right, y down): which dot of the gauge is which is
 `match_gauge.py`'s question.
 """
 
@@ -26,7 +26,7 @@ SPECK = 0.4  # of the diameter of the dots around: no gauge has fiducials that s
 # Of the median contrast: vignetting and uneven light leave 0.25 and more (0.4 on a real fisheye); the images of the
 # array in the dark surround of a lens are fainter, and lie pixels beside the places they seem to continue.
 FAINT = 0.15
-# A place is bare where the picture there is as bright as the sheet next to it, to this share of the dots' contrast.
+# A place is bare where the image there is as bright as the sheet next to it, to this share of the dots' contrast.
 BARE = 0.35
 # A part split off by a cloth or a rod: dots of the main lattice beside it that predict its places, and how far, in
 # pitches, the dots may lie from them. Distortion bends a prediction over three pitches by a few percent.
@@ -179,7 +179,7 @@ def rows_and_columns(lattice: Lattice) -> tuple[str, Integers]:
         columns, rows = np.ptp(across) + 1, np.ptp(down) + 1
         if layout == "staggered":
             columns = (columns + 1) // 2
-        # a view cut by the picture's rim fills no box well: the plain layout then stays unless the other is clearly
+        # a view cut by the image's rim fills no box well: the plain layout then stays unless the other is clearly
         # fuller
         fill = len(lattice) / float(columns * rows) - (0.1 if layout == "staggered" else 0.0)
         if fill > most:
@@ -190,7 +190,7 @@ def rows_and_columns(lattice: Lattice) -> tuple[str, Integers]:
 
 
 def places_without_dot(dots: Dots, lattice: Lattice) -> tuple[Integers, Array]:
-    """Lattice places next to dots seen, well inside the picture, that hold no dot: (k, 2), and their light (k,).
+    """Lattice places next to dots seen, well inside the image, that hold no dot: (k, 2), and their light (k,).
 
     The light is that above the sheet beside the nearest dots, in contrasts of those. A place within BARE of the sheet
     shows it, so there is no dot; at the others something may hide one.

@@ -1,7 +1,7 @@
 """Which dot of the gauge each dot of a lattice is: over all ways to lay the gauge's lattice on the one seen.
 
 A placement is judged by what it puts inside the array: dots seen count for it, places seen empty against it; fiducials
-decide among those that are left, and then the smallest turn of the gauge in the picture.
+decide among those that are left, and then the smallest turn of the gauge in the image.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from calibration.gauge.geometry import Gauge
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# The map from gauge to picture stretches directions unequally by 1/cos(tilt), twice that at the near edge of a close
+# The map from gauge to image stretches directions unequally by 1/cos(tilt), twice that at the near edge of a close
 # view.
 LARGEST_STRETCH = 2.5
 # Share of a lattice that may fall outside the gauge: glare and dirt add a few dots, a wrong gauge file whole rows.
@@ -40,7 +40,7 @@ FOREIGN = 0.1
 
 @dataclass(frozen=True)
 class Match:
-    """Dots of one picture and the places of the gauge they are.
+    """Dots of one image and the places of the gauge they are.
 
     dot: (m,) indices into the Dots. column, row: (m,) of the gauge. certain: the placement is the only one, so that
     origin and direction are those of the gauge. unseen: places of the gauge
@@ -113,12 +113,12 @@ def _no_fiducials(dots: Dots, gauge: Gauge) -> str:
     """Why the fiducials that should be in view are not seen."""
     if dots.color.shape[1] == 1 and any(fiducial.color for fiducial in gauge.fiducial):
         return (
-            f'the fiducial dots of the gauge "{gauge.name}" differ by their color, which a grey picture does not show; '
-            "take a color picture, or give them a diameter_mm of their own"
+            f'the fiducial dots of the gauge "{gauge.name}" differ by their color, which a grey image does not show; '
+            "take a color image, or give them a diameter_mm of their own"
         )
     return (
         f'the fiducial dots that the gauge "{gauge.name}" promises are not seen where they should be; '
-        "is it the gauge of this picture?"
+        "is it the gauge of this image?"
     )
 
 
@@ -163,10 +163,10 @@ def _turns(gauge: Gauge, basis_px: Array) -> list[tuple[Integers, float]]:
         turn = np.array(entries).reshape(2, 2)
         if abs(entries[0] * entries[3] - entries[1] * entries[2]) != 1:
             continue
-        picture_from_gauge = basis_px @ np.linalg.inv(_gauge_basis(gauge) @ turn)
-        long, short = np.linalg.svd(picture_from_gauge, compute_uv=False)
+        image_from_gauge = basis_px @ np.linalg.inv(_gauge_basis(gauge) @ turn)
+        long, short = np.linalg.svd(image_from_gauge, compute_uv=False)
         if long / short < LARGEST_STRETCH:
-            x_axis = picture_from_gauge @ x_on_sheet
+            x_axis = image_from_gauge @ x_on_sheet
             turns.append((turn, float(long / short), float(np.arctan2(x_axis[1], x_axis[0]))))
     least = min((stretch for _, stretch, _ in turns), default=1.0)
     # the least stretched kind is a view nearest to straight; symmetric ones tie within the tilt's own stretch
@@ -192,8 +192,8 @@ def _placements(
     observed[tuple((seen - corner).T)] = 1.0
     vacant[tuple((void - corner).T)] = 1.0
 
-    def correlated(kernel: Array, picture: Array) -> Array:
-        return np.asarray(fftconvolve(kernel, picture[::-1, ::-1]))
+    def correlated(kernel: Array, image: Array) -> Array:
+        return np.asarray(fftconvolve(kernel, image[::-1, ::-1]))
 
     inside, hollow = np.rint(correlated(mask, observed)), np.rint(correlated(mask, vacant))
     likeness = np.zeros_like(inside)
@@ -238,7 +238,7 @@ def _is_front(placement: _Placement) -> bool:
 
 
 def _turned(angle: float) -> float:
-    """Turn from the picture's x axis; of two opposite ones at right angles the counter-clockwise wins."""
+    """Turn from the image's x axis; of two opposite ones at right angles the counter-clockwise wins."""
     return abs(float(np.angle(np.exp(1j * (angle + 1e-3)))))
 
 

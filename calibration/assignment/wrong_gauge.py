@@ -1,7 +1,7 @@
-"""Is the array of a picture another one than the gauge file's? A placement that fits is not yet proof.
+"""Is the array of an image another one than the gauge file's? A placement that fits is not yet proof.
 
 An array that goes on beyond the gauge's own lines is another one, and so is one that ends before them, unless something
-hides the rest or another picture of the set shows them.
+hides the rest or another image of the set shows them.
 """
 
 from __future__ import annotations
@@ -61,11 +61,11 @@ def goes_on(seen: Integers, gauge: Gauge) -> bool:
 
 
 def ends_early(seen: Integers, free: Integers, light: Array, gauge: Gauge) -> tuple[Extent, Extent]:
-    """How the array of the picture ends along the columns and along the rows of the gauge.
+    """How the array of the image ends along the columns and along the rows of the gauge.
 
     seen: (n, 2) column and row of the dots. free: (k, 2) of places without a dot, light: (k,) of them, as
     `places_without_dot` gives it.
-    Dots are missing to the left and right alike where a smaller plate ends; where a cloth or the rim of the picture
+    Dots are missing to the left and right alike where a smaller plate ends; where a cloth or the rim of the image
     hides the rest, one side differs, unless the cloth is as white as the sheet.
     """
     size = np.array([gauge.dots.columns, gauge.dots.rows])
@@ -132,7 +132,7 @@ def does_not_fit(lattice: Lattice, gauge: Gauge) -> str:
     layout, index = rows_and_columns(lattice)
     columns, rows = index.max(axis=0) + 1
     return (
-        f"the picture shows a {layout} array of about {columns} × {rows} dots ({len(lattice)} seen), which does not "
+        f"the image shows a {layout} array of about {columns} × {rows} dots ({len(lattice)} seen), which does not "
         f'fit the gauge "{gauge.name}", {gauge.dots.layout}, {gauge.dots.columns} × {gauge.dots.rows}; '
-        "is it the gauge of this picture, and does nothing hide whole rows of it?"
+        "is it the gauge of this image, and does nothing hide whole rows of it?"
     )

@@ -49,7 +49,7 @@ class Candidates:
 
 @njit(cache=True)
 def _sums(labels, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Area, first and second moments of each region about the corner of the picture: (count, 6), region 0 left out."""
+    """Area, first and second moments of each region about the corner of the image: (count, 6), region 0 left out."""
     sums = np.zeros((count, 6))
     for y in range(labels.shape[0]):
         for x in range(labels.shape[1]):
@@ -118,7 +118,7 @@ def _blobs(mask: NDArray[np.bool_]) -> Candidates:
     ratio = np.sqrt((xx + yy + root) / np.maximum(xx + yy - root, 1e-9))
     keep = (filled > FILLED[0]) & (filled < FILLED[1]) & (ratio < LONGEST_AXIS_RATIO)
     keep &= area < 0.25 * mask.size
-    # what touches the rim of the picture is cut
+    # what touches the rim of the image is cut
     reach_x, reach_y = 2 * np.sqrt(xx), 2 * np.sqrt(yy)
     keep &= (mean_x - reach_x > -0.5) & (mean_x + reach_x < mask.shape[1] - 0.5)
     keep &= (mean_y - reach_y > -0.5) & (mean_y + reach_y < mask.shape[0] - 0.5)

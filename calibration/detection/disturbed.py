@@ -1,6 +1,6 @@
 """Dots that something else reaches into: the edge of the sheet, dirt, glare, a finger.
 
-Such dots leave more residual than the others of the picture. Where the disturbance lies outside the dot, a fit of fewer
+Such dots leave more residual than the others of the image. Where the disturbance lies outside the dot, a fit of fewer
 pixels about the edge is free of it; where it lies on the dot, the centre is moved by more than noise would move it, and
 its uncertainty must say so.
 """
@@ -26,7 +26,7 @@ CLOSE = 2.5
 # Centre error over blur times excess residual per contrast: dirt and sheet edges give 1 to 7, patches of glare 10 to
 # 20 (rendered; the sheet edges that remain after the second fit 1).
 LEVER = 12.0
-# Times the median uncertainty of a picture. Vignetting reaches five; a dot widened for its residual starts at about ten
+# Times the median uncertainty of an image. Vignetting reaches five; a dot widened for its residual starts at about ten
 # and is of no use where others are, but would make the residuals of the solve look bad.
 USELESS = 8.0
 
@@ -57,7 +57,7 @@ def doubted(fitted: Array, covariance: Array, noise: Array) -> Array:
 
 
 def useful(covariance_px2: Array) -> NDArray[np.bool_]:
-    """Which of the dots (n, 2, 2) px² of one picture say anything beside the others."""
+    """Which of the dots (n, 2, 2) px² of one image say anything beside the others."""
     size = np.sqrt(np.trace(covariance_px2, axis1=1, axis2=2))
     return np.asarray(size < USELESS * np.median(size))
 

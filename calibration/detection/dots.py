@@ -1,4 +1,4 @@
-"""Picture → sub-pixel centres of dots with a standard uncertainty each. Picture frame, px.
+"""Image → sub-pixel centres of dots with a standard uncertainty each. Image frame, px.
 
 The centre is that of the ellipse that fits the dot's blurred edge; `disc.py` says where that lies for a disc of the
 gauge.
@@ -22,8 +22,8 @@ from calibration.detection.noise_correlation import correlation_factors
 
 Array = NDArray[np.float64]
 
-# A dot whose pixels leave the model by more than this share of its contrast, the picture's white noise apart, is no
-# blurred disc: letters and corners leave 0.15 and more, dots at SNR 10 on JPEG pictures 0.12 with their noise.
+# A dot whose pixels leave the model by more than this share of its contrast, the image's white noise apart, is no
+# blurred disc: letters and corners leave 0.15 and more, dots at SNR 10 on JPEG images 0.12 with their noise.
 LARGEST_MISFIT = 0.14
 TRIALS = 50  # blobs fitted to judge a window: its share of dots to 7 %
 # So many dots, and so large a share of the blobs, and no dot wider than half the window: no other window can do better.
@@ -33,13 +33,13 @@ SAME = 0.15  # of the radius: blobs of two thresholds that differ by less are on
 
 @dataclass(frozen=True)
 class Dots:
-    """Dots found in one picture, in no order.
+    """Dots found in one image, in no order.
 
-    size_px: (width, height) of the picture. centers_px: (n, 2). covariance_px2: (n, 2, 2). diameter_px: (n,) geometric
-    mean of the ellipse's axes. contrast: (n,) background minus dot, in picture units, positive.
+    size_px: (width, height) of the image. centers_px: (n, 2). covariance_px2: (n, 2, 2). diameter_px: (n,) geometric
+    mean of the ellipse's axes. contrast: (n,) background minus dot, in image units, positive.
     background: (n,) level around it. blur_px: (n,) standard deviation of the edge. noise: (n,) standard
-    deviation of the residual. shape: (n, 3) ellipse matrix A. color: (n, channels) mean inside the dot, in picture
-    units. plane: (h, w) the picture as it was searched, dots dark.
+    deviation of the residual. shape: (n, 3) ellipse matrix A. color: (n, channels) mean inside the dot, in image
+    units. plane: (h, w) the image as it was searched, dots dark.
     """
 
     size_px: tuple[int, int]
@@ -64,19 +64,19 @@ class Dots:
         return replace(self, **{f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in whole})
 
 
-def detect_dots(picture: NDArray[np.generic], color: str | None = None, background: str | None = None) -> Dots:
-    """Find all dots of a picture.
+def detect_dots(image: NDArray[np.generic], color: str | None = None, background: str | None = None) -> Dots:
+    """Find all dots of an image.
 
-    picture: (h, w) or (h, w, 3) BGR, any number type. color, background: of dots and sheet, as in gauge.toml; without
+    image: (h, w) or (h, w, 3) BGR, any number type. color, background: of dots and sheet, as in gauge.toml; without
     them dots may be dark or bright, whichever shows more. No dots is a result, not an error.
     """
-    plane = dark_dots(picture, color, background)
+    plane = dark_dots(image, color, background)
     signs = (1.0,) if color is not None and background is not None else (1.0, -1.0)
     noise = noise_of(plane)
     voted = [(sign, *_best_window(np.float32(sign) * plane, noise)) for sign in signs]
     sign, _, candidates = max(voted, key=lambda vote: vote[1])
     plane = np.float32(sign) * plane
-    return _dots(picture, plane, *_fit(plane, candidates, noise, correlated=True))
+    return _dots(image, plane, *_fit(plane, candidates, noise, correlated=True))
 
 
 def every_dot(image: NDArray[np.generic], color: str | None = None, background: str | None = None) -> list[Dots]:
@@ -170,7 +170,7 @@ def _fit(
 
 
 def _whole(fitted: Array, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Whether a dot's edge, blur and all, lies within the picture: what the rim cuts is biased toward the middle."""
+    """Whether a dot's edge, blur and all, lies within the image: what the rim cuts is biased toward the middle."""
     determinant = np.maximum(fitted[:, 2] * fitted[:, 4] - fitted[:, 3] ** 2, 1e-12)
     reach_x = np.sqrt(fitted[:, 4] / determinant) + 2.5 * fitted[:, 5]
     reach_y = np.sqrt(fitted[:, 2] / determinant) + 2.5 * fitted[:, 5]
@@ -182,11 +182,11 @@ def _area(fitted: Array) -> Array:
     return np.asarray(np.pi / np.sqrt(np.maximum(fitted[:, 2] * fitted[:, 4] - fitted[:, 3] ** 2, 1e-12)))
 
 
-def _dots(picture: NDArray[np.generic], plane: Plane, fitted: Array, covariance: Array, noise: Array) -> Dots:
-    height, width = picture.shape[:2]
+def _dots(image: NDArray[np.generic], plane: Plane, fitted: Array, covariance: Array, noise: Array) -> Dots:
+    height, width = image.shape[:2]
     column = np.clip(fitted[:, 0].round().astype(int), 1, width - 2)
     row = np.clip(fitted[:, 1].round().astype(int), 1, height - 2)
-    channels = picture.reshape(height, width, -1)
+    channels = image.reshape(height, width, -1)
     color = np.mean([channels[row + i, column + j] for i in (-1, 0, 1) for j in (-1, 0, 1)], axis=0, dtype=float)
     return Dots(
         size_px=(width, height),

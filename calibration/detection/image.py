@@ -1,7 +1,7 @@
-"""Pictures as the detector wants them: one plane, float32, dots dark.
+"""Images as the detector wants them: one plane, float32, dots dark.
 
-A colour picture is projected on the colour axis that separates dots from their background best, so that coloured dots
-need no code of their own: the axis the gauge file states, or else the principal axis of the picture's fine detail.
+A colour image is projected on the colour axis that separates dots from their background best, so that coloured dots
+need no code of their own: the axis the gauge file states, or else the principal axis of the image's fine detail.
 """
 
 from __future__ import annotations
@@ -26,26 +26,26 @@ COLORS = {
 
 
 def read_image(path: Path) -> NDArray[np.generic]:
-    """Read a picture file as it is: (height, width) or (height, width, 3) BGR, 8 or 16 bit.
+    """Read an image file as it is: (height, width) or (height, width, 3) BGR, 8 or 16 bit.
 
-    Raises CalibrationError for a file that is missing or not a picture.
+    Raises CalibrationError for a file that is missing or not an image.
     """
     path = Path(path)
     if not path.is_file():
         raise CalibrationError(f"{path}: no such file")
     raw = np.fromfile(path, dtype=np.uint8)
-    picture = None if raw.size == 0 else cv2.imdecode(raw, cv2.IMREAD_UNCHANGED)
-    if picture is None:
-        raise CalibrationError(f"{path}: not a picture that can be read; PNG, TIFF and JPEG are known to work")
-    if min(picture.shape[:2]) < SMALLEST_PX:
-        raise CalibrationError(f"{path}: {picture.shape[1]}×{picture.shape[0]} pixels, too small to hold a dot array")
-    if not np.isfinite(picture).all():
+    image = None if raw.size == 0 else cv2.imdecode(raw, cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise CalibrationError(f"{path}: not an image that can be read; PNG, TIFF and JPEG are known to work")
+    if min(image.shape[:2]) < SMALLEST_PX:
+        raise CalibrationError(f"{path}: {image.shape[1]}×{image.shape[0]} pixels, too small to hold a dot array")
+    if not np.isfinite(image).all():
         raise CalibrationError(f"{path}: holds values that are no numbers (NaN or infinite); mask or fill them first")
-    if picture.ndim == 3 and picture.shape[2] == 2:
-        picture = picture[:, :, 0]
-    elif picture.ndim == 3 and picture.shape[2] == 4:
-        picture = picture[:, :, :3]
-    return np.ascontiguousarray(picture)
+    if image.ndim == 3 and image.shape[2] == 2:
+        image = image[:, :, 0]
+    elif image.ndim == 3 and image.shape[2] == 4:
+        image = image[:, :, :3]
+    return np.ascontiguousarray(image)
 
 
 def color_bgr(name: str) -> NDArray[np.float64]:
@@ -56,13 +56,13 @@ def color_bgr(name: str) -> NDArray[np.float64]:
     return np.array([int(code[i : i + 2], 16) for i in (5, 3, 1)]) / 255
 
 
-def dark_dots(picture: NDArray[np.generic], color: str | None = None, background: str | None = None) -> Plane:
-    """Turn a picture into one plane in which dots are darker than their background.
+def dark_dots(image: NDArray[np.generic], color: str | None = None, background: str | None = None) -> Plane:
+    """Turn an image into one plane in which dots are darker than their background.
 
-    picture: (h, w) or (h, w, 3) BGR of any number type. color, background: as in gauge.toml; without them the plane
+    image: (h, w) or (h, w, 3) BGR of any number type. color, background: as in gauge.toml; without them the plane
     is the principal axis of the fine detail, brighter toward white, and dots may turn out bright.
     """
-    array = np.asarray(picture)
+    array = np.asarray(image)
     if array.ndim == 2 or array.shape[2] == 1:
         plane = array.reshape(array.shape[:2]).astype(np.float32)
         bright = color is not None and background is not None and color_bgr(color).sum() > color_bgr(background).sum()
@@ -77,10 +77,10 @@ def dark_dots(picture: NDArray[np.generic], color: str | None = None, background
     return np.asarray(cv2.transform(array.astype(np.float32), axis[None].astype(np.float32)), dtype=np.float32)
 
 
-def _detail_axis(picture: NDArray[np.generic]) -> NDArray[np.float64]:
+def _detail_axis(image: NDArray[np.generic]) -> NDArray[np.float64]:
     """Unit BGR axis along which neighbouring pixels differ most."""
-    step = max(1, min(picture.shape[:2]) // 500)  # an axis needs no more samples than that
-    small = picture[::step, ::step].astype(np.float32)
+    step = max(1, min(image.shape[:2]) // 500)  # an axis needs no more samples than that
+    small = image[::step, ::step].astype(np.float32)
     detail = (small - cv2.blur(small, (31, 31))).reshape(-1, 3).astype(float)
     axis = np.linalg.eigh(detail.T @ detail)[1][:, -1]
     return np.asarray(axis if axis.sum() >= 0 else -axis)

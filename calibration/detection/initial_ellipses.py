@@ -41,7 +41,7 @@ def _longest(xx, xy, yy):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN20
 
 @njit(cache=True)
 def _ring(plane, cx, cy, radius):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Median of 16 pixels on a circle, those outside the picture left out."""
+    """Median of 16 pixels on a circle, those outside the image left out."""
     values = np.empty(16)
     count = 0
     for k in range(16):

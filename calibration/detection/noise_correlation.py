@@ -22,7 +22,7 @@ SOUND = 1.2  # of the median residual: dots that nothing disturbs
 
 
 def correlation_factors(plane: NDArray[np.float32], fitted: Array, reach: Array, noise: Array) -> Array:
-    """Factors (2,) on the standard deviations of x and y of all centres of a picture, at least 1.
+    """Factors (2,) on the standard deviations of x and y of all centres of an image, at least 1.
 
     plane, reach: as for `fit_dots`; fitted (n, 10), noise (n,): what it gave.
     """
@@ -75,15 +75,15 @@ def _autocorrelations(plane, fitted, reach, noise):  # type: ignore[no-untyped-d
 def _lags(pixels, values, box):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Sums (m, 7, 7) over the pixels of each row of values (m, n) times itself at a lag; box: size that holds all."""
     found = np.zeros((len(values), 2 * REACH + 1, 2 * REACH + 1))
-    picture = np.zeros((box, box))
+    image = np.zeros((box, box))
     for m in range(len(values)):
         for k in range(values.shape[1]):
-            picture[int(pixels[1, k]), int(pixels[0, k])] = values[m, k]
+            image[int(pixels[1, k]), int(pixels[0, k])] = values[m, k]
         for down in range(REACH + 1):
             for across in range(-REACH, REACH + 1):
                 value = 0.0
                 for y in range(REACH, box - REACH):
                     for x in range(REACH, box - REACH):
-                        value += picture[y, x] * picture[y + down, x + across]
+                        value += image[y, x] * image[y + down, x + across]
                 found[m, REACH + down, REACH + across] = found[m, REACH - down, REACH - across] = value
     return found

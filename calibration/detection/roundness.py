@@ -37,7 +37,7 @@ def out_of_round(dots: Dots, dot: Integers) -> tuple[int, float]:
 
 
 def _harmonics(dots: Dots, k: int) -> NDArray[np.complex128]:
-    """Amplitudes εₙ exp(i n θₙ) of one dot, least squares on the pixels about its rim; NaN where the picture ends."""
+    """Amplitudes εₙ exp(i n θₙ) of one dot, least squares on the pixels about its rim; NaN where the image ends."""
     a11, a12, a22 = dots.shape[k]
     center, blur = dots.centers_px[k], dots.blur_px[k]
     half = int(np.ceil(np.sqrt(max(a11, a22) / (a11 * a22 - a12**2)) + 3 * blur))

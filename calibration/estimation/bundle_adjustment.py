@@ -1,7 +1,7 @@
-"""Weighted, robust least squares over one camera and the pose of the gauge in each picture.
+"""Weighted, robust least squares over one camera and the pose of the gauge in each image.
 
 Levenberg and Marquardt on the normal equations, analytic derivatives; weak priors of real lenses keep parameters that
-the pictures do not determine at plausible values with honest, wide uncertainties. Plate frame of the plate picture,
+the images do not determine at plausible values with honest, wide uncertainties. Plate frame of the plate image,
 gauge frame of the others.
 """
 
@@ -30,11 +30,11 @@ DISC_REST_PX = 1e-5  # a hundredth of the best centre's uncertainty
 
 @dataclass(frozen=True)
 class View:
-    """Dots of one picture: where they are seen and which places of the gauge they are.
+    """Dots of one image: where they are seen and which places of the gauge they are.
 
     centers_px: (n, 2). whitening: (n, 2, 2) lower triangles that turn a residual into standard deviations. points_mm:
     (n, 3) on the gauge where it is flat, z = its height. radius_mm: (n,). site: (n,) number of the place on the gauge.
-    name: of the picture, for messages. offset_px: (n, 2) from the image of a disc's centre to the centre of its image.
+    name: of the image, for messages. offset_px: (n, 2) from the image of a disc's centre to the centre of its image.
     terms: (n, k) values there of the terms of a face that is not flat (flatness.py).
     """
 
@@ -92,7 +92,7 @@ class Prior:
 
 @dataclass(frozen=True)
 class State:
-    """Pose (n_views, 6) of the gauge in each picture, the lens (10,), its model and its free parameters.
+    """Pose (n_views, 6) of the gauge in each image, the lens (10,), its model and its free parameters.
 
     face_mm: coefficients of the gauge's face that are free, of the first k terms; none where it is taken as flat.
     """
@@ -104,7 +104,7 @@ class State:
     face_mm: Array = field(default_factory=lambda: np.zeros(0))
 
     def parameters(self, view: int) -> Array:
-        """Camera parameters (16,) as seen from one picture's gauge."""
+        """Camera parameters (16,) as seen from one image's gauge."""
         return np.concatenate([self.poses[view], self.lens])
 
     @property
@@ -114,7 +114,7 @@ class State:
 
     @property
     def shared(self) -> int:
-        """Count of unknowns that all pictures share: they stand before the poses."""
+        """Count of unknowns that all images share: they stand before the poses."""
         return len(self.free) + len(self.face_mm)
 
 

@@ -1,4 +1,4 @@
-"""Gauge pictures → camera model with covariance and a verdict."""
+"""Gauge images → camera model with covariance and a verdict."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ FEWEST_IMAGES = 3  # that must remain where others are left out: fewer cannot te
 class Calibration:
     """A camera with all that speaks for and against it.
 
-    camera: in the frame of the plate picture. sightings: per picture. fit: solved bundle over the dots kept; views:
-    those dots. trials: lens models tried, best first. rejected: per picture, count of dots left out as outliers.
+    camera: in the frame of the plate image. sightings: per image. fit: solved bundle over the dots kept; views:
+    those dots. trials: lens models tried, best first. rejected: per image, count of dots left out as outliers.
     distance_mm: measured height of the lens and its sigma, where it was given. flatness: of the gauge; None for a
-    single picture of a gauge whose flatness is not stated, which says nothing of it. left_out: images that were not
+    single image of a gauge whose flatness is not stated, which says nothing of it. left_out: images that were not
     used, with the reason.
     """
 
@@ -76,7 +76,7 @@ class Calibration:
 
 
 def calibrate(
-    pictures: Sequence[NDArray[np.generic]],
+    images: Sequence[NDArray[np.generic]],
     gauge: Gauge,
     plate_index: int = 0,
     *,
@@ -87,24 +87,24 @@ def calibrate(
 ) -> Calibration:
     """Solve the camera from images of the gauge.
 
-    pictures: (h, w) or (h, w, 3) BGR each, all of one size. plate_index: the image in which the gauge lies on the
+    images: (h, w) or (h, w, 3) BGR each, all of one size. plate_index: the image in which the gauge lies on the
     plate; it defines the plate frame. names: of the images, for messages. distance_mm: measured height of the lens
     above the plate and its standard uncertainty, where known. strict: whether one image that cannot be used is an
     error; otherwise it is left out and named, as long as it is not that of the plate and FEWEST_IMAGES remain.
     left_out: names of further images that are left out already, with the reason. Raises CalibrationError where images
     and gauge do not allow a camera.
     """
-    if not pictures:
+    if not images:
         raise CalibrationError("no images given; calibration needs at least one image of the gauge on the plate")
-    names = list(names) or [f"picture {k + 1}" for k in range(len(pictures))]
+    names = list(names) or [f"image {k + 1}" for k in range(len(images))]
     plate = names[plate_index]
-    faults = Faults(plate, len(pictures) + len(left_out), strict=strict, known=left_out)
+    faults = Faults(plate, len(images) + len(left_out), strict=strict, known=left_out)
     if strict:
-        _check_sizes(pictures, names)
+        _check_sizes(images, names)
     sightings = {}
-    for image, name in zip(pictures, names, strict=True):
+    for image, name in zip(images, names, strict=True):
         try:
-            sightings[name] = _sight(image, gauge, name, plate, pictures[plate_index])
+            sightings[name] = _sight(image, gauge, name, plate, images[plate_index])
         except ImageError as error:
             faults.add(error)
     while True:
@@ -157,7 +157,7 @@ def _sight(
 def _check_sizes(images: Sequence[NDArray[np.generic]], names: Sequence[str]) -> None:
     if len({image.shape[:2] for image in images}) > 1:
         listed = ", ".join(f"{name} {_size(image)}" for name, image in zip(names, images, strict=True))
-        raise CalibrationError(f"pictures differ in size: {listed}; a calibration holds for one camera mode")
+        raise CalibrationError(f"images differ in size: {listed}; a calibration holds for one camera mode")
 
 
 def _solved(
@@ -197,7 +197,7 @@ def _solved(
 
 
 def _check_extent(sightings: Sequence[Sighting], gauge: Gauge) -> None:
-    """Raise where pictures show the array end before the gauge's, and none shows the rest."""
+    """Raise where images show the array end before the gauge's, and none shows the rest."""
     for axis in (0, 1):
         short = [sighting for sighting in sightings if sighting.match.extent[axis] == "short"]
         if short and not any(sighting.match.extent[axis] == "whole" for sighting in sightings):
@@ -207,7 +207,7 @@ def _check_extent(sightings: Sequence[Sighting], gauge: Gauge) -> None:
 def _faces(gauge: Gauge, views: int) -> tuple[int, ...]:
     """Counts of terms of the gauge's face to try.
 
-    Where flatness is stated all terms are free within it. Else evidence decides, and a single picture has none: it
+    Where flatness is stated all terms are free within it. Else evidence decides, and a single image has none: it
     cannot tell a bend of the gauge from distortion of the lens.
     """
     if gauge.tolerance.flatness_mm is not None:
@@ -216,7 +216,7 @@ def _faces(gauge: Gauge, views: int) -> tuple[int, ...]:
 
 
 def _flatness(fit: Fit, views: list[View], gauge: Gauge, prior: Prior) -> Flatness | None:
-    """The gauge's face as the pictures show it; where it was taken as flat, what bend they could have missed."""
+    """The gauge's face as the images show it; where it was taken as flat, what bend they could have missed."""
     used = len(fit.state.face_mm) > 0
     if not used:
         if len(views) == 1:
@@ -258,14 +258,14 @@ def _solve_robustly(
 
 
 def _check_left_out(views: list[View], kept: list[View]) -> None:
-    """Raise for a picture most of whose dots contradict the rest."""
+    """Raise for an image most of whose dots contradict the rest."""
     for view, part in zip(views, kept, strict=True):
         left_out = len(view) - len(part)
         if left_out > MOST_LEFT_OUT * len(view) or len(part) < FEWEST_DOTS // 2:
-            rest = "the other pictures" if len(views) > 1 else "any camera"
+            rest = "the other images" if len(views) > 1 else "any camera"
             raise ImageError(
                 view.name,
-                f"{left_out} of {len(view)} dots contradict {rest}; are all pictures from one camera, "
+                f"{left_out} of {len(view)} dots contradict {rest}; are all images from one camera, "
                 "with pitch_mm and layout of the gauge file those of the plate? Leave this one out or take it again",
             )
 

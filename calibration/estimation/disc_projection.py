@@ -1,6 +1,6 @@
-"""Where the fitted ellipse of a disc's picture has its centre: not where the disc's centre is seen.
+"""Where the fitted ellipse of a disc's image has its centre: not where the disc's centre is seen.
 
-Derivation. Let F take the gauge plane to the picture and J be its derivative at the disc's centre. The circle of
+Derivation. Let F take the gauge plane to the image and J be its derivative at the disc's centre. The circle of
 radius R maps to B(t) = F(c + R e(t)). In the coordinates u = (R J)⁻¹ (B - F(c)) this is almost the unit circle, u =
 (1 + ρ(t)) e(t); perspective and distortion make ρ of order R (second derivatives of F against the first). A shift s
 of an ellipse adds s·e to ρ, a change of its axes 1, cos 2t and sin 2t. The fit of `fit_dots` matches pixels; an edge
@@ -25,7 +25,7 @@ SAMPLES = 16  # of the circle: harmonics to the seventh are separated, where the
 
 
 def fitted_centers(points_mm: Array, radius_mm: Array, parameters: Array, lens: LensModel) -> Array:
-    """Picture points (n, 2), px, of the ellipse centres that `detect_dots` reports for discs parallel to the plate.
+    """Image points (n, 2), px, of the ellipse centres that `detect_dots` reports for discs parallel to the plate.
 
     points_mm: (n, 3) disc centres, plate frame. radius_mm: (n,). parameters, lens: of the camera.
     """

@@ -1,4 +1,4 @@
-"""Shape of the gauge's face where it is not flat: z of low order over the array, shared by all pictures of a set.
+"""Shape of the gauge's face where it is not flat: z of low order over the array, shared by all images of a set.
 
 z(u, v) = Σ cₖ Pᵢ(u) Pⱼ(v) with Legendre polynomials over the array's box, u and v from -1 to 1: three terms of second
 order, four of third. Orders zero and one are the pose's. Gauge frame, mm; coefficients in mm.
@@ -47,10 +47,10 @@ def coefficient_sigma(gauge: Gauge) -> float:
 
 @dataclass(frozen=True)
 class Flatness:
-    """What the pictures say of the face: peak to valley over the array with its 95 % interval, mm.
+    """What the images say of the face: peak to valley over the array with its 95 % interval, mm.
 
     coefficients_mm: (k,), with their covariance_mm2 (k, k). used: whether the camera was solved with this face; else it
-    was taken as flat because the pictures speak for no bend, and high_mm bounds what they could have missed.
+    was taken as flat because the images speak for no bend, and high_mm bounds what they could have missed.
     mean_square_mm2: of the peak to valley, its uncertainty included. slope_square: mean square of the face's slope,
     likewise.
     """

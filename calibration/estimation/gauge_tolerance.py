@@ -1,8 +1,8 @@
 """How errors of the gauge itself reach the camera: of single dots, and of the pitch as a whole.
 
-A dot that is out of place is so in every picture, so its error does not average out over pictures as noise does. With
+A dot that is out of place is so in every image, so its error does not average out over images as noise does. With
 the normal matrix N, whitened derivatives A by the parameters and B by the gauge's coordinates, a displacement d of
-the dots moves the solution by -N⁻¹ Aᵀ B d (implicit function); summed over pictures this gives the covariance.
+the dots moves the solution by -N⁻¹ Aᵀ B d (implicit function); summed over images this gives the covariance.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 def with_tolerance(views: list[View], state: State, tolerance: Tolerance) -> list[View]:
-    """The views with the dots' own tolerance added to the uncertainty of their pictures, at a state."""
+    """The views with the dots' own tolerance added to the uncertainty of their images, at a state."""
     if tolerance.dot_mm == 0:
         return views
     wider = []
@@ -48,7 +48,7 @@ def covariance_with_tolerance(views: list[View], fit: Fit, tolerance: Tolerance)
             here[place[:, None], 2 * view.site + axis] = pull[:, :, axis].T
         common += here
         single += here @ here.T
-    # the noise term counts each picture's share of the dots' errors as if they were independent: exchange it
+    # the noise term counts each image's share of the dots' errors as if they were independent: exchange it
     errors = tolerance.dot_mm**2 * (common @ common.T - single)
     return np.asarray(inverse * max(fit.variance, 1.0) + inverse @ errors @ inverse)
 
@@ -70,5 +70,5 @@ def _pulls(view: View, fit: Fit, k: int) -> tuple[NDArray[np.int64], Array]:
 
 
 def _by_plane(view: View, state: State, k: int) -> Array:
-    """Derivative of the picture points by x and y on the gauge, (n, 2, 2)."""
+    """Derivative of the image points by x and y on the gauge, (n, 2, 2)."""
     return project(points_of(view, state), state.parameters(k), state.model)[1][:, :, :2]

@@ -13,17 +13,17 @@ from calibration.estimation.bundle_adjustment import Fit, Prior, State, View, so
 from calibration.lens import LensModel, undistort
 
 Array = NDArray[np.float64]
-# Focal lengths in widths of the picture, from fisheye to long lens. The basin of the solve is wider than a step.
+# Focal lengths in widths of the image, from fisheye to long lens. The basin of the solve is wider than a step.
 LADDER: tuple[tuple[LensModel, float], ...] = (
     ("brown", 0.7), ("brown", 1.5), ("brown", 4.0), ("brown", 12.0),
     ("fisheye", 0.35), ("fisheye", 0.7), ("fisheye", 1.5),
 )  # fmt: skip
-SHORTEST = 0.2  # widths of the picture: a fisheye of 180 degrees has 0.32
-FEW = 80  # dots per picture that a rough start needs
+SHORTEST = 0.2  # widths of the image: a fisheye of 180 degrees has 0.32
+FEW = 80  # dots per image that a rough start needs
 
 
 def rough_prior(size_px: tuple[int, int]) -> Prior:
-    """Priors of real lenses, wide enough to be beaten by any picture that says something.
+    """Priors of real lenses, wide enough to be beaten by any image that says something.
 
     Principal point: within 8 % of the width of the middle (assembly tolerances of small cameras). Aspect: square
     pixels to 0.2 %. Focal length: a factor e about 1.5 widths. Distortion: up to strong fisheyes; decentring: 0.002.
@@ -50,14 +50,14 @@ def rough_start(views: list[View], size_px: tuple[int, int], prior: Prior) -> li
 
 
 def rough_pose(view: View, camera: Camera) -> Array:
-    """Pose (6,) of the gauge in one picture of a known camera."""
+    """Pose (6,) of the gauge in one image of a known camera."""
     return _pose(
         replace(view, centers_px=_undistorted(view.centers_px, camera)), camera.lens_parameters, camera.size_px
     )
 
 
 def _undistorted(points_px: Array, camera: Camera) -> Array:
-    """Picture points as the same camera without distortion would see them."""
+    """Image points as the same camera without distortion would see them."""
     normalised = (points_px - camera.principal_px) / camera.focal_xy_px
     return undistort(normalised, camera.distortion, camera.lens) * camera.focal_xy_px + camera.principal_px
 
@@ -71,7 +71,7 @@ def _spread(view: View, size_px: tuple[int, int]) -> View:
 
 
 def _pose(view: View, lens: Array, size_px: tuple[int, int]) -> Array:
-    """Pose (6,) from the homography of the dots nearest the middle of the picture, where distortion is least."""
+    """Pose (6,) from the homography of the dots nearest the middle of the image, where distortion is least."""
     middle = (np.array(size_px) - 1) / 2
     distance = np.hypot(*(view.centers_px - middle).T)
     near = np.argsort(distance)[: max(12, len(view) // 2)]

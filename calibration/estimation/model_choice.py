@@ -1,4 +1,4 @@
-"""Which terms of the lens and of a bent gauge the pictures ask for: cross-validation over dots held out, not habit.
+"""Which terms of the lens and of a bent gauge the images ask for: cross-validation over dots held out, not habit.
 
 Every dot is predicted once by a model fitted without it. Blocks of neighbouring places are held out together, so that a
 term earns its place by predicting ground the fit has not seen.
@@ -25,10 +25,10 @@ from calibration.lens import LensModel
 
 Array = NDArray[np.float64]
 FOLDS = 4
-ENOUGH = 2000  # dots over all pictures
+ENOUGH = 2000  # dots over all images
 CENTER = ("principal_x_px", "principal_y_px")
 # From plain to rich. All free the principal point: fixing it would hide its uncertainty. A fisheye always has two
-# terms: with fewer the curve of the lens would fix the focal length by assumption, even in pictures that show no
+# terms: with fewer the curve of the lens would fix the focal length by assumption, even in images that show no
 # perspective.
 MODELS: tuple[tuple[LensModel, tuple[str, ...]], ...] = (
     ("brown", ("focal_px", *CENTER)),

@@ -5,9 +5,10 @@ Sheet coordinates: mm from the top left corner, x right, y down. Both writers dr
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
-from itertools import pairwise
-from xml.sax.saxutils import escape
+from io import BytesIO
+from typing import Literal
 
 import numpy as np
 
@@ -17,8 +18,8 @@ from calibration.gauge.geometry import Gauge
 A4_MM = (210.0, 297.0)
 MARGIN_MM = 12.0  # what common printers leave blank, and a hand's hold
 FOOT_MM = 26.0  # room for the ruler and the text
-POINTS_PER_MM = 72 / 25.4
-ARC = 4 / 3 * (np.sqrt(2) - 1)  # four Bézier curves of this reach stay within 0.03 % of the circle's radius
+MM_PER_INCH = 25.4
+POINTS_PER_MM = 72 / MM_PER_INCH
 TEXT_MM = 3.0
 
 
@@ -101,77 +102,63 @@ def _ruler(gauge: Gauge, width: float, height: float) -> list[Bar | Text]:
     return [*shapes, Text(width / 2, top + 8.2, about, middle=True), Text(width / 2, top + 12.2, advice, middle=True)]
 
 
-def svg(sheet: Sheet) -> str:
-    """The sheet as SVG text, one user unit a millimetre."""
-    head = (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{sheet.width:g}mm" height="{sheet.height:g}mm" '
-        f'viewBox="0 0 {sheet.width:g} {sheet.height:g}" font-family="Helvetica, sans-serif" font-size="{TEXT_MM}">'
-    )
-    lines = [
-        head,
-        f'<rect width="{sheet.width:g}" height="{sheet.height:g}" fill="white"/>',
-    ]
-    for shape in sheet.shapes:
-        if isinstance(shape, Disc):
-            r = shape.diameter / 2
-            lines.append(f'<circle cx="{shape.x:.6g}" cy="{shape.y:.6g}" r="{r:.6g}" fill="{_hex(shape.color)}"/>')
-        elif isinstance(shape, Bar):
-            lines.append(
-                f'<rect x="{shape.x:.6g}" y="{shape.y:.6g}" width="{shape.width:.6g}" height="{shape.height:.6g}" '
-                f'fill="{_hex(shape.color)}"/>'
-            )
-        else:
-            anchor = ' text-anchor="middle"' if shape.middle else ""
-            lines.append(f'<text x="{shape.x:.6g}" y="{shape.y:.6g}"{anchor}>{escape(shape.text)}</text>')
-    return "\n".join([*lines, "</svg>"]) + "\n"
+def svg(sheet: Sheet) -> bytes:
+    """Write the sheet as SVG; its page has the size of the sheet."""
+    return _written(sheet, "svg", {"Date": None})
 
 
 def pdf(sheet: Sheet) -> bytes:
-    """The sheet as a one-page PDF, vector shapes and the viewer's own Helvetica."""
-    drawn = [f"{POINTS_PER_MM:.9f} 0 0 {-POINTS_PER_MM:.9f} 0 {sheet.height * POINTS_PER_MM:.6f} cm"]
-    drawn += [_pdf_shape(shape) for shape in sheet.shapes]
-    stream = "\n".join(drawn).encode("cp1252", errors="replace")
-    size = f"{sheet.width * POINTS_PER_MM:.4f} {sheet.height * POINTS_PER_MM:.4f}"
-    objects = [
-        b"<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>",
-        b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
-        f"<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {size}] /Contents 4 0 R "
-        "/Resources << /Font << /F 5 0 R >> >> >>".encode(),
-        b"<< /Length %d >>\nstream\n%s\nendstream" % (len(stream), stream),
-        b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica /Encoding /WinAnsiEncoding >>",
-    ]
-    out, offsets = b"%PDF-1.7\n", []
-    for number, body in enumerate(objects, start=1):
-        offsets.append(len(out))
-        out += b"%d 0 obj\n%s\nendobj\n" % (number, body)
-    table = b"".join(b"%010d 00000 n \n" % offset for offset in offsets)
-    start = len(out)
-    return out + b"xref\n0 %d\n0000000000 65535 f \n%strailer\n<< /Size %d /Root 1 0 R >>\nstartxref\n%d\n%%%%EOF\n" % (
-        len(objects) + 1,
-        table,
-        len(objects) + 1,
-        start,
+    """Write the sheet as a one-page PDF that asks the viewer to print it unscaled."""
+    return _asking_for_no_scaling(_written(sheet, "pdf", {"CreationDate": None}))
+
+
+def _written(sheet: Sheet, kind: str, metadata: dict[str, None]) -> bytes:
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Circle, Rectangle
+
+    buffer = BytesIO()
+    with mpl.rc_context({"svg.hashsalt": "gauge", "svg.fonttype": "none", "font.family": "sans-serif"}):
+        page = Figure(figsize=(sheet.width / MM_PER_INCH, sheet.height / MM_PER_INCH))
+        axes = page.add_axes((0, 0, 1, 1))
+        axes.set(xlim=(0, sheet.width), ylim=(sheet.height, 0))
+        axes.set_axis_off()
+        for shape in sheet.shapes:
+            if isinstance(shape, Disc):
+                axes.add_patch(Circle((shape.x, shape.y), shape.diameter / 2, fc=_rgb(shape.color), lw=0))
+            elif isinstance(shape, Bar):
+                axes.add_patch(Rectangle((shape.x, shape.y), shape.width, shape.height, fc=_rgb(shape.color), lw=0))
+            else:
+                aligned: Literal["center", "left"] = "center" if shape.middle else "left"
+                size = TEXT_MM * POINTS_PER_MM
+                axes.text(shape.x, shape.y, shape.text, size=size, ha=aligned, va="baseline", parse_math=False)
+        page.savefig(buffer, format=kind, metadata=metadata)
+    return buffer.getvalue()
+
+
+def _asking_for_no_scaling(document: bytes) -> bytes:
+    """A PDF with the preference that viewers print it unscaled, which matplotlib cannot state: an update at its end."""
+    root = re.search(rb"/Root (\d+) 0 R", document)
+    before = re.search(rb"startxref\s+(\d+)", document)
+    size = re.search(rb"/Size (\d+)", document)
+    pages = re.search(rb"/Pages (\d+) 0 R", document)
+    assert root is not None
+    assert before is not None
+    assert size is not None
+    assert pages is not None
+    place = len(document)
+    catalog = b"%s 0 obj\n<< /Type /Catalog /Pages %s 0 R /ViewerPreferences << /PrintScaling /None >> >>\nendobj\n" % (
+        root[1],
+        pages[1],
+    )
+    return (
+        document
+        + catalog
+        + b"xref\n%s 1\n%010d 00000 n \ntrailer\n<< /Size %s /Root %s 0 R /Prev %s >>\nstartxref\n%d\n%%%%EOF\n"
+        % (root[1], place, size[1], root[1], before[1], place + len(catalog))
     )
 
 
-def _pdf_shape(shape: Disc | Bar | Text) -> str:
-    if isinstance(shape, Text):
-        # the page is drawn y down; text is turned back
-        width = 0.5 * TEXT_MM * len(shape.text) if shape.middle else 0.0
-        text = shape.text.replace("\\", "\\\\").replace("(", "\\(").replace(")", "\\)")
-        return f"0 0 0 rg BT /F {TEXT_MM} Tf 1 0 0 -1 {shape.x - width / 2:.5f} {shape.y:.5f} Tm ({text}) Tj ET"
-    red_green_blue = " ".join(f"{value:.4f}" for value in color_bgr(shape.color)[::-1])
-    if isinstance(shape, Bar):
-        return f"{red_green_blue} rg {shape.x:.5f} {shape.y:.5f} {shape.width:.5f} {shape.height:.5f} re f"
-    r = shape.diameter / 2
-    corners = [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 0)]
-    path = [f"{shape.x + r:.5f} {shape.y:.5f} m"]
-    for (ax, ay), (bx, by) in pairwise(corners):
-        control = [ax + ARC * bx, ay + ARC * by, bx + ARC * ax, by + ARC * ay, bx, by]
-        at = [f"{(shape.x, shape.y)[k % 2] + r * value:.5f}" for k, value in enumerate(control)]
-        path.append(" ".join(at) + " c")
-    return f"{red_green_blue} rg {' '.join(path)} f"
-
-
-def _hex(color: str) -> str:
-    return "#" + "".join(f"{round(255 * value):02x}" for value in color_bgr(color)[::-1])
+def _rgb(color: str) -> tuple[float, float, float]:
+    blue, green, red = color_bgr(color).tolist()
+    return red, green, blue

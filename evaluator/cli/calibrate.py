@@ -17,12 +17,12 @@ FILE = click.Path(path_type=Path, dir_okay=False)
 @click.command(
     epilog="\b\nExample:\n  turnscope calibrate plate.png tilt1.png tilt2.png --gauge gauge.toml -o camera.json",
 )
-@click.argument("pictures", nargs=-1, required=True, type=FILE)
+@click.argument("image_files", metavar="IMAGES...", nargs=-1, required=True, type=FILE)
 @click.option("--gauge", "gauge_file", required=True, type=FILE, help="The gauge.toml that describes the dots.")
 @click.option(
     "--plate",
     type=FILE,
-    help="The picture with the gauge lying on the plate; it defines the plate frame.  [default: the first]",
+    help="The image with the gauge lying on the plate; it defines the plate frame.  [default: the first]",
 )
 @click.option("-o", "--out", type=FILE, default=Path("camera.json"), show_default=True)
 @click.option("--distance-mm", nargs=2, type=float, help="Measured height of the lens above the plate, and its sigma.")
@@ -33,9 +33,9 @@ FILE = click.Path(path_type=Path, dir_okay=False)
 @click.option(
     "--strict", is_flag=True, help="Stop at the first image that cannot be used; else it is left out and named."
 )
-@click.option("--page/--no-page", default=True, show_default=True, help="Write a page of pictures beside camera.json.")
+@click.option("--page/--no-page", default=True, show_default=True, help="Write a page of images beside camera.json.")
 def calibrate(
-    pictures: tuple[Path, ...],
+    image_files: tuple[Path, ...],
     gauge_file: Path,
     plate: Path | None,
     out: Path,
@@ -45,7 +45,7 @@ def calibrate(
     strict: bool,
     page: bool,
 ) -> None:
-    """Solve the camera from gauge pictures.
+    """Solve the camera from gauge images.
 
     Finds the dots, assigns the grid, chooses the lens model by cross-validation and writes the camera with its
     covariance and a verdict.
@@ -58,12 +58,12 @@ def calibrate(
     from evaluator.files import read_with, write_text
 
     gauge = read_with(load_gauge, gauge_file)
-    if plate is not None and plate not in pictures:
-        pictures = (plate, *pictures)
+    if plate is not None and plate not in image_files:
+        image_files = (plate, *image_files)
     if distance_mm is not None and not (distance_mm[0] > 0 and distance_mm[1] > 0):
         raise InputError(f"--distance-mm {distance_mm[0]} {distance_mm[1]}: distance and sigma must be positive")
-    plate = plate or pictures[0]
-    images, unreadable = _read_images(pictures, plate, strict=strict)
+    plate = plate or image_files[0]
+    images, unreadable = _read_images(image_files, plate, strict=strict)
     found = solve(
         list(images.values()),
         gauge,
@@ -78,7 +78,7 @@ def calibrate(
     dots = sum(len(view) for view in found.views)
     lens = ", ".join(name for name in found.fit.state.free if name[0] in "kp" and len(name) == 2) or "no distortion"
     click.echo(
-        f"{len(found.views)} pictures, {dots} dots, residual {found.rms_px:.3f} px RMS, "
+        f"{len(found.views)} images, {dots} dots, residual {found.rms_px:.3f} px RMS, "
         f"{found.fit.state.model} lens, {lens}"
     )
     click.echo(verdict.summary)
@@ -114,21 +114,19 @@ def _read_images(
 
 
 @click.command(epilog="\b\nExample:\n  turnscope dots plate.png --annotate found/")
-@click.argument("pictures", nargs=-1, required=True, type=FILE)
-@click.option(
-    "--annotate", type=click.Path(path_type=Path, file_okay=False), help="Folder for annotated pictures (PNG)."
-)
-def dots(pictures: tuple[Path, ...], annotate: Path | None) -> None:
-    """Find and assign the dots of pictures, without a gauge file."""
+@click.argument("image_files", metavar="IMAGES...", nargs=-1, required=True, type=FILE)
+@click.option("--annotate", type=click.Path(path_type=Path, file_okay=False), help="Folder for annotated images (PNG).")
+def dots(image_files: tuple[Path, ...], annotate: Path | None) -> None:
+    """Find and assign the dots of images, without a gauge file."""
     import numpy as np
 
     from calibration.assignment.array_in_image import find_array
     from calibration.assignment.lattice import rows_and_columns
     from calibration.detection.image import read_image
 
-    for path in pictures:
-        picture = read_image(path)
-        found, lattice = find_array(picture)
+    for path in image_files:
+        image = read_image(path)
+        found, lattice = find_array(image)
         if not len(lattice):
             click.echo(f"{path}: {len(found)} dots found, 0 assigned: they form no regular array")
             continue
@@ -142,16 +140,19 @@ def dots(pictures: tuple[Path, ...], annotate: Path | None) -> None:
         if annotate is not None:
             from evaluator.report.pages.calibration import write_annotated
 
-            write_annotated(picture, found, lattice, annotate / f"{path.stem}-dots.png")
+            write_annotated(image, found, lattice, annotate / f"{path.stem}-dots.png")
 
 
 @click.command(epilog="\b\nExample:\n  turnscope check-camera camera.json today.png")
 @click.argument("camera_file", type=FILE)
-@click.argument("picture", type=FILE)
+@click.argument("image_file", metavar="IMAGE", type=FILE)
 @click.option("--gauge", "gauge_file", type=FILE, help="Another gauge than the one the camera was calibrated with.")
+@click.option("--annotate", type=FILE, help="Write the image with the axes of the plate frame drawn (PNG).")
 @click.pass_context
-def check_camera(context: click.Context, camera_file: Path, picture: Path, gauge_file: Path | None) -> None:
-    """Tell whether a calibration still holds, from one new picture of the gauge on the plate.
+def check_camera(
+    context: click.Context, camera_file: Path, image_file: Path, gauge_file: Path | None, annotate: Path | None
+) -> None:
+    """Tell whether a calibration still holds, from one new image of the gauge on the plate.
 
     The verdict is in sigmas. The exit status is 0 where the calibration holds and 1 where it does not.
     """
@@ -164,17 +165,24 @@ def check_camera(context: click.Context, camera_file: Path, picture: Path, gauge
     stored = read_with(load_camera_file, camera_file)
     gauge = stored.gauge if gauge_file is None else read_with(load_gauge, gauge_file)
     bent = stored.flatness is not None and stored.flatness.used and gauge == stored.gauge
+    image = read_image(image_file)
+    if annotate is not None:
+        from evaluator.report.pages.calibration import write_plate_axes
+
+        write_plate_axes(image, stored.camera(), annotate)
     found = check(
         stored.camera(),
         gauge,
-        read_image(picture),
-        name=str(picture),
+        image,
+        name=str(image_file),
         gauge_is_known=gauge == stored.gauge,
         variance=stored.variance,
         height_mm=stored.verdict.mark_height_mm,
         face_mm=stored.flatness.coefficients_mm if bent and stored.flatness is not None else (),
     )
-    click.echo(f"{picture}: {found.dots} dots, residual {found.rms_px:.3f} px RMS, gauge moved {found.shift_mm:.2f} mm")
+    click.echo(
+        f"{image_file}: {found.dots} dots, residual {found.rms_px:.3f} px RMS, gauge moved {found.shift_mm:.2f} mm"
+    )
     click.echo(found.summary)
     if stored.verdict.level != "sound":
         click.echo(f"note: the calibration itself is {stored.verdict.summary}")

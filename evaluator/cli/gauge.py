@@ -51,9 +51,9 @@ def gauge(
         write_text(gauge_file, _toml(name, *numbers))
         written.append(gauge_file)
     sheet = gauge_sheet(read_with(load_gauge, gauge_file))
-    with written_whole(written[0]) as temporary:
-        temporary.write_bytes(pdf(sheet))
-    write_text(written[1], svg(sheet))
+    for path, content in zip(written, (pdf(sheet), svg(sheet)), strict=False):
+        with written_whole(path) as temporary:
+            temporary.write_bytes(content)
     click.echo(f"{sheet.width:.0f} mm × {sheet.height:.0f} mm: " + ", ".join(str(path) for path in written))
 
 

@@ -1,4 +1,4 @@
-"""Bad pictures end in one sentence that says what was found, never in a camera."""
+"""Bad images end in one sentence that says what was found, never in a camera."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_picture_of_something_else_is_told(kind: str) -> None:
         "gradient": x // 2,
         "chessboard": (x // 40 + y // 40) % 2 * 200,
     }[kind]
-    with pytest.raises(CalibrationError, match=r"is it a sharp picture of the gauge|form a regular array"):
+    with pytest.raises(CalibrationError, match=r"is it a sharp image of the gauge|form a regular array"):
         calibrate([picture.astype(np.uint8)], GAUGE)
 
 
@@ -102,7 +102,7 @@ def test_picture_blurred_beyond_use_is_refused(pictures: list[np.ndarray]) -> No
 
 
 def test_pictures_of_different_size_are_refused(pictures: list[np.ndarray]) -> None:
-    with pytest.raises(CalibrationError, match="pictures differ in size: picture 1 480×360, picture 2 480×300"):
+    with pytest.raises(CalibrationError, match="images differ in size: image 1 480×360, image 2 480×300"):
         calibrate([pictures[0], pictures[1][:300]], GAUGE)
 
 

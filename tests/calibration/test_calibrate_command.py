@@ -49,7 +49,9 @@ def test_pictures_become_camera_page_and_verdict(folder: Path) -> None:
     page = out.with_suffix(".html").read_text(encoding="utf-8")
     assert page.count("<svg") >= 4
     assert "Where millimetres can be trusted" in page
-    checked = CliRunner().invoke(check_camera, [str(out), pictures[0]])
+    axes = folder / "axes.png"
+    checked = CliRunner().invoke(check_camera, [str(out), pictures[0], "--annotate", str(axes)])
+    assert cv2.imread(str(axes)).shape == (300, 400, 3)
     assert checked.exit_code == 0, checked.output
     assert "the calibration holds" in checked.output
 

@@ -1,4 +1,4 @@
-"""Gauge pictures drawn exactly → camera, against the camera that drew them."""
+"""Gauge images drawn exactly → camera, against the camera that drew them."""
 
 from __future__ import annotations
 

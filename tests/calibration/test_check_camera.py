@@ -62,6 +62,21 @@ def test_camera_pushed_nearer_no_longer_holds(calibrated: Calibration) -> None:
     assert _outcome(calibrated, posed(CAMERA, np.eye(3), np.array([0.0, 0.0, 0.5])), 5) == "no longer holds"
 
 
+def test_change_beyond_what_can_be_counted_is_said_as_more_than_that(calibrated: Calibration) -> None:
+    picture = draw_gauge(posed(CAMERA, np.eye(3), np.array([0.0, 0.0, 5.0])), GAUGE, rng=np.random.default_rng(5))
+    summary = check_camera(calibrated.camera, GAUGE, picture, variance=calibrated.fit.variance).summary
+    assert "pose more than 37 sigma" in summary
+    assert "37.0" not in summary
+
+
+def test_change_that_rounds_to_nothing_has_no_sign(calibrated: Calibration) -> None:
+    picture = draw_gauge(CAMERA, GAUGE, rng=np.random.default_rng(5), snr=50)
+    found = check_camera(calibrated.camera, GAUGE, picture, variance=calibrated.fit.variance)
+    summary = replace(found, length_change=-4e-7, distance_mm=-2e-4).summary
+    assert "lengths by up to 0.000 %" in summary
+    assert "degrees, 0.000 mm" in summary
+
+
 def test_camera_tilted_by_a_degree_no_longer_holds_for_what_it_does_to_the_rim(calibrated: Calibration) -> None:
     turn = cv2.Rodrigues(np.array([np.radians(1.0), 0.0, 0.0]))[0]
     assert _outcome(calibrated, posed(CAMERA, turn, np.zeros(3)), 7) == "no longer holds"

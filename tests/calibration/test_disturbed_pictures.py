@@ -160,7 +160,7 @@ def test_picture_of_another_camera_among_the_others_is_named() -> None:
     other = camera_above(size_px=(480, 360), focal_px=1600, distance_mm=160, tilt_deg=3, k1=0.1)
     views = random_poses(CAMERA, 4, rng, tilt_deg=25, shift_mm=2)
     views += random_poses(other, 3, rng, tilt_deg=25, shift_mm=2)[1:2]
-    with pytest.raises(CalibrationError, match=r"picture \d: \d+ of 117 dots contradict the other pictures"):
+    with pytest.raises(CalibrationError, match=r"image \d: \d+ of 117 dots contradict the other images"):
         calibrate([draw_gauge(view, GAUGE, rng=rng, snr=40) for view in views], GAUGE)
 
 
@@ -174,5 +174,5 @@ def test_measured_distance_makes_one_picture_enough() -> None:
 
 def test_colour_fiducials_in_a_grey_picture_are_named_as_the_cause() -> None:
     fiducials = ({"column": 6, "row": 4, "color": "red"}, {"column": 9, "row": 4, "color": "blue"})
-    with pytest.raises(CalibrationError, match="differ by their color, which a grey picture does not show"):
+    with pytest.raises(CalibrationError, match="differ by their color, which a grey image does not show"):
         calibrate([drawn()], Gauge.model_validate(GAUGE.model_dump() | {"fiducial": fiducials}))

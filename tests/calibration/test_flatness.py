@@ -1,4 +1,4 @@
-"""A gauge that is not flat: solved for where several poses tell, counted as doubt where one picture cannot."""
+"""A gauge that is not flat: solved for where several poses tell, counted as doubt where one image cannot."""
 
 from __future__ import annotations
 

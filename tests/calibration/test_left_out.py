@@ -47,7 +47,7 @@ def run(folder: Path, *names: str) -> tuple[str, BaseException | None]:
 def test_bad_images_are_left_out_and_named_with_the_reason(folder: Path) -> None:
     output, error = run(folder, "g0.png", "cut.png", "g1.png", "white.png", "g2.png", "large.png", "g3.png")
     assert error is None, output
-    assert output.startswith("4 pictures, 192 dots")
+    assert output.startswith("4 images, 192 dots")
     for said in ("cut.png: not a", "white.png: 0 dots of color black", "large.png: 640×480 pixels, but"):
         assert said in output
 

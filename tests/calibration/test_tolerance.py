@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pytest
 
 from calibration.assessment.quality import assess
 from calibration.camera import camera_above, project
@@ -12,6 +14,7 @@ from calibration.estimation.bundle_adjustment import LENS_PARAMETERS, Prior, Sta
 from calibration.estimation.calibrate import calibrate
 from calibration.estimation.gauge_tolerance import covariance_with_tolerance, with_tolerance
 from calibration.gauge.geometry import Gauge, Tolerance
+from calibration.store import camera_to_json, load_camera
 from tests.calibration.drawing import draw_gauge, random_poses
 
 CAMERA = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=120, tilt_deg=3, k1=-0.2)
@@ -20,6 +23,25 @@ CAMERA = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=120, tilt_d
 def gauge_of(pitch_mm: float, tolerance: dict[str, float]) -> Gauge:
     dots = {"columns": 11, "rows": 8, "pitch_mm": pitch_mm, "diameter_mm": 1.2}
     return Gauge.model_validate({"format": 1, "name": "plate", "dots": dots, "tolerance": tolerance})
+
+
+def test_pitch_tolerance_enters_the_camera_its_file_and_the_sentence(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    views = random_poses(CAMERA, 4, rng, tilt_deg=25, shift_mm=2)
+    pictures = [draw_gauge(view, gauge_of(3.0, {}), rng=rng, snr=50) for view in views]
+    for percent in (None, 0.5, 0.0):
+        dots = {"columns": 11, "rows": 8, "pitch_mm": 3.0, "diameter_mm": 1.2}
+        dots |= {} if percent is None else {"pitch_tolerance_percent": percent}
+        found = calibrate(pictures, Gauge.model_validate({"format": 1, "name": "plate", "dots": dots}))
+        stated = 0.001 if percent is None else percent / 100
+        (tmp_path / "camera.json").write_text(camera_to_json(found), encoding="utf-8")
+        camera = load_camera(tmp_path / "camera.json")
+        at_marks = stated * 120 / (120 - 6.5)  # the lens is as far as the gauge says, the marks are as high as they are
+        assert camera.scale_sigma(0.0) == pytest.approx(stated, abs=1e-4)
+        assert camera.scale_sigma(6.5) == pytest.approx(at_marks, abs=1.5e-4)
+        assert camera.with_exact_pitch().scale_sigma(6.5) < 2e-4
+        said = f"pitch of the gauge leaves {100 * stated:.2g} %" if stated else "if the pitch of the gauge is exact"
+        assert said in assess(found).summary
 
 
 def test_scale_tolerance_of_the_gauge_is_the_least_doubt_of_every_length() -> None:

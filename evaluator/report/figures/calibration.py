@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from calibration.camera import Camera
 from calibration.estimation.calibrate import Calibration
@@ -17,7 +18,7 @@ MOST_STRETCH = 10_000.0
 
 
 def residual_vectors(calibration: Calibration) -> Figure:
-    """Residual of every dot used, from all pictures, drawn long enough to be seen."""
+    """Residual of every dot used, from all images, drawn long enough to be seen."""
     points = np.concatenate([view.centers_px for view in calibration.views])
     residual = np.concatenate(calibration.fit.residual_px)
     width = calibration.camera.size_px[0]
@@ -28,7 +29,7 @@ def residual_vectors(calibration: Calibration) -> Figure:
         axes.quiver(
             *points.T, *(stretch * residual.T), angles="xy", scale_units="xy", scale=1, color=BLUE, width=0.0022
         )
-        _picture_axes(axes, calibration.camera)
+        _image_axes(axes, calibration.camera)
     names = np.repeat([view.name for view in calibration.views], [len(view) for view in calibration.views])
     return Figure(
         "residual-vectors",
@@ -38,14 +39,14 @@ def residual_vectors(calibration: Calibration) -> Figure:
         "Arrows without order are noise. Neighbours that point the same way mean that the gauge is bent or the lens "
         "model does not fit.",
         (canvas.svg,),
-        pd.DataFrame({"picture": names, "x_px": points[:, 0], "y_px": points[:, 1]}).assign(
+        pd.DataFrame({"image": names, "x_px": points[:, 0], "y_px": points[:, 1]}).assign(
             residual_x_px=residual[:, 0], residual_y_px=residual[:, 1]
         ),
     )
 
 
 def coverage_map(calibration: Calibration) -> Figure:
-    """Dots of every picture, and the principal point with its 95 % interval."""
+    """Dots of every image, and the principal point with its 95 % interval."""
     camera = calibration.camera
     with drawing("coverage") as canvas:
         (axes,) = canvas.axes
@@ -55,16 +56,41 @@ def coverage_map(calibration: Calibration) -> Figure:
         at = camera.value("principal_x_px"), camera.value("principal_y_px")
         reach = 1.96 * camera.sigma("principal_x_px"), 1.96 * camera.sigma("principal_y_px")
         axes.errorbar(*at, reach[1], reach[0], color=INK, marker="+", ms=12, mew=1.6, lw=1.2, capsize=2.5)
-        _picture_axes(axes, camera)
+        _draw_plate_axes(axes, camera)
+        _image_axes(axes, camera)
     rows = [(view.name, *point) for view in calibration.views for point in view.centers_px]
     return Figure(
         "coverage",
         "Where dots were seen",
-        "One colour and marker a picture; the cross is the principal point with its 95 % interval. Distortion is known "
-        "where dots were, and extrapolated elsewhere.",
+        "One colour and marker an image; the cross is the principal point with its 95 % interval. Distortion is known "
+        "where dots were, and extrapolated elsewhere. The arrows are x and y of the plate frame.",
         (canvas.svg,),
-        pd.DataFrame(rows, columns=["picture", "x_px", "y_px"]),
+        pd.DataFrame(rows, columns=["image", "x_px", "y_px"]),
     )
+
+
+def plate_axes_px(camera: Camera, height_mm: float = 0.0) -> NDArray[np.float64]:
+    """Where the plate frame's axes lie in the image: ends (2, 2, 2) of the x and the y arrow, from and to, px.
+
+    They start at the origin where it is well in view, else at the middle of the image, and are a seventh of it long.
+    """
+    size = np.array(camera.size_px, dtype=float)
+    start = camera.picture_from_plate([0.0, 0.0, height_mm])
+    inside = np.isfinite(start).all() and (start > 0.15 * size).all() and (start < 0.85 * size).all()
+    at = np.zeros(2) if inside else camera.plate_from_picture(size / 2, height_mm)
+    side = camera.plate_from_picture(size / 2 + [size.min() / 7, 0], height_mm)
+    length = float(np.hypot(*(side - camera.plate_from_picture(size / 2, height_mm))))
+    ends = at + np.array([[[0.0, 0.0], [length, 0.0]], [[0.0, 0.0], [0.0, length]]])
+    return camera.picture_from_plate(np.concatenate([ends, np.full((2, 2, 1), height_mm)], axis=2))
+
+
+def _draw_plate_axes(axes: Axes, camera: Camera) -> None:
+    ends = plate_axes_px(camera)
+    if not np.isfinite(ends).all():
+        return
+    for (start, end), name in zip(ends, ("x", "y"), strict=True):
+        axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "color": VERMILLION, "lw": 1.6})
+        axes.annotate(name, end, xytext=(4, 4), textcoords="offset points", color=VERMILLION, fontweight="bold")
 
 
 def gauge_face(calibration: Calibration) -> Figure | None:
@@ -85,7 +111,7 @@ def gauge_face(calibration: Calibration) -> Figure | None:
     return Figure(
         "gauge-face",
         "How the gauge is bent",
-        f"Height of its face over its mean plane (broken lines are below it), solved from all pictures; peak to "
+        f"Height of its face over its mean plane (broken lines are below it), solved from all images; peak to "
         f"valley {found.peak_to_valley_mm:.3g} mm ({found.low_mm:.3g} to {found.high_mm:.3g}, 95 %).",
         (canvas.svg,),
         pd.DataFrame({"x_mm": place[..., 0].ravel(), "y_mm": place[..., 1].ravel(), "height_um": height_um.ravel()}),
@@ -114,7 +140,7 @@ def distortion_map(camera: Camera) -> Figure:
             width=0.003,
             pivot="tip",
         )
-        _picture_axes(axes, camera)
+        _image_axes(axes, camera)
     factor = "at true length" if stretch == 1 else f"{stretch:g} times their length"
     return Figure(
         "distortion",
@@ -135,8 +161,8 @@ def _stretch(largest_px: float, width_px: float) -> float:
     return min(_round_down(0.06 * width_px / largest_px), MOST_STRETCH)
 
 
-def _picture_axes(axes: Axes, camera: Camera) -> None:
-    """The picture's frame: y down, the rim drawn."""
+def _image_axes(axes: Axes, camera: Camera) -> None:
+    """The image's frame: y down, the rim drawn."""
     width, height = camera.size_px
     axes.plot([0, width, width, 0, 0], [0, 0, height, height, 0], color=SOFT, lw=0.9)
     axes.set_aspect("equal")

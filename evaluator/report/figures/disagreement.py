@@ -16,6 +16,7 @@ MOST_PANELS = 6
 MOST_POINTS = 250  # of a panel: more hide each other, and make the page heavy
 SHORT = {"along_mm_s": "along", "across_mm_s": "sideways", "yaw_deg_s": "yaw rate"}
 FULL_SIGMAS = 12.0  # the darkest shade
+ON_PLATE_WORDS = " On the plate: triangles up more, down less than simulated, before."
 AFTER_WORDS = "; dots: after, with what was found"
 BEFORE: dict[str, Any] = {"color": VERMILLION, "marker": "s", "mfc": "none", "mew": 0.8, "ms": 4.0, "ls": "none"}
 AFTER: dict[str, Any] = {"color": BLUE, "marker": "o", "ms": 2.6, "ls": "none"}
@@ -114,7 +115,7 @@ def disagreement_panels(pieces: pd.DataFrame, *, after: bool = True) -> Figure |
         "The disagreement itself, second by second",
         "Measured minus simulated, a point for about a second of a run. Open squares: before, with the model as "
         f"robot.toml has it{AFTER_WORDS if after else ''}. Where a sign follows the motion, backward pieces are turned "
-        "over, so that one line shows it. On the plate: triangles up more, down less than simulated, before.",
+        f"over, so that one line shows it.{ON_PLATE_WORDS if any(_axis(item) == 'place' for item in shown) else ''}",
         tuple(panels),
         pieces,
         (Line("vermillion", "before", marker="square"), Line("blue", "after", marker="dot")) if after else (),

@@ -1,4 +1,4 @@
-"""The page of one calibration: verdict in plain words, next step, and the pictures that show why."""
+"""The page of one calibration: verdict in plain words, next step, and the images that show why."""
 
 from __future__ import annotations
 
@@ -15,7 +15,13 @@ from calibration.detection.dots import Dots
 from calibration.estimation.calibrate import Calibration
 from calibration.estimation.flatness import QUADRATIC, TERMS
 from evaluator.files import write_text, written_whole
-from evaluator.report.figures.calibration import coverage_map, distortion_map, gauge_face, residual_vectors
+from evaluator.report.figures.calibration import (
+    coverage_map,
+    distortion_map,
+    gauge_face,
+    plate_axes_px,
+    residual_vectors,
+)
 from evaluator.report.figures.quality import camera_uncertainty
 from evaluator.report.pages.html import Page, Section, Table, page_html
 from evaluator.report.style import Figure
@@ -29,13 +35,13 @@ def write_calibration_page(calibration: Calibration, verdict: Verdict, path: Pat
     good = measurement_range(camera, verdict.mark_height_mm, tolerance_um)
     range_sentence = (
         f"Coordinates {verdict.mark_height_mm:g} mm above the plate are good to {tolerance_um:g} µm (95 %) in "
-        f"{100 * good:.0f} % of the picture."
+        f"{100 * good:.0f} % of the image."
     )
     page = Page(
         kind="Calibration",
         title=calibration.gauge.name,
         facts=(
-            f"{len(calibration.views)} pictures",
+            f"{len(calibration.views)} images",
             f"{sum(len(view) for view in calibration.views)} dots",
             f"residual {calibration.rms_px:.3g} px RMS",
             f"{camera.lens} lens",
@@ -63,7 +69,7 @@ def _fit_figures(calibration: Calibration) -> tuple[Figure, ...]:
 
 
 def measurement_range(camera: Camera, height_mm: float, tolerance_um: float) -> float:
-    """Share of the picture in which both coordinates are known to the tolerance (95 %), from the calibration alone."""
+    """Share of the image in which both coordinates are known to the tolerance (95 %), from the calibration alone."""
     width, height = camera.size_px
     points = np.stack(np.meshgrid(np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 25)), axis=-1)
     sigma = np.sqrt(np.einsum("...ii->...i", camera.plate_covariance(points, height_mm)))
@@ -79,9 +85,9 @@ def _tables(calibration: Calibration) -> tuple[Table, ...]:
         ("parameter", "value", "standard uncertainty"),
         tuple((name, *_with_uncertainty(camera.value(name), camera.sigma(name))) for name in named),
     )
-    pictures = Table(
-        "Pictures; the first one defines the plate frame.",
-        ("picture", "dots used", "left out", "residual, px RMS"),
+    images = Table(
+        "Images; the first one defines the plate frame.",
+        ("image", "dots used", "left out", "residual, px RMS"),
         tuple(
             (Path(view.name).name, str(len(view)), str(left_out), f"{np.sqrt(np.mean(residual**2)):.4f}")
             for view, left_out, residual in zip(
@@ -97,7 +103,7 @@ def _tables(calibration: Calibration) -> tuple[Table, ...]:
             for trial in calibration.trials
         ),
     )
-    return parameters, pictures, models
+    return parameters, images, models
 
 
 def _with_uncertainty(value: float, sigma: float) -> tuple[str, str]:
@@ -110,12 +116,30 @@ def _sentence(text: str) -> str:
     return text[0].upper() + text[1:].rstrip(".") + "."
 
 
-def write_annotated(picture: NDArray[np.generic], dots: Dots, lattice: Lattice, path: Path) -> None:
-    """Write the picture with assigned dots ringed in two colours (like a chessboard) and others crossed in red."""
-    low, high = float(picture.min()), float(picture.max())
-    shown = ((picture.astype(np.float32) - low) * (255 / max(high - low, 1e-9))).astype(np.uint8)
+def write_plate_axes(image: NDArray[np.generic], camera: Camera, path: Path) -> None:
+    """Write the image with x (red) and y (green) of the plate frame as the camera of camera.json has them."""
+    shown, unit = _shown(image)
+    ends = plate_axes_px(camera)
+    if np.isfinite(ends).all():
+        for (start, end), name, color in zip(ends, ("x", "y"), ((60, 60, 230), (90, 180, 40)), strict=True):
+            a, b = (tuple(int(v) for v in np.rint(point)) for point in (start, end))
+            cv2.arrowedLine(shown, a, b, color, 2 * unit, cv2.LINE_AA, tipLength=0.2)
+            cv2.putText(shown, name, b, cv2.FONT_HERSHEY_SIMPLEX, 0.8 * unit, color, 2 * unit, cv2.LINE_AA)
+    with written_whole(path) as temporary:
+        temporary.write_bytes(cv2.imencode(".png", shown)[1].tobytes())
+
+
+def _shown(image: NDArray[np.generic]) -> tuple[NDArray[np.uint8], int]:
+    """An image of any type as 8-bit colour, and the width of a line on it, px."""
+    low, high = float(image.min()), float(image.max())
+    shown = ((image.astype(np.float32) - low) * (255 / max(high - low, 1e-9))).astype(np.uint8)
     shown = np.repeat(shown[:, :, None], 3, axis=2) if shown.ndim == 2 else shown
-    unit = max(1, round(max(shown.shape[:2]) / 1000))
+    return shown, max(1, round(max(shown.shape[:2]) / 1000))
+
+
+def write_annotated(image: NDArray[np.generic], dots: Dots, lattice: Lattice, path: Path) -> None:
+    """Write the image with assigned dots ringed in two colours (like a chessboard) and others crossed in red."""
+    shown, unit = _shown(image)
     assigned = set(lattice.dot.tolist())
     for k, center in enumerate(dots.centers_px):
         if k not in assigned:
