@@ -127,7 +127,10 @@ def test_an_interrupted_diagnosis_goes_on_where_it_stopped_and_ends_with_the_sam
 def test_the_report_shows_every_step_of_the_diagnosis(puzzle: Path) -> None:
     view = known_diagnosis(load_experiment(puzzle), Outputs(puzzle.parent / "out"))
     sections = {section.name: section for section in diagnosis_sections(view)}
-    assert list(sections) == [*("diagnosis", "diagnosis-where", "diagnosis-gap", "diagnosis-rivals", "diagnosis-noise")]
+    names = ("diagnosis", "diagnosis-where", "diagnosis-gap", "diagnosis-rivals", "diagnosis-known", "diagnosis-noise")
+    assert tuple(sections) == names
+    assert "Predicted from the start pose alone" in " ".join(sections["diagnosis-gap"].text)
+    assert {row[0] for row in sections["diagnosis-known"].tables[0].rows} >= {"start of motion, all runs", "wheelbase"}
     assert "(axle-compliance), size 0.7" in sections["diagnosis"].text[0]
     gap = sections["diagnosis-gap"]
     assert gap.figures[0].data["kept_aside"].sum() == 1

@@ -29,9 +29,12 @@ FREE, BESIDE = frozenset({"free:force_left.v_abs_v"}), PAIR | {"free:speed.sign_
         ({PAIR: 103.7, BESIDE: 103.1, OFFSET: 95.0, NOTHING: 0.0}, "effect", PAIR),
         ({BESIDE: 108.0, PAIR: 103.7, OFFSET: 95.0, NOTHING: 0.0}, "unknown", BESIDE),
         ({FREE: 3.0, NOTHING: 0.0}, "none", NOTHING),
+        # two that undo each other: dear to part, and together no better than nothing missing
+        ({PAIR: 7.5, OFFSET: 0.5, NOTHING: 0.0}, "none", NOTHING),
+        ({PAIR: 8.5, OFFSET: 0.5, NOTHING: 0.0}, "effect", PAIR),
         # about as probable as the named one; it must pay for itself to be the answer
-        ({OFFSET: 5.0, FREE: 4.6, NOTHING: 0.0}, "unknown", FREE),
-        ({OFFSET: 5.0, FREE: 4.4, NOTHING: 0.0}, "effect", OFFSET),
+        ({OFFSET: 9.0, FREE: 8.6, NOTHING: 0.0}, "unknown", FREE),
+        ({OFFSET: 9.0, FREE: 7.7, NOTHING: 0.0}, "effect", OFFSET),
     ],
 )
 def test_what_speaks_for_named_effects_and_what_against_them(

@@ -45,7 +45,7 @@ def test_circle_drives_evenly_and_its_centre_does_not_wander() -> None:
 
 def test_weaving_run_has_a_longer_path_than_a_straight_one() -> None:
     along = np.linspace(0, 60, 600)
-    weaving = winding_poses(0.3 * np.cos(2 * np.pi * along / 15), along[1], slip_rad=0.0)
+    weaving = winding_poses(0.3 * np.cos(2 * np.pi * along / 5), along[1], slip_rad=0.0)
     assert measured(weaving, 0.002).path_efficiency < 0.95
     assert measured(straight_poses(60, 600), 0.002).path_efficiency > 0.998
 
