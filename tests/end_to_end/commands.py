@@ -18,7 +18,7 @@ def turnscope(*arguments: object) -> subprocess.CompletedProcess[str]:
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=420,  # the first command of a fresh clone compiles, beside the other worker
     )
 
 
