@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from evaluator.diagnosis.assessment.gap import noise_floor
 from evaluator.diagnosis.inference.fit import Fit
-from evaluator.diagnosis.likelihood.features import channels_of
+from evaluator.diagnosis.likelihood.features import channels_of, rms_apart
 from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.settings import Relevant
 
@@ -64,10 +64,8 @@ def changes(problem: Problem, fit: Fit, effect: str) -> Changes:
 
 def _apart(first: Floats, second: Floats) -> float:
     """RMS distance of the midpoints of marks (n, 4), mm, the second path laid on the first by rotation and shift."""
-    a, b = ((part[:, 0] + part[:, 2] + 1j * (part[:, 1] + part[:, 3])) / 2 for part in (first, second))
-    a, b = a - a.mean(), b - b.mean()
-    turn = np.angle(np.sum(a * np.conj(b)))
-    return float(np.sqrt(np.mean(np.abs(a - np.exp(1j * turn) * b) ** 2)))
+    middles = [np.asarray((p[:, 0] + p[:, 2] + 1j * (p[:, 1] + p[:, 3])) / 2, dtype=complex) for p in (first, second)]
+    return rms_apart(middles[0], middles[1])
 
 
 def _way_and_turn(marks: Floats) -> tuple[float, float]:

@@ -41,6 +41,16 @@ def channel_residual(measured: Floats, predicted: Floats, half_distance_mm: floa
     return difference
 
 
+def rms_apart(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> float:
+    """RMS distance of points x + iy (n,), the second laid on the first by the best rotation and shift.
+
+    Source: Schönemann (1966), Psychometrika 31, 1, in the plane.
+    """
+    a, b = first - first.mean(), second - second.mean()
+    turn = np.angle(np.sum(a * np.conj(b)))
+    return float(np.sqrt(np.mean(np.abs(a - np.exp(1j * turn) * b) ** 2)))
+
+
 @dataclass(frozen=True)
 class Compression:
     """What turns channel residuals of one run into whitened features."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.diagnosis.likelihood.features import rms_apart
 from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.mistakes.recognised import Found, Kind
@@ -169,14 +170,7 @@ def _extent(marks: Floats, measured: Floats) -> float:
 
 
 def _misfit(measured: Floats, predicted: Floats) -> float:
-    """RMS distance of marks (n, 4) from predicted ones, laid on them by rotation and shift; NaN where not simulated.
-
-    Source of the best rotation: Schönemann (1966), Psychometrika 31, 1, in the plane.
-    """
+    """RMS distance of marks (n, 4) from predicted ones, laid on them by rotation and shift; NaN where not simulated."""
     if not np.isfinite(predicted).all():
         return float("nan")
-    a = np.concatenate([measured[:, 0] + 1j * measured[:, 1], measured[:, 2] + 1j * measured[:, 3]])
-    b = np.concatenate([predicted[:, 0] + 1j * predicted[:, 1], predicted[:, 2] + 1j * predicted[:, 3]])
-    a, b = a - a.mean(), b - b.mean()
-    turn = np.angle(np.sum(a * np.conj(b)))
-    return float(np.sqrt(np.mean(np.abs(a - np.exp(1j * turn) * b) ** 2)))
+    return rms_apart(*((part[:, ::2] + 1j * part[:, 1::2]).ravel() for part in (measured, predicted)))
