@@ -20,6 +20,7 @@ CATCH = 0.25
 # A dot of the array is at most so much wider or narrower than those next to it, and its contrast so much more or less.
 WIDER, DARKER = 1.5, 2.0
 OFF = 0.3  # of a pitch: members so far from what the others predict are none
+SMALLEST_PITCH_PX = 3.0  # no dots that can be fitted stand closer
 NEXT = np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
 
 
@@ -84,7 +85,8 @@ def _predicted(points: Array, index: Integers, place: Integers) -> tuple[Array, 
     if not (depth[: 1 + len(NEXT)] * np.median(depth) > 0).all():  # beyond the horizon
         return None
     seen = cv2.perspectiveTransform(around[None, : 1 + len(NEXT)], matrix)[0]
-    return seen[0], float(np.hypot(*(seen[1:] - seen[0]).T).min()), near
+    pitch = float(np.hypot(*(seen[1:] - seen[0]).T).min())
+    return (seen[0], pitch, near) if pitch > SMALLEST_PITCH_PX else None  # a degenerate homography folds the plane
 
 
 def _dot_at(

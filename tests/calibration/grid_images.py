@@ -27,7 +27,8 @@ class GridImage:
     """An image (h, w) or (h, w, 3), uint8, of one grid.
 
     places: (n, 2) of the dots on the sheet, x right and y down. centers_px: (n, 2) of their images (of the ellipse, not
-    of the disc's centre), NaN where the dot is not wholly in view. size: (columns, rows) as OpenCV counts them.
+    of the disc's centre), NaN where the dot is not wholly in view. clear: (n,) whether it is in view with its blurred
+    edge, so that it must be found. size: (columns, rows) as OpenCV counts them.
     bright: whether dots are brighter than the sheet. diameter: in units of `places`.
     """
 
@@ -35,6 +36,7 @@ class GridImage:
     image: NDArray[np.uint8]
     places: Array
     centers_px: Array
+    clear: NDArray[np.bool_]
     layout: Layout
     size: tuple[int, int]
     bright: bool
@@ -106,8 +108,9 @@ def draw_grid(
     image = np.clip(np.rint(picture + rng.normal(0, noise, picture.shape)), 0, 255).astype(np.uint8)
     if jpeg is not None:
         image = cv2.imdecode(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, jpeg])[1], cv2.IMREAD_GRAYSCALE)
-    centers = _ellipse_centers(places, matrix, diameter / 2, size_px)
-    return GridImage(kind, image, places, centers, layout, size, levels[0] > levels[1], diameter)
+    centers = _ellipse_centers(places, matrix, diameter / 2, size_px, 0.0)
+    clear = np.isfinite(_ellipse_centers(places, matrix, diameter / 2, size_px, 2 + 4 * blur_px)).all(axis=1)
+    return GridImage(kind, image, places, centers, clear, layout, size, levels[0] > levels[1], diameter)
 
 
 def _pose(places: Array, rng: np.random.Generator, size_px: tuple[int, int], fill: float, tilt_deg: float) -> Array:
@@ -124,15 +127,15 @@ def _pose(places: Array, rng: np.random.Generator, size_px: tuple[int, int], fil
     return np.asarray(camera @ np.column_stack([rotation[:, 0], rotation[:, 1], shift]) @ to_middle)
 
 
-def _ellipse_centers(places: Array, matrix: Array, radius: float, size_px: tuple[int, int]) -> Array:
-    """Centres (n, 2) of the images of discs, from their dual conics; NaN where the disc is not wholly in view."""
+def _ellipse_centers(places: Array, matrix: Array, radius: float, size_px: tuple[int, int], rim_px: float) -> Array:
+    """Centres (n, 2) of the images of discs, from their dual conics; NaN within rim_px of the edge of the image."""
     found = []
     for x, y in places:
         to_disc = np.array([[radius, 0, x], [0, radius, y], [0, 0, 1]])
         dual = matrix @ to_disc @ np.diag([1.0, 1.0, -1.0]) @ to_disc.T @ matrix.T
         center = dual[:2, 2] / dual[2, 2]
         reach = np.sqrt(np.maximum(center**2 - np.diag(dual)[:2] / dual[2, 2], 0))
-        inside = (center - reach > 0).all() and (center + reach < np.array(size_px) - 1).all()
+        inside = (center - reach > rim_px).all() and (center + reach < np.array(size_px) - 1 - rim_px).all()
         found.append(center if inside else np.full(2, np.nan))
     return np.array(found)
 

@@ -46,7 +46,7 @@ def grids(
     photographs: tuple[tuple[Path, Layout, int, int, float, bool], ...],
 ) -> None:
     """Whole grids found, wrong ones, and errors of the centres: OpenCV (default, area tuned), `dots`, `calibrate`."""
-    print("found and wrong of each; median error of centres, px                     ")
+    print("whole grids found, and others (dots missing or too many); median error of centres, px")
     print(f"{'':16s} {'images':>6s} | {'OpenCV':>9s} | {'OpenCV, area':>16s} | {'dots':>9s} | {'calibrate':>16s} | s")
     for name in () if photographs else kind or KINDS:
         _row(name, list(grid_images(name, count, seed)), each)
@@ -81,16 +81,17 @@ def _row(name: str, images: list[GridImage], each: bool) -> None:
 
 
 def _judged(centers: Array | None, image: GridImage) -> tuple[bool, float]:
-    """Whether each dot in view is found once and nothing else is, and the RMS distance to the truth."""
+    """Whether each dot clearly in view is found once and nothing else is, and the RMS distance to the truth."""
     if centers is None:
         return False, np.nan
     if not np.isfinite(image.centers_px).any():  # a photograph: only the count is known
         return len(centers) == len(image.places), np.nan
-    true = image.centers_px[np.isfinite(image.centers_px).all(axis=1)]
-    distance = np.hypot(*np.moveaxis(centers[:, None] - true, -1, 0))
+    distance = np.hypot(*np.moveaxis(centers[:, None] - image.centers_px, -1, 0))
+    distance[~np.isfinite(distance)] = np.inf
     near = distance.argmin(axis=1)
     off = distance[np.arange(len(centers)), near]
-    whole = len(centers) == len(true) == len(set(near.tolist())) and off.max(initial=0) < WRONG_PX
+    once = len(centers) == len(set(near.tolist())) and off.max(initial=0) < WRONG_PX
+    whole = once and set(np.flatnonzero(image.clear)) <= set(near.tolist())
     return bool(whole), float(np.sqrt(np.mean(off**2)))
 
 
@@ -147,6 +148,16 @@ def _photographs(
     places = grid_places(layout, (columns, rows))
     unknown = np.full(places.shape, np.nan)
     return [
-        GridImage(path.name, read_image(path), places, unknown, layout, (columns, rows), bright, diameter)  # type: ignore[arg-type]
+        GridImage(
+            path.name,
+            read_image(path),
+            places,
+            unknown,
+            ~np.isnan(unknown[:, 0]),
+            layout,
+            (columns, rows),
+            bright,
+            diameter,
+        )  # type: ignore[arg-type]
         for path in paths
     ]
