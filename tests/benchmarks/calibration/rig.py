@@ -16,7 +16,13 @@ MARK_HEIGHT_MM = 6.5
 
 
 def gauge_of(pitch_mm: float, diameter_mm: float, columns: int = 17, rows: int = 13) -> Gauge:
-    dots = {"columns": columns, "rows": rows, "pitch_mm": pitch_mm, "diameter_mm": diameter_mm}
+    dots = {
+        "columns": columns,
+        "rows": rows,
+        "pitch_mm": pitch_mm,
+        "diameter_mm": diameter_mm,
+        "pitch_tolerance_percent": 0.0,
+    }
     return Gauge.model_validate({"format": 1, "name": "benchmark", "dots": dots})
 
 
