@@ -27,6 +27,12 @@ def _standing(run: RunData) -> RunData:
     return replace(run, marks_mm=np.nanmedian(run.marks_mm[:5], axis=0) + noise)
 
 
+def _pushed(run: RunData) -> RunData:
+    """Moved by 3 mm within half a second."""
+    share = np.clip((run.time_s - 2.0) / 0.5, 0.0, 1.0)
+    return replace(run, marks_mm=run.marks_mm + share[:, None] * np.tile((2.5, -1.5), 2))
+
+
 CHANGES: dict[str, tuple[str, Change]] = {
     "signs": ("reversed", lambda r: replace(r, left_rpm=-r.left_rpm, right_rpm=-r.right_rpm)),
     "sides": ("sides-swapped", lambda r: replace(r, left_rpm=r.right_rpm, right_rpm=r.left_rpm)),
@@ -40,6 +46,7 @@ CHANGES: dict[str, tuple[str, Change]] = {
     "late": ("late-start", lambda r: replace(r, start_s=r.start_s - 0.2)),
     "after the end": ("late-start", lambda r: replace(r, start_s=500.0)),
     "held": ("stuck", _standing),
+    "pushed": ("pushed", _pushed),
     "knocked": ("camera-moved", lambda r: _later(r, 2.0, (0.8, 0.3))),
 }
 
