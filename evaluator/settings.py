@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import tomllib
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -77,6 +78,7 @@ class Experiment(Table):
     run: tuple[Run, ...] = ()
     known_to: KnownTo = KnownTo()
     relevant: Relevant = Relevant()
+    date: dt.date | None = None  # of the recording: orders the sessions of `turnscope trends`
     notes: str = ""
 
     @model_validator(mode="after")

@@ -19,6 +19,7 @@ COMMANDS = {
     "compare": ("analyze", "Set every run beside its simulated counterpart."),
     "report": ("report", "Make the report of an experiment, computing what it needs."),
     "export": ("export", "Write the results as JSON and netCDF, with provenance."),
+    "trends": ("trends", "Set several sessions of one robot side by side over time."),
     "diagnose": ("diagnose", "Name the missing effect that makes model and data disagree."),
     "plan": ("diagnose", "Propose the runs of a good experiment."),
     "simulate": ("simulate", "Simulate one run."),

@@ -77,13 +77,27 @@ def pooled(values: Array, sigmas: Array) -> Pooled:
 
 def difference(first: Pooled, second: Pooled) -> tuple[float, float, float]:
     """Second mean minus the first with its 95 % bounds (Welch 1947, doi:10.1093/biomet/34.1-2.28)."""
+    value, error, freedom = _welch(first, second)
+    reach = float(special.stdtrit(freedom, 0.975) * error)
+    return value, value - reach, value + reach
+
+
+def p_of_difference(first: Pooled, second: Pooled) -> float:
+    """How likely two means differ so much if their true values are equal, both directions counted; NaN if unknown."""
+    value, error, freedom = _welch(first, second)
+    if error == 0:
+        return 1.0 if value == 0 else 0.0
+    return float(2 * special.stdtr(freedom, -abs(value) / error))
+
+
+def _welch(first: Pooled, second: Pooled) -> tuple[float, float, float]:
+    """Difference of two means, its standard error and its degrees of freedom; an unknown error is NaN."""
     value, squares = second.mean - first.mean, np.array([first.error**2, second.error**2])
     if not np.isfinite(value) or not np.isfinite(squares).all():
         return value, NAN, NAN
     shares = float((squares**2 / np.array([first.freedom, second.freedom])).sum())
     freedom = squares.sum() ** 2 / shares if shares else 1e9  # a single run's uncertainty is taken as known
-    reach = float(special.stdtrit(freedom, 0.975) * np.sqrt(squares.sum()))
-    return value, value - reach, value + reach
+    return value, float(np.sqrt(squares.sum())), float(freedom)
 
 
 def cochran(values: Array, sigmas: Array, between: float) -> float:

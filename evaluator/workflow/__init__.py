@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from evaluator.trends.trends import Trends, compare_sessions
     from evaluator.workflow.analysis import Analysis, analyze, compare, pending
     from evaluator.workflow.calibration import Calibrated, calibrate
     from evaluator.workflow.checks import Check, check_experiment
@@ -38,10 +39,12 @@ __all__ = [
     "SlipBench",
     "SweepDone",
     "Tracked",
+    "Trends",
     "analyze",
     "calibrate",
     "check_experiment",
     "compare",
+    "compare_sessions",
     "diagnose",
     "diagnose_each",
     "evaluate_slip",
@@ -76,6 +79,7 @@ _HOMES = {
     "evaluator.workflow.slip_bench": ("SlipBench", "evaluate_slip", "evaluate_virtual_slip"),
     "evaluator.workflow.sweep": ("SweepDone", "run_sweep"),
     "evaluator.workflow.tracking": ("Tracked", "track_recording"),
+    "evaluator.trends.trends": ("Trends", "compare_sessions"),
 }
 
 

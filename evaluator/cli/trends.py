@@ -1,0 +1,36 @@
+"""turnscope trends: several sessions of one robot in one page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from evaluator.cli.options import PATH, json_option, quiet_option
+
+
+@click.command(epilog="\b\nExample:\n  turnscope trends out/monday out/tuesday out/friday -o trends.html")
+@click.argument("folders", type=PATH, nargs=-1, required=True, metavar="FOLDER...")
+@click.option(
+    "-o", "--out", type=PATH, default=Path("trends.html"), show_default=True, metavar="FILE.html", help="The page."
+)
+@json_option
+@quiet_option
+def trends(folders: tuple[Path, ...], out: Path, as_json: bool, quiet: bool) -> None:
+    """Set several sessions of one robot side by side: what changed, when, and by how much.
+
+    FOLDERs are output folders of `turnscope analyze` or `report`; where `turnscope diagnose` wrote to one, the sizes of
+    the effects that it named are followed too. Sessions are ordered by date = 2026-03-12 of their experiment.toml, and
+    without dates as they are given. Writes the page, and beside it its numbers as CSV.
+    """
+    from evaluator.report.pages.trends import change_sentences, write_trends
+    from evaluator.workflow import compare_sessions
+
+    found = compare_sessions(folders)
+    table = write_trends(found, out)
+    if as_json:
+        click.echo(table.to_json(orient="records", indent=1, date_format="iso"))
+    elif not quiet:
+        for sentence in change_sentences(found):
+            click.echo(sentence)
+        click.echo(f"\n{out}")

@@ -1,0 +1,126 @@
+"""Sessions as `turnscope analyze` and `diagnose` left them: output folders, read as series over time."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import date
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pandas as pd
+
+from evaluator.errors import InputError
+from evaluator.trends.changes import Level
+from evaluator.turning.pooling import Pooled, pooled
+
+Z_975 = 1.96
+UNITS = {"radius": "mm", "speed": "mm/s"}
+
+
+@dataclass(frozen=True)
+class Session:
+    """One analysed experiment. levels: by name of the series; see `read_session`."""
+
+    name: str
+    folder: Path
+    day: date | None
+    levels: Mapping[str, Level]
+    units: Mapping[str, str] = field(default_factory=dict)
+
+
+def read_sessions(folders: Sequence[Path]) -> tuple[Session, ...]:
+    """Sessions in the order of their dates; as given where no session has a date.
+
+    Raises InputError for a folder without results, and where only some sessions have a date.
+    """
+    sessions = [read_session(folder) for folder in folders]
+    dated = [session for session in sessions if session.day is not None]
+    if dated and len(dated) < len(sessions):
+        missing = next(session for session in sessions if session.day is None)
+        raise InputError(
+            f"{missing.folder}: its experiment has no date, but {dated[0].folder} has; write date = 2026-03-12 (of "
+            "the recording) into every experiment.toml and run `turnscope analyze` again, or into none"
+        )
+    if dated:
+        sessions.sort(key=lambda session: cast("date", session.day))
+    return tuple(sessions)
+
+
+def read_session(folder: Path) -> Session:
+    """Series of one session: radius and speed of every command, and what a diagnosis found, with its size.
+
+    Raises InputError where the folder holds no results or they cannot be read.
+    """
+    folder = Path(folder)
+    turning, provenance = folder / "turning.csv", folder / "provenance.json"
+    if not turning.is_file() or not provenance.is_file():
+        raise InputError(
+            f"{folder}: no turning.csv and provenance.json in it; give a folder that `turnscope analyze` wrote"
+        )
+    try:
+        table = pd.read_csv(turning)
+        made_from = json.loads(provenance.read_text(encoding="utf-8"))
+        settings = made_from["settings"]
+        name, day = str(settings["name"]), settings.get("date")
+        found, units = _turning_levels(table, _camera(made_from))
+        for series, level, unit in _diagnosed(folder / "diagnosis.json"):
+            found[series], units[series] = level, unit
+        return Session(name, folder, None if day is None else date.fromisoformat(str(day)), found, units)
+    except (KeyError, TypeError, ValueError, pd.errors.ParserError) as error:
+        raise InputError(f"{folder}: its results cannot be read ({error}); run `turnscope analyze` again") from error
+
+
+def _camera(made_from: Mapping[str, Any]) -> str:
+    """What tells one calibration from another: sessions with the same camera file share its errors."""
+    camera = made_from["settings"].get("camera")
+    return str(made_from["inputs_sha256"].get(camera, "")) if camera else ""
+
+
+def _turning_levels(table: pd.DataFrame, camera: str) -> tuple[dict[str, Level], dict[str, str]]:
+    levels: dict[str, Level] = {}
+    units: dict[str, str] = {}
+    there = table[table["speed_mm_s"].notna()]
+    group = there["group"].astype("string").fillna("") if "group" in there else pd.Series("", index=there.index)
+    for key, rows in there.assign(group=group).groupby(["group", "left_rpm", "right_rpm"], sort=False):
+        label, left, right = cast("tuple[str, float, float]", key)
+        command = " ".join(filter(None, (f"{left:g} / {right:g} rpm", label)))
+        scale = _relative_systematic(rows)
+        for quantity, column, sigma in (
+            ("radius", "radius_mm", "radius_random_mm"),
+            ("speed", "speed_mm_s", "speed_sigma_mm_s"),
+        ):
+            value = pooled(rows[column].abs().to_numpy(float), rows[sigma].to_numpy(float))
+            if np.isfinite(value.mean) and np.isfinite(value.error):
+                levels[f"{quantity}, {command}"] = _level(value, scale * value.mean, camera)
+                units[f"{quantity}, {command}"] = UNITS[quantity]
+    return levels, units
+
+
+def _relative_systematic(rows: pd.DataFrame) -> float:
+    """What the calibration leaves open of a length: that of the radii, which holds for the speeds as well."""
+    share = (rows["radius_systematic_mm"] / rows["radius_mm"]).median()
+    return float(share) if np.isfinite(share) else 0.0
+
+
+def _level(value: Pooled, systematic: float, source: str) -> Level:
+    return Level(value.mean, value.error, value.freedom, systematic, source)
+
+
+def _diagnosed(path: Path) -> list[tuple[str, Level, str]]:
+    """Parameters of the named effects, where a diagnosis stands beside the results; their errors from the intervals."""
+    if not path.is_file():
+        return []
+    found = json.loads(path.read_text(encoding="utf-8"))
+    effects = found["effects"] if found["verdict"] == "effect" else []
+    return [
+        (
+            f"{effect['id']}, {name}",
+            Level(float(said["value"]), (float(said["high"]) - float(said["low"])) / (2 * Z_975), np.inf),
+            "",
+        )
+        for effect in effects
+        for name, said in effect["parameters"].items()
+    ]
