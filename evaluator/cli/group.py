@@ -13,6 +13,7 @@ COMMANDS = {
     "calibrate": ("calibrate", "Solve the camera from gauge images."),
     "check-camera": ("calibrate", "Tell whether a calibration still holds."),
     "dots": ("calibrate", "Find and assign the dots of an image, without a gauge file."),
+    "record": ("record", "Record from a camera, with true times and the start of the motors."),
     "track": ("track", "Track the two marks of one recording."),
     "turning": ("turning", "Measure how a robot turns from a table of its marks."),
     "analyze": ("analyze", "Track, reconstruct and fit every run of an experiment."),

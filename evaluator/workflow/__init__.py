@@ -9,6 +9,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from evaluator.capture.record import Captured, CaptureStart, record_camera
+    from evaluator.capture.watch import watch_marks
     from evaluator.trends.trends import Trends, compare_sessions
     from evaluator.workflow.analysis import Analysis, analyze, compare, pending
     from evaluator.workflow.calibration import Calibrated, calibrate
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
 __all__ = [
     "Analysis",
     "Calibrated",
+    "CaptureStart",
+    "Captured",
     "Check",
     "DiagnosisResult",
     "Outputs",
@@ -55,15 +59,19 @@ __all__ = [
     "plan",
     "prepare_samples",
     "read_scene",
+    "record_camera",
     "render_scene",
     "render_scenes",
     "run_sweep",
     "simulate",
     "steady_turns",
     "track_recording",
+    "watch_marks",
 ]
 
 _HOMES = {
+    "evaluator.capture.record": ("CaptureStart", "Captured", "record_camera"),
+    "evaluator.capture.watch": ("watch_marks",),
     "evaluator.workflow.analysis": ("Analysis", "analyze", "compare", "pending"),
     "evaluator.workflow.calibration": ("Calibrated", "calibrate"),
     "evaluator.workflow.checks": ("Check", "check_experiment"),

@@ -1,0 +1,77 @@
+"""Times of captured frames: the camera's own where it gives them, else when each frame arrived."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+MICRO = 1_000_000  # ticks of a second in files that are written: a thousandth of a frame at 1000 frames/s
+
+
+@dataclass(frozen=True)
+class ClockReport:
+    """What the times of a recording are worth.
+
+    source: "camera" where the driver or the stream stamps every frame, "arrival" where the computer did. interval_s:
+    median; NaN below two frames. jitter_s: standard deviation (robust) of the arrivals about the camera's times; of
+    arrival times about even spacing, which is then the error of every time. dropped: frames missing in gaps.
+    """
+
+    frames: int
+    source: str
+    interval_s: float
+    jitter_s: float
+    dropped: int
+
+
+@dataclass
+class CaptureClock:
+    """Collects the times of frames as they come; gives each its time in the recording, s from the first frame."""
+
+    stamped: bool | None = None  # whether frames bring times; known with the first
+    times_s: list[float] = field(default_factory=list)
+    arrivals_s: list[float] = field(default_factory=list)
+
+    def add(self, stamp_s: float | None, arrived_s: float) -> int | None:
+        """Note a frame; returns its time in microseconds, None where it is not after the one before.
+
+        stamp_s: time that the camera gave it, on any clock, None where it gave none. arrived_s: of the computer.
+        """
+        if self.stamped is None:
+            self.stamped = stamp_s is not None
+        time = stamp_s if self.stamped else arrived_s
+        if time is None or (self.times_s and time <= self.times_s[-1]):
+            return None
+        self.times_s.append(time)
+        self.arrivals_s.append(arrived_s)
+        return round((time - self.times_s[0]) * MICRO)
+
+    def report(self) -> ClockReport:
+        """Sum up."""
+        times, arrivals = np.array(self.times_s), np.array(self.arrivals_s)
+        source = "camera" if self.stamped else "arrival"
+        if len(times) < 2:
+            return ClockReport(len(times), source, float("nan"), float("nan"), 0)
+        steps = np.diff(times)
+        interval = float(np.median(steps))
+        missing = np.maximum(np.rint(steps / interval) - 1, 0)
+        even = np.concatenate([[0.0], np.cumsum((missing + 1) * interval)])
+        delays = arrivals - times if self.stamped else times - times[0] - even
+        return ClockReport(len(times), source, interval, _spread(np.diff(delays)) / np.sqrt(2), int(missing.sum()))
+
+    def in_recording(self, moment_s: float) -> tuple[float, float]:
+        """A moment of the computer's clock as a time of the recording, with its standard uncertainty, s.
+
+        Frames arrive late, never early: the promptest arrival tells how the clocks lie, but for the delay that every
+        frame has (exposure, read-out, transfer). It is not known; about a frame is usual: so much is the uncertainty.
+        """
+        times, arrivals = np.array(self.times_s), np.array(self.arrivals_s)
+        offset = float((arrivals - times).min()) if self.stamped else 0.0
+        report = self.report()
+        return moment_s - offset - self.times_s[0], float(np.hypot(report.interval_s, report.jitter_s))
+
+
+def _spread(values: np.ndarray) -> float:
+    """Standard deviation by the median absolute deviation: one late frame says nothing of the others."""
+    return float(1.4826 * np.median(np.abs(values - np.median(values))))

@@ -1,0 +1,210 @@
+"""Record from a camera: frames, their times, and the start of the motors."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing, nullcontext
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evaluator.capture.clock import MICRO, CaptureClock, ClockReport
+from evaluator.capture.light import LightRegion, light_on
+from evaluator.capture.source import Arrival, Camera
+from evaluator.capture.start import Signal
+from evaluator.capture.writer import TICK, Writer
+from evaluator.errors import InputError
+from evaluator.files import write_text
+from evaluator.progress import Cancelled, Progress, no_progress
+from evaluator.recording import Frame
+from evaluator.recording.layout import Layout
+from evaluator.wording import counted, verb
+
+LOOK_EVERY_S = 1.0
+REST_S = 0.5  # recorded before the motors are told to start: the report needs the robot at rest
+
+
+@dataclass(frozen=True)
+class CaptureStart:
+    """How the start of the motors is known: by a light in view, or by a signal. exposure_s: of a frame, if known."""
+
+    light: LightRegion | None = None
+    exposure_s: float | None = None
+    signal: Signal | None = None
+    rest_s: float = REST_S
+
+
+@dataclass(frozen=True)
+class Captured:
+    """A finished recording: its file (None if nothing was written), its times, and the start, s in the recording.
+
+    start_s, start_sigma_s: NaN where none was asked for or none came; start_note then says why.
+    """
+
+    path: Path | None
+    clock: ClockReport
+    start_s: float = math.nan
+    start_sigma_s: float = math.nan
+    start_note: str = ""
+
+    def sentences(self) -> tuple[str, ...]:
+        """What people need to know of it."""
+        clock = self.clock
+        rate = 1 / clock.interval_s if clock.interval_s else math.nan
+        whose = "of the camera; they arrived" if clock.source == "camera" else "of arrival, which scatter"
+        lost = f"{counted(clock.dropped, 'frame')} {verb(clock.dropped, 'was', 'were')} dropped"
+        said = [f"{counted(clock.frames, 'frame')} at {rate:.4g}/s; {lost if clock.dropped else 'none was dropped'}"]
+        if math.isfinite(clock.jitter_s):
+            scatter = "with a scatter of" if clock.source == "camera" else "by"
+            said.append(f"times are those {whose} {scatter} {1000 * clock.jitter_s:.2g} ms (1 sigma)")
+        if math.isfinite(self.start_s):
+            said.append(f"start_s = {self.start_s:.4f}, known to {1000 * self.start_sigma_s:.2g} ms (1 sigma)")
+        elif self.start_note:
+            said.append(f"start not known: {self.start_note}")
+        return tuple(said)
+
+
+@dataclass
+class _Under:
+    """A recording under way."""
+
+    start: CaptureStart
+    clock: CaptureClock = field(default_factory=CaptureClock)
+    brightness: list[float] = field(default_factory=list)
+    layout: Layout | None = None
+    latest: Frame | None = None
+
+    def take(self, arrival: Arrival) -> tuple[int | None, ...]:
+        """Note the frames of an arrival; their times in microseconds."""
+        times = []
+        for picture in arrival.frames:
+            stamp = None if picture.pts is None or picture.time_base is None else float(picture.pts * picture.time_base)
+            time_us = self.clock.add(stamp, arrival.arrived_s)
+            times.append(time_us)
+            if time_us is not None:
+                self._look(picture, time_us)
+        return tuple(times)
+
+    def _look(self, picture: Any, time_us: int) -> None:
+        if self.layout is None or not self.layout.fits(picture):
+            self.layout = Layout.of(picture)
+        self.latest = self.layout.frame(picture, len(self.clock.times_s) - 1, time_us, TICK, None)
+        if self.start.light is not None:
+            self.brightness.append(self.start.light.brightness(self.latest))
+
+
+def record_camera(
+    source: str | Path,
+    out: Path | str | None,
+    *,
+    seconds: float | None = None,
+    size: str | None = None,
+    rate: float | None = None,
+    pixels: str | None = None,
+    start: CaptureStart | None = None,
+    watch: Callable[[Frame], str] | None = None,
+    progress: Progress = no_progress,
+) -> Captured:
+    """Record until `seconds` have passed, the source ends, or the progress cancels, which ends it as well as time does.
+
+    source: number or device of a camera, an address, or a file as if it were one. out: an .mp4 that is not there yet;
+    None records nothing, to see what the camera gives. What the camera compresses (MJPEG, H.264) is stored as it came,
+    anything else without loss. Beside the file, NAME.capture.json holds what is known of its times and its start.
+    watch: is given a frame about once a second and returns what it saw in a few words, told to the progress.
+    Raises InputError where the source gives nothing or the file cannot be written.
+    """
+    wanted = start or CaptureStart()
+    path = None if out is None else Path(out)
+    send, moment = wanted.signal() if wanted.signal else ((lambda: None), (lambda: None))
+    under = _Under(wanted)
+    with closing(Camera(str(source), size=size, rate=rate, pixels=pixels)) as camera:
+        opened = nullcontext() if path is None else Writer(path, camera.stream)
+        with opened as writer, closing(_Observer(watch)) as observer:
+            try:
+                _run(camera, writer, under, seconds, send, observer, progress)
+            except (Cancelled, KeyboardInterrupt):
+                if not under.clock.times_s:
+                    raise
+    if not under.clock.times_s:
+        raise InputError(f"{source}: gave not a single frame")
+    result = _captured(path, under, moment())
+    if path is not None:
+        content = {"format": 1, "source": str(source), "video": path.name, **asdict(result.clock)}
+        if math.isfinite(result.start_s):
+            content |= {"start_s": result.start_s, "start_sigma_s": result.start_sigma_s}
+        write_text(path.with_suffix(".capture.json"), json.dumps(content, indent=1) + "\n")
+    return result
+
+
+def _run(
+    camera: Camera,
+    writer: Writer | None,
+    under: _Under,
+    seconds: float | None,
+    send: Callable[[], None],
+    observer: _Observer,
+    progress: Progress,
+) -> None:
+    """Take frames until the time has passed or the source ends."""
+    shown = -math.inf
+    for arrival in camera:
+        times_us = under.take(arrival)
+        if writer is not None:
+            first_s = under.clock.arrivals_s[0] if under.clock.arrivals_s else arrival.arrived_s
+            writer.write(arrival.packet, arrival.frames, times_us, round((arrival.arrived_s - first_s) * MICRO))
+        if not under.clock.times_s:
+            continue
+        passed = under.clock.times_s[-1] - under.clock.times_s[0]
+        if passed >= under.start.rest_s:
+            send()
+        if arrival.arrived_s - shown > LOOK_EVERY_S:
+            shown = arrival.arrived_s
+            dropped = f"{under.clock.report().dropped} dropped"
+            progress(
+                "; ".join(filter(None, ["recording", observer.look(under.latest), dropped])), passed, seconds or 0.0
+            )
+        if seconds is not None and passed >= seconds:
+            return
+
+
+class _Observer:
+    """Looks at a frame now and then beside the recording, which must not wait for it."""
+
+    def __init__(self, watch: Callable[[Frame], str] | None) -> None:
+        self._watch = watch
+        self._thread = ThreadPoolExecutor(1)
+        self._looking: Future[str] | None = None
+        self._saw = ""
+
+    def look(self, frame: Frame | None) -> str:
+        """What was seen last; takes the next look unless one is under way."""
+        if self._looking is not None and self._looking.done():
+            self._saw, self._looking = self._looking.result(), None
+        if self._watch is not None and frame is not None and self._looking is None:
+            self._looking = self._thread.submit(self._watch, frame)
+        return self._saw
+
+    def close(self) -> None:
+        """End, without a look that has not begun."""
+        self._thread.shutdown(wait=True, cancel_futures=True)
+
+
+def _captured(path: Path | None, under: _Under, moment_s: float | None) -> Captured:
+    """Sum up, with the start as it was asked for."""
+    clock = under.clock.report()
+    if under.start.light is not None:
+        times = np.array(under.clock.times_s) - under.clock.times_s[0]
+        try:
+            found = light_on(times, np.array(under.brightness), under.start.exposure_s)
+        except InputError as error:
+            return Captured(path, clock, start_note=str(error))
+        return Captured(path, clock, *found)
+    if moment_s is not None:
+        return Captured(path, clock, *under.clock.in_recording(moment_s))
+    note = "the signal did not come" if under.start.signal else ""
+    return Captured(path, clock, start_note=note)

@@ -1,0 +1,87 @@
+"""Cameras and whatever else FFmpeg opens as one: packets as they come, with the moment of their arrival."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import av
+
+from evaluator.errors import InputError
+
+# How FFmpeg names the cameras of a system, and how it is told which one.
+SYSTEM = {"linux": ("v4l2", "/dev/video{}"), "darwin": ("avfoundation", "{}"), "win32": ("dshow", "video={}")}
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """A packet, the frames that it completed, and when it arrived (time.perf_counter, s)."""
+
+    packet: Any
+    frames: tuple[Any, ...]
+    arrived_s: float
+
+
+class Camera:
+    """An opened source; iterate once."""
+
+    def __init__(
+        self, name: str, *, size: str | None = None, rate: float | None = None, pixels: str | None = None
+    ) -> None:
+        """Open a source.
+
+        name: number of a camera of this system, a device, an address or a file. size ("640x480"), rate (frames/s),
+        pixels ("mjpeg", "yuyv422"): asked of a camera. Raises InputError where it cannot be opened or has no video.
+        """
+        self.name = name
+        place, form = _place(name)
+        asked = {"video_size": size, "framerate": None if rate is None else f"{rate:g}"}
+        options = {key: value for key, value in asked.items() if value} if form else {}
+        if form and pixels:
+            options["input_format" if form == "v4l2" else "pixel_format"] = pixels
+        try:
+            self._container = av.open(place, format=form, options=options)
+        except (av.error.FFmpegError, OSError, ValueError) as error:
+            reason = str(getattr(error, "strerror", None) or error).lower()
+            raise InputError(
+                f"{name}: cannot be opened as a camera or a stream ({reason}); is it plugged in, free, and able to "
+                "give this size, rate and pixel format?"
+            ) from error
+        if not self._container.streams.video:
+            self._container.close()
+            raise InputError(f"{name}: gives no video")
+        self.stream: Any = self._container.streams.video[0]
+        self.stream.thread_type = "SLICE"  # frame threads would hold frames back
+
+    def __iter__(self) -> Iterator[Arrival]:
+        """Packets until the source ends or cannot be read any more."""
+        packets = self._container.demux(self.stream)
+        while True:
+            try:
+                packet = next(packets)
+                arrived = time.perf_counter()
+                yield Arrival(packet, tuple(packet.decode()), arrived)
+            except StopIteration:
+                return
+            except av.error.InvalidDataError:
+                continue  # a damaged packet of a camera is a frame lost; the gap in the times tells
+            except (av.error.FFmpegError, OSError):
+                return  # unplugged: what was recorded until now is whole
+
+    def close(self) -> None:
+        """Let go of the camera."""
+        self._container.close()
+
+
+def _place(name: str) -> tuple[str, str | None]:
+    """What FFmpeg is to open, and as what."""
+    form, pattern = SYSTEM.get(sys.platform, SYSTEM["linux"])
+    if name.isdecimal():
+        return pattern.format(name), form
+    if name.startswith("/dev/") and not Path(name).exists():
+        raise InputError(f"{name}: no such camera; is it plugged in?")
+    return name, form if name.startswith("/dev/video") or Path(name).is_char_device() else None

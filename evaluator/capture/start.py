@@ -1,0 +1,89 @@
+"""Telling the motors to start, or being told that they did: each gives the moment on the computer's clock."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+import threading
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TextIO
+
+from evaluator.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+Moment = Callable[[], float | None]  # the moment on time.perf_counter, s; None while there is none yet
+# Prepares the signal (ports are opened, programs found) and gives what sends it and what tells the moment.
+Signal = Callable[[], tuple[Callable[[], None], Moment]]
+
+
+def line_on(stream: TextIO) -> Signal:
+    """A line on a text stream says that the motors were started."""
+
+    def prepare() -> tuple[Callable[[], None], Moment]:
+        seen: list[float] = []
+
+        def wait() -> None:
+            if stream.readline():
+                seen.append(time.perf_counter())
+
+        threading.Thread(target=wait, daemon=True).start()
+        return (lambda: None), (lambda: seen[0] if seen else None)
+
+    return prepare
+
+
+def program(command: str) -> Signal:
+    """Run a program of the user's that starts the motors; the moment is when it was started."""
+
+    def prepare() -> tuple[Callable[[], None], Moment]:
+        import shutil
+
+        words: Sequence[str] = shlex.split(command)
+        if not words or shutil.which(words[0]) is None:
+            raise InputError(f"--start-program {command}: no such program; give its path and its arguments")
+
+        def run() -> None:
+            process = subprocess.Popen(words, stdin=subprocess.DEVNULL)  # noqa: S603  # the user's own program
+            threading.Thread(target=process.wait, daemon=True).start()
+
+        return _once(run)
+
+    return prepare
+
+
+def serial_command(port: str, text: str, baud: int = 115200) -> Signal:
+    """Send a command over a serial port; the moment is when its last byte was handed over."""
+
+    def prepare() -> tuple[Callable[[], None], Moment]:
+        try:
+            import serial  # type: ignore[import-untyped, import-not-found, unused-ignore]
+        except ImportError as error:
+            raise InputError("--start-serial needs pyserial: pip install 'turnscope[record]'") from error
+        try:
+            opened = serial.Serial(port, baud, timeout=1)
+        except (OSError, ValueError) as error:
+            raise InputError(f"--start-serial {port}: cannot be opened ({error})") from error
+
+        def send() -> None:
+            opened.write(text.encode().decode("unicode_escape").encode("latin-1"))
+            opened.flush()
+
+        return _once(send)
+
+    return prepare
+
+
+def _once(action: Callable[[], Any]) -> tuple[Callable[[], None], Moment]:
+    """Do it when first asked; the moment is the middle of the doing."""
+    done: list[float] = []
+
+    def send() -> None:
+        if not done:
+            before = time.perf_counter()
+            action()
+            done.append((before + time.perf_counter()) / 2)
+
+    return send, (lambda: done[0] if done else None)

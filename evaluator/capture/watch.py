@@ -1,0 +1,40 @@
+"""Are the marks seen? One frame looked at, in a few words and an image."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from evaluator.files import read_with, write_image
+from evaluator.recording import Frame
+from evaluator.tracking.detection.find import find_marks
+from evaluator.tracking.settings import TrackingSettings, load_settings
+
+CIRCLE = (255, 64, 160)  # a colour that no plate, wire or mark has
+
+
+def watch_marks(settings: Path | None = None, image: Path | None = None) -> Callable[[Frame], str]:
+    """A function that says which marks a frame shows, and keeps an image of it with circles around them.
+
+    settings: tracking.toml. image: written anew at every call. Raises InputError for settings that cannot be read.
+    """
+    used = TrackingSettings() if settings is None else read_with(load_settings, settings)
+    names = list(used.mark)
+
+    def look(frame: Frame) -> str:
+        if frame.u is None:
+            return "grey frames: no colour to tell marks by"
+        seen, _ = find_marks(frame, used, names)
+        if image is not None:
+            picture = np.ascontiguousarray(frame.to_rgb())
+            for mark in seen.values():
+                center = (round(mark.center_px[0]), round(mark.center_px[1]))
+                cv2.circle(picture, center, round(2 * mark.radius_px + 3), CIRCLE, 2, cv2.LINE_AA)
+            write_image(picture, image)
+        missing = [name for name in names if name not in seen]
+        return f"no {' and no '.join(missing)} mark" if missing else f"{' and '.join(names)} seen"
+
+    return look
