@@ -40,22 +40,23 @@ def sections(
     runs: Sequence[RunView], robot: Robot, cameras: Sequence[Path], diagnosis: DiagnosisView | None, analysis: Analysis
 ) -> tuple[Section, ...]:
     """Every section these runs have something to say in."""
-    turning = [run for run in runs if run.turns]
+    right = [run for run in runs if run.id not in analysis.set_aside]
+    turning = [run for run in right if run.turns]
     there = [
         *diagnosis_sections(diagnosis),
         _figures("trajectories-section", "Trajectories", trajectories(runs)),
         _figures(
             "radius",
             "How tightly it turns",
-            radius_against_difference(runs),
-            radius_against_ratio(runs),
-            radius_by_group(runs),
-            radius_agreement(runs),
+            radius_against_difference(right),
+            radius_against_ratio(right),
+            radius_by_group(right),
+            radius_agreement(right),
             tables=(outline_table(turning),) if turning else (),
         ),
-        _repetitions(runs, analysis),
-        _figures("speed", "How fast it runs straight", straight_speed(runs, robot.wheels.radius_mm)),
-        _wheels(runs, robot),
+        _repetitions(right, analysis),
+        _figures("speed", "How fast it runs straight", straight_speed(right, robot.wheels.radius_mm)),
+        _wheels(right, robot),
         _quality(runs, analysis.notes),
         *(_calibration(path, robot) for path in cameras),
         _run_table(runs),
