@@ -5,11 +5,13 @@ Body frame: x forward, y left, origin midway between the axles (ISO 8855). The f
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from simulator.mark_layout import Mark, Marks, checked_layout, with_default_places
 
 GRAVITY_MM_S2 = 9800.0  # the paper's 9.8 m/s²
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
@@ -63,15 +65,6 @@ class Slip(Table):
     stiffness_basis: Literal["load", "weight"] = "load"
 
 
-class Marks(Table):
-    """Where the green and the yellow mark sit on the robot."""
-
-    green_mm: tuple[Finite, Finite] = (-1.55, 1.83)
-    yellow_mm: tuple[Finite, Finite] = (-1.55, -1.83)
-    diameter_mm: Positive = 1.0
-    height_mm: NotNegative = 6.5
-
-
 class KnownTo(Table):
     """How well geometry is known, 1 sigma; 0 where it is exact; None: as well as callipers and scales tell."""
 
@@ -94,8 +87,29 @@ class NominalRobot(Table):
     magnetic_attraction: MagneticAttraction = MagneticAttraction()
     slip: Slip
     marks: Marks = Marks()
+    mark: tuple[Mark, ...] = ()
     tolerance: dict[str, NotNegative] = Field(default_factory=dict)
     known_to: KnownTo = KnownTo()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_marks(cls, content: Any) -> Any:
+        return with_default_places(content)
+
+    @model_validator(mode="after")
+    def _one_layout(self) -> Self:
+        checked_layout(self.marks, self.mark)
+        return self
+
+    @property
+    def layout(self) -> tuple[Mark, ...]:
+        """All marks, in the order of the file."""
+        return self.mark or self.marks.each()
+
+    @property
+    def points_mm(self) -> dict[str, tuple[float, float]]:
+        """Places of all points that a tracker sees, by name: centres of marks, and corners of tags."""
+        return {name: place for mark in self.layout for name, place in mark.points_mm().items()}
 
     @property
     def weight_uN(self) -> float:

@@ -9,7 +9,7 @@ from typing import Any
 
 from evaluator.files import write_text
 from evaluator.report.diagnosis.view import known_diagnosis
-from evaluator.report.figures.trajectory import LEGEND
+from evaluator.report.figures.trajectory import legend_of
 from evaluator.report.pages.html import Page, page_html
 from evaluator.report.player import player_data
 from evaluator.report.runs import RunView, views_of
@@ -44,7 +44,7 @@ def report_html(analysis: Analysis) -> str:
         faults=analysis.faults,
         sections=sections(runs, robot, _cameras(analysis), diagnosis, analysis),
         player=player_data(runs, robot),
-        legend=LEGEND,
+        legend=legend_of(runs),
         footer=_footer(provenance),
     )
     return page_html(page)

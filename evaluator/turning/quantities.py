@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.pose import MarkGeometry
+from evaluator.mark_geometry import MarkGeometry
 from evaluator.turning.motion.fit import TurnFit
 from evaluator.turning.phases import local_rates
 
@@ -59,22 +60,23 @@ def body_quantities(
     marks: MarkGeometry | None,
     shape: RobotShape | None,
     rpm: tuple[float | None, float | None],
-) -> dict[str, float]:
-    """Radii, speeds and slips of points of the body, by their names in turning.csv; only those that can be known.
+) -> dict[str, Any]:
+    """Radii, speeds and slips of points of the body, by their names in Turning; only those that can be known.
 
     rate: of the path parameter, which scales the motion. rpm: of the left and right driving wheel.
     """
     twist = fit.body_twist(np.zeros(2)) * rate.value
     rotation = np.array([-twist[1], twist[0]]) / twist[2] if twist[2] else np.full(2, NAN)
     turning = not fit.curvature().straight
-    result: dict[str, float] = {}
+    result: dict[str, Any] = {}
     if turning:
         result |= {"rotation_x_mm": float(rotation[0]), "rotation_y_mm": float(rotation[1])}
-    for name, place in (("green", marks.green_mm), ("yellow", marks.yellow_mm)) if marks else ():
+    speeds, radii = {}, {}
+    for name, place in marks.places_mm.items() if marks else ():
         velocity = _velocity(twist, np.array(place))
-        result[f"{name}_speed_mm_s"] = float(np.copysign(np.hypot(*velocity), velocity[0]))
-        if turning:
-            result[f"{name}_radius_mm"] = float(np.linalg.norm(np.array(place) - rotation))
+        speeds[name] = float(np.copysign(np.hypot(*velocity), velocity[0]))
+        radii[name] = float(np.linalg.norm(np.array(place) - rotation)) if turning else NAN
+    result |= {"mark_speeds_mm_s": speeds, "mark_radii_mm": radii}
     if shape is not None and turning:
         wheels = np.array(shape.wheel_positions_mm)
         result["outer_wheel_radius_mm"] = float(np.linalg.norm(wheels - rotation, axis=1).max())

@@ -28,9 +28,11 @@ def is_shared(key: str) -> bool:
 class RunData:
     """One recorded run, whatever its source.
 
-    time_s: (n,) presentation times. marks_mm: (n, 4) green x, y, yellow x, y in the plate frame, NaN where a mark is
-    missing. order: its place in the session, from 0. systematic: (n, 4) by key, what one standard deviation of an error
-    that runs share (of their camera, of how a mark looks) does to the marks, mm.
+    time_s: (n,) presentation times. marks_mm: (n, 4) x, y of the first and of the second mark in the plate frame,
+    NaN where one is missing: the robot's own two, or its reference pair (robot_geometry.reference_marks). line_rad:
+    direction from the second to the first in the body frame. order: its place in the session, from 0. systematic:
+    (n, 4) by key, what one standard deviation of an error that runs share (of their camera, of how a mark looks) does
+    to the marks, mm.
     """
 
     id: str
@@ -42,6 +44,7 @@ class RunData:
     marks_mm: Floats
     order: int
     systematic: Mapping[str, Floats] = field(default_factory=dict)
+    line_rad: float = np.pi / 2
 
     @property
     def command(self) -> tuple[float, float]:

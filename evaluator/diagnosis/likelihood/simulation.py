@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from evaluator.diagnosis.candidates.free_form import FreeTerm
 from evaluator.diagnosis.likelihood.known_to import CLOCK, GRAVITY, LEVEL, RADIUS_DIFFERENCE, START
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Floats, RunData, Task, Values, is_shared
+from evaluator.robot_geometry import reference_places
 from simulator.command import Command
 from simulator.dynamics.model import MODEL, apply_effects, record_of
 from simulator.effects.catalogue import EFFECTS
@@ -195,7 +196,7 @@ class Simulated:
 
     def _compiled(self, kind: int, order: int, nominal: Mapping[str, float], terms: Values) -> Variant:
         robot = varied_robot(self.robots[kind], {key: value for key, value in nominal.items() if not is_shared(key)})
-        view, draft = view_of(robot), Draft(robot, order)
+        view, draft = view_of(robot, reference_places(robot)), Draft(robot, order)
         try:
             apply_effects(draft, robot.effect)
             self._add_known(nominal, draft, view)
@@ -271,7 +272,7 @@ def _seen(poses: Floats, times_s: Floats, variants: Sequence[Variant], frames: N
 
 
 def _look(view: View) -> tuple[object, ...]:
-    return view.green_mm, view.yellow_mm, view.scale, view.keystone_per_mm, view.errors
+    return view.places_mm, view.scale, view.keystone_per_mm, view.errors
 
 
 def _with_shared(marks: Floats, task: Task, run: RunData) -> Floats:

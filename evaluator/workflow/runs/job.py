@@ -70,7 +70,7 @@ class Job:
                 "rate_hz": self.run.rate_hz,
                 "tracking": file_hash(self.tracking) if self.tracking and self.run.video else None,
                 "tracks": self.tracks.model_dump() if self.tracks and self.run.marks else None,
-                "marks": self.robot.marks.model_dump(),
+                "marks": [mark.model_dump() for mark in self.robot.layout],
             }
         )
         command = {name: getattr(self.run, name) for name in ("left_rpm", "right_rpm", "start_s", "stop_s")}
