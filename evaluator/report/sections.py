@@ -54,7 +54,7 @@ def sections(
             tables=(outline_table(turning),) if turning else (),
         ),
         _repetitions(runs, analysis),
-        _figures("speed", "How fast it runs straight", straight_speed(runs, robot.wheels.radius_mm)),
+        _figures("speed", "How fast it runs straight", straight_speed(runs, robot.driving_radius_mm)),
         _wheels(runs, robot),
         _quality(runs, analysis.notes),
         *(_calibration(path, robot) for path in cameras),
