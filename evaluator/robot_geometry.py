@@ -208,7 +208,9 @@ def robot_shape(robot: Robot) -> RobotShape:
     """Outline and wheels, body frame, mm."""
     return RobotShape(
         wheel_positions_mm=tuple((float(x), float(y)) for x, y in robot.wheel_positions_mm()),
-        wheel_radius_mm=robot.wheels.radius_mm,
+        wheel_radius_mm=robot.driving_radius_mm,
         length_mm=robot.body.length_mm,
         width_mm=robot.body.width_mm,
+        wheel_names=robot.wheel_names,
+        driven_by=tuple(wheel.driven_by for wheel in robot.all_wheels),
     )

@@ -56,7 +56,7 @@ def sections(
             tables=(outline_table(turning),) if turning else (),
         ),
         _repetitions(right, analysis),
-        _figures("speed", "How fast it runs straight", straight_speed(right, robot.wheels.radius_mm)),
+        _figures("speed", "How fast it runs straight", straight_speed(right, robot.driving_radius_mm)),
         _wheels(right, robot),
         _quality(runs, analysis.notes),
         *(_calibration(path, robot) for path in cameras),

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 NAN = float("nan")
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
+WITH_SLIP_RATIO = WHEELS[:2]
 # Spectral arc length: published settings of the band and of the amplitude below which the spectrum is noise.
 SMOOTHNESS_BAND_HZ = 10.0
 SMOOTHNESS_AMPLITUDE = 0.05
@@ -24,12 +25,17 @@ SMOOTHNESS_AMPLITUDE = 0.05
 
 @dataclass(frozen=True)
 class RobotShape:
-    """Outline and wheels in the body frame: wheel_positions_mm in the order of WHEELS, body of length by width, mm."""
+    """Outline and wheels in the body frame: wheel_positions_mm in the order of wheel_names, body of length by width.
+
+    driven_by: "left", "right" or "none" of each wheel; wheel_radius_mm: of the driving wheels.
+    """
 
     wheel_positions_mm: tuple[tuple[float, float], ...]
     wheel_radius_mm: float
     length_mm: float
     width_mm: float
+    wheel_names: tuple[str, ...] = WHEELS
+    driven_by: tuple[str, ...] = ("left", "right", "none", "none")
 
     def corners_mm(self) -> Array:
         """Corners of the body, (4, 2)."""
@@ -113,14 +119,22 @@ def with_sigmas(quantities: Callable[[Array], Array], fit: TurnFit, rate: Rate) 
 
 
 def _slips(twist: Array, shape: RobotShape | None, rpm: tuple[float | None, float | None]) -> dict[str, float]:
-    """Slip angles of body and wheels and slip ratios of the driving wheels, for the velocity of the centre."""
+    """Slip angles of body and wheels and slip ratios of the driving wheels, for the velocity of the centre.
+
+    Of wheels, those that have columns in turning.csv: WHEELS, and of slip ratios those of the front pair.
+    """
     result = {"body_slip_angle_deg": slip_angle_deg(twist)}
-    for number, (name, place) in enumerate(zip(WHEELS, shape.wheel_positions_mm if shape else (), strict=False)):
+    commanded = {"left": rpm[0], "right": rpm[1]}
+    for name, place, side in (
+        zip(shape.wheel_names, shape.wheel_positions_mm, shape.driven_by, strict=True) if shape else ()
+    ):
+        if name not in WHEELS:
+            continue
         assert shape is not None  # there would be no wheel
         velocity = _velocity(twist, np.array(place))
         result[f"{name}_slip_angle_deg"] = slip_angle_deg(velocity)
-        speed = rpm[number] if number < 2 else None  # the rear pair rolls freely: its rotation is not known
-        if speed is not None:
+        speed = commanded.get(side)  # the rotation of a wheel that rolls freely is not known
+        if speed is not None and name in WITH_SLIP_RATIO:
             surface = speed * 2 * np.pi / 60 * shape.wheel_radius_mm
             larger = max(abs(velocity[0]), abs(surface))
             result[f"{name}_slip_ratio"] = float((velocity[0] - surface) / larger) if larger else NAN

@@ -78,23 +78,21 @@ def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Q
         ),
         *(_shared(key, f"{mark} mark along {axis} of the robot", "mm", place) for key, mark, axis in _mark_keys(robot)),
     ]
-    radius = robot.wheels.radius_mm
+    radius = robot.driving_radius_mm
     radius_sigma = RADIUS_SHARE * radius if geometry.wheel_radius_mm is None else geometry.wheel_radius_mm
     # a pair of wheels may be wrong alike (one calliper) or each by itself: the mean is known no better than each
     found.append(
         _shared(RADIUS_DIFFERENCE, "radius of the left over the right wheel", "1", 2**0.5 * radius_sigma / radius)
     )
-    lengths = (
-        ("wheels.radius_mm", "radius of the wheels", radius, radius_sigma),
-        ("wheels.wheelbase_mm", "wheelbase", robot.wheels.wheelbase_mm, geometry.wheelbase_mm),
-        ("wheels.track_mm", "track", robot.wheels.track_mm, geometry.track_mm),
-        (
-            "body.mass_g",
-            "mass",
-            robot.body.mass_g,
-            MASS_SHARE * robot.body.mass_g if geometry.mass_g is None else geometry.mass_g,
-        ),
-    )
+    mass = robot.body.mass_g
+    lengths: list[tuple[str, str, float, float | None]]
+    lengths = [("body.mass_g", "mass", mass, MASS_SHARE * mass if geometry.mass_g is None else geometry.mass_g)]
+    if robot.wheels:  # a [[wheel]] list is taken as it is written
+        lengths[:0] = [
+            ("wheels.radius_mm", "radius of the wheels", radius, radius_sigma),
+            ("wheels.wheelbase_mm", "wheelbase", robot.wheels.wheelbase_mm, geometry.wheelbase_mm),
+            ("wheels.track_mm", "track", robot.wheels.track_mm, geometry.track_mm),
+        ]
     attraction = robot.magnetic_attraction
     forces = (
         ("magnetic_attraction.driving_wheel_mN", "attraction of a driving wheel", attraction.driving_wheel_mN),

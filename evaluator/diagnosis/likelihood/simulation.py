@@ -18,7 +18,8 @@ from evaluator.diagnosis.likelihood.known_to import CLOCK, GRAVITY, LEVEL, RADIU
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Floats, RunData, Task, Values, is_shared
 from evaluator.robot_geometry import reference_places
 from simulator.command import Command
-from simulator.dynamics.model import MODEL, apply_effects, record_of
+from simulator.dynamics.model import apply_effects, record_of, room_for
+from simulator.dynamics.record import model_type
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.coordinates import Candidate
 from simulator.effects.draft import Draft
@@ -44,7 +45,7 @@ MOST_VARIANTS = 5000
 class Variant:
     """A robot with nominal values moved and terms added, which many runs share.
 
-    record: compiled at neutral friction, the words of a MODEL, None where it cannot be simulated.
+    record: compiled at neutral friction, the words of a record, None where it cannot be simulated.
     """
 
     record: NDArray[np.int64] | None
@@ -70,6 +71,7 @@ class Simulated:
         self._known = dict(known or {})
         self._start_sigma_s = start_sigma_s
         self.robots: tuple[Robot, ...] = tuple(robots)
+        self._slots = room_for(self.robots)
         self._data = tuple(data)
         self._terms = terms
         self._knots = [Command.constant(*run.command, run.start_s, run.stop_s).knots for run in data]
@@ -115,7 +117,7 @@ class Simulated:
         """Poses (edges[-1], 3) of all tasks, stacked."""
         count = len(tasks)
         own = np.array([task.own for task in tasks])
-        models = np.array([variant.record for variant in variants]).view(MODEL)[:, 0]
+        models = np.array([variant.record for variant in variants]).view(model_type(self._slots))[:, 0]
         _with_friction(models, own)
         states = np.zeros((count, 6))
         states[:, :3] = own[:, :3]
@@ -202,7 +204,7 @@ class Simulated:
             self._add_known(nominal, draft, view)
             for effect, values in terms.items():
                 self._add(effect, values, draft, view)
-            return Variant(record_of(draft).view(np.int64), view)
+            return Variant(record_of(draft, slots=self._slots).view(np.int64), view)
         except SimulationError:
             return Variant(None, view)  # outside what can be simulated; the caller sees NaN and steps back
 

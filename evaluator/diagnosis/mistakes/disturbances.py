@@ -114,7 +114,7 @@ def _stands(run: RunData, robot: Robot) -> bool:
     faster = max(abs(run.left_rpm), abs(run.right_rpm))
     if seconds <= 0 or not faster:
         return False
-    rolled = faster * 2 * np.pi * robot.wheels.radius_mm / 60 * seconds
+    rolled = faster * 2 * np.pi * robot.driving_radius_mm / 60 * seconds
     seen = run.marks_mm[np.isfinite(run.marks_mm).all(axis=1)]
     off = seen - seen[0]
     way = float(np.percentile(np.hypot(off[:, [0, 2]], off[:, [1, 3]]), 95))

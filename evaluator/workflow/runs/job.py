@@ -74,7 +74,8 @@ class Job:
             }
         )
         command = {name: getattr(self.run, name) for name in ("left_rpm", "right_rpm", "start_s", "stop_s")}
-        body = {"body": self.robot.body.model_dump(), "wheels": self.robot.wheels.model_dump()}
+        wheels = [wheel.model_dump(exclude={"slip", "attraction_mN"}) for wheel in self.robot.all_wheels]
+        body = {"body": self.robot.body.model_dump(), "wheels": wheels}
         turn = key_of({"track": track, "command": command, **body})
         simulate = key_of({"turn": turn, "robot": self.robot.model_dump(mode="json"), "order": self.order})
         return {"track": track, "turn": turn, "simulate": simulate}
