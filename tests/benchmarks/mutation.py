@@ -128,7 +128,7 @@ def prepare(*, jit: bool) -> None:
         importlib.import_module(name)
 
 
-def notice_nothing(folder: Path, tests: list[str], limit_s: float, *, quiet: bool = True) -> bool | None:
+def suite_passes(folder: Path, tests: list[str], limit_s: float, *, quiet: bool = True) -> bool | None:
     """Run tests in a copy; None where they took longer than the limit."""
     child = os.fork()
     if child == 0:
@@ -189,7 +189,7 @@ def main() -> int:
         folder = Path(name) / "project"
         shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(".*", "__pycache__", "out"))
         began = time.monotonic()
-        if not notice_nothing(folder, said.tests, 3600, quiet=False):
+        if not suite_passes(folder, said.tests, 3600, quiet=False):
             print("the tests do not pass on the unchanged code")
             return 2
         limit_s = said.limit_s or 3 * (time.monotonic() - began) + 10
@@ -198,7 +198,7 @@ def main() -> int:
             file = folder / mutant.path
             original = file.read_text(encoding="utf-8")
             file.write_text(mutant.text, encoding="utf-8")
-            passed = notice_nothing(folder, said.tests, limit_s)
+            passed = suite_passes(folder, said.tests, limit_s)
             file.write_text(original, encoding="utf-8")
             if passed:
                 survived.append(mutant)
