@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 from scipy.linalg import expm
 
-from evaluator.turning.motion.fit import Curvature, fit_turn, fit_turns, part, scaled_poses
+from evaluator.turning.motion.fit import Curvature, _channel_factor, fit_turn, fit_turns, part, scaled_poses
 from evaluator.turning.motion.least_squares import (
     CORRELATIONS,
     Averaged,
@@ -379,3 +379,14 @@ def test_pieces_of_a_clothoid_have_the_mean_curvature_of_their_path_and_say_how_
     # The even change of 0.1/mm over a path of 6 mm: half of it to either side, times the length.
     assert abs(fit.change_rad[0]) == pytest.approx(0.05 * 6.0, rel=0.02)
     assert abs(fit.change_rad[1]) < 0.01
+
+
+def test_channel_factor_makes_residuals_white_with_two_degrees_of_freedom_for_each_stretch() -> None:
+    rng = np.random.default_rng(8)
+    parts = [rng.normal(size=(30, 2)) @ [[2.0, 0.5], [0.0, 0.3]] for _ in range(3)]
+    factor = _channel_factor(parts)
+    values = np.concatenate(parts) @ factor.T
+    np.testing.assert_allclose(values.T @ values / (90 - 6), np.eye(2), atol=2e-4)
+    exact = [np.column_stack([part[:, 0], 0 * part[:, 0]]) for part in parts]
+    weight = _channel_factor(exact)[1, 1]
+    assert weight**-2 == pytest.approx(1e-6 * np.trace(np.concatenate(exact).T @ np.concatenate(exact)) / 84)

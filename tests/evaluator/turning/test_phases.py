@@ -10,6 +10,7 @@ from evaluator.turning.phases import (
     Rates,
     _left_rest,
     _longest,
+    _reach,
     _settled,
     _slopes,
     _steady,
@@ -174,3 +175,47 @@ def test_a_disturbance_inside_does_not_end_the_steady_turn_and_a_short_lull_does
     assert _settled(near, 0, 11, 2) == 4
     assert _settled(near, 0, 11, 3) == 5  # the middle at the latest
     assert _settled(near, 5, 11, 1) == 5
+
+
+def test_reach_of_a_run_is_that_between_the_medians_of_its_tenths() -> None:
+    line = np.column_stack([np.arange(100.0), np.zeros((100, 2))])
+    assert _reach(line) == pytest.approx(90.0)
+    assert _reach(line[:6]) == pytest.approx(4.0)  # of three pairs
+
+
+@pytest.mark.parametrize(("share", "seen"), [(0.7, False), (1.4, True)])
+def test_phases_of_a_robot_slower_than_eight_deviations_of_its_speed_are_not_told(share: float, seen: bool) -> None:
+    """Of 100 frames the window reaches ten to either side: the slope is known to 0.036 of the noise a frame."""
+    deviation = SIGMA_MM * np.sqrt(12 / (21**3 - 21)) / FRAME_S
+    speed = np.where(np.arange(100) < 50, 0.0, share * 8 * deviation)
+    time, scaled = driven(speed)
+    phases = find_phases(time, scaled, SIGMA_MM)
+    assert np.isfinite(phases.start_s) == seen
+    assert phases.steady_start_s == pytest.approx(1.0 if seen else 0.0, abs=0.25)
+
+
+@pytest.mark.parametrize("sigma_mm", [0.001, 0.003, 0.01, 0.03, 0.1])
+@pytest.mark.parametrize("share", [0.01, 0.05])
+def test_window_is_hardly_longer_than_its_precision_asks(sigma_mm: float, share: float) -> None:
+    time, scaled = driven(np.full(3000, 5.0))
+    found = local_rates(time, scaled, sigma_mm, np.ones(3000, dtype=bool), share=share)
+    widths = 2 * np.arange(2, 301) + 1
+    enough = sigma_mm * np.sqrt(12 / (widths**3.0 - widths)) / FRAME_S <= share * 5.0
+    shortest = 2 + int(np.argmax(enough))
+    assert shortest <= found.half_width <= shortest + 1
+
+
+def test_only_the_second_before_a_start_tells_where_the_robot_rested() -> None:
+    """It was pushed to another place long before: sixty frames before the start, it rests."""
+    scaled = np.zeros((140, 3))
+    scaled[30:, 1] = 20 * SIGMA_MM
+    scaled[100:, 0] = SIGMA_MM * 10 * np.arange(40)
+    assert _left_rest(np.arange(140.0), scaled, SIGMA_MM, 100, 5) == 100.0
+    scaled[60:, 1] = 40 * SIGMA_MM
+    assert np.isnan(_left_rest(np.arange(140.0), scaled, SIGMA_MM, 100, 5))
+
+
+def test_usual_speed_is_that_of_the_middle_half_between_start_and_stop() -> None:
+    speed = np.repeat([9.0, 6.0, 5.0, 7.0, 9.0], [10, 22, 24, 34, 10])
+    assert _steady(rates_of(speed), 10, 89) == (32, 55)
+    assert _steady(rates_of(speed[::-1]), 10, 89) == (44, 67)
