@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from evaluator.capture.record import Captured, CaptureStart, record_camera
+    from evaluator.capture.record import CaptureStart, Captured, record_camera
     from evaluator.capture.watch import watch_marks
     from evaluator.trends.trends import Trends, compare_sessions
     from evaluator.workflow.analysis import Analysis, analyze, compare, pending
@@ -19,7 +19,11 @@ if TYPE_CHECKING:
     from evaluator.workflow.diagnosis.batch import diagnose_each
     from evaluator.workflow.diagnosis.experiment import DiagnosisResult, diagnose
     from evaluator.workflow.diagnosis.planning import Plan, plan
+    from evaluator.workflow.editing.documents import ChangedMeanwhileError, replace_text, version_of
+    from evaluator.workflow.editing.experiments import Edit, edit_experiment, new_table, read_experiment
+    from evaluator.workflow.editing.robots import effects_of, robot_file, with_effects, write_robot
     from evaluator.workflow.exporting import export
+    from evaluator.workflow.frames.decoder import Decoder, Wanted
     from evaluator.workflow.fresh import new_experiment
     from evaluator.workflow.rendering import Rendered, SceneOrder, read_scene, render_scene, render_scenes
     from evaluator.workflow.results.outputs import Outputs
@@ -27,14 +31,21 @@ if TYPE_CHECKING:
     from evaluator.workflow.slip_bench import SlipBench, evaluate_slip, evaluate_virtual_slip
     from evaluator.workflow.sweep import SweepDone, run_sweep
     from evaluator.workflow.tracking import Tracked, track_recording
+    from evaluator.workflow.viewing.curves import run_curves, run_of
+    from evaluator.workflow.viewing.overview import cameras_among, experiments_among, files_named, out_folder, results_state
+    from evaluator.workflow.viewing.results import diagnosis_view, results_view
+    from evaluator.workflow.viewing.sandbox import effect_sliders, robot_sliders, sandbox_motions
 
 __all__ = [
     "Analysis",
     "Calibrated",
     "CaptureStart",
     "Captured",
+    "ChangedMeanwhileError",
     "Check",
+    "Decoder",
     "DiagnosisResult",
+    "Edit",
     "Outputs",
     "Plan",
     "Rendered",
@@ -44,50 +55,80 @@ __all__ = [
     "SweepDone",
     "Tracked",
     "Trends",
+    "Wanted",
     "analyze",
     "calibrate",
+    "cameras_among",
     "check_experiment",
     "compare",
     "compare_sessions",
     "diagnose",
     "diagnose_each",
+    "diagnosis_view",
+    "edit_experiment",
+    "effect_sliders",
+    "effects_of",
     "evaluate_slip",
     "evaluate_virtual_slip",
+    "experiments_among",
     "export",
+    "files_named",
     "new_experiment",
+    "new_table",
+    "out_folder",
     "pending",
     "plan",
     "prepare_samples",
+    "read_experiment",
     "read_scene",
     "record_camera",
     "render_scene",
     "render_scenes",
+    "replace_text",
+    "results_state",
+    "results_view",
+    "robot_file",
+    "robot_sliders",
+    "run_curves",
+    "run_of",
     "run_sweep",
+    "sandbox_motions",
     "simulate",
     "steady_turns",
     "track_recording",
+    "version_of",
     "watch_marks",
+    "with_effects",
+    "write_robot",
 ]
 
 _HOMES = {
-    "evaluator.capture.record": ("CaptureStart", "Captured", "record_camera"),
+    "evaluator.capture.record": ("CaptureStart", "Captured", "record_camera",),
     "evaluator.capture.watch": ("watch_marks",),
-    "evaluator.workflow.analysis": ("Analysis", "analyze", "compare", "pending"),
-    "evaluator.workflow.calibration": ("Calibrated", "calibrate"),
-    "evaluator.workflow.checks": ("Check", "check_experiment"),
-    "evaluator.workflow.demo": ("Samples", "prepare_samples"),
+    "evaluator.workflow.analysis": ("Analysis", "analyze", "compare", "pending",),
+    "evaluator.workflow.calibration": ("Calibrated", "calibrate",),
+    "evaluator.workflow.checks": ("Check", "check_experiment",),
+    "evaluator.workflow.demo": ("Samples", "prepare_samples",),
     "evaluator.workflow.diagnosis.batch": ("diagnose_each",),
-    "evaluator.workflow.diagnosis.experiment": ("DiagnosisResult", "diagnose"),
+    "evaluator.workflow.diagnosis.experiment": ("DiagnosisResult", "diagnose",),
     "evaluator.workflow.exporting": ("export",),
     "evaluator.workflow.fresh": ("new_experiment",),
-    "evaluator.workflow.diagnosis.planning": ("Plan", "plan"),
-    "evaluator.workflow.rendering": ("Rendered", "SceneOrder", "read_scene", "render_scene", "render_scenes"),
+    "evaluator.workflow.diagnosis.planning": ("Plan", "plan",),
+    "evaluator.workflow.rendering": ("Rendered", "SceneOrder", "read_scene", "render_scene", "render_scenes",),
     "evaluator.workflow.results.outputs": ("Outputs",),
-    "evaluator.workflow.simulation": ("simulate", "steady_turns"),
-    "evaluator.workflow.slip_bench": ("SlipBench", "evaluate_slip", "evaluate_virtual_slip"),
-    "evaluator.workflow.sweep": ("SweepDone", "run_sweep"),
-    "evaluator.workflow.tracking": ("Tracked", "track_recording"),
-    "evaluator.trends.trends": ("Trends", "compare_sessions"),
+    "evaluator.workflow.simulation": ("simulate", "steady_turns",),
+    "evaluator.workflow.slip_bench": ("SlipBench", "evaluate_slip", "evaluate_virtual_slip",),
+    "evaluator.workflow.sweep": ("SweepDone", "run_sweep",),
+    "evaluator.workflow.tracking": ("Tracked", "track_recording",),
+    "evaluator.trends.trends": ("Trends", "compare_sessions",),
+    "evaluator.workflow.editing.documents": ("ChangedMeanwhileError", "replace_text", "version_of",),
+    "evaluator.workflow.editing.experiments": ("Edit", "edit_experiment", "new_table", "read_experiment",),
+    "evaluator.workflow.frames.decoder": ("Decoder", "Wanted",),
+    "evaluator.workflow.viewing.overview": ("cameras_among", "experiments_among", "files_named", "out_folder", "results_state",),
+    "evaluator.workflow.viewing.curves": ("run_curves", "run_of",),
+    "evaluator.workflow.viewing.results": ("diagnosis_view", "results_view",),
+    "evaluator.workflow.viewing.sandbox": ("effect_sliders", "robot_sliders", "sandbox_motions",),
+    "evaluator.workflow.editing.robots": ("effects_of", "robot_file", "with_effects", "write_robot",),
 }
 
 
