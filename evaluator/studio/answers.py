@@ -14,6 +14,7 @@ from starlette.responses import JSONResponse, Response
 
 from evaluator.errors import InputError
 from evaluator.studio.folder import Folder
+from evaluator.studio.history import History
 from evaluator.studio.jobs import Jobs
 from evaluator.workflow import ChangedMeanwhileError, Decoder
 
@@ -27,6 +28,7 @@ class Studio:
     folder: Folder
     jobs: Jobs
     decoder: Decoder
+    history: History
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from contextlib import asynccontextmanager
 from importlib.resources import files
 from pathlib import Path
 
+from anyio import to_thread
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import FileResponse, PlainTextResponse, Response
@@ -15,8 +16,9 @@ from starlette.staticfiles import StaticFiles
 
 from evaluator.studio.answers import Studio
 from evaluator.studio.folder import Folder
+from evaluator.studio.history import History
 from evaluator.studio.jobs import Jobs
-from evaluator.studio.routes import home
+from evaluator.studio.routes import home, runs
 from evaluator.studio.security import Guard, Secrets
 from evaluator.workflow import Decoder
 
@@ -26,11 +28,12 @@ STATIC = Path(str(files("evaluator.studio") / "static"))
 def application(root: Path, port: int, secrets: Secrets) -> Guard:
     """The studio of a folder, as an ASGI application. Raises OSError where there is no such folder."""
     folder = Folder(root)
-    studio = Studio(folder, Jobs(folder), Decoder())
+    studio = Studio(folder, Jobs(folder), Decoder(), History())
 
     @asynccontextmanager
     async def living(_: Starlette) -> AsyncIterator[None]:
         studio.jobs.start()
+        await to_thread.run_sync(studio.decoder.start)
         yield
         studio.jobs.close()
         studio.decoder.close()
@@ -39,6 +42,7 @@ def application(root: Path, port: int, secrets: Secrets) -> Guard:
         Route("/", _page),
         Mount("/static", StaticFiles(directory=STATIC)),
         *home.routes(studio),
+        *runs.routes(studio),
     ]
     app = Starlette(routes=routes, lifespan=living, exception_handlers={404: _nothing, 405: _nothing})
     return Guard(app, port, secrets)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from evaluator.capture.record import CaptureStart, Captured, record_camera
+    from evaluator.capture.record import Captured, CaptureStart, record_camera
     from evaluator.capture.watch import watch_marks
     from evaluator.trends.trends import Trends, compare_sessions
     from evaluator.workflow.analysis import Analysis, analyze, compare, pending
@@ -32,7 +32,13 @@ if TYPE_CHECKING:
     from evaluator.workflow.sweep import SweepDone, run_sweep
     from evaluator.workflow.tracking import Tracked, track_recording
     from evaluator.workflow.viewing.curves import run_curves, run_of
-    from evaluator.workflow.viewing.overview import cameras_among, experiments_among, files_named, out_folder, results_state
+    from evaluator.workflow.viewing.overview import (
+        cameras_among,
+        experiments_among,
+        files_named,
+        out_folder,
+        results_state,
+    )
     from evaluator.workflow.viewing.results import diagnosis_view, results_view
     from evaluator.workflow.viewing.sandbox import effect_sliders, robot_sliders, sandbox_motions
 
@@ -103,32 +109,38 @@ __all__ = [
 ]
 
 _HOMES = {
-    "evaluator.capture.record": ("CaptureStart", "Captured", "record_camera",),
+    "evaluator.capture.record": ("CaptureStart", "Captured", "record_camera"),
     "evaluator.capture.watch": ("watch_marks",),
-    "evaluator.workflow.analysis": ("Analysis", "analyze", "compare", "pending",),
-    "evaluator.workflow.calibration": ("Calibrated", "calibrate",),
-    "evaluator.workflow.checks": ("Check", "check_experiment",),
-    "evaluator.workflow.demo": ("Samples", "prepare_samples",),
+    "evaluator.workflow.analysis": ("Analysis", "analyze", "compare", "pending"),
+    "evaluator.workflow.calibration": ("Calibrated", "calibrate"),
+    "evaluator.workflow.checks": ("Check", "check_experiment"),
+    "evaluator.workflow.demo": ("Samples", "prepare_samples"),
     "evaluator.workflow.diagnosis.batch": ("diagnose_each",),
-    "evaluator.workflow.diagnosis.experiment": ("DiagnosisResult", "diagnose",),
+    "evaluator.workflow.diagnosis.experiment": ("DiagnosisResult", "diagnose"),
     "evaluator.workflow.exporting": ("export",),
     "evaluator.workflow.fresh": ("new_experiment",),
-    "evaluator.workflow.diagnosis.planning": ("Plan", "plan",),
-    "evaluator.workflow.rendering": ("Rendered", "SceneOrder", "read_scene", "render_scene", "render_scenes",),
+    "evaluator.workflow.diagnosis.planning": ("Plan", "plan"),
+    "evaluator.workflow.rendering": ("Rendered", "SceneOrder", "read_scene", "render_scene", "render_scenes"),
     "evaluator.workflow.results.outputs": ("Outputs",),
-    "evaluator.workflow.simulation": ("simulate", "steady_turns",),
-    "evaluator.workflow.slip_bench": ("SlipBench", "evaluate_slip", "evaluate_virtual_slip",),
-    "evaluator.workflow.sweep": ("SweepDone", "run_sweep",),
-    "evaluator.workflow.tracking": ("Tracked", "track_recording",),
-    "evaluator.trends.trends": ("Trends", "compare_sessions",),
-    "evaluator.workflow.editing.documents": ("ChangedMeanwhileError", "replace_text", "version_of",),
-    "evaluator.workflow.editing.experiments": ("Edit", "edit_experiment", "new_table", "read_experiment",),
-    "evaluator.workflow.frames.decoder": ("Decoder", "Wanted",),
-    "evaluator.workflow.viewing.overview": ("cameras_among", "experiments_among", "files_named", "out_folder", "results_state",),
-    "evaluator.workflow.viewing.curves": ("run_curves", "run_of",),
-    "evaluator.workflow.viewing.results": ("diagnosis_view", "results_view",),
-    "evaluator.workflow.viewing.sandbox": ("effect_sliders", "robot_sliders", "sandbox_motions",),
-    "evaluator.workflow.editing.robots": ("effects_of", "robot_file", "with_effects", "write_robot",),
+    "evaluator.workflow.simulation": ("simulate", "steady_turns"),
+    "evaluator.workflow.slip_bench": ("SlipBench", "evaluate_slip", "evaluate_virtual_slip"),
+    "evaluator.workflow.sweep": ("SweepDone", "run_sweep"),
+    "evaluator.workflow.tracking": ("Tracked", "track_recording"),
+    "evaluator.trends.trends": ("Trends", "compare_sessions"),
+    "evaluator.workflow.editing.documents": ("ChangedMeanwhileError", "replace_text", "version_of"),
+    "evaluator.workflow.editing.experiments": ("Edit", "edit_experiment", "new_table", "read_experiment"),
+    "evaluator.workflow.frames.decoder": ("Decoder", "Wanted"),
+    "evaluator.workflow.viewing.overview": (
+        "cameras_among",
+        "experiments_among",
+        "files_named",
+        "out_folder",
+        "results_state",
+    ),
+    "evaluator.workflow.viewing.curves": ("run_curves", "run_of"),
+    "evaluator.workflow.viewing.results": ("diagnosis_view", "results_view"),
+    "evaluator.workflow.viewing.sandbox": ("effect_sliders", "robot_sliders", "sandbox_motions"),
+    "evaluator.workflow.editing.robots": ("effects_of", "robot_file", "with_effects", "write_robot"),
 }
 
 

@@ -7,8 +7,9 @@ import { say } from "./say.js";
 
 const SCREENS = {
   home: () => import("./home.js"),
+  runs: () => import("./runs.js"),
 };
-const OF_EXPERIMENT = [];
+const OF_EXPERIMENT = [["runs", "Runs"]];
 const EVERYWHERE = [];
 
 let leaving = new AbortController();
