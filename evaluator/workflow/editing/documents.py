@@ -52,10 +52,13 @@ def change_document(path: Path, version: str, change: Callable[[TOMLDocument], N
     import tomlkit
 
     with _WRITING:
-        document, current = read_document(path)
+        _, current = read_document(path)
         _refuse_other(path, version, current)
+        # Comments at the end of the file belong to none of its tables, and must not go with the last of them.
+        text, ending = _without_ending(path.read_text(encoding="utf-8"))
+        document = tomlkit.parse(text)
         change(document)
-        write_text(path, tomlkit.dumps(document))
+        write_text(path, tomlkit.dumps(document).rstrip("\n") + "\n" + ending)
         return version_of(path)
 
 
@@ -65,6 +68,15 @@ def replace_text(path: Path, version: str, text: str) -> str:
         _refuse_other(path, version, version_of(path))
         write_text(path, text)
         return version_of(path)
+
+
+def _without_ending(text: str) -> tuple[str, str]:
+    """A file's text, and the blank lines and comments it ends with."""
+    lines = text.splitlines(keepends=True)
+    count = len(lines)
+    while count and (not lines[count - 1].strip() or lines[count - 1].lstrip().startswith("#")):
+        count -= 1
+    return "".join(lines[:count]), "".join(lines[count:])
 
 
 def _refuse_other(path: Path, version: str, current: str) -> None:

@@ -169,7 +169,10 @@ def new_table(path: Path, name: str, robot: str, recordings: Sequence[str]) -> N
             row["start_s"] = NEW_START_S
             row["video"] = recording
             runs.append(row)
-        document["run"] = runs
+        if len(runs):
+            document["run"] = runs
+        else:
+            del document["run"]
 
     _, version = read_document(path)
     change_document(path, version, change)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,9 @@ id = "r02"
 left_rpm = 30.0
 right_rpm = 30.0
 video = "gone.mp4"
+
+# [known_to]
+# start_common_s = 0.017
 """
 
 
@@ -100,6 +104,7 @@ def test_rows_are_pasted_removed_and_undone(studio: Serving, folder: Path) -> No
     ]
     table = studio.post(f"{path}/edit", {"version": table["version"], "edits": edits})
     assert [row["id"] for row in table["rows"]] == ["r01", "r03"]
+    assert "# start_common_s = 0.017" in (folder / "experiment.toml").read_text()
     table = studio.post(f"{path}/step", {"version": table["version"], "way": "undo"})
     assert (folder / "experiment.toml").read_text() == EXPERIMENT
     table = studio.post(f"{path}/step", {"version": table["version"], "way": "redo"})
@@ -163,10 +168,8 @@ def test_a_decoder_that_dies_takes_nothing_with_it(folder: Path) -> None:
     decoder.start()
     assert decoder.process_id is not None
     os.kill(decoder.process_id, signal.SIGKILL)
-    try:
-        decoder.frames(Wanted(clip, 3))  # either it was seen to be gone, and started anew …
-    except InputError as error:
-        assert "damaged" in str(error)  # … or it went while it was asked
+    with suppress(InputError):  # it was seen to be gone, and started anew; or it went while it was asked
+        decoder.frames(Wanted(clip, 3))
     assert decoder.frames(Wanted(clip, 4))[0][0] == 4
     decoder.close()
 

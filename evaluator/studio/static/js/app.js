@@ -8,9 +8,12 @@ import { say } from "./say.js";
 const SCREENS = {
   home: () => import("./home.js"),
   runs: () => import("./runs.js"),
+  results: () => import("./results.js"),
+  diagnosis: () => import("./diagnosis.js"),
+  sandbox: () => import("./sandbox.js"),
 };
-const OF_EXPERIMENT = [["runs", "Runs"]];
-const EVERYWHERE = [];
+const OF_EXPERIMENT = [["runs", "Runs"], ["results", "Results"], ["diagnosis", "Diagnosis"], ["sandbox", "Sandbox"]];
+const EVERYWHERE = [["home", "Home"], ["sandbox", "Sandbox"]];
 
 let leaving = new AbortController();
 
@@ -49,11 +52,11 @@ async function show() {
 let names = new Map();
 async function top_bar(screen, id) {
   const bar = document.getElementById("top");
-  const link = ([name, words]) => h("a", { href: id && OF_EXPERIMENT.some(([own]) => own === name) ? `#/x/${id}/${name}` : `#/${name}`, "aria-current": name === screen ? "page" : null }, words);
+  const link = ([name, words]) => h("a", { href: id && OF_EXPERIMENT.some(([own]) => own === name) ? `#/x/${id}/${name}` : name === "home" ? "#/" : `#/${name}`, "aria-current": name === screen ? "page" : null }, words);
   const draw = () => fill(bar,
     h("a", { class: "brand", href: "#/", "aria-label": "turnscope studio, first screen" }, h("img", { src: "/static/icon.svg", alt: "" }), "turnscope"),
     id && h("span", { class: "where" }, names.get(id) ?? ""),
-    h("nav", { "aria-label": "Screens" }, [...(id ? OF_EXPERIMENT : []), ...EVERYWHERE].map(link)));
+    h("nav", { "aria-label": "Screens" }, (id ? OF_EXPERIMENT : EVERYWHERE).map(link)));
   draw();
   if (id && !names.has(id)) {
     try {
