@@ -43,7 +43,6 @@ def page() -> str:
     """The whole page."""
     from calibration.gauge.geometry import Gauge
     from calibration.store import CameraFile
-    from evaluator.robot_geometry import Mark
     from evaluator.settings import Experiment
     from evaluator.tracking.settings import TrackingSettings
     from simulator.rendering.scene import GaugeScene, Scene
@@ -52,7 +51,7 @@ def page() -> str:
 
     files: list[tuple[str, str, list[type[BaseModel]]]] = [
         ("experiment.toml", "Which robot, which camera, which runs.", [Experiment]),
-        ("robot.toml", "The robot; for measuring alone, marks are enough.", [Robot, Mark]),
+        ("robot.toml", "The robot; for measuring alone, marks are enough.", [Robot]),
         ("gauge.toml", "The dot gauge of a calibration.", [Gauge]),
         ("tracking.toml", "What to say about the marks where a recording does not show it.", [TrackingSettings]),
         ("scene.toml", "What `turnscope render` draws: a run, or a gauge.", [Scene, GaugeScene]),
@@ -70,7 +69,7 @@ def page() -> str:
 
 def _place_of(model: type[BaseModel]) -> str:
     """Where a model stands in its file: "" for the whole file."""
-    places: dict[str, str] = {"Mark": "[[mark]]", "GaugeScene": 'kind = "gauge"', "Scene": 'kind = "run"'}
+    places: dict[str, str] = {"GaugeScene": 'kind = "gauge"', "Scene": 'kind = "run"'}
     return places.get(model.__name__, "")
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from evaluator.errors import InputError
 from evaluator.files import read_with
-from evaluator.marks import MARKS, read_marks
+from evaluator.marks import mark_names, read_marks
 from evaluator.settings import Experiment, Run, load_experiment
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.viewing.overview import out_folder
@@ -69,7 +69,7 @@ def run_curves(experiment: Path, run_id: str) -> RunCurves:
 
 def _mark_columns(marks: pd.DataFrame) -> Column:
     wanted = ["frame", "time_s"]
-    for name in MARKS:
+    for name in mark_names(marks):
         wanted += [f"{name}_{part}" for part in ("x_px", "y_px", "x_sigma_px", "x_mm", "y_mm", "x_sigma_mm", "status")]
     return {
         name: marks[name].fillna("").tolist() if name.endswith("status") else marks[name].to_numpy(float)
