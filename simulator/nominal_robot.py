@@ -111,6 +111,7 @@ class KnownTo(Table):
     track_mm: NotNegative | None = None
     mass_g: NotNegative | None = None
     mark_position_mm: NotNegative = 0.05  # of each mark, along each axis
+    mark_height_mm: NotNegative = 0.1  # of all marks above the plate: enters the uncertainty budget
     center_of_gravity_mm: NotNegative = 0.1  # along each axis
     plate_level_deg: NotNegative = 0.3  # along each axis of the plate
 

@@ -19,6 +19,7 @@ from evaluator.report.figures.repetitions import repetitions
 from evaluator.report.figures.speed import straight_speed
 from evaluator.report.figures.trajectory import representative, trajectories
 from evaluator.report.figures.wheel_states import wheel_states_figure
+from evaluator.report.measurement.budget import budget_section
 from evaluator.report.numbers import UNKNOWN, command_text, interval, number, true_minus
 from evaluator.report.pages.html import Section, Table
 from evaluator.report.runs import RunView
@@ -32,7 +33,7 @@ from evaluator.report.tables import (
     standard_sentence,
     table_of_runs,
 )
-from evaluator.workflow import Analysis
+from evaluator.workflow import Analysis, budget_of
 from simulator.robot import Robot
 from simulator.steady import steady_turn
 
@@ -59,6 +60,7 @@ def sections(
         _figures("speed", "How fast it runs straight", straight_speed(right, robot.driving_radius_mm)),
         _wheels(right, robot),
         _quality(runs, analysis.notes),
+        _budget(turning, analysis),
         *(_calibration(path, robot) for path in cameras),
         _run_table(runs),
     ]
@@ -125,6 +127,14 @@ def _quality(runs: Sequence[RunView], notes: dict[str, tuple[str, ...]]) -> Sect
     figures = tuple(figure for figure in (scale_check(runs), lost_frames(runs)) if figure)
     odd = tuple(f"{run}: {'; '.join(found)}." for run, found in notes.items())
     return Section("quality", "How good the measurement is", odd, figures, (table_of_runs(caption, columns, runs),))
+
+
+def _budget(turning: Sequence[RunView], analysis: Analysis) -> Section | None:
+    """The budget of the tightest turn."""
+    if not turning:
+        return None
+    run = min(turning, key=lambda run: run.value("radius_mm"))
+    return budget_section(run, budget_of(analysis.experiment, analysis.outputs, run.id))
 
 
 def _calibration(path: Path, robot: Robot) -> Section:

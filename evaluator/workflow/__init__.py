@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from evaluator.workflow.fresh import new_experiment
     from evaluator.workflow.rendering import Rendered, SceneOrder, read_scene, render_scene, render_scenes
     from evaluator.workflow.results.outputs import Outputs
+    from evaluator.workflow.runs.budget import budget_of
     from evaluator.workflow.simulation import simulate, steady_turns
     from evaluator.workflow.slip_bench import SlipBench, evaluate_slip, evaluate_virtual_slip
     from evaluator.workflow.sweep import SweepDone, run_sweep
@@ -63,6 +64,7 @@ __all__ = [
     "Trends",
     "Wanted",
     "analyze",
+    "budget_of",
     "calibrate",
     "cameras_among",
     "check_experiment",
@@ -122,6 +124,7 @@ _HOMES = {
     "evaluator.workflow.diagnosis.planning": ("Plan", "plan"),
     "evaluator.workflow.rendering": ("Rendered", "SceneOrder", "read_scene", "render_scene", "render_scenes"),
     "evaluator.workflow.results.outputs": ("Outputs",),
+    "evaluator.workflow.runs.budget": ("budget_of",),
     "evaluator.workflow.simulation": ("simulate", "steady_turns"),
     "evaluator.workflow.slip_bench": ("SlipBench", "evaluate_slip", "evaluate_virtual_slip"),
     "evaluator.workflow.sweep": ("SweepDone", "run_sweep"),
