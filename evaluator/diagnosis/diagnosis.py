@@ -186,8 +186,8 @@ def _searched(session: Session, progress: Progress, ends: Ends | None) -> tuple[
         problem = with_noise_of(problem, begin)
         part = replace(part, problem=problem)
         large = is_large(problem, begin)
-    run_search(part, begin, progress, short_horizon_fits(part, start, progress) if large else ())
-    part = _with_settled_noise(part, progress, large=large)
+    run_search(part, begin, start, progress, short_horizon_fits(part, start, progress) if large else ())
+    part = _with_settled_noise(part, start, progress)
     _swap(part)
     return part, start, terms
 
@@ -261,8 +261,12 @@ def _levels(session: Session) -> tuple[float, ...]:
     return tuple(sorted({abs(rpm) for run in session.data for rpm in run.command}))
 
 
-def _with_settled_noise(part: Search, progress: Progress, *, large: bool) -> Search:
-    """The search with the noise that its best model leaves; repeated where a misfit had been taken for noise."""
+def _with_settled_noise(part: Search, nominal: Point, progress: Progress) -> Search:
+    """The search with the noise that its best model leaves; repeated where a misfit had been taken for noise.
+
+    It goes on from its best fits. Under less noise the same misfit is more sigmas, and from the null, or from friction
+    and gains that suited another model, a fit that had converged before may not find its way again.
+    """
     for _ in range(2):
         best = part.fits[part.ranked()[0]]
         point = place_runs(part.problem, best.point, range(len(part.problem.data)), best.posterior.scatter)
@@ -270,9 +274,9 @@ def _with_settled_noise(part: Search, progress: Progress, *, large: bool) -> Sea
         pairs = zip(problem.noise, part.problem.noise, strict=True)
         if np.median([new[0].sigma_mm / old[0].sigma_mm for new, old in pairs]) > SETTLED_NOISE:
             break
-        seeds = [part.fits[ids] for ids in part.ranked()[:RIVALS_KEPT]] if large else []
+        seeds, null = [part.fits[ids] for ids in part.ranked()[:RIVALS_KEPT]], part.null.point
         part = Search(problem, part.terms, part.tolerance, part.runs)
-        run_search(part, Point(point.own), progress, seeds)
+        run_search(part, null, nominal, progress, seeds)
     return part
 
 

@@ -193,10 +193,11 @@ def _fit_from(
         return None
 
 
-def run_search(search: Search, start: Point, progress: Progress, seeds: Sequence[Fit] = ()) -> None:
+def run_search(search: Search, start: Point, nominal: Point, progress: Progress, seeds: Sequence[Fit] = ()) -> None:
     """Fill search.fits with the null, the promising singles, pairs and triples.
 
-    seeds: fits of this experiment that are near already; the search then goes on from them, not from the null.
+    start: of the null. nominal: the model as its file says, start poses aligned. seeds: fits of this experiment that
+    are near already; the search then goes on from them, not from the null.
     """
     search.fits[frozenset()] = fit_model(search.problem, start, [], search.tolerance, search.runs)
     progress("screening", 0.1)
@@ -204,8 +205,9 @@ def run_search(search: Search, start: Point, progress: Progress, seeds: Sequence
         if seed.terms:
             fit_set(search, seed.terms, seed.point.terms, seed)
     if len(search.fits) == 1:
-        _leaps(search, start)
-        _from_the_null(search)
+        _leaps(search, nominal)
+        if len(search.fits) == 1 or search.null.converged:  # a null that did not settle beside a leap that did: no view
+            _from_the_null(search)
     for size in range(1, LARGEST_SET):
         sizes = [ids for ids in (*search.fits, *search.failed) if len(ids) == size and search.reached(ids)]
         beam = sorted(sizes, key=lambda ids: -search.evidence(ids))[: BEAM[size - 1]]
@@ -214,17 +216,17 @@ def run_search(search: Search, start: Point, progress: Progress, seeds: Sequence
             progress(f"{size + 1} effects", 0.3 + 0.7 * (size - 1 + (number + 1) / len(beam)) / (LARGEST_SET - 1))
 
 
-def _leaps(search: Search, start: Point) -> None:
+def _leaps(search: Search, nominal: Point) -> None:
     """Fit the single effects without a derivative from the nominal model.
 
     There the data want a leap as a whole or not at all. The null has bent friction, gains and poses to what it cannot
     do, a robot that stands still where it should move, and from there no leap looks right.
     """
     leaping = [term for term in search.terms.values() if term.stepwise]
-    view = screen(search, start, (), leaping)
+    view = screen(search, nominal, (), leaping)
     for effect, extra in _ordered(view, view.offers)[:LEAPS_REFITTED]:
         fit_set(
-            search, frozenset([effect]), {effect: view.start_of((effect, extra))}, replace(search.null, point=start)
+            search, frozenset([effect]), {effect: view.start_of((effect, extra))}, replace(search.null, point=nominal)
         )
 
 

@@ -56,7 +56,7 @@ def short_horizon_fits(whole: Search, start: Point, progress: Progress) -> list[
     for horizon_s in HORIZONS_S:
         short = with_noise_of(replace(whole.problem, horizon_s=horizon_s), point)
         search = Search(short, whole.terms, whole.tolerance, whole.runs)
-        run_search(search, start, progress, kept)
+        run_search(search, start, start, progress, kept)
         kept = [search.fits[ids] for ids in search.ranked()[:KEPT]]
         point = kept[0].point
     return kept
