@@ -159,7 +159,7 @@ def _best_named(search: Search, families: int) -> tuple[Standing, Set]:
     for _ in range(LARGEST_SET):
         before = best
         for effect in sorted(best):
-            fit_set(search, best - {effect}, {}, search.fits[best])
+            fit_set(search, best - {effect}, {}, search.fits[best], search.explained)
         table = standing(search, families)
         best = kept(search, table, families)
         if best == before:
@@ -287,8 +287,8 @@ def _swap(part: Search) -> None:
         near = sorted((sigmas, other) for other, sigmas in others.items() if other and sigmas < SWAP_SIGMAS)
         for _, other in near[:SWAPS]:
             ids = best - {effect} | {other}
-            if ids not in part.fits and ids not in part.failed:
-                fit_set(part, ids, {}, part.null if len(ids) == 1 else part.fits[best])
+            if ids not in part.fits and ids not in part.failed and not part.exhausted:
+                fit_set(part, ids, {}, part.null if len(ids) == 1 else part.fits[best], part.explained)
 
 
 def _on_all_runs(part: Search, terms: Mapping[str, Candidate]) -> Search:
@@ -300,11 +300,12 @@ def _on_all_runs(part: Search, terms: Mapping[str, Candidate]) -> Search:
     for ids in leading:
         if ids:
             fit_set(whole, ids, part.fits[ids].point.terms, part.fits[ids])
+    explained = whole.explained
     for ids in [ids for ids in leading if len(ids) > 1]:  # for the drop-one tests
         for rest in [ids - {effect} for effect in sorted(ids)]:
             if rest not in whole.fits:
                 origin = part.fits.get(rest) or whole.fits.get(ids) or part.fits[ids]
-                fit_set(whole, rest, {effect: origin.point.terms[effect] for effect in rest}, origin)
+                fit_set(whole, rest, {effect: origin.point.terms[effect] for effect in rest}, origin, explained)
     if leading[0] in whole.failed:  # a run held out is not followed: the verdict stays with those that were fitted
         return Search(part.problem, terms, part.tolerance, part.runs, dict(part.fits))
     return whole
@@ -330,8 +331,8 @@ def _challenge(search: Search, free: Mapping[str, Candidate], progress: Progress
         gains = sorted(((view.evidence(offer) - base, offer) for offer in view.offers), reverse=True)
         hopeless = 0
         for gain, (effect, extra) in gains[:FREE_REFITTED]:
-            if gain < PROMISING_FREE or hopeless == FREE_HOPELESS:
+            if gain < PROMISING_FREE or hopeless == FREE_HOPELESS or search.exhausted:
                 break
-            found = fit_set(search, ids | {effect}, {effect: view.start_of((effect, extra))}, fit)
+            found = fit_set(search, ids | {effect}, {effect: view.start_of((effect, extra))}, fit, search.explained)
             near = found is not None and found.posterior.log_evidence > top - HOPELESS
             hopeless = 0 if near else hopeless + 1
