@@ -18,7 +18,7 @@ from evaluator.diagnosis.mistakes.recognised import Mistake
 from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.marks import COLUMNS, read_marks
-from evaluator.settings import Experiment, KnownTo, Relevant
+from evaluator.settings import Experiment, KnownTo, Relevant, Run
 from simulator.robot import Robot, load_robot
 
 Floats = NDArray[np.float64]
@@ -104,9 +104,11 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
             continue
         inside = slice(int(np.flatnonzero(both)[0]), int(np.flatnonzero(both)[-1]) + 1)
         values = without_outliers(values[inside])
-        data.append(
-            RunData(run.id, run.left_rpm, run.right_rpm, run.start_s, run.stop_s, values[:, 0], values[:, 1:], order)
-        )
+        try:
+            data.append(_run_data(run, order, values[:, 0], values[:, 1:]))
+        except InputError as error:
+            skipped[run.id] = str(error)
+            continue
         used.append(robots[name])
         camera = (cameras or {}).get(run.id)
         sightings.append(
@@ -121,6 +123,17 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
     shared = tuple(replace(run, systematic=error) for run, error in zip(data, errors, strict=True))
     session = without_mistakes(Session(shared, tuple(used), skipped, relevant=experiment.relevant))
     return with_knowledge(session, experiment.known_to)
+
+
+def _run_data(run: Run, order: int, time_s: Floats, marks_mm: Floats) -> RunData:
+    """One run with what its motors were told. Raises InputError for a log that cannot be read."""
+    told, first, last = run.told(), float(time_s[0]), float(time_s[-1])
+    left, right = told.main(first, last)
+    start_s = told.start_s if told.starts_at_rest and told.start_s is not None else first
+    if not told.logged and told.starts_at_rest:
+        start_s = run.start_s
+    single = told.starts_at_rest and len(told.driven) <= 1
+    return RunData(run.id, left, right, start_s, told.stop_s, time_s, marks_mm, order, log=None if single else told)
 
 
 def without_outliers(values: Floats) -> Floats:

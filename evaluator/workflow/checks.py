@@ -53,10 +53,10 @@ def _outside(run: Run) -> str | None:
     try:
         if run.video is not None:
             last = open_recording(run.video, rate_hz=run.rate_hz).expected_s
-            return outside_recording(run, 0.0, last) if last is not None else None
+            return outside_recording(run, run.told(), 0.0, last) if last is not None else None
         if run.marks is not None and program_of(run.marks) == "turnscope":
             time = read_marks(run.marks)["time_s"]
-            return outside_recording(run, float(time.iloc[0]), float(time.iloc[-1]))
+            return outside_recording(run, run.told(), float(time.iloc[0]), float(time.iloc[-1]))
     except (InputError, OSError):
         return None  # said of the file itself
     return None
@@ -132,6 +132,13 @@ def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
         yield f"{path}: holds the {both[0]} mark alone; a pose needs both (its name: [tracks] of {experiment})"
 
 
+def _commands(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+    from evaluator.interchange.commands import from_log
+
+    del experiment
+    yield from _fault(from_log, folder / name)
+
+
 def _fault(load: Callable[[Path], Any], path: Path) -> Iterator[str]:
     from calibration.errors import CalibrationError
     from simulator.errors import SimulationError
@@ -148,4 +155,5 @@ CHECKS: dict[str, Callable[[Path, str, Path], Iterator[str]]] = {
     "tracking": _tracking,
     "video": _video,
     "marks": _marks,
+    "commands": _commands,
 }

@@ -54,7 +54,7 @@ def _predicted_gap(run: RunData, robot: Robot, measured_by: Robot) -> float:
     table = pd.DataFrame(np.column_stack([run.time_s, run.marks_mm]), columns=list(COLUMNS))
     poses = poses_from_marks(table, mark_geometry(measured_by))
     try:
-        _, seen = simulated_poses(robot, run, poses, run.order)
+        _, seen = simulated_poses(robot, run.told, poses, run.order)
     except SimulationError:
         return float("nan")
     return trajectory_gap(poses, seen)["gap_rms_mm"]

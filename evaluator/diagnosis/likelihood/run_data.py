@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.interchange.commands import Told, constant
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -30,7 +31,9 @@ class RunData:
 
     time_s: (n,) presentation times. marks_mm: (n, 4) green x, y, yellow x, y in the plate frame, NaN where a mark is
     missing. order: its place in the session, from 0. systematic: (n, 4) by key, what one standard deviation of an error
-    that runs share (of their camera, of how a mark looks) does to the marks, mm.
+    that runs share (of their camera, of how a mark looks) does to the marks, mm. log: what the motors were told, where
+    it is more than one command from rest; left_rpm and right_rpm are then what was held longest, start_s and stop_s
+    the first and the last moment with a motor on.
     """
 
     id: str
@@ -42,6 +45,12 @@ class RunData:
     marks_mm: Floats
     order: int
     systematic: Mapping[str, Floats] = field(default_factory=dict)
+    log: Told | None = None
+
+    @property
+    def told(self) -> Told:
+        """What the motors were told."""
+        return self.log or constant(self.left_rpm, self.right_rpm, self.start_s, self.stop_s)
 
     @property
     def command(self) -> tuple[float, float]:

@@ -14,9 +14,10 @@ import numpy as np
 import pandas as pd
 
 from calibration.camera import Camera
-from evaluator.comparison import comparison_row, simulated_counterpart
+from evaluator.comparison import comparison_row, simulated_poses
 from evaluator.errors import InputError
 from evaluator.files import read_with, write_table, write_text
+from evaluator.interchange.commands import Told
 from evaluator.interchange.tracks import read_any_marks
 from evaluator.marks import MARKS, read_marks, write_marks
 from evaluator.pose import Poses, poses_from_marks
@@ -24,10 +25,10 @@ from evaluator.progress import Progress, no_progress
 from evaluator.recording import TimingReport, open_recording
 from evaluator.robot_geometry import mark_geometry, robot_shape
 from evaluator.tracking import load_settings, place_on_plate, track
-from evaluator.turning import Turning, measure_turning
 from evaluator.wording import counted
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.runs.job import Job, RunResult, outside_recording
+from evaluator.workflow.runs.phases import Phase, phases_of, rows_of
 from evaluator.workflow.runs.thumbnails import Glimpsed
 
 
@@ -80,15 +81,12 @@ class _Stages:
         return poses_from_marks(marks, mark_geometry(self.job.robot), camera=self.camera)
 
     @cached_property
-    def turning(self) -> Turning:
-        return measure_turning(
-            self.poses,
-            start_s=self.run.start_s,
-            stop_s=self.run.stop_s,
-            shape=robot_shape(self.job.robot),
-            left_rpm=self.run.left_rpm,
-            right_rpm=self.run.right_rpm,
-        )
+    def told(self) -> Told:
+        return self.run.told()
+
+    @cached_property
+    def phases(self) -> tuple[Phase, ...]:
+        return phases_of(self.told, self.poses)
 
     def _track(self) -> tuple[list[Path], dict[str, Any]]:
         path, pictures = self.out.marks(self.run.id), self.out.pictures(self.run.id)
@@ -111,7 +109,7 @@ class _Stages:
         return [path, pictures], {"notes": list(report.notes), "last_s": float(report.last or 0)}
 
     def _turn(self) -> tuple[list[Path], dict[str, Any]]:
-        fault = outside_recording(self.run, float(self.poses.time_s[0]), float(self.poses.time_s[-1]))
+        fault = outside_recording(self.run, self.told, float(self.poses.time_s[0]), float(self.poses.time_s[-1]))
         if fault is not None:
             raise InputError(fault)
         if not self.poses.measured.any():
@@ -119,13 +117,18 @@ class _Stages:
             raise InputError(f"no frame has a pose ({reasons[counts.argmax()]}); does it show both marks?")
         path = self.out.poses(self.run.id)
         write_table(pose_table(self.poses), path)
-        return [path], self.turning.to_row()
+        return [path], {"rows": rows_of(self.phases, self.poses, robot_shape(self.job.robot))}
 
     def _simulate(self) -> tuple[list[Path], dict[str, Any]]:
-        counterpart = simulated_counterpart(self.job.robot, self.run, self.poses, self.job.order)
-        path = self.out.simulated(self.run.id)
-        write_table(counterpart.motion.to_table(), path)
-        return [path], comparison_row(self.record.stages["turn"]["values"], self.poses, counterpart)
+        motion, seen = simulated_poses(self.job.robot, self.told, self.poses, self.job.order)
+        path, shape = self.out.simulated(self.run.id), robot_shape(self.job.robot)
+        write_table(motion.to_table(), path)
+        measured = self.record.stages["turn"]["values"]["rows"]
+        rows = [
+            phase.head | comparison_row(row, phase.of(self.poses), phase.of(seen), phase.measured(seen, shape))
+            for phase, row in zip(self.phases, measured, strict=False)  # a log without a phase has a row all the same
+        ]
+        return [path], {"rows": rows or [{}]}
 
 
 def _refuse_cut(report: TimingReport, promised: int, promised_s: float | None, video: Path) -> None:
