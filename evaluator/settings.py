@@ -71,14 +71,20 @@ class Run(Table):
         return found
 
     def told(self) -> Told:
-        """What the motors were told. Raises InputError where a log cannot be read."""
+        """What the motors were told. Raises InputError where a log, or the clock of the poses, cannot be read."""
         from evaluator.interchange.commands import constant, from_log
 
+        rests, begin_s, stop_s = self.starts_at_rest, self.start_s, self.stop_s
+        if self.poses is not None:  # a clock that counts from 1970: times of a recording begin at nought
+            from evaluator.interchange.poses import clock_zero_s
+
+            zero_s = clock_zero_s(self.poses)
+            begin_s, stop_s = begin_s - zero_s, None if stop_s is None else stop_s - zero_s
         if self.commands is not None:
-            return from_log(self.commands, self.start_s, starts_at_rest=self.starts_at_rest)
+            return from_log(self.commands, begin_s, starts_at_rest=rests)
         assert self.left_rpm is not None  # held by the model of the file
         assert self.right_rpm is not None
-        return constant(self.left_rpm, self.right_rpm, self.start_s, self.stop_s, starts_at_rest=self.starts_at_rest)
+        return constant(self.left_rpm, self.right_rpm, begin_s, stop_s, starts_at_rest=rests)
 
 
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]

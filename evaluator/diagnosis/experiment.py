@@ -129,11 +129,12 @@ def _run_data(run: Run, order: int, time_s: Floats, marks_mm: Floats) -> RunData
     """One run with what its motors were told. Raises InputError for a log that cannot be read."""
     told, first, last = run.told(), float(time_s[0]), float(time_s[-1])
     left, right = told.main(first, last)
-    start_s = told.start_s if told.starts_at_rest and told.start_s is not None else first
-    if not told.logged and told.starts_at_rest:
-        start_s = run.start_s
+    start_s = first
+    if told.starts_at_rest:
+        start_s = told.start_s if told.start_s is not None else run.start_s if run.poses is None else first
     single = told.starts_at_rest and len(told.driven) <= 1
-    return RunData(run.id, left, right, start_s, told.stop_s, time_s, marks_mm, order, log=None if single else told)
+    known = (run.id, left, right, start_s, told.stop_s, time_s, marks_mm, order)
+    return RunData(*known, log=None if single else told, from_poses=run.poses is not None)
 
 
 def without_outliers(values: Floats) -> Floats:

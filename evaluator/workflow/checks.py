@@ -132,6 +132,13 @@ def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
         yield f"{path}: holds the {both[0]} mark alone; a pose needs both (its name: [tracks] of {experiment})"
 
 
+def _poses(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+    from evaluator.interchange.poses import read_poses
+
+    del experiment
+    yield from _fault(read_poses, folder / name)
+
+
 def _commands(folder: Path, name: str, experiment: Path) -> Iterator[str]:
     from evaluator.interchange.commands import from_log
 
@@ -155,5 +162,6 @@ CHECKS: dict[str, Callable[[Path, str, Path], Iterator[str]]] = {
     "tracking": _tracking,
     "video": _video,
     "marks": _marks,
+    "poses": _poses,
     "commands": _commands,
 }

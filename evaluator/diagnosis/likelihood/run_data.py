@@ -33,7 +33,7 @@ class RunData:
     missing. order: its place in the session, from 0. systematic: (n, 4) by key, what one standard deviation of an error
     that runs share (of their camera, of how a mark looks) does to the marks, mm. log: what the motors were told, where
     it is more than one command from rest; left_rpm and right_rpm are then what was held longest, start_s and stop_s
-    the first and the last moment with a motor on.
+    the first and the last moment with a motor on. from_poses: marks stand for poses: their distance says nothing.
     """
 
     id: str
@@ -46,6 +46,7 @@ class RunData:
     order: int
     systematic: Mapping[str, Floats] = field(default_factory=dict)
     log: Told | None = None
+    from_poses: bool = False
 
     @property
     def told(self) -> Told:

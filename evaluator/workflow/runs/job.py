@@ -46,7 +46,9 @@ class Job:
 
     @property
     def camera(self) -> Path | None:
-        """The camera that places the marks; marks given in mm need none."""
+        """The camera that places the marks; marks given in mm need none, and poses neither."""
+        if self.run.poses is not None:
+            return None
         if self.run.marks is not None:
             unit = self.tracks.unit if self.tracks else None
             if unit not in (None, "px") or program_of(self.run.marks) == "turnscope":
@@ -150,8 +152,10 @@ def outdated_stages(job: Job) -> list[str]:
 
 
 def step_of(job: Job, stage: str) -> str:
-    """A stage of a job in a word: marks that are given are read, not tracked."""
-    return "read marks" if stage == "track" and job.run.marks is not None else stage
+    """A stage of a job in a word: marks or poses that are given are read, not tracked."""
+    if stage != "track" or job.run.video is not None:
+        return stage
+    return "read marks" if job.run.marks is not None else "read poses"
 
 
 def known_result(job: Job) -> RunResult | None:

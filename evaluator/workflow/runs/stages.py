@@ -18,6 +18,7 @@ from evaluator.comparison import comparison_row, simulated_poses
 from evaluator.errors import InputError
 from evaluator.files import read_with, write_table, write_text
 from evaluator.interchange.commands import Told
+from evaluator.interchange.poses import poses_of, read_poses, with_marks
 from evaluator.interchange.tracks import read_any_marks
 from evaluator.marks import MARKS, read_marks, write_marks
 from evaluator.pose import Poses, poses_from_marks
@@ -78,6 +79,8 @@ class _Stages:
     @cached_property
     def poses(self) -> Poses:
         marks = read_marks(self.out.marks(self.run.id))
+        if self.run.poses is not None:
+            return poses_of(marks)
         return poses_from_marks(marks, mark_geometry(self.job.robot), camera=self.camera)
 
     @cached_property
@@ -94,7 +97,11 @@ class _Stages:
             height_mm = self.job.robot.marks.height_mm
             write_marks(read_any_marks(self.run.marks, self.job.tracks, self.camera, height_mm), path)
             return [path], {}
-        assert self.run.video is not None  # either, says the model of the file
+        if self.run.poses is not None:
+            found = read_poses(self.run.poses)
+            write_marks(with_marks(found.table, mark_geometry(self.job.robot)), path)
+            return [path], {"notes": found.notes()}
+        assert self.run.video is not None  # one of the three, says the model of the file
         assert self.camera is not None
         # One decoder thread: the other cores have runs of their own.
         recording = Glimpsed(open_recording(self.run.video, rate_hz=self.run.rate_hz, threads=1))
