@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from evaluator.errors import InputError
+    from evaluator.mark_geometry import MarkGeometry
     from evaluator.marks import read_marks, write_marks
-    from evaluator.pose import MarkGeometry, Poses, poses_from_marks
+    from evaluator.pose import Poses, poses_from_marks
     from evaluator.progress import Cancelled, Progress
     from evaluator.recording import open_recording
     from evaluator.report.build import write_report
@@ -65,7 +66,8 @@ __all__ = [
 _HOMES = {
     "evaluator.errors": ("InputError",),
     "evaluator.marks": ("read_marks", "write_marks"),
-    "evaluator.pose": ("MarkGeometry", "Poses", "poses_from_marks"),
+    "evaluator.mark_geometry": ("MarkGeometry",),
+    "evaluator.pose": ("Poses", "poses_from_marks"),
     "evaluator.progress": ("Cancelled", "Progress"),
     "evaluator.recording": ("open_recording",),
     "evaluator.report.build": ("write_report",),

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from evaluator.interchange.commands import Told
-from evaluator.pose import MarkGeometry, Poses, poses_from_marks
+from evaluator.mark_geometry import MarkGeometry
+from evaluator.pose import Poses, poses_from_marks
 from evaluator.robot_geometry import mark_geometry
 from evaluator.turning import Turning
 from simulator.effects.view import View
@@ -35,8 +36,6 @@ STRAIGHT_MM = 1e6  # rounding bends a simulated straight line; over 100 mm of pl
 BESIDE = (
     "speed_mm_s",
     "yaw_rate_deg_s",
-    "green_speed_mm_s",
-    "yellow_speed_mm_s",
     "body_slip_angle_deg",
     "front_left_slip_ratio",
     "front_right_slip_ratio",
@@ -67,7 +66,7 @@ def resting_pose(
     view: View, geometry: MarkGeometry, measured: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """The true pose (mm, mm, rad) at which marks seen in a view lie on those of a measured pose, by least squares."""
-    plain = View(geometry.green_mm, geometry.yellow_mm)
+    plain = View(tuple(geometry.places_mm.values()))
     target = np.concatenate(plain.marks(*measured))
 
     def misfit(pose: Array) -> Array:
@@ -118,7 +117,8 @@ def comparison_row(turning: dict[str, Any], poses: Poses, seen: Poses, read: Tur
         row[f"{stem}_low_mm"], row[f"{stem}_high_mm"] = turning[f"{stem}_low_mm"], turning[f"{stem}_high_mm"]
         row[f"simulated_{name}"] = simulated[name]
         row[f"{stem}_difference_percent"] = 100 * (simulated[name] / turning[name] - 1)
-    for name in BESIDE:
+    of_marks = [name for name in turning if name.endswith("_speed_mm_s") and name in simulated]
+    for name in (*BESIDE[:2], *of_marks, *BESIDE[2:]):
         row[name], row[f"simulated_{name}"] = turning[name], simulated[name]
     return {**row, **trajectory_gap(poses, seen)}
 

@@ -1,21 +1,21 @@
-"""marks CSV: the two marks on the plane of the marks, plate frame, mm, over presentation time.
+"""marks CSV: marks on the plane of the marks, plate frame, mm, over presentation time.
 
-A marks table is a pandas DataFrame with at least COLUMNS; what turnscope's tracker writes has more: frame,
-green_x_sigma_mm …, green_status, yellow_status. A missing mark is NaN in the table and an empty cell in the file.
+A marks table is a pandas DataFrame with time_s and NAME_x_mm, NAME_y_mm for every mark; what turnscope's tracker writes
+has more: frame, NAME_x_sigma_mm …, NAME_status. A missing mark is NaN in the table and an empty cell in the file.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from evaluator.errors import InputError
 from evaluator.files import write_table
 
-MARKS = ("green", "yellow")
-COLUMNS = ("time_s", "green_x_mm", "green_y_mm", "yellow_x_mm", "yellow_y_mm")
 # Whatever lies beyond is no measurement: a thousand kilometres, and thirty thousand years of seconds (a clock that
 # counts nanoseconds since 1970 is beyond it too). Squares of lengths within stay far from the limits of a float.
 LARGEST_MM = 1e9
@@ -23,15 +23,39 @@ LATEST_S = 1e12
 NUMBERS = ("_mm", "_mm2", "_px")  # how the names of columns of numbers end
 
 
-def read_marks(path: Path, needed: tuple[str, ...] = COLUMNS) -> pd.DataFrame:
-    """Read a marks CSV; only the columns `needed` have to be there. Raises InputError for a file that is not one."""
+def columns_of(names: Iterable[str], unit: str = "mm") -> list[str]:
+    """Columns of the places of some marks."""
+    return [f"{name}_{axis}_{unit}" for name in names for axis in "xy"]
+
+
+def mark_names(table: pd.DataFrame, unit: str = "mm") -> tuple[str, ...]:
+    """Marks that a table holds, in its order."""
+    names = [str(name).removesuffix(f"_x_{unit}") for name in table if str(name).endswith(f"_x_{unit}")]
+    return tuple(name for name in names if f"{name}_y_{unit}" in table)
+
+
+def points_of(table: pd.DataFrame, names: Iterable[str], unit: str = "mm") -> NDArray[np.float64]:
+    """Places (n, m, 2) of some marks; NaN where a mark is missing."""
+    return np.stack([table[columns_of([name], unit)].to_numpy(float) for name in names], axis=1)
+
+
+def read_marks(path: Path, names: Iterable[str] | None = None) -> pd.DataFrame:
+    """Read a marks CSV. Raises InputError for a file that is not one.
+
+    names: marks that have to be there, in mm, of three and more two of them; without, time_s and nothing else.
+    """
     try:
         table = pd.read_csv(path, skipinitialspace=True)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
-    require_columns(table, str(path), needed)
+    if "time_s" not in table:
+        raise InputError(f"{path}: column time_s is missing; a marks CSV has {_described(names or ['NAME'])}")
+    if names is not None:
+        names = list(names)
+        there = [name for name in names if set(columns_of([name])) <= set(table)]
+        require_marks(table, str(path), there if len(there) > 1 else names)
     numeric = [name for name in table if name == "time_s" or str(name).endswith(NUMBERS)]
     for name in numeric:
         values = pd.to_numeric(table[name], errors="coerce")
@@ -44,17 +68,22 @@ def read_marks(path: Path, needed: tuple[str, ...] = COLUMNS) -> pd.DataFrame:
     return table
 
 
-def require_columns(table: pd.DataFrame, name: str, needed: tuple[str, ...] = COLUMNS) -> None:
-    """Refuse a table without the columns needed; name: of the table, for the message. Raises InputError."""
+def require_marks(table: pd.DataFrame, name: str, marks: Iterable[str]) -> None:
+    """Refuse a table without the marks needed, in mm; name: of the table, for the message. Raises InputError."""
+    needed = ["time_s", *columns_of(marks := list(marks))]
     missing = [column for column in needed if column not in table]
     if not missing:
         return
-    if all(column in table or column.replace("_mm", "_px") in table for column in COLUMNS):
+    if all(column in table or column.replace("_mm", "_px") in table for column in needed):
         raise InputError(
             f"{name}: the marks are in px, and only a camera tells where on the plate they are; track with --camera "
             "or call evaluator.place_on_plate(table, camera, height_mm)"
         )
-    raise InputError(f"{name}: column {', '.join(missing)} is missing; a marks CSV has {', '.join(COLUMNS)}")
+    raise InputError(f"{name}: column {', '.join(missing)} is missing; a marks CSV has {_described(marks)}")
+
+
+def _described(marks: Iterable[str]) -> str:
+    return ", ".join(["time_s", *columns_of(marks)])
 
 
 def check_marks(table: pd.DataFrame, path: Path) -> None:

@@ -1,11 +1,13 @@
-"""Pose of the robot from its two marks: centre and heading with covariance, on the plane of the marks.
+"""Pose of the robot from its marks: centre and heading with covariance, on the plane of the marks.
 
-Plate frame, mm; heading counter-clockwise from +x and unwrapped. The distance between the marks is rigid: it checks
-each frame (a frame whose distance stands out is absent with that reason) and the scale of the whole recording.
+Plate frame, mm; heading counter-clockwise from +x and unwrapped. The distances between the marks are rigid: they check
+each frame (a mark whose distances stand out is left out, and with it a frame of which no two marks remain) and the
+scale of the whole recording. One mark alone has a path, but no heading.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,10 +15,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from calibration.camera import Camera
-from calibration.frames import plate_from_body
 from evaluator.errors import InputError
-from evaluator.marks import require_columns
+from evaluator.mark_geometry import ONE_PLACE_MM, ROUNDING_SIGMA_MM, MarkGeometry
+from evaluator.marks import points_of, require_marks
 from evaluator.pose_systematic import systematic_shifts
+from evaluator.rigid_fit import fitted_poses, learnt_places, odd_points, pose_jacobian, robust_sigma
 
 Array = NDArray[np.float64]
 
@@ -24,33 +27,8 @@ OK = "ok"
 # A rigid distance that stands out by more than this many robust standard deviations is no Gaussian accident: one frame
 # in 5e8 would. Correlation between frames does not change that share.
 SPACING_LIMIT_SIGMA = 6.0
-# Marks CSV carry six decimals of a millimetre: the rounding error of one coordinate, the least sigma a file can have.
-ROUNDING_SIGMA_MM = 1e-6 / np.sqrt(12)
-GAUSSIAN_SIGMA_PER_MAD = 1.4826
-# Marks nearer than this, the rounding of four coordinates, are one place: no heading.
-ONE_PLACE_MM = 10 * ROUNDING_SIGMA_MM
 NEIGHBOURS = 31  # frames whose common heading tells that one of them, or up to fifteen, is turned about
-
-
-@dataclass(frozen=True)
-class MarkGeometry:
-    """Where the two marks sit on the robot: body frame, mm; height_mm above the plate (needed with a camera only)."""
-
-    green_mm: tuple[float, float]
-    yellow_mm: tuple[float, float]
-    height_mm: float | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse marks that coincide: they carry no heading."""
-        if not self.spacing_mm > ONE_PLACE_MM:
-            raise InputError(
-                f"marks: green and yellow are both at {self.green_mm}; two different places give a heading"
-            )
-
-    @property
-    def spacing_mm(self) -> float:
-        """Distance between the marks."""
-        return float(np.hypot(self.green_mm[0] - self.yellow_mm[0], self.green_mm[1] - self.yellow_mm[1]))
+NO_HEADING = "no heading: one mark shows where it is, not where the robot points"
 
 
 @dataclass(frozen=True)
@@ -60,7 +38,8 @@ class Poses:
     time_s, x_mm, y_mm, heading_rad: (n,). covariance: (n, 3, 3) of (x, y, heading), what is random from frame to frame.
     systematic: (n, 3, k), shift of every pose by one standard deviation of each of k independent errors common to all
     frames: of the camera, and of the marks' centres where they come from pictures; None without a camera. spacing_mm:
-    (n,) measured distance of the marks.
+    (n,) measured distance of the two marks that are farthest apart. Of a robot with a single mark x_mm and y_mm are
+    the places of that mark and no frame has a heading.
     """
 
     time_s: Array
@@ -93,9 +72,10 @@ class Poses:
         NaN, NaN without geometry. The error is that of the middle half of the frames taken as independent: a floor.
         """
         spacing = self.spacing_mm[self.measured] if len(self.spacing_mm) == len(self.time_s) else np.empty(0)
+        spacing = spacing[np.isfinite(spacing)]
         if self.geometry is None or len(spacing) < 2:
             return float("nan"), float("nan")
-        scatter = _robust_sigma(spacing)
+        scatter = robust_sigma(spacing)
         nominal = self.geometry.spacing_mm
         # 1.2533: the median of Gaussian values scatters sqrt(pi/2) times as much as their mean.
         return float(np.median(spacing) / nominal), float(1.2533 * scatter / np.sqrt(len(spacing)) / nominal)
@@ -104,34 +84,39 @@ class Poses:
 def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera | None = None) -> Poses:
     """Reconstruct centre and heading from a marks table (evaluator.marks), frame by frame.
 
-    Weighted least squares of a rigid body: heading from the direction between the marks, position from their weighted
-    mean. Uncertainties come from the sigma columns (`green_x_sigma_mm`, …, `green_xy_cov_mm2`) or, where the table has
-    none, from the scatter of the rigid distance itself. A frame with a missing mark is NaN with the mark's reason.
+    Weighted least squares of a rigid body; of three and more marks two must be seen. Uncertainties come from the sigma
+    columns (NAME_x_sigma_mm, …, NAME_xy_cov_mm2) or, where the table has none, from the scatter of the rigid distance
+    itself. A frame with fewer than two marks is NaN with the reason of one that is missing.
     With a camera the poses also carry what its uncertainty does to them (needs geometry.height_mm).
     Raises InputError for a table whose marks are not placed on the plate.
     """
-    require_columns(marks, "marks")
-    time = marks["time_s"].to_numpy(float)
-    green, yellow = (marks[[f"{m}_x_mm", f"{m}_y_mm"]].to_numpy(float) for m in ("green", "yellow"))
-    spacing = np.hypot(*(green - yellow).T)
-    status = _status(marks, green, yellow, spacing)
+    geometry = geometry.seen_in(marks)
+    names = geometry.names
+    require_marks(marks, "marks", names)
+    time, points = marks["time_s"].to_numpy(float), points_of(marks, names)
+    if len(names) == 1:
+        return _path_of_one(marks, time, points, geometry)
+    spacing = _spacing(points, geometry)
+    status = _status(marks, names, points)
+    _take_out_odd(status, points)
     good = status == OK
-    covariances = _mark_covariances(marks, spacing, good)
-    weight = _green_weight(covariances, good)
-    green, yellow = (np.where(good[:, None], points, np.nan) for points in (green, yellow))
-    pose = _pose_of(green, yellow, geometry, weight)
+    covariances = _mark_covariances(marks, names, spacing[good & np.isfinite(spacing)])
+    weights = _weights(covariances, points, good)
+    points = np.where(good[:, None, None], points, np.nan)
+    places = learnt_places(points, geometry.places(), weights)
+    pose = fitted_poses(points, places, weights)
     jump = _heading_jumps(time, pose[:, 2])
     status[jump] = "heading turned about for a moment: marks exchanged?"
     pose[jump] = np.nan
     pose[:, 2] = unwrapped_across_gaps(time, pose[:, 2])
-    jacobian = _pose_jacobian(green, yellow, pose[:, 2], geometry, weight)
+    jacobian = pose_jacobian(points, pose[:, 2], places, weights)
     covariance = np.einsum("nmia,nmab,nmjb->nij", jacobian, covariances, jacobian)
     systematic = None
     if camera is not None:
         if geometry.height_mm is None:
             raise InputError("marks: their height above the plate carries the camera's uncertainty; say height_mm")
-        points = {"green": green, "yellow": yellow}
-        systematic = systematic_shifts(marks, points, jacobian, pose[:, 2], covariances, geometry.height_mm, camera)
+        by_name = {name: points[:, k] for k, name in enumerate(names)}
+        systematic = systematic_shifts(marks, by_name, jacobian, pose[:, 2], covariances, geometry.height_mm, camera)
     return Poses(
         time_s=time,
         x_mm=pose[:, 0],
@@ -143,6 +128,17 @@ def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera
         geometry=geometry,
         systematic=systematic,
     )
+
+
+def _path_of_one(marks: pd.DataFrame, time: Array, points: Array, geometry: MarkGeometry) -> Poses:
+    """Places of the only mark, without a heading."""
+    covariance = np.full((len(time), 3, 3), np.nan)
+    covariance[:, :2, :2] = _mark_covariances(marks, geometry.names, np.empty(0))[:, 0]
+    status = _status(marks, geometry.names, points)
+    status[status == OK] = NO_HEADING
+    nothing = np.full(len(time), np.nan)
+    x, y = points[:, 0].T
+    return Poses(time, x, y, nothing, covariance, status.astype(str), nothing, geometry)
 
 
 def unwrapped_across_gaps(time_s: Array, heading_rad: Array) -> Array:
@@ -165,20 +161,37 @@ def unwrapped_across_gaps(time_s: Array, heading_rad: Array) -> Array:
     return result
 
 
-def _status(marks: pd.DataFrame, green: Array, yellow: Array, spacing: Array) -> NDArray[np.object_]:
+def _spacing(points: Array, geometry: MarkGeometry) -> Array:
+    """Distance (n,) of the two marks that are farthest apart on the robot."""
+    first, second = (geometry.names.index(name) for name in geometry.farthest_pair())
+    return np.asarray(np.hypot(*(points[:, first] - points[:, second]).T))
+
+
+def _status(marks: pd.DataFrame, names: Sequence[str], points: Array) -> NDArray[np.object_]:
+    """OK where enough marks are seen, else why the first of those that are missing is absent."""
     status = np.full(len(marks), OK, dtype=object)
-    for name, points in (("yellow", yellow), ("green", green)):
-        absent = ~np.isfinite(points).all(axis=1)
+    seen: NDArray[np.bool_] = np.isfinite(points).all(axis=2)  # type: ignore[assignment]
+    few: NDArray[np.bool_] = np.asarray(seen.sum(axis=1) < min(2, len(names)))
+    for k, name in reversed(list(enumerate(names))):
+        absent = few & ~seen[:, k]
         reason = marks[f"{name}_status"].to_numpy(str) if f"{name}_status" in marks else np.full(len(marks), "absent")
         status[absent] = [f"{name}: {text if text not in ('nan', '', OK) else 'absent'}" for text in reason[absent]]
-    status[(status == OK) & ~(spacing > ONE_PLACE_MM)] = "both marks are in one place: no heading"
-    there = status == OK
-    if there.sum() >= 3:
-        usual = float(np.median(spacing[there]))
-        limit = SPACING_LIMIT_SIGMA * max(_robust_sigma(spacing[there]), np.sqrt(2) * ROUNDING_SIGMA_MM)
-        odd = there & (np.abs(spacing - usual) > limit)
-        status[odd] = [f"marks {d:.3f} mm apart, {usual:.3f} in the other frames" for d in spacing[odd]]
     return status
+
+
+def _take_out_odd(status: NDArray[np.object_], points: Array) -> None:
+    """Take out marks whose distances stand out, and say why of frames that keep no two of them; in place."""
+    low, high = np.nanmin(points, axis=1, initial=np.inf), np.nanmax(points, axis=1, initial=-np.inf)
+    extent = np.asarray(np.hypot(*(high - low).T))
+    all_of = "both" if points.shape[1] == 2 else "the"
+    status[(status == OK) & ~(extent > ONE_PLACE_MM)] = f"{all_of} marks are in one place: no heading"
+    there = status == OK
+    wrong, refused = odd_points(
+        np.where(there[:, None, None], points, np.nan), SPACING_LIMIT_SIGMA, np.sqrt(2) * ROUNDING_SIGMA_MM
+    )
+    points[wrong] = np.nan
+    for row, (distance, usual) in refused.items():
+        status[row] = f"marks {distance:.3f} mm apart, {usual:.3f} in the other frames"
 
 
 def _heading_jumps(time: Array, heading: Array) -> NDArray[np.bool_]:
@@ -195,12 +208,12 @@ def _heading_jumps(time: Array, heading: Array) -> NDArray[np.bool_]:
     return result
 
 
-def _mark_covariances(marks: pd.DataFrame, spacing: Array, good: NDArray[np.bool_]) -> Array:
-    """Covariance of both marks, (n, 2, 2, 2), mm²: green first."""
-    result = np.zeros((len(marks), 2, 2, 2))
-    scatter = _robust_sigma(spacing[good]) if good.sum() >= 3 else 0.0
+def _mark_covariances(marks: pd.DataFrame, names: Sequence[str], spacing: Array) -> Array:
+    """Covariance of every mark, (n, m, 2, 2), mm²; spacing: distances of two of them in the frames that have a pose."""
+    result = np.zeros((len(marks), len(names), 2, 2))
+    scatter = robust_sigma(spacing) if len(spacing) >= 3 else 0.0
     unknown = max(scatter / np.sqrt(2), ROUNDING_SIGMA_MM)  # the distance holds one coordinate of each mark
-    for index, name in enumerate(("green", "yellow")):
+    for index, name in enumerate(names):
         for axis, letter in enumerate("xy"):
             column = f"{name}_{letter}_sigma_mm"
             sigma = marks[column].to_numpy(float) if column in marks else np.full(len(marks), np.nan)
@@ -215,36 +228,12 @@ def _mark_covariances(marks: pd.DataFrame, spacing: Array, good: NDArray[np.bool
     return result
 
 
-def _green_weight(covariances: Array, good: NDArray[np.bool_]) -> float:
-    """Weight of the green mark in the position: one for the run, lest a wrong spacing make the centre jump."""
-    if not good.any():
-        return 0.5
-    green, yellow = np.median(np.trace(covariances[good], axis1=2, axis2=3), axis=0)
-    return float(yellow / (green + yellow))
-
-
-def _pose_of(green: Array, yellow: Array, geometry: MarkGeometry, weight: float) -> Array:
-    body_green, body_yellow = np.array(geometry.green_mm), np.array(geometry.yellow_mm)
-    across, body_across = green - yellow, body_green - body_yellow
-    heading = np.arctan2(across[:, 1], across[:, 0]) - np.arctan2(body_across[1], body_across[0])
-    mean = weight * green + (1 - weight) * yellow
-    body_mean = weight * body_green + (1 - weight) * body_yellow
-    center = mean - plate_from_body(body_mean, 0.0, 0.0, heading)
-    return np.column_stack([center, heading])
-
-
-def _pose_jacobian(green: Array, yellow: Array, heading: Array, geometry: MarkGeometry, weight: float) -> Array:
-    """Derivative of (x, y, heading) by green and by yellow: (n, 2, 3, 2)."""
-    across = green - yellow
-    by_green = np.stack([-across[:, 1], across[:, 0]], axis=1) / (across**2).sum(axis=1)[:, None]
-    body_mean = weight * np.array(geometry.green_mm) + (1 - weight) * np.array(geometry.yellow_mm)
-    lever = plate_from_body(np.array([-body_mean[1], body_mean[0]]), 0.0, 0.0, heading)  # d(R m)/d(heading)
-    result = np.empty((len(green), 2, 3, 2))
-    for index, (share, turn) in enumerate(((weight, by_green), (1 - weight, -by_green))):
-        result[:, index, :2] = share * np.eye(2) - lever[:, :, None] * turn[:, None, :]
-        result[:, index, 2] = turn
-    return result
-
-
-def _robust_sigma(values: Array) -> float:
-    return float(GAUSSIAN_SIGMA_PER_MAD * np.median(np.abs(values - np.median(values))))
+def _weights(covariances: Array, points: Array, good: NDArray[np.bool_]) -> Array:
+    """Weight of every mark in the pose: one for the run, lest a wrong spacing make the centre jump."""
+    traces = np.trace(covariances, axis1=2, axis2=3)
+    seen = np.isfinite(points).all(axis=2) & good[:, None]
+    scatter = np.array([np.median(traces[rows, k]) if rows.any() else np.inf for k, rows in enumerate(seen.T)])
+    if not np.isfinite(scatter).any():
+        return np.full(len(scatter), 1 / len(scatter))
+    weights = 1 / scatter
+    return np.asarray(weights / weights.sum())

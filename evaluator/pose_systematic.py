@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from calibration.camera import Camera
 from calibration.frames import plate_from_body
+from evaluator.marks import columns_of
 
 Array = NDArray[np.float64]
 
@@ -39,23 +40,26 @@ def systematic_shifts(
 ) -> Array:
     """Shifts (n, 3, k) of the poses by one standard deviation of each of k independent errors common to all frames.
 
-    points_mm: green and yellow, (n, 2) each. jacobian: (n, 2, 3, 2), derivative of the pose by either mark.
-    covariances: (n, 2, 2, 2) of the marks, mm². Marks without picture columns have errors of the camera alone.
+    points_mm: of every mark, (n, 2) each. jacobian: (n, m, 3, 2), derivative of the pose by each mark, 0 by one that
+    is not seen. covariances: (n, m, 2, 2) of the marks, mm². Marks without picture columns have errors of the camera
+    alone.
     """
-    by_camera = camera_shifts(marks, points_mm, height_mm, camera)
-    result = jacobian[:, 0] @ by_camera[:, 0] + jacobian[:, 1] @ by_camera[:, 1]
-    if "green_x_px" not in marks:
-        return result
-    common = common_error_mm(marks, points_mm["green"], points_mm["yellow"], covariances)
-    single = _single_error_mm(covariances[np.isfinite(points_mm["green"]).all(axis=1)])
-    in_picture = PICTURE_SHARE * single * np.concatenate([jacobian[:, 0], jacobian[:, 1]], axis=2)
+    by_camera = np.nan_to_num(camera_shifts(marks, points_mm, height_mm, camera))
+    count = len(points_mm)
+    result = sum((jacobian[:, k] @ by_camera[:, k] for k in range(1, count)), jacobian[:, 0] @ by_camera[:, 0])
+    if not all(f"{name}_x_px" in marks for name in points_mm):
+        return np.asarray(result)
+    common = common_error_mm(marks, points_mm, covariances)
+    seen = sum(np.isfinite(place).all(axis=1).astype(int) for place in points_mm.values())
+    single = _single_error_mm(covariances[np.asarray(seen) >= 2])
+    in_picture = PICTURE_SHARE * single * np.concatenate([jacobian[:, k] for k in range(count)], axis=2)
     return np.concatenate([result, _fixed_to_body(jacobian, heading_rad, common), in_picture], axis=2)
 
 
 def camera_shifts(marks: pd.DataFrame, points_mm: dict[str, Array], height_mm: float, camera: Camera) -> Array:
-    """Shifts (n, 2, 2, k) of green and yellow by one standard deviation of each independent error of the camera, mm.
+    """Shifts (n, m, 2, k) of the marks by one standard deviation of each independent error of the camera, mm.
 
-    points_mm: green and yellow, (n, 2) each; NaN where a mark is missing.
+    points_mm: of every mark, (n, 2) each; NaN where it is missing.
     """
     errors = _independent_errors(camera)
     return np.stack(
@@ -64,20 +68,25 @@ def camera_shifts(marks: pd.DataFrame, points_mm: dict[str, Array], height_mm: f
                 lambda at: camera.plate_sensitivity(at, height_mm) @ errors,
                 _picture_points(marks, name, points_mm[name], height_mm, camera),
             )
-            for name in ("green", "yellow")
+            for name in points_mm
         ],
         axis=1,
     )
 
 
-def common_error_mm(marks: pd.DataFrame, green: Array, yellow: Array, covariances: Array) -> float:
-    """Standard uncertainty of a mark's centre that all frames of a tracked recording share, per axis."""
-    picture = marks[["green_x_px", "green_y_px", "yellow_x_px", "yellow_y_px"]].to_numpy(float)
+def common_error_mm(marks: pd.DataFrame, points_mm: dict[str, Array], covariances: Array) -> float:
+    """Standard uncertainty of a mark's centre that all frames of a tracked recording share, per axis.
+
+    covariances: (n, m, 2, 2) of the marks, mm². The scale comes from the first two marks.
+    """
+    first, second = list(points_mm)[:2]
+    picture = marks[[*columns_of([first], "px"), *columns_of([second], "px")]].to_numpy(float)
     apart_px = np.hypot(*(picture[:, :2] - picture[:, 2:]).T)
-    there = np.isfinite(green).all(axis=1) & np.isfinite(apart_px)
+    apart_mm = np.hypot(*(points_mm[first] - points_mm[second]).T)
+    there = np.isfinite(apart_mm) & np.isfinite(apart_px)
     if not there.any():
         return 0.0
-    mm_per_px = float(np.median(np.hypot(*(green - yellow)[there].T) / apart_px[there]))
+    mm_per_px = float(np.median(apart_mm[there] / apart_px[there]))
     return float(np.hypot(COMMON_SHARE * _single_error_mm(covariances[there]), COMMON_PX * mm_per_px))
 
 
@@ -87,9 +96,11 @@ def _single_error_mm(covariances: Array) -> float:
 
 
 def _fixed_to_body(jacobian: Array, heading: Array, error_mm: float) -> Array:
-    """Pose shifts (n, 3, 4) by an error of either mark along either axis of the body."""
+    """Pose shifts (n, 3, 2m) by an error of each mark along either axis of the body."""
     axes = plate_from_body(np.eye(2)[None], 0.0, 0.0, np.asarray(heading)[:, None])  # (n, axis, plate)
-    return error_mm * np.concatenate([jacobian[:, mark] @ np.swapaxes(axes, 1, 2) for mark in range(2)], axis=2)
+    return error_mm * np.concatenate(
+        [jacobian[:, mark] @ np.swapaxes(axes, 1, 2) for mark in range(jacobian.shape[1])], axis=2
+    )
 
 
 def _independent_errors(camera: Camera) -> Array:

@@ -9,59 +9,26 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from calibration.frames import plate_from_body
 from evaluator.errors import InputError
-from evaluator.files import read_with
-from evaluator.pose import MarkGeometry
+from evaluator.files import explain, read_with
+from evaluator.mark_geometry import MarkGeometry
+from evaluator.marks import columns_of
+from evaluator.pose import NO_HEADING, poses_from_marks
+from evaluator.tracking.settings import MarkSettings, TrackingSettings, load_settings, with_marks
 from evaluator.turning import RobotShape
+from simulator.mark_layout import Mark, Marks, checked_layout
 from simulator.robot import Robot, shipped_robot_text, shipped_robots
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Array = NDArray[np.float64]
 MM_PER_M = 1000.0
-
-
-class Table(BaseModel):
-    """A table of marks: unknown keys are errors; lengths may be given in m instead of mm."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _in_mm(cls, content: Any) -> Any:
-        if not isinstance(content, dict):
-            return content
-        result = dict(content)
-        for key, value in content.items():
-            name = f"{key}m"
-            if key.endswith("_m") and name in cls.model_fields and name not in content:
-                result[name] = _times_1000(value)
-                del result[key]
-        return result
-
-
-class Marks(Table):
-    """[marks]: the green and the yellow one."""
-
-    green_mm: tuple[Finite, Finite]
-    yellow_mm: tuple[Finite, Finite]
-    diameter_mm: Positive = 1.0
-    height_mm: NotNegative = 6.5
-
-
-class Mark(Table):
-    """One [[mark]] of any name."""
-
-    name: str
-    x_mm: Finite
-    y_mm: Finite
-    diameter_mm: Positive = 1.0
-    height_mm: NotNegative = 6.5
-    kind: str = "color"
 
 
 class MeasuredRobot(BaseModel):
@@ -78,22 +45,36 @@ class MeasuredRobot(BaseModel):
     def _has_marks(self) -> MeasuredRobot:
         if self.marks is None and not self.mark:
             raise ValueError("there is neither [marks] nor [[mark]]; say where the marks sit on the robot")
-        if self.marks is not None and self.mark:
-            raise ValueError("there are both [marks] and [[mark]]; keep one of them")
+        if not checked_layout(self.marks or Marks(), self.mark):
+            raise ValueError("[marks] places no mark; say where each sits, NAME_mm = [x, y]")
         return self
+
+    @property
+    def layout(self) -> tuple[Mark, ...]:
+        """All marks, in the order of the file."""
+        return self.mark or (self.marks or Marks()).each()
 
 
 @dataclass(frozen=True)
 class RobotGeometry:
-    """Places of the marks by name, in the order of the file, their height above the plate, and the shape if known."""
+    """Marks in the order of the file, all at one height above the plate, and the shape if known."""
 
-    places_mm: dict[str, tuple[float, float]]
-    height_mm: float
+    layout: tuple[Mark, ...]
     shape: RobotShape | None = None
 
-    def of_pair(self, first: str, second: str) -> MarkGeometry:
-        """Geometry of two marks, the first of which is called green in what follows."""
-        return MarkGeometry(self.places_mm[first], self.places_mm[second], self.height_mm)
+    @property
+    def height_mm(self) -> float:
+        """Height of the marks above the plate."""
+        return self.layout[0].height_mm
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the marks."""
+        return tuple(mark.name for mark in self.layout)
+
+    def marks(self) -> MarkGeometry:
+        """What poses are reconstructed from: the marks, and the corners of tags."""
+        return MarkGeometry(_points(self.layout), height_mm=self.height_mm)
 
 
 def load_measured(name_or_path: Path) -> MeasuredRobot:
@@ -115,13 +96,8 @@ def read_geometry(name_or_path: Path) -> RobotGeometry:
     Raises SimulationError for an unknown name, else InputError that names file, place and remedy.
     """
     said = read_with(load_measured, name_or_path)
-    if said.marks is not None:
-        places = {"green": said.marks.green_mm, "yellow": said.marks.yellow_mm}
-        return RobotGeometry(places, said.marks.height_mm, _shape(said))
-    heights = {mark.height_mm for mark in said.mark}
-    if len(heights) > 1:
-        raise InputError(f"{name_or_path}: marks of different heights {sorted(heights)}; measuring needs equal ones")
-    return RobotGeometry({mark.name: (mark.x_mm, mark.y_mm) for mark in said.mark}, heights.pop(), _shape(said))
+    _equal_heights(said.layout, str(name_or_path))
+    return RobotGeometry(said.layout, _shape(said))
 
 
 def _shape(said: MeasuredRobot) -> RobotShape | None:
@@ -143,23 +119,98 @@ def _length(table: dict[str, Any], name: str) -> float:
     raise KeyError(name)
 
 
-def _times_1000(value: Any) -> Any:
-    if isinstance(value, list):
-        return [_times_1000(item) for item in value]
-    return value * MM_PER_M if isinstance(value, (int, float)) else value
+def sought(robot: RobotGeometry, said: TrackingSettings | None) -> TrackingSettings:
+    """What a tracker is to look for: what tracking.toml says, and for what it leaves open the marks of the robot.
+
+    Raises InputError for a mark whose colour neither of them says.
+    """
+    said = said or TrackingSettings()
+    of_robot = {mark.name: mark for mark in robot.layout}
+    try:
+        if "mark" not in said.model_fields_set:
+            said = with_marks(said, {name: MarkSettings(kind=mark.kind, id=mark.id) for name, mark in of_robot.items()})
+    except ValidationError as error:
+        raise InputError(f"{explain(error, load_settings)} in a tracking.toml (--settings)") from error
+    changes: dict[str, Any] = {}
+    body = tuple(name for name in of_robot if name in said.mark)
+    if said.body is None:
+        changes["body"] = body if len(body) > 1 else None
+    if "distance_diameters" not in said.model_fields_set and len(body) == len(said.mark) == 2:
+        diameter = sum(of_robot[name].diameter_mm for name in body) / len(body)
+        changes["distance_diameters"] = robot.marks().only(body).spacing_mm / diameter
+    return said.model_copy(update=changes)
 
 
 def mark_geometry(robot: Robot) -> MarkGeometry:
-    """Where the marks are: body frame and height above the plate, mm."""
-    marks = robot.marks
-    return MarkGeometry(green_mm=marks.green_mm, yellow_mm=marks.yellow_mm, height_mm=marks.height_mm)
+    """Where the marks are: body frame and height above the plate, mm. Raises InputError for different heights."""
+    _equal_heights(robot.layout, robot.name)
+    return MarkGeometry(robot.points_mm, height_mm=robot.layout[0].height_mm)
+
+
+def marks_height_mm(robot: Robot) -> float:
+    """Height of the marks above the plate. Raises InputError for different heights."""
+    _equal_heights(robot.layout, robot.name)
+    return robot.layout[0].height_mm
+
+
+def reference_pair(robot: Robot) -> tuple[str, str] | None:
+    """The two marks (or corners of a tag) of a robot that are farthest apart; None of a robot with one mark."""
+    return mark_geometry(robot).farthest_pair() if len(robot.points_mm) > 1 else None
+
+
+def reference_places(robot: Robot) -> list[tuple[float, float]]:
+    """Places of the reference pair, body frame. Raises InputError for a robot with a single mark."""
+    pair = reference_pair(robot)
+    if pair is None:
+        raise InputError(f"{robot.name}: {NO_HEADING}; two marks are needed")
+    return [robot.points_mm[name] for name in pair]
+
+
+def reference_line(robot: Robot) -> Array:
+    """From the second to the first of the reference pair, (2,), body frame."""
+    first, second = reference_places(robot)
+    return np.asarray(np.array(first) - np.array(second))
+
+
+def reference_marks(table: pd.DataFrame, robot: Robot) -> pd.DataFrame:
+    """The table of a robot's two marks; of more, time_s and the reference pair as all of them together show it.
+
+    What hides one of three marks leaves the pair whole. Raises InputError for a robot with a single mark.
+    """
+    pair = reference_pair(robot)
+    if pair is None:
+        raise InputError(f"{robot.name}: {NO_HEADING}; two marks are needed")
+    if len(robot.points_mm) == len(pair):
+        return table
+    geometry = mark_geometry(robot)
+    poses = poses_from_marks(table, geometry)
+    usual = np.nanmedian(poses.spacing_mm) if np.isfinite(poses.spacing_mm).any() else geometry.spacing_mm
+    size = np.where(np.isfinite(poses.spacing_mm), poses.spacing_mm, usual) / geometry.spacing_mm
+    middle = geometry.places().mean(axis=0)
+    found = pd.DataFrame({"time_s": poses.time_s})
+    for name in pair:
+        place = middle + size[:, None] * (np.array(geometry.places_mm[name]) - middle)
+        found[columns_of([name])] = plate_from_body(place, poses.x_mm, poses.y_mm, poses.heading_rad)
+    return found
+
+
+def _points(layout: tuple[Mark, ...]) -> dict[str, tuple[float, float]]:
+    return {name: place for mark in layout for name, place in mark.points_mm().items()}
+
+
+def _equal_heights(layout: tuple[Mark, ...], name: str) -> None:
+    heights = {mark.height_mm for mark in layout}
+    if len(heights) > 1:
+        raise InputError(f"{name}: marks of different heights {sorted(heights)}; measuring needs equal ones")
 
 
 def robot_shape(robot: Robot) -> RobotShape:
     """Outline and wheels, body frame, mm."""
     return RobotShape(
         wheel_positions_mm=tuple((float(x), float(y)) for x, y in robot.wheel_positions_mm()),
-        wheel_radius_mm=robot.wheels.radius_mm,
+        wheel_radius_mm=robot.driving_radius_mm,
         length_mm=robot.body.length_mm,
         width_mm=robot.body.width_mm,
+        wheel_names=robot.wheel_names,
+        driven_by=tuple(wheel.driven_by for wheel in robot.all_wheels),
     )

@@ -1,15 +1,19 @@
 """The nominal robot: body, wheels, attraction, slip law and marks, in the words and units of robot.toml.
 
-Body frame: x forward, y left, origin midway between the axles (ISO 8855). The front pair drives, the rear pair rolls.
+Body frame: x forward, y left (ISO 8855); its origin is the robot's centre, the point whose path is measured. [wheels]
+is short for four wheels around it, of which the front pair drives and the rear pair rolls; [[wheel]] lists any others.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from simulator.mark_layout import Mark, Marks, checked_layout, with_default_places
+from simulator.units import in_standard_units
 
 GRAVITY_MM_S2 = 9800.0  # the paper's 9.8 m/s²
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
@@ -20,23 +24,29 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class Table(BaseModel):
-    """A table of robot.toml: unknown keys are errors, values never change."""
+    """A table of robot.toml: unknown keys are errors, values never change; a key's unit may be another of its kind."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _in_standard_units(cls, content: Any) -> Any:
+        return in_standard_units(content, cls.model_fields) if isinstance(content, dict) else content
+
 
 class Body(Table):
-    """Mass and outer dimensions; a uniform box where no yaw inertia is given."""
+    """Mass and outer dimensions; a uniform box where no yaw inertia is given, which is about the centre of gravity."""
 
     mass_g: Positive
     length_mm: Positive
     width_mm: Positive
     height_mm: Positive
     yaw_inertia_g_mm2: Positive | None = None
+    center_of_gravity_mm: tuple[Finite, Finite] = (0.0, 0.0)
 
 
 class Wheels(Table):
-    """Wheel centres at (±wheelbase/2, ±track/2)."""
+    """Four wheels with their centres at (±wheelbase/2, ±track/2)."""
 
     wheelbase_mm: Positive
     track_mm: Positive
@@ -63,13 +73,34 @@ class Slip(Table):
     stiffness_basis: Literal["load", "weight"] = "load"
 
 
-class Marks(Table):
-    """Where the green and the yellow mark sit on the robot."""
+class Wheel(Table):
+    """One support: a wheel, driven by the left or the right command or rolling freely, or a caster or ball.
 
-    green_mm: tuple[Finite, Finite] = (-1.55, 1.83)
-    yellow_mm: tuple[Finite, Finite] = (-1.55, -1.83)
-    diameter_mm: Positive = 1.0
-    height_mm: NotNegative = 6.5
+    Casters and balls carry load and roll any way without friction. attraction_mN: force toward the plate, added to the
+    weight share. slip: a law of its own; without it, that of [slip].
+    """
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]  # begins the names of columns
+    x_mm: Finite
+    y_mm: Finite
+    radius_mm: Positive
+    driven_by: Literal["left", "right", "none"] = "none"
+    attraction_mN: NotNegative = 0.0
+    support: Literal["wheel", "caster", "ball"] = "wheel"
+    slip: Slip | None = None
+
+    @model_validator(mode="after")
+    def _casters_are_not_driven(self) -> Self:
+        if not self.grips and self.driven_by != "none":
+            raise ValueError(f'{self.name}: a {self.support} is driven by "none"; a driven support is a "wheel"')
+        if not self.grips and self.slip is not None:
+            raise ValueError(f"{self.name}: a {self.support} rolls any way, so that it has no slip law")
+        return self
+
+    @property
+    def grips(self) -> bool:
+        """Whether friction acts on it: not on casters and balls."""
+        return self.support == "wheel"
 
 
 class KnownTo(Table):
@@ -90,12 +121,42 @@ class NominalRobot(Table):
     format: Literal[1]
     name: str
     body: Body
-    wheels: Wheels
+    wheels: Wheels | None = None
     magnetic_attraction: MagneticAttraction = MagneticAttraction()
+    wheel: tuple[Wheel, ...] = ()
     slip: Slip
     marks: Marks = Marks()
+    mark: tuple[Mark, ...] = ()
     tolerance: dict[str, NotNegative] = Field(default_factory=dict)
     known_to: KnownTo = KnownTo()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_marks(cls, content: Any) -> Any:
+        return with_default_places(content)
+
+    @model_validator(mode="after")
+    def _one_layout(self) -> Self:
+        checked_layout(self.marks, self.mark)
+        return self
+
+    @property
+    def layout(self) -> tuple[Mark, ...]:
+        """All marks, in the order of the file."""
+        return self.mark or self.marks.each()
+
+    @property
+    def points_mm(self) -> dict[str, tuple[float, float]]:
+        """Places of all points that a tracker sees, by name: centres of marks, and corners of tags."""
+        return {name: place for mark in self.layout for name, place in mark.points_mm().items()}
+
+    @model_validator(mode="after")
+    def _has_wheels(self) -> Self:
+        if self.wheels is None and not self.wheel:
+            raise ValueError("there is neither [wheels] nor [[wheel]]; say where the wheels are")
+        if self.wheel:
+            _check_list(self)
+        return self
 
     @property
     def weight_uN(self) -> float:
@@ -108,7 +169,66 @@ class NominalRobot(Table):
         body = self.body
         return body.yaw_inertia_g_mm2 or body.mass_g * (body.length_mm**2 + body.width_mm**2) / 12
 
+    @property
+    def all_wheels(self) -> tuple[Wheel, ...]:
+        """Every support: the [[wheel]] list, or the four wheels of [wheels] in the order of WHEELS."""
+        if self.wheels is None:
+            return self.wheel
+        return four_wheels(
+            *(self.wheels.wheelbase_mm, self.wheels.track_mm, self.wheels.radius_mm),
+            *(self.magnetic_attraction.driving_wheel_mN, self.magnetic_attraction.driven_wheel_mN),
+        )
+
+    @property
+    def wheel_names(self) -> tuple[str, ...]:
+        """Names of all wheels, in their order."""
+        return WHEELS if self.wheels else tuple(wheel.name for wheel in self.wheel)
+
+    @property
+    def driving_radius_mm(self) -> float:
+        """Radius of the driving wheels; the mean where they differ."""
+        if self.wheels:
+            return self.wheels.radius_mm
+        return float(np.mean([wheel.radius_mm for wheel in self.wheel if wheel.driven_by != "none"]))
+
+    @property
+    def extent_mm(self) -> tuple[float, float]:
+        """Distance from the rearmost to the foremost and from the rightmost to the leftmost wheel centre."""
+        x, y = np.ptp(self.wheel_positions_mm(), axis=0).tolist()
+        return x, y
+
     def wheel_positions_mm(self) -> NDArray[np.float64]:
-        """Wheel centres in the body frame, (4, 2), in the order of WHEELS."""
-        x, y = self.wheels.wheelbase_mm / 2, self.wheels.track_mm / 2
-        return np.array([[x, y], [x, -y], [-x, y], [-x, -y]])
+        """Wheel centres in the body frame, (n, 2), in the order of all_wheels."""
+        return np.array([[wheel.x_mm, wheel.y_mm] for wheel in self.all_wheels])
+
+
+def four_wheels(
+    wheelbase_mm: float, track_mm: float, radius_mm: float, driving_mN: float, driven_mN: float
+) -> tuple[Wheel, ...]:
+    """The list that [wheels] and [magnetic_attraction] are short for."""
+    x, y = wheelbase_mm / 2, track_mm / 2
+    rows = zip(
+        *(WHEELS, (x, x, -x, -x), (y, -y, y, -y), ("left", "right", "none", "none")),
+        (driving_mN, driving_mN, driven_mN, driven_mN),
+        strict=True,
+    )
+    return tuple(
+        Wheel.model_construct(
+            name=name, x_mm=at_x, y_mm=at_y, radius_mm=radius_mm, driven_by=side, attraction_mN=attraction
+        )
+        for name, at_x, at_y, side, attraction in rows
+    )
+
+
+def _check_list(robot: NominalRobot) -> None:
+    """Raise ValueError where a [[wheel]] list contradicts itself or the rest of the file."""
+    if robot.wheels is not None:
+        raise ValueError("there are both [wheels] and [[wheel]]; keep one of them")
+    if robot.magnetic_attraction != MagneticAttraction():
+        raise ValueError("[magnetic_attraction] belongs to [wheels]; give each [[wheel]] its attraction_mN")
+    names = [wheel.name for wheel in robot.wheel]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise ValueError(f"the name {twice[0]} stands at two [[wheel]]; each needs its own")
+    for side in ("left", "right"):
+        if not any(wheel.driven_by == side for wheel in robot.wheel):
+            raise ValueError(f'no [[wheel]] has driven_by = "{side}"; the {side} command needs one at least')

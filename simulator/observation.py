@@ -1,7 +1,8 @@
-"""Where a camera would see the two marks of a moving robot."""
+"""Where a camera would see the marks of a moving robot."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from simulator.effects import free_form
@@ -15,28 +16,23 @@ if TYPE_CHECKING:
 
 
 def marks_of_run(robot: Robot, run: Run) -> pd.DataFrame:
-    """Marks of a run: time_s, green_x_mm, green_y_mm, yellow_x_mm, yellow_y_mm in the plate frame, a row per time.
+    """Marks of a run: time_s, then NAME_x_mm, NAME_y_mm of every mark in the plate frame, a row per time.
 
     Observation effects of the robot are applied, to places and to times.
     """
     import pandas as pd
 
     view = view_of(robot)
-    green, yellow = view.marks(run.x_mm, run.y_mm, run.heading_rad, run.time_s)
-    return pd.DataFrame(
-        {
-            "time_s": run.time_s * view.time_factor,
-            "green_x_mm": green[:, 0],
-            "green_y_mm": green[:, 1],
-            "yellow_x_mm": yellow[:, 0],
-            "yellow_y_mm": yellow[:, 1],
-        }
-    )
+    columns = {"time_s": run.time_s * view.time_factor}
+    seen = view.marks(run.x_mm, run.y_mm, run.heading_rad, run.time_s)
+    for name, place in zip(robot.points_mm, seen, strict=True):
+        columns |= {f"{name}_x_mm": place[:, 0], f"{name}_y_mm": place[:, 1]}
+    return pd.DataFrame(columns)
 
 
-def view_of(robot: Robot) -> View:
-    """How the robot's marks are seen, with its observation effects."""
-    view = View(robot.marks.green_mm, robot.marks.yellow_mm)
+def view_of(robot: Robot, places_mm: Sequence[tuple[float, float]] | None = None) -> View:
+    """How the robot's marks, or points of its body at other places, are seen, with its observation effects."""
+    view = View(tuple(robot.points_mm.values() if places_mm is None else places_mm))
     for entry in robot.effect:
         if entry.id == free_form.ID:
             term = free_form.term_of(entry.given)

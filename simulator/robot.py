@@ -6,14 +6,17 @@ import difflib
 import tomllib
 from importlib.resources import files
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
-from pydantic import model_validator
+from pydantic import field_validator, model_validator
 
-from simulator.effects.catalogue import faults_of_effects
+from simulator.effects.catalogue import EFFECTS, faults_of_effects
 from simulator.effects.entry import EffectEntry
 from simulator.errors import SimulationError
 from simulator.nominal_robot import NominalRobot
+from simulator.units import in_standard_units
+
+UNITS_BY_SUFFIX = ("mm", "mN", "rpm")  # units of parameters that may be given in another of their kind
 
 
 class Robot(NominalRobot):
@@ -21,11 +24,25 @@ class Robot(NominalRobot):
 
     effect: tuple[EffectEntry, ...] = ()
 
+    @field_validator("effect", mode="before")
+    @classmethod
+    def _in_units_of_the_catalogue(cls, entries: Any) -> Any:
+        return [_entry_in_standard_units(item) for item in entries] if isinstance(entries, list | tuple) else entries
+
     @model_validator(mode="after")
     def _known_effects(self) -> Self:
         if faults := faults_of_effects(self.effect):
             raise ValueError("; ".join(faults))
         return self
+
+
+def _entry_in_standard_units(entry: Any) -> Any:
+    """An [[effect]] as it is written with its parameters in the units of the catalogue."""
+    effect = EFFECTS.get(str(entry.get("id"))) if isinstance(entry, dict) else None
+    if effect is None:
+        return entry
+    names = [parameter.name for parameter in effect.parameters if parameter.unit in UNITS_BY_SUFFIX]
+    return in_standard_units(entry, names)
 
 
 def shipped_robots() -> tuple[str, ...]:

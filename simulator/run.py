@@ -37,7 +37,7 @@ class State:
 
 @dataclass(frozen=True)
 class WheelStates:
-    """Slip and friction of the four wheels in the order of WHEELS, each (n, 4), in the frame of each wheel."""
+    """Slip and friction of w wheels in the order of the robot's, each (n, w), in the frame of each wheel."""
 
     slip_ratio: Array
     slip_angle_rad: Array
@@ -49,10 +49,10 @@ class WheelStates:
 class Run:
     """Motion of the robot's centre: plate frame pose, body frame velocity, wheel states; all at time_s (n,).
 
-    heading_rad is unwrapped. Wheel arrays are (n, 4), in the order of WHEELS. Arrays are read-only. Wheel states are
-    worked out when they are first asked for, by wheels_of; NaN where a motion is given without it. amplification: by
-    how much a small disturbance of the velocity grows at most between two breaks of the command, while the robot passes
-    balances that are unstable; 1 where a motion is given without it.
+    heading_rad is unwrapped. Wheel arrays are (n, w), in the order of wheel_names. Arrays are read-only. Wheel states
+    are worked out when they are first asked for, by wheels_of; NaN where a motion is given without it. amplification:
+    by how much a small disturbance of the velocity grows at most between two breaks of the command, while the robot
+    passes balances that are unstable; 1 where a motion is given without it.
     """
 
     time_s: Array
@@ -64,6 +64,7 @@ class Run:
     yaw_rate_rad_s: Array
     wheels_of: Callable[[], WheelStates] | None = None
     amplification: float = 1.0
+    wheel_names: tuple[str, ...] = WHEELS
 
     def __repr__(self) -> str:
         """One line: how long, from where to where."""
@@ -101,7 +102,10 @@ class Run:
     @cached_property
     def wheels(self) -> WheelStates:
         """Slip and friction of every wheel."""
-        return self.wheels_of() if self.wheels_of else WheelStates(*np.full((4, len(self.time_s), 4), np.nan))
+        return self.wheels_of() if self.wheels_of else self._unknown_wheels()
+
+    def _unknown_wheels(self) -> WheelStates:
+        return WheelStates(*np.full((4, len(self.time_s), len(self.wheel_names)), np.nan))
 
     @property
     def slip_ratio(self) -> Array:
@@ -136,7 +140,7 @@ class Run:
             "v_mm_s": self.v_mm_s,
             "yaw_rate_deg_s": np.degrees(self.yaw_rate_rad_s),
         }
-        for number, wheel in enumerate(WHEELS):
+        for number, wheel in enumerate(self.wheel_names):
             columns[f"{wheel}_slip_ratio"] = self.slip_ratio[:, number]
             columns[f"{wheel}_slip_angle_deg"] = np.degrees(self.slip_angle_rad[:, number])
             columns[f"{wheel}_longitudinal_force_mN"] = self.longitudinal_force_mN[:, number]

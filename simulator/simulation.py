@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from simulator.command import Command
-from simulator.dynamics.model import MODEL, compile_robot
+from simulator.dynamics.model import compile_robot, room_for
+from simulator.dynamics.record import model_type
 from simulator.errors import SimulationError
 from simulator.integrator.batch import TOLERANCE_MM, integrate_many
 from simulator.integrator.run_kernel import DONE, MOST_STEPS, integrate_run
+from simulator.nominal_robot import WHEELS
 from simulator.robot import Robot
 from simulator.run import Run, State
 from simulator.wheel_states import wheel_states
@@ -40,11 +42,12 @@ def simulate(
 ) -> Run:
     """Integrate the full dynamics from start at times_s[0]; outputs at times_s (n,), increasing.
 
-    robot: a Robot, with its effects, or its record from compile_robot. run_index: number of the run within its session,
-    from 0. tolerance_mm: local error of a step; a robot that added forces drag away over sliding wheels does not forget
-    errors of its velocity, and is off by up to 1e-3 of its way. Where the smallest disturbance decides which turn is
-    taken, the Run says so (is_by_chance). Raises SimulationError for times that do not increase or are not finite, and
-    where the motion cannot be followed.
+    robot: a Robot, with its effects, or its record from compile_robot, which knows no names of wheels. run_index:
+    number of the run within its session, from 0. tolerance_mm: local error of a step of a robot as small as the
+    paper's; of others, in proportion to their size (simulator.dynamics.scale). A robot that added forces drag away over
+    sliding wheels does not forget errors of its velocity, and is off by up to 1e-3 of its way. Where the smallest
+    disturbance decides which turn is taken, the Run says so (is_by_chance). Raises SimulationError for times that do
+    not increase or are not finite, and where the motion cannot be followed.
     """
     times = _checked_times(times_s)
     model: Any = (compile_robot(robot, run_index) if isinstance(robot, Robot) else robot)[0]
@@ -66,6 +69,7 @@ def simulate(
         *(times, x, y, heading, u, v, yaw_rate),
         lambda: wheel_states(model, command.knots, times, states),
         amplification,
+        robot.wheel_names if isinstance(robot, Robot) else _names(int(model["wheels"])),
     )
 
 
@@ -79,6 +83,11 @@ def moving_state(robot: Robot, command: Command, pose: State, at_s: float, run_i
         v_mm_s=float(run_in.v_mm_s[-1]),
         yaw_rate_rad_s=float(run_in.yaw_rate_rad_s[-1]),
     )
+
+
+def _names(count: int) -> tuple[str, ...]:
+    """Names of the wheels of a record."""
+    return WHEELS if count == len(WHEELS) else tuple(f"wheel_{number + 1}" for number in range(count))
 
 
 @dataclass(frozen=True)
@@ -116,7 +125,7 @@ def simulate_batch(
 ) -> Batch:
     """Simulate n runs in parallel; robots, commands and starts each hold n entries, or one that all runs share.
 
-    robots: Robots or records (n,) of dtype MODEL; starts: (n, 6), (6,) or None for rest at the origin. summary: keep
+    robots: Robots or records (n,) of one dtype; starts: (n, 6), (6,) or None for rest at the origin. summary: keep
     start and end only, so that memory does not grow with the number of times. A run that cannot be followed is NaN.
     """
     times = _checked_times(times_s)
@@ -149,9 +158,10 @@ def simulate_batch(
 
 
 def _records(robots: Sequence[Robot]) -> NDArray[np.void]:
-    models = np.empty(len(robots), MODEL)
+    slots = room_for(robots)
+    models = np.empty(len(robots), model_type(slots))
     for number, robot in enumerate(robots):
-        models[number] = compile_robot(robot)[0]
+        models[number] = compile_robot(robot, slots=slots)[0]
     return models
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from simulator.dynamics.model import compile_robot
+from simulator.dynamics.scale import state_units
 from simulator.errors import SimulationError
 from simulator.integrator.balance import newton
 from simulator.integrator.batch import TOLERANCE_MM
@@ -24,7 +25,8 @@ Array = NDArray[np.float64]
 # of half the wheelbase.
 FORWARD = [(0.5, 0.5), (0.25, 0.25), (0.0, 0.0), (-0.25, -0.25), (0.95, 0.0), (0.0, 0.95)]
 STARTS = [(u, r, p) for u in FORWARD for r in (0.9, 0.5, 0.3, 0.1, 0.0, -0.3) for p in (0.0, 0.5, 0.9)]
-SETTLING_S = np.array([0.0, 2.0])  # relaxations last milliseconds, those from a near standstill tenths of a second
+# Of a robot as small as the paper's. Relaxations last milliseconds, those from a near standstill tenths of a second.
+SETTLING_S = np.array([0.0, 2.0])
 NO_PLAN = np.zeros((0, 3))
 SAME = 1e-6  # balances closer than this share of the largest surface speed are one
 
@@ -34,7 +36,7 @@ class SteadyTurn:
     """A steady turn; curvature_per_mm is positive for a centre to the robot's left, 0 on a straight line.
 
     radius_mm: signed radius of the circle of the robot's centre, 1/curvature_per_mm; infinite on a straight line.
-    stable: whether a small disturbance dies out. wheels: arrays of (4,), in the order of WHEELS.
+    stable: whether a small disturbance dies out. wheels: arrays of (w,), in the order of the robot's wheels.
     """
 
     u_mm_s: float
@@ -74,7 +76,7 @@ def steady_turn(robot: Robot, left_rpm: float, right_rpm: float) -> SteadyTurn:
     turn against each other, tires have two stable turns, and the smallest disturbance at rest decides between them:
     steady_turns gives both. Raises SimulationError where no balance is found.
     """
-    models = _frozen(robot)
+    models: Any = _frozen(robot)
     velocity, linear = np.zeros(3), np.zeros((4, 3))
     if settled(models[0], left_rpm, right_rpm, velocity, linear):
         return _turn(models[0], left_rpm, right_rpm, velocity, linear)
@@ -87,17 +89,19 @@ def steady_turn(robot: Robot, left_rpm: float, right_rpm: float) -> SteadyTurn:
 def steady_turns(robot: Robot, left_rpm: float, right_rpm: float) -> list[SteadyTurn]:
     """Balances, stable or not, in the order of yaw rate: what the robot settles on from rest, and what Newton finds."""
     models: Any = _frozen(robot)
-    per_rpm, linear = float(models[0]["speed"].mean()), np.zeros((4, 3))
+    units, linear = _units(models[0]), np.zeros((4, 3))
+    per_rpm = float(models[0]["speed"].mean()) * units[0] * float(models[0]["time_unit"])
     largest = per_rpm * max(abs(left_rpm), abs(right_rpm), 1e-6)
+    length, width = robot.extent_mm
     found: list[tuple[Array, SteadyTurn]] = []
     rested = np.zeros(3)
     if settled(models[0], left_rpm, right_rpm, rested, linear):
         found.append((rested, _turn(models[0], left_rpm, right_rpm, rested, linear)))
     for forward, yaw_share, ahead in STARTS:
-        yaw_rate = yaw_share * per_rpm * (right_rpm - left_rpm) / robot.wheels.track_mm
-        aside = -ahead * yaw_rate * robot.wheels.wheelbase_mm / 2
+        yaw_rate = yaw_share * per_rpm * (right_rpm - left_rpm) / width
+        aside = -ahead * yaw_rate * length / 2
         velocity = np.array([per_rpm * (forward[0] * left_rpm + forward[1] * right_rpm), aside, yaw_rate])
-        if newton(models[0], left_rpm, right_rpm, velocity, linear):
+        if balanced(models[0], left_rpm, right_rpm, velocity, linear):
             distances = [np.abs(velocity - known).max() for known, _ in found]
             if min(distances, default=np.inf) > SAME * largest:
                 found.append((velocity, _turn(models[0], left_rpm, right_rpm, velocity, linear)))
@@ -115,7 +119,7 @@ def steady_map(robot: Robot, left_rpm: ArrayLike, ratios: ArrayLike) -> SteadyMa
     for row, rpm in enumerate(left):
         velocity, known = np.zeros(3), False
         for column, right in enumerate(ratio * rpm):
-            known = known and bool(newton(model, rpm, right, velocity, linear)) and bool(is_stable(linear))
+            known = known and balanced(model, rpm, right, velocity, linear) and bool(is_stable(linear))
             known = known or settled(model, rpm, right, velocity, linear)
             if known:
                 found[row, column] = velocity
@@ -126,13 +130,29 @@ def steady_map(robot: Robot, left_rpm: ArrayLike, ratios: ArrayLike) -> SteadyMa
 def settled(model: Any, left: float, right: float, velocity: Array, linear: Array) -> bool:
     """Start from rest, and polish the velocity (3) the robot settles on; False where it does not settle.
 
-    model: a record whose varies is 0; linear: (4, 3), takes the derivative by velocity in rows 1 to 3.
+    model: a record whose varies is 0; linear: (4, 3), takes the derivative by velocity in rows 1 to 3, in the units of
+    the kernels.
     """
     state, out = np.zeros(6), np.empty((2, 6))
     knots = np.array([[0.0, left, right]])
-    done, _, _ = integrate_run(model, knots, state, SETTLING_S, out, TOLERANCE_MM, NO_PLAN, False, MOST_STEPS)
+    settling_s = SETTLING_S * float(model["time_unit"])
+    done, _, _ = integrate_run(model, knots, state, settling_s, out, TOLERANCE_MM, NO_PLAN, False, MOST_STEPS)
     velocity[:] = state[3:]
-    return bool(done == DONE and newton(model, left, right, velocity, linear) and is_stable(linear))
+    return bool(done == DONE and balanced(model, left, right, velocity, linear) and is_stable(linear))
+
+
+def balanced(model: Any, left: float, right: float, velocity: Array, linear: Array) -> bool:
+    """Newton's method from the velocity (3), in mm/s and rad/s, which becomes the balance if True is returned."""
+    units, time = _units(model), float(model["time_unit"])
+    velocity /= units
+    found = bool(newton(model, left * time, right * time, velocity, linear))
+    velocity *= units
+    return found
+
+
+def _units(model: Any) -> Array:
+    """Units of a velocity (3,) of the kernels, in mm/s and rad/s."""
+    return state_units(float(model["time_unit"]))[3:]
 
 
 def _frozen(robot: Robot) -> NDArray[np.void]:

@@ -77,7 +77,7 @@ def _solve_puzzle(experiment: Path, out: Path, workers: int | None, *, quiet: bo
     from evaluator.workflow import diagnose
 
     if not quiet:
-        click.echo("Puzzle: recordings of a robot with something that its model does not know.")
+        click.echo("Puzzle: a robot with something that its model does not know, in a laboratory that is not tidy.")
     measured = run_analysis(experiment, out, simulate=True, workers=workers, quiet=quiet)
     with progress_bar("diagnosis", quiet=quiet) as progress:
         found = diagnose(experiment, out, workers=workers, progress=progress)

@@ -9,6 +9,7 @@ import click
 # name: (module with a click command of that name, dashes as underscores; one-line help). In the order of the work.
 COMMANDS = {
     "demo": ("demo", "Run the whole pipeline on the shipped sample videos."),
+    "studio": ("studio", "Open the studio: everything that is done by eye, in the browser."),
     "gauge": ("gauge", "Write a printable dot gauge in true scale."),
     "calibrate": ("calibrate", "Solve the camera from gauge images."),
     "check-camera": ("calibrate", "Tell whether a calibration still holds."),

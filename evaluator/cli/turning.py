@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,18 +18,36 @@ if TYPE_CHECKING:
 BAD_INPUT = 2
 
 
+class WithMarkNames(click.Command):
+    """A command in which an option that it does not know, with a value, names a mark: --front "mass A"."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Take --MARK NAME for --name MARK=NAME, unless the option looks like a misspelt one."""
+        known = [name for item in self.params for name in item.opts] + ["--help"]
+        told, rest = list[str](), iter(args)
+        for item in rest:
+            mark = item.removeprefix("--").partition("=")[0]
+            strange = item.startswith("--") and mark.isidentifier() and f"--{mark}" not in known
+            if strange and not difflib.get_close_matches(f"--{mark}", known, n=1, cutoff=0.75):
+                told += ["--name", f"{mark}={item.partition('=')[2] or next(rest, '')}"]
+            else:
+                told.append(item)
+        return super().parse_args(ctx, told)
+
+
 @click.command(
+    cls=WithMarkNames,
     epilog="""\b
 Examples:
   turnscope turning r01.csv --robot barrel
   turnscope turning forward_*.csv --robot robot.toml --camera camera.json --start-s 0.5 -o turning.csv
-  turnscope turning tracker.trk --robot robot.toml --green "mass A" --yellow "mass B"
+  turnscope turning tracker.trk --robot robot.toml --left "mass A" --right "mass B"
   turnscope turning one_mark.csv
   turnscope turning px.csv --scale-px 102 40 902 44 --length-mm 50
 
 \b
 A marks CSV has time_s and NAME_x_mm, NAME_y_mm (or _px) of every mark; files of OSP Tracker, DeepLabCut, SLEAP and
-movement are read too. robot.toml needs no more than [marks]. Exit status: 2 where a table cannot be measured."""
+movement are read too. robot.toml needs no more than [marks]. Exit status: 2 where a table cannot be measured.""",
 )
 @click.argument("marks", nargs=-1, required=True, type=PATH)
 @click.option("--robot", help="Shipped robot or robot.toml: where its marks are. Without: the path of each mark.")
@@ -36,8 +55,13 @@ movement are read too. robot.toml needs no more than [marks]. Exit status: 2 whe
 @click.option("--scale-px", nargs=4, type=float, metavar="X1 Y1 X2 Y2", help="Ends of a ruler in the image, px.")
 @click.option("--length-mm", type=float, help="Length between the ends of the ruler.")
 @click.option("--unit", type=click.Choice(["mm", "cm", "m", "inch", "px"]), help="Of the lengths in the tables.")
-@click.option("--green", default="green", help="Name of the green mark in a table of another program.")
-@click.option("--yellow", default="yellow", help="Name of the yellow mark in a table of another program.")
+@click.option(
+    "--name",
+    "names",
+    multiple=True,
+    metavar="MARK=NAME",
+    help="What a mark is called in tables of another program; --MARK NAME is the same.",
+)
 @click.option("--rate-hz", type=click.FloatRange(min=0, min_open=True), help="Frames a second, for tables of frames.")
 @click.option("--start-s", type=float, help="When the motors were commanded on; found without it too.")
 @click.option("--stop-s", type=float, help="When the motors were commanded off.")
@@ -52,8 +76,7 @@ def turning(
     scale_px: tuple[float, float, float, float] | None,
     length_mm: float | None,
     unit: str | None,
-    green: str,
-    yellow: str,
+    names: tuple[str, ...],
     rate_hz: float | None,
     start_s: float | None,
     stop_s: float | None,
@@ -73,7 +96,7 @@ def turning(
         raise InputError("--scale-px and --length-mm belong together: the ends of a ruler and its length")
     request = Request(
         robot=_robot(robot),
-        tracks=_tracks(green, yellow, unit, rate_hz),
+        tracks=_tracks(names, unit, rate_hz),
         camera=_camera(camera),
         ruler=Ruler(scale_px, length_mm) if scale_px is not None and length_mm is not None else None,
         start_s=start_s,
@@ -118,10 +141,15 @@ def _robot(name: str | None) -> Any:
     return None if name is None else read_geometry(Path(name))
 
 
-def _tracks(green: str, yellow: str, unit: str | None, rate_hz: float | None) -> Tracks:
+def _tracks(names: tuple[str, ...], unit: str | None, rate_hz: float | None) -> Tracks:
+    from evaluator.errors import InputError
     from evaluator.interchange.tracks import Tracks
 
-    return Tracks.model_validate({"green": green, "yellow": yellow, "unit": unit, "rate_hz": rate_hz})
+    said = dict(item.partition("=")[::2] for item in names)
+    for mark, name in said.items():
+        if not (mark.isidentifier() and name) or mark in Tracks.model_fields:
+            raise InputError(f"--name {mark}={name}: say MARK=NAME, the mark of robot.toml and its name in the table")
+    return Tracks.model_validate({**said, "unit": unit, "rate_hz": rate_hz})
 
 
 def _camera(path: Path | None) -> Any:

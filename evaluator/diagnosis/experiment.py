@@ -17,7 +17,8 @@ from evaluator.diagnosis.mistakes.recognise import recognise
 from evaluator.diagnosis.mistakes.recognised import Mistake
 from evaluator.errors import InputError
 from evaluator.files import read_with
-from evaluator.marks import COLUMNS, read_marks
+from evaluator.marks import columns_of, read_marks
+from evaluator.robot_geometry import marks_height_mm, reference_line, reference_marks, reference_pair
 from evaluator.settings import Experiment, KnownTo, Relevant, Run
 from simulator.robot import Robot, load_robot
 
@@ -82,6 +83,7 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
     that cannot be read or differ in their tolerances.
     """
     robots: dict[str, Robot] = {}
+    pairs: dict[str, tuple[str, ...]] = {}
     data, used, skipped = [], [], {}
     sightings: list[Sighting | None] = []
     known = {path: read_with(load_camera, path) for path in dict.fromkeys((cameras or {}).values())}
@@ -89,15 +91,16 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
         name = run.robot or experiment.robot
         if name not in robots:
             robots[name] = read_with(load_robot, Path(name))
+            pairs[name] = reference_pair(robots[name]) or ()
         if run.id not in marks:
             skipped[run.id] = "no marks"
             continue
         try:
-            table = read_marks(marks[run.id])
+            table = reference_marks(read_marks(marks[run.id]), robots[name])
         except InputError as error:  # a recording that cannot be read is a fault of its run, not of the experiment
             skipped[run.id] = str(error)
             continue
-        values = table[list(COLUMNS)].to_numpy(dtype=float)
+        values = table[["time_s", *columns_of(pairs[name])]].to_numpy(dtype=float)
         both = np.isfinite(values).all(axis=1)
         if both.sum() < FEWEST_FRAMES:
             skipped[run.id] = f"both marks are seen in {both.sum()} frames; at least {FEWEST_FRAMES} are needed"
@@ -105,15 +108,21 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
         inside = slice(int(np.flatnonzero(both)[0]), int(np.flatnonzero(both)[-1]) + 1)
         values = without_outliers(values[inside])
         try:
-            data.append(_run_data(run, order, values[:, 0], values[:, 1:]))
+            shown = _run_data(run, order, values[:, 0], values[:, 1:])
         except InputError as error:
             skipped[run.id] = str(error)
             continue
+        line = reference_line(robots[name])
+        data.append(replace(shown, line_rad=float(np.arctan2(line[1], line[0]))))
         used.append(robots[name])
         camera = (cameras or {}).get(run.id)
         sightings.append(
             Sighting(
-                table[inside], f"camera {list(known).index(camera) + 1}", known[camera], robots[name].marks.height_mm
+                table[inside],
+                pairs[name],
+                f"camera {list(known).index(camera) + 1}",
+                known[camera],
+                marks_height_mm(robots[name]),
             )
             if camera
             else None

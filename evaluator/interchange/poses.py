@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from calibration.frames import plate_from_body
 from evaluator.errors import InputError
 from evaluator.files import read_with
+from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import check_marks
-from evaluator.pose import OK, MarkGeometry, Poses, unwrapped_across_gaps
+from evaluator.pose import OK, Poses, unwrapped_across_gaps
 
 Array = NDArray[np.float64]
 
@@ -241,10 +242,10 @@ def poses_of(table: pd.DataFrame) -> Poses:
 
 
 def with_marks(table: pd.DataFrame, geometry: MarkGeometry) -> pd.DataFrame:
-    """The table with two marks of a robot where its poses put them, for all that works from marks."""
+    """The table with the marks of a robot where its poses put them, for all that works from marks."""
     x, y, heading = (table[name].to_numpy(float) for name in ("x_mm", "y_mm", "heading_deg"))
     result = table.copy()
-    for name, place in (("green", geometry.green_mm), ("yellow", geometry.yellow_mm)):
+    for name, place in geometry.places_mm.items():
         points = plate_from_body(np.broadcast_to(place, (len(table), 2)), x, y, np.radians(heading))
         result[[f"{name}_x_mm", f"{name}_y_mm"]] = points
     return result

@@ -9,12 +9,12 @@ from typing import Any
 
 from evaluator.files import write_text
 from evaluator.report.diagnosis.view import known_diagnosis
-from evaluator.report.figures.trajectory import LEGEND
+from evaluator.report.figures.trajectory import legend_of
 from evaluator.report.pages.html import Page, page_html
 from evaluator.report.player import player_data
 from evaluator.report.runs import RunView, views_of
 from evaluator.report.sections import sections
-from evaluator.report.summary import headline, summary
+from evaluator.report.summary import headline, mistakes_first, summary
 from evaluator.wording import counted
 from evaluator.workflow import Analysis
 from simulator.robot import Robot, load_robot
@@ -31,16 +31,20 @@ def report_html(analysis: Analysis) -> str:
     robot = load_robot(analysis.experiment.robot)
     diagnosis = known_diagnosis(analysis.experiment, analysis.outputs)
     provenance = json.loads(analysis.outputs.provenance.read_text(encoding="utf-8"))
+    right = [run for run in runs if run.id not in analysis.set_aside]
     page = Page(
         kind="turning report",
         title=analysis.experiment.name,
         facts=_facts(analysis, runs, robot),
-        summary=tuple(summary(runs, analysis.faults, diagnosis.content if diagnosis else None, analysis.directions)),
-        numbers=tuple(headline(runs)),
+        summary=(
+            *mistakes_first(analysis),
+            *summary(right, analysis.faults, diagnosis.content if diagnosis else None, analysis.directions),
+        ),
+        numbers=tuple(headline(right)),
         faults=analysis.faults,
         sections=sections(runs, robot, _cameras(analysis), diagnosis, analysis),
         player=player_data(runs, robot),
-        legend=LEGEND,
+        legend=legend_of(runs),
         footer=_footer(provenance),
     )
     return page_html(page)

@@ -5,6 +5,7 @@ Everything is drawn in image px at sub-pixel precision. Drawing measures nothing
 
 from __future__ import annotations
 
+import colorsys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -20,12 +21,13 @@ from numpy.typing import NDArray
 from evaluator.files import written_whole
 from evaluator.progress import Progress, no_progress
 from evaluator.recording import Frame
+from evaluator.tracking.settings import HUE_RANGES
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 Color = tuple[int, int, int]
 
-GREEN, YELLOW, OTHER = (90, 255, 120), (255, 235, 60), (120, 200, 255)
+OTHER = (120, 200, 255)  # of a mark whose name says no colour
 CENTER, CIRCLE, INK, WARNING = (255, 90, 160), (255, 255, 255), (255, 255, 255), (255, 120, 70)
 TRAIL_FRAMES = 240  # four seconds of most recordings: longer trails hide the plate
 SHIFT = 4  # OpenCV draws to 1/16 px
@@ -51,7 +53,11 @@ def mark_names(table: pd.DataFrame) -> list[str]:
 
 def color_of(name: str) -> Color:
     """RGB of a mark by the colour in its name."""
-    return GREEN if name.startswith("green") else YELLOW if name.startswith("yellow") else OTHER
+    hues = HUE_RANGES.get(name.split("_", maxsplit=1)[0])
+    if hues is None:
+        return OTHER
+    red, green, blue = colorsys.hsv_to_rgb(sum(hues) / 720 % 1, 0.7, 1.0)
+    return round(255 * red), round(255 * green), round(255 * blue)
 
 
 def write_overlay(

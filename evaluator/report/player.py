@@ -11,9 +11,10 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from evaluator.report.figures.trajectory import LEGEND, thinned
+from evaluator.report.figures.trajectory import legend_of, thinned
 from evaluator.report.numbers import significant, true_minus
 from evaluator.report.runs import RunView
+from evaluator.report.style import mark_lines
 from simulator.robot import Robot
 
 PICTURE_BUDGET_BYTES = 1_800_000  # of JPEG; base64 makes a third more of it, and the page is to stay below 5 MB
@@ -28,11 +29,12 @@ def player_data(runs: Sequence[RunView], robot: Robot) -> str:
         "robot": {
             "length": robot.body.length_mm,
             "width": robot.body.width_mm,
-            "green": robot.marks.green_mm,
-            "yellow": robot.marks.yellow_mm,
-            "mark": robot.marks.diameter_mm,
+            "marks": [
+                {"color": line.color, "place": mark.place_mm, "size": mark.diameter_mm}
+                for mark, line in zip(robot.layout, mark_lines([mark.name for mark in robot.layout]), strict=True)
+            ],
         },
-        "lines": [{"color": line.color, "width": line.width, "dash": line.dash} for line in LEGEND],
+        "lines": [{"color": line.color, "width": line.width, "dash": line.dash} for line in legend_of(runs)],
         "runs": [_run(run, points, chosen) for run, chosen in zip(runs, pictures, strict=True)],
     }
     return json.dumps(content, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
@@ -49,10 +51,7 @@ def _run(run: RunView, points: int, pictures: list[tuple[float, str]]) -> dict[s
         "x": _rounded(poses["x_mm"], 2),
         "y": _rounded(poses["y_mm"], 2),
         "heading": _rounded(poses["heading_deg"], 1),
-        "gx": _rounded(marks["green_x_mm"], 2),
-        "gy": _rounded(marks["green_y_mm"], 2),
-        "yx": _rounded(marks["yellow_x_mm"], 2),
-        "yy": _rounded(marks["yellow_y_mm"], 2),
+        "marks": [[_rounded(marks[f"{name}_{axis}_mm"], 2) for axis in "xy"] for name in run.mark_names],
         "sx": _rounded(simulated["x_mm"], 2),
         "sy": _rounded(simulated["y_mm"], 2),
         "circle": [round(value, 3) for value in circle] if np.isfinite(circle).all() else None,

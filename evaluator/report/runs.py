@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from evaluator.marks import read_marks
+from evaluator.marks import mark_names, read_marks
 from evaluator.report.numbers import command_text
 from evaluator.workflow import Analysis, Outputs
 
@@ -84,6 +84,11 @@ class RunView:
     def marks(self) -> pd.DataFrame:
         """Marks over time."""
         return self._of_phase(read_marks(self.outputs.marks(self.run)))
+
+    @property
+    def mark_names(self) -> tuple[str, ...]:
+        """Marks of the robot that the run shows; corners of tags are none."""
+        return tuple(name for name in mark_names(self.marks) if "_corner" not in name)
 
     @cached_property
     def poses(self) -> pd.DataFrame:

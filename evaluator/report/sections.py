@@ -25,6 +25,7 @@ from evaluator.report.runs import RunView
 from evaluator.report.style import Figure
 from evaluator.report.tables import (
     directions_table,
+    of_marks,
     outline_table,
     pooled_table,
     slip_table,
@@ -40,22 +41,23 @@ def sections(
     runs: Sequence[RunView], robot: Robot, cameras: Sequence[Path], diagnosis: DiagnosisView | None, analysis: Analysis
 ) -> tuple[Section, ...]:
     """Every section these runs have something to say in."""
-    turning = [run for run in runs if run.turns]
+    right = [run for run in runs if run.id not in analysis.set_aside]
+    turning = [run for run in right if run.turns]
     there = [
         *diagnosis_sections(diagnosis),
         _figures("trajectories-section", "Trajectories", trajectories(runs)),
         _figures(
             "radius",
             "How tightly it turns",
-            radius_against_difference(runs),
-            radius_against_ratio(runs),
-            radius_by_group(runs),
-            radius_agreement(runs),
+            radius_against_difference(right),
+            radius_against_ratio(right),
+            radius_by_group(right),
+            radius_agreement(right),
             tables=(outline_table(turning),) if turning else (),
         ),
-        _repetitions(runs, analysis),
-        _figures("speed", "How fast it runs straight", straight_speed(runs, robot.wheels.radius_mm)),
-        _wheels(runs, robot),
+        _repetitions(right, analysis),
+        _figures("speed", "How fast it runs straight", straight_speed(right, robot.driving_radius_mm)),
+        _wheels(right, robot),
         _quality(runs, analysis.notes),
         *(_calibration(path, robot) for path in cameras),
         _run_table(runs),
@@ -109,15 +111,14 @@ def _quality(runs: Sequence[RunView], notes: dict[str, tuple[str, ...]]) -> Sect
     columns: dict[str, Callable[[RunView], str]] = {
         "run": lambda run: run.id,
         "frames": lambda run: f"{len(run.marks)}",
-        "both marks seen, %": lambda run: number(100 * float(run.poses["x_mm"].notna().mean()), 1),
-        "green, µm": lambda run: number(_mark_sigma_um(run, "green"), 2),
-        "yellow, µm": lambda run: number(_mark_sigma_um(run, "yellow"), 2),
+        "marks seen, %": lambda run: number(100 * float(run.poses["x_mm"].notna().mean()), 1),
+        **of_marks("µm", runs, lambda run, name: number(_mark_sigma_um(run, name), 2)),
         "residual, µm": lambda run: number(1000 * run.value("residual_rms_mm"), 2),
         "frame-to-frame correlation": lambda run: number(run.value("noise_correlation"), 2),
         "start delay, s": lambda run: number(run.value("start_delay_s"), 3),
     }
     caption = (
-        "Green, yellow: median standard uncertainty that the tracker states for a coordinate of the mark. Residual: "
+        "In µm by mark: median standard uncertainty that the tracker states for a coordinate of the mark. Residual: "
         "RMS distance of the poses from the fitted motion; much more than the stated uncertainty means a motion "
         "that is not steady, or vibration."
     )
@@ -135,7 +136,7 @@ def _calibration(path: Path, robot: Robot) -> Section:
     )
     table = Table("Gauge images.", ("image", "dots used", "left out", "residual, px RMS"), rows)
     camera = stored.camera()
-    figures = (camera_uncertainty(camera, robot.marks.height_mm), distortion_map(camera))
+    figures = (camera_uncertainty(camera, robot.layout[0].height_mm), distortion_map(camera))
     return Section(f"calibration-{path.stem}", f"Calibration ({path.name})", _sentences(text), figures, (table,))
 
 

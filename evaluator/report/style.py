@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -119,6 +119,27 @@ class Line:
     def dasharray(self) -> str:
         """The dashes in the units of the page, for SVG."""
         return " ".join(f"{part * self.width:g}" for part in self.dash) or "none"
+
+
+# Marks in their order: CSS colour and dashes; a mark whose name begins with a colour of the page has that one.
+MARK_LOOKS: tuple[tuple[str, tuple[float, ...]], ...] = (
+    ("green", ()),
+    ("yellow", (6.4, 1.6, 1.0, 1.6)),
+    ("purple", (3.0, 1.5)),
+    ("orange", (1.0, 1.5)),
+    ("sky", (8.0, 2.0)),
+)
+
+
+def mark_lines(names: Sequence[str]) -> tuple[Line, ...]:
+    """How the paths of marks are drawn."""
+    colors = {variable.removeprefix("--") for variable, _ in THEME.values()}
+    lines = []
+    for k, name in enumerate(names):
+        color, dash = MARK_LOOKS[k % len(MARK_LOOKS)]
+        word = name.split("_", maxsplit=1)[0]
+        lines.append(Line(word if word in colors else color, f"{name.replace('_', ' ')} mark", 1.0, dash))
+    return tuple(lines)
 
 
 @dataclass(frozen=True)

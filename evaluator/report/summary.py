@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from evaluator.report.diagnosis.words import gap_sentence, verdict_sentence
+from evaluator.report.diagnosis.words import as_sentence, gap_sentence, verdict_sentence
 from evaluator.report.numbers import number, significant, true_minus
 from evaluator.report.runs import RunView, column
 from evaluator.turning.pooling import Z_975, pooled
+from evaluator.workflow import Analysis
 from evaluator.workflow.runs.job import SPACING_PERCENT
 
 
@@ -39,6 +40,15 @@ def summary(
         named = ", ".join(list(faults)[:5]) + (", …" if len(faults) > 5 else "")
         sentences.append(f"{len(faults)} of {len(faults) + len(runs)} runs gave no result ({named}); reasons below.")
     return [sentence for sentence in sentences if sentence]
+
+
+def mistakes_first(analysis: Analysis) -> list[str]:
+    """What is wrong with the experiment, before anything that is measured in it."""
+    sentences = [as_sentence(item.sentence) for item in analysis.mistakes]
+    if analysis.set_aside:
+        runs = ", ".join(run.id for run in analysis.experiment.run if run.id in analysis.set_aside)
+        sentences.append(f"Set aside until that is mended, and in none of the numbers that follow: {runs}.")
+    return sentences
 
 
 def headline(runs: Sequence[RunView]) -> list[Number]:

@@ -42,12 +42,17 @@ def slip_table(runs: Sequence[RunView]) -> Table:
     return table_of_runs(caption, columns, runs)
 
 
+def of_marks(unit: str, runs: Sequence[RunView], cell: Callable[[RunView, str], str]) -> dict[str, Column]:
+    """A column for every mark."""
+    names = dict.fromkeys(name for run in runs for name in run.mark_names)
+    return {f"{name}, {unit}": lambda run, name=name: cell(run, name) for name in names}  # type: ignore[misc]
+
+
 def outline_table(runs: Sequence[RunView]) -> Table:
     """Radii of marks, wheels and corners, where the robot turns about, and how smoothly it drives."""
     columns: dict[str, Column] = {
         "run": lambda run: run.id,
-        "green, mm": lambda run: number(run.value("green_radius_mm"), 3),
-        "yellow, mm": lambda run: number(run.value("yellow_radius_mm"), 3),
+        **of_marks("mm", runs, lambda run, name: number(run.value(f"{name}_radius_mm"), 3)),
         "outermost wheel, mm": lambda run: number(run.value("outer_wheel_radius_mm"), 3),
         "wall to wall, mm": lambda run: number(run.value("wall_to_wall_radius_mm"), 3),
         "turns about (x, y), mm": lambda run: (

@@ -14,11 +14,14 @@ NOSE_MM = 4.0  # just beyond the robot's front
 
 
 def turn_drawing(tracked: Tracked) -> Drawing | None:
-    """Centre, heading and turning circle in the frames; None where no camera places both marks."""
+    """Centre, heading and turning circle in the frames; None where no camera places two marks."""
     camera, geometry, marks = tracked.camera, tracked.geometry, tracked.marks
-    if camera is None or geometry is None or not {"green_x_mm", "yellow_x_mm"} <= set(marks):
+    if camera is None or geometry is None:
         return None
-    poses = poses_from_marks(marks, geometry.of_pair("green", "yellow"))
+    there = [name for name in geometry.marks().names if f"{name}_x_mm" in marks]
+    if len(there) < 2:
+        return None
+    poses = poses_from_marks(marks, geometry.marks().only(there))
     turning = measure_turning(poses)
     height_mm = geometry.height_mm
 

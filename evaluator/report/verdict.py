@@ -9,6 +9,7 @@ from evaluator.report.diagnosis.knowledge import (
     mistake_sentences,
     negligible_sentence,
     predicted_sentence,
+    preferred_sentence,
 )
 from evaluator.report.diagnosis.words import (
     as_sentence,
@@ -35,7 +36,7 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
             text = f"  {name} = {value['value']:.4g}  [95 %: {value['low']:.4g} to {value['high']:.4g}]"
             lines.append(true_minus(text))
         lines.append(equivalents_sentence(effect))
-    lines += [gap_sentence(content), predicted_sentence(content)]
+    lines += [gap_sentence(content), predicted_sentence(content), preferred_sentence(content)]
     if content.get("runs_not_followed") and closes(content):
         lines.append(f"Not followed, look at these recordings first: {', '.join(content['runs_not_followed'])}.")
     lines += [as_sentence(item["sentence"]) for item in content["where"][:SENTENCES]]

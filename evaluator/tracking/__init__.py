@@ -1,4 +1,4 @@
-"""Frames → sub-pixel centres of the green and the yellow mark with their uncertainty."""
+"""Frames → sub-pixel centres of marks with their uncertainty."""
 
 from evaluator.tracking.corrections import correct, read_corrections
 from evaluator.tracking.placement import place_on_plate

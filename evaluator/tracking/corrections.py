@@ -1,8 +1,8 @@
 """Corrections by hand: a CSV with frame, mark, x, y (px), or "absent" in place of x.
 
 frame,mark,x,y
-120,green,311.4,200.9
-121,yellow,absent,
+120,front,311.4,200.9
+121,rear,absent,
 """
 
 from __future__ import annotations

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
+from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -11,9 +13,11 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Box = tuple[Finite, Finite, Finite, Finite]  # left, top, right, bottom in px
 
-# Hue ranges (degrees, HSV) of fluorescent marks once the plate is taken as neutral: yellow lies at 60, green at 120,
-# cyan at 180 and orange at 30; the ranges meet halfway.
-HUE_RANGES = {"yellow": (42.0, 82.0), "green": (82.0, 172.0)}
+_PRESETS = tomllib.loads(files("evaluator.tracking").joinpath("colors.toml").read_text(encoding="utf-8"))
+HUE_RANGES = {name: (float(low), float(high)) for name, (low, high) in _PRESETS["hue_deg"].items()}
+DEFAULT_MARKS: tuple[str, ...] = tuple(_PRESETS["default_marks"])
+HEX = r"#[0-9a-fA-F]{6}"
+Kind = Literal["color", "light", "aruco", "apriltag"]
 
 
 class Table(BaseModel):
@@ -23,10 +27,17 @@ class Table(BaseModel):
 
 
 class MarkSettings(Table):
-    """One mark. hue_deg: [from, to] in HSV degrees, going up; may pass 360. diameter_px: about, to 30 %."""
+    """One mark. hue_deg: [from, to] in HSV degrees, going up; may pass 360. diameter_px: about, to 30 %.
 
+    color: a name of colors.toml or "#rrggbb". kind: a coloured sticker, a light, or a tag (ArUco, AprilTag) of number
+    id, by default the number that its name ends in, of a dictionary as OpenCV names it (4x4_50, apriltag_36h11).
+    """
+
+    kind: Kind = "color"
+    id: Annotated[int, Field(ge=0)] | None = None
+    dictionary: str | None = None
     hue_deg: tuple[Finite, Finite] | None = None
-    color: str | None = Field(default=None, pattern=r"^(green|yellow|#[0-9a-fA-F]{6})$")
+    color: str | None = None
     diameter_px: Finite | None = Field(default=None, gt=1.0)
     region_px: Box | None = None
 
@@ -34,6 +45,8 @@ class MarkSettings(Table):
     def _one_color(self) -> Self:
         if self.hue_deg is not None and self.color is not None:
             raise ValueError("say color or hue_deg, not both")
+        if self.color is not None and self.color not in HUE_RANGES and not re.fullmatch(HEX, self.color):
+            raise ValueError(f'color {self.color} is not known; say {", ".join(HUE_RANGES)} or "#rrggbb"')
         _check_box("region_px", self.region_px)
         return self
 
@@ -57,16 +70,18 @@ class MarkSettings(Table):
 
 
 class TrackingSettings(Table):
-    """All of tracking.toml. Marks not named are not sought; none named: green and yellow.
+    """All of tracking.toml. Marks not named are not sought; none named: those of the robot.
 
-    mark: by name; a name begins with its colour (green, yellow, yellow_left …) unless color or hue_deg says it.
-    region_px: search here only. mask_px: boxes never to look at. distance_diameters: distance of green and yellow over
-    their diameter, used to choose between candidates in the first frame (3.66 on the paper's robot). exposure: share
-    of the frame interval that the shutter is open; learnt from fast marks where it is not said.
+    mark: by name; a name begins with its colour (red, blue_left …) unless color or hue_deg says it. body: marks that
+    sit on one rigid body; by default those of the robot. region_px: search here only. mask_px: boxes never to look at.
+    distance_diameters: distance of the two marks of a body over their diameter, used to choose between candidates in
+    the first frame (3.66 on the paper's robot). exposure: share of the frame interval that the shutter is open; learnt
+    from fast marks where it is not said.
     """
 
     format: Literal[1] = 1
-    mark: dict[str, MarkSettings] = Field(default_factory=lambda: {"green": MarkSettings(), "yellow": MarkSettings()})
+    mark: dict[str, MarkSettings] = Field(default_factory=lambda: {name: MarkSettings() for name in DEFAULT_MARKS})
+    body: tuple[str, ...] | None = None
     region_px: Box | None = None
     mask_px: tuple[Box, ...] = ()
     distance_diameters: Finite | None = Field(default=3.66, gt=0)
@@ -78,13 +93,39 @@ class TrackingSettings(Table):
         for box in self.mask_px:
             _check_box("mask_px", box)
         if not self.mark:
-            raise ValueError("mark is empty: name at least one mark, for example [mark.green]")
+            raise ValueError(f"mark is empty: name at least one mark, for example [mark.{DEFAULT_MARKS[0]}]")
         for name, mark in self.mark.items():
             if not name.isidentifier():
                 raise ValueError(f"mark name {name!r} must be letters, digits and underscores")
-            if mark.hue_deg is None and mark.color is None and name.split("_")[0] not in HUE_RANGES:
-                raise ValueError(f'mark {name}: say its color, for example color = "#3050ff"')
+            if mark.kind == "color" and not (mark.hue_deg or mark.color) and name.split("_")[0] not in HUE_RANGES:
+                raise ValueError(
+                    f'mark {name}: say its color, for example color = "#3050ff", or its kind: light, aruco or apriltag'
+                )
+        if strange := [name for name in self.body or () if name not in self.mark]:
+            raise ValueError(f"body: there is no [mark.{strange[0]}]")
         return self
+
+    @property
+    def rigid(self) -> tuple[str, ...]:
+        """Marks that are known to sit on one body."""
+        said = DEFAULT_MARKS if self.body is None else self.body
+        return tuple(name for name in said if name in self.mark) if set(said) <= set(self.mark) else ()
+
+    @property
+    def pair(self) -> tuple[str, ...]:
+        """The two coloured marks of one body, where these are all that is sought; else nothing."""
+        colored = all(mark.kind == "color" for mark in self.mark.values())
+        return self.rigid if colored and len(self.rigid) == len(self.mark) == 2 else ()
+
+    def of_kind(self, *kinds: Kind) -> dict[str, MarkSettings]:
+        """Marks of some kinds."""
+        return {name: mark for name, mark in self.mark.items() if mark.kind in kinds}
+
+
+def with_marks(settings: TrackingSettings, marks: dict[str, MarkSettings]) -> TrackingSettings:
+    """The settings with other marks. Raises pydantic.ValidationError for a mark whose colour nobody says."""
+    content = {name: getattr(settings, name) for name in settings.model_fields_set if name != "mark"}
+    return TrackingSettings.model_validate({**content, "mark": marks})
 
 
 def load_settings(path: Path) -> TrackingSettings:

@@ -25,12 +25,13 @@ def track(
 ) -> pd.DataFrame:
     """Track the marks of a recording.
 
-    Returns a row per frame: frame, time_s, and per mark (green, yellow, or those of the settings) NAME_x_px,
-    NAME_y_px, NAME_x_sigma_px, NAME_y_sigma_px, NAME_xy_cov_px2 (standard uncertainties and covariance of this
-    frame's centre) and NAME_status: "ok", or why the mark is absent (its numbers are then NaN). Image coordinates, px.
+    Returns a row per frame: frame, time_s, and per mark of the settings NAME_x_px, NAME_y_px, NAME_x_sigma_px,
+    NAME_y_sigma_px, NAME_xy_cov_px2 (standard uncertainties and covariance of this frame's centre) and NAME_status:
+    "ok", or why the mark is absent (its numbers are then NaN). Image coordinates, px.
     progress: told the numbers of frames done and expected. Raises InputError for a recording without colour.
     """
-    tracker = Tracker(settings or TrackingSettings())
+    wanted = settings or TrackingSettings()
+    tracker = Tracker(wanted)
     expected = int(getattr(recording, "expected_frames", 0))
     times: list[float] = []
     frames: list[int] = []
@@ -52,7 +53,7 @@ def track(
     progress("tracking", len(times), len(times))
     time_s = np.array(times)
     numbers = {name: np.array(values).reshape(-1, 5) for name, values in measured.items()}
-    refine(time_s, kinds, numbers, status, tracker.followers)
+    refine(time_s, kinds, numbers, status, tracker.followers, wanted.rigid)
     return to_table(frames, time_s, numbers, status)
 
 

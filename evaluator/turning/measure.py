@@ -8,15 +8,17 @@ counter-clockwise.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.errors import InputError
-from evaluator.pose import Poses
+from evaluator.pose import NO_HEADING, Poses
 from evaluator.turning.motion.fit import FEWEST_FRAMES, TurnFit, fit_turn, part, scaled_poses
 from evaluator.turning.motion.least_squares import Block, averaged_least_squares
 from evaluator.turning.motion.steady_motion import linearised, moved
+from evaluator.turning.path import measure_path
 from evaluator.turning.phase_table import phase_table, several_motions
 from evaluator.turning.phases import find_phases
 from evaluator.turning.quantities import Rate, RobotShape, body_quantities, path_quantities, with_sigmas
@@ -46,10 +48,14 @@ def measure_turning(
     if start_s is not None and stop_s is not None and stop_s <= start_s:
         raise InputError(f"stop at {stop_s} s is not after start at {start_s} s")
     there = poses.measured
+    marks = poses.geometry.names if poses.geometry else ()
     ratio, ratio_sigma = poses.spacing_ratio()
+    unknown = dict.fromkeys(marks, NAN)
     seen = Turning(mark_spacing_ratio=ratio, mark_spacing_ratio_sigma=ratio_sigma)
+    seen = replace(seen, mark_speeds_mm_s=unknown, mark_radii_mm=unknown)
     if there.sum() < FEWEST_FRAMES:
-        return replace(seen, radius_status=_too_few(poses))
+        alone = _one_mark(marks[0], poses, start_s, stop_s) if len(marks) == 1 else None
+        return alone or replace(seen, radius_status=_too_few(poses))
     if fault := spacing_fault(poses):
         return replace(seen, radius_status=fault)
     time = poses.time_s[there]
@@ -89,6 +95,17 @@ def measure_turning(
     return _with(seen, body | path)
 
 
+def _one_mark(name: str, poses: Poses, start_s: float | None, stop_s: float | None) -> Turning:
+    """What the path of a single mark tells: its radius and speed, nothing of the robot's centre."""
+    path = measure_path(poses.time_s, np.column_stack([poses.x_mm, poses.y_mm]), start_s, stop_s)
+    return Turning(
+        radius_status=f"{NO_HEADING}; {name} mark: {path.summary('mm')}",
+        mark_speeds_mm_s={name: path.speed},
+        mark_radii_mm={name: path.radius},
+        paths={name: path},
+    )
+
+
 def _too_few(poses: Poses) -> str:
     """How many frames have a pose, and the most common reason of the others."""
     there = poses.measured
@@ -97,9 +114,9 @@ def _too_few(poses: Poses) -> str:
     return f"{int(there.sum())} frames with a pose; {FEWEST_FRAMES} are needed{common}"
 
 
-def _with(seen: Turning, values: dict[str, float]) -> Turning:
+def _with(seen: Turning, values: dict[str, Any]) -> Turning:
     """Fill in quantities by their names."""
-    return replace(seen, **values)  # type: ignore[arg-type]
+    return replace(seen, **values)
 
 
 def _commanded(time: Array, start_s: float | None, stop_s: float | None) -> NDArray[np.bool_]:

@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 from evaluator.turning.motion.fit import COVERED, FEWEST_FRAMES, Curvature
 from evaluator.turning.motion.least_squares import Block, averaged_least_squares
 from evaluator.turning.phases import find_phases
+from evaluator.turning.status import LEAST_CERTAIN, LEAST_TURN_DEG, VARIES_SHARE
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 NAN = float("nan")
-# Least share of its half width at which the interval of a straight path ends; see status.py for the same limits.
-LEAST_CERTAIN, LEAST_TURN_DEG = 0.5, 1.0
 JUMP_SIGMA = 6.0
 PIECES = 4
 
@@ -82,7 +81,9 @@ def measure_path(
         return PointPath(reason, speed=speed, turned_deg=turned, scatter=found.scatter)
     spread = _spread(time, place)
     status = (
-        f"varies: the curvature scatters by {100 * spread:.0f} % from quarter to quarter" if spread > 0.05 else "ok"
+        f"varies: the curvature scatters by {100 * spread:.0f} % from quarter to quarter"
+        if spread > VARIES_SHARE
+        else "ok"
     )
     wider = curvature.with_systematic(abs(curvature.value) * float(np.hypot(scale_sigma, spread)))
     radius, low, high = wider.radius_mm()

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.pose import MarkGeometry
+from evaluator.mark_geometry import MarkGeometry
 from evaluator.turning.motion.fit import TurnFit
 from evaluator.turning.phases import local_rates
 
@@ -16,6 +17,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 NAN = float("nan")
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
+WITH_SLIP_RATIO = WHEELS[:2]
 # Spectral arc length: published settings of the band and of the amplitude below which the spectrum is noise.
 SMOOTHNESS_BAND_HZ = 10.0
 SMOOTHNESS_AMPLITUDE = 0.05
@@ -23,12 +25,17 @@ SMOOTHNESS_AMPLITUDE = 0.05
 
 @dataclass(frozen=True)
 class RobotShape:
-    """Outline and wheels in the body frame: wheel_positions_mm in the order of WHEELS, body of length by width, mm."""
+    """Outline and wheels in the body frame: wheel_positions_mm in the order of wheel_names, body of length by width.
+
+    driven_by: "left", "right" or "none" of each wheel; wheel_radius_mm: of the driving wheels.
+    """
 
     wheel_positions_mm: tuple[tuple[float, float], ...]
     wheel_radius_mm: float
     length_mm: float
     width_mm: float
+    wheel_names: tuple[str, ...] = WHEELS
+    driven_by: tuple[str, ...] = ("left", "right", "none", "none")
 
     def corners_mm(self) -> Array:
         """Corners of the body, (4, 2)."""
@@ -59,22 +66,23 @@ def body_quantities(
     marks: MarkGeometry | None,
     shape: RobotShape | None,
     rpm: tuple[float | None, float | None],
-) -> dict[str, float]:
-    """Radii, speeds and slips of points of the body, by their names in turning.csv; only those that can be known.
+) -> dict[str, Any]:
+    """Radii, speeds and slips of points of the body, by their names in Turning; only those that can be known.
 
     rate: of the path parameter, which scales the motion. rpm: of the left and right driving wheel.
     """
     twist = fit.body_twist(np.zeros(2)) * rate.value
     rotation = np.array([-twist[1], twist[0]]) / twist[2] if twist[2] else np.full(2, NAN)
     turning = not fit.curvature().straight
-    result: dict[str, float] = {}
+    result: dict[str, Any] = {}
     if turning:
         result |= {"rotation_x_mm": float(rotation[0]), "rotation_y_mm": float(rotation[1])}
-    for name, place in (("green", marks.green_mm), ("yellow", marks.yellow_mm)) if marks else ():
+    speeds, radii = {}, {}
+    for name, place in marks.places_mm.items() if marks else ():
         velocity = _velocity(twist, np.array(place))
-        result[f"{name}_speed_mm_s"] = float(np.copysign(np.hypot(*velocity), velocity[0]))
-        if turning:
-            result[f"{name}_radius_mm"] = float(np.linalg.norm(np.array(place) - rotation))
+        speeds[name] = float(np.copysign(np.hypot(*velocity), velocity[0]))
+        radii[name] = float(np.linalg.norm(np.array(place) - rotation)) if turning else NAN
+    result |= {"mark_speeds_mm_s": speeds, "mark_radii_mm": radii}
     if shape is not None and turning:
         wheels = np.array(shape.wheel_positions_mm)
         result["outer_wheel_radius_mm"] = float(np.linalg.norm(wheels - rotation, axis=1).max())
@@ -111,14 +119,22 @@ def with_sigmas(quantities: Callable[[Array], Array], fit: TurnFit, rate: Rate) 
 
 
 def _slips(twist: Array, shape: RobotShape | None, rpm: tuple[float | None, float | None]) -> dict[str, float]:
-    """Slip angles of body and wheels and slip ratios of the driving wheels, for the velocity of the centre."""
+    """Slip angles of body and wheels and slip ratios of the driving wheels, for the velocity of the centre.
+
+    Of wheels, those that have columns in turning.csv: WHEELS, and of slip ratios those of the front pair.
+    """
     result = {"body_slip_angle_deg": slip_angle_deg(twist)}
-    for number, (name, place) in enumerate(zip(WHEELS, shape.wheel_positions_mm if shape else (), strict=False)):
+    commanded = {"left": rpm[0], "right": rpm[1]}
+    for name, place, side in (
+        zip(shape.wheel_names, shape.wheel_positions_mm, shape.driven_by, strict=True) if shape else ()
+    ):
+        if name not in WHEELS:
+            continue
         assert shape is not None  # there would be no wheel
         velocity = _velocity(twist, np.array(place))
         result[f"{name}_slip_angle_deg"] = slip_angle_deg(velocity)
-        speed = rpm[number] if number < 2 else None  # the rear pair rolls freely: its rotation is not known
-        if speed is not None:
+        speed = commanded.get(side)  # the rotation of a wheel that rolls freely is not known
+        if speed is not None and name in WITH_SLIP_RATIO:
             surface = speed * 2 * np.pi / 60 * shape.wheel_radius_mm
             larger = max(abs(velocity[0]), abs(surface))
             result[f"{name}_slip_ratio"] = float((velocity[0] - surface) / larger) if larger else NAN

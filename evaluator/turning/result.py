@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 
+from evaluator.turning.path import PointPath
 from evaluator.turning.phase_table import Phase
 
 NAN = float("nan")
 Z_975 = 1.96
+OF_MARKS = {"mark_speeds_mm_s": "_speed_mm_s", "mark_radii_mm": "_radius_mm"}  # what follows a mark's name in the row
 
 
 @dataclass(frozen=True, repr=False)
@@ -28,6 +31,7 @@ class Turning:
     (u - r·phi')/max(|u|, |r·phi'|), angle atan2(v, |u|); their sigmas hold noise and camera, not what the marks' places
     in robot.toml or the commanded rpm are off by.
     phases: the motions that the run is made of, in time; a run that is several motions has no radius and no speed.
+    paths: of a robot with a single mark, the path of that mark: radius, bounds and speed are its own, not the centre's.
     Quality: path_efficiency, speed_ripple, smoothness (quantities.py).
     """
 
@@ -45,8 +49,7 @@ class Turning:
     sustained_from_s: float = NAN
     sustained_to_s: float = NAN
     speed_mm_s: float = NAN
-    green_speed_mm_s: float = NAN
-    yellow_speed_mm_s: float = NAN
+    mark_speeds_mm_s: Mapping[str, float] = field(default_factory=dict)
     yaw_rate_deg_s: float = NAN
     speed_sigma_mm_s: float = NAN
     yaw_rate_sigma_deg_s: float = NAN
@@ -58,8 +61,7 @@ class Turning:
     center_wander_mm: float = NAN
     rotation_x_mm: float = NAN
     rotation_y_mm: float = NAN
-    green_radius_mm: float = NAN
-    yellow_radius_mm: float = NAN
+    mark_radii_mm: Mapping[str, float] = field(default_factory=dict)
     outer_wheel_radius_mm: float = NAN
     wall_to_wall_radius_mm: float = NAN
     body_slip_angle_deg: float = NAN
@@ -91,6 +93,15 @@ class Turning:
     mark_spacing_ratio: float = NAN
     mark_spacing_ratio_sigma: float = NAN
     phases: tuple[Phase, ...] = ()
+    paths: Mapping[str, PointPath] = field(default_factory=dict)
+
+    def __getattr__(self, name: str) -> float:
+        """Columns of the marks by their names in turning.csv, NAME_speed_mm_s and NAME_radius_mm."""
+        for kept, ending in OF_MARKS.items():
+            found = self.__dict__.get(kept, {})
+            if name.endswith(ending) and name.removesuffix(ending) in found:
+                return float(found[name.removesuffix(ending)])
+        raise AttributeError(name)
 
     def summary(self) -> str:
         """One line for people."""
@@ -143,8 +154,19 @@ class Turning:
         )
 
     def to_row(self) -> dict[str, float | str | bool]:
-        """Columns of turning.csv in order, to follow run, left_rpm and right_rpm."""
-        return {item.name: getattr(self, item.name) for item in fields(self) if item.name != "phases"}
+        """Columns of turning.csv in order, to follow run, left_rpm and right_rpm; NAME_speed_mm_s … of the marks."""
+        row: dict[str, float | str | bool] = {}
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.name in OF_MARKS:
+                row |= {f"{mark}{OF_MARKS[item.name]}": number for mark, number in value.items()}
+            elif item.name == "paths":
+                for mark, path in value.items():
+                    row |= {f"{mark}_radius_low_mm": path.low, f"{mark}_radius_high_mm": path.high}
+                    row |= {f"{mark}_turned_deg": path.turned_deg, f"{mark}_radius_status": path.status}
+            elif item.name != "phases":
+                row[item.name] = value
+        return row
 
     def phase_rows(self) -> list[dict[str, float | str]]:
         """Rows of phases.csv, in time: start_s, stop_s, kind, radius_mm with its bounds, speed_mm_s, turned_deg."""

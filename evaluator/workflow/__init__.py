@@ -19,7 +19,11 @@ if TYPE_CHECKING:
     from evaluator.workflow.diagnosis.batch import diagnose_each
     from evaluator.workflow.diagnosis.experiment import DiagnosisResult, diagnose
     from evaluator.workflow.diagnosis.planning import Plan, plan
+    from evaluator.workflow.editing.documents import ChangedMeanwhileError, replace_text, version_of
+    from evaluator.workflow.editing.experiments import Edit, edit_experiment, new_table, read_experiment
+    from evaluator.workflow.editing.robots import effects_of, robot_file, with_effects, write_robot
     from evaluator.workflow.exporting import export
+    from evaluator.workflow.frames.decoder import Decoder, Wanted
     from evaluator.workflow.fresh import new_experiment
     from evaluator.workflow.rendering import Rendered, SceneOrder, read_scene, render_scene, render_scenes
     from evaluator.workflow.results.outputs import Outputs
@@ -27,14 +31,27 @@ if TYPE_CHECKING:
     from evaluator.workflow.slip_bench import SlipBench, evaluate_slip, evaluate_virtual_slip
     from evaluator.workflow.sweep import SweepDone, run_sweep
     from evaluator.workflow.tracking import Tracked, track_recording
+    from evaluator.workflow.viewing.curves import run_curves, run_of
+    from evaluator.workflow.viewing.overview import (
+        cameras_among,
+        experiments_among,
+        files_named,
+        out_folder,
+        results_state,
+    )
+    from evaluator.workflow.viewing.results import diagnosis_view, results_view
+    from evaluator.workflow.viewing.sandbox import effect_sliders, robot_sliders, sandbox_motions
 
 __all__ = [
     "Analysis",
     "Calibrated",
     "CaptureStart",
     "Captured",
+    "ChangedMeanwhileError",
     "Check",
+    "Decoder",
     "DiagnosisResult",
+    "Edit",
     "Outputs",
     "Plan",
     "Rendered",
@@ -44,29 +61,51 @@ __all__ = [
     "SweepDone",
     "Tracked",
     "Trends",
+    "Wanted",
     "analyze",
     "calibrate",
+    "cameras_among",
     "check_experiment",
     "compare",
     "compare_sessions",
     "diagnose",
     "diagnose_each",
+    "diagnosis_view",
+    "edit_experiment",
+    "effect_sliders",
+    "effects_of",
     "evaluate_slip",
     "evaluate_virtual_slip",
+    "experiments_among",
     "export",
+    "files_named",
     "new_experiment",
+    "new_table",
+    "out_folder",
     "pending",
     "plan",
     "prepare_samples",
+    "read_experiment",
     "read_scene",
     "record_camera",
     "render_scene",
     "render_scenes",
+    "replace_text",
+    "results_state",
+    "results_view",
+    "robot_file",
+    "robot_sliders",
+    "run_curves",
+    "run_of",
     "run_sweep",
+    "sandbox_motions",
     "simulate",
     "steady_turns",
     "track_recording",
+    "version_of",
     "watch_marks",
+    "with_effects",
+    "write_robot",
 ]
 
 _HOMES = {
@@ -88,6 +127,20 @@ _HOMES = {
     "evaluator.workflow.sweep": ("SweepDone", "run_sweep"),
     "evaluator.workflow.tracking": ("Tracked", "track_recording"),
     "evaluator.trends.trends": ("Trends", "compare_sessions"),
+    "evaluator.workflow.editing.documents": ("ChangedMeanwhileError", "replace_text", "version_of"),
+    "evaluator.workflow.editing.experiments": ("Edit", "edit_experiment", "new_table", "read_experiment"),
+    "evaluator.workflow.frames.decoder": ("Decoder", "Wanted"),
+    "evaluator.workflow.viewing.overview": (
+        "cameras_among",
+        "experiments_among",
+        "files_named",
+        "out_folder",
+        "results_state",
+    ),
+    "evaluator.workflow.viewing.curves": ("run_curves", "run_of"),
+    "evaluator.workflow.viewing.results": ("diagnosis_view", "results_view"),
+    "evaluator.workflow.viewing.sandbox": ("effect_sliders", "robot_sliders", "sandbox_motions"),
+    "evaluator.workflow.editing.robots": ("effects_of", "robot_file", "with_effects", "write_robot"),
 }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from html import escape
 from pathlib import Path
@@ -23,6 +23,8 @@ from simulator.robot import Robot, load_robot
 if TYPE_CHECKING:
     import pandas as pd
 
+    from evaluator.diagnosis.mistakes.recognised import Mistake
+
 
 # Columns of turning.csv that a notebook shows.
 SHOWN = (
@@ -35,7 +37,7 @@ SHOWN = (
 class Analysis:
     """What an analysis leaves: tables with a row per run, and the reason for every run that has no numbers.
 
-    notes: what is odd about the recordings of runs.
+    notes: what is odd about the recordings of runs. mistakes: runs that contradict their commands or the robot file.
     pooled: a row per command, its repetitions pooled; directions: a row per command driven both ways.
     """
 
@@ -48,6 +50,12 @@ class Analysis:
     faults: dict[str, str]
     notes: dict[str, tuple[str, ...]]
     reused: int
+    mistakes: tuple[Mistake, ...] = ()
+
+    @property
+    def set_aside(self) -> frozenset[str]:
+        """Runs that are not what the experiment says they are: measured, and in nothing that compares runs."""
+        return frozenset(run for item in self.mistakes if not item.everywhere for run in item.runs)
 
     def __repr__(self) -> str:
         """One line: the experiment, its runs and the folder of the results."""
@@ -95,7 +103,6 @@ def analyze(
         described, [results[run.id].turning or ({"radius_status": faults[run.id]},) for run in described.run]
     )
     write_table(turning, outputs.turning)
-    pooled, directions = _pool(turning, outputs)
     comparison = None
     if simulate:
         comparison = _table(described, [results[run.id].comparison or ({},) for run in described.run])
@@ -104,12 +111,13 @@ def analyze(
         outputs.comparison.unlink(missing_ok=True)  # it compared what no longer is
     write_provenance(outputs.provenance, experiment_path=path, inputs=input_files(described), command_line=command_line)
     marks = {run.id: outputs.marks(run.id) for run in described.run if run.id not in faults}
-    notes = with_sentences(
-        {run.id: found for run in described.run if (found := results[run.id].notes)},
-        mistakes_of_marks(described, marks),
-    )
+    mistakes = tuple(mistakes_of_marks(described, marks))
+    notes = with_sentences({run.id: found for run in described.run if (found := results[run.id].notes)}, mistakes)
     reused = sum(result.reused for result in results.values())
-    return Analysis(described, outputs, turning, pooled, directions, comparison, faults, notes, reused)
+    empty = turning.iloc[:0]
+    measured = Analysis(described, outputs, turning, empty, empty, comparison, faults, notes, reused, mistakes)
+    pooled, directions = _pool(turning[~turning["run"].isin(measured.set_aside)], outputs)
+    return replace(measured, pooled=pooled, directions=directions)
 
 
 def compare(

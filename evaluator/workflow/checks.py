@@ -118,18 +118,31 @@ def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
     except ValueError:
         return  # said already
     path = folder / name
-    both: list[str] = []
+    names = _marks_of_robot(folder, content)
+    found: list[str] = []
 
     def read(file: Path) -> None:
         if program_of(file) == "turnscope":
-            read_marks(file)  # needs both marks, in mm
+            read_marks(file, names or None)
             return
-        _, points, _ = read_points(file, tracks)
-        both.extend(mark for mark in points if mark in ("green", "yellow"))
+        _, points, _ = read_points(file, tracks, marks=names)
+        found.extend(mark for mark in points if mark in names)
 
     yield from _fault(read, path)
-    if both and len(both) < len(("green", "yellow")):
-        yield f"{path}: holds the {both[0]} mark alone; a pose needs both (its name: [tracks] of {experiment})"
+    if len(found) == 1 and len(names) > 1:
+        yield f"{path}: holds the {found[0]} mark alone; a pose needs two (its name: [tracks] of {experiment})"
+
+
+def _marks_of_robot(folder: Path, content: dict[str, Any]) -> tuple[str, ...]:
+    """Marks of the robot of an experiment; none where it cannot be read, which is said of the robot."""
+    from simulator.errors import SimulationError
+    from simulator.robot import load_robot
+
+    name = str(content.get("robot", ""))
+    try:
+        return tuple(load_robot(folder / name if name.endswith(".toml") else name).points_mm)
+    except (OSError, ValueError, SimulationError):
+        return ()
 
 
 def _poses(folder: Path, name: str, experiment: Path) -> Iterator[str]:

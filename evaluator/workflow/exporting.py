@@ -1,7 +1,7 @@
 """Results for other programs: one JSON file of all runs, and a netCDF file per run as movement has them.
 
 Both carry the provenance. The netCDF is the classic format, byte for byte the same for the same results; xarray and
-movement open it: position (mm, plate frame) over time, space, keypoints (green, yellow, center) and individuals.
+movement open it: position (mm, plate frame) over time, space, keypoints (the marks, then center) and individuals.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import pandas as pd
 from scipy.io import netcdf_file
 
 from evaluator.files import write_text, written_whole
-from evaluator.marks import read_marks
+from evaluator.marks import mark_names, read_marks
 from evaluator.progress import Progress, no_progress
 from evaluator.workflow.analysis import Analysis, compare
 from evaluator.workflow.results.outputs import Outputs
 
-KEYPOINTS = ("green", "yellow", "center")
+CENTER = "center"
 DIMENSIONS = ("time", "space", "keypoints", "individuals")
 
 
@@ -66,12 +66,13 @@ def records(table: pd.DataFrame) -> list[dict[str, Any]]:
 def write_netcdf(outputs: Outputs, run: str, path: Path, provenance: dict[str, Any]) -> None:
     """Write marks and poses of one run as a movement dataset of poses."""
     marks, poses = read_marks(outputs.marks(run)), pd.read_csv(outputs.poses(run))
-    position = np.stack([_place(marks, "green_"), _place(marks, "yellow_"), _place(poses, "")], axis=-1)
-    sigma = np.stack([_sigma(marks, "green_"), _sigma(marks, "yellow_"), _sigma(poses, "")], axis=-1)
+    names = mark_names(marks)
+    position = np.stack([*(_place(marks, f"{name}_") for name in names), _place(poses, "")], axis=-1)
+    sigma = np.stack([*(_sigma(marks, f"{name}_") for name in names), _sigma(poses, "")], axis=-1)
     with netcdf_file(path, "w", version=2) as file:
         file.createDimension("time", len(marks))
         _variable(file, "time", ("time",), marks["time_s"].to_numpy(), "s")
-        for name, labels in (("space", ("x", "y")), ("keypoints", KEYPOINTS), ("individuals", ("robot",))):
+        for name, labels in (("space", ("x", "y")), ("keypoints", (*names, CENTER)), ("individuals", ("robot",))):
             _labels(file, name, labels)
         _variable(file, "position", DIMENSIONS, position[..., None], "mm")
         _variable(file, "position_sigma", DIMENSIONS, sigma[..., None], "mm")

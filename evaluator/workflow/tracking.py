@@ -16,7 +16,7 @@ from evaluator.files import read_with
 from evaluator.marks import write_marks
 from evaluator.progress import Progress, no_progress
 from evaluator.recording import Source, open_recording
-from evaluator.robot_geometry import RobotGeometry, read_geometry
+from evaluator.robot_geometry import RobotGeometry, read_geometry, sought
 from evaluator.tracking import TrackingSettings, correct, load_settings, place_on_plate, read_corrections, track
 from evaluator.wording import counted
 
@@ -73,10 +73,11 @@ def track_recording(
     says in that case where to see it.
     Raises InputError for a file that cannot be used, and where no mark is found in any frame.
     """
-    wanted = read_with(load_settings, settings) if settings else TrackingSettings()
+    wanted = read_with(load_settings, settings) if settings else None
     by_hand = read_corrections(corrections) if corrections else None
     seen_by = read_with(load_camera, camera) if camera is not None else None
-    geometry = read_geometry(Path(robot)) if seen_by is not None else None
+    geometry = read_geometry(Path(robot))
+    wanted = sought(geometry, wanted)
     recording = open_recording(video, rate_hz=rate_hz, fields=fields)
     marks = track(recording, wanted, progress)
     if by_hand is not None:
@@ -87,7 +88,7 @@ def track_recording(
             f"{video}: no mark was found in any of {counted(len(marks), 'frame')}; "
             f"{where_to_look}, and say their color, diameter_px and region_px in a tracking.toml (--settings)"
         )
-    if seen_by is not None and geometry is not None:
+    if seen_by is not None:
         marks = place_on_plate(marks, seen_by, geometry.height_mm if height_mm is None else height_mm)
     if output is not None:
         write_marks(marks, Path(output))

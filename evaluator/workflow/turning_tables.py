@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from evaluator.errors import InputError
 from evaluator.interchange.tracks import Tracks, read_points
-from evaluator.pose import MarkGeometry, poses_from_marks
+from evaluator.mark_geometry import MarkGeometry
+from evaluator.marks import columns_of, read_marks
+from evaluator.pose import poses_from_marks
 from evaluator.turning import measure_turning
 from evaluator.turning.path import PointPath, measure_path
 from evaluator.turning.phase_table import several_motions
@@ -81,7 +83,8 @@ class MeasuredTable:
 def measure_table(path: Path, request: Request) -> MeasuredTable:
     """Measure one table. Raises InputError where it cannot be read, or none of its frames can be measured."""
     height = request.robot.height_mm if request.robot else 0.0
-    time, points, unit = read_points(path, request.tracks, request.camera, height)
+    names = request.robot.marks().names if request.robot else ()
+    time, points, unit = read_points(path, request.tracks, request.camera, height, names)
     lines: list[str] = []
     scale_sigma = 0.0
     if unit == "px" and request.ruler is not None:
@@ -94,13 +97,12 @@ def measure_table(path: Path, request: Request) -> MeasuredTable:
     elif request.ruler is not None:
         raise InputError(f"{path}: holds lengths in {unit}; --scale-px is for columns in px")
     head = {"run": path.stem, "left_rpm": request.left_rpm, "right_rpm": request.right_rpm}
-    pair = _pair(points, request.robot)
-    if pair is None:
+    geometry = _marks(path, points, request.robot)
+    if geometry is None:
         row, said = _each_mark(path, time, points, unit, scale_sigma, request)
         return MeasuredTable({**head, **row}, (*lines, *said))
-    assert request.robot is not None  # a pair is one of its marks
-    geometry = request.robot.of_pair(*pair)
-    marks = _table(path, time, {"green": points[pair[0]], "yellow": points[pair[1]]}, request)
+    assert request.robot is not None  # they are its marks
+    marks = _table(path, time, {name: points[name] for name in geometry.names}, request)
     if unit == "px":
         per_px = _mm_per_px(path, marks, geometry)
         marks = marks.drop(columns="time_s") * per_px
@@ -112,7 +114,7 @@ def measure_table(path: Path, request: Request) -> MeasuredTable:
     poses = poses_from_marks(marks, geometry, request.camera)
     if not poses.measured.any():
         reasons, counts = np.unique(poses.status, return_counts=True)
-        raise InputError(f"{path}: no frame can be measured ({reasons[counts.argmax()]}); are both marks in it?")
+        raise InputError(f"{path}: no frame can be measured ({reasons[counts.argmax()]}); are two marks in it?")
     found = measure_turning(
         poses,
         request.start_s,
@@ -157,13 +159,19 @@ def together(rows: Sequence[dict[str, Any]]) -> str:
     )
 
 
-def _pair(points: dict[str, Array], robot: RobotGeometry | None) -> tuple[str, str] | None:
-    """Two marks of the robot that are in the table, of more the two farthest apart; None where there are no two."""
+def _marks(path: Path, points: dict[str, Array], robot: RobotGeometry | None) -> MarkGeometry | None:
+    """Marks of the robot that are in the table; None where there are no two. Raises InputError for a misspelt one."""
     if robot is None:
         return None
-    there = [name for name in robot.places_mm if name in points and np.isfinite(points[name]).all(axis=1).any()]
-    pairs = list(combinations(there, 2))
-    return max(pairs, key=lambda pair: robot.of_pair(*pair).spacing_mm) if pairs else None
+    geometry = robot.marks()
+    strange = [name for name in points if name not in geometry.names]
+    for missing in (name for name in geometry.names if name not in points):
+        if near := difflib.get_close_matches(missing, strange, n=1):
+            raise InputError(
+                f"{path}: has no mark {missing}: unknown key marks.{missing}_mm; did you mean {near[0]}_mm?"
+            )
+    there = [name for name in geometry.names if name in points and np.isfinite(points[name]).all(axis=1).any()]
+    return geometry.only(there) if len(there) > 1 else None
 
 
 def _each_mark(
@@ -189,13 +197,12 @@ def _each_mark(
 
 
 def _table(path: Path, time: Array, points: dict[str, Array], request: Request) -> pd.DataFrame:
-    """Marks table of two marks; with all that turnscope's own tracker knows of them where it wrote the file."""
+    """Marks table of some marks; with all that turnscope's own tracker knows of them where it wrote the file."""
     from evaluator.interchange.tracks import program_of
-    from evaluator.marks import COLUMNS, read_marks
 
     if program_of(path) == "turnscope" and request.tracks.unit in (None, "mm"):
-        table = read_marks(path, ("time_s",))
-        if set(COLUMNS) <= set(table):
+        table = read_marks(path)
+        if set(columns_of(points)) <= set(table):
             return table
     table = pd.DataFrame({"time_s": time})
     for name, place in points.items():
@@ -204,9 +211,9 @@ def _table(path: Path, time: Array, points: dict[str, Array], request: Request) 
 
 
 def _mm_per_px(path: Path, marks: pd.DataFrame, geometry: MarkGeometry) -> float:
-    green, yellow = (marks[[f"{name}_x_mm", f"{name}_y_mm"]].to_numpy(float) for name in ("green", "yellow"))
-    distance = np.hypot(*(green - yellow).T)
+    first, second = (marks[columns_of([name])].to_numpy(float) for name in geometry.farthest_pair())
+    distance = np.hypot(*(first - second).T)
     usual = float(np.median(distance[np.isfinite(distance)])) if np.isfinite(distance).any() else 0.0
     if not usual > 0:
-        raise InputError(f"{path}: both marks are in one place: their distance gives no scale")
+        raise InputError(f"{path}: the marks are in one place: their distance gives no scale")
     return geometry.spacing_mm / usual

@@ -20,16 +20,18 @@ LEAST_DESCENT = 0.5  # of Newton's method, where an axle would turn into its own
 
 @compiled(forceinline=True, fastmath=VECTORS)
 def _axle(
-    first: int, u: float, v: float, r: float, contacts: Any, rest: float, model: Any
+    axle: int, u: float, v: float, r: float, contacts: Any, rest: float, model: Any
 ) -> tuple[Triple, Triple, Triple, Triple, Triple]:
-    """Forces on the axle whose left wheel is the first, and their derivatives by u, v, r and the axle's angle.
+    """Forces on the front (0) or rear (1) axle, and their derivatives by u, v, r and the axle's angle.
 
     Forces: forward, to the left, and the moment of those forward about the middle of the axle.
     """
     along, across, twist = 0.0, 0.0, 0.0
     along_u, across_u, twist_u, along_v, across_v, twist_v = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     along_r, across_r, twist_r, along_turn, across_turn, twist_turn = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for wheel in range(first, first + 2):
+    for wheel in range(len(model.wheel_x)):
+        if model.axle[wheel] != axle:
+            continue
         x, y = model.wheel_x[wheel], model.wheel_y[wheel]
         f_x, f_y, x_u, x_v, y_u, y_v, x_turn, y_turn = wheel_response(wheel, u, v, r, contacts, rest, model)
         x_r, y_r = x * x_v - y * x_u, x * y_v - y * y_u
@@ -50,7 +52,10 @@ def _axle(
 @compiled(inline="always")
 def _lack(axle: int, forward: float, pressed: float, contacts: Any, model: Any) -> tuple[float, float, float]:
     """Angle that an axle lacks, and how much of it comes of the force it is pressed with, and of that forward."""
-    given = contacts[GIVEN, 2 * axle]
+    given = 0.0
+    for wheel in range(len(model.wheel_x)):
+        if model.axle[wheel] == axle:
+            given = contacts[GIVEN, wheel]
     by_pressed, by_forward = model.compliance * math.cos(given), -model.compliance * math.sin(given)
     return by_pressed * pressed + by_forward * forward - given, by_pressed, by_forward
 
@@ -58,7 +63,7 @@ def _lack(axle: int, forward: float, pressed: float, contacts: Any, model: Any) 
 @compiled(inline="always")
 def _balance(front: Any, rear: Any, body: Triple, contacts: Any, model: Any) -> Any:
     """What both axles lack; the derivatives of that by the forces; minus those by the angles, (2, 2) in a row."""
-    ahead, behind = model.wheel_x[0], model.wheel_x[2]
+    ahead, behind = model.axle_x[0], model.axle_x[1]
     per_length = 1.0 / (ahead - behind)
     twist = body[2] + front[0][2] + rear[0][2]
     on_front, on_rear = per_length * (behind * body[1] - twist), per_length * (twist - ahead * body[1])
@@ -82,16 +87,18 @@ def _balance(front: Any, rear: Any, body: Triple, contacts: Any, model: Any) -> 
 @compiled()
 def give_way(u: float, v: float, r: float, place: Any, rest: float, model: Any, contacts: Any) -> float:
     """Turn the axles by one step of Newton's method toward compliance times the force on each; the change, rad."""
-    front, rear = _axle(0, u, v, r, contacts, rest, model), _axle(2, u, v, r, contacts, rest, model)
+    front, rear = _axle(0, u, v, r, contacts, rest, model), _axle(1, u, v, r, contacts, rest, model)
     (a_lack, b_lack), _, (aa, ab, ba, bb) = _balance(front, rear, loads(u, v, r, place, rest, model), contacts, model)
     aa, bb = max(aa, LEAST_DESCENT), max(bb, LEAST_DESCENT)
     determinant = aa * bb - ab * ba
     if determinant < LEAST_DESCENT * LEAST_DESCENT:
         ab, ba, determinant = 0.0, 0.0, aa * bb
     a_step, b_step = (bb * a_lack - ab * b_lack) / determinant, (aa * b_lack - ba * a_lack) / determinant
-    for side in range(2):
-        contacts[GIVEN, side] += a_step
-        contacts[GIVEN, 2 + side] += b_step
+    for wheel in range(len(model.wheel_x)):
+        if model.axle[wheel] == 0:
+            contacts[GIVEN, wheel] += a_step
+        elif model.axle[wheel] == 1:
+            contacts[GIVEN, wheel] += b_step
     change: float = max(abs(a_step), abs(b_step))
     return change
 
@@ -99,7 +106,7 @@ def give_way(u: float, v: float, r: float, place: Any, rest: float, model: Any, 
 @compiled(inline="always")
 def _together(front: Triple, rear: Triple, model: Any) -> Triple:
     """Forces on both axles as forces and moment on the robot."""
-    moment = model.wheel_x[0] * front[1] + model.wheel_x[2] * rear[1] + front[2] + rear[2]
+    moment = model.axle_x[0] * front[1] + model.axle_x[1] * rear[1] + front[2] + rear[2]
     return front[0] + rear[0], front[1] + rear[1], moment
 
 
@@ -108,7 +115,7 @@ def _yielding(held: Any, body: Triple, by: Any, turned: Any, response: Any, mode
     """Derivative of the friction by a velocity, from those with axles held and of the body by it, and by the angles."""
     front, rear = held
     front_pressed, front_forward, rear_pressed, rear_forward = by
-    (aa, ab, ba, bb), ahead, behind = turned, model.wheel_x[0], model.wheel_x[2]
+    (aa, ab, ba, bb), ahead, behind = turned, model.axle_x[0], model.axle_x[1]
     twist, per_length = body[2] + front[2] + rear[2], 1.0 / (ahead - behind)
     a_lack = front_pressed * per_length * (behind * body[1] - twist) + front_forward * front[0]
     b_lack = rear_pressed * per_length * (twist - ahead * body[1]) + rear_forward * rear[0]
@@ -130,7 +137,7 @@ def axle_slopes(
 
     body, body_by: the other forces and their derivatives; the contacts hold the angles of the balance.
     """
-    front, rear = _axle(0, u, v, r, contacts, rest, model), _axle(2, u, v, r, contacts, rest, model)
+    front, rear = _axle(0, u, v, r, contacts, rest, model), _axle(1, u, v, r, contacts, rest, model)
     _, by, turned = _balance(front, rear, body, contacts, model)
     response = front[4], rear[4]
     return _together(front[0], rear[0], model), (

@@ -49,7 +49,9 @@ def _touch_one(
     wheel: int, u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any
 ) -> None:
     """The contact of one wheel; u, v: of its centre in the body frame; place: of the robot on the plate."""
-    surface = model.speed[wheel] * drive[wheel] if wheel < 2 else 0.0
+    surface = model.by_left[wheel] * drive[0] + model.by_right[wheel] * drive[1]
+    side = model.side[wheel]
+    driven = model.driving[wheel] != 0.0
     free, steer = surface, model.steer[wheel]
     load, friction, across, stiffness, drag = 1.0, 1.0, 1.0, 1.0, 0.0
     x, y, cos, sin, time = place
@@ -59,12 +61,12 @@ def _touch_one(
             continue
         channel, basis = model.channel[term], model.basis[term]
         if basis >= SLIDE_COS2:
-            slide = u - surface if wheel < 2 else 0.0  # a driven wheel rolls: it slides sideways only
+            slide = u - surface if driven else 0.0  # a wheel that rolls freely slides sideways only
             value *= slide_basis(basis, cos * slide - sin * v, sin * slide + cos * v, rest)
         elif basis >= COS:
             at_x = x + cos * model.wheel_x[wheel] - sin * model.wheel_y[wheel]
             at_y = y + sin * model.wheel_x[wheel] + cos * model.wheel_y[wheel]
-            angle = drive[2 + wheel] if wheel < 2 else 0.0
+            angle = drive[2 + side] if driven else 0.0
             point = model.point_x[term], model.point_y[term], model.falloff[term]
             value *= place_basis(basis, at_x, at_y, cos, sin, time, angle, point)
         elif basis != ONE:
@@ -85,14 +87,14 @@ def _touch_one(
             across += value
     load, friction, stiffness = max(load, LEAST_FACTOR), max(friction, LEAST_FACTOR), max(stiffness, LEAST_FACTOR)
     across = max(across, LEAST_FACTOR)
-    steep = stiffness / friction if model.stiffness_follows_load else stiffness / (load * friction)
+    steep = stiffness / friction if model.stiffness_follows_load[wheel] else stiffness / (load * friction)
     scaled = (load * friction, load * friction * across, steep, steep / across)
     steer += contacts[GIVEN, wheel]
     cos_steer, sin_steer, wheel_u, wheel_v = 1.0, 0.0, u, v
     if steer != 0.0:
         cos_steer, sin_steer = math.cos(steer), math.sin(steer)
         wheel_u, wheel_v = cos_steer * u + sin_steer * v, cos_steer * v - sin_steer * u
-    droop = model.droop if wheel < 2 and drive[wheel] != 0.0 else 0.0
+    droop = model.droop[wheel] if driven and drive[side] != 0.0 else 0.0
     if droop != 0.0:
         surface = drooping_speed(wheel_u, wheel_v, surface, contacts[SURFACE, wheel], wheel, scaled, rest, model)
     contacts[SURFACE, wheel], contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel] = surface, cos_steer, sin_steer
@@ -104,7 +106,8 @@ def _touch_one(
 def touch(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
     """Bring the contacts to a velocity, a drive and a place."""
     if model.general == 0:
-        contacts[SURFACE, 0], contacts[SURFACE, 1] = model.speed[0] * drive[0], model.speed[1] * drive[1]
+        for wheel in range(len(model.wheel_x)):
+            contacts[SURFACE, wheel] = model.by_left[wheel] * drive[0] + model.by_right[wheel] * drive[1]
     else:
         touch_changed(u, v, r, drive, place, rest, model, contacts)
 
@@ -124,32 +127,32 @@ def touch_changed(u: float, v: float, r: float, drive: Any, place: Any, rest: fl
 
 @compiled()
 def _touch_all(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
-    for wheel in range(4):
+    for wheel in range(len(model.wheel_x)):
         body_u, body_v = u - r * model.wheel_y[wheel], v + r * model.wheel_x[wheel]
         _touch_one(wheel, body_u, body_v, r, drive, place, rest, model, contacts)
 
 
 @compiled(forceinline=True, fastmath=VECTORS)
 def friction(u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> Triple:
-    """Force forward, to the left, and moment of the four wheels."""
+    """Force forward, to the left, and moment of all wheels."""
     along, across, moment = 0.0, 0.0, 0.0
-    for wheel in range(4):
+    for wheel in range(len(model.wheel_x)):
         x, y = model.wheel_x[wheel], model.wheel_y[wheel]
         body_u, body_v = u - r * y, v + r * x
         cos, sin = contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel]
-        wheel_u, driving = cos * body_u + sin * body_v, 1.0 if wheel < 2 else 0.0
+        wheel_u = cos * body_u + sin * body_v
         f_x, f_y = wheel_force(
             wheel_u,
             cos * body_v - sin * body_u,
-            driving * slip_ratio(wheel_u, contacts[SURFACE, wheel], rest),
+            model.driving[wheel] * slip_ratio(wheel_u, contacts[SURFACE, wheel], rest),
             model.grip_x[wheel] * contacts[GRIP_X, wheel],
             model.grip_y[wheel] * contacts[GRIP_Y, wheel],
             model.steep_x[wheel] * contacts[STEEP_X, wheel],
             model.steep_y[wheel] * contacts[STEEP_Y, wheel],
-            model.ratio,
-            model.shape_x,
-            model.shape_y,
-            model.decrease,
+            model.ratio[wheel],
+            model.shape_x[wheel],
+            model.shape_y[wheel],
+            model.decrease[wheel],
             rest,
         )
         f_x += contacts[DRAG_FORCE, wheel]
@@ -166,7 +169,7 @@ def friction_slopes(u: float, v: float, r: float, contacts: Any, rest: float, mo
     along, across, moment = 0.0, 0.0, 0.0
     along_u, along_v, along_r, across_u, across_v, across_r = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     moment_u, moment_v, moment_r = 0.0, 0.0, 0.0
-    for wheel in range(4):
+    for wheel in range(len(model.wheel_x)):
         x, y = model.wheel_x[wheel], model.wheel_y[wheel]
         force_x, force_y, x_u, x_v, y_u, y_v, _, _ = wheel_response(wheel, u, v, r, contacts, rest, model)
         turn_u, turn_v = x * y_u - y * x_u, x * y_v - y * x_v

@@ -6,88 +6,59 @@ of records; a fit fills records again and again.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import repeat
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator.dynamics.terms import FRICTION, UN_PER_MN, Term
+from simulator.dynamics.record import EMPTY, LAW, MOST_TERMS, NUMBERS, WHEELS
+from simulator.dynamics.scale import most_slots, scaled_coefficient
+from simulator.dynamics.terms import FRICTION, UN_PER_MN, Term, pattern_weights
 from simulator.effects import free_form
 from simulator.effects.catalogue import EFFECTS, effect_values, faults_of_effects
 from simulator.effects.draft import Draft
 from simulator.effects.entry import EffectEntry
 from simulator.errors import SimulationError
+from simulator.nominal_robot import NominalRobot, Slip, Wheel
 from simulator.robot import Robot
 from simulator.slip.law import REST_SPEED_MM_S
 
-MOST_TERMS = 40
-
-# Numbers of a record, and how many of each.
-NUMBERS = {
-    "mass": 1,
-    "inertia": 1,  # yaw, about the robot's centre
-    "inverse_mass": 9,  # (3, 3), of (u, v, r), with the centre of gravity where it is
-    "gravity_x": 1,  # centre of gravity in the body frame
-    "gravity_y": 1,
-    "wheel_x": 4,
-    "wheel_y": 4,
-    "grip_x": 4,  # mu0_x·f_z
-    "grip_y": 4,
-    "steep_x": 4,  # K_y/(mu0_x·f_z), the b of Eq. (6)
-    "steep_y": 4,
-    "ratio": 1,  # K_x/K_y
-    "shape_x": 1,
-    "shape_y": 1,
-    "decrease": 1,  # K_mu
-    "rest_speed": 1,
-    "speed": 2,  # surface speed per rpm, left and right
-    "dead_band": 1,  # rpm
-    "dead_time": 1,
-    "lag": 1,
-    "droop": 1,  # loss of surface speed per µN of driving force
-    "compliance": 1,  # rad per µN
-    "steer": 4,
-    "stiffness_follows_load": 1,  # 1 or 0
-}
-SHAPES: dict[str, int | tuple[int, int]] = {**NUMBERS, "inverse_mass": (3, 3)}
-MODEL = np.dtype(
-    [
-        *((name, float) if shape == 1 else (name, float, shape) for name, shape in SHAPES.items()),
-        ("general", np.int64),  # 0: friction of the wheels is nominal
-        ("wheels_feel", np.int64),  # 1: what terms change about a wheel depends on the velocity
-        ("body_feels", np.int64),  # 1: forces of terms on the body do
-        ("varies", np.int64),  # 1: forces change along a steady turn
-        ("wheels_vary", np.int64),  # 1: friction does
-        ("body_terms", np.int64),  # the first so many terms act on the body, the next on the wheels
-        ("wheel_terms", np.int64),
-        ("channel", np.int64, MOST_TERMS),
-        ("basis", np.int64, MOST_TERMS),
-        ("coefficient", float, MOST_TERMS),
-        ("point_x", float, MOST_TERMS),
-        ("point_y", float, MOST_TERMS),
-        ("falloff", float, MOST_TERMS),
-        ("pattern", float, (MOST_TERMS, 4)),
-    ],
-    align=True,
-)
+NO_AXLE = 2  # 0: the front axle, 1: the rear axle
+# Of a wheel without friction.
+NO_FRICTION = (0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0)
 
 
-def record_of(draft: Draft, rest_speed_mm_s: float = REST_SPEED_MM_S) -> NDArray[np.void]:
-    """The robot of a draft compiled for the kernels, shape (1,) of dtype MODEL.
+def room_for(robots: Iterable[NominalRobot]) -> int:
+    """Slots of a record in which each of the robots fits."""
+    return most_slots([len(robot.wheel_names) for robot in robots])
 
-    Raises SimulationError where a wheel is left without load or friction, or where more terms act than fit.
+
+def record_of(draft: Draft, rest_speed_mm_s: float = REST_SPEED_MM_S, slots: int | None = None) -> NDArray[np.void]:
+    """The robot of a draft compiled for the kernels, shape (1,) of dtype model_type(slots).
+
+    rest_speed_mm_s: of a robot of the usual size, see simulator.dynamics.scale; slots: room for more wheels than there
+    are, so that robots of different numbers of wheels make one batch. Raises SimulationError where no forces on the
+    wheels can balance the weight, where a wheel is left without friction, or where more terms act than fit.
     """
     draft.finish()
-    model = np.zeros(1, MODEL)
+    layout, unit = draft.layout, draft.layout.time_unit_s
+    slots = slots or most_slots([len(layout.wheels)])
+    empty = slots - len(layout.wheels)
+    model = layout.record(slots)
     row: Any = model[0]
-    numbers = _numbers_of_body(draft) | _numbers_of_wheels(draft) | _numbers_of_motors(draft)
+    numbers = _numbers_of_body(draft, unit) | _numbers_of_wheels(draft) | _numbers_of_motors(draft, unit)
     numbers["rest_speed"] = (rest_speed_mm_s,)
-    flat = [number for name in NUMBERS for number in numbers[name]]
+    flat: list[float] = []
+    for name, count in NUMBERS.items():
+        flat += numbers[name]
+        if count == WHEELS and empty:
+            flat += [EMPTY.get(name, 0.0)] * empty
     model.view(np.float64)[: len(flat)] = flat  # one assignment: a fit fills records by the thousand
-    _fill_terms(row, draft.terms)
+    _fill_terms(row, draft, unit)
     if draft.compliance_rad_per_mN != 0:  # axles give way to what the body presses them with
+        _fill_axles(row, draft, unit)
         row["wheels_vary"] = row["varies"]
     changed = draft.droop_rpm_per_uN_mm or draft.compliance_rad_per_mN or draft.toe_rad.any()
     row["general"] = bool(row["wheel_terms"] or changed)
@@ -108,9 +79,13 @@ def apply_effects(draft: Draft, entries: Sequence[EffectEntry]) -> None:
 
 
 def compile_robot(
-    robot: Robot, run_index: int = 0, extra: Sequence[Term] = (), rest_speed_mm_s: float = REST_SPEED_MM_S
+    robot: Robot,
+    run_index: int = 0,
+    extra: Sequence[Term] = (),
+    rest_speed_mm_s: float = REST_SPEED_MM_S,
+    slots: int | None = None,
 ) -> NDArray[np.void]:
-    """The record of a robot with its effects, shape (1,) of dtype MODEL.
+    """The record of a robot with its effects, shape (1,); see record_of.
 
     run_index: number of the run within its session, from 0; extra: further terms of the grammar, for physics without
     a name. Raises SimulationError for effects that the catalogue does not know or that cannot act on this robot.
@@ -118,14 +93,15 @@ def compile_robot(
     draft = Draft(robot, run_index)
     apply_effects(draft, robot.effect)
     draft.add(*extra)
-    return record_of(draft, rest_speed_mm_s)
+    return record_of(draft, rest_speed_mm_s, slots)
 
 
-def _numbers_of_body(draft: Draft) -> dict[str, Sequence[float]]:
-    robot = draft.robot
-    mass, inertia, (x, y) = robot.body.mass_g, robot.yaw_inertia_g_mm2, draft.gravity_mm
-    # The stated yaw inertia is about the centre of gravity's nominal place; an offset adds m·d² (parallel axes). The
-    # mass matrix [[m, 0, -m·y], [0, m, m·x], [-m·y, m·x, inertia + m·d²]] has its inverse in closed form.
+def _numbers_of_body(draft: Draft, unit: float) -> dict[str, Sequence[float]]:
+    robot, length = draft.robot, unit * unit
+    mass, inertia = robot.body.mass_g, robot.yaw_inertia_g_mm2 / (length * length)
+    x, y = draft.gravity_mm[0] / length, draft.gravity_mm[1] / length
+    # The stated yaw inertia is about the centre of gravity; about the robot's centre it is more by m·d² (parallel
+    # axes). The mass matrix [[m, 0, -m·y], [0, m, m·x], [-m·y, m·x, inertia + m·d²]] has its inverse in closed form.
     return {
         "mass": (mass,),
         "inertia": (inertia + mass * (x * x + y * y),),
@@ -140,47 +116,75 @@ def _numbers_of_body(draft: Draft) -> dict[str, Sequence[float]]:
 
 
 def _numbers_of_wheels(draft: Draft) -> dict[str, Sequence[float]]:
-    robot, slip = draft.robot, draft.robot.slip
+    robot = draft.robot
     weights, loads = (values.tolist() for values in draft.loads_uN())
     frictions = draft.friction_factor.tolist()
-    if not min(loads) > 0 or not min(frictions) > 0:
-        raise SimulationError(f"{robot.name}: every wheel needs a positive load and friction; loads are {loads} µN")
-    x, y = robot.wheels.wheelbase_mm / 2, robot.wheels.track_mm / 2
+    if not min(frictions) > 0:
+        raise SimulationError(f"{robot.name}: every wheel needs a positive friction; the factors are {frictions}")
+    rows = map(_friction_of, draft.layout.wheels, repeat(robot.slip), weights, loads, frictions)
+    numbers: dict[str, Sequence[float]] = dict(zip(LAW, zip(*rows, strict=True), strict=True))
+    numbers["steer"] = draft.toe_rad.tolist()
+    return numbers
+
+
+def _friction_of(wheel: Wheel, common: Slip, weight: float, load: float, friction: float) -> tuple[float, ...]:
+    """Numbers of the slip law of one wheel, by the names of LAW.
+
+    weight and load in µN, friction: factor of its coefficients.
+    """
+    slip = wheel.slip or common
+    if load <= 0 or wheel.support != "wheel":
+        return NO_FRICTION
     follows = slip.stiffness_basis == "load"
-    stiffness = [slip.lateral_stiffness * value for value in (loads if follows else weights)]
-    grip_x, grip_y = (
-        [level * friction * load for friction, load in zip(frictions, loads, strict=True)]
-        for level in (slip.longitudinal_friction, slip.lateral_friction)
+    stiffness = slip.lateral_stiffness * (load if follows else max(weight, 0.0))
+    grip_x, grip_y = slip.longitudinal_friction * friction * load, slip.lateral_friction * friction * load
+    return (
+        grip_x,
+        grip_y,
+        stiffness / grip_x,
+        stiffness / grip_y,
+        slip.longitudinal_stiffness / slip.lateral_stiffness,
+        slip.longitudinal_shape,
+        slip.lateral_shape,
+        slip.friction_decrease,
+        follows,
     )
-    return {
-        "wheel_x": (x, x, -x, -x),
-        "wheel_y": (y, -y, y, -y),
-        "grip_x": grip_x,
-        "grip_y": grip_y,
-        "steep_x": [stiff / grip for stiff, grip in zip(stiffness, grip_x, strict=True)],
-        "steep_y": [stiff / grip for stiff, grip in zip(stiffness, grip_y, strict=True)],
-        "ratio": (slip.longitudinal_stiffness / slip.lateral_stiffness,),
-        "shape_x": (slip.longitudinal_shape,),
-        "shape_y": (slip.lateral_shape,),
-        "decrease": (slip.friction_decrease,),
-        "stiffness_follows_load": (float(follows),),
-    }
 
 
-def _numbers_of_motors(draft: Draft) -> dict[str, Sequence[float]]:
-    per_rpm = 2 * math.pi * draft.robot.wheels.radius_mm / 60
+def _numbers_of_motors(draft: Draft, unit: float) -> dict[str, Sequence[float]]:
+    """Commands come in revolutions per minute of the kernels' time, see simulator.dynamics.scale."""
+    left, right = draft.speed_factor.tolist()
+    droop, turning = draft.droop_rpm_per_uN_mm / unit, draft.layout.turning
+    by_left = [per_rpm * left if on else 0.0 for per_rpm, on, _, _ in turning]
+    by_right = [per_rpm * right if on else 0.0 for per_rpm, _, on, _ in turning]
     return {
-        "speed": [per_rpm * factor for factor in draft.speed_factor.tolist()],
-        "dead_band": (draft.dead_band_rpm,),
-        "dead_time": (draft.dead_time_s,),
-        "lag": (draft.lag_s,),
-        "droop": (per_rpm * draft.droop_rpm_per_uN_mm * draft.robot.wheels.radius_mm,),
+        "speed": (max(by_left), max(by_right)),
+        "by_left": by_left,
+        "by_right": by_right,
+        "droop": [per_rpm * droop * moment_arm for per_rpm, _, _, moment_arm in turning],
+        "dead_band": (draft.dead_band_rpm * unit,),
+        "dead_time": (draft.dead_time_s / unit,),
+        "lag": (draft.lag_s / unit,),
         "compliance": (draft.compliance_rad_per_mN / UN_PER_MN,),
-        "steer": draft.toe_rad.tolist(),
     }
 
 
-def _fill_terms(row: Any, terms: list[Term]) -> None:
+def _fill_axles(row: Any, draft: Draft, unit: float) -> None:
+    """Which axle each wheel belongs to: wheels of one x make one. Raises SimulationError for other than two."""
+    places = sorted({wheel.x_mm for wheel in draft.layout.wheels if wheel.grips}, reverse=True)
+    if len(places) != 2:
+        raise SimulationError(
+            f"{draft.robot.name}: axles give way where there are two of them; found wheels at {len(places)} places of x"
+        )
+    row["axle"] = NO_AXLE
+    for number, wheel in enumerate(draft.layout.wheels):
+        if wheel.grips:
+            row["axle"][number] = places.index(wheel.x_mm)
+    row["axle_x"] = [place / (unit * unit) for place in places]
+
+
+def _fill_terms(row: Any, draft: Draft, unit: float) -> None:
+    terms, wheels = draft.terms, draft.layout.wheels
     if not terms:
         return
     # Friction comes last: where it depends on the direction of sliding, speed and toe must be known.
@@ -197,7 +201,10 @@ def _fill_terms(row: Any, terms: list[Term]) -> None:
     row["varies"] = row["wheels_vary"] or any(term.varies for term in on_body)
     row["channel"][:count] = [term.channel for term in ordered]
     row["basis"][:count] = [term.basis for term in ordered]
-    row["coefficient"][:count] = [term.coefficient for term in ordered]
-    row["point_x"][:count], row["point_y"][:count] = zip(*(term.point_mm for term in ordered), strict=True)
+    row["coefficient"][:count] = [scaled_coefficient(term, unit) for term in ordered]
+    points = np.array([term.point_mm for term in ordered]) / (unit * unit)
+    row["point_x"][:count], row["point_y"][:count] = points.T
     row["falloff"][:count] = [term.falloff for term in ordered]
-    row["pattern"][:count] = [term.pattern for term in ordered]
+    grips = np.array([wheel.grips for wheel in wheels])
+    for number, term in enumerate(on_wheels, len(on_body)):
+        row["pattern"][number, : len(wheels)] = grips * pattern_weights(term.pattern, wheels)

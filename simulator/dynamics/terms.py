@@ -7,7 +7,9 @@ channels the place of each mark.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 UN_PER_MN = 1000.0  # files say mN, terms µN = g·mm/s²
 
@@ -67,28 +69,74 @@ BASES = {
     "x_r_squared": X_CUBED,  # x·(x² + y²): what a lens leaves
     "y_r_squared": Y_CUBED,
 }
-PATTERNS = {
-    "common": (1.0, 1.0, 1.0, 1.0),
-    "left-right": (1.0, -1.0, 1.0, -1.0),
-    "front-rear": (1.0, 1.0, -1.0, -1.0),
-    "driving": (1.0, 1.0, 0.0, 0.0),
-    "driving-left-right": (1.0, -1.0, 0.0, 0.0),
-    "driven": (0.0, 0.0, 1.0, 1.0),
+
+
+class Place(Protocol):
+    """What a pattern asks of a wheel: its centre in the body frame, mm, and which command drives it."""
+
+    @property
+    def x_mm(self) -> float: ...  # noqa: D102
+    @property
+    def y_mm(self) -> float: ...  # noqa: D102
+    @property
+    def driven_by(self) -> str: ...  # noqa: D102
+
+
+def _sign(value: float) -> float:
+    return float((value > 0) - (value < 0))
+
+
+def _ahead(wheel: Place, wheels: Sequence[Place]) -> float:
+    """1 for a wheel of the foremost axle, -1 for one of the rearmost, 0 between."""
+    front, rear = max(other.x_mm for other in wheels), min(other.x_mm for other in wheels)
+    return float(wheel.x_mm == front) - float(wheel.x_mm == rear)
+
+
+def _driving(wheel: Place) -> float:
+    return float(wheel.driven_by != "none")
+
+
+def _corner(ahead: int, side: int) -> Callable[[Place, Sequence[Place]], float]:
+    return lambda wheel, wheels: float(_ahead(wheel, wheels) == ahead and _sign(wheel.y_mm) == side)
+
+
+# Weight of a wheel among all wheels. Left and right are those of the place, for driving wheels those of the command.
+PATTERNS: dict[str, Callable[[Place, Sequence[Place]], float]] = {
+    "common": lambda _wheel, _wheels: 1.0,
+    "left-right": lambda wheel, _wheels: _sign(wheel.y_mm),
+    "front-rear": _ahead,
+    "driving": lambda wheel, _wheels: _driving(wheel),
+    "driving-left-right": lambda wheel, _wheels: float(wheel.driven_by == "left") - float(wheel.driven_by == "right"),
+    "driven": lambda wheel, _wheels: 1.0 - _driving(wheel),  # wheels that roll freely
+    "driven-left-right": lambda wheel, _wheels: (1.0 - _driving(wheel)) * _sign(wheel.y_mm),
+    "front-left": _corner(1, 1),
+    "front-right": _corner(1, -1),
+    "rear-left": _corner(-1, 1),
+    "rear-right": _corner(-1, -1),
 }
+
+
+def pattern_weights(pattern: str | tuple[float, ...], wheels: Sequence[Place]) -> tuple[float, ...]:
+    """Weight of each wheel, by the name of a pattern or as it is given."""
+    if isinstance(pattern, str):
+        weigh = PATTERNS[pattern]
+        return tuple(weigh(wheel, wheels) for wheel in wheels)
+    return pattern
 
 
 @dataclass(frozen=True)
 class Term:
     """One term: channel and basis of this module, coefficient in the channel's unit per unit of the basis.
 
-    pattern: weight of each wheel, for wheel channels; point_mm and falloff: for the bases toward_x and toward_y, which
-    are 1 in size at 10 mm from the point and go with the distance to the power of -falloff.
+    pattern: of wheel channels, the name of one of PATTERNS or the weight of each wheel; point_mm and falloff: for the
+    bases toward_x and toward_y, which are 1 in size at 10 mm from the point and go with the distance to the power of
+    -falloff.
     """
 
     channel: int
     basis: int
     coefficient: float
-    pattern: tuple[float, ...] = PATTERNS["common"]
+    pattern: str | tuple[float, ...] = "common"
     point_mm: tuple[float, float] = (0.0, 0.0)
     falloff: float = 0.0
 

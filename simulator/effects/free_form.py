@@ -65,7 +65,7 @@ def term_of(given: Mapping[str, Any]) -> Term:
         channel,
         BASES[given["basis"]],
         float(given["coefficient"]) * scale_of_channel(channel),
-        PATTERNS[given.get("pattern", "common")],
+        str(given.get("pattern", "common")),
         (float(x), float(y)),
     )
 

@@ -9,14 +9,14 @@ from simulator.effects.parameter import Parameter
 
 def _act(draft: Draft, values: Values) -> None:
     ratio = values["left_over_right"]
-    draft.attraction_factor[0] *= 2 * ratio / (1 + ratio)
-    draft.attraction_factor[1] *= 2 / (1 + ratio)
+    draft.attraction_factor[draft.layout.left] *= 2 * ratio / (1 + ratio)
+    draft.attraction_factor[draft.layout.right] *= 2 / (1 + ratio)
 
 
 EFFECT = Effect(
     id="magnet-imbalance",
     name="the driving wheels are attracted unequally",
-    sentence="The left driving wheel is attracted left_over_right times as strongly as the right one; their mean "
+    sentence="The left driving wheels are attracted left_over_right times as strongly as the right ones; their mean "
     "attraction is kept.",
     law="A_left = 2q/(1 + q) · A, A_right = 2/(1 + q) · A, q = left_over_right, A: stated attraction of a driving "
     "wheel",

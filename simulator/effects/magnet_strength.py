@@ -12,8 +12,8 @@ DRIVEN = Parameter("driven_factor", "", 1.0, 0.02, 0.0, 100.0, at_least=0.0, sho
 
 
 def _act(draft: Draft, values: Values) -> None:
-    draft.attraction_factor[:2] *= values["driving_factor"]
-    draft.attraction_factor[2:] *= values["driven_factor"]
+    draft.attraction_factor[draft.layout.driving] *= values["driving_factor"]
+    draft.attraction_factor[~draft.layout.driving] *= values["driven_factor"]
 
 
 def _fitted(scene: Scene) -> Candidate:

@@ -12,19 +12,19 @@ from simulator.effects.view import View
 def _view(view: View, values: Values) -> None:
     angle, moved = math.radians(values["angle_deg"]), []
     cos, sin = math.cos(angle), math.sin(angle)
-    for x, y in (view.green_mm, view.yellow_mm):
+    for x, y in view.places_mm:
         moved.append((cos * x - sin * y + values["x_mm"], sin * x + cos * y + values["y_mm"]))
-    view.green_mm, view.yellow_mm = moved
+    view.places_mm = tuple(moved)
 
 
 EFFECT = Effect(
     id="mark-offset",
     name="the marks are not where the robot file says",
-    sentence="The pair of marks is turned by angle_deg about the robot's centre, then moved by (x_mm, y_mm) in the "
+    sentence="The marks are turned together by angle_deg about the robot's centre, then moved by (x_mm, y_mm) in the "
     "body frame.",
-    law="p = R(angle_deg) · p_stated + (x_mm, y_mm), for both marks",
+    law="p = R(angle_deg) · p_stated + (x_mm, y_mm), for all marks",
     source="rigid displacement in the plane",
-    limits="The distance of the marks stays: marks that are moved one by one, or seen at another height, are not this.",
+    limits="The distances of the marks stay: marks that are moved one by one, or seen at another height, are not this.",
     kind="observation",
     parameters=(
         Parameter("x_mm", "mm", 0.0, 0.02, -3.0, 3.0),

@@ -15,11 +15,13 @@ def _act(draft: Draft, values: Values) -> None:
 EFFECT = Effect(
     id="mass-offset",
     name="the centre of gravity is off the middle",
-    sentence="The centre of gravity is at (x_mm, y_mm) of the body frame; weight and inertia act there.",
-    law="weight of a wheel at (±L/2, ±B/2) = m·g/4 · (1 ± 2·x_mm/L)(1 ± 2·y_mm/B), L: wheelbase, B: track; "
-    "yaw inertia about the robot's centre = I + m·(x_mm² + y_mm²)",
+    sentence="The centre of gravity is (x_mm, y_mm) away from where it is stated; weight and inertia act there.",
+    law="weight of one of four wheels at (±L/2, ±B/2) = m·g/4 · (1 ± 2·x_mm/L)(1 ± 2·y_mm/B), L: wheelbase, B: track; "
+    "of other layouts by statics (simulator.dynamics.statics); yaw inertia about the robot's centre = I + "
+    "m·(x_mm² + y_mm²)",
     source="lever rule and parallel-axis theorem (Meriam & Kraige, Engineering Mechanics)",
-    limits="Four wheels are statically indeterminate: both axles are taken to share their load left to right alike. "
+    limits="Four wheels are statically indeterminate: both axles are taken to share their load left to right alike; "
+    "more wheels, and those of another layout, are taken for equally stiff supports of a rigid body. "
     "The stated yaw inertia is about the centre of gravity, wherever it is. Load transfer by acceleration is left "
     "out: the model is plane.",
     kind="dynamics",

@@ -11,8 +11,8 @@ from simulator.effects.parameter import Parameter
 def _act(draft: Draft, values: Values) -> None:
     def brake(complete: Draft) -> None:
         _, load = complete.loads_uN()
-        for wheel in (2, 3):
-            only = tuple(float(number == wheel) for number in range(4))
+        for wheel in complete.layout.rolling.nonzero()[0]:
+            only = tuple(float(number == wheel) for number in range(len(load)))
             complete.add(Term(DRAG, SIGN_U, -values["coefficient"] * float(load[wheel]), only))
 
     draft.finally_do(brake)
@@ -26,7 +26,7 @@ EFFECT = Effect(
     law="F_x = −coefficient · f_z · sign(u), u: forward speed of the wheel",
     source="rolling resistance (Wong, Theory of Ground Vehicles)",
     limits="Independent of speed; rounded off at rest. The brake takes nothing of the wheel's grip across, which holds "
-    "while coefficient is far below the friction coefficient.",
+    "while coefficient is far below the friction coefficient. Casters and balls, which roll any way, are not braked.",
     kind="dynamics",
     parameters=(Parameter("coefficient", "", 0.0, 0.002, 0.0, 0.5, at_least=0.0, shown=0.3),),
     act=_act,

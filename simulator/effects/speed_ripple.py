@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from simulator.dynamics.terms import COS_ANGLE, PATTERNS, SIN_ANGLE, SPEED, Term
+from simulator.dynamics.terms import COS_ANGLE, SIN_ANGLE, SPEED, Term
 from simulator.effects.coordinates import polar
 from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
@@ -17,8 +17,8 @@ PHASE = Parameter("phase_deg", "deg", 0.0, 10.0, 0.0, 360.0, period=360.0, shown
 def _act(draft: Draft, values: Values) -> None:
     amplitude, phase = values["amplitude"], math.radians(values["phase_deg"])
     draft.add(
-        Term(SPEED, SIN_ANGLE, amplitude * math.cos(phase), PATTERNS["driving"]),
-        Term(SPEED, COS_ANGLE, amplitude * math.sin(phase), PATTERNS["driving"]),
+        Term(SPEED, SIN_ANGLE, amplitude * math.cos(phase), "driving"),
+        Term(SPEED, COS_ANGLE, amplitude * math.sin(phase), "driving"),
     )
 
 

@@ -14,14 +14,13 @@ Array = NDArray[np.float64]
 
 @dataclass
 class View:
-    """Marks in the body frame, mm, and the errors of the observation; effects of kind "observation" change it.
+    """Places of marks in the body frame, mm, and errors of the observation; effects of kind "observation" change it.
 
     A measured coordinate is the true one times scale times (1 + keystone · true position); a measured time is the true
     one times time_factor. errors: further errors of the measured place, terms of the camera channels.
     """
 
-    green_mm: tuple[float, float]
-    yellow_mm: tuple[float, float]
+    places_mm: tuple[tuple[float, float], ...]
     scale: float = 1.0
     keystone_per_mm: tuple[float, float] = (0.0, 0.0)
     time_factor: float = 1.0
@@ -29,12 +28,11 @@ class View:
 
     def marks(
         self, x_mm: ArrayLike, y_mm: ArrayLike, heading_rad: ArrayLike, time_s: ArrayLike = 0.0
-    ) -> tuple[Array, Array]:
-        """Measured green and yellow marks (..., 2) of poses in the plate frame, mm, at their times."""
+    ) -> tuple[Array, ...]:
+        """Measured marks (..., 2) of poses in the plate frame, mm, at their times, in the order of places_mm."""
         x, y = np.asarray(x_mm, dtype=float), np.asarray(y_mm, dtype=float)
         cos, sin = np.cos(heading_rad), np.sin(heading_rad)
-        green, yellow = (self._mark(offset, x, y, cos, sin, time_s) for offset in (self.green_mm, self.yellow_mm))
-        return green, yellow
+        return tuple(self._mark(place, x, y, cos, sin, time_s) for place in self.places_mm)
 
     def _mark(
         self, offset_mm: tuple[float, float], x: Array, y: Array, cos: Array, sin: Array, time_s: ArrayLike

@@ -10,15 +10,15 @@ from simulator.effects.parameter import Parameter
 
 
 def _act(draft: Draft, values: Values) -> None:
-    draft.toe_rad[0] += math.radians(values["left_deg"])
-    draft.toe_rad[1] += math.radians(values["right_deg"])
+    draft.toe_rad[draft.layout.left] += math.radians(values["left_deg"])
+    draft.toe_rad[draft.layout.right] += math.radians(values["right_deg"])
 
 
 EFFECT = Effect(
     id="wheel-toe",
     name="the driving wheels are not parallel to the body",
-    sentence="The driving wheels are turned about the vertical by left_deg and right_deg, counter-clockwise seen from "
-    "above.",
+    sentence="The driving wheels of either side are turned about the vertical by left_deg and right_deg, "
+    "counter-clockwise seen from above.",
     law="the wheel's slip and friction are those of its own axes, turned by left_deg or right_deg from the body's",
     source="static toe (ISO 8855)",
     limits="The contact stays where it is; camber, and the toe of driven wheels, are left out.",

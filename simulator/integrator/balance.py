@@ -14,7 +14,7 @@ from simulator.compilation import compiled
 from simulator.dynamics.equations import accelerations, slopes
 from simulator.dynamics.wheel import reset_contacts
 from simulator.integrator.rosenbrock import invert3
-from simulator.integrator.workspace import WORK, copy
+from simulator.integrator.workspace import copy, new_work
 
 
 @compiled()
@@ -22,7 +22,7 @@ def unbalance(model: Any, left: float, right: float, velocity: Any, out: Any) ->
     """Accelerations at a velocity (3) into out (3); returns their size."""
     u, v, r = velocity[0], velocity[1], velocity[2]
     drive, place = (1.0 * left, 1.0 * right, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0, 0.0)
-    holder = np.zeros(1, WORK)
+    holder = new_work(model)
     work = holder[0]
     reset_contacts(work.contacts)
     out[0], out[1], out[2] = accelerations(u, v, r, drive, place, model.rest_speed, model, work.contacts)
@@ -33,7 +33,7 @@ def unbalance(model: Any, left: float, right: float, velocity: Any, out: Any) ->
 def differentiate(model: Any, left: float, right: float, velocity: Any, residual: Any, linear: Any) -> None:
     """Accelerations into residual, their derivative by velocity into rows 1 to 3 of linear (4, 3)."""
     drive, place = (1.0 * left, 1.0 * right, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0, 0.0)
-    holder = np.zeros(1, WORK)
+    holder = new_work(model)
     work = holder[0]
     reset_contacts(work.contacts)
     slopes(velocity[0], velocity[1], velocity[2], drive, place, model.rest_speed, model, work.contacts, work.linear)

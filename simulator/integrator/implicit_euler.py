@@ -92,9 +92,9 @@ def stop_wheel(wheel: int, start: Any, model: Any, out: Any) -> None:
 def slowest_wheel(but: int, start: Any, model: Any) -> int:
     """The wheel whose centre moves least, but for one."""
     least, chosen = math.inf, counter(-1)
-    for wheel in range(4):
+    for wheel in range(model.wheels):
         u, v = start[3] - start[5] * model.wheel_y[wheel], start[4] + start[5] * model.wheel_x[wheel]
-        if wheel != but and u * u + v * v < least:
+        if wheel != but and model.grip_x[wheel] > 0.0 and u * u + v * v < least:
             least, chosen = u * u + v * v, wheel
     return chosen
 

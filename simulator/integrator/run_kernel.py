@@ -21,7 +21,7 @@ from simulator.integrator.rosenbrock import between, invert3, linearize, moved
 from simulator.integrator.slow_manifold import is_off, near_manifold, settle, write_arc
 from simulator.integrator.stability import growth_rate
 from simulator.integrator.step_control import first_step, is_resting, short_step, shrinking
-from simulator.integrator.workspace import WORK, copy
+from simulator.integrator.workspace import copy, new_work
 
 MOST_STEPS = 20000
 CREEPING_STEP_S, MOST_CREEPING = 1e-5, 40  # so many such steps in a row mean that a wheel sticks or turns over
@@ -50,12 +50,46 @@ def integrate_run(
     """Integrate from state (6: pose, velocity) at times[0] to times[-1]; outputs (n, 6) into out; state is moved on.
 
     plan: (m, 3) of segment, step and method. It is filled with the accepted steps; with replay it prescribes them, so
-    that the result is a smooth function of model and state. Returns DONE or FAILED, the number of steps of the plan,
-    and the logarithm of what a small disturbance of the velocity grows by after some break of the command, at most.
+    that the result is a smooth function of model and state. Lengths and times are in mm and s, and worked out in the
+    units of the model (simulator.dynamics.scale); tolerance is in its unit of length. Returns DONE or FAILED, the
+    number of steps of the plan, and the logarithm of what a small disturbance of the velocity grows by after some break
+    of the command, at most.
     """
-    holder = np.zeros(1, WORK)
-    segments = command_segments(knots, times[0], times[-1], model)
-    return _through(model, segments, state, times, out, tolerance, plan, replay, most_steps, holder)
+    holder = new_work(model)
+    unit = model.time_unit
+    if unit == 1.0:
+        segments = command_segments(knots, times[0], times[-1], model)
+        return _through(model, segments, state, times, out, tolerance, plan, replay, most_steps, holder)
+    inside = times * (1.0 / unit)
+    segments = command_segments(_scaled_knots(knots, unit), inside[0], inside[-1], model)
+    _scale_rows(state.reshape(1, 6), 1.0 / unit)
+    plan[:, 1] *= 1.0 / unit  # units are powers of two: this is undone without a trace
+    done, used, grown = _through(model, segments, state, inside, out, tolerance, plan, replay, most_steps, holder)
+    plan[:, 1] *= unit
+    _scale_rows(state.reshape(1, 6), unit)
+    _scale_rows(out, unit)
+    return done, used, grown
+
+
+@compiled()
+def _scaled_knots(knots: Any, unit: float) -> Any:
+    """Knots of a command in the units of the kernels: time over the unit, rpm times it."""
+    scaled = np.empty((len(knots), 3))
+    for row in range(len(knots)):
+        scaled[row, 0] = knots[row, 0] / unit
+        scaled[row, 1], scaled[row, 2] = knots[row, 1] * unit, knots[row, 2] * unit
+    return scaled
+
+
+@compiled()
+def _scale_rows(states: Any, unit: float) -> None:
+    """States (n, 6) times the units of a robot with this unit of time; its unit of length is the square of it."""
+    for row in range(len(states)):
+        states[row, 0] *= unit * unit
+        states[row, 1] *= unit * unit
+        states[row, 3] *= unit
+        states[row, 4] *= unit
+        states[row, 5] /= unit
 
 
 @compiled()

@@ -109,7 +109,7 @@ def _radius(turn: PublishedTurn, reading: Reading) -> float:
     weight, mass = robot.weight_uN / 1000, robot.body.mass_g / 1000  # mN and mN·s²/mm
     place = robot.wheel_positions_mm()
     load = weight * (0.25 + np.where(DRIVING, turn.driving_w, turn.driven_w))
-    commanded = np.pi * robot.wheels.radius_mm / 30 * np.array([*reversed(TURN_RPM), 0.0, 0.0])
+    commanded = np.pi * robot.driving_radius_mm / 30 * np.array([*reversed(TURN_RPM), 0.0, 0.0])
 
     def balance(velocity: Array) -> list[float]:
         u, v, r = velocity

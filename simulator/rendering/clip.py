@@ -19,6 +19,7 @@ from calibration.camera import Camera
 from simulator.dynamics.terms import TIME
 from simulator.effects.view import View
 from simulator.errors import SimulationError
+from simulator.mark_layout import Mark
 from simulator.observation import view_of
 from simulator.rendering.backdrop import Overlay, brushed_plate, overlay, wire_cover
 from simulator.rendering.coverage import Kernel, blur_kernel
@@ -64,7 +65,7 @@ def set_stage(scene: Scene) -> Stage:
     """Load what the scene names and work out where the robot is in every exposure."""
     robot, camera = load_robot(scene.robot), scene.camera.camera()
     robot = robot.model_copy(update={"effect": robot.effect + scene.effect})
-    view = view_of(robot)
+    view = view_of(robot, [mark.place_mm for mark in robot.layout])
     if any(term.basis == TIME for term in view.errors):
         raise SimulationError("a camera whose picture creeps cannot be rendered; leave that effect out of the scene")
     plan = tuple(shots(scene, np.random.default_rng([scene.seed, 1]), Fraction(str(view.time_factor))))
@@ -114,8 +115,10 @@ class _Easel:
         self.scenery = self.backdrop.copy()  # what leaves the scene
         self.clean = self.light.copy()
         self.planes: dict[float, PlaneMap] = {0.0: ground}
-        marks_plane = self._plane(stage.robot.marks.height_mm)
-        self.look = RobotLook(stage.robot, stage.view, scene.marks, marks_plane, scene.exposure.gain)
+        layout = stage.robot.layout
+        lights = scene.marks.lights([mark.name for mark in layout])
+        planes = [self._plane(mark.height_mm) for mark in layout]
+        self.look = RobotLook(stage.robot, stage.view, lights, scene.marks.rim_loss, planes, scene.exposure.gain)
 
     def _plane(self, height_mm: float) -> PlaneMap:
         if height_mm not in self.planes:
@@ -157,7 +160,8 @@ class _Easel:
 def _through(stage: Stage, place: int) -> Array:
     """Poses at the parts of an exposure, (k, 3): the parabola through its begin, middle and end."""
     begin, middle, end = stage.poses[place]
-    marks_px = _project(stage, np.stack(stage.view.marks(*stage.poses[place].T), axis=1))
+    seen = zip(stage.robot.layout, stage.view.marks(*stage.poses[place].T), strict=True)
+    marks_px = np.stack([_project(stage, center, mark) for mark, center in seen], axis=1)
     ways = np.linalg.norm(np.diff(marks_px, axis=0), axis=-1)
     way_px = float(np.nan_to_num(ways.max(axis=1).sum()))
     s = moments_of_exposure((-1.0, 1.0), way_px)[:, None]
@@ -200,26 +204,26 @@ def truth_of(stage: Stage) -> pd.DataFrame:
     columns["time_s"] = [float(shot.time_s) for shot in stage.plan]
     columns["presentation_s"] = [float(shot.shown_s) for shot in stage.plan]
     columns |= {"x_mm": x, "y_mm": y, "heading_deg": np.degrees(heading)}
-    for name, center in zip(("green", "yellow"), stage.view.marks(x, y, heading), strict=True):
-        center_px = _project(stage, center)
+    for mark, center in zip(stage.robot.layout, stage.view.marks(x, y, heading), strict=True):
+        name, center_px = mark.name, _project(stage, center, mark)
         columns |= {f"{name}_x_mm": center[:, 0], f"{name}_y_mm": center[:, 1]}
         columns |= {f"{name}_x_px": center_px[:, 0], f"{name}_y_px": center_px[:, 1]}
-        columns[f"{name}_visible"] = _visible(stage, center)
+        columns[f"{name}_visible"] = _visible(stage, center, mark)
     return pd.DataFrame(columns)
 
 
-def _project(stage: Stage, points_mm: Array) -> Array:
-    height = np.full((*points_mm.shape[:-1], 1), stage.robot.marks.height_mm)
+def _project(stage: Stage, points_mm: Array, mark: Mark) -> Array:
+    height = np.full((*points_mm.shape[:-1], 1), mark.height_mm)
     return stage.camera.picture_from_plate(np.concatenate([points_mm, height], axis=-1))
 
 
-def _visible(stage: Stage, center_mm: Array) -> Array:
+def _visible(stage: Stage, center_mm: Array, mark: Mark) -> Array:
     """Share of a mark's area that the camera sees, from 127 points spread evenly over it."""
     count = 127
-    radius = stage.robot.marks.diameter_mm / 2 * np.sqrt((np.arange(count) + 0.5) / count)
+    radius = mark.diameter_mm / 2 * np.sqrt((np.arange(count) + 0.5) / count)
     angle = np.pi * (3 - np.sqrt(5)) * np.arange(count)  # sunflower: equal areas
     points = center_mm[:, None] + np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
-    points_px = _project(stage, points)
+    points_px = _project(stage, points, mark)
     size = np.array(stage.camera.size_px)
     inside = ((points_px > -0.5) & (points_px < size - 0.5)).all(axis=-1)
     return np.asarray((inside & ~wire_cover(stage.scene.wire, points_px)).mean(axis=-1))

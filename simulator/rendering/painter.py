@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -13,15 +14,18 @@ from numpy.typing import NDArray
 from calibration.camera import Camera
 from calibration.frames import plate_from_body
 from simulator.effects.view import View
+from simulator.mark_layout import TAGS
 from simulator.rendering.coverage import Kernel, add_disc, add_polygon
 from simulator.rendering.plane import PlaneMap
-from simulator.rendering.tables import Distractor, MarksLook
+from simulator.rendering.tables import Distractor, Light
+from simulator.rendering.tag import tag_squares
 from simulator.robot import Robot
 
 Array = NDArray[np.float64]
 Box = tuple[int, int, int, int]
 SIDE = np.array([0.012, 0.012, 0.014])  # anodised black in its own shadow
 TOP = np.array([0.045, 0.045, 0.048])  # black top face, lit from above
+SHEET, PRINT = np.full(3, 0.85), np.full(3, 0.04)  # white paper and black ink
 CLEARANCE_MM = 0.2  # the body hangs a little above the plate, on its wheels
 
 
@@ -40,6 +44,31 @@ class Disc:
         angle = np.linspace(0, 2 * np.pi, 16, endpoint=False)
         ring = np.array(self.center_mm) + 0.55 * self.diameter_mm * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         return box_about(self.plane.picture_from_plane(ring), margin, self.plane.camera.size_px)
+
+
+@dataclass(frozen=True)
+class Tag:
+    """An ArUco or AprilTag marker at one moment: its centre on its plane, mm, and its corners in the body frame."""
+
+    plane: PlaneMap
+    center_mm: tuple[float, float]
+    heading_rad: float
+    sheet_mm: Array
+    cells_mm: Array
+    gain: float
+
+    def sheet_px(self) -> Array:
+        """Corners of the white sheet, clockwise as seen."""
+        return self._picture(self.sheet_mm)
+
+    def cells_px(self) -> Array:
+        """Corners of the black cells, (n, 4, 2)."""
+        return np.array([self._picture(cell) for cell in self.cells_mm])
+
+    def _picture(self, corners_mm: Array) -> Array:
+        return clockwise_hull(
+            self.plane.picture_from_plane(plate_from_body(corners_mm, *self.center_mm, self.heading_rad))
+        )
 
 
 def box_about(points_px: Array, margin: int, size_px: tuple[int, int]) -> Box | None:
@@ -69,13 +98,21 @@ def disc_cover(disc: Disc, kernel: Kernel, box: Box, share: float, out: Array) -
 
 @dataclass(frozen=True)
 class RobotLook:
-    """What is drawn of a robot: its box, and the marks on the plane of the marks."""
+    """What is drawn of a robot: its box, and the marks on their planes."""
 
     robot: Robot
     view: View  # with observation effects: an untrue camera sees the robot where it measures it to be
-    marks: MarksLook
-    plane: PlaneMap
+    lights: Sequence[Light]
+    rim_loss: float
+    planes: Sequence[PlaneMap]  # of each mark
     gain: float = 1.0
+
+    @cached_property
+    def squares(self) -> dict[str, tuple[Array, Array]]:
+        """White sheet and black cells of every tag, by its name, as large as they are seen."""
+        tags = [mark for mark in self.robot.layout if mark.kind in TAGS]
+        found = {mark.name: tag_squares(mark) for mark in tags}
+        return {name: (self.view.scale * sheet, self.view.scale * cells) for name, (sheet, cells) in found.items()}
 
     def faces_px(self, camera: Camera, pose: Array) -> tuple[Array, Array] | None:
         """Outline of the whole body and of its top face for a pose (x_mm, y_mm, heading_rad); None behind it."""
@@ -93,16 +130,19 @@ class RobotLook:
             return None
         return clockwise_hull(np.concatenate([top, bottom])), clockwise_hull(top)
 
-    def discs(self, pose: Array) -> tuple[Disc, Disc]:
-        """The green and the yellow mark for a pose."""
-        diameter_mm = self.view.scale * self.robot.marks.diameter_mm
-        colors = [self.gain * np.array(self.marks.green), self.gain * np.array(self.marks.yellow)]
-        if self.marks.swap_colors:
-            colors.reverse()
-        return tuple(  # type: ignore[return-value]
-            Disc(self.plane, (float(at[0]), float(at[1])), diameter_mm, self.marks.rim_loss, color)
-            for at, color in zip(self.view.marks(*pose), colors, strict=True)
-        )
+    def marks_at(self, pose: Array) -> list[Disc | Tag]:
+        """The marks for a pose."""
+        layout = self.robot.layout
+        found: list[Disc | Tag] = []
+        places = self.view.marks(*pose)
+        for k, (mark, at) in enumerate(zip(layout, places, strict=True)):
+            place, plane = (float(at[0]), float(at[1])), self.planes[k]
+            if mark.kind in TAGS:
+                found.append(Tag(plane, place, float(pose[2]), *self.squares[mark.name], self.gain))
+            else:
+                light = self.gain * np.array(self.lights[k])
+                found.append(Disc(plane, place, self.view.scale * mark.diameter_mm, self.rim_loss, light))
+        return found
 
 
 def paint_robot(
@@ -126,9 +166,31 @@ def paint_robot(
     region = light[top:bottom, left:right]
     region *= (1 - body)[..., None].astype(np.float32)
     region += (look.gain * ((body - face)[..., None] * SIDE + face[..., None] * TOP)).astype(np.float32)
-    for pair in zip(*(look.discs(pose) for pose in poses), strict=True):
-        paint_disc(pair, kernel, light, look.gain * TOP)
+    for moments in zip(*(look.marks_at(pose) for pose in poses), strict=True):
+        discs = [one for one in moments if isinstance(one, Disc)]
+        if discs:
+            paint_disc(discs, kernel, light, look.gain * TOP)
+        else:
+            paint_tag([one for one in moments if isinstance(one, Tag)], kernel, light)
     return box
+
+
+def paint_tag(moments: Sequence[Tag], kernel: Kernel, light: NDArray[np.float32]) -> None:
+    """Draw a tag over the scene's light, averaged over its moments: its white sheet, then the black cells."""
+    box = box_about(
+        np.concatenate([tag.sheet_px() for tag in moments]), kernel.margin + 3, moments[0].plane.camera.size_px
+    )
+    if box is None:
+        return
+    left, top, right, bottom = box
+    white, black = (np.zeros((bottom - top, right - left)) for _ in range(2))
+    for tag in moments:
+        add_polygon(tag.sheet_px(), kernel.blur_px, box, 1 / len(moments), white)
+        for cell in tag.cells_px():
+            add_polygon(cell, kernel.blur_px, box, 1 / len(moments), black)
+    gain, region = moments[0].gain, light[top:bottom, left:right]
+    for cover, shade in ((np.minimum(white, 1), SHEET), (np.minimum(black, 1), PRINT)):
+        region += (cover[..., None] * (gain * shade - region)).astype(np.float32)
 
 
 def paint_disc(

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import tomllib
+from collections.abc import Sequence
 from fractions import Fraction
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,6 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from calibration.camera import Camera, camera_above
 from calibration.lens import LensModel
 from calibration.store import load_camera
+from simulator.errors import SimulationError
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -95,12 +100,33 @@ class Plate(Table):
 
 
 class MarksLook(Table):
-    """Light of the marks (red, green, blue; 1 is full scale), loss of light at their rim, and whether colours swap."""
+    """Light of the marks, loss of light at their rim, and whether colours swap (the order of the lights is reversed).
 
-    green: Light = (0.16, 0.86, 0.26)
-    yellow: Light = (0.92, 0.82, 0.12)
+    NAME = [red, green, blue] of any mark; 1 is full scale. Others have the colour that their name begins with.
+    """
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+    __pydantic_extra__: dict[str, Light] = Field(init=False)
+
     rim_loss: Share = 0.08
     swap_colors: bool = False
+
+    def lights(self, names: Sequence[str]) -> list[Light]:
+        """Light of every mark. Raises SimulationError for a name without one."""
+        known, said = _mark_colors(), self.__pydantic_extra__ or {}
+        found = [said.get(name) or known.get(name.split("_", maxsplit=1)[0]) for name in names]
+        if dark := [name for name, light in zip(names, found, strict=True) if light is None]:
+            raise SimulationError(
+                f"the light of mark {dark[0]} is not known; say {dark[0]} = [red, green, blue] in [marks]"
+            )
+        lights = [light for light in found if light is not None]
+        return lights[::-1] if self.swap_colors else lights
+
+
+@cache
+def _mark_colors() -> dict[str, Light]:
+    text = files("simulator.rendering").joinpath("mark_colors.toml").read_text(encoding="utf-8")
+    return {name: tuple(light) for name, light in tomllib.loads(text).items()}
 
 
 class Lighting(Table):

@@ -7,10 +7,12 @@ import pandas as pd
 import pytest
 
 from evaluator.interchange.tracks import Tracks, read_any_marks
-from evaluator.marks import COLUMNS, read_marks
+from evaluator.marks import columns_of, read_marks
 from evaluator.workflow import Analysis, analyze
 from evaluator.workflow.exporting import export
 from tests.evaluator.synthetic import three_runs
+
+COLUMNS = ("time_s", *columns_of(("green", "yellow")))
 
 
 @pytest.fixture(scope="module")

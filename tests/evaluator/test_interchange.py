@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import pickle
 import zipfile
 from pathlib import Path
 
@@ -10,10 +11,11 @@ import pytest
 from calibration.camera import camera_above
 from evaluator.errors import InputError
 from evaluator.interchange.tracks import Tracks, read_any_marks
-from evaluator.marks import COLUMNS
+from evaluator.marks import columns_of
 from evaluator.workflow.checks import check_experiment
 from tests.evaluator.synthetic import circling_marks
 
+COLUMNS = ("time_s", *columns_of(("green", "yellow")))
 MARKS = ("green", "yellow")
 
 
@@ -53,7 +55,7 @@ def test_an_unknown_track_is_answered_with_the_known_ones(tmp_path: Path) -> Non
     path = tmp_path / "tracker.txt"
     path.write_text("\tmass_A\t\tmass_B\t\nt\tx\ty\tx\ty\n0\t1\t2\t3\t4\n", encoding="utf-8")
     with pytest.raises(InputError, match=r'no point named "green" \(there: mass_A, mass_B\)'):
-        read_any_marks(path, Tracks(unit="mm"))
+        read_any_marks(path, Tracks(unit="mm"), marks=MARKS)
 
 
 def deeplabcut_text(points: dict[str, np.ndarray], likelihood: np.ndarray) -> str:
@@ -163,7 +165,7 @@ def test_tracker_project_is_read_with_its_origin_angle_scale_and_frame_rate(
     with pytest.raises(InputError, match="unit of length"):
         read_any_marks(path, Tracks(green="mass A", yellow="mass B"))
     with pytest.raises(InputError, match=r"there: mass A, mass B"):
-        read_any_marks(path)
+        read_any_marks(path, marks=MARKS)
 
 
 def test_unit_that_a_tracker_project_names_is_used(truth: pd.DataFrame, tmp_path: Path) -> None:
@@ -180,9 +182,7 @@ def test_broken_project_is_one_sentence(tmp_path: Path) -> None:
         read_any_marks(path, Tracks(unit="mm"))
 
 
-def test_sleap_analysis_is_read_and_the_hdf5_of_deeplabcut_is_sent_for_its_csv(
-    truth: pd.DataFrame, tmp_path: Path
-) -> None:
+def test_sleap_analysis_is_read(truth: pd.DataFrame, tmp_path: Path) -> None:
     h5py = pytest.importorskip("h5py", reason="reading HDF5 is an optional extra")
     place = np.stack([truth[[f"{mark}_x_mm", f"{mark}_y_mm"]].to_numpy().T for mark in MARKS], axis=1)[None]
     with h5py.File(tmp_path / "sleap.h5", "w") as file:
@@ -191,10 +191,43 @@ def test_sleap_analysis_is_read_and_the_hdf5_of_deeplabcut_is_sent_for_its_csv(
     assert_same(read_any_marks(tmp_path / "sleap.h5", said), truth)
     with pytest.raises(InputError, match="rate_hz"):
         read_any_marks(tmp_path / "sleap.h5", Tracks(green="left", yellow="right", unit="mm"))
+
+
+@pytest.mark.parametrize("layout", ["table", "fixed"])
+def test_hdf5_of_deeplabcut_is_read_as_its_csv_is(truth: pd.DataFrame, tmp_path: Path, layout: str) -> None:
+    h5py = pytest.importorskip("h5py", reason="reading HDF5 is an optional extra")
+    columns = [("net", name, part) for name in ("left", "right") for part in ("x", "y", "likelihood")]
+    sure = np.full(len(truth), 0.99)
+    values = np.column_stack([*truth[["green_x_mm", "green_y_mm"]].to_numpy().T, sure,
+                              *truth[["yellow_x_mm", "yellow_y_mm"]].to_numpy().T, sure])  # fmt: skip
+    values[5, [2, 5]] = 0.1
     with h5py.File(tmp_path / "dlc.h5", "w") as file:
-        file.create_group("df_with_missing")
-    with pytest.raises(InputError, match="save_as_csv"):
-        read_any_marks(tmp_path / "dlc.h5", said)
+        group = file.create_group("df_with_missing")
+        if layout == "table":  # as pandas.to_hdf(format="table") has PyTables write it
+            rows = np.zeros(len(truth), dtype=[("index", "i8"), ("values_block_0", "f8", (6,))])
+            rows["index"], rows["values_block_0"] = np.arange(len(truth)), values
+            group["table"] = rows
+            group.attrs["non_index_axes"] = np.bytes_(pickle.dumps([(1, columns)], 0))
+        else:
+            group["axis1"], group["block0_values"] = np.arange(len(truth)), values
+            for level in range(3):
+                names = sorted({column[level] for column in columns})
+                group[f"block0_items_level{level}"] = np.array(names, "S")
+                group[f"block0_items_label{level}"] = [names.index(column[level]) for column in columns]
+    expected = truth.copy()
+    expected.loc[5, list(COLUMNS[1:])] = np.nan
+    said = Tracks(green="left", yellow="right", unit="mm", rate_hz=60.0)
+    assert_same(read_any_marks(tmp_path / "dlc.h5", said), expected)
+
+
+def test_hdf5_that_would_run_something_is_refused(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py", reason="reading HDF5 is an optional extra")
+    with h5py.File(tmp_path / "dlc.h5", "w") as file:
+        group = file.create_group("df_with_missing")
+        group["table"] = np.zeros(3, dtype=[("index", "i8"), ("values_block_0", "f8", (6,))])
+        group.attrs["non_index_axes"] = np.bytes_(pickle.dumps(print, 0))
+    with pytest.raises(InputError, match="no list of names"):
+        read_any_marks(tmp_path / "dlc.h5", Tracks(unit="mm", rate_hz=60.0), marks=MARKS)
 
 
 def test_check_opens_marks_of_other_programs(tmp_path: Path) -> None:

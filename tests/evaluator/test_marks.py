@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluator.marks import COLUMNS, read_marks
+from evaluator.marks import columns_of, read_marks
 
+COLUMNS = ("time_s", *columns_of(("green", "yellow")))
 ROWS = ["0.0, 1.0, 2.0, 3.0, 4.0", "0.1, , , 3.1, 4.1", "0.2,1.2,2.2,3.2,4.2"]
 
 

@@ -35,18 +35,16 @@ def plain_rates(
     time and the rpm.
     """
     mass, inertia, slip = robot.body.mass_g, robot.yaw_inertia_g_mm2, robot.slip
-    weight = robot.weight_uN / 4
+    weight = robot.weight_uN / len(robot.all_wheels)  # of layouts that are symmetric about the centre of gravity
     ratio = slip.longitudinal_stiffness / slip.lateral_stiffness
     wheels = []
-    for number, (x, y) in enumerate(robot.wheel_positions_mm().tolist()):
-        driving = number < 2
-        attraction = robot.magnetic_attraction
-        load = weight + 1000 * (attraction.driving_wheel_mN if driving else attraction.driven_wheel_mN)
+    for wheel in robot.all_wheels:
+        load = weight + 1000 * wheel.attraction_mN
         stiffness = slip.lateral_stiffness * (load if slip.stiffness_basis == "load" else weight)
-        rpm = (left_rpm, right_rpm)[number] if driving else None
-        surface = None if rpm is None else (2 * math.pi * robot.wheels.radius_mm * rpm / 60, rpm)
+        rpm = {"left": left_rpm, "right": right_rpm}.get(wheel.driven_by)
+        surface = None if rpm is None else (2 * math.pi * wheel.radius_mm * rpm / 60, rpm)
         grips = (slip.longitudinal_friction * load, slip.lateral_friction * load)
-        wheels.append((x, y, *grips, stiffness / grips[0], stiffness / grips[1], surface))
+        wheels.append((wheel.x_mm, wheel.y_mm, *grips, stiffness / grips[0], stiffness / grips[1], surface))
 
     sqrt, sin, atan, shape_x, shape_y = math.sqrt, math.sin, math.atan, slip.longitudinal_shape, slip.lateral_shape
     decrease, rest = slip.friction_decrease, rest_speed * rest_speed

@@ -44,7 +44,7 @@ def test_two_scales_multiply_and_two_keystones_add(barrel: Robot) -> None:
     from simulator.effects.catalogue import EFFECTS
     from simulator.effects.view import View
 
-    view = View(barrel.marks.green_mm, barrel.marks.yellow_mm)
+    view = View(tuple(mark.place_mm for mark in barrel.layout))
     for id_, values in (
         ("plane-scale", {"factor": 1.1}),
         ("plane-scale", {"factor": 1.2}),

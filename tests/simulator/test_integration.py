@@ -80,7 +80,7 @@ def test_friction_never_puts_energy_in(u: float, v: float, surface: float, name:
     model = compile_robot(load_robot(name))[0]
     slip = (u - surface) / max(np.hypot(u, model["rest_speed"]), abs(surface)) if wheel < 2 else 0.0
     grips = [model[key][wheel] for key in ("grip_x", "grip_y", "steep_x", "steep_y")]
-    law = [model[key] for key in ("ratio", "shape_x", "shape_y", "decrease", "rest_speed")]
+    law = [*(model[key][wheel] for key in ("ratio", "shape_x", "shape_y", "decrease")), model["rest_speed"]]
     along, across = wheel_force(u, v, slip, *grips, *law)
     slide = u - surface if wheel < 2 else 0.0
     assert along * slide <= 1e-9

@@ -97,8 +97,8 @@ def _known(data: Sequence[RunData]) -> dict[str, Floats]:
     """What is known of every run before its friction and gains: command, heading, place, order."""
     left = np.array([run.left_rpm for run in data])
     right = np.array([run.right_rpm for run in data])
-    green, yellow = (np.array([_mean_place(run.marks_mm[:, mark]) for run in data]) for mark in ([0, 1], [2, 3]))
-    angle = np.arctan2(*(green - yellow).T)
+    first, second = (np.array([_mean_place(run.marks_mm[:, mark]) for run in data]) for mark in ([0, 1], [2, 3]))
+    angle = np.arctan2(*(first - second).T)
     direction, side = np.sign(left + right), np.sign(right - left)
     return {
         "direction": direction[:, None],
@@ -108,7 +108,7 @@ def _known(data: Sequence[RunData]) -> dict[str, Floats]:
         "the difference of the wheels": np.abs(right - left)[:, None],
         "heading": np.column_stack([np.cos(angle), np.sin(angle)]),
         "twice the heading": np.column_stack([np.cos(2 * angle), np.sin(2 * angle)]),
-        "place": (green + yellow) / 2,
+        "place": (first + second) / 2,
         "order": np.array([[run.order] for run in data], dtype=np.float64),
     }
 

@@ -22,9 +22,9 @@ from evaluator.comparison import simulated_poses, trajectory_gap
 from evaluator.diagnosis.likelihood.features import MODEL_FLOOR_MM
 from evaluator.diagnosis.likelihood.problem import Point, Problem
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.marks import COLUMNS
+from evaluator.marks import columns_of
 from evaluator.pose import poses_from_marks
-from evaluator.robot_geometry import mark_geometry
+from evaluator.robot_geometry import mark_geometry, reference_pair
 from simulator.errors import SimulationError
 from simulator.robot import Robot
 
@@ -51,8 +51,9 @@ def predicted_gaps(data: Sequence[RunData], robots: Sequence[Robot], measured_by
 
 
 def _predicted_gap(run: RunData, robot: Robot, measured_by: Robot) -> float:
-    table = pd.DataFrame(np.column_stack([run.time_s, run.marks_mm]), columns=list(COLUMNS))
-    poses = poses_from_marks(table, mark_geometry(measured_by))
+    pair = reference_pair(measured_by) or ()
+    table = pd.DataFrame(np.column_stack([run.time_s, run.marks_mm]), columns=["time_s", *columns_of(pair)])
+    poses = poses_from_marks(table, mark_geometry(measured_by).only(pair))
     try:
         _, seen = simulated_poses(robot, run.told, poses, run.order)
     except SimulationError:

@@ -13,23 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator.dynamics.terms import BASES, CHANNELS, PATTERNS
+from simulator.dynamics.terms import BASES, CHANNELS
 from simulator.dynamics.terms import Term as KernelTerm
 from simulator.effects.coordinates import Candidate, Coordinate, Parameters
 from simulator.effects.free_form import scale_of_channel
 
 Floats = NDArray[np.float64]
-Pattern = tuple[float, float, float, float]
 
 PREFIX = "free:"
-WHEEL_PATTERNS: dict[str, Pattern] = {
-    **PATTERNS,
-    "driven-left-right": (0.0, 0.0, 1.0, -1.0),
-    "front-left": (1.0, 0.0, 0.0, 0.0),
-    "front-right": (0.0, 1.0, 0.0, 0.0),
-    "rear-left": (0.0, 0.0, 1.0, 0.0),
-    "rear-right": (0.0, 0.0, 0.0, 1.0),
-}
 # A visible but linear size of every channel in its file unit, for a basis of size one.
 CHANNEL_STEP = {
     "force_forward": 0.02,
@@ -134,7 +125,7 @@ class FreeTerm(Candidate):
         for item, value in zip(self.items, values, strict=True):
             channel = CHANNELS[item.channel]
             size = float(value) * scale_of_channel(channel)
-            result.append(KernelTerm(channel, BASES[item.basis], size, WHEEL_PATTERNS[item.pattern]))
+            result.append(KernelTerm(channel, BASES[item.basis], size, item.pattern))
         return result
 
     def describe(self) -> str:

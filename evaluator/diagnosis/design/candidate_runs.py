@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.robot_geometry import reference_places
 from simulator.command import Command
-from simulator.observation import marks_of_run
+from simulator.observation import view_of
 from simulator.robot import Robot
 from simulator.simulation import simulate
 
@@ -118,4 +119,7 @@ def _path(robot: Robot, command: tuple[float, float]) -> Floats | None:
     """Marks (n, 4) of a run from the origin at heading 0; None where the smallest disturbance decides how it turns."""
     times = np.arange(DURATION_S * STEPS_PER_S + 1) / STEPS_PER_S
     run = simulate(robot, Command.constant(*command, 0.0), times)
-    return None if run.is_by_chance else np.asarray(marks_of_run(robot, run).to_numpy()[:, 1:])
+    if run.is_by_chance:
+        return None
+    seen = view_of(robot, reference_places(robot)).marks(run.x_mm, run.y_mm, run.heading_rad, run.time_s)
+    return np.concatenate(seen, axis=1)

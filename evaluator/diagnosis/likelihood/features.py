@@ -26,10 +26,10 @@ MODEL_FLOOR_MM = 3e-4  # two correct programs of the same model differ by this: 
 
 
 def channels_of(marks_mm: Floats) -> Floats:
-    """Channels (n, 4) of marks (n, 4: green x, y, yellow x, y); NaN where a mark is missing. Direction in rad."""
-    green, yellow = marks_mm[:, :2], marks_mm[:, 2:]
-    middle = (green + yellow) / 2
-    across = green - yellow
+    """Channels (n, 4) of marks (n, 4: x, y of two); NaN where a mark is missing. Direction in rad."""
+    first, second = marks_mm[:, :2], marks_mm[:, 2:]
+    middle = (first + second) / 2
+    across = first - second
     angle = np.arctan2(across[:, 1], across[:, 0])
     return np.column_stack([middle, angle, np.hypot(across[:, 0], across[:, 1])])
 

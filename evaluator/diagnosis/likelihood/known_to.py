@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData
+from evaluator.robot_geometry import reference_line, reference_pair
 from evaluator.settings import KnownTo
 from simulator.robot import Robot
 
@@ -28,7 +29,6 @@ RADIUS_DIFFERENCE = "wheel_radius_difference"
 LEVEL = ("plate_level_x_deg", "plate_level_y_deg")
 GRAVITY = ("center_of_gravity_x_mm", "center_of_gravity_y_mm")
 SIMULATED = (START, CLOCK, RADIUS_DIFFERENCE, *LEVEL, *GRAVITY)
-MARKS = ("green", "yellow")
 SCALE = "plane_scale"
 # Knowledge of geometry where robot.toml says nothing: callipers read 0.01 mm, a machinist's level 0.3 degrees.
 CALLIPERS_MM = 0.005  # one standard deviation of a length, of what is read to 0.01 mm
@@ -76,25 +76,23 @@ def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Q
             _shared(key, f"centre of gravity along {axis}", "mm", gravity)
             for key, axis in zip(GRAVITY, "xy", strict=True)
         ),
-        *(_shared(key, f"{mark} mark along {axis} of the robot", "mm", place) for key, mark, axis in _mark_keys()),
+        *(_shared(key, f"{mark} mark along {axis} of the robot", "mm", place) for key, mark, axis in _mark_keys(robot)),
     ]
-    radius = robot.wheels.radius_mm
+    radius = robot.driving_radius_mm
     radius_sigma = RADIUS_SHARE * radius if geometry.wheel_radius_mm is None else geometry.wheel_radius_mm
     # a pair of wheels may be wrong alike (one calliper) or each by itself: the mean is known no better than each
     found.append(
         _shared(RADIUS_DIFFERENCE, "radius of the left over the right wheel", "1", 2**0.5 * radius_sigma / radius)
     )
-    lengths = (
-        ("wheels.radius_mm", "radius of the wheels", radius, radius_sigma),
-        ("wheels.wheelbase_mm", "wheelbase", robot.wheels.wheelbase_mm, geometry.wheelbase_mm),
-        ("wheels.track_mm", "track", robot.wheels.track_mm, geometry.track_mm),
-        (
-            "body.mass_g",
-            "mass",
-            robot.body.mass_g,
-            MASS_SHARE * robot.body.mass_g if geometry.mass_g is None else geometry.mass_g,
-        ),
-    )
+    mass = robot.body.mass_g
+    lengths: list[tuple[str, str, float, float | None]]
+    lengths = [("body.mass_g", "mass", mass, MASS_SHARE * mass if geometry.mass_g is None else geometry.mass_g)]
+    if robot.wheels:  # a [[wheel]] list is taken as it is written
+        lengths[:0] = [
+            ("wheels.radius_mm", "radius of the wheels", radius, radius_sigma),
+            ("wheels.wheelbase_mm", "wheelbase", robot.wheels.wheelbase_mm, geometry.wheelbase_mm),
+            ("wheels.track_mm", "track", robot.wheels.track_mm, geometry.track_mm),
+        ]
     attraction = robot.magnetic_attraction
     forces = (
         ("magnetic_attraction.driving_wheel_mN", "attraction of a driving wheel", attraction.driving_wheel_mN),
@@ -126,23 +124,23 @@ def with_shifts(data: Sequence[RunData], robots: Sequence[Robot], found: Sequenc
         if SCALE in sigma:
             shifts[SCALE] = np.nan_to_num(sigma[SCALE] * run.marks_mm)
         ahead, left = _body_axes(run.marks_mm, robot)
-        for key, mark, axis in _mark_keys():
+        for number, (key, _, axis) in enumerate(_mark_keys(robot)):
             if key in sigma:
                 shift = np.zeros_like(run.marks_mm)
-                column = 2 * MARKS.index(mark)
+                column = number // 2 * 2  # two axes of each mark
                 shift[:, column : column + 2] = sigma[key] * (ahead if axis == "x" else left)
                 shifts[key] = shift
         result.append(replace(run, systematic={**run.systematic, **shifts}))
     return tuple(result)
 
 
-def _mark_keys() -> list[tuple[str, str, str]]:
-    return [(f"{mark}_{axis}_mm", mark, axis) for mark in MARKS for axis in "xy"]
+def _mark_keys(robot: Robot) -> list[tuple[str, str, str]]:
+    return [(f"{mark}_{axis}_mm", mark, axis) for mark in reference_pair(robot) or () for axis in "xy"]
 
 
 def _body_axes(marks_mm: Floats, robot: Robot) -> tuple[Floats, Floats]:
     """Unit vectors (n, 2) ahead of and to the left of the robot in the plate frame; 0 where a mark is missing."""
-    across = np.subtract(robot.marks.green_mm, robot.marks.yellow_mm)
+    across = reference_line(robot)
     seen = marks_mm[:, :2] - marks_mm[:, 2:]
     angle = np.arctan2(seen[:, 1], seen[:, 0]) - np.arctan2(across[1], across[0])
     ahead = np.column_stack([np.cos(angle), np.sin(angle)])

@@ -29,11 +29,13 @@ def is_shared(key: str) -> bool:
 class RunData:
     """One recorded run, whatever its source.
 
-    time_s: (n,) presentation times. marks_mm: (n, 4) green x, y, yellow x, y in the plate frame, NaN where a mark is
-    missing. order: its place in the session, from 0. systematic: (n, 4) by key, what one standard deviation of an error
-    that runs share (of their camera, of how a mark looks) does to the marks, mm. log: what the motors were told, where
-    it is more than one command from rest; left_rpm and right_rpm are then what was held longest, start_s and stop_s
-    the first and the last moment with a motor on. from_poses: marks stand for poses: their distance says nothing.
+    time_s: (n,) presentation times. marks_mm: (n, 4) x, y of the first and of the second mark in the plate frame,
+    NaN where one is missing: the robot's own two, or its reference pair (robot_geometry.reference_marks). line_rad:
+    direction from the second to the first in the body frame. order: its place in the session, from 0. systematic:
+    (n, 4) by key, what one standard deviation of an error that runs share (of their camera, of how a mark looks) does
+    to the marks, mm. log: what the motors were told, where it is more than one command from rest; left_rpm and
+    right_rpm are then what was held longest, start_s and stop_s the first and the last moment with a motor on.
+    from_poses: marks stand for poses: their distance says nothing.
     """
 
     id: str
@@ -45,6 +47,7 @@ class RunData:
     marks_mm: Floats
     order: int
     systematic: Mapping[str, Floats] = field(default_factory=dict)
+    line_rad: float = np.pi / 2
     log: Told | None = None
     from_poses: bool = False
 

@@ -16,11 +16,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from calibration.camera import Camera
+from evaluator.marks import columns_of
 from evaluator.pose_systematic import camera_shifts, common_error_mm
 
 Floats = NDArray[np.float64]
 
-MARKS = ("green", "yellow")
 # A direction that bends or scales no path by more than this (RMS) is left out: the distance of the marks, averaged over
 # twenty runs of H.264 at 12 px/mm, is known to about as much.
 NEGLIGIBLE_MM = 5e-5
@@ -29,9 +29,10 @@ SAMPLES = 40  # frames of a run in which directions are compared: a lens is smoo
 
 @dataclass(frozen=True)
 class Sighting:
-    """Marks of one run as a camera of this name placed them at height_mm (what evaluator.tracking writes)."""
+    """Two marks of one run as a camera of this name placed them at height_mm (what evaluator.tracking writes)."""
 
     table: pd.DataFrame
+    marks: tuple[str, ...]
     camera_name: str
     camera: Camera
     height_mm: float
@@ -49,7 +50,7 @@ def shared_errors(sightings: Sequence[Sighting | None]) -> list[dict[str, Floats
             groups.setdefault(item.camera_name, []).append(number)
     for name, runs in groups.items():
         seen = [item for number in runs if (item := sightings[number]) is not None]
-        points = [_points(item.table) for item in seen]
+        points = [_points(item) for item in seen]
         shifts = [_of_camera(item, where) for item, where in zip(seen, points, strict=True)]
         chosen = _main_directions(points, shifts)
         for number, item, where, shift in zip(runs, seen, points, shifts, strict=True):
@@ -58,13 +59,13 @@ def shared_errors(sightings: Sequence[Sighting | None]) -> list[dict[str, Floats
     return found
 
 
-def _points(table: pd.DataFrame) -> dict[str, Floats]:
-    return {mark: table[[f"{mark}_x_mm", f"{mark}_y_mm"]].to_numpy(float) for mark in MARKS}
+def _points(item: Sighting) -> dict[str, Floats]:
+    return {mark: item.table[columns_of([mark])].to_numpy(float) for mark in item.marks}
 
 
 def _of_camera(item: Sighting, points: dict[str, Floats]) -> Floats:
     """Shifts (n, 4, k) by the independent errors of the camera."""
-    both = np.isfinite(np.concatenate([points[mark] for mark in MARKS], axis=1)).all(axis=1)
+    both = np.isfinite(np.concatenate(list(points.values()), axis=1)).all(axis=1)
     points = {mark: np.where(both[:, None], where, np.nan) for mark, where in points.items()}
     shifts = camera_shifts(item.table, points, item.height_mm, item.camera)
     return np.asarray(shifts.reshape(len(shifts), 4, -1))
@@ -79,7 +80,7 @@ def _main_directions(points: Sequence[Mapping[str, Floats]], shifts: Sequence[Fl
     for where, shift in zip(points, shifts, strict=True):
         there = np.flatnonzero(np.isfinite(shift).all(axis=(1, 2)))
         frames = there[np.unique(np.linspace(0, len(there) - 1, min(len(there), SAMPLES)).astype(int))]
-        xy = np.concatenate([where[mark][frames] for mark in MARKS], axis=1).reshape(-1, 2)
+        xy = np.concatenate([places[frames] for places in where.values()], axis=1).reshape(-1, 2)
         rigid = np.zeros((len(xy), 2, 3))
         rigid[:, 0, 0] = rigid[:, 1, 1] = 1.0
         rigid[:, :, 2] = (xy - xy.mean(axis=0))[:, ::-1] * [-1.0, 1.0]
@@ -91,14 +92,16 @@ def _main_directions(points: Sequence[Mapping[str, Floats]], shifts: Sequence[Fl
     return np.asarray(directions[size / np.sqrt(len(stacked)) > NEGLIGIBLE_MM].T)
 
 
-def _fixed_to_body(item: Sighting, points: Mapping[str, Floats]) -> Floats:
+def _fixed_to_body(item: Sighting, points: dict[str, Floats]) -> Floats:
     """Shifts (n, 4, 4) by an error of either mark along and across their line; none for marks not tracked."""
     table = item.table
-    if "green_x_px" not in table or "green_x_sigma_mm" not in table:
+    if not all(f"{mark}_{column}" in table for mark in item.marks for column in ("x_px", "x_sigma_mm")):
         return np.zeros((len(table), 4, 0))
-    variances = np.stack([table[[f"{m}_x_sigma_mm", f"{m}_y_sigma_mm"]].to_numpy(float) ** 2 for m in MARKS], axis=1)
-    error = common_error_mm(table, points["green"], points["yellow"], variances[..., None] * np.eye(2))
-    line = points["green"] - points["yellow"]
+    variances = np.stack(
+        [table[[f"{m}_x_sigma_mm", f"{m}_y_sigma_mm"]].to_numpy(float) ** 2 for m in item.marks], axis=1
+    )
+    error = common_error_mm(table, points, variances[..., None] * np.eye(2))
+    line = np.subtract(*points.values())
     line = line / np.hypot(line[:, 0], line[:, 1])[:, None]
     across = line[:, ::-1] * [-1.0, 1.0]
     shifts = np.zeros((len(table), 4, 4))

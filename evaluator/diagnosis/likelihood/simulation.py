@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from evaluator.diagnosis.candidates.free_form import FreeTerm
 from evaluator.diagnosis.likelihood.known_to import CLOCK, GRAVITY, LEVEL, RADIUS_DIFFERENCE, START
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Floats, RunData, Task, Values, is_shared
-from simulator.dynamics.model import MODEL, apply_effects, record_of
+from evaluator.robot_geometry import reference_places
+from simulator.dynamics.model import apply_effects, record_of, room_for
+from simulator.dynamics.record import model_type
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.coordinates import Candidate
 from simulator.effects.draft import Draft
@@ -44,7 +46,7 @@ MOST_VARIANTS = 5000
 class Variant:
     """A robot with nominal values moved and terms added, which many runs share.
 
-    record: compiled at neutral friction, the words of a MODEL, None where it cannot be simulated.
+    record: compiled at neutral friction, the words of a record, None where it cannot be simulated.
     """
 
     record: NDArray[np.int64] | None
@@ -70,6 +72,7 @@ class Simulated:
         self._known = dict(known or {})
         self._start_sigma_s = start_sigma_s
         self.robots: tuple[Robot, ...] = tuple(robots)
+        self._slots = room_for(self.robots)
         self._data = tuple(data)
         self._terms = terms
         told = [run.told for run in data]
@@ -117,7 +120,7 @@ class Simulated:
         """Poses (edges[-1], 3) of all tasks, stacked."""
         count = len(tasks)
         own = np.array([task.own for task in tasks])
-        models = np.array([variant.record for variant in variants]).view(MODEL)[:, 0]
+        models = np.array([variant.record for variant in variants]).view(model_type(self._slots))[:, 0]
         _with_friction(models, own)
         states = np.zeros((count, 6))
         states[:, :3] = own[:, :3]
@@ -189,13 +192,13 @@ class Simulated:
 
     def _compiled(self, kind: int, order: int, nominal: Mapping[str, float], terms: Values) -> Variant:
         robot = varied_robot(self.robots[kind], {key: value for key, value in nominal.items() if not is_shared(key)})
-        view, draft = view_of(robot), Draft(robot, order)
+        view, draft = view_of(robot, reference_places(robot)), Draft(robot, order)
         try:
             apply_effects(draft, robot.effect)
             self._add_known(nominal, draft, view)
             for effect, values in terms.items():
                 self._add(effect, values, draft, view)
-            return Variant(record_of(draft).view(np.int64), view)
+            return Variant(record_of(draft, slots=self._slots).view(np.int64), view)
         except SimulationError:
             return Variant(None, view)  # outside what can be simulated; the caller sees NaN and steps back
 
@@ -296,7 +299,7 @@ def _seen(poses: Floats, times_s: Floats, variants: Sequence[Variant], frames: N
 
 
 def _look(view: View) -> tuple[object, ...]:
-    return view.green_mm, view.yellow_mm, view.scale, view.keystone_per_mm, view.errors
+    return view.places_mm, view.scale, view.keystone_per_mm, view.errors
 
 
 def _with_shared(marks: Floats, task: Task, run: RunData) -> Floats:

@@ -9,6 +9,7 @@ import numpy as np
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.motion import Motion, jump, motion_of, onset_s
 from evaluator.diagnosis.mistakes.recognised import Found
+from evaluator.robot_geometry import reference_line
 from simulator.robot import Robot
 
 # Marks are placed to some hundredths of a millimetre of their few, 1 to 2 %: three standard deviations.
@@ -28,7 +29,7 @@ def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
     """Runs whose marks are not as far apart as the robot file says: another unit, or another robot."""
     if not data:
         return []
-    stated_mm = [float(np.hypot(*np.subtract(robot.marks.green_mm, robot.marks.yellow_mm))) for robot in robots]
+    stated_mm = [float(np.hypot(*reference_line(robot))) for robot in robots]
     seen_mm = [float(np.nanmedian(np.hypot(*(run.marks_mm[:, :2] - run.marks_mm[:, 2:]).T))) for run in data]
     usual = float(np.median(np.divide(seen_mm, stated_mm)))
     found = []
@@ -113,7 +114,7 @@ def _stands(run: RunData, robot: Robot) -> bool:
     faster = max(abs(run.left_rpm), abs(run.right_rpm))
     if seconds <= 0 or not faster:
         return False
-    rolled = faster * 2 * np.pi * robot.wheels.radius_mm / 60 * seconds
+    rolled = faster * 2 * np.pi * robot.driving_radius_mm / 60 * seconds
     seen = run.marks_mm[np.isfinite(run.marks_mm).all(axis=1)]
     off = seen - seen[0]
     way = float(np.percentile(np.hypot(off[:, [0, 2]], off[:, [1, 3]]), 95))

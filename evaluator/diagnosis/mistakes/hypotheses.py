@@ -104,7 +104,7 @@ def _judged(of_run: list[Alternative], misfits: Floats, extent: float, usual: se
 REMEDIES: dict[Kind, str] = {
     "reversed": "change the signs of left_rpm and right_rpm in experiment.toml",
     "sides-swapped": "exchange left_rpm and right_rpm in experiment.toml",
-    "marks-swapped": "exchange the columns of the green and the yellow mark",
+    "marks-swapped": "exchange the columns of the two marks",
     "mirrored": "mirror the recording, or the x of its marks",
     "wrong-rate": "give the true frame rate (rate_hz), or correct time_s",
     "wrong-command": "look up which command belongs to this recording",

@@ -33,14 +33,11 @@ class Motion:
 
 
 def midpoint_and_heading(run: RunData) -> tuple[Floats, Floats, Floats]:
-    """Times (n,), midpoints (n, 2) and headings (n,), rad, unwrapped, of the frames in which both marks were seen.
-
-    The heading is at right angles to the line from the yellow mark to the green one, which is on the left.
-    """
+    """Times (n,), midpoints (n, 2) and headings (n,), rad, unwrapped, of the frames in which both marks were seen."""
     seen = np.isfinite(run.marks_mm).all(axis=1)
     marks = run.marks_mm[seen]
     across = marks[:, :2] - marks[:, 2:]
-    heading = np.unwrap(np.arctan2(across[:, 1], across[:, 0])) - np.pi / 2
+    heading = np.unwrap(np.arctan2(across[:, 1], across[:, 0])) - run.line_rad
     return run.time_s[seen], (marks[:, :2] + marks[:, 2:]) / 2, heading
 
 

@@ -23,6 +23,17 @@ def finding_sentences(content: Json) -> list[str]:
     return [as_sentence(str(item)) for item in content.get("findings") or []]
 
 
+def preferred_sentence(content: Json) -> str:
+    """Values that the data prefer within what the laboratory knows, where their 95 % intervals leave out 0."""
+    parts = [
+        f"{item.get('name') or item['quantity']} {value_text(item['found'])}{_unit(item)} "
+        f"[{value_text(item['low'])}, {value_text(item['high'])}]"
+        for item in content.get("known_to") or []
+        if item.get("low") is not None and item["low"] * item["high"] > 0
+    ]
+    return as_sentence(f"Within what is known, the data prefer: {'; '.join(parts)}") if parts else ""
+
+
 def negligible_sentence(content: Json) -> str:
     """Effects that are there and do not matter, in one line; empty where there are none."""
     parts = []
@@ -78,10 +89,14 @@ def mistakes_section(content: Json) -> Section | None:
 
 
 def _row(item: Json) -> tuple[str, ...]:
-    unit = "" if item.get("unit") in (None, "1") else str(item["unit"])
     low, high = (value_text(item.get(key)) for key in ("low", "high"))
     taken, found = item.get("taken"), item.get("found")
     far = bool(taken and found is not None and abs(found) > FAR * taken)
     interval = UNKNOWN if item.get("low") is None else f"{low} to {high}"
     name = str(item.get("name") or item["quantity"])
-    return (name, unit, value_text(taken), value_text(found), interval, "far" if far else "")
+    return (name, _unit(item).strip(), value_text(taken), value_text(found), interval, "far" if far else "")
+
+
+def _unit(item: Json) -> str:
+    """The unit as it follows a number."""
+    return "" if item.get("unit") in (None, "1") else f" {item['unit']}"

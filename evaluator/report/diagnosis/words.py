@@ -216,9 +216,11 @@ def micrometres(length_mm: float | None) -> str:
 
 
 def as_sentence(text: str) -> str:
-    """A text with a capital, a full stop and true minus signs."""
+    """A text with a capital, a full stop and true minus signs; the id of a run or an effect stays as it is written."""
     text = _with_minus(text)
-    return text[:1].upper() + text[1:].rstrip(".") + "." if text else ""
+    first = text.split(maxsplit=1)[0].rstrip(",:;") if text.strip() else ""
+    capital = text[:1].upper() if first.isalpha() else text[:1]
+    return capital + text[1:].rstrip(".") + "." if text else ""
 
 
 def _with_minus(text: str) -> str:

@@ -1,4 +1,4 @@
-"""Trajectories of both marks and of the centre, with the circle of the minimum radius: the paper's Figure 19."""
+"""Trajectories of the marks and of the centre, with the circle of the minimum radius: the paper's Figure 19."""
 
 from __future__ import annotations
 
@@ -11,16 +11,19 @@ from matplotlib.patches import Circle
 
 from evaluator.report.numbers import significant
 from evaluator.report.runs import RunView
-from evaluator.report.style import BLUE, INK, Figure, Line, drawing
+from evaluator.report.style import BLUE, INK, Figure, Line, drawing, mark_lines
 
 MOST_POINTS = 240  # of a drawn curve: below a tenth of a pixel of error on a turn that fills its panel
-GREEN_MARK = Line("green", "green mark", 1.0)
-YELLOW_MARK = Line("yellow", "yellow mark", 1.0, (6.4, 1.6, 1.0, 1.6))
 CENTRE = Line("ink", "centre", 1.8)
 SIMULATED_CENTRE = Line("vermillion", "simulated centre", 1.3, (4.0, 2.0))
 CIRCLE = Line("blue", "circle of minimum radius", 0.8)
-LEGEND = (GREEN_MARK, YELLOW_MARK, CENTRE, SIMULATED_CENTRE, CIRCLE)
 MOST_PANELS = 12  # more runs than that are seen in the player; on paper they would be stamps
+
+
+def legend_of(runs: Sequence[RunView]) -> tuple[Line, ...]:
+    """Lines of the drawings: the marks, then centre, simulated centre, circle."""
+    names = dict.fromkeys(name for run in runs for name in run.mark_names)
+    return (*mark_lines(list(names)), CENTRE, SIMULATED_CENTRE, CIRCLE)
 
 
 def trajectories(runs: Sequence[RunView]) -> Figure | None:
@@ -41,7 +44,7 @@ def trajectories(runs: Sequence[RunView]) -> Figure | None:
         "player. (Figure 19 of the paper.)",
         tuple(panels),
         pd.concat([_data(run) for run in chosen], ignore_index=True),
-        legend=LEGEND,
+        legend=legend_of(chosen),
     )
 
 
@@ -69,8 +72,8 @@ def thinned(table: pd.DataFrame, most: int) -> pd.DataFrame:
 
 def _panel(axes: Axes, run: RunView) -> None:
     marks, poses, simulated = (thinned(table, MOST_POINTS) for table in (run.marks, run.poses, run.simulated))
-    axes.plot(marks["green_x_mm"], marks["green_y_mm"], **GREEN_MARK.drawn)
-    axes.plot(marks["yellow_x_mm"], marks["yellow_y_mm"], **YELLOW_MARK.drawn)
+    for name, line in zip(run.mark_names, mark_lines(run.mark_names), strict=True):
+        axes.plot(marks[f"{name}_x_mm"], marks[f"{name}_y_mm"], **line.drawn)
     axes.plot(poses["x_mm"], poses["y_mm"], **CENTRE.drawn)
     axes.plot(simulated["x_mm"], simulated["y_mm"], **SIMULATED_CENTRE.drawn)
     first = poses.dropna(subset=["x_mm"]).iloc[:1]
@@ -89,7 +92,7 @@ def _panel(axes: Axes, run: RunView) -> None:
 
 def _frame(axes: Axes, run: RunView, marks: pd.DataFrame, poses: pd.DataFrame) -> None:
     """A square view of the trajectories; of the whole circle only where it is not much larger than they are."""
-    drawn = [[marks[f"green_{axis}_mm"], marks[f"yellow_{axis}_mm"], poses[f"{axis}_mm"]] for axis in "xy"]
+    drawn = [[*(marks[f"{name}_{axis}_mm"] for name in run.mark_names), poses[f"{axis}_mm"]] for axis in "xy"]
     low = np.array([min(curve.min() for curve in curves) for curves in drawn])
     high = np.array([max(curve.max() for curve in curves) for curves in drawn])
     radius, center = run.value("radius_mm"), np.array([run.value("center_x_mm"), run.value("center_y_mm")])
@@ -105,7 +108,7 @@ def _frame(axes: Axes, run: RunView, marks: pd.DataFrame, poses: pd.DataFrame) -
 def _data(run: RunView) -> pd.DataFrame:
     table = run.poses.loc[:, ["time_s", "x_mm", "y_mm", "heading_deg"]].copy()
     table.insert(0, "run", run.id)
-    for mark in ("green", "yellow"):
+    for mark in run.mark_names:
         for axis in "xy":
             table[f"{mark}_{axis}_mm"] = run.marks[f"{mark}_{axis}_mm"]
     for axis in "xy":

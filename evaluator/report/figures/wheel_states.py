@@ -14,7 +14,6 @@ from matplotlib.patches import FancyArrowPatch, Rectangle
 
 from evaluator.report.numbers import true_minus
 from evaluator.report.style import BLUE, FAINT, INK, PAPER, SOFT, VERMILLION, Figure, drawing
-from simulator.nominal_robot import WHEELS
 from simulator.robot import Robot
 from simulator.steady import SteadyTurn
 
@@ -30,7 +29,7 @@ def wheel_states_figure(name: str, title: str, robot: Robot, turn: SteadyTurn) -
     velocity = np.array([turn.u_mm_s, turn.v_mm_s]) + turn.yaw_rate_rad_s * np.stack([-place[:, 1], place[:, 0]], 1)
     table = pd.DataFrame(
         {
-            "wheel": WHEELS,
+            "wheel": robot.wheel_names,
             "slip_ratio": wheels.slip_ratio + 0.0,
             "slip_angle_deg": np.degrees(wheels.slip_angle_rad),
             "velocity_forward_mm_s": velocity[:, 0],
@@ -43,7 +42,7 @@ def wheel_states_figure(name: str, title: str, robot: Robot, turn: SteadyTurn) -
     with drawing(name, width=4.9, height=3.9) as canvas:
         (axes,) = canvas.axes
         _body(axes, robot, turn)
-        for number in range(4):
+        for number in range(len(place)):
             x, y = place[number]
             _arrow(axes, (x, y), velocity[number] * 1.6 / np.hypot(*velocity.T).max(), BLUE, 1.0)
             _arrow(axes, (x, y), force_scale * np.array([along[number], across[number]]), VERMILLION, 2.2)
@@ -73,10 +72,10 @@ def _body(axes: Axes, robot: Robot, turn: SteadyTurn) -> None:
     axes.text(0, length / 2 - 0.15, "front", ha="center", va="top", color=SOFT, fontsize=8)
     center = (-turn.v_mm_s / turn.yaw_rate_rad_s, turn.u_mm_s / turn.yaw_rate_rad_s)
     page = _on_page(*center)
-    for place in robot.wheel_positions_mm():
-        axes.plot(*zip(page, _on_page(*place), strict=True), color=SOFT, lw=0.6, ls=":")
-        corner = _on_page(place[0] - robot.wheels.radius_mm, place[1] + WHEEL_LENGTH_MM / 2)
-        axes.add_patch(Rectangle(corner, WHEEL_LENGTH_MM, 2 * robot.wheels.radius_mm, fc=FAINT, ec=INK, lw=0.8))
+    for wheel in robot.all_wheels:
+        axes.plot(*zip(page, _on_page(wheel.x_mm, wheel.y_mm), strict=True), color=SOFT, lw=0.6, ls=":")
+        corner = _on_page(wheel.x_mm - wheel.radius_mm, wheel.y_mm + WHEEL_LENGTH_MM / 2)
+        axes.add_patch(Rectangle(corner, WHEEL_LENGTH_MM, 2 * wheel.radius_mm, fc=FAINT, ec=INK, lw=0.8))
     axes.plot(*page, marker="x", color=INK, ms=7, mew=1.6)
     axes.plot(0, 0, marker="+", color=INK, ms=7)
 

@@ -7,8 +7,10 @@ import math
 import numpy as np
 import pandas as pd
 
+from evaluator.pose import poses_from_marks
 from evaluator.report.figures.effects import effect_figure
 from evaluator.report.pages.html import Page, Section, Table, page_html
+from evaluator.robot_geometry import mark_geometry
 from simulator.command import Command
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.definition import Effect
@@ -89,21 +91,13 @@ def _measured(robot: Robot, stated: Robot) -> pd.DataFrame:
     times = np.arange(round(1.25 * DURATION_S * FRAMES_PER_S) + 1) / FRAMES_PER_S  # a wrong clock may read less
     run = simulate(robot, Command.constant(LEFT_RPM, RIGHT_RPM), times, State(0.0, 0.0, 0.0), RUN_INDEX)
     marks = marks_of_run(robot, run)
-    green, yellow = (marks[[f"{name}_x_mm", f"{name}_y_mm"]].to_numpy() for name in ("green", "yellow"))
-    sides = (green - yellow) / np.linalg.norm(green - yellow, axis=1)[:, None]
-    (ahead, left), aside = np.mean([stated.marks.green_mm, stated.marks.yellow_mm], axis=0), _aside(stated)
-    # The direction from yellow to green is the body's, turned by the heading.
-    cos, sin = sides @ aside, sides @ np.array([-aside[1], aside[0]])
-    middle = (green + yellow) / 2
-    x, y = middle[:, 0] - ahead * cos + left * sin, middle[:, 1] - ahead * sin - left * cos
+    poses = poses_from_marks(marks, mark_geometry(stated))
     shown = np.arange(round(DURATION_S * FRAMES_PER_S) + 1) / FRAMES_PER_S
     measured_s = marks["time_s"].to_numpy()
     return pd.DataFrame(
-        {"time_s": shown, "x_mm": np.interp(shown, measured_s, x), "y_mm": np.interp(shown, measured_s, y)}
+        {
+            "time_s": shown,
+            "x_mm": np.interp(shown, measured_s, poses.x_mm),
+            "y_mm": np.interp(shown, measured_s, poses.y_mm),
+        }
     )
-
-
-def _aside(robot: Robot) -> np.ndarray:
-    """Unit vector from the yellow to the green mark in the body frame."""
-    line = np.subtract(robot.marks.green_mm, robot.marks.yellow_mm)
-    return np.asarray(line / np.hypot(*line))

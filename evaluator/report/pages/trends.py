@@ -9,6 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from evaluator.files import write_table, write_text
+from evaluator.report.diagnosis.words import as_sentence
 from evaluator.report.numbers import UNKNOWN, interval, significant, true_minus
 from evaluator.report.pages.html import Page, Section, Table, page_html
 from evaluator.report.style import FAINT, MEASURED, VERMILLION, Figure, drawing
@@ -23,7 +24,7 @@ TITLES = {"radius": "Turning radius", "speed": "Speed"}
 def change_sentences(found: Trends) -> tuple[str, ...]:
     """What changed, in the order of the series; one sentence where nothing did."""
     sentences = [
-        f"{_capital(series.name)}: {_sentence(found, series, change)}"
+        as_sentence(f"{series.name}: {_sentence(found, series, change)}")
         for series in found.series
         for change in series.changes
     ]
@@ -85,10 +86,10 @@ def _figure(found: Trends, series: Series) -> Figure:
         axes.set_ylabel(
             true_minus(f"{series.name.split(',')[0] if series.unit != '%' else 'mean of its command'}, {series.unit}")
         )
-    changed = " ".join(_capital(_sentence(found, series, change)) for change in series.changes)
+    changed = " ".join(as_sentence(_sentence(found, series, change)) for change in series.changes)
     return Figure(
         name,
-        _capital(series.name),
+        as_sentence(series.name).rstrip("."),
         true_minus(f"Points: sessions with 95 % intervals of noise and repetitions. {changed or 'No change.'}"),
         (canvas.svg,),
         pd.DataFrame(
@@ -171,8 +172,3 @@ def _digits(change: Change) -> int:
 
 def _rounded(value: float, change: Change) -> str:
     return true_minus(f"{value:.{_digits(change)}f}") if np.isfinite(value) else significant(value)
-
-
-def _capital(sentence: str) -> str:
-    """Begin a sentence; ids of effects stay as they are written in files."""
-    return sentence[0].upper() + sentence[1:] if sentence.startswith(("all ", *TITLES)) else sentence

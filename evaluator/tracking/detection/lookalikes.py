@@ -48,7 +48,7 @@ class _Rival:
     def moved(self) -> bool:
         """Whether it has moved as one body."""
         way = max(_apart(self.last[name], self.first[name]) for name in self.first)
-        return way > MOVED * self.first["green"].radius_px and self.change_px < RIGID * way
+        return way > MOVED * next(iter(self.first.values())).radius_px and self.change_px < RIGID * way
 
 
 class Rivals:

@@ -29,40 +29,45 @@ class Candidate:
 
 
 def choose(found: list[Candidate], settings: TrackingSettings) -> tuple[dict[str, Candidate], float]:
-    """Choose a candidate for each mark: the best pair where green and yellow are sought, else the best of each.
+    """Choose a candidate for each mark: the best pair where two of one body are sought, else the best of each.
 
     Returns them with their log-likelihood, up to a constant.
     """
     by_mark = {name: [one for one in found if one.mark == name] for name in settings.mark}
     strongest = max((one.chroma for one in found), default=1.0)
-    if set(settings.mark) == {"green", "yellow"} and by_mark["green"] and by_mark["yellow"]:
-        pairs = itertools.product(by_mark["green"], by_mark["yellow"])
-        scored = [(_pair_score(green, yellow, settings, strongest), green, yellow) for green, yellow in pairs]
-        score, green, yellow = max(scored, key=lambda pair: pair[0])
-        return {"green": green, "yellow": yellow}, score
-    chosen, total = {}, 0.0
+    if settings.pair and all(by_mark[name] for name in settings.pair):
+        pairs = itertools.product(*(by_mark[name] for name in settings.pair))
+        scored = [(_pair_score(one, other, settings, strongest), one, other) for one, other in pairs]
+        score, one, other = max(scored, key=lambda pair: pair[0])
+        return {one.mark: one, other.mark: other}, score
+    chosen: dict[str, Candidate] = {}
+    total = 0.0
     for name, ones in by_mark.items():
-        if ones:
-            scores = [_own_score(one, settings.mark[name], strongest) for one in ones]
-            chosen[name] = ones[int(np.argmax(scores))]
+        free = [one for one in ones if not any(_same_place(one, other) for other in chosen.values())]
+        if free:
+            scores = [_own_score(one, settings.mark[name], strongest) for one in free]
+            chosen[name] = free[int(np.argmax(scores))]
             total += max(scores)
     return chosen, total
 
 
+def _same_place(one: Candidate, other: Candidate) -> bool:
+    """Whether two candidates are one blob: marks of one colour are different things."""
+    return float(np.hypot(*np.subtract(one.center_px, other.center_px))) < max(one.radius_px, other.radius_px)
+
+
 def alike(found: list[Candidate], settings: TrackingSettings) -> list[dict[str, Candidate]]:
-    """Pairs of green and yellow that share no blob and are about as likely as the best one, which comes first."""
-    greens, yellows = ([one for one in found if one.mark == name] for name in ("green", "yellow"))
+    """Pairs of the two marks that share no blob and are about as likely as the best one, which comes first."""
+    first, second = settings.pair
+    sides = ([one for one in found if one.mark == name] for name in settings.pair)
     strongest = max((one.chroma for one in found), default=1.0)
-    scored = [
-        (_pair_score(green, yellow, settings, strongest), green, yellow)
-        for green, yellow in itertools.product(greens, yellows)
-    ]
+    scored = [(_pair_score(one, other, settings, strongest), one, other) for one, other in itertools.product(*sides)]
     best, chosen = max((pair[0] for pair in scored), default=0.0), list[dict[str, Candidate]]()
-    for score, green, yellow in sorted(scored, key=lambda pair: -pair[0]):
+    for score, one, other in sorted(scored, key=lambda pair: -pair[0]):
         if score < best - ALIKE:
             break
-        if all(green is not one["green"] and yellow is not one["yellow"] for one in chosen):
-            chosen.append({"green": green, "yellow": yellow})
+        if all(one is not pair[first] and other is not pair[second] for pair in chosen):
+            chosen.append({first: one, second: other})
     return chosen
 
 
@@ -79,15 +84,14 @@ def _own_score(one: Candidate, mark: MarkSettings, strongest: float) -> float:
     return float(score)
 
 
-def _pair_score(green: Candidate, yellow: Candidate, settings: TrackingSettings, strongest: float) -> float:
+def _pair_score(one: Candidate, other: Candidate, settings: TrackingSettings, strongest: float) -> float:
     """Log-likelihood of two blobs being the two marks of one robot: equal size, the known distance in diameters."""
-    score = _own_score(green, settings.mark["green"], strongest) + _own_score(
-        yellow, settings.mark["yellow"], strongest
-    )
-    score -= 0.5 * (np.log(green.radius_px / yellow.radius_px) / 0.15) ** 2
+    score = _own_score(one, settings.mark[one.mark], strongest)
+    score += _own_score(other, settings.mark[other.mark], strongest)
+    score -= 0.5 * (np.log(one.radius_px / other.radius_px) / 0.15) ** 2
     if settings.distance_diameters is not None:
-        distance = float(np.hypot(*np.subtract(green.center_px, yellow.center_px)))
-        ratio = distance / (green.radius_px + yellow.radius_px) / settings.distance_diameters
+        distance = float(np.hypot(*np.subtract(one.center_px, other.center_px)))
+        ratio = distance / (one.radius_px + other.radius_px) / settings.distance_diameters
         score += _log_odds(float(np.log(max(ratio, 1e-3))))
     return float(score)
 

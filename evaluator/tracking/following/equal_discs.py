@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from evaluator.tracking.detection.appearance import Appearance, with_disc
 from evaluator.tracking.following.follow import Follower
 from evaluator.tracking.following.motion import Motion
-from evaluator.tracking.following.pair import PAIR
 from evaluator.tracking.refinement.disc import shaped_as
 
 UNEQUAL = 0.08  # radii of equal marks differ by less: halation of a brighter mark, learning from noisy frames
@@ -17,10 +16,10 @@ MORE_COVERED = 0.05  # of its information, from which a mark tells less of its s
 DAZZLED = 2.0  # noise over squared contrast of one over the other; by their colours alone they differ by less
 
 
-def agree(followers: Mapping[str, Motion], take: Callable[[Follower, Appearance], None]) -> None:
+def agree(followers: Mapping[str, Motion], pair: Sequence[str], take: Callable[[Follower, Appearance], None]) -> None:
     """Give the two marks of a robot one shape where one of them was partly hidden: they are equal discs."""
-    marks = [mark for name in sorted(PAIR) if isinstance(mark := followers.get(name), Follower)]
-    if len(marks) < len(PAIR):
+    marks = [mark for name in sorted(pair) if isinstance(mark := followers.get(name), Follower)]
+    if not pair or len(marks) < len(pair):
         return
     better, worse = sorted(marks, key=lambda mark: mark.look.disc.covered)
     if worse.look.disc.covered > better.look.disc.covered + MORE_COVERED:

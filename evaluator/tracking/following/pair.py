@@ -12,7 +12,6 @@ from typing import TypeVar
 Point = tuple[float, float]
 Place = TypeVar("Place", bound=Sequence[float])
 
-PAIR = {"green", "yellow"}
 # Perspective and slant change the distance of two marks in a frame by this at most: a camera tilted by 20 degrees
 # gives 6 % with direction and as much across the plate.
 TOLERANCE = 0.15

@@ -17,7 +17,7 @@ from evaluator.tracking.following.equal_discs import agree
 from evaluator.tracking.following.follow import RELEARN_AT, Array, Follower
 from evaluator.tracking.following.follow_blob import BlobFollower, start_blob
 from evaluator.tracking.following.motion import Point
-from evaluator.tracking.following.pair import PAIR, Body
+from evaluator.tracking.following.pair import Body
 from evaluator.tracking.following.shape import OBLONG, try_blob, try_mover
 from evaluator.tracking.observation import ABSENT, OK, REPEATED, Sighting
 from evaluator.tracking.refinement.disc import Disc, shaped_as
@@ -130,7 +130,7 @@ class Tracker:
 
     def _prepare(self, frame: Frame) -> None:
         if frame.u is None:
-            raise InputError(f"{self._source} has no colour: green and yellow marks cannot be told apart in it")
+            raise InputError(f"{self._source} has no colour: coloured marks cannot be told apart in it")
         across, down = cell_of(frame)
         step = frame.row_step
         self.cell = np.array([across, down * step, (across - 1) / 2, frame.row_origin + (down - 1) / 2 * step], float)
@@ -150,7 +150,7 @@ class Tracker:
 
         Two marks of one robot are found at their distance only, or alone where the robot can have come to.
         """
-        pair, body = set(self.names) == PAIR, self.body
+        pair, body = bool(self.settings.pair), self.body
         lost = [k for k, one in enumerate(sightings) if one.status != OK and self.names[k] in self.followers]
         self._dimmed = max(mean_light(frame) / self._light, DARKEST) if self._light else 1.0
         places = {k: self._places(self.names[k], frame) for k in lost}
@@ -209,7 +209,7 @@ class Tracker:
         return miss
 
     def _note_distance(self, sightings: list[Sighting]) -> None:
-        if len(sightings) == len(PAIR) and sightings[0].status == OK == sightings[1].status:
+        if self.settings.pair and sightings[0].status == OK == sightings[1].status:
             self.body.note(sightings[0][:2], sightings[1][:2])
 
     def _discover(self, frame: Frame) -> None:
@@ -221,7 +221,7 @@ class Tracker:
         waiting = self._waited < PATIENCE or self._rivals.undecided
         if not chosen or (pair and len(chosen) < len(wanted) and waiting):
             return
-        if chosen.keys() == PAIR:
+        if self.settings.pair and len(chosen) == len(self.settings.pair):
             chosen = self._rivals.decide(found, self.settings, chosen)
         neutral = neutral_of(frame, allowed_cells(frame, self.settings))
         for name, candidate in chosen.items():
@@ -240,7 +240,8 @@ class Tracker:
             return
         if disc is None:
             return
-        partner = self.followers.get(next(iter(PAIR - {name}))) if name in PAIR else None
+        pair = self.settings.pair
+        partner = self.followers.get(next(other for other in pair if other != name)) if name in pair else None
         if isinstance(partner, Follower) and partner.seen >= LEARNING_FRAMES:
             # What hid it so long may still cut it or shine on it: its partner shows what it looks like.
             disc = shaped_as(disc, partner.look.disc)
@@ -255,7 +256,7 @@ class Tracker:
         for k, name in enumerate(self.names):
             follower, mine = self.followers.get(name), [(frame, sightings[k]) for frame, sightings in held]
             tried = None
-            if follower is not None and set(self.names) != PAIR:
+            if follower is not None and not self.settings.pair:
                 tried, resting = try_mover(name, mine, self.settings, self.cell)
                 self._rivals.exclude(resting)
             if tried is None and isinstance(follower, Follower):
@@ -277,7 +278,7 @@ class Tracker:
             disc = finished(learn_shape(patches, follower.radius_px, follower.look.disc.blur_px))
             if disc is not None:
                 follower.take_look(with_disc(follower.look, disc))
-        agree(self.followers, Follower.take_look)
+        agree(self.followers, self.settings.pair, Follower.take_look)
 
     def _learn_on(self) -> None:
         """Take some steps in learning a shape anew: no frame waits for all of it."""
@@ -289,7 +290,7 @@ class Tracker:
             del self._lessons[0]
             if end.value is not None:
                 follower.take_shape(with_disc(follower.look, end.value))
-                agree(self.followers, Follower.take_shape)
+                agree(self.followers, self.settings.pair, Follower.take_shape)
 
     def _again(self, name: str, frame: Frame, one: Sighting) -> Sighting:
         if one.status != OK or isinstance(self.followers[name], BlobFollower):

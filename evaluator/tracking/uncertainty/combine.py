@@ -12,7 +12,6 @@ from evaluator.tracking.following.background import background, strangers
 from evaluator.tracking.following.follow import Follower
 from evaluator.tracking.following.follow_blob import BlobFollower
 from evaluator.tracking.following.jumps import off_course
-from evaluator.tracking.following.pair import PAIR
 from evaluator.tracking.following.repeated_frames import repeated_pictures
 from evaluator.tracking.observation import ALONE, BACKGROUND, OFF_COURSE, REPEATED, STRANGER, WRONG_DISTANCE
 from evaluator.tracking.uncertainty.codec import hidden_variance, steady_times
@@ -32,17 +31,18 @@ def refine(
     numbers: dict[str, Array],
     status: dict[str, list[str]],
     followers: dict[str, Follower | BlobFollower],
+    body: Sequence[str] = (),
 ) -> None:
     """Correct centres, complete variances and take out marks at a wrong distance, in place.
 
     kinds: of the frames. numbers: per mark (n, 5) of x, y, their variances and covariance, px and px², NaN if absent.
-    status: per mark, of every frame.
+    status: per mark, of every frame. body: marks that sit on one; others may move apart.
     """
     kind, times, time_s = np.array(list(kinds), dtype=str), time_s, steady_times(time_s)
     again = repeated_pictures([values[:, :2] for values in numbers.values()])
     for name, shown in zip(numbers, again, strict=True):
         _take_out(numbers[name], status[name], shown, REPEATED)
-    _take_out_impossible(time_s, numbers, status, followers)
+    _take_out_impossible(time_s, numbers, status, followers, body)
     for name, values in numbers.items():
         follower = followers.get(name)
         if follower is None or not len(values):
@@ -58,16 +58,15 @@ def refine(
         values[:, :2] -= shift
         values[:, 2:4] += variance
         values[:, 2:4] += hidden_variance(time_s, values[:, :2], values[:, 2:4].mean(axis=1), kind)[:, None]
-    for first, second in combinations(numbers, 2):
-        if {first, second} == {"green", "yellow"}:  # the marks of one robot; others may move apart
-            one, other = numbers[first], numbers[second]
-            distance = Distance(one[:, :2], other[:, :2])
-            ratio = distance.ratio(distance.variance(one[:, 2:], other[:, 2:]))
-            if ratio > 1.0:
-                one[:, 2:5] *= ratio
-                other[:, 2:5] *= ratio
-            for name, wrong in zip((first, second), wrong_ends(time_s, (one, other), distance), strict=True):
-                _take_out(numbers[name], status[name], wrong, WRONG_DISTANCE)
+    for first, second in combinations([name for name in numbers if name in body], 2):
+        one, other = numbers[first], numbers[second]
+        distance = Distance(one[:, :2], other[:, :2])
+        ratio = distance.ratio(distance.variance(one[:, 2:], other[:, 2:]))
+        if ratio > 1.0:
+            one[:, 2:5] *= ratio
+            other[:, 2:5] *= ratio
+        for name, wrong in zip((first, second), wrong_ends(time_s, (one, other), distance), strict=True):
+            _take_out(numbers[name], status[name], wrong, WRONG_DISTANCE)
 
 
 def _take_out_impossible(
@@ -75,17 +74,19 @@ def _take_out_impossible(
     numbers: dict[str, Array],
     status: dict[str, list[str]],
     followers: dict[str, Follower | BlobFollower],
+    body: Sequence[str],
 ) -> None:
     """Take out what no mark of the robot can be: things at rest while it moves, and jumps; in place."""
     radii = {name: follower.radius_px for name, follower in followers.items()}
     usual = float(np.median(list(radii.values()))) if radii else 0.0
-    if numbers.keys() == PAIR:
+    if len(body) == len(numbers) == 2:
+        first, second = body
         places = {name: values[:, :2].copy() for name, values in numbers.items()}
-        for name, other in (("green", "yellow"), ("yellow", "green")):
+        for name, other in ((first, second), (second, first)):
             rests = background(places[name], places[other], radii.get(other, usual))
             alone = not np.isfinite(places[other][:, 0]).any()
             _take_out(numbers[name], status[name], rests, ALONE if alone else BACKGROUND)
-        rarer, other = sorted(PAIR, key=lambda name: int(np.isfinite(numbers[name][:, 0]).sum()))
+        rarer, other = sorted(body, key=lambda name: int(np.isfinite(numbers[name][:, 0]).sum()))
         if strangers(numbers[rarer][:, :2], numbers[other][:, :2], usual):
             _take_out(numbers[rarer], status[rarer], np.isfinite(numbers[rarer][:, 0]), STRANGER)
     for name, values in numbers.items():

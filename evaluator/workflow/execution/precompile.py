@@ -69,7 +69,7 @@ def measure_turn(video: Path) -> None:
     time_s = np.arange(300) / 60
     angle = -0.3 * time_s
     marks = {"time_s": time_s}
-    for name, (x, y) in {"green": robot.marks.green_mm, "yellow": robot.marks.yellow_mm}.items():
+    for name, (x, y) in robot.points_mm.items():
         marks[f"{name}_x_mm"] = np.cos(angle) * x - np.sin(angle) * (y + 8.0)
         marks[f"{name}_y_mm"] = np.sin(angle) * x + np.cos(angle) * (y + 8.0)
     poses = poses_from_marks(pd.DataFrame(marks), mark_geometry(robot))

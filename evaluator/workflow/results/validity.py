@@ -19,7 +19,7 @@ from evaluator.files import write_text
 
 PACKAGES = ("calibration", "simulator", "evaluator")
 LIBRARIES = ("numpy", "scipy", "pandas", "opencv-python-headless", "av", "numba")  # those that results depend on
-NOT_RESULTS = ("cli", "report")  # folders of the evaluator whose change leaves every number as it was
+NOT_RESULTS = ("cli", "report", "studio")  # folders of the evaluator whose change leaves every number as it was
 
 
 def file_hash(path: Path) -> str:

@@ -71,13 +71,14 @@ class Job:
                 "rate_hz": self.run.rate_hz,
                 "tracking": file_hash(self.tracking) if self.tracking and self.run.video else None,
                 "tracks": self.tracks.model_dump() if self.tracks and self.run.marks else None,
-                "marks": self.robot.marks.model_dump(),
+                "marks": [mark.model_dump() for mark in self.robot.layout],
             }
         )
         named = ("left_rpm", "right_rpm", "start_s", "stop_s", "starts_at_rest")
         command = {name: getattr(self.run, name) for name in named}
         command["commands"] = file_hash(self.run.commands) if self.run.commands else None
-        body = {"body": self.robot.body.model_dump(), "wheels": self.robot.wheels.model_dump()}
+        wheels = [wheel.model_dump(exclude={"slip", "attraction_mN"}) for wheel in self.robot.all_wheels]
+        body = {"body": self.robot.body.model_dump(), "wheels": wheels}
         turn = key_of({"track": track, "command": command, **body})
         simulate = key_of({"turn": turn, "robot": self.robot.model_dump(mode="json"), "order": self.order})
         return {"track": track, "turn": turn, "simulate": simulate}

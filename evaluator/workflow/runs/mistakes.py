@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,7 +43,7 @@ def given_marks(experiment: Experiment) -> dict[str, Path]:
     }
 
 
-def with_sentences(notes: Mapping[str, tuple[str, ...]], mistakes: list[Mistake]) -> dict[str, tuple[str, ...]]:
+def with_sentences(notes: Mapping[str, tuple[str, ...]], mistakes: Sequence[Mistake]) -> dict[str, tuple[str, ...]]:
     """The notes of runs with the mistakes first."""
     found = dict(notes)
     for item in mistakes:

@@ -6,6 +6,7 @@ one that ran through give the same bytes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -20,11 +21,11 @@ from evaluator.files import read_with, write_table, write_text
 from evaluator.interchange.commands import Told
 from evaluator.interchange.poses import poses_of, read_poses, with_marks
 from evaluator.interchange.tracks import read_any_marks
-from evaluator.marks import MARKS, read_marks, write_marks
-from evaluator.pose import Poses, poses_from_marks
+from evaluator.marks import read_marks, write_marks
+from evaluator.pose import NO_HEADING, Poses, poses_from_marks
 from evaluator.progress import Progress, no_progress
 from evaluator.recording import TimingReport, open_recording
-from evaluator.robot_geometry import mark_geometry, robot_shape
+from evaluator.robot_geometry import RobotGeometry, mark_geometry, marks_height_mm, robot_shape, sought
 from evaluator.tracking import load_settings, place_on_plate, track
 from evaluator.wording import counted
 from evaluator.workflow.results.outputs import Outputs
@@ -94,8 +95,8 @@ class _Stages:
     def _track(self) -> tuple[list[Path], dict[str, Any]]:
         path, pictures = self.out.marks(self.run.id), self.out.pictures(self.run.id)
         if self.run.marks is not None:
-            height_mm = self.job.robot.marks.height_mm
-            write_marks(read_any_marks(self.run.marks, self.job.tracks, self.camera, height_mm), path)
+            height_mm, names = marks_height_mm(self.job.robot), tuple(self.job.robot.points_mm)
+            write_marks(read_any_marks(self.run.marks, self.job.tracks, self.camera, height_mm, names), path)
             return [path], {}
         if self.run.poses is not None:
             found = read_poses(self.run.poses)
@@ -105,13 +106,13 @@ class _Stages:
         assert self.camera is not None
         # One decoder thread: the other cores have runs of their own.
         recording = Glimpsed(open_recording(self.run.video, rate_hz=self.run.rate_hz, threads=1))
-        settings = read_with(load_settings, self.job.tracking) if self.job.tracking else None
+        said = read_with(load_settings, self.job.tracking) if self.job.tracking else None
+        settings = sought(RobotGeometry(self.job.robot.layout), said)
         table = track(recording, settings, self.progress)
         report = recording.report()
         _refuse_cut(report, recording.expected_frames, recording.expected_s, self.run.video)
-        for mark in MARKS:
-            _refuse_unseen(table, mark, self.run.video)
-        write_marks(place_on_plate(table, self.camera, self.job.robot.marks.height_mm), path)
+        _refuse_unseen(table, [mark.name for mark in self.job.robot.layout], self.run.video)
+        write_marks(place_on_plate(table, self.camera, marks_height_mm(self.job.robot)), path)
         write_text(pictures, recording.to_json())
         return [path, pictures], {"notes": list(report.notes), "last_s": float(report.last or 0)}
 
@@ -119,14 +120,18 @@ class _Stages:
         fault = outside_recording(self.run, self.told, float(self.poses.time_s[0]), float(self.poses.time_s[-1]))
         if fault is not None:
             raise InputError(fault)
-        if not self.poses.measured.any():
+        count = len(self.job.robot.points_mm)  # the path of a single mark is measured, without a heading
+        if not (np.isfinite(self.poses.x_mm) if count == 1 else self.poses.measured).any():
             reasons, counts = np.unique(self.poses.status, return_counts=True)
-            raise InputError(f"no frame has a pose ({reasons[counts.argmax()]}); does it show both marks?")
+            wanted = {1: "the mark", 2: "both marks"}.get(count, "two marks")
+            raise InputError(f"no frame has a pose ({reasons[counts.argmax()]}); does it show {wanted}?")
         path = self.out.poses(self.run.id)
         write_table(pose_table(self.poses), path)
         return [path], {"rows": rows_of(self.phases, self.poses, robot_shape(self.job.robot))}
 
     def _simulate(self) -> tuple[list[Path], dict[str, Any]]:
+        if self.run.poses is None and len(self.job.robot.points_mm) == 1:
+            raise InputError(f"run {self.run.id}: {NO_HEADING}; a comparison with the simulation needs two marks")
         motion, seen = simulated_poses(self.job.robot, self.told, self.poses, self.job.order)
         path, shape = self.out.simulated(self.run.id), robot_shape(self.job.robot)
         write_table(motion.to_table(), path)
@@ -155,10 +160,16 @@ def _refuse_cut(report: TimingReport, promised: int, promised_s: float | None, v
     raise InputError(f"{video}: cut off after {float(report.last):.2f} s: {promise}; copy it again from the camera")
 
 
-def _refuse_unseen(table: pd.DataFrame, mark: str, video: Path) -> None:
-    status = table[f"{mark}_status"] if f"{mark}_status" in table else pd.Series(["not sought (tracking.toml)"])
-    if not (status == "ok").any():
-        reason = status.mode().iloc[0]
+def _refuse_unseen(table: pd.DataFrame, marks: Sequence[str], video: Path) -> None:
+    """Refuse a recording that never shows enough of the marks: one where there is one, two of more."""
+    reasons = {}
+    for mark in marks:
+        status = table[f"{mark}_status"] if f"{mark}_status" in table else pd.Series(["not sought (tracking.toml)"])
+        if not (status == "ok").any():
+            reasons[mark] = status.mode().iloc[0]
+    tags = [name for name in marks if f"{name}_corner1_x_px" in table and name not in reasons]
+    if reasons and len(marks) - len(reasons) < min(2, len(marks)) and not tags:
+        mark, reason = next(iter(reasons.items()))
         raise InputError(
             f"{video}: the {mark} mark is in none of {counted(len(table), 'frame')} ({reason}); "
             f"say its color, diameter_px and region_px in a tracking.toml"

@@ -1,4 +1,4 @@
-"""turnscope's corrected model of a driven robot: late motors, a drive that mixes and limits its sides, slip; with bands.
+"""turnscope's corrected model of a driven robot, with bands: late motors, a drive that mixes its sides, slip.
 
 The robot of robot.toml is simulated with its four driven wheels. What is fitted to the commands and poses of the fitted
 windows: dead time and time constant of the motors (command-lag), the gains of the common part and of the difference of

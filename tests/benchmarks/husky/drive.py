@@ -110,7 +110,9 @@ def command_of(rows: Array, times: Array) -> Command:
     """A command, rpm, from the samples (k, 2), rad/s, of a log; each holds until the next."""
     rpm = RPM_PER_RAD_S * rows
     changes = np.r_[True, (np.diff(rpm, axis=0) != 0).any(axis=1)]
-    steps = Command.steps((float(t), float(a), float(b)) for t, (a, b) in zip(times[changes], rpm[changes], strict=True))
+    steps = Command.steps(
+        (float(t), float(a), float(b)) for t, (a, b) in zip(times[changes], rpm[changes], strict=True)
+    )
     return Command(steps.time_s[1:], steps.left_rpm[1:], steps.right_rpm[1:])  # before it: as at its first row
 
 

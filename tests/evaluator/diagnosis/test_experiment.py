@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from evaluator.diagnosis.candidates.coordinates import named_terms
-from evaluator.diagnosis.candidates.free_form import WHEEL_PATTERNS, free_terms
+from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.experiment import held_out_runs, shortcomings
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
 from evaluator.diagnosis.likelihood.simulation import BY_ORDER, Simulated
 from evaluator.diagnosis.output.effect_tables import PATTERN_SUMS
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot
-from simulator.dynamics.terms import PATTERNS
+from simulator.dynamics.terms import pattern_weights
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.entry import EffectEntry
 from simulator.effects.free_form import ID as FREE_FORM
@@ -92,7 +92,7 @@ def test_marks_of_a_task_are_those_of_a_robot_with_its_friction_gains_and_effect
 def test_what_cannot_be_simulated_is_nan_not_an_exception() -> None:
     data, terms = _runs([(30, 30)]), named_terms(20.0, (30.0,))
     simulated = Simulated([load_robot("barrel")], data, terms)
-    assert np.isnan(simulated.marks([Task(0, (0.0,) * 7, {}, {"mass-offset": (5.0, 0.0)})])[0]).all()
+    assert np.isnan(simulated.marks([Task(0, (0.0,) * 7, {}, {"mass-offset": (20.0, 0.0)})])[0]).all()
 
 
 def test_a_whole_command_and_repeats_are_kept_aside() -> None:
@@ -111,5 +111,6 @@ def test_one_command_alone_cannot_decide() -> None:
 
 def test_patterns_of_single_wheels_are_sums_of_the_patterns_of_robot_files() -> None:
     for name, parts in PATTERN_SUMS.items():
-        total = sum(share * np.array(PATTERNS[part]) for part, share in parts)
-        assert np.allclose(total, WHEEL_PATTERNS[name]), name
+        wheels = load_robot("barrel").all_wheels
+        total = sum(share * np.array(pattern_weights(part, wheels)) for part, share in parts)
+        assert np.allclose(total, pattern_weights(name, wheels)), name

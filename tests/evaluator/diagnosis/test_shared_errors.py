@@ -17,10 +17,11 @@ from evaluator.diagnosis.likelihood.problem import build_problem
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Task
 from evaluator.diagnosis.likelihood.shared_errors import Sighting, shared_errors
 from evaluator.diagnosis.likelihood.simulation import Simulated
-from evaluator.marks import COLUMNS
+from evaluator.marks import columns_of
 from evaluator.settings import load_experiment
 from tests.evaluator.diagnosis.hidden import write_hidden
 
+COLUMNS = ("time_s", *columns_of(("green", "yellow")))
 HEIGHT_MM = 6.5
 SIGMAS = {"translation_z_mm": 0.6, "rotation_x": 2e-3}  # 0.4 % of scale, a keystone of 2e-5 per mm
 
@@ -55,7 +56,7 @@ def sessions(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, Session
         table = _misplaced(pd.read_csv(run.marks), camera)
         table.to_csv(run.marks, index=False)
         marks[run.id] = Path(run.marks)
-        sightings.append(Sighting(table[list(COLUMNS)], "camera 1", camera, HEIGHT_MM))
+        sightings.append(Sighting(table[list(COLUMNS)], ("green", "yellow"), "camera 1", camera, HEIGHT_MM))
     read = session_of(experiment, marks)
     plain = tuple(replace(run, systematic={}) for run in read.data)
     exact = replace(read, data=plain, known=(), start_sigma_s=0.0)

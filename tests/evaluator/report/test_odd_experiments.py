@@ -11,6 +11,7 @@ import pytest
 
 from evaluator.report.build import report_html
 from evaluator.workflow import analyze
+from simulator import Command, load_robot, marks_of_run, simulate
 from tests.evaluator.synthetic import circling_marks, write_experiment
 
 TURN = circling_marks(6.0)
@@ -55,3 +56,27 @@ def test_a_run_whose_marks_are_never_seen_together_has_its_reason(tmp_path: Path
     runs = [("a", 14.4, 33.3, TURN.assign(green_x_mm=np.nan)), ("b", 14.4, 33.3, TURN)]
     found = analyze(write_experiment(tmp_path, runs), tmp_path / "out", simulate=True, workers=1)
     assert found.faults["a"].endswith("a.csv: no frame has a pose (green: absent); does it show both marks?")
+
+
+def test_a_run_that_is_not_what_the_file_says_is_named_first_and_in_no_comparison(tmp_path: Path) -> None:
+    robot = load_robot("barrel")
+    commands = [(33.3, 14.4), (14.4, 33.3), (33.0, 22.0), (30.0, 30.0)]
+    times = [frame / 60 for frame in range(240)]
+    runs = [
+        (f"r{number}", left, right, marks_of_run(robot, simulate(robot, Command.constant(left, right), times)))
+        for number, (left, right) in enumerate(commands)
+    ]
+    identifier, left, right, marks = runs[2]
+    runs[2] = (identifier, right, left, marks)  # whoever wrote the file exchanged the sides of one run
+    noise = np.random.default_rng(3)
+    for *_, table in runs:
+        table.iloc[:, 1:5] += noise.normal(0, 0.002, (len(table), 4))
+    found = analyze(write_experiment(tmp_path, runs), tmp_path / "out", simulate=True, workers=1)
+    assert [(item.runs, item.kind) for item in found.mistakes] == [(("r2",), "sides-swapped")]
+    assert found.set_aside == {"r2"}
+    assert set(found.turning["run"]) == {"r0", "r1", "r2", "r3"}
+    assert not (found.pooled[["left_rpm", "right_rpm"]] == [22.0, 33.0]).all(axis=1).any()
+    summary = re.search(r'<ul class="summary"><li>(.*?)</li><li>(.*?)</li>', report_html(found), re.DOTALL)
+    assert summary is not None
+    assert summary[1].startswith("r2: turns as if left and right were exchanged")
+    assert summary[2].endswith("in none of the numbers that follow: r2.")

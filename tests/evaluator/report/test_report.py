@@ -70,7 +70,8 @@ def test_the_player_has_every_run_with_gaps_as_null(page: str) -> None:
     (text,) = re.findall(r'id="player-data">(.*?)</script>', page, flags=re.DOTALL)
     runs = json.loads(text)["runs"]
     assert [run["label"].split(":")[0] for run in runs] == ["r01", "r02", "r03"]
-    assert len({len(runs[0][name]) for name in ("t", "x", "y", "heading", "gx", "sy")}) == 1
+    assert len({len(runs[0][name]) for name in ("t", "x", "y", "heading", "sy")}) == 1
+    assert {len(axis) for mark in runs[0]["marks"] for axis in mark} == {len(runs[0]["t"])}
 
 
 def test_the_summary_names_the_tightest_turn_with_the_digits_its_interval_bears(page: str) -> None:

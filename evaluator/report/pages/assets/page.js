@@ -60,7 +60,8 @@ function startPlayer({ runs, robot, lines }) {
     stop();
     plot.replaceChildren();
     const known = (values) => values.filter((value) => value !== null);
-    const xs = known([...run.gx, ...run.yx, ...run.x, ...run.sx]), ys = known([...run.gy, ...run.yy, ...run.y, ...run.sy]);
+    const xs = known([...run.marks.flatMap(([x]) => x), ...run.x, ...run.sx]);
+    const ys = known([...run.marks.flatMap(([, y]) => y), ...run.y, ...run.sy]);
     const [left, right] = [Math.min(...xs), Math.max(...xs)], [low, high] = [Math.min(...ys), Math.max(...ys)];
     const pad = Math.hypot(robot.length, robot.width) / 2;
     let width = right - left + 2 * pad, height = high - low + 2 * pad;
@@ -70,13 +71,13 @@ function startPlayer({ runs, robot, lines }) {
     plot.setAttribute("viewBox", `${cx - width / 2} ${cy - height / 2} ${width} ${height}`);
     const unit = width / 400;
     grid(cx - width / 2, cy - height / 2, width, height, unit);
-    // As in the legend: green mark, yellow mark, centre, simulated centre, circle.
-    const [green, yellow, centre, simulated, circle] = lines.map(({ color, width, dash }) => ({
+    // As in the legend: the marks, then centre, simulated centre, circle.
+    const looks = lines.map(({ color, width, dash }) => ({
       fill: "none", stroke: `var(--${color})`, "stroke-width": width * unit,
       ...(dash.length ? { "stroke-dasharray": dash.map((part) => part * width * unit).join(" ") } : {}),
     }));
-    draw(plot, "path", { d: path(run.gx, run.gy), ...green });
-    draw(plot, "path", { d: path(run.yx, run.yy), ...yellow });
+    const [centre, simulated, circle] = looks.slice(-3);
+    run.marks.forEach(([x, y], k) => draw(plot, "path", { d: path(x, y), ...looks[k] }));
     draw(plot, "path", { d: path(run.x, run.y), ...centre });
     draw(plot, "path", { d: path(run.sx, run.sy), ...simulated });
     if (run.circle) {
@@ -86,8 +87,8 @@ function startPlayer({ runs, robot, lines }) {
     const body = draw(plot, "g", {});
     draw(body, "rect", { x: -robot.length / 2, y: -robot.width / 2, width: robot.length, height: robot.width, rx: 0.3,
       fill: "var(--ink)", "fill-opacity": 0.14, stroke: "var(--ink)", "stroke-width": unit });
-    for (const [color, [x, y]] of [["green", robot.green], ["yellow", robot.yellow]])
-      draw(body, "circle", { cx: x, cy: -y, r: robot.mark / 2, fill: `var(--${color})` });
+    for (const { color, place: [x, y], size } of robot.marks)
+      draw(body, "circle", { cx: x, cy: -y, r: size / 2, fill: `var(--${color})` });
     moving = { body };
     film.classList.toggle("empty", run.pictures.length === 0);
     moveTo(0);

@@ -1,0 +1,163 @@
+"""Files of pose estimators as named points: DeepLabCut (CSV and HDF5), SLEAP, movement."""
+
+from __future__ import annotations
+
+import csv
+import io
+import pickle
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.errors import InputError
+from evaluator.interchange.named_points import NamedPoints, Said
+
+Array = NDArray[np.float64]
+DEEPLABCUT_KEY = "df_with_missing"  # of the table in the HDF5 that DeepLabCut writes
+
+
+def read_deeplabcut(path: Path, said: Said) -> NamedPoints:
+    """Header lines scorer, (individuals,) bodyparts, coords; a row per frame, counted from 0."""
+    import pandas as pd
+
+    with path.open(encoding="utf-8", newline="") as file:
+        heads: list[list[str]] = []
+        for row in csv.reader(file):
+            heads.append(row)
+            if row and row[0] == "coords":
+                break
+        else:
+            raise InputError(f"{path}: begins like a DeepLabCut file, but has no line that starts with coords")
+    named = {row[0]: row for row in heads}
+    try:
+        table = pd.read_csv(path, skiprows=len(heads), header=None, dtype=float).to_numpy()
+    except (ValueError, pd.errors.ParserError) as error:
+        raise InputError(f"{path}: {str(error).strip()}") from error
+    columns = list(zip(named.get("bodyparts", [])[1:], heads[-1][1:], strict=False))
+    return _likely(path, table[:, 0], columns, table[:, 1:], said)
+
+
+def read_binary(path: Path, said: Said) -> NamedPoints:
+    """HDF5 of SLEAP or DeepLabCut, or netCDF of movement."""
+    with path.open("rb") as file:
+        found = _read_hdf5(path, said) if file.read(4) == b"\x89HDF" else None
+    return found or _read_movement(path, said)
+
+
+def _read_hdf5(path: Path, said: Said) -> NamedPoints | None:
+    """Read an analysis file of SLEAP or the table of DeepLabCut; None for any other HDF5 file."""
+    try:
+        import h5py
+    except ImportError as error:
+        raise InputError(f"{path}: HDF5 needs h5py: pip install 'turnscope[netcdf]'") from error
+    try:
+        with h5py.File(path, "r") as file:
+            if DEEPLABCUT_KEY in file:
+                return _deeplabcut_table(path, file[DEEPLABCUT_KEY], said)
+            if {"tracks", "node_names"} <= set(file):
+                return _sleap_analysis(path, file, said)
+    except (OSError, IndexError, AttributeError, KeyError, ValueError, TypeError) as error:
+        raise InputError(f"{path}: not an HDF5 file that can be read ({error})") from error
+    return None
+
+
+def _sleap_analysis(path: Path, file: Any, said: Said) -> NamedPoints:
+    """Tracks (individuals, 2, nodes, frames): those of the first individual."""
+    place, names = file["tracks"][0], [name.decode() for name in file["node_names"][:]]
+    score = file["point_scores"][0] if "point_scores" in file else None
+    if said.rate_hz is None:
+        raise InputError(f"{path}: SLEAP counts frames; say rate_hz (frames a second) in [tracks]")
+    points = {}
+    for index, name in enumerate(names):
+        points[name] = np.array(place[:, index].T, dtype=float)
+        if score is not None:
+            points[name][score[index] < said.likelihood] = np.nan
+    return NamedPoints(np.arange(place.shape[-1]) / said.rate_hz, points)
+
+
+def _deeplabcut_table(path: Path, group: Any, said: Said) -> NamedPoints:
+    """A pandas table as PyTables stores it: rows of an index and one block of numbers; names in an attribute."""
+    columns: list[tuple[Any, ...]] = []
+    if "table" in group:
+        rows = group["table"][:]
+        columns = _plain_pickle(bytes(group.attrs["non_index_axes"]))[0][1]
+        frames, values = rows["index"], rows["values_block_0"]
+    else:  # the fixed format: levels of the names and which of them each column has
+        frames, values = group["axis1"][:], group["block0_values"][:]
+        count = sum(key.startswith("block0_items_level") for key in group)
+        levels = [[item.decode() for item in group[f"block0_items_level{k}"][:]] for k in range(count)]
+        codes = [group[f"block0_items_label{k}"][:] for k in range(count)]
+        columns = [
+            tuple(level[code] for level, code in zip(levels, row, strict=True)) for row in zip(*codes, strict=True)
+        ]
+    named = [(str(column[-2]), str(column[-1])) for column in columns]
+    return _likely(path, np.asarray(frames, float), named, np.asarray(values, float), said)
+
+
+class _PlainUnpickler(pickle.Unpickler):
+    """Reads lists, tuples, strings and numbers, and nothing that could run."""
+
+    def find_class(self, module_name: str, global_name: str, /) -> NoReturn:
+        raise pickle.UnpicklingError(f"{module_name}.{global_name} is no list of names")
+
+
+def _plain_pickle(content: bytes) -> Any:
+    try:
+        return _PlainUnpickler(io.BytesIO(content)).load()
+    except (pickle.UnpicklingError, EOFError) as error:
+        raise ValueError(str(error)) from error
+
+
+def _likely(path: Path, frames: Array, columns: Sequence[tuple[str, str]], values: Array, said: Said) -> NamedPoints:
+    """Points of a table whose columns are (point, coordinate); unlikely ones are missing."""
+    if said.rate_hz is None:
+        raise InputError(f"{path}: DeepLabCut counts frames; say rate_hz (frames a second) in [tracks]")
+    place = {column: k for k, column in reversed(list(enumerate(columns)))}  # of several individuals, the first
+    points = {}
+    for name in dict.fromkeys(part for part, _ in columns):
+        if (name, "x") in place and (name, "y") in place:
+            points[name] = values[:, [place[name, "x"], place[name, "y"]]].copy()
+            if (name, "likelihood") in place:
+                points[name][values[:, place[name, "likelihood"]] < said.likelihood] = np.nan
+    return NamedPoints(frames / said.rate_hz, points)
+
+
+def _read_movement(path: Path, said: Said) -> NamedPoints:
+    """A movement dataset: position over time, space, keypoints, individuals; confidence where there is one."""
+    try:
+        import xarray as xr
+    except ImportError as error:
+        raise InputError(f"{path}: netCDF needs xarray: pip install 'turnscope[netcdf]'") from error
+
+    try:
+        # By name: what xarray chooses by itself depends on what else is installed.
+        with path.open("rb") as file:
+            engine = "scipy" if file.read(3) == b"CDF" else "h5netcdf"
+        data = xr.load_dataset(path, engine=engine)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: not a netCDF file that can be read ({str(error).splitlines()[0]})") from error
+    if "position" not in data or not {"time", "space", "keypoints"} <= set(data["position"].dims):
+        raise InputError(
+            f"{path}: no position over time, space and keypoints in it; is it a movement dataset of poses?"
+        )
+    if "individuals" in data.dims:
+        data = data.isel(individuals=0)
+    time = data["time"].to_numpy().astype(float)
+    if data.attrs.get("time_unit") == "frames":
+        rate = said.rate_hz or data.attrs.get("fps")
+        if not rate:
+            raise InputError(f"{path}: counts frames; say rate_hz (frames a second) in [tracks]")
+        time = time / float(rate)
+    known = [name.decode() if isinstance(name, bytes) else str(name) for name in data["keypoints"].to_numpy()]
+    space = [name.decode() if isinstance(name, bytes) else str(name) for name in data["space"].to_numpy()]
+    position = data["position"].transpose("keypoints", "time", "space").to_numpy().astype(float)
+    points = {}
+    for index, name in enumerate(known):
+        points[name] = position[index][:, [space.index("x"), space.index("y")]]
+        if "confidence" in data:
+            sure = data["confidence"].transpose("keypoints", "time").to_numpy()[index]
+            points[name][sure < said.likelihood] = np.nan
+    return NamedPoints(time, points)

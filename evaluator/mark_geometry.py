@@ -1,0 +1,107 @@
+"""Where the marks sit on a robot, as measurement needs to know it: body frame, mm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from evaluator.errors import InputError
+from evaluator.marks import columns_of, mark_names
+
+Array = NDArray[np.float64]
+Place = tuple[float, float]
+
+# Marks CSV carry six decimals of a millimetre: the rounding error of one coordinate, the least sigma a file can have.
+ROUNDING_SIGMA_MM = 1e-6 / np.sqrt(12)
+# Marks nearer than this, the rounding of four coordinates, are one place: no heading.
+ONE_PLACE_MM = 10 * ROUNDING_SIGMA_MM
+UNNAMED = "mark "
+
+
+@dataclass(frozen=True, init=False, eq=True)
+class MarkGeometry:
+    """Where the marks sit on the robot: body frame, mm; height_mm above the plate (needed with a camera only).
+
+    MarkGeometry({"front": (2, 0), "rear": (-2, 0)}, height_mm=6.5); with keywords as in [marks] of robot.toml,
+    MarkGeometry(front_mm=(2, 0), rear_mm=(-2, 0)); or places alone, MarkGeometry((2, 0), (-2, 0)), which belong to the
+    marks of a table in its order.
+    """
+
+    places_mm: Mapping[str, Place]
+    height_mm: float | None = None
+
+    def __init__(self, *places: Mapping[str, Place] | Place | float, **named: Place | float | None) -> None:
+        """Refuse marks that coincide (they carry no heading), and a robot without any. Raises InputError."""
+        found: dict[str, Place] = {}
+        height: Any = named.pop("height_mm", None)
+        for item in places:
+            if isinstance(item, Mapping):
+                found |= {str(name): _place(place) for name, place in item.items()}
+            elif isinstance(item, (int, float)):
+                height = float(item)
+            elif item is not None:
+                found[f"{UNNAMED}{len(found) + 1}"] = _place(item)
+        found |= {name.removesuffix("_mm"): _place(place) for name, place in named.items()}
+        if not found:
+            raise InputError("marks: there is none; say where they sit on the robot")
+        for (first, at), (second, other) in combinations(found.items(), 2):
+            if not np.hypot(at[0] - other[0], at[1] - other[1]) > ONE_PLACE_MM:
+                raise InputError(f"marks: {first} and {second} are both at {at}; two different places give a heading")
+        object.__setattr__(self, "places_mm", found)
+        object.__setattr__(self, "height_mm", height)
+
+    def __getattr__(self, name: str) -> Place:
+        """Places by the keys of [marks], NAME_mm."""
+        places = self.__dict__.get("places_mm", {})
+        if name.removesuffix("_mm") in places and name.endswith("_mm"):
+            return _place(places[name.removesuffix("_mm")])
+        raise AttributeError(name)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the marks, in their order."""
+        return tuple(self.places_mm)
+
+    def places(self) -> Array:
+        """Places (m, 2)."""
+        return np.array(list(self.places_mm.values()), dtype=float)
+
+    def farthest_pair(self) -> tuple[str, str]:
+        """The two marks that are farthest apart, in their order. There must be two."""
+        return max(combinations(self.places_mm, 2), key=lambda pair: self._apart(*pair))
+
+    @property
+    def spacing_mm(self) -> float:
+        """Largest distance between two marks; NaN of a single one."""
+        return self._apart(*self.farthest_pair()) if len(self.places_mm) > 1 else float("nan")
+
+    def only(self, names: Iterable[str]) -> MarkGeometry:
+        """Some of the marks, in the order of the robot."""
+        chosen = set(names)
+        return MarkGeometry({n: p for n, p in self.places_mm.items() if n in chosen}, height_mm=self.height_mm)
+
+    def seen_in(self, table: pd.DataFrame) -> MarkGeometry:
+        """The marks that a table holds; all of them where it holds too few for a pose. Places get their names."""
+        if all(name.startswith(UNNAMED) for name in self.places_mm):
+            names = mark_names(table)[: len(self.places_mm)]
+            if len(names) < len(self.places_mm):
+                names = mark_names(table, "px")[: len(self.places_mm)]
+            if len(names) == len(self.places_mm):
+                return MarkGeometry(dict(zip(names, self.places_mm.values(), strict=True)), height_mm=self.height_mm)
+        there = [name for name in self.places_mm if set(columns_of([name])) <= set(table)]
+        return self.only(there) if 2 <= len(there) < len(self.places_mm) else self
+
+    def _apart(self, first: str, second: str) -> float:
+        one, other = self.places_mm[first], self.places_mm[second]
+        return float(np.hypot(one[0] - other[0], one[1] - other[1]))
+
+
+def _place(place: Any) -> Place:
+    x, y = place
+    return float(x), float(y)

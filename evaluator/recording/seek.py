@@ -1,0 +1,241 @@
+"""Any frame of a recording by its number, exactly: the frame that iterating over the recording gives at that place.
+
+Where the container tells the presentation time of every packet, a frame is decoded from the key frame before it and
+recognised by its time. Everything else (fields, missing times, damaged data) is decoded from the beginning.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import av
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.errors import InputError
+from evaluator.recording.images import ImageSequence
+from evaluator.recording.open import open_recording
+from evaluator.recording.video import STREAMED, Recording
+
+Image = NDArray[np.uint8]
+CACHE_BYTES = 160_000_000  # of decoded frames: a group of 250 at 640 x 480, two of 12 at 1920 x 1080
+AHEAD = 60  # frames: as far ahead, decoding on is as fast as seeking
+
+
+class CannotSeekError(Exception):
+    """Frames cannot be recognised by their times; decode from the beginning."""
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What there is to show: time of every frame, s; numbers of key frames; (width, height) in px."""
+
+    time_s: tuple[float, ...]
+    key_frames: tuple[int, ...]
+    size_px: tuple[int, int]
+
+
+class Frames:
+    """The frames of one recording by number; decoded ones are kept up to CACHE_BYTES. Not for several threads."""
+
+    def __init__(self, path: Path, rate_hz: float | None = None) -> None:
+        """Open a recording and list its frames. Raises InputError."""
+        self._path, self._rate = path, rate_hz
+        self._cache: OrderedDict[int, Any] = OrderedDict()
+        self._bytes = 0
+        self._source: _Seeking | _Sequential
+        try:
+            self._source = _Seeking(path, rate_hz)
+        except CannotSeekError:
+            self._source = _Sequential(path, rate_hz)
+
+    @property
+    def contents(self) -> Contents:
+        """Times, key frames and size."""
+        return self._source.contents
+
+    def key_frame(self, index: int) -> int:
+        """The key frame at or before a frame."""
+        keys = self.contents.key_frames
+        return keys[max(bisect_right(keys, index) - 1, 0)]
+
+    def close(self) -> None:
+        """Close the file and forget the frames."""
+        self._source.close()
+        self._cache.clear()
+
+    def image(self, index: int) -> Image:
+        """Frame number index, (height, width, 3) BGR, upright. Raises InputError where there is none."""
+        count = len(self.contents.time_s)
+        if not 0 <= index < count:
+            raise InputError(f"{self._path.name}: there is no frame {index}; it has {count}")
+        if index not in self._cache:
+            try:
+                self._decode(index)
+            except CannotSeekError:
+                self._source.close()
+                self._source = _Sequential(self._path, self._rate)
+                self._cache.clear()
+                self._bytes = 0
+                return self.image(min(index, len(self.contents.time_s) - 1))
+        self._cache.move_to_end(index)
+        return self._source.to_image(self._cache[index])
+
+    def _decode(self, index: int) -> None:
+        for number, picture in self._source.until(index):
+            if number not in self._cache:
+                self._cache[number] = picture
+                self._bytes += self._source.frame_bytes
+            while self._bytes > CACHE_BYTES and len(self._cache) > 1:
+                self._cache.popitem(last=False)
+                self._bytes -= self._source.frame_bytes
+
+
+class _Seeking:
+    """Frames recognised by the times that the container tells."""
+
+    def __init__(self, path: Path, rate_hz: float | None) -> None:
+        self._path = path
+        self._container: Any = None
+        self._pictures: Iterator[Any] = iter(())
+        self._next = -1  # number of the frame that comes next from _pictures
+        if path.is_dir() or not _frames_are_whole(path, rate_hz):
+            raise CannotSeekError
+        self._open()
+        self._list()
+
+    def _open(self) -> None:
+        try:
+            self._container = av.open(str(self._path))
+        except (av.error.FFmpegError, OSError) as error:
+            raise InputError(f"{self._path.name}: cannot be opened") from error
+        self._stream = next(s for s in self._container.streams.video if s.codec_context is not None)
+        self._stream.thread_type = "AUTO"
+
+    def _list(self) -> None:
+        """Read the times of all packets without decoding them."""
+        packets = [p for p in self._container.demux(self._stream) if p.size]
+        shown = [p for p in packets if not p.is_discard and not p.is_corrupt]
+        if not shown or any(p.pts is None or p.dts is None for p in shown):
+            raise CannotSeekError
+        self._ticks = sorted({p.pts for p in shown})
+        if len(self._ticks) < len(shown):
+            raise CannotSeekError  # frames of one time: which of them counts, only decoding tells
+        self._numbers = {ticks: number for number, ticks in enumerate(self._ticks)}
+        keys = sorted((self._numbers[p.pts], p.dts) for p in shown if p.is_keyframe)
+        if not keys or keys[0][0] != 0:
+            raise CannotSeekError
+        self._seek_to = dict(keys)
+        origin = self._ticks[0] if self._container.format.name in STREAMED else 0
+        tick = self._stream.time_base
+        times = tuple((t - origin) * tick.numerator / tick.denominator for t in self._ticks)
+        picture = self._first()
+        self._turns = round(picture.rotation / 90) % 4
+        self.frame_bytes = picture.width * picture.height * 3 // 2
+        size = (picture.height, picture.width) if self._turns % 2 else (picture.width, picture.height)
+        self.contents = Contents(times, tuple(number for number, _ in keys), size)
+
+    def _first(self) -> Any:
+        self._container.seek(self._seek_to[0], stream=self._stream)
+        picture = next(iter(self._container.decode(self._stream)), None)
+        if picture is None or picture.pts != self._ticks[0]:
+            raise CannotSeekError
+        return picture
+
+    def close(self) -> None:
+        if self._container is not None:
+            self._container.close()
+
+    def until(self, index: int) -> Iterator[tuple[int, Any]]:
+        """Decode up to a frame, from where decoding stands or from the key frame before; gives all on the way."""
+        keys = self.contents.key_frames
+        first = bisect_right(keys, index) - 1
+        if not (
+            self._next <= index < self._next + AHEAD and (self._next >= keys[first] or index - self._next < AHEAD // 4)
+        ):
+            self._seek(first)
+        while True:
+            picture = next(self._pictures, None)
+            number = None if picture is None else self._numbers.get(picture.pts)
+            if picture is None or picture.is_corrupt or number != self._next:
+                self._next = -1
+                raise CannotSeekError
+            self._next += 1
+            yield number, picture
+            if number == index:
+                return
+
+    def _seek(self, first: int) -> None:
+        """Stand before a key frame, or, where the container leads past it, before an earlier one."""
+        for place in range(first, -1, -1):
+            number = self.contents.key_frames[place]
+            try:
+                self._container.seek(self._seek_to[number], stream=self._stream)
+                decoded = self._container.decode(self._stream)
+                # Frames shown before the key frame lean on what was skipped.
+                self._pictures = (p for p in decoded if p.pts is None or p.pts >= self._ticks[number])
+                head = next(self._pictures, None)
+            except (av.error.FFmpegError, OSError) as error:
+                raise CannotSeekError from error
+            if head is not None and head.pts == self._ticks[number] and head.key_frame:
+                self._pictures = _before(head, self._pictures)
+                self._next = number
+                return
+        raise CannotSeekError
+
+    def to_image(self, picture: Any) -> Image:
+        image: Image = picture.to_ndarray(format="bgr24")
+        return np.ascontiguousarray(np.rot90(image, self._turns)) if self._turns else image
+
+
+class _Sequential:
+    """Frames in the order of the recording, decoded from its beginning whenever an earlier one is asked for."""
+
+    def __init__(self, path: Path, rate_hz: float | None) -> None:
+        self._recording: Recording | ImageSequence = open_recording(path, rate_hz=rate_hz, threads=0)
+        times, size = [], (0, 0)
+        for frame in self._recording:
+            times.append(frame.time_s)
+            size = frame.size_px
+        if not times:
+            raise InputError(f"{path.name}: not a single frame can be decoded; the file is damaged or cut off")
+        self.frame_bytes = size[0] * size[1] * 3
+        self.contents = Contents(tuple(times), (0,), size)
+        self._frames: Iterator[Any] = iter(())
+        self._next = len(times)
+
+    def close(self) -> None:
+        self._frames = iter(())
+
+    def until(self, index: int) -> Iterator[tuple[int, Any]]:
+        if index < self._next:
+            self._frames, self._next = iter(self._recording), 0
+        for frame in self._frames:
+            self._next = frame.index + 1
+            if frame.index > index - AHEAD:  # those before are asked for again by a step back
+                yield frame.index, np.asarray(cv2.cvtColor(frame.to_rgb(), cv2.COLOR_RGB2BGR), np.uint8)
+            if frame.index == index:
+                return
+        raise InputError("the recording ends earlier than it did when it was opened; open it again")
+
+    def to_image(self, picture: Any) -> Image:
+        image: Image = picture
+        return image
+
+
+def _frames_are_whole(path: Path, rate_hz: float | None) -> bool:
+    """Whether iterating gives whole frames with times of their own, rather than fields or counted frames."""
+    recording = open_recording(path, rate_hz=rate_hz, threads=0)
+    first = next(iter(recording), None)
+    return first is not None and first.row_step == 1 and not isinstance(recording, ImageSequence)
+
+
+def _before(first: Any, others: Iterator[Any]) -> Iterator[Any]:
+    yield first
+    yield from others

@@ -1,0 +1,119 @@
+"""A rigid body in the plane laid on points of it that were seen: heading and centre, and how they follow the points.
+
+Weighted least squares (Schönemann 1966, Psychometrika 31, 1, in the plane). Points that are not seen are NaN; two
+that are seen suffice. Plate frame, mm and rad; places in the body frame, mm.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.frames import body_from_plate, plate_from_body
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+GAUSSIAN_SIGMA_PER_MAD = 1.4826
+ENOUGH = 12  # frames that show every mark: their mean place on the body is then known better than from a robot file
+
+
+def fitted_poses(points: Array, places: Array, weights: Array) -> Array:
+    """Poses (n, 3) of x, y and heading; points (n, m, 2), places (m, 2), weights (m,) of the points.
+
+    NaN where fewer than two points are seen. Headings are not unwrapped.
+    """
+    share, offset, mean = _about_mean(points, places, weights)
+    if len(places) == 2:
+        seen, body = points[:, 0] - points[:, 1], places[0] - places[1]
+        heading = np.arctan2(seen[:, 1], seen[:, 0]) - np.arctan2(body[1], body[0])
+    else:
+        heading = np.angle(_moment(points, offset, share))
+    center = mean - plate_from_body(_weighted(share, places), 0.0, 0.0, heading)
+    return np.column_stack([center, heading])
+
+
+def pose_jacobian(points: Array, heading: Array, places: Array, weights: Array) -> Array:
+    """Derivative of (x, y, heading) by every point, (n, m, 3, 2); 0 for one that is not seen, NaN without a pose."""
+    share, offset, _ = _about_mean(points, places, weights)
+    with np.errstate(invalid="ignore"):  # NaN in, NaN out: complex division alone warns of it
+        lean = share * np.conj(_complex(offset)) / _moment(points, offset, share)[:, None]
+    turn = np.stack([lean.imag, lean.real], axis=-1)  # d(heading)
+    middle = _weighted(share, places)
+    lever = plate_from_body(np.stack([-middle[:, 1], middle[:, 0]], axis=1), 0.0, 0.0, heading)  # d(R m)/d(heading)
+    result = np.empty((*points.shape[:2], 3, 2))
+    result[:, :, :2] = share[:, :, None, None] * np.eye(2) - lever[:, None, :, None] * turn[:, :, None, :]
+    result[:, :, 2] = turn
+    result[~np.isfinite(heading)] = np.nan
+    return result
+
+
+def learnt_places(points: Array, places: Array, weights: Array) -> Array:
+    """Places on the body as the frames that show all points have them; those given where there are too few frames.
+
+    Where one point of several is hidden for a while, its wrong place would move the centre. The weighted mean and the
+    direction of the places stay as given.
+    """
+    whole = np.isfinite(points).all(axis=(1, 2))
+    if len(places) < 3 or whole.all() or whole.sum() < ENOUGH:
+        return places
+    x, y, heading = fitted_poses(points[whole], places, weights).T[:, :, None]
+    return np.asarray(body_from_plate(points[whole], x, y, heading).mean(axis=0))
+
+
+def odd_points(points: Array, limit_sigma: float, least_mm: float) -> tuple[Flags, dict[int, tuple[float, float]]]:
+    """Points (n, m) whose distances from the others stand out, and the frames that no two points of agree.
+
+    For each such frame: the distance that stands out most, and what it is in the other frames. limit_sigma: robust
+    standard deviations of a distance; least_mm: the least of them.
+    """
+    count = points.shape[1]
+    pairs = list(combinations(range(count), 2))
+    distance = np.stack([np.hypot(*(points[:, a] - points[:, b]).T) for a, b in pairs], axis=1)
+    usual, off = np.full(len(pairs), np.nan), np.zeros_like(distance)
+    for k in range(len(pairs)):
+        there = np.isfinite(distance[:, k])
+        if there.sum() >= 3:
+            usual[k] = float(np.median(distance[there, k]))
+            limit = limit_sigma * max(robust_sigma(distance[there, k]), least_mm)
+            off[:, k] = np.nan_to_num(np.abs(distance[:, k] - usual[k]) / limit)
+    wrong, refused = np.zeros(points.shape[:2], bool), {}
+    for row in np.flatnonzero((off > 1).any(axis=1)):
+        seen = np.flatnonzero(np.isfinite(points[row]).all(axis=1))
+        odd = [set(pair) for pair, beyond in zip(pairs, off[row] > 1, strict=True) if beyond]
+        culprits = [mark for mark in seen if len(seen) > 2 and all(mark in pair for pair in odd)]
+        if len(culprits) == 1:
+            wrong[row, culprits[0]] = True
+        else:
+            worst = int(off[row].argmax())
+            refused[int(row)] = float(distance[row, worst]), float(usual[worst])
+    return wrong, refused
+
+
+def robust_sigma(values: Array) -> float:
+    """Standard deviation of a Gaussian with the same median absolute deviation."""
+    return float(GAUSSIAN_SIGMA_PER_MAD * np.median(np.abs(values - np.median(values))))
+
+
+def _about_mean(points: Array, places: Array, weights: Array) -> tuple[Array, Array, Array]:
+    """Shares (n, m) of the points in the mean, places (n, m, 2) from their mean, mean (n, 2) of the points."""
+    seen = np.isfinite(points).all(axis=2)
+    share = weights * seen
+    total = share.sum(axis=1, keepdims=True)
+    share = np.divide(share, total, out=np.full_like(share, np.nan), where=seen.sum(axis=1, keepdims=True) > 1)
+    offset = places - _weighted(share, places)[:, None]
+    return share, offset, (share[:, :, None] * np.nan_to_num(points)).sum(axis=1)
+
+
+def _weighted(share: Array, places: Array) -> Array:
+    return np.asarray((share[:, :, None] * places).sum(axis=1))
+
+
+def _moment(points: Array, offset: Array, share: Array) -> NDArray[np.complex128]:
+    """Sum of conj(place) · point: its angle is the heading. Places are from their mean, so points may be from any."""
+    return np.asarray((share * np.conj(_complex(offset)) * _complex(np.nan_to_num(points))).sum(axis=1))
+
+
+def _complex(points: Array) -> NDArray[np.complex128]:
+    return np.asarray(points[..., 0] + 1j * points[..., 1])

@@ -1,0 +1,59 @@
+"""The application: routes of all screens, the page itself, and the guard around them."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from importlib.resources import files
+from pathlib import Path
+
+from anyio import to_thread
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from evaluator.studio.answers import Studio
+from evaluator.studio.folder import Folder
+from evaluator.studio.history import History
+from evaluator.studio.jobs import Jobs
+from evaluator.studio.routes import findings, home, runs
+from evaluator.studio.security import Guard, Secrets
+from evaluator.workflow import Decoder
+
+STATIC = Path(str(files("evaluator.studio") / "static"))
+
+
+def application(root: Path, port: int, secrets: Secrets) -> Guard:
+    """The studio of a folder, as an ASGI application. Raises OSError where there is no such folder."""
+    folder = Folder(root)
+    studio = Studio(folder, Jobs(folder), Decoder(), History())
+
+    @asynccontextmanager
+    async def living(_: Starlette) -> AsyncIterator[None]:
+        studio.jobs.start()
+        await to_thread.run_sync(studio.decoder.start)
+        yield
+        studio.jobs.close()
+        studio.decoder.close()
+
+    routes = [
+        Route("/", _page),
+        Mount("/static", StaticFiles(directory=STATIC)),
+        *home.routes(studio),
+        *runs.routes(studio),
+        *findings.routes(studio),
+    ]
+    app = Starlette(routes=routes, lifespan=living, exception_handlers={404: _nothing, 405: _nothing})
+    return Guard(app, port, secrets)
+
+
+async def _page(request: Request) -> Response:
+    del request
+    return FileResponse(STATIC / "index.html", media_type="text/html")
+
+
+async def _nothing(request: Request, error: Exception) -> Response:
+    del request, error
+    return PlainTextResponse("There is nothing here.\n", 404)

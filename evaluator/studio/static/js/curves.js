@@ -1,0 +1,36 @@
+// Curves over time, in step with the frame that is shown. uPlot draws them.
+
+/* global uPlot */
+import { color, h, whenThemeChanges } from "./dom.js";
+
+// lines: [{label, values, ink, dash}] over times; seek(time) is called for a click.
+export function curvePlot(title, times, lines, signal, seek) {
+  const box = h("div", { class: "curve", role: "img", "aria-label": title });
+  let plot = null, head = null, shown = null;
+  const options = (width) => ({
+    width, height: 150, title: null, legend: { show: false }, cursor: { points: { show: false }, drag: { x: false, y: false } },
+    scales: { x: { time: false } },
+    series: [{}, ...lines.map((line) => ({ label: line.label, stroke: () => color(line.ink), width: 1.5, dash: line.dash, points: { show: false } }))],
+    axes: [axis(null), axis(title)],
+  });
+  const axis = (label) => ({
+    label, labelSize: 16, size: label ? 52 : 26, stroke: () => color("soft"), font: "11px sans-serif", labelFont: "11px sans-serif",
+    grid: { stroke: () => color("faint"), width: 1 }, ticks: { stroke: () => color("faint"), width: 1, size: 4 },
+  });
+  const build = () => {
+    const width = box.clientWidth;
+    if (!width) return;
+    if (plot) { plot.setSize({ width, height: 150 }); place(); return; }
+    plot = new uPlot(options(width), [times, ...lines.map((line) => line.values)], box);
+    head = h("div", { class: "head" });
+    plot.over.append(head);
+    plot.over.addEventListener("click", (event) => seek(plot.posToVal(event.offsetX, "x")));
+    place();
+  };
+  const place = () => { if (plot && shown !== null) head.style.left = `${plot.valToPos(shown, "x")}px`; };
+  const watcher = new ResizeObserver(build);
+  watcher.observe(box);
+  whenThemeChanges(() => plot?.redraw(false), signal);
+  signal.addEventListener("abort", () => { watcher.disconnect(); plot?.destroy(); });
+  return { box, at: (time) => { shown = time; place(); } };
+}

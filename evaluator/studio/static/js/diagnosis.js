@@ -1,0 +1,108 @@
+// The Diagnosis screen: what is missing, where it shows, what else was tried, and what to do next.
+
+import { get, post } from "./api.js";
+import { fill, fixed, h, num } from "./dom.js";
+import { jobOf, onJobs } from "./jobs.js";
+import { say } from "./say.js";
+import { next_runs } from "./nextruns.js";
+import { matrix } from "./matrix.js";
+
+const VERDICTS = { effect: "A missing effect is named", none: "Nothing is missing", unknown: "Something unknown is missing", insufficient: "The data cannot decide" };
+const MENDED = { reversed: "Turn both commands round", "sides-swapped": "Swap left and right" };
+
+export async function show(view, { id, signal }) {
+  const load = async () => {
+    const [found, state] = await Promise.all([get(`/api/experiments/${id}/diagnosis`, signal), get(`/api/experiments/${id}/state`, signal)]);
+    fill(view, found.content ? screen(found, state, id, signal, load) : nothing(id));
+  };
+  await load();
+  onJobs((_, ended) => { if (ended.some((job) => job.experiment === id)) load().catch(say); }, signal);
+}
+
+const start = (id, kind) => () => post(`/api/experiments/${id}/jobs`, { kind }).then(() => say("")).catch(say);
+
+function nothing(id) {
+  return h("div", { class: "stack" }, h("div", {}, h("p", { class: "kind" }, "Diagnosis"), h("h1", {}, "Why do model and robot differ?")),
+    h("div", { class: "empty" }, h("h2", {}, "No diagnosis yet"), h("p", {}, "The diagnosis tries every known effect, and terms without a name, on all runs together; runs that are held out test what it found. It takes a minute or a few."),
+      h("p", {}, h("button", { class: "main", disabled: Boolean(jobOf(id)), onclick: start(id, "diagnose") }, "Diagnose"))));
+}
+
+function screen(found, state, id, signal, load) {
+  const { content } = found;
+  const stale = state.diagnosis !== "current";
+  return h("div", { class: "stack", style: { gap: "1.4rem" } },
+    h("div", { class: "row end" },
+      h("div", {}, h("p", { class: "kind" }, "Diagnosis"), h("h1", {}, VERDICTS[content.verdict] ?? content.verdict)),
+      h("button", { class: stale ? "main" : "", disabled: Boolean(jobOf(id)), onclick: start(id, "diagnose") }, stale ? "Diagnose again" : "Up to date")),
+    stale && h("p", { class: "notice" }, "The experiment, its robot or its recordings have changed since this diagnosis."),
+    mistakes(content, id, load),
+    h("div", { class: "two" }, h("div", { class: "stack" }, ...content.effects.map((effect) => effect_card(effect)), add(found, id, load), words(found)), gaps(content, signal)),
+    content.where.length || Object.keys(found.pieces).length ? h("section", { class: "card stack" }, h("h2", {}, "Where it disagrees"), h("ul", { class: "plainlist" }, content.where.slice(0, 5).map((one) => h("li", {}, one.sentence.replaceAll(" -", " −")))), found.pieces.run ? matrix(found.pieces, id, signal) : null) : null,
+    h("div", { class: "two" }, rivals(content), known(content)),
+    next_runs(content, id, signal));
+}
+
+function mistakes(content, id, load) {
+  if (!content.mistakes.length) return null;
+  const mend = (one) => () => post(`/api/experiments/${id}/mend`, { mistake: one.kind, runs: one.runs }).then(() => { say("The commands are changed; analyse again.", true); load(); }).catch(say);
+  return h("section", { class: "card warned" }, h("h2", {}, "Mistakes of the experiment"),
+    content.mistakes.map((one) => h("div", { class: "row end" }, h("p", {}, one.sentence),
+      MENDED[one.kind] ? h("button", { onclick: mend(one) }, MENDED[one.kind]) : h("a", { class: "button", href: `#/x/${id}/runs/${encodeURIComponent(one.runs[0])}` }, "See the run"))));
+}
+
+function effect_card(effect) {
+  return h("section", { class: "card found" }, h("p", { class: "kind" }, effect.id), h("h2", {}, effect.name),
+    h("table", { class: "parameters" }, h("tbody", {}, Object.entries(effect.parameters).map(([name, value]) =>
+      h("tr", {}, h("th", { scope: "row" }, name), h("td", {}, h("strong", {}, num(value.value))), h("td", { class: "soft" }, `95 %: ${num(value.low)} to ${num(value.high)}`))))),
+    effect.equivalent?.length ? h("p", { class: "small soft" }, `These runs cannot tell it from: ${effect.equivalent.join(", ")}.`) : null);
+}
+
+function add(found, id, load) {
+  const inside = new Set(found.in_robot.map((one) => one.id));
+  const all = found.content.effects.length && found.content.effects.every((effect) => inside.has(effect.id));
+  if (all) return h("section", { class: "card" }, h("p", {}, h("span", { class: "tag good" }, "in the robot"), ` ${found.robot.path} has this effect. `), h("div", { class: "row" }, h("button", { class: "main", disabled: Boolean(jobOf(id)), onclick: start(id, "analyse") }, "Analyse with it"), h("a", { class: "button", href: `#/x/${id}/results` }, "Results")));
+  if (!found.can_add) return null;
+  const write = () => post(`/api/experiments/${id}/robot`, { version: found.robot.version })
+    .then(() => { say(`The effect is in ${found.robot.path}. Analyse again to see the gap shrink.`, true); return load(); })
+    .catch((error) => { say(error); if (error.status === 409) load(); });
+  return h("section", { class: "card row end" }, h("p", { class: "small" }, `Added to ${found.robot.path}, the simulation has the effect from then on.`), h("button", { class: "main", onclick: write }, "Add it to the robot"));
+}
+
+function words(found) {
+  return h("details", { class: "card" }, h("summary", {}, "The whole finding in words"), found.lines.map((line) => h("p", { class: "small" }, line)));
+}
+
+function gaps(content, signal) {
+  const { gap } = content;
+  if (!gap) return h("p", { class: "soft" }, content.reason);
+  const groups = [["start pose and scatter of each run fitted", gap], ["predicted from the start pose alone", gap.predicted]].filter(([, one]) => one?.before);
+  const bars = groups.flatMap(([words, one]) => [["fitted runs", "fit"], ["held-out runs", "held_out"]].filter(([, key]) => one.before[key] !== null).map(([who, key]) => ({ words: `${who}, ${words}`, before: one.before[key], after: one.after[key] })));
+  const most = Math.max(...bars.flatMap((bar) => [bar.before, bar.after]), gap.noise_floor);
+  const bar = (value, ink) => h("div", { class: "measure" }, h("i", { class: ink, style: { width: `${Math.max((100 * value) / most, 0.6)}%` } }), h("span", {}, `${num(1000 * value)} µm`));
+  void signal;
+  return h("section", { class: "card stack" }, h("h2", {}, "Distance of model and marks, before and after"),
+    bars.map((one) => h("div", {}, h("p", { class: "small" }, one.words), bar(one.before, "vermillion"), bar(one.after, "green"))),
+    h("p", { class: "legend small soft" }, h("i", { class: "vermillion" }), "before", h("i", { class: "green" }), "after", ` · tracking noise alone makes ${num(1000 * gap.noise_floor)} µm`),
+    gap.held_out_runs?.length ? h("p", { class: "small soft" }, `Held out before the diagnosis began: ${gap.held_out_runs.join(", ")}.`) : null);
+}
+
+function rivals(content) {
+  const chosen = { effects: content.effects.map((one) => one.id), probability: Math.min(...content.effects.map((one) => one.probability), 1), log_odds: 0, reason: "the verdict" };
+  const rows = [chosen, ...content.rivals];
+  const lowest = Math.min(...rows.map((row) => row.log_odds), -1);
+  return h("section", { class: "card stack" }, h("h2", {}, "What was tried"), h("p", { class: "small soft" }, "The longer the bar, the less probable the runs are with it (logarithm of the odds against the verdict)."),
+    rows.map((row) => h("div", {}, h("p", { class: "small" }, h("strong", {}, row.effects.join(" + ") || "no effect"), ` — ${row.reason}`),
+      h("div", { class: "measure" }, h("i", { class: row === chosen ? "green" : "soft", style: { width: `${Math.max((70 * Math.log1p(-row.log_odds)) / Math.log1p(-lowest), 0.6)}%` } }), h("span", {}, row === chosen ? "verdict" : `${fixed(row.log_odds / Math.LN10, 1)} powers of ten`)))));
+}
+
+function known(content) {
+  if (!content.known_to.length) return null;
+  const made = (one) => {
+    const reach = 3 * one.taken, at = (value) => `${50 + 50 * Math.max(-1, Math.min(1, value / reach))}%`;
+    return h("tr", {}, h("td", {}, one.name), h("td", { class: "strip" }, h("div", { class: "band", title: `known to ${num(one.taken)} ${one.unit}; found ${num(one.found)}` },
+      h("i", { class: "zone", style: { left: at(-one.taken), right: `calc(100% - ${at(one.taken)})` } }), h("i", { class: "span", style: { left: at(one.low), right: `calc(100% - ${at(one.high)})` } }), h("i", { class: "mid", style: { left: at(one.found) } }))),
+      h("td", { class: "small soft" }, `± ${num(one.taken)} ${one.unit === "1" ? "" : one.unit}`));
+  };
+  return h("section", { class: "card" }, h("h2", {}, "What is taken as known"), h("p", { class: "small soft" }, "Band: what the laboratory knows, 1 sigma. Line: what the runs say, 95 %."), h("div", { class: "scroll tall" }, h("table", { class: "words" }, h("tbody", {}, content.known_to.map(made)))));
+}
+

@@ -1,0 +1,63 @@
+// Elements from plain values. Text is always text: nothing that comes from a file is ever read as HTML.
+
+export function h(name, attributes = {}, ...children) {
+  const element = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes ?? {})) {
+    if (value === undefined || value === null || value === false) continue;
+    if (key.startsWith("on")) element.addEventListener(key.slice(2), value);
+    else if (key === "value" || key === "checked" || key === "disabled") element[key] = value;
+    else if (key === "style") Object.assign(element.style, value);
+    else element.setAttribute(key, value === true ? "" : String(value));
+  }
+  element.append(...children.flat(3).filter((child) => child !== null && child !== undefined && child !== false));
+  return element;
+}
+
+export function fill(parent, ...children) {
+  parent.replaceChildren(...children.flat(3).filter((child) => child !== null && child !== undefined && child !== false));
+  return parent;
+}
+
+// A number for people: as many digits as asked for, a true minus sign, a dash where it is not known.
+export function num(value, digits = 3) {
+  if (value === null || value === undefined || !Number.isFinite(Number(value))) return "–";
+  const text = Number(value).toPrecision(digits);
+  return (text.includes("e") ? Number(text).toString() : text.includes(".") ? text.replace(/0+$/, "").replace(/\.$/, "") : text).replace("-", "−");
+}
+
+export const fixed = (value, decimals) =>
+  value === null || value === undefined || !Number.isFinite(value) ? "–" : value.toFixed(decimals).replace("-", "−");
+
+export const counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
+
+export function color(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+}
+
+const dark = window.matchMedia("(prefers-color-scheme: dark)");
+export function whenThemeChanges(redraw, signal) {
+  dark.addEventListener("change", redraw, { signal });
+}
+
+// A canvas that fills its box at the resolution of the screen; draw(context, width, height) in CSS px.
+export function surface(draw, signal, attributes = {}) {
+  const canvas = h("canvas", attributes);
+  const redraw = () => {
+    const { clientWidth: width, clientHeight: height } = canvas;
+    if (!width || !height) return;
+    const scale = window.devicePixelRatio || 1;
+    if (canvas.width !== Math.round(width * scale) || canvas.height !== Math.round(height * scale)) {
+      canvas.width = Math.round(width * scale);
+      canvas.height = Math.round(height * scale);
+    }
+    const context = canvas.getContext("2d");
+    context.setTransform(scale, 0, 0, scale, 0, 0);
+    context.clearRect(0, 0, width, height);
+    draw(context, width, height);
+  };
+  const watcher = new ResizeObserver(redraw);
+  watcher.observe(canvas);
+  signal.addEventListener("abort", () => watcher.disconnect());
+  whenThemeChanges(redraw, signal);
+  return { canvas, redraw };
+}

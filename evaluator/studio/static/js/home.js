@@ -1,0 +1,100 @@
+// The first screen: what there is in the folder, what is stale, and what to do first.
+
+import { get, post } from "./api.js";
+import { counted, fill, h } from "./dom.js";
+import { onJobs } from "./jobs.js";
+import { say } from "./say.js";
+
+const LEVELS = { sound: "good", limited: "warn", "ill-conditioned": "warn" };
+
+export async function show(view, { signal }) {
+  const draw = async () => {
+    const found = await get("/api/home", signal);
+    fill(view, screen(found, signal, draw));
+  };
+  await draw();
+  onJobs((_, ended) => { if (ended.length) draw().catch(say); }, signal);
+}
+
+function screen(found, signal, again) {
+  const nothing = !found.experiments.length;
+  return h("div", { class: "stack", style: { gap: "2rem" } },
+    h("div", { class: "row end" },
+      h("div", {}, h("p", { class: "kind" }, "Folder"), h("h1", {}, found.folder),
+        h("p", { class: "soft" }, `${counted(found.recordings, "recording")}, ${counted(found.images, "image")}, ${counted(found.experiments.length, "experiment")}, ${counted(found.cameras.length, "camera")}`)),
+      h("div", { class: "row" },
+        h("button", { class: nothing ? "" : "main", onclick: () => create(found, again) }, "New experiment"),
+        !nothing && samplesButton(found, false))),
+    nothing ? first(found, again) : h("section", {}, h("h2", {}, "Experiments"), h("div", { class: "cards" }, found.experiments.map((one) => experiment(one, signal)))),
+    h("section", {}, h("h2", {}, "Cameras"), found.cameras.length
+      ? h("div", { class: "cards" }, found.cameras.map(camera))
+      : h("p", { class: "soft" }, "No camera is calibrated yet. A camera is solved from images of a dot gauge; the samples come with both.")));
+}
+
+function first(found, again) {
+  return h("div", { class: "empty stack" },
+    h("div", {}, h("h2", {}, "Nothing is measured here yet"),
+      h("p", {}, found.recordings
+        ? `There ${found.recordings === 1 ? "is one recording" : `are ${found.recordings} recordings`} in this folder. Make an experiment of them: say what each run was commanded to do.`
+        : "Put the recordings of your runs into this folder, or look at the samples first: they show the whole way from video to a named effect.")),
+    h("div", { class: "row" }, samplesButton(found, !found.recordings),
+      h("button", { class: found.recordings ? "main" : "", onclick: () => create(found, again) }, "New experiment")));
+}
+
+function samplesButton(found, main) {
+  return h("button", { class: main ? "main" : "", onclick: (event) => {
+    event.currentTarget.disabled = true;
+    post("/api/samples").then(() => say("The samples are copied, and their camera is solved from images of a gauge …", true)).catch(say);
+  } }, "Open the samples");
+}
+
+function experiment(one, signal) {
+  const tags = h("p", { class: "row", style: { gap: ".4rem" } }, one.fault ? h("span", { class: "tag warn" }, "cannot be read") : h("span", { class: "tag" }, "…"));
+  if (!one.fault) get(`/api/experiments/${one.id}/state`, signal).then((state) => fill(tags, stateTags(state))).catch(() => {});
+  return h("a", { class: "card", href: `#/x/${one.id}/runs` },
+    h("h3", {}, one.name), h("p", { class: "small soft" }, one.path),
+    h("p", {}, one.fault || `${counted(one.runs, "run")}${one.videos ? `, ${one.videos} from video` : ""}`), tags);
+}
+
+export function stateTags(state) {
+  if (state.fault) return [h("span", { class: "tag warn", title: state.fault }, "needs attention")];
+  const runs = Object.values(state.outdated);
+  const stale = runs.filter((steps) => steps.length).length;
+  const results = !state.results ? h("span", { class: "tag" }, "not analysed yet")
+    : stale ? h("span", { class: "tag warn" }, `${counted(stale, "run")} to analyse again`)
+    : h("span", { class: "tag good" }, "results up to date");
+  const diagnosis = { current: h("span", { class: "tag good" }, "diagnosed"), stale: h("span", { class: "tag warn" }, "diagnosis is older than the data") }[state.diagnosis];
+  return [results, diagnosis];
+}
+
+function camera(one) {
+  return h("div", { class: "card" },
+    h("h3", {}, one.path), h("p", {}, h("span", { class: `tag ${LEVELS[one.level] ?? ""}` }, one.level)), h("p", { class: "small" }, one.summary));
+}
+
+function create(found, again) {
+  const name = h("input", { name: "name", required: true, autocomplete: "off", placeholder: "monday" });
+  const robot = h("select", { name: "robot" }, ["barrel", "column", "tire"].map((one) => h("option", {}, one)));
+  const place = h("select", { name: "place" }, h("option", { value: "" }, "none: I add runs by hand"),
+    found.places.map((one) => h("option", { value: one }, `all recordings of ${one === "." ? "this folder" : one}`)));
+  if (found.places.includes(".")) place.value = ".";
+  const fault = h("p", { class: "warn small", role: "alert" });
+  const dialog = h("dialog", { "aria-label": "New experiment", onclose: () => dialog.remove() },
+    h("form", { class: "stack", method: "dialog", onsubmit: async (event) => {
+      event.preventDefault();
+      try {
+        const made = await post("/api/experiments", { name: name.value, robot: robot.value, place: place.value || null });
+        dialog.close();
+        location.hash = `#/x/${made.id}/runs`;
+      } catch (error) { fault.textContent = error.message; }
+    } },
+    h("h2", {}, "New experiment"),
+    h("label", { class: "field" }, h("span", {}, "Name of its folder"), name),
+    h("label", { class: "field" }, h("span", {}, "Robot to start from"), robot),
+    h("label", { class: "field" }, h("span", {}, "A run for each recording"), place),
+    fault,
+    h("div", { class: "row" }, h("button", { class: "main" }, "Create"), h("button", { type: "button", onclick: () => dialog.close() }, "Cancel"))));
+  document.body.append(dialog);
+  dialog.showModal();
+  void again;
+}

@@ -1,0 +1,56 @@
+// Work under way, told by the server as it happens, and shown in a corner of every screen.
+
+import { post } from "./api.js";
+import { fill, h } from "./dom.js";
+import { say } from "./say.js";
+
+const listeners = new Set();
+const dismissed = new Set();
+let jobs = [];
+let known = null;
+
+const NAMES = { analyse: "Analysis", diagnose: "Diagnosis", samples: "Samples", calibrate: "Calibration" };
+const ENDED = ["done", "failed", "cancelled", "paused"];
+
+export const current = () => jobs;
+export const jobOf = (experiment) => jobs.find((job) => job.experiment === experiment && !ENDED.includes(job.state));
+
+// Called with all jobs, and those that have just ended.
+export function onJobs(listener, signal) {
+  listeners.add(listener);
+  signal?.addEventListener("abort", () => listeners.delete(listener));
+}
+
+export function listen() {
+  const source = new EventSource("/api/events");
+  source.onmessage = (event) => {
+    jobs = JSON.parse(event.data);
+    const ended = known === null ? [] : jobs.filter((job) => ENDED.includes(job.state) && known.get(job.number) !== job.state && !(known.get(job.number) === undefined && job.state === "cancelled"));
+    known = new Map(jobs.map((job) => [job.number, job.state]));
+    draw();
+    for (const listener of listeners) listener(jobs, ended);
+  };
+}
+
+function draw() {
+  const shown = jobs.filter((job) => !dismissed.has(job.number) && (!ENDED.includes(job.state) || job.state === "failed" || job.state === "paused")).slice(0, 4);
+  fill(document.getElementById("jobs"), shown.map(card));
+}
+
+function card(job) {
+  const percent = Math.round(100 * job.share);
+  const title = `${NAMES[job.kind] ?? job.kind}: ${job.target}`;
+  const end = (how) => () => post(`/api/jobs/${job.number}`, { how }).catch(say);
+  const again = () => post(`/api/experiments/${job.experiment}/jobs`, { kind: job.kind }).then(() => { dismissed.add(job.number); draw(); }).catch(say);
+  const running = job.state === "running" || job.state === "waiting";
+  const words = { waiting: "waits for other work", running: `${job.wish ? "ending …" : job.stage || "starting …"}`, failed: job.sentence, paused: "paused; what is finished is kept" }[job.state];
+  return h("div", { class: "card stack", style: { gap: ".45rem" } },
+    h("div", { class: "row end" }, h("strong", { class: "small" }, title), running && h("span", { class: "small soft" }, `${percent} %`)),
+    running && h("div", { class: "bar", role: "progressbar", "aria-valuenow": percent, "aria-valuemin": 0, "aria-valuemax": 100, "aria-label": title }, h("i", { style: { width: `${percent}%` } })),
+    h("div", { class: "row end" }, h("span", { class: `small ${job.state === "failed" ? "warn" : "soft"}` }, words),
+      h("span", { class: "row", style: { gap: ".2rem" } },
+        running && job.kind !== "calibrate" && h("button", { class: "plain small", onclick: end("paused") }, "Pause"),
+        running && h("button", { class: "plain small", onclick: end("cancelled") }, "Cancel"),
+        job.state === "paused" && h("button", { class: "plain small", onclick: again }, "Resume"),
+        !running && h("button", { class: "plain small", onclick: () => { dismissed.add(job.number); draw(); } }, "Close"))));
+}

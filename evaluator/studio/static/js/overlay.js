@@ -1,0 +1,99 @@
+// What is drawn over a frame: marks with their rings, heading, trails of the centre, measured and simulated.
+
+import { color } from "./dom.js";
+
+export const MARK_COLORS = { green: "#5aff78", yellow: "#ffeb3c" };
+
+export function drawOverlay(context, curves, row, scale) {
+  const { marks, poses, simulated } = curves;
+  trail(context, simulated, simulated.time_s?.length ?? 0, scale, "#ff8a4c", [6, 4]);
+  trail(context, poses, row + 1, scale, "#ffffff", []);
+  if (poses.center_x_px && Number.isFinite(poses.center_x_px[row])) {
+    const [x, y, nx, ny] = [poses.center_x_px[row], poses.center_y_px[row], poses.nose_x_px[row], poses.nose_y_px[row]].map((v) => v * scale);
+    context.strokeStyle = context.fillStyle = "#ff5aa0";
+    context.lineWidth = 2;
+    context.beginPath();
+    context.moveTo(x, y);
+    context.lineTo(nx, ny);
+    context.stroke();
+    context.beginPath();
+    context.arc(x, y, 3.5, 0, 7);
+    context.fill();
+  }
+  for (const [name, ink] of Object.entries(MARK_COLORS)) ring(context, marks[`${name}_x_px`]?.[row], marks[`${name}_y_px`]?.[row], scale, ink);
+}
+
+function ring(context, x, y, scale, ink) {
+  if (x === null || x === undefined) return;
+  context.lineWidth = 3.5;
+  for (const stroke of ["rgb(0 0 0 / .55)", ink]) {
+    context.strokeStyle = stroke;
+    context.beginPath();
+    context.arc(x * scale, y * scale, 9, 0, 7);
+    context.moveTo(x * scale - 4, y * scale);
+    context.lineTo(x * scale + 4, y * scale);
+    context.moveTo(x * scale, y * scale - 4);
+    context.lineTo(x * scale, y * scale + 4);
+    context.stroke();
+    context.lineWidth = 1.6;
+  }
+}
+
+function trail(context, columns, count, scale, ink, dash) {
+  const xs = columns.center_x_px, ys = columns.center_y_px;
+  if (!xs || count < 2) return;
+  context.setLineDash(dash);
+  context.lineJoin = "round";
+  for (const [stroke, width] of [["rgb(0 0 0 / .45)", 3.2], [ink, 1.6]]) {
+    context.strokeStyle = stroke;
+    context.lineWidth = width;
+    context.beginPath();
+    let pen = false;
+    for (let k = 0; k < Math.min(count, xs.length); k++) {
+      if (xs[k] === null) { pen = false; continue; }
+      pen ? context.lineTo(xs[k] * scale, ys[k] * scale) : context.moveTo(xs[k] * scale, ys[k] * scale);
+      pen = true;
+    }
+    context.stroke();
+  }
+  context.setLineDash([]);
+}
+
+// The time axis: motors on between start and stop, frames without a mark, the frame shown.
+export function drawAxis(context, width, height, state) {
+  const { first, last, time, start, stop, gaps } = state;
+  const at = (seconds) => 10 + ((seconds - first) / Math.max(last - first, 1e-9)) * (width - 20);
+  const middle = height / 2;
+  context.fillStyle = color("faint");
+  context.fillRect(10, middle - 4, width - 20, 8);
+  context.fillStyle = color("blue");
+  context.globalAlpha = 0.45;
+  const [a, b] = [at(Math.max(start, first)), at(stop ?? last)];
+  context.fillRect(a, middle - 4, Math.max(b - a, 0), 8);
+  context.globalAlpha = 1;
+  context.fillStyle = color("vermillion");
+  for (const seconds of gaps) context.fillRect(at(seconds), middle + 6, 1.5, 4);
+  context.fillStyle = context.strokeStyle = color("blue");
+  edge(context, a, middle, "start");
+  if (stop !== null && stop !== undefined) edge(context, b, middle, "stop");
+  context.fillStyle = color("ink");
+  context.fillRect(at(time) - 1, 2, 2, height - 4);
+  context.beginPath();
+  context.arc(at(time), middle, 6.5, 0, 7);
+  context.fill();
+  return { at, seconds: (x) => first + ((x - 10) / (width - 20)) * (last - first) };
+}
+
+function edge(context, x, middle, kind) {
+  const side = kind === "start" ? 1 : -1;
+  context.lineWidth = 2;
+  context.beginPath();
+  context.moveTo(x, middle - 13);
+  context.lineTo(x, middle + 13);
+  context.stroke();
+  context.beginPath();
+  context.moveTo(x, middle - 13);
+  context.lineTo(x + side * 9, middle - 9);
+  context.lineTo(x, middle - 5);
+  context.fill();
+}

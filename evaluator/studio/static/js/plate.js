@@ -1,0 +1,76 @@
+// The plate from above, mm: x to the right, y upward, one scale for both.
+
+import { color } from "./dom.js";
+
+export function view(bounds, width, height, margin = 26) {
+  const wide = Math.max(bounds.x1 - bounds.x0, 1), tall = Math.max(bounds.y1 - bounds.y0, 1);
+  const scale = Math.min((width - 2 * margin) / wide, (height - 2 * margin) / tall);
+  const left = width / 2 - ((bounds.x0 + bounds.x1) / 2) * scale, base = height / 2 + ((bounds.y0 + bounds.y1) / 2) * scale;
+  return { scale, x: (mm) => left + mm * scale, y: (mm) => base - mm * scale, mmx: (px) => (px - left) / scale, mmy: (px) => (base - px) / scale };
+}
+
+export function boundsOf(paths) {
+  const found = { x0: Infinity, x1: -Infinity, y0: Infinity, y1: -Infinity };
+  for (const { x_mm: xs, y_mm: ys } of paths) {
+    for (let k = 0; k < xs.length; k++) {
+      if (xs[k] === null) continue;
+      found.x0 = Math.min(found.x0, xs[k]); found.x1 = Math.max(found.x1, xs[k]);
+      found.y0 = Math.min(found.y0, ys[k]); found.y1 = Math.max(found.y1, ys[k]);
+    }
+  }
+  return Number.isFinite(found.x0) ? found : { x0: -10, x1: 10, y0: -10, y1: 10 };
+}
+
+export function grid(context, to, width, height) {
+  const step = [1, 2, 5, 10, 20, 50].find((mm) => mm * to.scale >= 44) ?? 100;
+  context.strokeStyle = color("faint");
+  context.fillStyle = color("soft");
+  context.lineWidth = 1;
+  context.font = "11px sans-serif";
+  context.beginPath();
+  for (let x = Math.ceil(to.mmx(0) / step) * step; to.x(x) < width; x += step) {
+    context.moveTo(Math.round(to.x(x)) + 0.5, 0);
+    context.lineTo(Math.round(to.x(x)) + 0.5, height);
+    context.fillText(String(x).replace("-", "−"), to.x(x) + 3, height - 4);
+  }
+  for (let y = Math.ceil(to.mmy(height) / step) * step; to.y(y) > 0; y += step) {
+    context.moveTo(0, Math.round(to.y(y)) + 0.5);
+    context.lineTo(width, Math.round(to.y(y)) + 0.5);
+    if (to.y(y) < height - 16) context.fillText(String(y).replace("-", "−"), 3, to.y(y) - 3);
+  }
+  context.stroke();
+  context.fillText("mm", width - 24, height - 4);
+}
+
+export function path(context, to, { x_mm: xs, y_mm: ys }, ink, width = 1.5, dash = []) {
+  context.strokeStyle = ink;
+  context.lineWidth = width;
+  context.lineJoin = "round";
+  context.setLineDash(dash);
+  context.beginPath();
+  for (let k = 0; k < xs.length; k++) k ? context.lineTo(to.x(xs[k]), to.y(ys[k])) : context.moveTo(to.x(xs[k]), to.y(ys[k]));
+  context.stroke();
+  context.setLineDash([]);
+}
+
+export function dot(context, x, y, radius, ink) {
+  context.fillStyle = ink;
+  context.beginPath();
+  context.arc(x, y, radius, 0, 7);
+  context.fill();
+}
+
+// The robot's outline at a pose, 5 mm long and 9 mm wide as the paper's.
+export function robot(context, to, x, y, heading, ink, length = 5, width = 9) {
+  context.save();
+  context.translate(to.x(x), to.y(y));
+  context.rotate((-heading * Math.PI) / 180);
+  context.strokeStyle = ink;
+  context.lineWidth = 1.2;
+  context.strokeRect((-length / 2) * to.scale, (-width / 2) * to.scale, length * to.scale, width * to.scale);
+  context.beginPath();
+  context.moveTo(0, 0);
+  context.lineTo((length / 2 + 1.5) * to.scale, 0);
+  context.stroke();
+  context.restore();
+}

@@ -1,0 +1,133 @@
+// The Results screen: radius against difference of speed, trajectories, and the numbers of every run.
+
+import { get, post } from "./api.js";
+import { color, fill, fixed, h, num, surface } from "./dom.js";
+import { jobOf, onJobs } from "./jobs.js";
+import { boundsOf, dot, grid, path as draw_path, view as view_of } from "./plate.js";
+import { say } from "./say.js";
+
+export async function show(view, { id, rest, signal }) {
+  const load = async () => {
+    const found = await get(`/api/experiments/${id}/results`, signal);
+    fill(view, found.runs.length ? screen(found, id, rest[0], signal) : nothing(found, id));
+  };
+  await load();
+  onJobs((_, ended) => { if (ended.some((job) => job.experiment === id)) load().catch(say); }, signal);
+}
+
+function nothing(found, id) {
+  const start = () => post(`/api/experiments/${id}/jobs`, { kind: "analyse" }).catch(say);
+  return h("div", { class: "stack" }, h("div", {}, h("p", { class: "kind" }, "Results"), h("h1", {}, found.name)),
+    h("div", { class: "empty" }, h("h2", {}, "Nothing is measured yet"), h("p", {}, "The analysis tracks the marks in every recording, measures each turn, and simulates its counterpart."),
+      h("p", {}, h("button", { class: "main", disabled: Boolean(jobOf(id)), onclick: start }, "Analyse all runs"))));
+}
+
+function screen(found, id, wanted, signal) {
+  const runs = found.runs;
+  let chosen = Math.max(runs.findIndex((run) => run.id === wanted), 0);
+  const turning = runs.filter((run) => run.radius_mm !== null && Math.abs(run.turned_deg) > 1);
+  const redraws = [];
+  const rows = [];
+  const choose = (index) => {
+    chosen = index;
+    for (const redraw of redraws) redraw();
+    rows.forEach((row, k) => row.setAttribute("aria-selected", String(k === index)));
+    fill(detail, facts(runs[index], id));
+  };
+  const detail = h("div", { class: "card" });
+  const points = radius_chart(turning, () => runs[chosen], (run) => choose(runs.indexOf(run)), signal);
+  const plate = trajectory(() => runs[chosen], signal);
+  redraws.push(points.redraw, plate.redraw);
+  const table = h("table", {}, h("thead", {}, h("tr", {}, ["run", "left / right, rpm", "radius, mm", "95 %", "simulated, mm", "speed, mm/s", "path gap, mm"].map((text) => h("th", { scope: "col" }, text)))),
+    h("tbody", {}, runs.map((run, index) => {
+      const row = h("tr", { tabindex: 0, onclick: () => choose(index), onkeydown: (event) => { if (event.key === "Enter") choose(index); if (event.key === "ArrowDown") row.nextSibling?.focus(); if (event.key === "ArrowUp") row.previousSibling?.focus(); } },
+        h("td", {}, run.id), h("td", {}, `${num(run.left_rpm)} / ${num(run.right_rpm)}`),
+        h("td", {}, turning.includes(run) ? fixed(run.radius_mm, 3) : "straight"), h("td", {}, turning.includes(run) ? `${fixed(run.radius_low_mm, 3)} to ${fixed(run.radius_high_mm, 3)}` : ""),
+        h("td", {}, run.simulated_radius_mm === null ? "–" : fixed(run.simulated_radius_mm, 3)), h("td", {}, num(run.speed_mm_s, 3)), h("td", {}, fixed(run.gap_rms_mm, 3)));
+      rows.push(row);
+      return row;
+    })));
+  const box = h("div", { class: "stack" },
+    h("div", { class: "row end" }, h("div", {}, h("p", { class: "kind" }, "Results"), h("h1", {}, found.name)),
+      h("dl", { class: "figures" }, figure("runs measured", runs.length), figure("gap of model and robot", found.gap_mm === null ? "–" : `${num(1000 * found.gap_mm)} µm`, "gap", found.gap_mm))),
+    h("div", { class: "two" },
+      h("section", { class: "card" }, h("h2", {}, "Radius against difference of speed"), points.canvas, h("p", { class: "legend small soft" }, h("i", { class: "blue" }), "measured, 95 % interval", h("i", { class: "vermillion dashed" }), "simulated (square)"), h("p", { class: "small soft" }, "Where a square lies outside the interval, model and robot disagree. Click a point to see its run.")),
+      h("section", { class: "card" }, h("h2", {}, "Trajectory"), plate.canvas, h("p", { class: "legend small soft" }, h("i", { class: "ink" }), "measured centre", h("i", { class: "vermillion dashed" }), "simulated", h("i", { class: "blue" }), "circle of minimum radius"))),
+    detail,
+    h("section", { class: "scroll wide" }, table));
+  choose(chosen);
+  return box;
+}
+
+function figure(words, value, name, raw) {
+  return h("div", {}, h("dt", {}, words), h("dd", { "data-figure": name ?? null, "data-value": raw ?? null }, String(value)));
+}
+
+function facts(run, id) {
+  const at = run.sustained_from_s ?? 0;
+  return h("div", { class: "row end" },
+    h("div", {}, h("h3", {}, run.id), h("p", { class: "soft" }, `${num(run.left_rpm)} / ${num(run.right_rpm)} rpm. ${run.radius_mm === null || Math.abs(run.turned_deg) <= 1 ? `${run.radius_status}`.replaceAll(" -", " −") : `Radius ${fixed(run.radius_mm, 3)} mm, simulated ${fixed(run.simulated_radius_mm, 3)} mm. It turned by ${fixed(run.turned_deg, 0)}°.`}`)),
+    run.has_video && h("a", { class: "button", href: `#/x/${id}/runs/${encodeURIComponent(run.id)}/${at}` }, "See its frames"));
+}
+
+function radius_chart(runs, chosen, choose, signal) {
+  let places = [];
+  const made = surface((context, width, height) => {
+    if (!runs.length) { context.fillStyle = color("soft"); context.font = "13px sans-serif"; context.fillText("No run turns.", 20, 30); return; }
+    const left = 52, right = 14, top = 10, bottom = 38;
+    const difference = (run) => Math.abs(run.left_rpm - run.right_rpm);
+    const values = runs.flatMap((run) => [run.radius_low_mm, run.radius_high_mm, run.radius_mm, run.simulated_radius_mm]).filter((v) => v > 0);
+    const y0 = Math.log(Math.min(...values) / 1.2), y1 = Math.log(Math.max(...values) * 1.2), x1 = Math.max(...runs.map(difference)) * 1.06;
+    const x = (v) => left + (v / x1) * (width - left - right), y = (v) => height - bottom - ((Math.log(v) - y0) / (y1 - y0)) * (height - top - bottom);
+    context.font = "11px sans-serif";
+    context.strokeStyle = color("faint");
+    context.fillStyle = color("soft");
+    context.beginPath();
+    for (let power = -2; power < 5; power++) for (const digit of [1, 2, 5]) {
+      const value = digit * 10 ** power;
+      if (Math.log(value) < y0 || Math.log(value) > y1) continue;
+      context.moveTo(left, y(value)); context.lineTo(width - right, y(value));
+      context.fillText(String(value), 22, y(value) + 4);
+    }
+    const step = [1, 2, 5, 10, 20, 50].find((s) => x1 / s <= 8) ?? 100;
+    for (let value = 0; value <= x1; value += step) { context.moveTo(x(value), top); context.lineTo(x(value), height - bottom); context.fillText(String(value), x(value) - 5, height - bottom + 15); }
+    context.stroke();
+    context.fillText("difference of rotational frequency, rpm", left + (width - left) / 2 - 105, height - 5);
+    context.save(); context.translate(12, height / 2 + 60); context.rotate(-Math.PI / 2); context.fillText("minimum turning radius, mm", -20, 0); context.restore();
+    places = runs.map((run) => ({ run, x: x(difference(run)), y: y(run.radius_mm) }));
+    for (const { run, x: px, y: py } of places) {
+      context.strokeStyle = color("blue");
+      context.lineWidth = 1.4;
+      context.beginPath();
+      if (run.radius_high_mm > 0) { context.moveTo(px, y(run.radius_low_mm)); context.lineTo(px, y(run.radius_high_mm)); }
+      context.stroke();
+      if (run === chosen()) { context.strokeStyle = color("ink"); context.beginPath(); context.arc(px, py, 9, 0, 7); context.stroke(); }
+      dot(context, px, py, 4, color("blue"));
+      if (run.simulated_radius_mm > 0) { context.strokeStyle = color("vermillion"); context.strokeRect(px - 5, y(run.simulated_radius_mm) - 5, 10, 10); }
+    }
+  }, signal, { class: "chart", role: "img", "aria-label": "Minimum turning radius of every run against the difference of its wheel speeds; the table below holds the numbers" });
+  made.canvas.addEventListener("click", (event) => {
+    const near = places.map((one) => ({ ...one, d: Math.hypot(one.x - event.offsetX, one.y - event.offsetY) })).sort((a, b) => a.d - b.d)[0];
+    if (near && near.d < 24) choose(near.run);
+  });
+  return made;
+}
+
+function trajectory(chosen, signal) {
+  return surface((context, width, height) => {
+    const run = chosen();
+    const circle = run.center_x_mm !== null && run.radius_mm !== null && Math.abs(run.turned_deg) > 20;
+    const to = view_of(boundsOf([run.path, run.simulated ?? run.path]), width, height, 40);
+    grid(context, to, width, height);
+    if (circle) {
+      context.strokeStyle = color("blue");
+      context.lineWidth = 1;
+      context.beginPath();
+      context.arc(to.x(run.center_x_mm), to.y(run.center_y_mm), Math.abs(run.radius_mm) * to.scale, 0, 7);
+      context.stroke();
+    }
+    draw_path(context, to, run.path, color("ink"), 2.4);
+    if (run.simulated) draw_path(context, to, run.simulated, color("vermillion"), 1.6, [6, 4]);
+    dot(context, to.x(run.path.x_mm[0]), to.y(run.path.y_mm[0]), 4.5, color("ink"));
+  }, signal, { class: "chart", role: "img", "aria-label": "Trajectory of the chosen run, measured and simulated" });
+}

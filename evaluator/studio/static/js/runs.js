@@ -1,0 +1,122 @@
+// The Runs screen: the table of the experiment, the player of the chosen run, and the work on all of them.
+
+import { get, post } from "./api.js";
+import { fill, h } from "./dom.js";
+import { jobOf, onJobs } from "./jobs.js";
+import { player } from "./player.js";
+import { say } from "./say.js";
+import { sheet } from "./table.js";
+
+const COLUMNS = [
+  { key: "id", title: "run", kind: "text" },
+  { key: "left_rpm", title: "left, rpm", kind: "number" },
+  { key: "right_rpm", title: "right, rpm", kind: "number" },
+  { key: "start_s", title: "start, s", kind: "number" },
+  { key: "stop_s", title: "stop, s", kind: "number" },
+  { key: "video", title: "video", kind: "text", list: "recordings" },
+  { key: "group", title: "group", kind: "text" },
+  { key: "notes", title: "notes", kind: "text" },
+];
+
+export async function show(view, { id, rest, signal }) {
+  let found = await get(`/api/experiments/${id}`, signal);
+  let outdated = null, playing = null, shown = null;
+  const stage = h("section", { class: "stage stack", "aria-label": "Player" });
+  const work = h("div", { class: "row" });
+  const path = `/api/experiments/${id}`;
+
+  const states = () => found.rows.map((row) => {
+    const job = jobOf(id), steps = outdated?.[row.id];
+    if (found.faults.some((one) => one.row !== null && found.rows[one.row] === row)) return { kind: "warn", title: "something is wrong with this run" };
+    if (job?.outdated?.[row.id]?.length) return job.finished.includes(row.id) ? { kind: "good", title: "done" } : { kind: "busy", title: "being analysed" };
+    if (steps === undefined) return { kind: "", title: "" };
+    return steps.length ? { kind: "stale", title: `to do: ${steps.join(", ")}` } : { kind: "good", title: "up to date" };
+  });
+
+  const accept = (next, extra) => { found = next; draw(extra); refresh(); };
+  const recover = async (error) => {
+    say(error);
+    if (error.status === 409) accept(await get(path, signal));
+    else draw();
+  };
+  // One change after another: each is made for the version that the one before it left.
+  let queue = Promise.resolve();
+  const edit = (edits, extra) => (queue = queue.then(() => post(`${path}/edit`, { version: found.version, edits })).then((next) => { say(""); accept(next, extra); choose(shown ?? 0, false); }).catch(recover));
+  const step = (way) => (queue = queue.then(() => post(`${path}/step`, { version: found.version, way })).then(accept).catch(recover));
+
+  const table = sheet(COLUMNS, { edit, chosen: (row) => choose(row), signal });
+  const undo = h("button", { title: "Undo (Ctrl+Z)", onclick: () => step("undo") }, "Undo");
+  const redo = h("button", { title: "Redo (Ctrl+Shift+Z)", onclick: () => step("redo") }, "Redo");
+  const recordings = h("datalist", { id: "recordings" });
+  const title = h("h1");
+  const draw = (extra) => {
+    table.draw(found, states(), extra);
+    undo.disabled = !found.history.undo;
+    redo.disabled = !found.history.redo;
+    fill(recordings, found.recordings.map((one) => h("option", { value: one })));
+    title.textContent = String(found.head.name ?? "");
+    drawWork();
+  };
+  const drawWork = () => {
+    const job = jobOf(id);
+    const start = (kind) => () => post(`${path}/jobs`, { kind }).then(() => say("")).catch(say);
+    const fault = found.faults.some((one) => one.key !== "video");
+    const todo = outdated ? Object.values(outdated).filter((steps) => steps.length).length : null;
+    fill(work,
+      h("button", { class: "main", disabled: Boolean(job) || fault || !found.rows.length, onclick: start("analyse"), title: fault ? "Mend what is marked in the table first" : "Track, measure and simulate every run that is not up to date" },
+        job ? "Working …" : todo ? `Analyse ${todo} of ${found.rows.length} runs` : "Analyse"),
+      h("button", { disabled: Boolean(job) || fault || !found.rows.length, onclick: start("diagnose"), title: "Find the effect that is missing in the model" }, "Diagnose"));
+  };
+  const refresh = () => get(`${path}/state`, signal).then((state) => { outdated = state.outdated; draw(); }).catch(() => {});
+
+  let inner = null;
+  const choose = async (row, anew = true) => {
+    const run = found.rows[row];
+    table.choose(row);
+    if (!anew && run && playing?.key === `${run.id}|${run.video}`) { playing.edges(run.start_s, run.stop_s); return; }
+    shown = row;
+    inner?.abort();
+    inner = new AbortController();
+    signal.addEventListener("abort", () => inner.abort(), { once: true });
+    playing = null;
+    if (!run) { fill(stage, empty()); return; }
+    if (!run.video || found.faults.some((one) => one.row === row && ["video", "id"].includes(one.key))) {
+      fill(stage, h("div", { class: "empty" }, h("h2", {}, run.id ?? "This run"), h("p", {}, run.marks ? "This run is given as marks; it has no video to show." : "Choose its recording in the column “video”.")));
+      return;
+    }
+    try {
+      const { signal: own } = inner;
+      const made = await player(stage, id, run, { signal: own, at: rest[0] === run.id && rest[1] ? Number(rest[1]) : undefined, changed: (key, value) => edit([{ kind: "set", row: found.rows.findIndex((one) => one.id === run.id), key, value }]) });
+      if (made && !own.aborted) playing = { ...made, key: `${run.id}|${run.video}` };
+    } catch (error) {
+      if (error.name !== "AbortError") fill(stage, h("div", { class: "empty" }, h("h2", {}, `${run.id} cannot be shown`), h("p", {}, error.message)));
+    }
+  };
+  const empty = () => h("div", { class: "empty" }, h("h2", {}, "No runs yet"), h("p", {}, "Add a run for each recording, or paste rows from a spreadsheet: run, left rpm, right rpm, start, stop, video."));
+
+  document.addEventListener("keydown", (event) => {
+    if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "z" || event.target.closest?.("input, textarea")) return;
+    event.preventDefault();
+    step(event.shiftKey ? "redo" : "undo");
+  }, { signal });
+
+  fill(view, recordings,
+    h("div", { class: "row end" }, h("div", {}, h("p", { class: "kind" }, "Runs"), title), work),
+    h("div", { class: "split" },
+      h("section", { class: "stack", "aria-label": "Table of runs" }, table.box,
+        h("div", { class: "row" }, h("button", { onclick: () => table.add() }, "Add a run"), undo, redo, h("span", { class: "soft small" }, "Paste from a spreadsheet into any cell."))),
+      stage));
+  draw();
+  refresh();
+  const wanted = rest[0] ? found.rows.findIndex((row) => row.id === rest[0]) : 0;
+  choose(Math.max(wanted, 0));
+  onJobs((_, ended) => {
+    const mine = ended.filter((job) => job.experiment === id);
+    for (const job of mine) {
+      const faults = Object.entries(job.summary?.faults ?? {});
+      if (faults.length) say(`${faults[0][0]}: ${faults[0][1]}${faults.length > 1 ? ` (and ${faults.length - 1} more runs)` : ""}`);
+      else if (job.state === "done") say(job.kind === "diagnose" ? "The diagnosis is done: see “Diagnosis”." : "All runs are analysed: see “Results”.", true);
+    }
+    if (mine.length) { refresh(); choose(shown ?? 0); } else { table.draw(found, states()); drawWork(); }
+  }, signal);
+}

@@ -1,0 +1,11 @@
+// One sentence at the top of the page, for people and for screen readers.
+
+import { fill, h } from "./dom.js";
+
+export function say(message, good = false) {
+  if (message?.name === "AbortError") return;
+  const text = message instanceof Error ? message.message : message;
+  const place = document.getElementById("said");
+  if (!text) { fill(place); return; }
+  fill(place, h("p", { class: good ? "" : "bad" }, h("span", {}, text), h("button", { class: "plain small", onclick: () => fill(place) }, "Close")));
+}

@@ -1,0 +1,96 @@
+// A table that is filled in like a spreadsheet: arrows, Enter, paste of whole blocks, faults at their cells.
+
+import { fill, h } from "./dom.js";
+
+// columns: [{key, title, kind: "number" | "text", list, width}]. edit(edits) writes; chosen(row) when a row is entered.
+export function sheet(columns, { edit, chosen, signal }) {
+  const body = h("tbody");
+  const problems = h("ul", { class: "problems", "aria-live": "polite" });
+  const box = h("div", { class: "sheet" }, h("div", { class: "scroll" },
+    h("table", {}, h("thead", {}, h("tr", {}, h("th", { class: "state" }, h("span", { class: "hidden" }, "State")), columns.map((column) => h("th", { scope: "col" }, column.title)), h("th", {}, h("span", { class: "hidden" }, "Remove")))), body)), problems);
+  let rows = [], active = 0;
+
+  const parsed = (column, text) => {
+    const trimmed = text.trim();
+    if (trimmed === "") return { value: null };
+    if (column.kind !== "number") return { value: trimmed };
+    const value = Number(trimmed.replace("−", "-").replace(",", "."));
+    return Number.isFinite(value) ? { value } : { fault: `“${trimmed}” is not a number` };
+  };
+
+  const cell = (row, index, column, fault) => {
+    const shown = row[column.key];
+    const input = h("input", { value: shown === undefined || shown === null ? "" : String(shown), class: column.kind, "aria-label": `${column.title}, run ${row.id ?? index + 1}`,
+      "aria-invalid": fault ? "true" : null, title: fault ?? null, list: column.list ?? null, autocomplete: "off", spellcheck: "false", inputmode: column.kind === "number" ? "decimal" : null });
+    input.dataset.row = index;
+    input.dataset.key = column.key;
+    input.addEventListener("change", () => {
+      const { value, fault: wrong } = parsed(column, input.value);
+      input.setCustomValidity(wrong ?? "");
+      if (wrong) { input.setAttribute("aria-invalid", "true"); input.title = wrong; tell([wrong]); return; }
+      edit([{ kind: "set", row: index, key: column.key, value }]);
+    });
+    input.addEventListener("focus", () => { if (active !== index) { active = index; mark(); chosen(index); } });
+    return h("td", { class: fault ? "fault" : "" }, input);
+  };
+
+  const mark = () => [...body.children].forEach((row, index) => row.setAttribute("aria-selected", String(index === active)));
+  const tell = (sentences) => fill(problems, sentences.map((sentence) => h("li", {}, sentence)));
+  const at = (row, key) => body.querySelector(`input[data-row="${row}"][data-key="${key}"]`);
+
+  body.addEventListener("keydown", (event) => {
+    const input = event.target.closest("input[data-row]");
+    if (!input) return;
+    const row = Number(input.dataset.row), column = columns.findIndex((one) => one.key === input.dataset.key);
+    const edge = input.selectionStart === input.selectionEnd && (event.key === "ArrowLeft" ? input.selectionStart === 0 : input.selectionEnd === input.value.length);
+    const move = { ArrowUp: [-1, 0], ArrowDown: [1, 0], Enter: [event.shiftKey ? -1 : 1, 0], ArrowLeft: edge ? [0, -1] : null, ArrowRight: edge ? [0, 1] : null }[event.key];
+    if (!move) return;
+    const target = at(row + move[0], columns[column + move[1]]?.key);
+    if (!target) { if (event.key === "Enter") input.blur(); return; }
+    event.preventDefault();
+    target.focus();
+    target.select();
+  });
+
+  body.addEventListener("paste", (event) => {
+    const input = event.target.closest("input[data-row]");
+    const text = event.clipboardData.getData("text").replace(/\r/g, "").replace(/\n$/, "");
+    if (!input || !/[\t\n]/.test(text)) return;
+    event.preventDefault();
+    pasteAt(Number(input.dataset.row), columns.findIndex((one) => one.key === input.dataset.key), text.split("\n").map((line) => line.split("\t")));
+  });
+
+  const pasteAt = (top, left, block) => {
+    const edits = [], faults = [];
+    block.forEach((cells, down) => {
+      const values = {};
+      cells.slice(0, columns.length - left).forEach((text, right) => {
+        const column = columns[left + right];
+        const { value, fault } = parsed(column, text);
+        if (fault) faults.push(`row ${top + down + 1}, ${column.title}: ${fault}`);
+        else if (top + down < rows.length) edits.push({ kind: "set", row: top + down, key: column.key, value });
+        else if (value !== null) values[column.key] = value;
+      });
+      if (top + down >= rows.length && Object.keys(values).length) edits.push({ kind: "add", values });
+    });
+    if (edits.length) edit(edits, faults); else tell(faults);
+  };
+
+  // states: per row {text, kind, title}; extra: sentences to say beside the faults.
+  const draw = (found, states, extra = []) => {
+    const focus = document.activeElement?.dataset;
+    const kept = focus?.row !== undefined && body.contains(document.activeElement) ? { ...focus } : null;
+    rows = found.rows;
+    active = Math.min(active, Math.max(rows.length - 1, 0));
+    const faults = new Map(found.faults.filter((one) => one.row !== null).map((one) => [`${one.row}.${one.key || "id"}`, one.sentence]));
+    fill(body, rows.map((row, index) => h("tr", {},
+      h("td", { class: "state" }, h("span", { class: `dot ${states[index]?.kind ?? ""}`, title: states[index]?.title ?? "", role: "img", "aria-label": states[index]?.title ?? "" })),
+      columns.map((column) => cell(row, index, column, faults.get(`${index}.${column.key}`))),
+      h("td", {}, h("button", { class: "plain small", "aria-label": `Remove run ${row.id ?? index + 1}`, title: "Remove this run from the table", onclick: () => edit([{ kind: "remove", row: index }]) }, "×")))));
+    mark();
+    tell([...extra, ...found.faults.map((one) => (one.row === null ? one.sentence : `${rows[one.row]?.id ?? `row ${one.row + 1}`}: ${one.sentence}`))]);
+    if (kept) at(kept.row, kept.key)?.focus();
+  };
+  void signal;
+  return { box, draw, choose: (row) => { active = row; mark(); }, add: () => edit([{ kind: "add", values: { id: `r${String(rows.length + 1).padStart(2, "0")}`, start_s: 0.5 } }]) };
+}

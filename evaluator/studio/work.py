@@ -1,0 +1,104 @@
+"""What a job's process does: call workflow, tell how far it is, and stop when it is told to or nobody listens."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from evaluator.progress import Cancelled
+
+TELL_S = 0.15
+Json = dict[str, Any]
+
+
+def carry_out(pipe: Connection, kind: str, target: Path, options: Json) -> None:
+    """Do one kind of work; the last message is done, failed or cancelled."""
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt from the terminal is for the studio, which tells us
+    told = _Told(pipe)
+    try:
+        pipe.send(("done", KINDS[kind](told, target, options)))
+    except Cancelled:
+        told.finally_say("cancelled", "")
+    except (ValueError, OSError) as error:
+        named = (
+            f"{Path(error.filename).name}: {error.strerror}" if isinstance(error, OSError) and error.filename else error
+        )
+        told.finally_say("failed", str(named))
+    except Exception as error:  # noqa: BLE001 - the studio says it, and goes on
+        told.finally_say("failed", f"unexpected {type(error).__name__}: {error}")
+
+
+class _Told:
+    """A Progress that sends over a pipe."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self.pipe = pipe
+        self._last = 0.0
+
+    def __call__(self, stage: str, done: float, total: float = 1.0, /) -> None:
+        """Tell, not more often than is seen. Raises Cancelled."""
+        try:
+            if self.pipe.poll():
+                self.pipe.recv()
+                raise Cancelled
+            now = time.monotonic()
+            if now - self._last >= TELL_S or done >= total:
+                self._last = now
+                self.pipe.send(("progress", (stage, done / total if total else 0.0)))
+        except (EOFError, OSError) as error:  # the studio is gone: the next one goes on
+            raise Cancelled from error
+
+    def finally_say(self, kind: str, value: Any) -> None:
+        """The last message; nobody may be there to hear it."""
+        try:
+            self.pipe.send((kind, value))
+        except (OSError, ValueError):
+            return
+
+
+def _analyse(told: _Told, experiment: Path, options: Json) -> Json:
+    from evaluator.workflow import compare, out_folder, pending
+
+    del options
+    out = out_folder(experiment)
+    told.pipe.send(("outdated", pending(experiment, out, simulate=True)))
+    found = compare(experiment, out, progress=told, command_line=("studio",))
+    return {"faults": found.faults, "notes": {run: list(said) for run, said in found.notes.items()}}
+
+
+def _diagnose(told: _Told, experiment: Path, options: Json) -> Json:
+    from evaluator.workflow import diagnose, out_folder
+
+    summary = _analyse(told, experiment, options)
+    found = diagnose(experiment, out_folder(experiment), progress=told)
+    return {**summary, "verdict": found.verdict, "effects": list(found.effects)}
+
+
+def _samples(told: _Told, folder: Path, options: Json) -> Json:
+    from evaluator.workflow import prepare_samples
+
+    del options
+    samples = prepare_samples(folder, told)
+    return {"verdict": samples.calibrated.verdict.summary}
+
+
+def _calibrate(told: _Told, gauge: Path, options: Json) -> Json:
+    from evaluator.workflow import calibrate
+
+    images = [Path(image) for image in options["images"]]
+    found = calibrate(images, gauge, plate=options.get("plate", 0), progress=told)
+    found.save(Path(options["camera"]))
+    return {"verdict": found.verdict.summary, "level": found.verdict.level}
+
+
+KINDS: dict[str, Callable[[_Told, Path, Json], Json]] = {
+    "analyse": _analyse,
+    "diagnose": _diagnose,
+    "samples": _samples,
+    "calibrate": _calibrate,
+}

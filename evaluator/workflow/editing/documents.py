@@ -1,0 +1,87 @@
+"""One TOML file, changed piece by piece: comments and order stay, and a change made meanwhile is never lost."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from threading import Lock
+from typing import TYPE_CHECKING, Any
+
+from evaluator.errors import InputError
+from evaluator.files import write_text
+
+if TYPE_CHECKING:
+    from tomlkit import TOMLDocument
+
+Load = Callable[[Path], Any]
+_WRITING = Lock()  # of this process: between reading a version and writing the next nobody else writes
+
+
+class ChangedMeanwhileError(InputError):
+    """A file is no longer the version that a change was made for."""
+
+
+def version_of(path: Path) -> str:
+    """The version of a file: a hash of its content; "" where there is no file."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()[:20]
+    except FileNotFoundError:
+        return ""
+
+
+def read_document(path: Path) -> tuple[TOMLDocument, str]:
+    """The content of a TOML file with its comments, and its version. Raises InputError."""
+    import tomlkit
+    from tomlkit.exceptions import ParseError
+
+    try:
+        content = path.read_bytes()
+        return tomlkit.parse(content.decode("utf-8")), hashlib.sha256(content).hexdigest()[:20]
+    except FileNotFoundError as error:
+        raise InputError(f"{path.name}: no such file") from error
+    except (UnicodeDecodeError, ParseError) as error:
+        raise InputError(f"{path.name}: not valid TOML: {error}; mend it in a text editor") from error
+
+
+def change_document(path: Path, version: str, change: Callable[[TOMLDocument], None]) -> str:
+    """Change a TOML file whose version is known; gives its new version.
+
+    Raises ChangedMeanwhileError where the file is another by now, and InputError where it cannot be read.
+    """
+    import tomlkit
+
+    with _WRITING:
+        _, current = read_document(path)
+        _refuse_other(path, version, current)
+        # Comments at the end of the file belong to none of its tables, and must not go with the last of them.
+        text, ending = _without_ending(path.read_text(encoding="utf-8"))
+        document = tomlkit.parse(text)
+        change(document)
+        write_text(path, tomlkit.dumps(document).rstrip("\n") + "\n" + ending)
+        return version_of(path)
+
+
+def replace_text(path: Path, version: str, text: str) -> str:
+    """Write the whole of a text file whose version is known ("" for a new one); gives its new version."""
+    with _WRITING:
+        _refuse_other(path, version, version_of(path))
+        write_text(path, text)
+        return version_of(path)
+
+
+def _without_ending(text: str) -> tuple[str, str]:
+    """A file's text, and the blank lines and comments it ends with."""
+    lines = text.splitlines(keepends=True)
+    count = len(lines)
+    while count and (not lines[count - 1].strip() or lines[count - 1].lstrip().startswith("#")):
+        count -= 1
+    return "".join(lines[:count]), "".join(lines[count:])
+
+
+def _refuse_other(path: Path, version: str, current: str) -> None:
+    if version != current:
+        raise ChangedMeanwhileError(
+            f"{path.name} was changed meanwhile, in another tab or by another program; "
+            "what is shown now is the newer version: make your change again"
+        )

@@ -1,0 +1,191 @@
+"""experiment.toml as a table of runs: what is in it, what is wrong with each cell, and changes to cells and rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import ValidationError
+
+from evaluator.errors import InputError
+from evaluator.settings import Experiment, Run
+from evaluator.workflow.editing.documents import change_document, read_document
+
+Value = str | float | bool | None
+NEW_START_S = 0.5  # of the template: half a second of rest before the motors start
+PLACES = ("video", "marks", "camera")  # keys of a run that name files
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What is wrong with a cell: row of the table (None: the file itself), key ("" : the row), one sentence."""
+
+    row: int | None
+    key: str
+    sentence: str
+
+
+@dataclass(frozen=True)
+class ExperimentTable:
+    """An experiment.toml as it is written: what stands above the runs, a row per run, and all faults."""
+
+    version: str
+    head: dict[str, Any]
+    rows: tuple[dict[str, Any], ...]
+    faults: tuple[Fault, ...]
+
+
+@dataclass(frozen=True)
+class Edit:
+    """One change: "set" a key of a row (None removes it), "add" a row (after row, at the end without), "remove" a row.
+
+    A row of None means the head of the file.
+    """
+
+    kind: Literal["set", "add", "remove"]
+    row: int | None = None
+    key: str = ""
+    value: Value = None
+    values: Mapping[str, Value] | None = None
+
+
+def read_experiment(path: Path) -> ExperimentTable:
+    """The table of an experiment.toml, also of one that is not valid. Raises InputError where it is not TOML."""
+    document, version = read_document(path)
+    content: dict[str, Any] = document.unwrap()
+    runs = content.get("run", [])
+    rows = tuple(dict(row) for row in runs) if _are_tables(runs) else ()
+    head = {key: value for key, value in content.items() if key != "run"}
+    return ExperimentTable(version, head, rows, tuple(_faults(path, content)))
+
+
+def edit_experiment(path: Path, version: str, edits: Sequence[Edit]) -> ExperimentTable:
+    """Make changes to an experiment.toml of a known version; comments and order stay.
+
+    Faults of the result are told, not refused: a table is filled in cell by cell, and the command line says the same
+    faults of it. Raises ChangedMeanwhileError, InputError for a row or key that there cannot be.
+    """
+    for edit in edits:
+        _check(edit)
+
+    def change(document: Any) -> None:
+        for edit in edits:
+            _apply(document, edit)
+
+    change_document(path, version, change)
+    return read_experiment(path)
+
+
+def _check(edit: Edit) -> None:
+    known = (
+        set(Run.model_fields) if edit.row is not None or edit.kind == "add" else {"name", "robot", "notes", "camera"}
+    )
+    for key in edit.values or ({edit.key: None} if edit.kind == "set" else {}):
+        if key not in known:
+            raise InputError(f"{key}: no such column of experiment.toml")
+
+
+def _apply(document: Any, edit: Edit) -> None:
+    import tomlkit
+
+    if edit.row is None and edit.kind == "set":
+        _set(document, edit.key, edit.value)
+        return
+    if "run" not in document:
+        document.append("run", tomlkit.aot())
+    runs = document["run"]
+    if edit.kind == "add":
+        table = tomlkit.table()
+        for key, value in (edit.values or {}).items():
+            _set(table, key, value)
+        runs.append(table) if edit.row is None or edit.row + 1 >= len(runs) else runs.insert(edit.row + 1, table)
+        return
+    if edit.row is None or not 0 <= edit.row < len(runs):
+        raise InputError("this run is not in the file any more")
+    if edit.kind == "remove":
+        del runs[edit.row]
+        if not len(runs):
+            del document["run"]
+    else:
+        _set(runs[edit.row], edit.key, edit.value)
+
+
+def _set(table: Any, key: str, value: Value) -> None:
+    if value is None or value == "":
+        if key in table:
+            del table[key]
+    else:
+        table[key] = value
+
+
+def _faults(path: Path, content: Mapping[str, Any]) -> list[Fault]:
+    """Faults of the model, each at its cell, and named files that are not there."""
+    try:
+        Experiment.model_validate(content)
+        found: list[Fault] = []
+    except ValidationError as error:
+        found = [_fault(item) for item in error.errors()]
+    folder = path.resolve().parent
+    runs = content.get("run", [])
+    for row, run in enumerate(runs if _are_tables(runs) else []):
+        for key in PLACES:
+            name = run.get(key)
+            if isinstance(name, str) and not (folder / name).exists():
+                found.append(Fault(row, key, f"{name} is not there"))
+    camera = content.get("camera")
+    if isinstance(camera, str) and not (folder / camera).exists():
+        found.append(Fault(None, "camera", f"{camera} is not there yet: calibrate the camera first"))
+    return found
+
+
+def _fault(item: Any) -> Fault:
+    """A fault of the model at its cell; what concerns a whole row stands at its id."""
+    place = item["loc"]
+    row = place[1] if len(place) > 1 and place[0] == "run" else None
+    key = str(place[2]) if row is not None and len(place) > 2 else str(place[0]) if place and row is None else ""
+    if item["type"] == "missing":
+        return Fault(row, key, f"{place[-1]} is missing")
+    text = str(item["msg"])
+    return Fault(row, key, (text[0].lower() + text[1:]).removeprefix("value error, "))
+
+
+def _are_tables(runs: Any) -> bool:
+    return isinstance(runs, list) and all(isinstance(run, dict) for run in runs)
+
+
+def new_table(path: Path, name: str, robot: str, recordings: Sequence[str]) -> None:
+    """Put a name and a row per recording into a fresh experiment.toml; commands are for people to fill in."""
+    import tomlkit
+
+    def change(document: Any) -> None:
+        document["name"] = name
+        document["robot"] = robot
+        runs = tomlkit.aot()
+        for recording in recordings:
+            row = tomlkit.table()
+            row["id"] = run_id(recording, [str(other["id"]) for other in runs])
+            row["start_s"] = NEW_START_S
+            row["video"] = recording
+            runs.append(row)
+        if len(runs):
+            document["run"] = runs
+        else:
+            del document["run"]
+
+    _, version = read_document(path)
+    change_document(path, version, change)
+
+
+def run_id(recording: str, taken: Sequence[str]) -> str:
+    """An id for the run of a recording: its name, without what ids cannot hold."""
+    stem = "".join(
+        letter if letter.isascii() and (letter.isalnum() or letter in "._-") else "-" for letter in Path(recording).stem
+    )
+    stem = stem.lstrip("._-") or "run"
+    number = 2
+    found = stem
+    while found in taken:
+        found, number = f"{stem}-{number}", number + 1
+    return found

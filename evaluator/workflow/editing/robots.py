@@ -1,0 +1,88 @@
+"""Effects in the robot of an experiment: those that a diagnosis found, or those that a person thinks of."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from evaluator.errors import InputError
+from evaluator.files import read_with
+from evaluator.settings import load_experiment
+from evaluator.workflow.editing.documents import change_document, replace_text, version_of
+from simulator.effects.catalogue import faults_of_effects
+from simulator.effects.entry import EffectEntry
+from simulator.robot import load_robot, shipped_robot_text
+
+OWN = "robot.toml"
+
+
+@dataclass(frozen=True)
+class RobotFile:
+    """The robot file of an experiment, its version, and whether the experiment names it yet (a shipped robot: not)."""
+
+    path: Path
+    version: str
+    named: bool
+
+
+def robot_file(experiment: Path) -> RobotFile:
+    """The file that holds, or would hold, the robot of an experiment. Raises InputError."""
+    name = read_with(load_experiment, experiment).robot
+    if name.endswith(".toml"):
+        return RobotFile(Path(name), version_of(Path(name)), named=True)
+    path = experiment.resolve().parent / OWN
+    if path.exists():
+        path = path.with_name(f"robot-{experiment.stem}.toml")
+    return RobotFile(path, version_of(path), named=False)
+
+
+def write_robot(experiment: Path, text: str, version: str) -> RobotFile:
+    """Write the robot of an experiment, which names the file from then on.
+
+    version: of the robot file that the text was made from, "" where there is none. Raises ChangedMeanwhileError.
+    """
+    there = robot_file(experiment)
+    replace_text(there.path, version, text)
+    if not there.named:
+        name = os.path.relpath(there.path, experiment.resolve().parent)
+
+        def change(document: Any) -> None:
+            document["robot"] = Path(name).as_posix()
+
+        change_document(experiment, version_of(experiment), change)
+    return robot_file(experiment)
+
+
+def with_effects(experiment: Path, effects: Mapping[str, Mapping[str, Any]]) -> str:
+    """The text of an experiment's robot with effects, in place of those of the same id; comments stay.
+
+    Raises InputError for effects that cannot be.
+    """
+    import tomlkit
+
+    entries = [EffectEntry.model_validate({"id": id_, **values}) for id_, values in effects.items()]
+    if faults := faults_of_effects(entries):
+        raise InputError("; ".join(faults))
+    name = read_with(load_experiment, experiment).robot
+    text = Path(name).read_text(encoding="utf-8") if name.endswith(".toml") else shipped_robot_text(name)
+    document = tomlkit.parse(text)
+    if "effect" not in document:
+        document.append("effect", tomlkit.aot())
+    tables: Any = document["effect"]
+    for id_, values in effects.items():
+        for table in [one for one in tables if one.get("id") == id_ and id_ != "free-form"]:
+            tables.remove(table)
+        added = tomlkit.table()
+        for key, value in {"id": id_, **values}.items():
+            added[key] = value
+        tables.append(added)
+    return tomlkit.dumps(document)
+
+
+def effects_of(experiment: Path) -> list[dict[str, Any]]:
+    """The [[effect]] entries of an experiment's robot."""
+    robot = read_with(load_robot, Path(read_with(load_experiment, experiment).robot))
+    return [{"id": entry.id, **entry.given} for entry in robot.effect]

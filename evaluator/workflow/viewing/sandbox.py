@@ -1,0 +1,175 @@
+"""What a change of the robot or an effect would do to its turns: motions simulated in a millisecond each."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from evaluator.errors import InputError
+from evaluator.files import explain, read_with
+from evaluator.robot_geometry import mark_geometry
+from simulator.command import Command
+from simulator.effects.catalogue import EFFECTS
+from simulator.effects.free_form import ID as FREE_FORM
+from simulator.effects.parameter import UNITS, Parameter
+from simulator.observation import view_of
+from simulator.robot import Robot, load_robot, shipped_robot_text
+from simulator.run import Run
+from simulator.simulation import simulate
+
+Array = NDArray[np.float64]
+RATE_HZ = 20.0  # of a drawn path: its chords are 0.1 mm long
+STEPS = 40  # steps to either side of absent where the catalogue sets no nearer bound
+SLIDER_STEPS = 200
+MOST_RUNS, LONGEST_S = 60, 60.0
+SETTLED = 0.8  # a turn is read from the last fifth of a run
+STRAIGHT_PER_MM = 1e-5
+
+# Nominal values with sliders: key, words, unit; from half of nominal to twice of it.
+NOMINAL = (
+    ("body.mass_g", "mass", "g"),
+    ("wheels.wheelbase_mm", "wheelbase", "mm"),
+    ("wheels.track_mm", "track", "mm"),
+    ("wheels.radius_mm", "wheel radius", "mm"),
+    ("magnetic_attraction.driving_wheel_mN", "attraction of driving wheels", "mN"),
+    ("magnetic_attraction.driven_wheel_mN", "attraction of driven wheels", "mN"),
+    ("slip.longitudinal_friction", "longitudinal friction", ""),
+    ("slip.lateral_friction", "lateral friction", ""),
+    ("slip.longitudinal_stiffness", "longitudinal stiffness", ""),
+    ("slip.lateral_stiffness", "lateral stiffness", ""),
+)
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A number that can be moved: its key, words, unit, bounds, step and where it stands when nothing is changed."""
+
+    key: str
+    words: str
+    unit: str
+    low: float
+    high: float
+    step: float
+    value: float
+
+
+@dataclass(frozen=True)
+class EffectSliders:
+    """An effect of the catalogue with a slider for each parameter."""
+
+    id: str
+    name: str
+    sentence: str
+    law: str
+    kind: str
+    sliders: tuple[Slider, ...]
+
+
+def effect_sliders() -> list[EffectSliders]:
+    """Sliders of all catalogued effects, at rest where they vanish."""
+    return [
+        EffectSliders(e.id, e.name, e.sentence, e.law, e.kind, tuple(_slider(parameter) for parameter in e.parameters))
+        for e in EFFECTS.values()
+    ]
+
+
+def robot_sliders(robot: Path | str) -> list[Slider]:
+    """Sliders of a robot's nominal values, as far as it has them."""
+    described = _robot(robot).model_dump(mode="json")
+    found = []
+    for key, words, unit in NOMINAL:
+        table, name = key.split(".")
+        value = (described.get(table) or {}).get(name)
+        if isinstance(value, int | float) and value > 0:
+            found.append(Slider(key, words, unit, value / 2, 2 * value, 1.5 * value / SLIDER_STEPS, value))
+    return found
+
+
+def sandbox_motions(
+    robot: Path | str,
+    commands: Sequence[tuple[float, float]],
+    *,
+    nominal: Mapping[str, float],
+    effects: Mapping[str, Mapping[str, float]],
+    duration_s: float,
+) -> list[dict[str, Any]]:
+    """The path of every command (left, right rpm) from rest at the origin, for a robot with changes.
+
+    nominal: values by dotted key; effects: parameters by id, added to those of the robot or in place of them. Gives
+    x_mm, y_mm as they would be measured, radius_mm (None when straight), speed_mm_s.
+    Raises InputError for values that cannot be, SimulationError for a motion that cannot be followed.
+    """
+    if not (0 < duration_s <= LONGEST_S) or len(commands) > MOST_RUNS:
+        raise InputError(f"at most {MOST_RUNS} runs of {LONGEST_S:g} s are drawn")
+    changed = _changed(_robot(robot), nominal, effects)
+    times = np.arange(round(duration_s * RATE_HZ) + 1) / RATE_HZ
+    return [_motion(changed, left, right, times) for left, right in commands]
+
+
+def _motion(robot: Robot, left: float, right: float, times: np.ndarray) -> dict[str, Any]:
+    run = simulate(robot, Command.constant(left, right), times)
+    seen_x, seen_y = _seen(robot, run)
+    late = run.time_s >= SETTLED * run.time_s[-1]
+    speed = float(np.mean(np.hypot(run.u_mm_s[late], run.v_mm_s[late])))
+    curvature = float(np.mean(run.yaw_rate_rad_s[late])) / speed if speed > 0 else 0.0
+    return {
+        "left_rpm": left,
+        "right_rpm": right,
+        "x_mm": np.round(seen_x, 4).tolist(),
+        "y_mm": np.round(seen_y, 4).tolist(),
+        "radius_mm": abs(1 / curvature) if abs(curvature) > STRAIGHT_PER_MM else None,
+        "speed_mm_s": speed,
+        "yaw_rate_deg_s": float(np.degrees(np.mean(run.yaw_rate_rad_s[late]))),
+    }
+
+
+def _seen(robot: Robot, run: Run) -> tuple[Array, Array]:
+    """Where the centre would be measured to be: from the marks, as they are seen with the effects of the robot."""
+    green, yellow = view_of(robot).marks(run.x_mm, run.y_mm, run.heading_rad, run.time_s)
+    geometry = mark_geometry(robot)
+    on_body = np.subtract(geometry.green_mm, geometry.yellow_mm)
+    apart = green - yellow
+    heading = np.arctan2(apart[:, 1], apart[:, 0]) - np.arctan2(on_body[1], on_body[0])
+    middle, (ahead, left) = (green + yellow) / 2, np.add(geometry.green_mm, geometry.yellow_mm) / 2
+    cos, sin = np.cos(heading), np.sin(heading)
+    return middle[:, 0] - ahead * cos + left * sin, middle[:, 1] - ahead * sin - left * cos
+
+
+def _changed(robot: Robot, nominal: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]) -> Robot:
+    content = robot.model_dump(mode="json", exclude_unset=True, exclude={"effect"})
+    for key, value in nominal.items():
+        table, _, name = key.partition(".")
+        if not isinstance(content.get(table), dict) or name not in content[table]:
+            raise InputError(f"{key}: this robot has no such value")
+        content[table][name] = value
+    kept = [entry for entry in robot.effect if entry.id not in effects or entry.id == FREE_FORM]
+    content["effect"] = [{"id": entry.id, **entry.given} for entry in kept]
+    content["effect"] += [{"id": id_, **values} for id_, values in effects.items()]
+    try:
+        return Robot.model_validate(content)
+    except ValidationError as error:
+        raise InputError(explain(error, load_robot)) from error
+
+
+def _robot(robot: Path | str) -> Robot:
+    if isinstance(robot, Path):
+        found: Robot = read_with(load_robot, robot)
+        return found
+    return Robot.model_validate(tomllib.loads(shipped_robot_text(robot)))
+
+
+def _slider(parameter: Parameter) -> Slider:
+    reach = max(2 * abs(parameter.shown_value - parameter.absent), STEPS * parameter.step)
+    low = max(parameter.low, parameter.at_least, parameter.absent - reach)
+    high = min(parameter.high, parameter.absent + reach)
+    unit = UNITS[parameter.unit]
+    words = parameter.name.removesuffix(unit.ending).rstrip("_") or parameter.name
+    step = (high - low) / SLIDER_STEPS
+    return Slider(parameter.name, words.replace("_", " "), unit.shown, low, high, step, parameter.absent)

@@ -1,0 +1,91 @@
+"""The units in which the kernels work out a robot, so that a large one is as well resolved as a small one.
+
+A robot of another size moves alike (Froude similarity): with lengths in its unit L, times in √L seconds per √mm and
+forces in µN, gravity keeps its number. So every step, rounding and tolerance of the kernels, which are chosen for a
+robot whose wheels are 2.83 mm from their middle, holds for all. Units are powers of two: nothing is rounded, and the
+shipped microrobots have the units mm and s.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulator.dynamics.terms import (
+    ABS_U,
+    ABS_YAW,
+    MOMENT,
+    TIME,
+    TOWARD_X,
+    TOWARD_Y,
+    U_ABS,
+    V_ABS,
+    YAW,
+    YAW_ABS,
+    Term,
+    U,
+    V,
+    X,
+    Y,
+)
+
+USUAL_DISTANCE_MM = math.sqrt(8.0)  # of the paper's wheels from their middle, root mean square
+# Dimension of the bases that have one: powers of length and of time.
+DIMENSIONS = {
+    U: (1, -1),
+    V: (1, -1),
+    ABS_U: (1, -1),
+    U_ABS: (2, -2),
+    V_ABS: (2, -2),
+    YAW: (0, -1),
+    ABS_YAW: (0, -1),
+    YAW_ABS: (0, -2),
+    X: (1, 0),
+    Y: (1, 0),
+    TIME: (0, 1),
+}
+
+
+def time_unit_s(places_mm: NDArray[np.float64]) -> float:
+    """Unit of time of a robot with supports at (n, 2), a power of two; its unit of length in mm is the square."""
+    off = places_mm - places_mm.mean(axis=0)
+    distance = math.sqrt(float((off * off).sum()) / len(off))
+    return float(2.0 ** round(math.log(max(distance, 1e-9) / USUAL_DISTANCE_MM, 4)))
+
+
+def scaled_coefficient(term: Term, time_unit: float) -> float:
+    """A term's coefficient in the units of the kernels: that of a force is µN, of a moment µN times the length."""
+    length, time = DIMENSIONS.get(term.basis, (0, 0))
+    power = 2.0 * length + time - (2 if term.channel == MOMENT else 0)
+    if term.basis in (TOWARD_X, TOWARD_Y):
+        power -= 2.0 * term.falloff  # its size is stated at 10 mm, and the kernels take 10 of their units
+    return float(term.coefficient * time_unit**power)
+
+
+def scaled_states(states: NDArray[np.float64], time_unit: float) -> NDArray[np.float64]:
+    """States (n, 6), pose and velocity in mm, rad and s, in the units of the kernels."""
+    scaled: NDArray[np.float64] = np.divide(states, state_units(time_unit))
+    return scaled
+
+
+def state_units(time_unit: float) -> NDArray[np.float64]:
+    """Units of a state (6,): x, y, heading, u, v, yaw rate."""
+    length = time_unit * time_unit
+    return np.array([length, length, 1.0, time_unit, time_unit, 1.0 / time_unit])
+
+
+def scaled_knots(knots: NDArray[np.float64], time_unit: float) -> NDArray[np.float64]:
+    """Knots (k, 3) of a command, s and rpm, in the units of the kernels."""
+    scaled: NDArray[np.float64] = np.multiply(knots, [1.0 / time_unit, time_unit, time_unit])
+    return scaled
+
+
+def most_slots(counts: Sequence[int]) -> int:
+    """How many wheels a record has room for so that robots of so many wheels fit: a multiple of four.
+
+    The kernels are compiled anew for every such number, and work out four wheels as one vector.
+    """
+    return 4 * math.ceil(max(counts) / 4)

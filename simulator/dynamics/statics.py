@@ -1,0 +1,114 @@
+"""How the supports of a robot share its weight. Units: mm, µN; body frame.
+
+Forces and moments balance: the weight shares add up to the weight, and their moments to its moment about the centre of
+gravity. Three supports leave nothing open. More are equally stiff supports of a rigid body, whose shares are those of
+the smallest sum of squares; four at the corners of a rectangle, two axles whose ends share alike, as a car is weighed.
+A magnet presses the wheel that it sits on: load = weight share + attraction. A support that would have to pull has
+lifted off: it carries nothing, its magnet is out of reach, and the others share the weight anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulator.errors import SimulationError
+
+Array = NDArray[np.float64]
+Point = tuple[float, float]
+BALANCED = 1e-9  # of the weight: what rounding leaves of a balance
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """Four supports at the corners of a rectangle along the axes: its middle and sides, mm; corners: ±1 for each."""
+
+    middle: Point
+    sides: Point
+    corners: tuple[Point, ...]
+
+    @staticmethod
+    def of(places_mm: Array) -> Rectangle | None:
+        """The rectangle of supports at (n, 2); None for any other layout."""
+        (rear, right), (front, left) = places_mm.min(axis=0).tolist(), places_mm.max(axis=0).tolist()
+        middle, sides = ((front + rear) / 2, (left + right) / 2), (front - rear, left - right)
+        places = {(x, y) for x, y in places_mm.tolist()}
+        if len(places_mm) != 4 or 0.0 in sides or places != {(x, y) for x in (front, rear) for y in (left, right)}:
+            return None
+        corners = tuple((1.0 if x == front else -1.0, 1.0 if y == left else -1.0) for x, y in places_mm.tolist())
+        return Rectangle(middle, sides, corners)
+
+    def shares(self, weight: float, gravity: Point) -> Array:
+        """Weight share of each support; the ends of both axles share alike."""
+        forward = 2 * (gravity[0] - self.middle[0]) / self.sides[0]
+        aside = 2 * (gravity[1] - self.middle[1]) / self.sides[1]
+        quarter = weight / 4
+        return np.array([quarter * (1 + x * forward) * (1 + y * aside) for x, y in self.corners])
+
+
+def wheel_loads(
+    name: str,
+    places_mm: Array,
+    weight_uN: float,
+    gravity_mm: Point,
+    attraction_uN: Array,
+    rectangle: Rectangle | None = None,
+) -> tuple[Array, Array]:
+    """Weight share and load of each support, (n,) each; both are 0 where a support has lifted off.
+
+    places_mm: (n, 2); gravity_mm: centre of gravity; rectangle: that of the places, where they are one. A weight share
+    may be negative where the attraction holds the support down. Raises SimulationError, with the name of the robot,
+    where no forces on the supports can balance.
+    """
+    share = rectangle.shares(weight_uN, gravity_mm) if rectangle else _stiff(places_mm, weight_uN, gravity_mm)[0]
+    if share is None:
+        _fails(name, gravity_mm)
+    load: Array = share + attraction_uN
+    if load.min() >= 0:
+        return share, load
+    return _lifted(name, places_mm, weight_uN, gravity_mm, attraction_uN)
+
+
+def _stiff(places: Array, weight: float, gravity: Point) -> tuple[Array | None, Array]:
+    """Weight shares of equally stiff supports, None where they cannot balance; the plane (3,) that they follow.
+
+    A share is (1, x, y) times the plane: the sinking of a rigid body. Lengths are relative to the layout's size.
+    """
+    size = float(np.abs(places - places.mean(axis=0)).max()) or 1.0
+    levers = np.column_stack([np.ones(len(places)), (places - gravity) / size])
+    wanted = np.array([weight, 0.0, 0.0])
+    plane: Array = np.linalg.lstsq(levers.T @ levers, wanted, rcond=None)[0]
+    share: Array = levers @ plane
+    balanced = bool(np.abs(levers.T @ share - wanted).max() <= BALANCED * weight)
+    return (share if balanced else None), plane / np.array([1.0, size, size])
+
+
+def _lifted(name: str, places: Array, weight: float, gravity: Point, attraction: Array) -> tuple[Array, Array]:
+    """Weight shares and loads where some support lifts off: one leaves after the other, and those that press return."""
+    count = len(places)
+    resting = np.ones(count, dtype=np.bool_)
+    for _ in range(2 * count):
+        found, plane = _stiff(places[resting], weight, gravity) if resting.any() else (None, np.zeros(3))
+        if found is None:
+            _fails(name, gravity)
+        share, load = np.zeros(count), np.zeros(count)
+        share[resting] = found
+        load[resting] = found + attraction[resting]
+        sunk = np.column_stack([np.ones(count), places - gravity]) @ plane
+        if load.min() < -BALANCED * weight:
+            resting[np.argmin(load)] = False
+        elif (pressing := ~resting & (sunk > BALANCED * weight)).any():
+            resting |= pressing
+        else:
+            return share, np.maximum(load, 0.0)
+    return _fails(name, gravity)
+
+
+def _fails(name: str, gravity: Point) -> NoReturn:
+    raise SimulationError(
+        f"{name}: the centre of gravity at ({gravity[0]:g}, {gravity[1]:g}) mm is outside the wheels that carry it, "
+        "and no attraction holds them down; move it, or add a support"
+    )

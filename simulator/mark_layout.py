@@ -1,0 +1,146 @@
+"""Marks on a robot as robot.toml describes them: names, places, sizes, heights and kinds.
+
+Body frame, mm. [[mark]] describes them one by one; [marks] is its shorthand for coloured marks that differ in place
+only, with a key NAME_mm = [x, y] for each.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from functools import cache
+from importlib.resources import files
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Place = tuple[float, float]
+Kind = Literal["color", "light", "aruco", "apriltag"]
+TAGS: tuple[Kind, ...] = ("aruco", "apriltag")
+MM_PER_M = 1000.0
+DIAMETER_MM, HEIGHT_MM = 1.0, 6.5  # of the paper's marks
+
+
+class Mark(BaseModel):
+    """One [[mark]]. diameter_mm: of a tag the side of its black square. height_mm: above the plate.
+
+    kind: what it looks like. id: number of a tag; without, the number that its name ends in.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
+    x_mm: Finite
+    y_mm: Finite
+    diameter_mm: Positive = DIAMETER_MM
+    height_mm: NotNegative = HEIGHT_MM
+    kind: Kind = "color"
+    id: Annotated[int, Field(ge=0)] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, content: Any) -> Any:
+        return in_mm(content)
+
+    @property
+    def place_mm(self) -> Place:
+        """Its place in the body frame."""
+        return self.x_mm, self.y_mm
+
+    def points_mm(self) -> dict[str, Place]:
+        """Its centre by its name; of a tag also its corners, NAME_corner1 to 4, as OpenCV orders them.
+
+        A tag's columns run along the body's x axis and its rows along −y.
+        """
+        points, half = {self.name: self.place_mm}, self.diameter_mm / 2
+        if self.kind in TAGS:
+            for k, (ahead, left) in enumerate(((-1, 1), (1, 1), (1, -1), (-1, -1)), start=1):
+                points[f"{self.name}_corner{k}"] = self.x_mm + ahead * half, self.y_mm + left * half
+        return points
+
+
+class Marks(BaseModel):
+    """[marks]: NAME_mm = [x, y] of every mark; diameter and height are those of all of them."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+    __pydantic_extra__: dict[str, tuple[Finite, Finite]] = Field(init=False)
+
+    diameter_mm: Positive = DIAMETER_MM
+    height_mm: NotNegative = HEIGHT_MM
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, content: Any) -> Any:
+        content = in_mm(content)
+        if isinstance(content, dict):
+            for key, value in content.items():
+                if key not in cls.model_fields and not (key.endswith("_mm") and isinstance(value, (list, tuple))):
+                    raise ValueError(_unknown(key, list(cls.model_fields)))
+        return content
+
+    @property
+    def places_mm(self) -> dict[str, Place]:
+        """Places by name, in the order of the file."""
+        return {key.removesuffix("_mm"): place for key, place in (self.__pydantic_extra__ or {}).items()}
+
+    def each(self) -> tuple[Mark, ...]:
+        """The same marks one by one."""
+        return tuple(
+            Mark(name=name, x_mm=x, y_mm=y, diameter_mm=self.diameter_mm, height_mm=self.height_mm)
+            for name, (x, y) in self.places_mm.items()
+        )
+
+
+def checked_layout(marks: Marks, mark: tuple[Mark, ...]) -> tuple[Mark, ...]:
+    """All marks of a robot, from [marks] or [[mark]]. Raises ValueError where both are given or a name stands twice."""
+    if mark and marks.places_mm:
+        raise ValueError("there are both [marks] and [[mark]]; keep one of them")
+    layout = mark or marks.each()
+    names = [item.name for item in layout]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise ValueError(f"mark name {', '.join(twice)} is used more than once")
+    return layout
+
+
+def in_mm(content: Any) -> Any:
+    """A table whose lengths in m (keys that end in _m) are in mm."""
+    if not isinstance(content, dict):
+        return content
+    result = {}
+    for key, value in content.items():
+        if isinstance(key, str) and key.endswith("_m") and f"{key}m" not in content:
+            result[f"{key}m"] = _times_1000(value)
+        else:
+            result[key] = value
+    return result
+
+
+def _times_1000(value: Any) -> Any:
+    if isinstance(value, (list, tuple)):
+        return [_times_1000(item) for item in value]
+    return value * MM_PER_M if isinstance(value, (int, float)) else value
+
+
+def _unknown(key: str, known: list[str]) -> str:
+    near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]}?" if near else "a mark is NAME_mm = [x, y]"
+    return f"unknown key marks.{key}; {hint}"
+
+
+def with_default_places(content: Any) -> Any:
+    """A robot file that says no mark, with those of the robot of the paper (its robot file is shipped)."""
+    if not isinstance(content, dict) or content.get("mark"):
+        return content
+    said = content.get("marks", {})
+    if not isinstance(said, dict) or any(key not in Marks.model_fields for key in in_mm(said)):
+        return content
+    return {**content, "marks": {**_paper_places(), **said}}
+
+
+@cache
+def _paper_places() -> dict[str, list[float]]:
+    text = files("simulator").joinpath("robots", "barrel.toml").read_text(encoding="utf-8")
+    return {key: value for key, value in tomllib.loads(text)["marks"].items() if key not in Marks.model_fields}

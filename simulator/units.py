@@ -1,0 +1,48 @@
+"""Units by suffix: a key that ends in a unit may end in another of its kind, and is brought to the one used inside."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from typing import Any
+
+# By the ending used inside: the other endings, and by what their values are multiplied. The longer endings stand first.
+OTHER_ENDINGS: dict[str, dict[str, float]] = {
+    "g_mm2": {"kg_m2": 1e9},
+    "rpm": {"rad_s": 60 / (2 * math.pi)},
+    "mm": {"m": 1e3},
+    "mN": {"N": 1e3},
+    "g": {"kg": 1e3},
+}
+
+
+def in_standard_units(content: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+    """The content with every value under a key of `names`, which end in mm, g, mN, rpm or g_mm2.
+
+    Values may be numbers or lists of them; what is neither is left to the reader to refuse. Raises ValueError where a
+    value is given in two units.
+    """
+    result = dict(content)
+    for name in names:
+        for key, factor in other_keys(name).items():
+            if key not in content or key in names:
+                continue
+            if name in content:
+                raise ValueError(f"{name} and {key} are both given; keep one of them")
+            result[name] = _times(result.pop(key), factor)
+    return result
+
+
+def other_keys(name: str) -> dict[str, float]:
+    """Keys that say the same in another unit, and by what their values are multiplied; none for a key without unit."""
+    for ending, others in OTHER_ENDINGS.items():
+        if name == ending or name.endswith(f"_{ending}"):
+            stem = name.removesuffix(ending)
+            return {f"{stem}{other}": factor for other, factor in others.items()}
+    return {}
+
+
+def _times(value: Any, factor: float) -> Any:
+    if isinstance(value, list | tuple):
+        return [_times(item, factor) for item in value]
+    return value * factor if isinstance(value, int | float) and not isinstance(value, bool) else value

@@ -1,0 +1,123 @@
+"""Densities of runs left out and sizes of effects in halves, against dense Gaussians."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from evaluator.diagnosis.assessment.cross_validation import Constancy, _densities, advantage, constancy
+from evaluator.diagnosis.assessment.model_comparison import (
+    predictive_score,
+)
+from evaluator.diagnosis.inference.fit import prior_precision
+from evaluator.diagnosis.likelihood.mixed_model import MixedModel, reduce_runs
+from tests.evaluator.diagnosis.synthetic import (
+    column,
+    fit_of,
+    free_of_start,
+    linear_runs,
+    minus_two_log,
+    run_data,
+)
+
+TAU = np.array([0.05, 0.02, 0.02, 1.0])
+
+
+COLUMNS = [column("slip.lateral_friction", effect=False), column("effect")]
+TOLERANCE = {"slip.lateral_friction": 0.7}
+
+
+def log_density(runs: list[Any], weight: np.ndarray) -> float:
+    """Dense log density of runs with Gaussian parameters of these precisions integrated out, without constants."""
+    normal, right, total = np.diag(weight), np.zeros(len(weight)), 0.0
+    for run in runs:
+        response, common, scatter = free_of_start(run)
+        inverse = np.linalg.inv(np.eye(len(response)) + scatter @ np.diag(TAU**2) @ scatter.T)
+        normal, right = normal + common.T @ inverse @ common, right + common.T @ inverse @ response
+        total += minus_two_log(run, np.zeros(len(weight)), TAU)
+    return -0.5 * (total - right @ np.linalg.solve(normal, right) + np.linalg.slogdet(normal)[1])
+
+
+def test_density_of_runs_left_out_is_that_of_all_less_that_of_the_others() -> None:
+    runs = linear_runs(count=6)
+    fit = fit_of(runs, COLUMNS, np.zeros(2), TAU)
+    weight = prior_precision(COLUMNS, TOLERANCE)
+    assert weight == pytest.approx([0.7**-2, 0.0])
+    groups = [np.array([0, 3]), np.array([1])]
+    found = _densities(fit, groups, TOLERANCE)
+    for group, value in zip(groups, found, strict=True):
+        rest = [run for at, run in enumerate(runs) if at not in group]
+        assert value == pytest.approx(log_density(runs, weight) - log_density(rest, weight), rel=1e-6)
+
+
+def test_advantage_is_the_gain_over_commands_with_the_error_of_a_sum() -> None:
+    runs = linear_runs(count=6)
+    data = [run_data(30.0, 30.0 - 5 * (number // 2), number) for number in range(6)]
+    one, other = fit_of(runs, COLUMNS, np.zeros(2), TAU), fit_of(runs, COLUMNS[:1], np.zeros(1), TAU)
+    narrow = [type(run)(run.response, run.common[:, :1], run.start, run.scatter) for run in runs]
+    other = fit_of(narrow, COLUMNS[:1], np.zeros(1), TAU)
+    groups = [np.array([0, 1]), np.array([2, 3]), np.array([4, 5])]
+    gains = _densities(one, groups, TOLERANCE) - _densities(other, groups, TOLERANCE)
+    gain, error = advantage(one, other, data, TOLERANCE)
+    assert gain == pytest.approx(gains.sum())
+    assert error == pytest.approx(gains.std(ddof=1) * np.sqrt(3))
+
+
+def test_predictive_score_is_the_gaussian_density_of_new_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = linear_runs(count=3)
+    theta, covariance = np.array([0.4, -0.2]), np.array([[0.3, 0.1], [0.1, 0.5]])
+    model = MixedModel(reduce_runs(runs), prior_precision(COLUMNS, TOLERANCE))
+    tau = model.tau[130]
+    fit = fit_of(runs, COLUMNS, theta, tau * 1.01, covariance)
+    module = "evaluator.diagnosis.assessment.model_comparison"
+    monkeypatch.setattr(f"{module}.place_runs", lambda *_: None)
+    search: Any = SimpleNamespace(problem=SimpleNamespace(linearized=lambda *_: runs), tolerance=TOLERANCE)
+    blocks, shift, columns = [], [], []
+    for run in runs:
+        response, common, scatter = free_of_start(run)
+        blocks.append(np.eye(len(response)) + scatter @ np.diag(tau**2) @ scatter.T)
+        shift.append(response - common @ theta)
+        columns.append(common)
+    whole = np.zeros((18, 18))
+    for at, block in enumerate(blocks):
+        whole[6 * at : 6 * at + 6, 6 * at : 6 * at + 6] = block
+    stacked, away = np.concatenate(columns), np.concatenate(shift)
+    whole += stacked @ covariance @ stacked.T
+    expected = -0.5 * (away @ np.linalg.solve(whole, away) + np.linalg.slogdet(whole)[1])
+    assert predictive_score(search, fit, [0, 1, 2]) == pytest.approx(expected, rel=1e-6)
+
+
+def halves(sizes: tuple[float, float], sigma: float = 0.1) -> list[Constancy]:
+    """Eight runs, forward the first four, whose effect has these sizes forward and backward, each to sigma."""
+    from evaluator.diagnosis.likelihood.mixed_model import Linearized
+
+    rng = np.random.default_rng(0)
+    runs = []
+    for number in range(8):
+        start = rng.normal(size=(4, 3))
+        common = np.linalg.qr(start, mode="complete")[0][:, 3:] / (2 * sigma)  # four runs know the size to sigma
+        runs.append(Linearized(common[:, 0] * sizes[number // 4], common, start, np.zeros((4, 4))))
+    data = [run_data(*((30.0, 20.0) if number < 4 else (-30.0, -20.0)), number) for number in range(8)]
+    fit = fit_of(runs, [column("effect")], np.array([1.0]), TAU)
+    return constancy(fit, data, {})
+
+
+def test_effects_of_unlike_size_in_halves_have_the_probability_of_chi_squared_with_slack() -> None:
+    found = {item.halves: item.probability for item in halves((1.2, 0.8))}
+    square = 0.4**2 / (0.1**2 + 0.1**2 + 0.05**2)
+    assert found["forward and backward"] == pytest.approx(stats.chi2.sf(square, 1), rel=1e-4)
+    assert {item.halves: item.probability for item in halves((1.0, 1.0))}["forward and backward"] == pytest.approx(1.0)
+    assert "left and right" in found
+    assert "slow and fast" not in found  # all have one speed: no half has four runs
+
+
+def test_halves_of_three_runs_are_not_compared_and_neither_is_a_model_without_effects() -> None:
+    runs = linear_runs(count=7)
+    data = [run_data(30.0, 30.0, number) if number < 4 else run_data(-30.0, -30.0, number) for number in range(7)]
+    assert constancy(fit_of(runs, COLUMNS, np.zeros(2), TAU), data, TOLERANCE) == []
+    narrow = [type(run)(run.response, run.common[:, :1], run.start, run.scatter) for run in runs]
+    assert constancy(fit_of(narrow, COLUMNS[:1], np.zeros(1), TAU), data, TOLERANCE) == []

@@ -1,0 +1,229 @@
+"""Left-overs against their textbook tests; gap, relevance and knowledge in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from evaluator.diagnosis.assessment import relevance
+from evaluator.diagnosis.assessment.adequacy import _known, _order, adequacy
+from evaluator.diagnosis.assessment.gap import noise_floor, rms, run_gaps
+from evaluator.diagnosis.assessment.knowledge import Knowledge, knowledge
+from evaluator.diagnosis.likelihood.features import MODEL_FLOOR_MM
+from evaluator.diagnosis.likelihood.known_to import Quantity
+from evaluator.diagnosis.likelihood.noise import Noise
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.settings import Relevant
+from tests.evaluator.diagnosis.synthetic import (
+    column,
+    fit_of,
+    linear_runs,
+    run_data,
+)
+
+TAU = np.array([0.05, 0.02, 0.02, 1.0])
+COLUMNS = [column("slip.lateral_friction", effect=False), column("effect")]
+
+
+def test_excess_is_the_mean_square_of_what_no_parameter_takes() -> None:
+    runs = linear_runs(count=6)
+    wide = [
+        type(run)(
+            *(
+                np.concatenate([part, np.random.default_rng(n).normal(size=(6, *part.shape[1:]))])
+                for part in (run.response, run.common, run.start, run.scatter)
+            )
+        )
+        for n, run in enumerate(runs)
+    ]
+    fit = fit_of(wide, COLUMNS, np.array([0.2, 0.1]), TAU)
+    data = [run_data(30.0, 20.0, number) for number in range(6)]
+    squares = []
+    for run in wide:
+        columns = np.column_stack([run.start, run.scatter, run.common])
+        away = run.response - run.common @ [0.2, 0.1]
+        away = away - columns @ np.linalg.lstsq(columns, away)[0]
+        squares.append(away @ away)
+    found = adequacy(fit, data)
+    assert found.excess == pytest.approx(sum(squares) / (6 * 6))
+    np.testing.assert_allclose(found.by_run, np.array(squares) / 6)
+    assert found.excess_sigma == pytest.approx((found.excess - 1) / np.sqrt(2 / 36))
+
+
+def test_friction_that_follows_the_order_has_the_p_value_of_the_textbook_times_what_was_asked() -> None:
+    rng = np.random.default_rng(1)
+    data = [
+        run_data(30.0 + rng.normal(), 20.0 + rng.normal(), number, tuple(rng.normal(size=2))) for number in range(12)
+    ]
+    own = rng.normal(size=(12, 4))
+    own[:, 0] += 0.5 * np.arange(12)
+    p, reason = _order(own, np.ones((12, 4)), data)
+    single = stats.linregress(np.arange(12), own[:, 0]).pvalue
+    assert reason == "friction of the runs depends on order"
+    # Nine things are known of a run, direction and side are the same in all, and so is the heading: four are asked.
+    asked = [
+        columns
+        for columns in _known(data).values()
+        if np.linalg.matrix_rank(np.column_stack([np.ones(12), columns])) > columns.shape[1]
+    ]
+    assert p == pytest.approx(single * 4 * len(asked), rel=1e-6)
+
+
+def test_runs_that_tell_little_of_their_friction_count_little() -> None:
+    rng = np.random.default_rng(2)
+    data = [run_data(30.0, 20.0, number) for number in range(12)]
+    own, told = rng.normal(size=(12, 4)), np.ones((12, 4))
+    own[:, 0] = 0.5 * np.arange(12) + 0.1 * rng.normal(size=12)
+    own[6, 0], told[6, 0] = 1e3, 0.009
+    assert _order(own, told, data)[0] < 1e-6
+    told[:, 0] = 0.009
+    assert "friction" not in _order(own, told, data)[1]
+    assert _order(own[:7], told[:7], data[:7])[0] == 1.0  # five degrees of freedom say little
+    shrunk = np.array(own)
+    share = np.linspace(0.2, 0.9, 12)
+    told = np.ones((12, 4))
+    told[:, 0] = share
+    shrunk[:, 0] = share * 0.5 * np.arange(12) + np.sqrt(share) * 0.1 * rng.normal(size=12)
+    weight = np.sqrt(share)
+    design = np.column_stack([np.ones(12), np.arange(12)]) * weight[:, None]
+    values = shrunk[:, 0] / weight
+    alone = [values @ values - values @ part @ np.linalg.lstsq(part, values)[0] for part in (design[:, :1], design)]
+    p = stats.f.sf((alone[0] - alone[1]) / (alone[1] / 10), 1, 10)
+    assert _order(shrunk, told, data)[0] == pytest.approx(4 * p, rel=1e-5)  # order alone differs between these runs
+
+
+def test_what_is_known_of_a_run_is_its_command_heading_place_and_order() -> None:
+    known = _known([run_data(-30.0, -10.0, 4, (3.0, 7.0))])
+    assert {name: value.ravel().tolist() for name, value in known.items() if "heading" not in name} == {
+        "direction": [-1.0],
+        "side": [1.0],
+        "direction and side together": [-1.0],
+        "speed": [40.0],
+        "the difference of the wheels": [20.0],
+        "place": [3.0, 7.0],
+        "order": [4.0],
+    }
+    np.testing.assert_allclose(known["heading"], [[1.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(known["twice the heading"], [[1.0, 0.0]], atol=1e-12)
+    facing_up = replace(run_data(30.0, 10.0), marks_mm=np.array([[-2.0, 0.0, 2.0, 0.0]]))
+    np.testing.assert_allclose(np.abs(_known([facing_up])["heading"]), [[0.0, 1.0]], atol=1e-12)
+    np.testing.assert_allclose(_known([facing_up])["twice the heading"], [[-1.0, 0.0]], atol=1e-12)
+
+
+def test_gap_of_a_run_is_the_rms_distance_of_its_midpoint() -> None:
+    residual = np.array([[3.0, 4.0, 9.0, 9.0], [0.0, 1.0, 9.0, 9.0], [np.nan] * 4])
+    problem: Any = SimpleNamespace(residuals=lambda _: [residual])
+    placed: Any = SimpleNamespace(task=lambda run: run)
+    assert run_gaps(problem, placed, [0]) == pytest.approx([np.sqrt((25 + 1) / 2)])
+
+
+def test_floor_is_the_noise_of_both_coordinates_and_the_precision_of_the_model() -> None:
+    noise = (Noise(0.003, 0.0, 0.1), Noise(0.004, 0.0, 0.1), Noise(9.0, 0.0, 0.1), Noise(9.0, 0.0, 0.1))
+    problem: Any = SimpleNamespace(noise=[noise])
+    assert noise_floor(problem, [0]) == pytest.approx([np.sqrt(0.005**2 + MODEL_FLOOR_MM**2)])
+
+
+def test_rms_over_runs_leaves_out_what_is_not_known() -> None:
+    values = np.array([3.0, np.nan, 4.0, 100.0])
+    assert rms(values, [0, 1, 2]) == pytest.approx(np.sqrt(12.5))
+    assert np.isnan(rms(values, []))
+    assert np.isnan(rms(values, [1]))
+
+
+def circling(radius: float, speed: float, turned: float = 2.0) -> np.ndarray:
+    """Marks of a robot on a circle for 3 s; the circle of the midpoint of its marks."""
+    angle = speed / radius * np.arange(0, 3, 0.02) * (turned / turned)
+    middle = radius * np.column_stack([np.sin(angle), 1 - np.cos(angle)])
+    side = 2 * np.column_stack([-np.sin(angle), np.cos(angle)])
+    return np.concatenate([middle + side, middle - side], axis=1)
+
+
+def changed(present: np.ndarray, absent: np.ndarray, floor_mm: float = 0.005, **run: Any) -> relevance.Changes:
+    """What an effect changes that makes these marks of those."""
+    data = RunData("r", 30.0, 20.0, 0.0, None, np.arange(0, 3, 0.02), absent, 0)
+    marks = {"effect": present, "": absent}
+    noise = (Noise(floor_mm, 0.0, 0.1), Noise(0.0, 0.0, 0.1))
+    problem: Any = SimpleNamespace(
+        data=[replace(data, **run)],
+        noise=[noise],
+        forward=SimpleNamespace(marks=lambda tasks: [marks[next(iter(task), "")] for task in tasks]),
+    )
+
+    class Point(SimpleNamespace):
+        def task(self, _: int) -> Any:
+            return self.terms
+
+    from dataclasses import make_dataclass
+
+    point = make_dataclass("P", ["terms"], namespace={"task": lambda self, _: self.terms})({"effect": (1.0,)})
+    return relevance.changes(problem, cast("Any", SimpleNamespace(runs=(0,), point=point)), "effect")
+
+
+def test_changes_of_path_radius_and_speed_are_those_of_the_circles() -> None:
+    found = changed(circling(5.5, 2.2), circling(5.0, 2.0))
+    assert found.speed_percent == pytest.approx(10.0, rel=1e-3)
+    assert found.radius_percent == pytest.approx(10.0, rel=1e-3)
+    middles = [np.exp(0.4j * np.arange(0, 3, 0.02)) * radius for radius in (5.5, 5.0)]
+    apart = 0.1 * np.sqrt(np.mean(np.abs(middles[1] - middles[1].mean()) ** 2))
+    assert found.path_noise_floors == pytest.approx(apart / np.hypot(0.005, MODEL_FLOOR_MM), rel=1e-3)
+
+
+def test_radius_of_a_run_that_turns_less_than_twenty_degrees_is_not_told() -> None:
+    # After the first half second, 2.48 s remain.
+    for turned_deg, told in ((19.0, False), (21.0, True)):
+        radius = 2.0 * 2.48 / np.radians(turned_deg)
+        found = changed(circling(radius, 2.2), circling(radius, 2.0))
+        assert found.speed_percent == pytest.approx(10.0, rel=1e-3)
+        less = changed(circling(1.01 * radius, 2.02), circling(radius, 2.0))
+        assert (less.radius_percent > 0) == told
+
+
+def test_only_the_settled_part_of_a_run_between_its_commands_tells_radius_and_speed() -> None:
+    plain, other = circling(5.0, 2.0), circling(5.0, 2.0)
+    other[:24] = circling(5.0, 3.0)[:24] - (circling(5.0, 3.0)[24] - other[24])
+    assert changed(other, plain).speed_percent == pytest.approx(0.0, abs=0.05)
+    assert changed(other, plain, start_s=-0.1).speed_percent > 0.1
+    late = circling(5.0, 2.0)
+    late[100:] += np.arange(50)[:, None] * 0.01
+    assert changed(late, plain, stop_s=1.98).speed_percent == pytest.approx(0.0, abs=0.01)
+    assert changed(late, plain).speed_percent > 0.1
+
+
+@pytest.mark.parametrize("name", ["path_noise_floors", "radius_percent", "speed_percent"])
+def test_an_effect_matters_from_what_is_stated_as_relevant_on(name: str) -> None:
+    nothing = relevance.Changes(0.0, 0.0, 0.0)
+    least = getattr(Relevant(), name)
+    assert not nothing.matter(Relevant())
+    assert replace(nothing, **{name: least}).matter(Relevant())
+    assert not replace(nothing, **{name: 0.99 * least}).matter(Relevant())
+    assert (Relevant().path_noise_floors, Relevant().radius_percent, Relevant().speed_percent) == (0.5, 0.1, 0.1)
+
+
+def test_knowledge_is_the_fitted_deviation_in_its_unit_with_its_interval() -> None:
+    quantity = Quantity("time_base", "seconds of the recording", "1", sigma=1e-4, per_unit=5e-3)
+    free = Quantity("plane_scale", "millimetres of the plate", "1", sigma=1e-3, per_unit=0.05)
+    effect = column("time_base")  # of an effect of the same name: no quantity
+    fit = fit_of(linear_runs(), [effect], np.array([9.0]), TAU, np.eye(1))
+    held = fit_of(
+        linear_runs(parameters=1), [column("time_base", effect=False)], np.array([0.08]), TAU, np.eye(1) * 4e-4
+    )
+    found, stays = knowledge([quantity, free], held)
+    assert (found.found, found.low, found.high) == pytest.approx((4e-4, 4e-4 - 1.96 * 1e-4, 4e-4 + 1.96 * 1e-4))
+    assert (stays.found, stays.low, stays.high) == pytest.approx((0.0, -1.96e-3, 1.96e-3))
+    assert knowledge([quantity], fit)[0].found == 0.0
+    assert found.is_finding
+    assert found.sentence == "seconds of the recording: off by +0.0004, taken as known to 0.0001"
+
+
+@pytest.mark.parametrize(("found", "finding"), [(2.9, False), (3.1, True), (-3.1, True)])
+def test_a_preference_beyond_three_tolerances_is_a_finding(found: float, finding: bool) -> None:
+    quantity = Quantity("start_common_s", "start", "s", sigma=0.01, per_unit=0.5)
+    told = Knowledge(quantity, 0.01 * found, 0.0, 0.0)
+    assert told.is_finding == finding
+    way = "later" if found > 0 else "earlier"
+    assert told.sentence == f"motion starts {abs(10 * found):.0f} ms {way} than start_s in all runs"

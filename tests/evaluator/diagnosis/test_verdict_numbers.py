@@ -1,0 +1,152 @@
+"""Every number that decides a verdict, from either side, and the probabilities behind it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.assessment import verdict
+from evaluator.diagnosis.assessment.adequacy import Adequacy
+from evaluator.diagnosis.assessment.cross_validation import Constancy
+from evaluator.diagnosis.assessment.model_comparison import (
+    Standing,
+    _left_over,
+    _odds_sigmas,
+    score,
+    standing,
+)
+from evaluator.diagnosis.assessment.verdict import decide, doubts, kept, pays
+from evaluator.diagnosis.inference.search import Search, log_prior
+
+NONE: frozenset[str] = frozenset()
+A, AB, ABC = frozenset({"a"}), frozenset({"a", "b"}), frozenset({"a", "b", "c"})
+FREE = frozenset({"free:x"})
+
+
+def ranked(monkeypatch: pytest.MonkeyPatch, scores: dict[frozenset[str], float]) -> tuple[Search, Standing]:
+    """A search whose sets have these scores; sets that are not named were never fitted."""
+    monkeypatch.setattr(verdict, "score", lambda _, ids, __: scores.get(ids, -np.inf))
+    order = sorted(scores, key=lambda ids: -scores[ids])
+    return cast("Search", None), Standing(tuple(order), np.array([scores[ids] for ids in order]))
+
+
+@pytest.mark.parametrize(
+    ("ids", "below", "odds"),
+    [(A, {NONE: 0.0}, 8.0), (AB, {A: 20.0, NONE: 0.0}, 6.0), (ABC, {AB: 40.0, A: 20.0, NONE: 0.0}, 12.0)],
+    ids=["one", "two", "three"],
+)
+@pytest.mark.parametrize(("more", "enough"), [(0.05, True), (-0.05, False)])
+def test_an_effect_stays_at_odds_that_depend_on_the_size_of_the_set(
+    ids: frozenset[str],
+    below: dict[frozenset[str], float],
+    odds: float,
+    more: float,
+    enough: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    search, table = ranked(monkeypatch, {ids: max(below.values()) + odds + more, **below})
+    assert pays(search, table, 95, ids) == enough
+    assert (kept(search, table, 95) == ids) == enough
+
+
+@pytest.mark.parametrize(("more", "enough"), [(0.05, True), (-0.05, False)])
+def test_a_term_without_a_name_earns_as_much_as_a_first_effect_even_beside_two(
+    more: float, enough: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search, table = ranked(monkeypatch, {FREE: 8.0 + more, NONE: 0.0})
+    assert pays(search, table, 95, FREE) == enough
+    beside = FREE | {"a"}
+    search, table = ranked(monkeypatch, {beside: 26.0 + more, A: 20.0, FREE: 10.0, NONE: 0.0})
+    assert pays(search, table, 95, beside) == enough  # by what a second effect earns
+
+
+@pytest.mark.parametrize(("rival", "answer"), [(8.55, "effect"), (8.65, "unknown")])
+def test_a_free_term_that_pays_and_has_a_fifth_of_the_probability_casts_doubt(
+    rival: float, answer: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Odds of one to four are 1.386 below the named effect."""
+    search, table = ranked(monkeypatch, {A: 10.0, FREE: rival, NONE: 0.0})
+    monkeypatch.setattr(verdict, "_foretells", lambda *_: False)
+    assert decide(search, table, 95, A)[1] == answer
+    shares = table.share_of([FREE], [A, FREE, NONE])
+    assert (shares > 0.2) == (answer == "unknown")
+
+
+@pytest.mark.parametrize(
+    ("gain", "error", "better"), [(4.1, 2.0, True), (3.9, 0.1, False), (6.0, 3.1, False), (6.0, 2.9, True)]
+)
+def test_a_set_foretells_by_four_and_by_two_standard_errors(
+    gain: float, error: float, better: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(verdict, "advantage", lambda *_: (gain, error))
+    search: Any = SimpleNamespace(fits={A: 1, FREE: 2}, problem=SimpleNamespace(data=()), tolerance={})
+    assert verdict._foretells(search, FREE, A) == better
+
+
+@pytest.mark.parametrize(("free", "answer"), [(0.5, "unknown"), (-0.5, "none")])
+def test_a_free_term_that_foretells_must_also_be_more_probable_than_nothing(
+    free: float, answer: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search, table = ranked(monkeypatch, {FREE: free, NONE: 0.0})
+    monkeypatch.setattr(verdict, "_foretells", lambda *_: True)
+    found = decide(search, table, 95, NONE)
+    assert found[1] == answer
+    assert found[0] == (FREE if answer == "unknown" else NONE)
+
+
+def left(excess: float = 1.0, sigma: float = 9.0, order_p: float = 1.0) -> Adequacy:
+    return Adequacy(excess, sigma, np.ones(3), np.zeros((3, 4)), order_p, "friction of the runs depends on order")
+
+
+def test_left_overs_are_doubted_beyond_an_eighth_of_the_noise_and_five_sigmas() -> None:
+    assert doubts(left(), []) == ""
+    assert doubts(left(1.11, 9.0), []) == doubts(left(1.5, 4.9), []) == ""
+    assert doubts(left(1.13, 5.1), []) == "left-overs are 1.13 times the tracking noise (5 sigmas)"
+
+
+def test_dependence_and_inconstancy_are_doubted_below_one_in_a_thousand() -> None:
+    assert doubts(left(order_p=1.1e-3), [Constancy("forward and backward", 1.1e-3)]) == ""
+    assert "depends on order, which is not chance (probability 0.0009)" in doubts(left(order_p=9e-4), [])
+    said = doubts(left(), [Constancy("slow and fast", 0.5), Constancy("left and right", 9e-4)])
+    assert said == "the effect differs in size between left and right (probability 0.0009)"
+
+
+def searched(evidence: dict[frozenset[str], float]) -> Search:
+    fits = {ids: SimpleNamespace(posterior=SimpleNamespace(log_evidence=value)) for ids, value in evidence.items()}
+    terms = dict.fromkeys(["a", "b", "c", "d", "free:x"])
+    return Search(cast("Any", None), cast("Any", terms), {}, (), cast("Any", fits))
+
+
+def test_score_is_evidence_with_priors_of_size_of_choice_and_of_physics_without_a_name() -> None:
+    search = searched({NONE: 1.0, A: 5.0, FREE: 7.0, FREE | A: 9.0})
+    assert score(search, NONE, 95) == pytest.approx(1.0 + np.log(0.5))
+    assert score(search, A, 95) == pytest.approx(5.0 + np.log(0.35) - np.log(4))
+    assert score(search, FREE, 95) == pytest.approx(7.0 + np.log(0.5) + np.log(0.05) - np.log(95))
+    assert score(search, FREE | A, 95) == pytest.approx(9.0 + np.log(0.35 / 4) + np.log(0.05 / 95))
+    assert score(search, AB, 95) == -np.inf
+    assert [log_prior(size, 26) for size in (2, 3)] == pytest.approx([np.log(0.12 / 325), np.log(0.03 / 2600)])
+
+
+def test_probabilities_are_shares_of_the_exponentials() -> None:
+    table = standing(searched({NONE: 0.0, A: 3.0, AB: 4.0}), 95)
+    scores = np.array([table.of(ids) for ids in table.sets])
+    assert (np.diff(scores) <= 0).all()
+    weight = np.exp(scores)
+    np.testing.assert_allclose(table.probability, weight / weight.sum())
+    assert table.containing("a") == pytest.approx(1 - weight[table.sets.index(NONE)] / weight.sum())
+    assert table.share_of([A], [A, NONE]) == pytest.approx(1 / (1 + np.exp(table.of(NONE) - table.of(A))))
+
+
+def test_odds_in_sigmas_are_the_root_of_twice_the_loss() -> None:
+    fit: Any = SimpleNamespace(posterior=SimpleNamespace(log_evidence=10.0))
+    assert _odds_sigmas(fit, 2.0) == pytest.approx(4.0)
+    assert _odds_sigmas(fit, 11.0) == 0.0
+
+
+def test_separation_is_the_part_of_an_effect_that_the_others_cannot_make() -> None:
+    model: Any = SimpleNamespace(G=np.array([[[4.0, 3.0], [3.0, 9.0]]]), prior=np.array([0.0, 7.0]))
+    assert _left_over(model, 0, [0], np.array([2.0]), []) == pytest.approx(4.0)  # two sigmas a unit, two units
+    assert _left_over(model, 0, [0], np.array([2.0]), [1]) == pytest.approx(np.sqrt(16 - 36 / 16))

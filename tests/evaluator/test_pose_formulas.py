@@ -1,0 +1,271 @@
+"""Every formula of the pose on numbers worked out by hand, and every reason for a frame without a pose."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from calibration.camera import camera_above
+from evaluator.errors import InputError
+from evaluator.pose import ONE_PLACE_MM, ROUNDING_SIGMA_MM, MarkGeometry, Poses, poses_from_marks, unwrapped_across_gaps
+
+from .turning.synthetic import GEOMETRY, arc_poses, marks_of
+
+LOPSIDED = MarkGeometry(green_mm=(2.0, 1.0), yellow_mm=(-1.0, -0.5))
+MARKS = ["green_x_mm", "green_y_mm", "yellow_x_mm", "yellow_y_mm"]
+
+
+def table(rows: int = 40, **columns: object) -> pd.DataFrame:
+    """Marks of LOPSIDED at rest at (10, 20), heading 90 degrees."""
+    values: dict[str, object] = {
+        "time_s": np.arange(rows) / 50,
+        "green_x_mm": 9.0,
+        "green_y_mm": 22.0,
+        "yellow_x_mm": 10.5,
+        "yellow_y_mm": 19.0,
+    }
+    return pd.DataFrame(values | columns)
+
+
+def at_rest(spacing_mm: np.ndarray) -> pd.DataFrame:
+    """Marks along x, as far apart as said."""
+    return pd.DataFrame(
+        {"time_s": np.arange(len(spacing_mm)) / 50, "green_x_mm": spacing_mm}
+        | {"green_y_mm": 0.0, "yellow_x_mm": 0.0, "yellow_y_mm": 0.0}
+    )
+
+
+def test_spacing_is_the_distance_of_the_marks() -> None:
+    assert MarkGeometry((2.0, 5.0), (-1.0, 1.0)).spacing_mm == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize(("apart", "refused"), [(0.9, True), (1.1, False)])
+def test_marks_nearer_than_their_rounding_are_one_place(apart: float, refused: bool) -> None:
+    place = (apart * ONE_PLACE_MM, 0.0)
+    if refused:
+        with pytest.raises(InputError, match="two different places"):
+            MarkGeometry((0.0, 0.0), place)
+    else:
+        assert MarkGeometry((0.0, 0.0), place).spacing_mm > 0
+
+
+def test_rounding_is_that_of_six_decimals_and_one_place_ten_times_it() -> None:
+    assert pytest.approx(1e-6 / np.sqrt(12)) == ROUNDING_SIGMA_MM
+    assert pytest.approx(1e-5 / np.sqrt(12)) == ONE_PLACE_MM
+
+
+def test_pose_of_marks_off_the_centre_of_a_robot_that_faces_up() -> None:
+    poses = poses_from_marks(table(), LOPSIDED)
+    np.testing.assert_allclose([poses.x_mm[0], poses.y_mm[0], poses.heading_rad[0]], [10.0, 20.0, np.pi / 2])
+
+
+def test_the_mark_known_better_counts_more_in_the_position_by_the_inverse_of_the_variance() -> None:
+    sigmas = {f"green_{axis}_sigma_mm": 0.01 for axis in "xy"} | {f"yellow_{axis}_sigma_mm": 0.02 for axis in "xy"}
+    wide = table(**sigmas, green_y_mm=22.3, yellow_y_mm=18.9)  # a spacing that is wrong: 0.3 and 0.1 mm too far out
+    poses = poses_from_marks(wide, LOPSIDED)
+    heading = np.arctan2(3.4, -1.5) - np.arctan2(1.5, 3.0)
+    mean = 0.8 * np.array([9.0, 22.3]) + 0.2 * np.array([10.5, 18.9])
+    body = 0.8 * np.array([2.0, 1.0]) + 0.2 * np.array([-1.0, -0.5])
+    turned = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]]) @ body
+    np.testing.assert_allclose([poses.x_mm[0], poses.y_mm[0], poses.heading_rad[0]], [*(mean - turned), heading])
+
+
+def test_covariance_of_a_pose_is_that_of_the_marks_through_its_numerical_derivative() -> None:
+    sigma = {"green_x": 0.01, "green_y": 0.02, "yellow_x": 0.03, "yellow_y": 0.015}
+    columns = {f"{name}_sigma_mm": value for name, value in sigma.items()}
+    marks = table(**columns, green_xy_cov_mm2=1e-4, yellow_xy_cov_mm2=-2e-4)
+    poses = poses_from_marks(marks, LOPSIDED)
+    gradient = []
+    for name in sigma:
+        sides = []
+        for step in (1e-4, -1e-4):
+            moved = marks.assign(**{f"{name}_mm": marks[f"{name}_mm"] + step})
+            found = poses_from_marks(moved, LOPSIDED)
+            sides.append(np.array([found.x_mm[0], found.y_mm[0], found.heading_rad[0]]))
+        gradient.append((sides[0] - sides[1]) / 2e-4)
+    covariance = np.diag([value**2 for value in sigma.values()])
+    covariance[0, 1] = covariance[1, 0] = 1e-4
+    covariance[2, 3] = covariance[3, 2] = -2e-4
+    jacobian = np.array(gradient).T
+    np.testing.assert_allclose(poses.covariance[0], jacobian @ covariance @ jacobian.T, rtol=1e-5, atol=1e-12)
+
+
+@pytest.mark.parametrize(("given", "taken"), [(5e-4, 0.99e-4), (-5e-4, -0.99e-4), (0.5e-4, 0.5e-4), (np.nan, 0.0)])
+def test_covariance_of_the_axes_stays_that_of_a_mark(given: float, taken: float) -> None:
+    sigmas = {f"{mark}_{axis}_sigma_mm": 0.01 for mark in ("green", "yellow") for axis in "xy"}
+    poses = poses_from_marks(table(**sigmas, green_xy_cov_mm2=given, yellow_xy_cov_mm2=given), LOPSIDED)
+    other = poses_from_marks(table(**sigmas, green_xy_cov_mm2=taken, yellow_xy_cov_mm2=taken), LOPSIDED)
+    np.testing.assert_allclose(poses.covariance, other.covariance)
+    assert np.linalg.eigvalsh(poses.covariance[0]).min() > 0
+
+
+def test_uncertainty_that_is_missing_or_zero_in_a_frame_is_the_usual_one_and_never_below_the_rounding() -> None:
+    sigma = np.full(40, 0.01)
+    sigma[:3] = [np.nan, 0.0, -1.0]
+    names = [f"{mark}_{axis}_sigma_mm" for mark in ("green", "yellow") for axis in "xy"]
+    poses = poses_from_marks(table(**dict.fromkeys(names, sigma)), LOPSIDED)
+    np.testing.assert_allclose(poses.covariance[:3], poses.covariance[3:6])
+    tiny = poses_from_marks(table(**dict.fromkeys(names, 1e-12)), LOPSIDED)
+    assert tiny.covariance[0, 2, 2] == pytest.approx(2 * ROUNDING_SIGMA_MM**2 / LOPSIDED.spacing_mm**2)
+
+
+def test_without_uncertainties_the_scatter_of_the_distance_gives_that_of_a_coordinate() -> None:
+    spacing = 4.0 + 0.02 * np.resize([-1.0, 1.0, -2.0, 2.0], 40)  # median deviation 0.03 mm
+    poses = poses_from_marks(at_rest(spacing), MarkGeometry((2.0, 0.0), (-2.0, 0.0)))
+    coordinate = 1.4826 * 0.03 / np.sqrt(2)
+    assert poses.covariance[0, 0, 0] == pytest.approx(coordinate**2 / 2)
+    assert poses.covariance[0, 2, 2] == pytest.approx(2 * coordinate**2 / spacing[0] ** 2)
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_two_distances_have_no_scatter_and_refuse_nothing(rows: int) -> None:
+    poses = poses_from_marks(at_rest(np.array([4.0, 4.5])[:rows]), MarkGeometry((2.0, 0.0), (-2.0, 0.0)))
+    assert poses.measured.all()
+    assert poses.covariance[0, 0, 0] == pytest.approx(ROUNDING_SIGMA_MM**2 / 2)
+
+
+def test_three_distances_refuse_the_odd_one() -> None:
+    poses = poses_from_marks(at_rest(np.array([4.0, 4.0, 4.5])), MarkGeometry((2.0, 0.0), (-2.0, 0.0)))
+    assert poses.measured.tolist() == [True, True, False]
+    assert poses.status[2] == "marks 4.500 mm apart, 4.000 in the other frames"
+
+
+@pytest.mark.parametrize(("away", "refused"), [(5.5, False), (6.5, True), (-5.5, False), (-6.5, True)])
+def test_distances_beyond_six_robust_deviations_are_refused(away: float, refused: bool) -> None:
+    spacing = 4.0 + 0.01 * np.resize([-1.0, 1.0], 41)
+    spacing[40] = 4.0
+    odd = 7 if away > 0 else 8  # so that the median stays in the middle
+    spacing[odd] = 4.0 + away * 1.4826 * 0.01
+    poses = poses_from_marks(at_rest(spacing), MarkGeometry((2.0, 0.0), (-2.0, 0.0)))
+    assert poses.measured[odd] != refused
+    assert poses.measured.sum() == 41 - refused
+
+
+@pytest.mark.parametrize(("away", "refused"), [(5.5, False), (6.5, True)])
+def test_exact_distances_may_differ_by_their_rounding(away: float, refused: bool) -> None:
+    spacing = np.full(41, 4.0)
+    spacing[7] += away * np.sqrt(2) * ROUNDING_SIGMA_MM
+    poses = poses_from_marks(at_rest(spacing), MarkGeometry((2.0, 0.0), (-2.0, 0.0)))
+    assert poses.measured[7] != refused
+
+
+def test_reason_of_the_green_mark_is_said_before_that_of_the_yellow_one_and_ok_is_none() -> None:
+    marks = table(green_status="ok", yellow_status="ok")
+    marks.loc[3, ["green_x_mm", "yellow_y_mm"]] = np.nan
+    marks.loc[3, ["green_status", "yellow_status"]] = ["behind a wire", "outside"]
+    marks.loc[4, "yellow_x_mm"] = np.nan
+    marks.loc[5, "yellow_x_mm"] = np.nan
+    marks.loc[5, "yellow_status"] = ""
+    poses = poses_from_marks(marks, LOPSIDED)
+    assert poses.status[3:6].tolist() == ["green: behind a wire", "yellow: absent", "yellow: absent"]
+    assert np.isnan(np.column_stack([poses.x_mm, poses.y_mm, poses.heading_rad])[3:6]).all()
+    assert poses.status[6] == "ok"
+
+
+def test_marks_in_one_place_have_no_heading_and_are_no_measure_of_the_usual_distance() -> None:
+    marks = table()
+    marks.loc[:9, "yellow_x_mm"], marks.loc[:9, "yellow_y_mm"] = 9.0, 22.0
+    poses = poses_from_marks(marks, LOPSIDED)
+    assert set(poses.status[:10]) == {"both marks are in one place: no heading"}
+    assert poses.measured[10:].all()
+    assert poses.spacing_ratio()[0] == pytest.approx(1.0)
+
+
+def test_table_without_places_on_the_plate_is_refused() -> None:
+    with pytest.raises(InputError, match="yellow_y_mm"):
+        poses_from_marks(table().drop(columns="yellow_y_mm"), LOPSIDED)
+
+
+def test_camera_needs_the_height_of_the_marks() -> None:
+    camera = camera_above(size_px=(640, 480), focal_px=2000, distance_mm=150)
+    with pytest.raises(InputError, match="height_mm"):
+        poses_from_marks(table(), LOPSIDED, camera)
+
+
+@pytest.mark.parametrize("missing", ["x_mm", "y_mm", "heading_rad"])
+def test_frame_is_measured_where_place_and_heading_are_known(missing: str) -> None:
+    values = {name: np.array([1.0, 2.0]) for name in ("x_mm", "y_mm", "heading_rad")}
+    values[missing] = np.array([1.0, np.nan])
+    poses = Poses(time_s=np.arange(2.0), covariance=np.zeros((2, 3, 3)), status=np.array(["ok", "ok"]), **values)
+    assert poses.measured.tolist() == [True, False]
+    assert not poses.x_mm.flags.writeable
+
+
+def test_ratio_of_the_distances_is_that_of_the_medians_with_the_error_of_a_median() -> None:
+    spacing = 4.4 + 0.02 * np.resize([-1.0, 1.0, -2.0, 2.0], 40)
+    poses = poses_from_marks(at_rest(spacing), MarkGeometry((2.0, 0.0), (-2.0, 0.0)))
+    ratio, error = poses.spacing_ratio()
+    assert ratio == pytest.approx(1.1)
+    assert error == pytest.approx(1.2533 * 1.4826 * 0.03 / np.sqrt(40) / 4.0)
+
+
+def test_ratio_needs_geometry_distances_and_two_frames() -> None:
+    marks = table()
+    two, one = poses_from_marks(marks.iloc[:2], LOPSIDED), poses_from_marks(marks.iloc[:1], LOPSIDED)
+    assert two.spacing_ratio() == pytest.approx((1.0, 0.0))
+    assert np.isnan(one.spacing_ratio()).all()
+    fields = {name: getattr(two, name) for name in ("time_s", "x_mm", "y_mm", "heading_rad", "covariance", "status")}
+    assert np.isnan(Poses(**fields, spacing_mm=two.spacing_mm).spacing_ratio()).all()
+    assert np.isnan(Poses(**fields, geometry=LOPSIDED).spacing_ratio()).all()
+
+
+@pytest.mark.parametrize(("first", "count"), [(0, 7), (50, 1), (50, 15), (93, 7)])
+def test_frames_that_point_backward_for_a_moment_are_refused_while_the_robot_spins(first: int, count: int) -> None:
+    marks = marks_of(arc_poses(2.0, 3600, 100), 0.0, np.random.default_rng(0))  # 36 degrees a frame
+    wrong = slice(first, first + count - 1)
+    marks.loc[wrong, MARKS] = marks.loc[wrong, [*MARKS[2:], *MARKS[:2]]].to_numpy()
+    poses = poses_from_marks(marks, GEOMETRY)
+    assert np.flatnonzero(~poses.measured).tolist() == list(range(first, first + count))
+    assert poses.status[first] == "heading turned about for a moment: marks exchanged?"
+    steps = np.diff(poses.heading_rad) / np.radians(3600 / 99)
+    np.testing.assert_allclose(steps[np.isfinite(steps)], 1.0)
+
+
+@pytest.mark.parametrize(("frames", "refused"), [(30, 0), (31, 1)])
+def test_a_moment_needs_thirty_one_frames_to_be_told_from_the_rest(frames: int, refused: int) -> None:
+    marks = marks_of(arc_poses(5.0, 40, frames), 0.0, np.random.default_rng(0))
+    marks.loc[15, MARKS] = marks.loc[15, [*MARKS[2:], *MARKS[:2]]].to_numpy()
+    assert (~poses_from_marks(marks, GEOMETRY).measured).sum() == refused
+
+
+def test_heading_is_unwrapped_in_both_senses_and_keeps_its_first_value() -> None:
+    for sense in (1, -1):
+        heading = 2.0 + sense * 0.9 * np.arange(30.0)
+        found = unwrapped_across_gaps(np.arange(30) / 50, np.angle(np.exp(1j * heading)))
+        np.testing.assert_allclose(found, heading, atol=1e-9)
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("first", [2, 40, 90])
+def test_turns_in_a_gap_are_counted_by_the_yaw_rate_beside_it(sense: int, first: int) -> None:
+    """The rate changes along the run, so that only the frames beside the gap tell how far it turned meanwhile."""
+    time = np.arange(130) / 50
+    heading = sense * np.cumsum(np.linspace(0.2, 0.6, 130))
+    broken = np.angle(np.exp(1j * heading))
+    broken[first : first + 30] = np.nan
+    found = unwrapped_across_gaps(time, broken)
+    after = found[first + 30 :] - heading[first + 30 :]
+    np.testing.assert_allclose(after, after[0], atol=1e-9)
+    np.testing.assert_allclose(found[0] - heading[0], after[0], atol=1e-9)
+    assert np.isnan(found[first : first + 30]).all()
+
+
+def test_a_step_of_one_and_a_half_intervals_is_a_gap_and_a_shorter_one_is_not() -> None:
+    """4 rad per interval look like -2.28: in a gap the frames beside it tell, between frames the shortest way does."""
+    interval = np.full(20, 1.0)
+    for length, turned in ((1.4, 2.8), (1.6, 3.2)):
+        interval[10] = length
+        heading = np.concatenate([[0.0], np.cumsum(2.0 * interval)])
+        found = unwrapped_across_gaps(np.concatenate([[0.0], np.cumsum(interval)]), np.angle(np.exp(1j * heading)))
+        assert found[11] - found[10] == pytest.approx(turned)
+    interval[10], heading = 1.4, np.concatenate([[0.0], np.cumsum(2.5 * np.where(np.arange(20) == 10, 1.4, 1.0))])
+    found = unwrapped_across_gaps(np.concatenate([[0.0], np.cumsum(interval)]), np.angle(np.exp(1j * heading)))
+    assert found[11] - found[10] == pytest.approx(3.5 - 2 * np.pi)
+
+
+@pytest.mark.parametrize("known", [0, 1, 2])
+def test_heading_of_few_frames_is_left_as_it_is(known: int) -> None:
+    heading = np.full(4, np.nan)
+    heading[:known] = 0.3
+    np.testing.assert_array_equal(unwrapped_across_gaps(np.arange(4.0), heading), heading)

@@ -1,0 +1,104 @@
+"""The path of one point, whose heading nobody knows: circles and lines in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evaluator.turning.path import PointPath, _noise, measure_path
+
+FRAME_S = 1 / 50
+
+
+def on_circle(
+    radius: float, turned_deg: float, frames: int = 300, sigma: float = 0.0, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times and places counter-clockwise about (3, -2); clockwise for a negative radius."""
+    angle = np.radians(np.linspace(20, 20 + turned_deg, frames)) * np.sign(radius)
+    places = np.column_stack([3 + abs(radius) * np.cos(angle), -2 + abs(radius) * np.sin(angle)])
+    return FRAME_S * np.arange(frames), places + sigma * np.random.default_rng(seed).normal(size=places.shape)
+
+
+@pytest.mark.parametrize("radius", [5.0, -5.0, 80.0])
+@pytest.mark.parametrize("turned_deg", [60, 350, 800])
+def test_exact_circle_has_its_radius_speed_and_turn(radius: float, turned_deg: float) -> None:
+    path = measure_path(*on_circle(radius, turned_deg))
+    assert path.status == "ok"
+    assert path.radius == pytest.approx(abs(radius), rel=1e-6)
+    assert path.turned_deg == pytest.approx(turned_deg, rel=1e-6)
+    assert path.speed == pytest.approx(abs(radius) * np.radians(turned_deg) / (299 * FRAME_S), rel=1e-6)
+    assert path.scatter == pytest.approx(0.0, abs=1e-6)
+
+
+def test_noisy_circles_hold_their_radius_in_their_bounds() -> None:
+    paths = [measure_path(*on_circle(5.0, 300, 200, 0.02, seed)) for seed in range(20)]
+    assert sum(path.low < 5.0 < path.high for path in paths) >= 17
+    assert np.mean([path.radius for path in paths]) == pytest.approx(5.0, rel=1e-3)
+    assert np.mean([path.scatter for path in paths]) == pytest.approx(0.02, rel=0.05)
+
+
+def test_unit_of_length_known_to_a_share_widens_the_bounds_by_that_share() -> None:
+    plain, wide = (measure_path(*on_circle(5.0, 300, 200, 0.001), scale_sigma=share) for share in (0.0, 0.02))
+    assert 1 / wide.low - 1 / wide.radius == pytest.approx(1.96 * 0.02 / 5.0, rel=0.01)
+    assert plain.high - plain.low < 0.1 * (wide.high - wide.low)
+
+
+def test_line_has_a_speed_and_no_radius() -> None:
+    time = FRAME_S * np.arange(200)
+    places = np.column_stack([3 * time, 4 * time]) + 0.01 * np.random.default_rng(1).normal(size=(200, 2))
+    path = measure_path(time, places)
+    assert path.status.startswith("straight: curvature")
+    assert np.isnan([path.radius, path.low, path.high]).all()
+    assert path.speed == pytest.approx(5.0, rel=0.01)
+    assert path.summary("mm") == path.status
+
+
+@pytest.mark.parametrize(("turned_deg", "straight"), [(0.95, True), (1.05, False)])
+def test_an_arc_of_less_than_a_degree_is_straight(turned_deg: float, straight: bool) -> None:
+    assert measure_path(*on_circle(500.0, turned_deg)).status.startswith("straight") == straight
+
+
+def test_places_that_jump_are_set_aside() -> None:
+    time, places = on_circle(5.0, 300, 300, 0.01)
+    places[100:104] += 1.0
+    assert measure_path(time, places).radius == pytest.approx(5.0, rel=1e-3)
+
+
+def test_radius_that_changes_is_said_to_vary_with_its_size() -> None:
+    curvature = np.repeat([0.18, 0.22], 300)
+    heading = np.cumsum(curvature * 0.1)
+    places = np.cumsum(0.1 * np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    places += 0.002 * np.random.default_rng(2).normal(size=places.shape)
+    path = measure_path(FRAME_S * np.arange(600), places)
+    # Two quarters of 0.18 and two of 0.22: a standard deviation of 0.0231, 11.5 % of 0.2.
+    assert path.status.startswith("varies: the curvature scatters by 1")
+    assert path.low < 1 / 0.22
+    assert path.high > 1 / 0.18
+    assert path.summary("px").startswith("varies")
+
+
+@pytest.mark.parametrize(("frames", "said"), [(15, "15 frames with the mark; 16 are needed"), (16, "")])
+def test_sixteen_frames_are_needed(frames: int, said: str) -> None:
+    path = measure_path(*on_circle(5.0, 200, frames))
+    assert path.status == said if said else np.isfinite(path.radius)
+
+
+def test_missing_frames_are_left_out() -> None:
+    time, places = on_circle(5.0, 300)
+    places[50:120] = np.nan
+    assert measure_path(time, places).radius == pytest.approx(5.0, rel=1e-6)
+
+
+def test_rest_is_no_path() -> None:
+    rest = np.tile([3.0, 4.0], (100, 1)) + 0.01 * np.random.default_rng(3).normal(size=(100, 2))
+    assert measure_path(FRAME_S * np.arange(100), rest).status.startswith("at rest")
+
+
+def test_noise_is_that_of_a_coordinate_whatever_the_path() -> None:
+    _, places = on_circle(5.0, 300, 4000, 0.02)
+    assert _noise(places) == pytest.approx(0.02, rel=0.05)
+
+
+def test_summary_says_radius_bounds_turn_and_speed() -> None:
+    said = PointPath("ok", 5.0, 4.9, 5.1, 2.5, 300.4, 0.01).summary("mm")
+    assert said == "path radius 5 mm, 95 % from 4.9 to 5.1; 300 degrees at 2.5 mm/s"
