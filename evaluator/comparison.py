@@ -6,26 +6,24 @@ through simulated marks, so that an estimator's habits (a minimum over a traject
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from evaluator.interchange.commands import Told
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.pose import Poses, poses_from_marks
-from evaluator.robot_geometry import mark_geometry, robot_shape
-from evaluator.settings import Run
-from evaluator.turning import Turning, measure_turning
-from simulator.command import Command
+from evaluator.robot_geometry import mark_geometry
+from evaluator.turning import Turning
 from simulator.effects.view import View
 from simulator.nominal_robot import WHEELS
 from simulator.observation import marks_of_run, view_of
 from simulator.robot import Robot
 from simulator.run import Run as Motion
 from simulator.run import State
-from simulator.simulation import simulate
+from simulator.simulation import moving_state, simulate
 
 Array = NDArray[np.float64]
 
@@ -45,68 +43,22 @@ BESIDE = (
 )
 
 
-@dataclass(frozen=True)
-class Counterpart:
-    """The simulated side of a run: its motion, its poses as they would be measured, and what the estimator reads there.
-
-    seen: from the marks, with the errors of the observation that are effects of the robot, at the measured times.
-    """
-
-    motion: Motion
-    seen: Poses
-    turning: Turning
-
-
-def simulated_counterpart(robot: Robot, run: Run, poses: Poses, run_index: int = 0) -> Counterpart:
-    """Simulate the command of a run from its measured start pose at the measured times; run_index: see simulate."""
-    motion, seen = simulated_poses(robot, run, poses, run_index)
-    turning = measure_turning(
-        seen,
-        start_s=run.start_s,
-        stop_s=run.stop_s,
-        shape=robot_shape(robot),
-        left_rpm=run.left_rpm,
-        right_rpm=run.right_rpm,
-    )
-    return Counterpart(motion, seen, turning)
-
-
-class Commanded(Protocol):
-    """A run with one command: left and right rpm, when the motors start and stop, s in the time of the recording."""
-
-    @property
-    def left_rpm(self) -> float:
-        """Of the left driving wheel."""
-        ...
-
-    @property
-    def right_rpm(self) -> float:
-        """Of the right driving wheel."""
-        ...
-
-    @property
-    def start_s(self) -> float:
-        """Motors on."""
-        ...
-
-    @property
-    def stop_s(self) -> float | None:
-        """Motors off."""
-        ...
-
-
-def simulated_poses(robot: Robot, run: Commanded, poses: Poses, run_index: int = 0) -> tuple[Motion, Poses]:
+def simulated_poses(robot: Robot, told: Told, poses: Poses, run_index: int = 0) -> tuple[Motion, Poses]:
     """The motion of a run simulated from its measured start pose, and its poses as they would be measured.
 
     A robot with errors of the observation (marks elsewhere, millimetres or seconds off by a factor) rests where its
-    marks, seen with these errors, lie on the measured ones; its motors start when a clock off by a factor says so.
+    marks, seen with these errors, lie on the measured ones; its motors start when a clock off by a factor says so. One
+    that does not start at rest has at the first pose the velocity that its command has given it by then.
     """
     view, geometry = view_of(robot), mark_geometry(robot)
     factor = view.time_factor
-    stop_s = None if run.stop_s is None else run.stop_s / factor
-    command = Command.constant(run.left_rpm, run.right_rpm, start_s=run.start_s / factor, stop_s=stop_s)
-    resting = resting_pose(view, geometry, start_pose(poses, run.start_s))
-    motion = simulate(robot, command, poses.time_s / factor, start=State(*resting), run_index=run_index)
+    command = told.command.retimed(1 / factor)
+    first = float(poses.time_s[0])
+    start_s = told.start_s if told.starts_at_rest and told.start_s is not None else first
+    start = State(*resting_pose(view, geometry, start_pose(poses, start_s, at_rest=told.starts_at_rest)))
+    if not told.starts_at_rest:
+        start = moving_state(robot, command, start, first / factor, run_index)
+    motion = simulate(robot, command, poses.time_s / factor, start=start, run_index=run_index)
     return motion, poses_from_marks(marks_of_run(robot, motion), geometry)
 
 
@@ -123,15 +75,16 @@ def resting_pose(
     return tuple(map(float, least_squares(misfit, measured, x_scale=(1.0, 1.0, 0.3)).x))  # type: ignore[return-value]
 
 
-def start_pose(poses: Poses, start_s: float) -> tuple[float, float, float]:
+def start_pose(poses: Poses, start_s: float, *, at_rest: bool = True) -> tuple[float, float, float]:
     """Pose (x mm, y mm, heading rad) in which the run starts.
 
     From the frames at rest before start_s, their mean; in a recording without such frames, from the first frames,
-    through which heading is drawn as a line and position as a parabola in time (a steady turn to second order).
+    through which heading is drawn as a line and position as a parabola in time (a steady turn to second order). A run
+    that does not start at_rest has no frames at rest.
     """
     known = np.isfinite(poses.heading_rad)
     time = poses.time_s
-    resting = known & (time <= start_s)
+    resting = known & (time <= start_s) & at_rest
     if np.count_nonzero(resting) >= 3:
         chosen, powers = resting, (0, 0, 0)
     else:
@@ -149,10 +102,13 @@ def start_pose(poses: Poses, start_s: float) -> tuple[float, float, float]:
     return x, y, heading
 
 
-def comparison_row(turning: dict[str, Any], poses: Poses, counterpart: Counterpart) -> dict[str, Any]:
-    """One row of comparison.csv from the row of turning.csv, the measured poses and the simulated counterpart."""
-    simulated = counterpart.turning.to_row()
-    if abs(counterpart.turning.curvature_per_mm) * STRAIGHT_MM < 1:
+def comparison_row(turning: dict[str, Any], poses: Poses, seen: Poses, read: Turning) -> dict[str, Any]:
+    """One row of comparison.csv from the row of turning.csv and the measured poses.
+
+    seen: the poses simulated at the same times; read: what the estimator reads in them.
+    """
+    simulated = read.to_row()
+    if abs(read.curvature_per_mm) * STRAIGHT_MM < 1:
         simulated |= {"radius_mm": float("nan"), "steady_radius_mm": float("nan")}
     row: dict[str, Any] = {}
     for name in ("radius_mm", "steady_radius_mm"):
@@ -164,7 +120,7 @@ def comparison_row(turning: dict[str, Any], poses: Poses, counterpart: Counterpa
     of_marks = [name for name in turning if name.endswith("_speed_mm_s") and name in simulated]
     for name in (*BESIDE[:2], *of_marks, *BESIDE[2:]):
         row[name], row[f"simulated_{name}"] = turning[name], simulated[name]
-    return {**row, **trajectory_gap(poses, counterpart.seen)}
+    return {**row, **trajectory_gap(poses, seen)}
 
 
 def trajectory_gap(poses: Poses, seen: Poses) -> dict[str, float]:
@@ -175,7 +131,9 @@ def trajectory_gap(poses: Poses, seen: Poses) -> dict[str, float]:
     distance = np.hypot(seen.x_mm - poses.x_mm, seen.y_mm - poses.y_mm)
     known = np.flatnonzero(np.isfinite(distance))
     turn = np.degrees(seen.heading_rad - poses.heading_rad)[known]
-    turn -= 360 * np.round(turn[0] / 360) if len(known) else 0.0
+    if not len(known):
+        return {"gap_rms_mm": float("nan"), "gap_end_mm": float("nan"), "heading_gap_end_deg": float("nan")}
+    turn -= 360 * np.round(turn[0] / 360)
     return {
         "gap_rms_mm": float(np.sqrt(np.mean(distance[known] ** 2))),
         "gap_end_mm": float(distance[known[-1]]),

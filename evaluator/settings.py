@@ -5,12 +5,16 @@ from __future__ import annotations
 import datetime as dt
 import tomllib
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic_core import PydanticKnownError
 
 from evaluator.errors import InputError
 from evaluator.interchange.tracks import Tracks
+
+if TYPE_CHECKING:
+    from evaluator.interchange.commands import Told
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -22,28 +26,65 @@ class Table(BaseModel):
 
 
 class Run(Table):
-    """One recorded run: what was commanded and where its video or marks are."""
+    """One recorded run: what was commanded and where its video, marks or poses are."""
 
     id: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
-    left_rpm: Finite
-    right_rpm: Finite
-    start_s: Finite = 0.0
+    commands: Path | None = None  # a log instead of one constant command
+    left_rpm: Annotated[Finite | None, Field(validate_default=True)] = None
+    right_rpm: Annotated[Finite | None, Field(validate_default=True)] = None
+    start_s: Finite = 0.0  # motors on; with a log: when its clock reads 0, in the time of the recording
     stop_s: Finite | None = None
+    starts_at_rest: bool = True
     video: Path | None = None
     marks: Path | None = None
+    poses: Path | None = None
     rate_hz: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None  # where the video has no times
     group: str = ""  # wheel type, operator, …: runs of one group are drawn as one series
     robot: str | None = None  # where it differs from the experiment's
     camera: Path | None = None
     notes: str = ""
 
+    @field_validator("left_rpm", "right_rpm")
+    @classmethod
+    def _said_without_a_log(cls, value: float | None, info: ValidationInfo) -> float | None:
+        if value is None and "commands" in info.data and info.data["commands"] is None:
+            raise PydanticKnownError("missing")
+        return value
+
     @model_validator(mode="after")
     def _one_source(self) -> Self:
-        if (self.video is None) == (self.marks is None):
-            raise ValueError(f"run {self.id} needs either video or marks")
+        if sum(item is not None for item in (self.video, self.marks, self.poses)) != 1:
+            raise ValueError(f"run {self.id} needs either video or marks (or poses), one of them")
+        sides = [name for name in ("left_rpm", "right_rpm") if getattr(self, name) is not None]
+        if self.commands is not None and (sides or self.stop_s is not None):
+            taken = " and ".join([*sides, *(["stop_s"] if self.stop_s is not None else [])])
+            raise ValueError(f"run {self.id}: commands replaces {taken}; keep one or the other")
         if self.stop_s is not None and self.stop_s <= self.start_s:
             raise ValueError(f"run {self.id}: stop_s = {self.stop_s} is not after start_s = {self.start_s}")
         return self
+
+    @property
+    def source(self) -> Path:
+        """The recording: video, marks or poses."""
+        found = self.video or self.marks or self.poses
+        assert found is not None  # held by the model of the file
+        return found
+
+    def told(self) -> Told:
+        """What the motors were told. Raises InputError where a log, or the clock of the poses, cannot be read."""
+        from evaluator.interchange.commands import constant, from_log
+
+        rests, begin_s, stop_s = self.starts_at_rest, self.start_s, self.stop_s
+        if self.poses is not None:  # a clock that counts from 1970: times of a recording begin at nought
+            from evaluator.interchange.poses import clock_zero_s
+
+            zero_s = clock_zero_s(self.poses)
+            begin_s, stop_s = begin_s - zero_s, None if stop_s is None else stop_s - zero_s
+        if self.commands is not None:
+            return from_log(self.commands, begin_s, starts_at_rest=rests)
+        assert self.left_rpm is not None  # held by the model of the file
+        assert self.right_rpm is not None
+        return constant(self.left_rpm, self.right_rpm, begin_s, stop_s, starts_at_rest=rests)
 
 
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -118,6 +159,8 @@ def load_experiment(path: Path) -> Experiment:
             update={
                 "video": absolute(run.video),
                 "marks": absolute(run.marks),
+                "poses": absolute(run.poses),
+                "commands": absolute(run.commands),
                 "camera": absolute(run.camera or raw.camera),
                 "robot": robot(run.robot or raw.robot),
             }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,6 +14,22 @@ from numpy.typing import ArrayLike, NDArray
 from simulator.errors import SimulationError
 
 Array = NDArray[np.float64]
+RPM_PER_RAD_S = 60.0 / (2.0 * math.pi)
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A time over which both sides hold one command: begin_s to end_s (infinite at an open end), rpm."""
+
+    begin_s: float
+    end_s: float
+    left_rpm: float
+    right_rpm: float
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether a motor is on."""
+        return self.left_rpm != 0.0 or self.right_rpm != 0.0
 
 
 @dataclass(frozen=True)
@@ -83,26 +100,57 @@ class Command:
 
         Two rows at one time are a jump. Raises OSError, and SimulationError for a file that is not a command log.
         """
-        import pandas as pd
-
+        time, left, right = _columns_of_log(path)
         try:
-            table = pd.read_csv(path)
-        except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-            raise SimulationError(f"{path}: not a CSV table ({str(error).strip()})") from error
-        names = ("time_s", "left_rpm", "right_rpm")
-        missing = [name for name in names if name not in table]
-        if missing:
-            raise SimulationError(
-                f"{path}: column {', '.join(missing)} is missing; a command log has {', '.join(names)}"
-            )
-        columns = [pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float) for name in names]
-        bad = np.flatnonzero(~np.isfinite(columns).all(axis=0))
-        if len(bad):
-            raise SimulationError(f"{path}: line {bad[0] + 2} holds a value that is not a finite number")
-        try:
-            return cls(*columns)
+            return cls(time, left, right)
         except SimulationError as error:
             raise SimulationError(f"{path}: {error}") from error
+
+    @classmethod
+    def held(cls, path: str | Path, *, starts_at_rest: bool = True) -> Command:
+        """Read a command log as from_csv does, each value held until the next.
+
+        Columns left_rad_s, right_rad_s may stand for left_rpm, right_rpm. Before the first row the motors are off, or,
+        where the robot does not start at rest, do what the first row says.
+        """
+        time, left, right = _columns_of_log(path)
+        values = np.column_stack([left, right])
+        # A log that repeats a value many times a second has one change, not many.
+        changes = np.r_[True, (np.diff(values, axis=0) != 0).any(axis=1)]
+        rows = [(float(t), float(l), float(r)) for t, (l, r) in zip(time[changes], values[changes], strict=True)]
+        try:
+            found = cls.steps(rows)
+        except SimulationError as error:
+            raise SimulationError(f"{path}: {error}") from error
+        # The first knot of steps says that the motors are off until the first row.
+        return found if starts_at_rest else cls(found.time_s[1:], found.left_rpm[1:], found.right_rpm[1:])
+
+    @classmethod
+    def always(cls, left_rpm: float, right_rpm: float, stop_s: float | None = None) -> Command:
+        """Motors on from long ago, off at stop_s where given."""
+        if stop_s is None:
+            return cls(np.zeros(1), np.array([left_rpm]), np.array([right_rpm]))
+        return cls(np.full(2, stop_s), np.array([left_rpm, 0.0]), np.array([right_rpm, 0.0]))
+
+    def retimed(self, factor: float = 1.0, later_s: float = 0.0) -> Command:
+        """The command with every time multiplied by a factor and then so much later."""
+        return Command(factor * self.time_s + later_s, self.left_rpm, self.right_rpm)
+
+    def stretches(self) -> tuple[Stretch, ...]:
+        """Where the command holds, in time; what lies between, ramps, is left out."""
+        same = (np.diff(self.left_rpm) == 0) & (np.diff(self.right_rpm) == 0) & (np.diff(self.time_s) > 0)
+        edges = [(-math.inf, float(self.time_s[0]), 0)]
+        edges += [(float(self.time_s[k]), float(self.time_s[k + 1]), int(k)) for k in np.flatnonzero(same)]
+        edges.append((float(self.time_s[-1]), math.inf, len(self.time_s) - 1))
+        found: list[Stretch] = []
+        for begin, end, knot in edges:
+            each = Stretch(begin, end, float(self.left_rpm[knot]), float(self.right_rpm[knot]))
+            last = found[-1] if found else None
+            if last and last.end_s == begin and (last.left_rpm, last.right_rpm) == (each.left_rpm, each.right_rpm):
+                found[-1] = Stretch(last.begin_s, end, each.left_rpm, each.right_rpm)
+            else:
+                found.append(each)
+        return tuple(found)
 
     def at(self, time_s: ArrayLike) -> tuple[Array, Array]:
         """Left and right rpm at the given times, same shape as time_s; at a jump the later value."""
@@ -115,3 +163,36 @@ class Command:
         return tuple(  # type: ignore[return-value]
             values[before] + share * (values[after] - values[before]) for values in (self.left_rpm, self.right_rpm)
         )
+
+
+def _columns_of_log(path: str | Path) -> tuple[Array, Array, Array]:
+    """Time in s and both sides in rpm of a command log. Raises OSError, SimulationError that names the line."""
+    import pandas as pd
+
+    try:
+        table = pd.read_csv(path, skipinitialspace=True)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        raise SimulationError(f"{path}: not a CSV table ({str(error).strip()})") from error
+    factors, names = [1.0], ["time_s"]
+    for side in ("left", "right"):
+        units = [unit for unit in ("rpm", "rad_s") if f"{side}_{unit}" in table]
+        if len(units) > 1:
+            raise SimulationError(f"{path}: both {side}_rpm and {side}_rad_s; keep one of them")
+        unit = units[0] if units else "rpm"
+        names.append(f"{side}_{unit}")
+        factors.append(RPM_PER_RAD_S if unit == "rad_s" else 1.0)
+    missing = [name for name in names if name not in table]
+    if missing:
+        raise SimulationError(
+            f"{path}: column {', '.join(missing)} is missing; a command log has time_s, left_rpm, right_rpm"
+        )
+    columns = [
+        factor * pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float)
+        for name, factor in zip(names, factors, strict=True)
+    ]
+    bad = np.flatnonzero(~np.isfinite(columns).all(axis=0))
+    if len(bad):
+        raise SimulationError(f"{path}: line {bad[0] + 2} holds a value that is not a finite number")
+    if not len(table):
+        raise SimulationError(f"{path}: holds no row; a command log has time_s, left_rpm, right_rpm")
+    return columns[0], columns[1], columns[2]

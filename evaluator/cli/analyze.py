@@ -158,7 +158,7 @@ def turning_text(found: Analysis, *, verbose: bool) -> str:
     for row in found.turning.to_dict("records"):
         if row["run"] not in found.faults:
             cells = [
-                row["run"],
+                name_of(row),
                 command_text(row["left_rpm"], row["right_rpm"]),
                 *radius(row),
                 number(row["speed_mm_s"], 3),
@@ -180,10 +180,16 @@ def comparison_text(found: Analysis, *, verbose: bool) -> str:
             continue
         command, simulated = command_text(row["left_rpm"], row["right_rpm"]), row["simulated_radius_mm"]
         known = f"{simulated:.3f}" if math.isfinite(simulated) else "straight"
-        cells = [row["run"], command, *radius(measured), known, f"{row['gap_rms_mm']:.3f}"]
+        cells = [name_of(row), command, *radius(measured), known, f"{row['gap_rms_mm']:.3f}"]
         rows.append([*cells, number(row["heading_gap_end_deg"], 2)] if verbose else cells)
     head = ["run", "rpm left / right", "radius, mm", "95 %", "simulated, mm", "path gap, mm"]
     return text_table([*head, "heading gap, deg"] if verbose else head, rows)
+
+
+def name_of(row: Mapping[Hashable, Any]) -> str:
+    """The run of a row, with the number of its phase where it has several."""
+    phase = row.get("phase", math.nan)
+    return f"{row['run']} ({phase:.0f})" if math.isfinite(phase) else str(row["run"])
 
 
 def radius(row: Mapping[Hashable, Any]) -> tuple[str, str]:

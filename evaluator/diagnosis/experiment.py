@@ -19,7 +19,7 @@ from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.marks import columns_of, read_marks
 from evaluator.robot_geometry import marks_height_mm, reference_line, reference_marks, reference_pair
-from evaluator.settings import Experiment, KnownTo, Relevant
+from evaluator.settings import Experiment, KnownTo, Relevant, Run
 from simulator.robot import Robot, load_robot
 
 Floats = NDArray[np.float64]
@@ -107,10 +107,12 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
             continue
         inside = slice(int(np.flatnonzero(both)[0]), int(np.flatnonzero(both)[-1]) + 1)
         values = without_outliers(values[inside])
+        try:
+            shown = _run_data(run, order, values[:, 0], values[:, 1:])
+        except InputError as error:
+            skipped[run.id] = str(error)
+            continue
         line = reference_line(robots[name])
-        shown = RunData(
-            run.id, run.left_rpm, run.right_rpm, run.start_s, run.stop_s, values[:, 0], values[:, 1:], order
-        )
         data.append(replace(shown, line_rad=float(np.arctan2(line[1], line[0]))))
         used.append(robots[name])
         camera = (cameras or {}).get(run.id)
@@ -130,6 +132,18 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
     shared = tuple(replace(run, systematic=error) for run, error in zip(data, errors, strict=True))
     session = without_mistakes(Session(shared, tuple(used), skipped, relevant=experiment.relevant))
     return with_knowledge(session, experiment.known_to)
+
+
+def _run_data(run: Run, order: int, time_s: Floats, marks_mm: Floats) -> RunData:
+    """One run with what its motors were told. Raises InputError for a log that cannot be read."""
+    told, first, last = run.told(), float(time_s[0]), float(time_s[-1])
+    left, right = told.main(first, last)
+    start_s = first
+    if told.starts_at_rest:
+        start_s = told.start_s if told.start_s is not None else run.start_s if run.poses is None else first
+    single = told.starts_at_rest and len(told.driven) <= 1
+    known = (run.id, left, right, start_s, told.stop_s, time_s, marks_mm, order)
+    return RunData(*known, log=None if single else told, from_poses=run.poses is not None)
 
 
 def without_outliers(values: Floats) -> Floats:

@@ -54,7 +54,9 @@ def _facts(analysis: Analysis, runs: Sequence[RunView], robot: Robot) -> tuple[s
     total = len(analysis.experiment.run)
     count = counted(total, "run") if len(runs) == total else f"{len(runs)} of {counted(total, 'run')}"
     videos = sum(run.video is not None for run in analysis.experiment.run)
-    source = "from video" if videos == total else "from marks" if videos == 0 else f"{videos} from video"
+    poses = sum(run.poses is not None for run in analysis.experiment.run)
+    given = "from poses" if poses == total else "from marks"
+    source = "from video" if videos == total else given if videos == 0 else f"{videos} from video"
     return tuple(filter(None, (f"robot: {robot.name}", f"{count}, {source}", analysis.experiment.notes)))
 
 

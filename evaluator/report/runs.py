@@ -23,13 +23,22 @@ STRAIGHT_DEG = 1.0  # over a whole run: less cannot be seen in a figure
 
 @dataclass(frozen=True)
 class RunView:
-    """One analysed run: its row of turning.csv and of comparison.csv, and its curves (read when asked for)."""
+    """One analysed run, or one phase of a run with a log: its row of turning.csv and of comparison.csv, and its curves.
 
-    id: str
+    Curves are read when they are asked for. run: id in the experiment.
+    """
+
+    run: str
     group: str
     turning: dict[str, Any]
     comparison: dict[str, Any]
     outputs: Outputs
+
+    @property
+    def id(self) -> str:
+        """Name for people: the run, with the number of its phase."""
+        phase = self.value("phase")
+        return f"{self.run} ({phase:.0f})" if np.isfinite(phase) else self.run
 
     @property
     def left_rpm(self) -> float:
@@ -74,7 +83,7 @@ class RunView:
     @cached_property
     def marks(self) -> pd.DataFrame:
         """Marks over time."""
-        return read_marks(self.outputs.marks(self.id))
+        return self._of_phase(read_marks(self.outputs.marks(self.run)))
 
     @property
     def mark_names(self) -> tuple[str, ...]:
@@ -84,17 +93,26 @@ class RunView:
     @cached_property
     def poses(self) -> pd.DataFrame:
         """Poses over time."""
-        return pd.read_csv(self.outputs.poses(self.id))
+        return self._of_phase(pd.read_csv(self.outputs.poses(self.run)))
 
     @cached_property
     def simulated(self) -> pd.DataFrame:
         """The simulated counterpart over time."""
-        return pd.read_csv(self.outputs.simulated(self.id))
+        return self._of_phase(pd.read_csv(self.outputs.simulated(self.run)))
+
+    def _of_phase(self, table: pd.DataFrame) -> pd.DataFrame:
+        """The rows of a table that lie within the phase; all of them where the run is one."""
+        begin, end = self.value("phase_start_s"), self.value("phase_stop_s")
+        if not np.isfinite(begin):
+            return table
+        # Tables hold nine digits of a time: a phase keeps its first and last row.
+        slack = 1e-6 * max(1.0, abs(end))
+        return table[table["time_s"].between(begin - slack, end + slack)].reset_index(drop=True)
 
     @cached_property
     def pictures(self) -> list[dict[str, Any]]:
         """Small frames of the video (time_s, jpeg as base64), none for a run given as marks."""
-        path = self.outputs.pictures(self.id)
+        path = self.outputs.pictures(self.run)
         if not path.is_file():
             return []
         pictures: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
@@ -104,10 +122,10 @@ class RunView:
 def views_of(analysis: Analysis) -> list[RunView]:
     """Every run that could be analysed, in the order of the experiment."""
     assert analysis.comparison is not None
-    comparison = {row["run"]: row for row in _records(analysis.comparison)}
+    both = zip(_records(analysis.turning), _records(analysis.comparison), strict=True)
     return [
-        RunView(str(row["run"]), str(row["group"]), dict(row), dict(comparison[row["run"]]), analysis.outputs)
-        for row in _records(analysis.turning)
+        RunView(str(row["run"]), str(row["group"]), row, compared, analysis.outputs)
+        for row, compared in both
         if row["run"] not in analysis.faults
     ]
 

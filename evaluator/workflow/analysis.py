@@ -99,11 +99,13 @@ def analyze(
     faults = {run.id: fault for run in described.run if (fault := results[run.id].fault)}
     if len(faults) == len(jobs):
         raise InputError(_nothing_left(faults))
-    turning = _table(described, [results[run.id].turning or {"radius_status": faults[run.id]} for run in described.run])
+    turning = _table(
+        described, [results[run.id].turning or ({"radius_status": faults[run.id]},) for run in described.run]
+    )
     write_table(turning, outputs.turning)
     comparison = None
     if simulate:
-        comparison = _table(described, [results[run.id].comparison or {} for run in described.run])
+        comparison = _table(described, [results[run.id].comparison or ({},) for run in described.run])
         write_table(comparison, outputs.comparison)
     elif any(not result.reused for result in results.values()):
         outputs.comparison.unlink(missing_ok=True)  # it compared what no longer is
@@ -183,7 +185,7 @@ def jobs_of(experiment: Experiment, outputs: Outputs, *, simulate: bool) -> list
 def input_files(experiment: Experiment) -> list[Path]:
     """Every file the experiment reads, that there is."""
     robots = [Path(name) for run in experiment.run if (name := run.robot or experiment.robot).endswith(".toml")]
-    named = [path for run in experiment.run for path in (run.video, run.marks, run.camera) if path]
+    named = [path for run in experiment.run for path in (run.source, run.camera, run.commands) if path]
     return sorted({path for path in (*robots, *named, experiment.tracking) if path and path.is_file()})
 
 
@@ -194,16 +196,21 @@ def _outdated(job: Job) -> list[str]:
         return [f"cannot be read: {error.filename}: {error.strerror}"]
 
 
-def _table(experiment: Experiment, found: Sequence[dict[str, Any]]) -> pd.DataFrame:
-    """A row per run, in the order of the file; columns in the order of a run that has them all."""
+def _table(experiment: Experiment, found: Sequence[Sequence[dict[str, Any]]]) -> pd.DataFrame:
+    """A row per run, and per phase of a run with a log, in the order of the file.
+
+    Columns are those of a row that has them all.
+    """
     import pandas as pd
 
-    described = [{"run": run.id, "left_rpm": run.left_rpm, "right_rpm": run.right_rpm} for run in experiment.run]
     rows = [
-        {**head, **row, "group": run.group} for head, row, run in zip(described, found, experiment.run, strict=True)
+        {"run": run.id, "left_rpm": run.left_rpm, "right_rpm": run.right_rpm, **row, "group": run.group}
+        for run, of_run in zip(experiment.run, found, strict=True)
+        for row in of_run
     ]
     complete: dict[str, Any] = max(rows, key=len)
-    return pd.DataFrame(rows, columns=list(complete))
+    table = pd.DataFrame(rows, columns=list(complete))
+    return table.astype({"left_rpm": float, "right_rpm": float})
 
 
 def _pool(turning: pd.DataFrame, outputs: Outputs) -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -53,10 +53,10 @@ def _outside(run: Run) -> str | None:
     try:
         if run.video is not None:
             last = open_recording(run.video, rate_hz=run.rate_hz).expected_s
-            return outside_recording(run, 0.0, last) if last is not None else None
+            return outside_recording(run, run.told(), 0.0, last) if last is not None else None
         if run.marks is not None and program_of(run.marks) == "turnscope":
             time = read_marks(run.marks)["time_s"]
-            return outside_recording(run, float(time.iloc[0]), float(time.iloc[-1]))
+            return outside_recording(run, run.told(), float(time.iloc[0]), float(time.iloc[-1]))
     except (InputError, OSError):
         return None  # said of the file itself
     return None
@@ -145,6 +145,20 @@ def _marks_of_robot(folder: Path, content: dict[str, Any]) -> tuple[str, ...]:
         return ()
 
 
+def _poses(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+    from evaluator.interchange.poses import read_poses
+
+    del experiment
+    yield from _fault(read_poses, folder / name)
+
+
+def _commands(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+    from evaluator.interchange.commands import from_log
+
+    del experiment
+    yield from _fault(from_log, folder / name)
+
+
 def _fault(load: Callable[[Path], Any], path: Path) -> Iterator[str]:
     from calibration.errors import CalibrationError
     from simulator.errors import SimulationError
@@ -161,4 +175,6 @@ CHECKS: dict[str, Callable[[Path, str, Path], Iterator[str]]] = {
     "tracking": _tracking,
     "video": _video,
     "marks": _marks,
+    "poses": _poses,
+    "commands": _commands,
 }

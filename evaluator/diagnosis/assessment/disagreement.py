@@ -67,11 +67,13 @@ def pieces(problem: Problem, point: Point) -> pd.DataFrame:
         end = run.time_s[-1] if run.stop_s is None else min(run.stop_s, run.time_s[-1])
         begin = max(run.start_s, run.time_s[0])
         count = max(int((end - begin) / PIECE_S), 1)
-        speed = (run.left_rpm + run.right_rpm) / 2
+        command = run.told.command
         for low, high in pairwise(np.linspace(begin, end, count + 1)):
             inside = (run.time_s >= low) & (run.time_s <= high) & np.isfinite(residual).all(axis=1)
             if inside.sum() < FEWEST_FRAMES:
                 continue
+            left, right = (float(side) for side in command.at((low + high) / 2))
+            speed = (left + right) / 2
             along, across, yaw = _velocity_misfit(run.time_s[inside], channels[inside], residual[inside], problem)
             rows.append(
                 {
@@ -81,9 +83,9 @@ def pieces(problem: Problem, point: Point) -> pd.DataFrame:
                     "across_mm_s": across,
                     "yaw_deg_s": np.degrees(yaw),
                     "direction": float(np.sign(speed)),
-                    "side": float(np.sign(run.right_rpm - run.left_rpm)),
+                    "side": float(np.sign(right - left)),
                     "speed_rpm": abs(speed),
-                    "difference_rpm": abs(run.right_rpm - run.left_rpm),
+                    "difference_rpm": abs(right - left),
                     "heading_deg": np.degrees(float(channels[inside][inside.sum() // 2, 2]) - np.pi / 2) % 360,
                     "x_mm": float(np.mean(channels[inside][:, 0])),
                     "y_mm": float(np.mean(channels[inside][:, 1])),

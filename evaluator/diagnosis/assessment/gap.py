@@ -55,7 +55,7 @@ def _predicted_gap(run: RunData, robot: Robot, measured_by: Robot) -> float:
     table = pd.DataFrame(np.column_stack([run.time_s, run.marks_mm]), columns=["time_s", *columns_of(pair)])
     poses = poses_from_marks(table, mark_geometry(measured_by).only(pair))
     try:
-        _, seen = simulated_poses(robot, run, poses, run.order)
+        _, seen = simulated_poses(robot, run.told, poses, run.order)
     except SimulationError:
         return float("nan")
     return trajectory_gap(poses, seen)["gap_rms_mm"]

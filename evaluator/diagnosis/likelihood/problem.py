@@ -38,6 +38,7 @@ NOMINAL_STEPS = {"body": 5e-3}  # mass does little but to inertia
 SHARED_STEP = 0.05 * SHARED_UNIT  # a twentieth of a standard deviation
 STEP_SHARE = 0.2  # of a visible step: curvature would make effects and run-to-run scatter differ where they are one
 TASKS_AT_ONCE = 1500
+NO_DISTANCE_MM = 1e9  # noise of a distance that was not measured
 SETTLING_S = 0.4  # motors that lag by more would be seen as an effect first
 
 
@@ -230,9 +231,14 @@ def with_noise_of(problem: Problem, point: Point) -> Problem:
             for run, item, end in zip(problem.data, residuals, ends, strict=True)
         ]
     )
+    rigid = [np.zeros_like(used) if run.from_poses else used for run, used in zip(problem.data, frames, strict=True)]
     noise = with_drift(
-        noise, [run.time_s for run in problem.data], frames, residuals, [run.marks_mm for run in problem.data]
+        noise, [run.time_s for run in problem.data], rigid, residuals, [run.marks_mm for run in problem.data]
     )
+    noise = [
+        (*parts[:3], replace(parts[3], white_mm=NO_DISTANCE_MM)) if run.from_poses else parts
+        for run, parts in zip(problem.data, noise, strict=True)
+    ]
     compressions = tuple(
         compression(run.time_s, used, parts) for run, used, parts in zip(problem.data, frames, noise, strict=True)
     )

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.interchange.commands import Told, constant
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -32,7 +33,9 @@ class RunData:
     NaN where one is missing: the robot's own two, or its reference pair (robot_geometry.reference_marks). line_rad:
     direction from the second to the first in the body frame. order: its place in the session, from 0. systematic:
     (n, 4) by key, what one standard deviation of an error that runs share (of their camera, of how a mark looks) does
-    to the marks, mm.
+    to the marks, mm. log: what the motors were told, where it is more than one command from rest; left_rpm and
+    right_rpm are then what was held longest, start_s and stop_s the first and the last moment with a motor on.
+    from_poses: marks stand for poses: their distance says nothing.
     """
 
     id: str
@@ -45,6 +48,13 @@ class RunData:
     order: int
     systematic: Mapping[str, Floats] = field(default_factory=dict)
     line_rad: float = np.pi / 2
+    log: Told | None = None
+    from_poses: bool = False
+
+    @property
+    def told(self) -> Told:
+        """What the motors were told."""
+        return self.log or constant(self.left_rpm, self.right_rpm, self.start_s, self.stop_s)
 
     @property
     def command(self) -> tuple[float, float]:

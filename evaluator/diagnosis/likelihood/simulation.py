@@ -1,7 +1,8 @@
 """The project's simulator as the diagnosis uses it: thousands of small variations of the same runs.
 
 Motors start at start_s in the time of the recording. A recording that begins after that starts its simulation at
-start_s all the same; the start pose is then the pose at start_s, which is fitted like any other.
+start_s all the same; the start pose is then the pose at start_s, which is fitted like any other. A robot that does not
+start at rest has at its first frame the velocity that its commands have given it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ from evaluator.diagnosis.candidates.free_form import FreeTerm
 from evaluator.diagnosis.likelihood.known_to import CLOCK, GRAVITY, LEVEL, RADIUS_DIFFERENCE, START
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Floats, RunData, Task, Values, is_shared
 from evaluator.robot_geometry import reference_places
-from simulator.command import Command
 from simulator.dynamics.model import apply_effects, record_of, room_for
 from simulator.dynamics.record import model_type
 from simulator.effects.catalogue import EFFECTS
@@ -28,6 +28,7 @@ from simulator.errors import SimulationError
 from simulator.integrator.batch import integrate_many
 from simulator.observation import view_of
 from simulator.robot import Robot
+from simulator.simulation import RUN_IN_S
 
 # Runs of a robot take up to some hundred steps. Where a fit tries what makes wheels chatter they would take any number:
 # such a point is as good as one that cannot be simulated.
@@ -74,7 +75,9 @@ class Simulated:
         self._slots = room_for(self.robots)
         self._data = tuple(data)
         self._terms = terms
-        self._knots = [Command.constant(*run.command, run.start_s, run.stop_s).knots for run in data]
+        told = [run.told for run in data]
+        self._knots = [item.command.knots for item in told]
+        self._from_rest = np.array([item.starts_at_rest for item in told], dtype=np.bool_)
         self._kinds = [self.robots.index(robot) for robot in self.robots]  # equal robots have equal variants
         self._variants: dict[tuple[object, ...], Variant] = {}
 
@@ -122,24 +125,15 @@ class Simulated:
         states = np.zeros((count, 6))
         states[:, :3] = own[:, :3]
         knots, knot_edges = self._told(tasks, own)
-        out = np.empty((len(times_s), 6))
-        integrate_many(
-            models,
-            np.arange(count),
-            knots,
-            knot_edges,
-            np.arange(count),
-            states,
-            times_s,
-            edges,
-            out,
-            TOLERANCE_MM,
-            np.zeros((count, 0, 2)),
-            np.zeros(count, dtype=np.int64),
-            False,
-            MOST_STEPS,
-        )
-        return out[:, :3]
+        moving = np.flatnonzero(~self._from_rest[[task.run for task in tasks]])
+        if len(moving):
+            begin = times_s[edges[:-1]][moving]
+            run_in = np.column_stack([begin - RUN_IN_S, begin]).ravel()
+            ends = _integrated(
+                models, knots, knot_edges, states[moving], run_in, 2 * np.arange(len(moving) + 1), moving
+            )
+            states[moving, 3:] = ends[1::2, 3:]
+        return _integrated(models, knots, knot_edges, states, times_s, edges, np.arange(count))[:, :3]
 
     def _told(self, tasks: Sequence[Task], own: Floats) -> tuple[Floats, NDArray[np.int64]]:
         """Commands of all tasks, stacked, and where each begins and ends: a run's own gains are those of its motors."""
@@ -234,6 +228,37 @@ class Simulated:
             act(draft, term.physical(values))
         if see is not None:
             see(view, term.physical(values))
+
+
+def _integrated(
+    models: NDArray[np.void],
+    knots: Floats,
+    knot_edges: NDArray[np.int64],
+    states: Floats,
+    times_s: Floats,
+    edges: NDArray[np.int64],
+    chosen: NDArray[np.int64],
+) -> Floats:
+    """States (edges[-1], 6) of runs from states (n, 6) at the first of their times; chosen: their models and knots."""
+    count = len(states)
+    out = np.empty((len(times_s), 6))
+    integrate_many(
+        models,
+        chosen,
+        knots,
+        knot_edges,
+        chosen,
+        states.copy(),
+        times_s,
+        edges,
+        out,
+        TOLERANCE_MM,
+        np.zeros((count, 0, 2)),
+        np.zeros(count, dtype=np.int64),
+        False,
+        MOST_STEPS,
+    )
+    return out
 
 
 def _act(effect: str, draft: Draft, values: Mapping[str, float]) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 
 from calibration.errors import CalibrationError
 from evaluator.errors import InputError
+from evaluator.interchange.commands import Told
 from evaluator.interchange.tracks import Tracks, program_of
 from evaluator.settings import Run
 from evaluator.workflow.results.outputs import Outputs
@@ -45,7 +46,9 @@ class Job:
 
     @property
     def camera(self) -> Path | None:
-        """The camera that places the marks; marks given in mm need none."""
+        """The camera that places the marks; marks given in mm need none, and poses neither."""
+        if self.run.poses is not None:
+            return None
         if self.run.marks is not None:
             unit = self.tracks.unit if self.tracks else None
             if unit not in (None, "px") or program_of(self.run.marks) == "turnscope":
@@ -61,11 +64,9 @@ class Job:
 
         Raises OSError where an input cannot be read.
         """
-        source = self.run.video or self.run.marks
-        assert source is not None  # held by the model of the file
         track = key_of(
             {
-                "source": file_hash(source),
+                "source": file_hash(self.run.source),
                 "camera": file_hash(self.camera) if self.camera else None,
                 "rate_hz": self.run.rate_hz,
                 "tracking": file_hash(self.tracking) if self.tracking and self.run.video else None,
@@ -73,7 +74,9 @@ class Job:
                 "marks": [mark.model_dump() for mark in self.robot.layout],
             }
         )
-        command = {name: getattr(self.run, name) for name in ("left_rpm", "right_rpm", "start_s", "stop_s")}
+        named = ("left_rpm", "right_rpm", "start_s", "stop_s", "starts_at_rest")
+        command = {name: getattr(self.run, name) for name in named}
+        command["commands"] = file_hash(self.run.commands) if self.run.commands else None
         wheels = [wheel.model_dump(exclude={"slip", "attraction_mN"}) for wheel in self.robot.all_wheels]
         body = {"body": self.robot.body.model_dump(), "wheels": wheels}
         turn = key_of({"track": track, "command": command, **body})
@@ -83,11 +86,11 @@ class Job:
 
 @dataclass(frozen=True)
 class RunResult:
-    """What came of one run: rows for the tables, or the one reason why there are none."""
+    """What came of one run: rows for the tables, one for each phase, or the one reason why there are none."""
 
     run: str
-    turning: dict[str, Any] | None = None
-    comparison: dict[str, Any] | None = None
+    turning: tuple[dict[str, Any], ...] = ()
+    comparison: tuple[dict[str, Any], ...] = ()
     notes: tuple[str, ...] = ()  # what is odd about the recording
     fault: str | None = None
     reused: bool = False  # nothing had to be computed
@@ -95,13 +98,14 @@ class RunResult:
     @staticmethod
     def of(job: Job, values: dict[str, dict[str, Any]], *, reused: bool) -> RunResult:
         """The result of a job from the values of its stages."""
-        notes = tuple(_notes(job.run, values["track"], values["turn"]))
-        return RunResult(job.run.id, values["turn"], values.get("simulate"), notes, reused=reused)
+        rows, simulated = (tuple(values.get(stage, {}).get("rows", ())) for stage in ("turn", "simulate"))
+        notes = tuple(_notes(job.run, values["track"], rows[0]))
+        return RunResult(job.run.id, rows, simulated, notes, reused=reused)
 
 
 def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterator[str]:
     """What is odd about a recording; only its log of commands tells that a stream without an index was cut."""
-    off = 100 * (turning["mark_spacing_ratio"] - 1)
+    off = 100 * (turning.get("mark_spacing_ratio", float("nan")) - 1)
     if abs(off) > SPACING_PERCENT:
         way = "farther apart" if off > 0 else "nearer"
         yield (
@@ -109,6 +113,12 @@ def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterat
             "pitch of the gauge right, the height of the marks, their place in robot.toml?"
         )
     yield from tracked.get("notes", ())
+    if "late_s" in turning and turning["late_high_s"] - turning["late_low_s"] < LATE_S < abs(turning["late_s"]):
+        yield (
+            f"moves {turning['late_s']:.3f} s later than its log of commands says (95 % from "
+            f"{turning['late_low_s']:.3f} to {turning['late_high_s']:.3f}): a clock that is off (start_s), or motors "
+            "that wait"
+        )
     last_s = tracked.get("last_s")
     if last_s is not None and run.stop_s is not None and run.stop_s > last_s + LATE_S:
         yield (
@@ -117,17 +127,20 @@ def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterat
         )
 
 
-def outside_recording(run: Run, first_s: float, last_s: float) -> str | None:
+def outside_recording(run: Run, told: Told, first_s: float, last_s: float) -> str | None:
     """Say that the motors start after a recording from first_s to last_s, or stop before it; None where they do not."""
-    named = (run.video or run.marks or Path(run.id)).name
-    if run.start_s >= last_s:
+    named = run.source.name
+    key = "commands: motors on at" if told.logged else "start_s ="
+    start_s = run.start_s if not told.logged else told.start_s
+    if start_s is not None and start_s >= last_s:
         return (
-            f"run {run.id}: start_s = {run.start_s:g} s, but {named} ends at {last_s:.2f} s; "
+            f"run {run.id}: {key} {start_s:g} s, but {named} ends at {last_s:.2f} s; "
             "give the time of the recording at which the motors were commanded on"
         )
-    if run.stop_s is not None and run.stop_s <= first_s:
+    key = "commands: motors off at" if told.logged else "stop_s ="
+    if told.stop_s is not None and told.stop_s <= first_s:
         return (
-            f"run {run.id}: stop_s = {run.stop_s:g} s, but {named} begins at {first_s:.2f} s; "
+            f"run {run.id}: {key} {told.stop_s:g} s, but {named} begins at {first_s:.2f} s; "
             "give the time of the recording at which the motors were commanded off"
         )
     return None
@@ -140,8 +153,10 @@ def outdated_stages(job: Job) -> list[str]:
 
 
 def step_of(job: Job, stage: str) -> str:
-    """A stage of a job in a word: marks that are given are read, not tracked."""
-    return "read marks" if stage == "track" and job.run.marks is not None else stage
+    """A stage of a job in a word: marks or poses that are given are read, not tracked."""
+    if stage != "track" or job.run.video is not None:
+        return stage
+    return "read marks" if job.run.marks is not None else "read poses"
 
 
 def known_result(job: Job) -> RunResult | None:
@@ -159,9 +174,9 @@ def known_result(job: Job) -> RunResult | None:
 def failed(job: Job, error: Exception) -> RunResult:
     """The result of a job that ended in an error; what an earlier input had given is removed."""
     job.record().forget()
-    source = str(job.run.video or job.run.marks)
+    source = str(job.run.source)
     reason = " ".join(_reason(error).split())
-    about_file = any(str(path) in reason for path in (source, job.run.camera, job.tracking) if path)
+    about_file = any(str(path) in reason for path in (source, job.run.camera, job.tracking, job.run.commands) if path)
     return RunResult(job.run.id, fault=reason if about_file else f"{source}: {reason}")
 
 

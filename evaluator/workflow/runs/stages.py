@@ -15,9 +15,11 @@ import numpy as np
 import pandas as pd
 
 from calibration.camera import Camera
-from evaluator.comparison import comparison_row, simulated_counterpart
+from evaluator.comparison import comparison_row, simulated_poses
 from evaluator.errors import InputError
 from evaluator.files import read_with, write_table, write_text
+from evaluator.interchange.commands import Told
+from evaluator.interchange.poses import poses_of, read_poses, with_marks
 from evaluator.interchange.tracks import read_any_marks
 from evaluator.marks import read_marks, write_marks
 from evaluator.pose import NO_HEADING, Poses, poses_from_marks
@@ -25,10 +27,10 @@ from evaluator.progress import Progress, no_progress
 from evaluator.recording import TimingReport, open_recording
 from evaluator.robot_geometry import RobotGeometry, mark_geometry, marks_height_mm, robot_shape, sought
 from evaluator.tracking import load_settings, place_on_plate, track
-from evaluator.turning import Turning, measure_turning
 from evaluator.wording import counted
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.runs.job import Job, RunResult, outside_recording
+from evaluator.workflow.runs.phases import Phase, phases_of, rows_of
 from evaluator.workflow.runs.thumbnails import Glimpsed
 
 
@@ -78,18 +80,17 @@ class _Stages:
     @cached_property
     def poses(self) -> Poses:
         marks = read_marks(self.out.marks(self.run.id))
+        if self.run.poses is not None:
+            return poses_of(marks)
         return poses_from_marks(marks, mark_geometry(self.job.robot), camera=self.camera)
 
     @cached_property
-    def turning(self) -> Turning:
-        return measure_turning(
-            self.poses,
-            start_s=self.run.start_s,
-            stop_s=self.run.stop_s,
-            shape=robot_shape(self.job.robot),
-            left_rpm=self.run.left_rpm,
-            right_rpm=self.run.right_rpm,
-        )
+    def told(self) -> Told:
+        return self.run.told()
+
+    @cached_property
+    def phases(self) -> tuple[Phase, ...]:
+        return phases_of(self.told, self.poses)
 
     def _track(self) -> tuple[list[Path], dict[str, Any]]:
         path, pictures = self.out.marks(self.run.id), self.out.pictures(self.run.id)
@@ -97,7 +98,11 @@ class _Stages:
             height_mm, names = marks_height_mm(self.job.robot), tuple(self.job.robot.points_mm)
             write_marks(read_any_marks(self.run.marks, self.job.tracks, self.camera, height_mm, names), path)
             return [path], {}
-        assert self.run.video is not None  # either, says the model of the file
+        if self.run.poses is not None:
+            found = read_poses(self.run.poses)
+            write_marks(with_marks(found.table, mark_geometry(self.job.robot)), path)
+            return [path], {"notes": found.notes()}
+        assert self.run.video is not None  # one of the three, says the model of the file
         assert self.camera is not None
         # One decoder thread: the other cores have runs of their own.
         recording = Glimpsed(open_recording(self.run.video, rate_hz=self.run.rate_hz, threads=1))
@@ -112,7 +117,7 @@ class _Stages:
         return [path, pictures], {"notes": list(report.notes), "last_s": float(report.last or 0)}
 
     def _turn(self) -> tuple[list[Path], dict[str, Any]]:
-        fault = outside_recording(self.run, float(self.poses.time_s[0]), float(self.poses.time_s[-1]))
+        fault = outside_recording(self.run, self.told, float(self.poses.time_s[0]), float(self.poses.time_s[-1]))
         if fault is not None:
             raise InputError(fault)
         count = len(self.job.robot.points_mm)  # the path of a single mark is measured, without a heading
@@ -122,15 +127,20 @@ class _Stages:
             raise InputError(f"no frame has a pose ({reasons[counts.argmax()]}); does it show {wanted}?")
         path = self.out.poses(self.run.id)
         write_table(pose_table(self.poses), path)
-        return [path], self.turning.to_row()
+        return [path], {"rows": rows_of(self.phases, self.poses, robot_shape(self.job.robot))}
 
     def _simulate(self) -> tuple[list[Path], dict[str, Any]]:
-        if len(self.job.robot.points_mm) == 1:
+        if self.run.poses is None and len(self.job.robot.points_mm) == 1:
             raise InputError(f"run {self.run.id}: {NO_HEADING}; a comparison with the simulation needs two marks")
-        counterpart = simulated_counterpart(self.job.robot, self.run, self.poses, self.job.order)
-        path = self.out.simulated(self.run.id)
-        write_table(counterpart.motion.to_table(), path)
-        return [path], comparison_row(self.record.stages["turn"]["values"], self.poses, counterpart)
+        motion, seen = simulated_poses(self.job.robot, self.told, self.poses, self.job.order)
+        path, shape = self.out.simulated(self.run.id), robot_shape(self.job.robot)
+        write_table(motion.to_table(), path)
+        measured = self.record.stages["turn"]["values"]["rows"]
+        rows = [
+            phase.head | comparison_row(row, phase.of(self.poses), phase.of(seen), phase.measured(seen, shape))
+            for phase, row in zip(self.phases, measured, strict=False)  # a log without a phase has a row all the same
+        ]
+        return [path], {"rows": rows or [{}]}
 
 
 def _refuse_cut(report: TimingReport, promised: int, promised_s: float | None, video: Path) -> None:

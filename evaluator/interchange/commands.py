@@ -1,0 +1,72 @@
+"""What the motors of a run were told: one constant command, or a log of commands, in the time of the recording."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from evaluator.errors import InputError
+from evaluator.files import read_with
+from simulator.command import Command, Stretch
+from simulator.errors import SimulationError
+
+
+@dataclass(frozen=True)
+class Told:
+    """Command of a run in seconds of its recording.
+
+    starts_at_rest: whether the robot rests when its motors are first switched on. logged: whether the command comes
+    from a log, so that the run may hold several phases.
+    """
+
+    command: Command
+    starts_at_rest: bool = True
+    logged: bool = False
+
+    @property
+    def driven(self) -> tuple[Stretch, ...]:
+        """Stretches of held command with a motor on, in time."""
+        return tuple(item for item in self.command.stretches() if item.is_driven)
+
+    @property
+    def start_s(self) -> float | None:
+        """When the motors are first switched on; None where they were on before, or never are."""
+        begin = min((item.begin_s for item in self.driven), default=-math.inf)
+        return begin if math.isfinite(begin) else None
+
+    @property
+    def stop_s(self) -> float | None:
+        """When the motors are switched off for good; None where they are not."""
+        end = max((item.end_s for item in self.driven), default=math.inf)
+        return end if math.isfinite(end) else None
+
+    def main(self, first_s: float, last_s: float) -> tuple[float, float]:
+        """Left and right rpm held longest with a motor on between two times; 0, 0 where none is."""
+        held: dict[tuple[float, float], float] = {}
+        for item in self.driven:
+            key = item.left_rpm, item.right_rpm
+            held[key] = held.get(key, 0.0) + max(min(item.end_s, last_s) - max(item.begin_s, first_s), 0.0)
+        return max(held, key=lambda key: held[key], default=(0.0, 0.0))
+
+
+def constant(
+    left_rpm: float, right_rpm: float, start_s: float, stop_s: float | None, *, starts_at_rest: bool = True
+) -> Told:
+    """One constant command; start_s says nothing where the robot moves already."""
+    if starts_at_rest:
+        return Told(Command.constant(left_rpm, right_rpm, start_s, stop_s))
+    return Told(Command.always(left_rpm, right_rpm, stop_s), starts_at_rest=False)
+
+
+def from_log(path: Path, zero_s: float = 0.0, *, starts_at_rest: bool = True) -> Told:
+    """The commands of a log whose clock reads 0 at zero_s of the recording. Raises InputError that names the file."""
+
+    def read(file: Path) -> Command:
+        return Command.held(file, starts_at_rest=starts_at_rest)
+
+    try:
+        command = read_with(read, path)
+    except SimulationError as error:
+        raise InputError(str(error)) from error
+    return Told(command.retimed(later_s=zero_s), starts_at_rest, logged=True)

@@ -1,0 +1,251 @@
+"""Poses from elsewhere: motion capture, SLAM or another tracker; centre and heading over time, plate frame.
+
+A CSV with `time_s`, x, y and heading (units by suffix: `x_mm` or `x_m`, `heading_deg` or `heading_rad`; standard
+uncertainties `x_sigma_mm`, `heading_sigma_rad`, …, and `xy_cov_mm2` where they are known), a trajectory in TUM's format
+(`timestamp x y z qx qy qz qw`, m) or the ground truth of EuRoC (ns, m): what evo reads.
+
+A sensor that is sampled faster than it measures repeats its last value. Such a file is recognised by values that
+repeat in the midst of motion; every repeat is dropped, and a value counts at the time at which it first appears.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from calibration.frames import plate_from_body
+from evaluator.errors import InputError
+from evaluator.files import read_with
+from evaluator.mark_geometry import MarkGeometry
+from evaluator.marks import check_marks
+from evaluator.pose import OK, Poses, unwrapped_across_gaps
+
+Array = NDArray[np.float64]
+
+MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+RAD_PER = {"rad": 1.0, "deg": np.pi / 180}
+TUM_COLUMNS = 8
+S_PER_NS = 1e-9
+# Clocks that count from 1970 or from the start of a computer: the recording then begins at nought.
+LARGEST_CLOCK_S = 1e6
+# Groups of equal values in the midst of others: that many are no coincidence.
+HELD_SHARE, FEWEST_HELD = 0.05, 3
+NEIGHBOURS = 9  # poses through which a parabola in time is drawn: motion is smooth over that many, noise is not
+MEDIAN_OF_CHI2 = {6: 5.348}  # freedom of NEIGHBOURS poses about a parabola
+LEAST_SIGMA_MM, LEAST_SIGMA_RAD = 1e-6, 1e-8  # poses without noise, of a simulation
+
+
+@dataclass(frozen=True)
+class PoseTable:
+    """Poses read from a file, and how many repeated ones were dropped.
+
+    table: time_s, x_mm, y_mm, heading_deg, x_sigma_mm, y_sigma_mm, heading_sigma_deg, xy_cov_mm2; NaN where there is
+    no pose. zero_s: reading of the file's clock at time 0. noise_stated: whether the file says its uncertainty.
+    """
+
+    table: pd.DataFrame
+    dropped: int
+    zero_s: float
+    noise_stated: bool
+
+    def notes(self) -> list[str]:
+        """What a reader should know of the file."""
+        kept = len(self.table)
+        said = []
+        if self.dropped:
+            said.append(
+                f"{self.dropped} of {kept + self.dropped} poses repeat the one before (a held value) and are dropped"
+            )
+        if not self.noise_stated:
+            sigma, angle = (self.table[name].median() for name in ("x_sigma_mm", "heading_sigma_deg"))
+            said.append(f"noise taken from the poses themselves: {sigma:.3g} mm, {angle:.3g} degrees")
+        return said
+
+
+def read_poses(path: Path) -> PoseTable:
+    """Read poses of any known format. Raises InputError that names the line or the column."""
+    return read_with(_read, path)
+
+
+def clock_zero_s(path: Path) -> float:
+    """Reading of the clock of a file of poses at time 0 of its recording. Raises InputError."""
+    return read_poses(path).zero_s
+
+
+def _read(path: Path) -> PoseTable:
+    raw = _columns(path)
+    zero_s = _zero_s(raw["time_s"].to_numpy(float))
+    raw["time_s"] -= zero_s
+    check_marks(raw.rename(columns={"x_mm": "center_x_mm", "y_mm": "center_y_mm"}), path)
+    kept = ~held(raw[["x_mm", "y_mm", "heading_deg"]].to_numpy(float))
+    table = raw[kept].reset_index(drop=True)
+    stated = {"x_sigma_mm", "y_sigma_mm", "heading_sigma_deg"} <= set(table)
+    if not stated:
+        table = _with_noise(table)
+    if "xy_cov_mm2" not in table:
+        table["xy_cov_mm2"] = 0.0
+    if not table["x_mm"].notna().any():
+        raise InputError(f"{path}: no row holds a pose")
+    return PoseTable(table, int((~kept).sum()), zero_s, stated)
+
+
+def _zero_s(time_s: Array) -> float:
+    first = time_s[np.isfinite(time_s)][:1]
+    return float(np.floor(first[0])) if len(first) and abs(first[0]) > LARGEST_CLOCK_S else 0.0
+
+
+def held(values: Array) -> NDArray[np.bool_]:
+    """Rows (n,) of values (n, k) that repeat the one before, where the file holds values in the midst of motion.
+
+    A robot at rest gives equal poses too, where they have no noise: one long group or a few. A held value gives many
+    groups.
+    """
+    repeats = np.r_[False, (values[1:] == values[:-1]).all(axis=1)]
+    starts = np.flatnonzero(~repeats)
+    sizes = np.diff(np.r_[starts, len(values)])
+    groups = int((sizes > 1).sum())
+    return repeats if groups >= max(FEWEST_HELD, HELD_SHARE * len(sizes)) else np.zeros(len(values), dtype=np.bool_)
+
+
+def _columns(path: Path) -> pd.DataFrame:
+    """The columns of a PoseTable that a file has, times by its own clock."""
+    lines = path.read_text(encoding="utf-8-sig").splitlines()
+    said = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
+    if said and _is_numbers(said[0], None, TUM_COLUMNS):
+        return _from_quaternions(_numbers(path, said, None), 1.0, (4, 5, 6, 7))
+    if said and _is_numbers(said[0], ",", TUM_COLUMNS):  # EuRoC: ns, x, y, z, qw, qx, qy, qz and what follows
+        return _from_quaternions(_numbers(path, said, ","), S_PER_NS, (5, 6, 7, 4))
+    return _from_csv(path)
+
+
+def _is_numbers(line: str, delimiter: str | None, least: int) -> bool:
+    cells = line.split(delimiter)
+    try:
+        return len([float(cell) for cell in cells]) >= least
+    except ValueError:
+        return False
+
+
+def _numbers(path: Path, lines: list[str], delimiter: str | None) -> Array:
+    rows = []
+    for number, line in enumerate(lines, start=1):
+        if not _is_numbers(line, delimiter, TUM_COLUMNS):
+            raise InputError(f"{path}: pose {number} ({line[:40]!r}) is not a time, a place and a quaternion")
+        rows.append([float(cell) for cell in line.split(delimiter)[:TUM_COLUMNS]])
+    return np.array(rows)
+
+
+def _from_quaternions(rows: Array, seconds: float, order: tuple[int, int, int, int]) -> pd.DataFrame:
+    """Heading of the body's x axis over the plane of x and y; order: columns of qx, qy, qz, qw."""
+    x, y, z, w = rows[:, list(order)].T
+    heading = np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2)
+    return pd.DataFrame(
+        {
+            "time_s": seconds * rows[:, 0],
+            "x_mm": MM_PER["m"] * rows[:, 1],
+            "y_mm": MM_PER["m"] * rows[:, 2],
+            "heading_deg": np.degrees(heading),
+        }
+    )
+
+
+def _from_csv(path: Path) -> pd.DataFrame:
+    try:
+        table = pd.read_csv(path, skipinitialspace=True)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
+    if "time_s" not in table:
+        raise InputError(f"{path}: column time_s is missing; poses have time_s, x_mm, y_mm, heading_deg")
+    found = {"time_s": _column(path, table, "time_s")}
+    for name in ("x", "y", "x_sigma", "y_sigma"):
+        _take(path, table, name, MM_PER, "mm", found)
+    for name in ("heading", "heading_sigma"):
+        _take(path, table, name, {unit: np.degrees(size) for unit, size in RAD_PER.items()}, "deg", found)
+    _take(path, table, "xy_cov", {f"{unit}2": size**2 for unit, size in MM_PER.items()}, "mm2", found)
+    missing = [name for name in ("x_mm", "y_mm", "heading_deg") if name not in found]
+    if missing:
+        raise InputError(
+            f"{path}: column {', '.join(missing)} is missing; poses have time_s, x_mm, y_mm, heading_deg (or _m, _rad)"
+        )
+    return pd.DataFrame(found)
+
+
+def _take(
+    path: Path, table: pd.DataFrame, name: str, units: dict[str, float], wanted: str, found: dict[str, Array]
+) -> None:
+    """Put a column, whatever its unit, into found under the unit wanted."""
+    there = [unit for unit in units if f"{name}_{unit}" in table]
+    if len(there) > 1:
+        raise InputError(f"{path}: {' and '.join(f'{name}_{unit}' for unit in there)}; keep one of them")
+    for unit in there:
+        found[f"{name}_{wanted}"] = units[unit] * _column(path, table, f"{name}_{unit}")
+
+
+def _column(path: Path, table: pd.DataFrame, name: str) -> Array:
+    values = pd.to_numeric(table[name], errors="coerce")
+    bad = values.isna() & table[name].notna()
+    if bad.any():
+        row = int(np.flatnonzero(bad)[0])
+        raise InputError(f"{path}: line {row + 2}, {name} = {table[name].iloc[row]!r} is not a number")
+    return values.to_numpy(float)
+
+
+def _with_noise(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with the noise that its poses show: one size for both coordinates, one for the heading."""
+    there = table[["x_mm", "y_mm", "heading_deg"]].notna().all(axis=1).to_numpy()
+    time = table["time_s"].to_numpy(float)[there]
+    x, y = (table[name].to_numpy(float)[there] for name in ("x_mm", "y_mm"))
+    heading = unwrapped_across_gaps(time, np.radians(table["heading_deg"].to_numpy(float)[there]))
+    place = np.sqrt((scatter(time, x) ** 2 + scatter(time, y) ** 2) / 2)
+    result = table.copy()
+    for name in ("x_sigma_mm", "y_sigma_mm"):
+        result[name] = max(place, LEAST_SIGMA_MM)
+    result["heading_sigma_deg"] = np.degrees(max(scatter(time, heading), LEAST_SIGMA_RAD))
+    return result
+
+
+def scatter(time_s: Array, values: Array) -> float:
+    """Standard deviation of the noise of values (n,): about parabolas in time through neighbours, by the median."""
+    if len(values) < NEIGHBOURS:
+        return 0.0
+    windows = np.lib.stride_tricks.sliding_window_view
+    times, parts = windows(time_s, NEIGHBOURS), windows(values, NEIGHBOURS)
+    squares = []
+    for since, part in zip(times - times.mean(axis=1, keepdims=True), parts, strict=True):
+        design = np.column_stack([np.ones(NEIGHBOURS), since, since**2])
+        left = part - design @ np.linalg.lstsq(design, part, rcond=None)[0]
+        squares.append(float(left @ left))
+    return float(np.sqrt(np.median(squares) / MEDIAN_OF_CHI2[NEIGHBOURS - 3]))
+
+
+def poses_of(table: pd.DataFrame) -> Poses:
+    """Poses from the table of a PoseTable."""
+    time = table["time_s"].to_numpy(float)
+    pose = table[["x_mm", "y_mm", "heading_deg"]].to_numpy(float)
+    there = np.isfinite(pose).all(axis=1)
+    pose = np.where(there[:, None], pose, np.nan)
+    sigma = table[["x_sigma_mm", "y_sigma_mm", "heading_sigma_deg"]].to_numpy(float) * [1.0, 1.0, np.pi / 180]
+    covariance = sigma[:, :, None] ** 2 * np.eye(3)
+    covariance[:, 0, 1] = covariance[:, 1, 0] = table["xy_cov_mm2"].to_numpy(float)
+    return Poses(
+        time_s=time,
+        x_mm=pose[:, 0],
+        y_mm=pose[:, 1],
+        heading_rad=unwrapped_across_gaps(time, np.radians(pose[:, 2])),
+        covariance=covariance,
+        status=np.where(there, OK, "no pose in the file").astype(str),
+    )
+
+
+def with_marks(table: pd.DataFrame, geometry: MarkGeometry) -> pd.DataFrame:
+    """The table with the marks of a robot where its poses put them, for all that works from marks."""
+    x, y, heading = (table[name].to_numpy(float) for name in ("x_mm", "y_mm", "heading_deg"))
+    result = table.copy()
+    for name, place in geometry.places_mm.items():
+        points = plate_from_body(np.broadcast_to(place, (len(table), 2)), x, y, np.radians(heading))
+        result[[f"{name}_x_mm", f"{name}_y_mm"]] = points
+    return result

@@ -1,0 +1,156 @@
+"""By how much the motion of a run is later than the log of its commands says: two clocks, found from the changes.
+
+Around a change of command the robot has one steady velocity before and another after it; where both meet is the moment
+of the change in the time of the recording. Near every change the pose is fitted with a constant velocity (forward,
+sideways, yaw) on either side, and the one lateness that suits all changes is that of the least misfit. What the motors
+themselves wait before they act is part of it: a recording cannot tell the two apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+Array = NDArray[np.float64]
+NAN = float("nan")
+
+COARSE_S, FINE_S = 3.0, 1.0  # of motion on either side of a change: enough to find it, short enough to be steady
+MOST_LATE_S = 2.0  # clocks that differ by more are set right by start_s
+FEWEST_FRAMES = 6  # on either side of a change
+CHI2_95 = 3.841  # one parameter
+
+
+@dataclass(frozen=True)
+class Lateness:
+    """How much later than commanded the motion changes, s, with its 95 % interval; NaN where no change is seen."""
+
+    value_s: float = NAN
+    low_s: float = NAN
+    high_s: float = NAN
+
+    @property
+    def is_known(self) -> bool:
+        """Whether a change of command was seen well enough to be of use."""
+        return bool(np.isfinite(self.value_s) and self.high_s - self.low_s < FINE_S)
+
+
+def lateness(time_s: Array, pose: Array, changes_s: Sequence[float]) -> Lateness:
+    """Find by how much the motion is late.
+
+    time_s: (n,). pose: (n, 3) x, y in mm and heading in rad, unwrapped, without NaN. changes_s: times of the log at
+    which the command changes, in order.
+    """
+    seen = [change for change in changes_s if time_s[0] < change < time_s[-1]]
+    if not seen:
+        return Lateness()
+    edges = [float(time_s[0]), *seen, float(time_s[-1])]
+    most = min(MOST_LATE_S, min(after - before for before, after in pairwise(edges)) / 2)
+    windows = [
+        (
+            change,
+            _between(
+                time_s, max((before + change) / 2, change - COARSE_S), min((change + after) / 2, change + COARSE_S)
+            ),
+        )
+        for before, change, after in zip(edges, seen, edges[2:], strict=False)
+    ]
+    grid = np.arange(-most, most, float(np.median(np.diff(time_s))) / 2)
+    if not len(grid):
+        return Lateness()
+    coarse = min(grid, key=lambda late: _misfit(time_s, pose, windows, float(late))[0])
+    windows = [(change, frames & (np.abs(time_s - change - coarse) <= FINE_S)) for change, frames in windows]
+    return _refined(time_s, pose, windows, float(coarse), float(grid[1] - grid[0]))
+
+
+def _between(time_s: Array, low: float, high: float) -> NDArray[np.bool_]:
+    return np.asarray((time_s >= low) & (time_s <= high))
+
+
+def _refined(
+    time_s: Array, pose: Array, windows: list[tuple[float, NDArray[np.bool_]]], coarse: float, step: float
+) -> Lateness:
+    """The least misfit near a coarse lateness, and where the misfit has grown by the 95 % point on either side."""
+
+    def misfit(late: float) -> float:
+        return _misfit(time_s, pose, windows, late)[0]
+
+    found = minimize_scalar(
+        misfit, bounds=(coarse - 2 * step, coarse + 2 * step), method="bounded", options={"xatol": 1e-6}
+    )
+    best = float(found.x)
+    least, freedom, correlation = _misfit(time_s, pose, windows, best)
+    if freedom <= 0 or not np.isfinite(least):
+        return Lateness()
+    # Noise that is alike from frame to frame leaves fewer independent frames.
+    limit = least * (1 + CHI2_95 * (1 + correlation) / (1 - correlation) / freedom)
+    return Lateness(best, best - _reach(misfit, best, -1, limit, step), best + _reach(misfit, best, 1, limit, step))
+
+
+def _reach(misfit: Callable[[float], float], best: float, way: int, limit: float, step: float) -> float:
+    """How far from the best lateness the misfit reaches a limit, one way."""
+    inner, outer = 0.0, step / 64
+    while misfit(best + way * outer) < limit and outer < MOST_LATE_S:
+        inner, outer = outer, 2 * outer
+    for _ in range(20):
+        middle = (inner + outer) / 2
+        inner, outer = (middle, outer) if misfit(best + way * middle) < limit else (inner, middle)
+    return outer
+
+
+def _misfit(
+    time_s: Array, pose: Array, windows: list[tuple[float, NDArray[np.bool_]]], late: float
+) -> tuple[float, int, float]:
+    """Misfit over all changes, its degrees of freedom, and how much the misfit of a frame is like that of the next.
+
+    Positions and headings each have the noise that they show: the misfit is the product of their sums of squares, each
+    to the power of its share of the freedom.
+    """
+    place, turn, counts = 0.0, 0.0, [0, 0]
+    products, squares = 0.0, 0.0
+    for change, frames in windows:
+        since = time_s[frames] - change - late
+        if min((since < 0).sum(), (since > 0).sum()) < FEWEST_FRAMES:
+            continue
+        headings, places = _left_over(since, pose[frames])
+        turn, place = turn + float(headings @ headings), place + float((places**2).sum())
+        counts[0], counts[1] = counts[0] + len(since) - 3, counts[1] + 2 * len(since) - 6
+        products += float((places[1:] * places[:-1]).sum())
+        squares += float((places**2).sum())
+    freedom = sum(counts)
+    if freedom <= 0:
+        return np.inf, 0, 0.0
+    tiny = 1e-300
+    total = np.exp((counts[0] * np.log(turn + tiny) + counts[1] * np.log(place + tiny)) / freedom)
+    return float(total), freedom, float(np.clip(products / max(squares, tiny), 0.0, 0.95))
+
+
+def _left_over(since: Array, pose: Array) -> tuple[Array, Array]:
+    """What constant velocities before and after a change leave of headings (m,), rad, and places (m, 2), mm."""
+    before, after = np.minimum(since, 0), np.maximum(since, 0)
+    design = np.column_stack([np.ones_like(since), before, after])
+    heading, rates = _fitted(design, pose[:, 2])
+    # Paths of unit speed forward and to the left along the fitted heading, before the change and after it: arcs.
+    columns = []
+    for part, rate in ((before, rates[1]), (after, rates[2])):
+        half = rate * part / 2
+        chord = part * np.sinc(half / np.pi)
+        angle = rates[0] + half
+        columns += [chord * np.exp(1j * angle), 1j * chord * np.exp(1j * angle)]
+    moves = np.stack(columns, axis=1)
+    still = np.ones((len(since), 1))
+    nothing = np.zeros((len(since), 1))
+    stacked = np.block([[still, nothing, moves.real], [nothing, still, moves.imag]])
+    places = _fitted(stacked, np.concatenate([pose[:, 0], pose[:, 1]]))[0]
+    return pose[:, 2] - heading, pose[:, :2] - places.reshape(2, -1).T
+
+
+def _fitted(design: Array, values: Array) -> tuple[Array, Array]:
+    """Fit and coefficients of a linear least-squares fit."""
+    found: Array = np.linalg.lstsq(design, values, rcond=None)[0].astype(float)
+    fit: Array = design @ found
+    return fit, found

@@ -1,0 +1,112 @@
+"""The phases of a run: the whole of a run with one command, each stretch of held command of a run with a log."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.interchange.commands import Told
+from evaluator.pose import Poses
+from evaluator.turning import RobotShape, Turning, measure_turning
+from evaluator.turning.clock import Lateness, lateness
+
+# A stretch of fewer frames is no phase: a joystick passes through many values on its way to one.
+FEWEST_FRAMES = 24
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A part of a run that is measured by itself.
+
+    head: what a row of turning.csv says of it besides the turning. frames: those that belong to it, of the run's
+    poses. start_s, stop_s: motors on and off, where the measurement is to know it.
+    """
+
+    frames: slice
+    left_rpm: float | None
+    right_rpm: float | None
+    start_s: float | None = None
+    stop_s: float | None = None
+    head: dict[str, Any] = field(default_factory=dict)
+
+    def of(self, poses: Poses) -> Poses:
+        """The poses that belong to the phase."""
+        if self.frames == slice(None):
+            return poses
+        part = {
+            name: value[self.frames]
+            for name in ("time_s", "x_mm", "y_mm", "heading_rad", "covariance", "status", "spacing_mm", "systematic")
+            if (value := getattr(poses, name)) is not None and len(value) == len(poses.time_s)
+        }
+        return replace(poses, **part)
+
+    def measured(self, poses: Poses, shape: RobotShape | None) -> Turning:
+        """The turning of the phase in the poses of a run."""
+        return measure_turning(
+            self.of(poses),
+            start_s=self.start_s,
+            stop_s=self.stop_s,
+            shape=shape,
+            left_rpm=self.left_rpm,
+            right_rpm=self.right_rpm,
+        )
+
+
+def phases_of(told: Told, poses: Poses) -> tuple[Phase, ...]:
+    """The phases of a run, in time; of a run with a log, those in which a motor is on and that are long enough.
+
+    Where the motion is later than the log, by clocks that differ or motors that wait, the phases are as late. Frames
+    that may belong to a change of command are in no phase.
+    """
+    first, last = float(poses.time_s[0]), float(poses.time_s[-1])
+    if not told.logged:
+        left, right = told.main(first, last)
+        start_s = told.start_s if told.starts_at_rest else None
+        return (Phase(slice(None), left, right, start_s, told.stop_s),)
+    late = lateness_of(told, poses)
+    return tuple(_stretches(told, poses.time_s, late))
+
+
+def lateness_of(told: Told, poses: Poses) -> Lateness:
+    """How much later than its log a run moves."""
+    there = poses.measured
+    if there.sum() < FEWEST_FRAMES:
+        return Lateness()
+    pose = np.column_stack([poses.x_mm, poses.y_mm, poses.heading_rad])[there]
+    changes = [item.begin_s for item in told.command.stretches() if math.isfinite(item.begin_s)]
+    return lateness(poses.time_s[there], pose, changes)
+
+
+def _stretches(told: Told, time_s: NDArray[np.float64], late: Lateness) -> Iterator[Phase]:
+    low, high = (late.low_s, late.high_s) if late.is_known else (0.0, 0.0)
+    number = 0
+    for item in told.driven:
+        begin, end = item.begin_s + high, item.end_s + low
+        frames = slice(int(np.searchsorted(time_s, begin)), int(np.searchsorted(time_s, end, side="right")))
+        if frames.stop - frames.start < FEWEST_FRAMES:
+            continue
+        number += 1
+        head = {
+            "phase": number,
+            "left_rpm": item.left_rpm,
+            "right_rpm": item.right_rpm,
+            "phase_start_s": float(time_s[frames.start]),
+            "phase_stop_s": float(time_s[frames.stop - 1]),
+            "late_s": late.value_s,
+            "late_low_s": late.low_s,
+            "late_high_s": late.high_s,
+        }
+        yield Phase(frames, item.left_rpm, item.right_rpm, head=head)
+
+
+def rows_of(phases: Sequence[Phase], poses: Poses, shape: RobotShape | None) -> list[dict[str, Any]]:
+    """A row of turning.csv for every phase; one that says why for a log without any."""
+    if not phases:
+        reason = f"its log of commands holds nothing with a motor on for {FEWEST_FRAMES} frames of the recording"
+        return [{"radius_status": reason}]
+    return [{**phase.head, **phase.measured(poses, shape).to_row()} for phase in phases]

@@ -1,0 +1,1 @@
+"""A skid-steered robot that nobody here drove: how well its motion is predicted from its commands."""

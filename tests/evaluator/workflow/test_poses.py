@@ -1,0 +1,166 @@
+"""Runs given as poses of another system: units, formats, held values, noise, and the same results as from marks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evaluator.diagnosis.experiment import session_of
+from evaluator.diagnosis.likelihood.problem import build_problem
+from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, Task
+from evaluator.diagnosis.likelihood.simulation import Simulated
+from evaluator.errors import InputError
+from evaluator.interchange.poses import poses_of, read_poses
+from evaluator.report.build import write_report
+from evaluator.workflow import analyze, check_experiment
+from simulator.command import Command
+from simulator.robot import load_robot
+from simulator.run import Run, State
+from simulator.simulation import simulate
+
+SIGMA_MM, SIGMA_RAD = 0.004, 0.002
+
+
+def motion(seconds: float = 6.0, rate_hz: float = 60.0) -> Run:
+    times = np.arange(round(rate_hz * seconds)) / rate_hz
+    return simulate(load_robot("barrel"), Command.constant(33.3, 14.4, 0.5), times, State(5.0, -3.0, 3.0))
+
+
+def noisy(run: Run, seed: int = 1) -> pd.DataFrame:
+    noise = np.random.default_rng(seed).normal(0, 1, (len(run.time_s), 3))
+    return pd.DataFrame(
+        {
+            "time_s": run.time_s,
+            "x_mm": run.x_mm + SIGMA_MM * noise[:, 0],
+            "y_mm": run.y_mm + SIGMA_MM * noise[:, 1],
+            "heading_deg": np.degrees(np.angle(np.exp(1j * (run.heading_rad + SIGMA_RAD * noise[:, 2])))),
+        }
+    )
+
+
+def experiment(folder: Path, more: str = "") -> Path:
+    path = folder / "experiment.toml"
+    path.write_text(
+        'format = 1\nname = "poses"\nrobot = "barrel"\n[[run]]\nid = "r01"\nleft_rpm = 33.3\nright_rpm = 14.4\n'
+        f'start_s = 0.5\nposes = "r01.csv"\n{more}'
+    )
+    return path
+
+
+def test_radius_comparison_and_report_of_a_run_of_poses_are_those_of_its_motion(tmp_path: Path) -> None:
+    run = motion()
+    noisy(run).to_csv(tmp_path / "r01.csv", index=False)
+    path = experiment(tmp_path)
+    assert check_experiment(path).faults == ()
+    found = analyze(path, tmp_path / "out", simulate=True, workers=1)
+    (row,) = found.turning.to_dict("records")
+    radius = np.hypot(run.u_mm_s[-1], run.v_mm_s[-1]) / abs(run.yaw_rate_rad_s[-1])
+    assert row["radius_low_mm"] < radius < row["radius_high_mm"]
+    assert row["radius_high_mm"] - row["radius_low_mm"] < 0.01 * radius
+    assert found.comparison is not None
+    assert found.comparison["gap_rms_mm"][0] < 3 * SIGMA_MM
+    assert any("noise taken from the poses" in note for note in found.notes["r01"])
+    write_report(found)
+    assert "1 run, from poses" in found.outputs.report.read_text(encoding="utf-8")
+
+
+def test_noise_is_estimated_from_the_poses_where_none_is_stated_and_taken_where_it_is(tmp_path: Path) -> None:
+    table = noisy(motion(20.0))
+    table.to_csv(tmp_path / "r01.csv", index=False)
+    covariance = poses_of(read_poses(tmp_path / "r01.csv").table).covariance[0]
+    assert np.sqrt(covariance[0, 0]) == pytest.approx(SIGMA_MM, rel=0.1)
+    assert np.sqrt(covariance[2, 2]) == pytest.approx(SIGMA_RAD, rel=0.1)
+    stated = table.assign(x_sigma_mm=0.1, y_sigma_mm=0.2, heading_sigma_rad=0.3, xy_cov_mm2=0.01)
+    stated.to_csv(tmp_path / "r01.csv", index=False)
+    covariance = poses_of(read_poses(tmp_path / "r01.csv").table).covariance[0]
+    assert np.allclose(np.diag(covariance), [0.01, 0.04, 0.09])
+    assert covariance[0, 1] == pytest.approx(0.01)
+
+
+def test_metres_radians_tum_and_a_clock_that_counts_from_1970_give_the_same_poses(tmp_path: Path) -> None:
+    table, zero_s = noisy(motion()), 1.7e9
+    table.to_csv(tmp_path / "mm.csv", index=False)
+    metres = pd.DataFrame({"time_s": table["time_s"], "x_m": table["x_mm"] / 1000, "y_m": table["y_mm"] / 1000})
+    metres.assign(heading_rad=np.radians(table["heading_deg"])).to_csv(tmp_path / "m.csv", index=False)
+    half = np.radians(table["heading_deg"]) / 2
+    columns = [table["time_s"] + zero_s, metres["x_m"], metres["y_m"], 0.1 + 0 * half, 0 * half, 0 * half]
+    tum = np.column_stack([*columns, np.sin(half), np.cos(half)])
+    np.savetxt(tmp_path / "tum.txt", tum, fmt="%.9f", header="timestamp x y z qx qy qz qw")
+    euroc = np.column_stack([tum[:, 0] * 1e9, tum[:, 1:4], tum[:, 7], tum[:, 4:7], tum[:, 1:4]])
+    np.savetxt(tmp_path / "euroc.csv", euroc, fmt="%.9f", delimiter=",", header="timestamp [ns],p_x [m]")
+    first = read_poses(tmp_path / "mm.csv").table
+    for name in ("m.csv", "tum.txt", "euroc.csv"):
+        other = read_poses(tmp_path / name)
+        assert np.allclose(other.table["time_s"], first["time_s"], atol=1e-6)
+        for column in ("x_mm", "y_mm", "heading_deg"):
+            assert np.allclose(other.table[column], first[column], atol=2e-6)
+        assert other.zero_s == (0.0 if name == "m.csv" else zero_s)
+
+
+def test_commands_and_poses_by_one_clock_that_counts_from_1970_stay_together(tmp_path: Path) -> None:
+    zero_s = 1.7e9
+    table = noisy(motion())
+    table.assign(time_s=table["time_s"] + zero_s).to_csv(tmp_path / "r01.csv", index=False, float_format="%.9f")
+    (tmp_path / "log.csv").write_text(f"time_s,left_rpm,right_rpm\n{zero_s + 0.5:.6f},33.3,14.4\n")
+    path = experiment(tmp_path)
+    text = path.read_text().replace("left_rpm = 33.3\nright_rpm = 14.4\nstart_s = 0.5", 'commands = "log.csv"')
+    path.write_text(text)
+    found = analyze(path, tmp_path / "out", simulate=True, workers=1)
+    (row,) = found.turning.to_dict("records")
+    assert row["late_s"] == pytest.approx(0.0, abs=5e-3)
+    assert found.comparison is not None
+    assert found.comparison["gap_rms_mm"][0] < 3 * SIGMA_MM
+
+
+def test_held_values_are_dropped_counted_and_said(tmp_path: Path) -> None:
+    table = noisy(motion())
+    places = ["x_mm", "y_mm", "heading_deg"]
+    fresh = np.arange(len(table)) // 3 * 3  # measured at 20 Hz, sampled at 60 Hz
+    table[places] = table[places].to_numpy()[fresh]
+    table.to_csv(tmp_path / "r01.csv", index=False)
+    found = read_poses(tmp_path / "r01.csv")
+    assert found.dropped == 240
+    assert np.allclose(found.table["time_s"], np.arange(120) / 20)
+    assert "240 of 360 poses repeat the one before" in found.notes()[0]
+    done = analyze(experiment(tmp_path), tmp_path / "out", workers=1)
+    assert "240 of 360 poses" in " ".join(done.notes["r01"])
+
+
+def test_a_robot_at_rest_without_noise_holds_no_value(tmp_path: Path) -> None:
+    run = motion()
+    table = pd.DataFrame({"time_s": run.time_s, "x_mm": run.x_mm, "y_mm": run.y_mm, "heading_rad": run.heading_rad})
+    table.to_csv(tmp_path / "r01.csv", index=False)
+    assert read_poses(tmp_path / "r01.csv").dropped == 0
+
+
+def test_the_distance_of_marks_that_stand_for_poses_says_nothing_in_a_diagnosis(tmp_path: Path) -> None:
+    noisy(motion()).to_csv(tmp_path / "r01.csv", index=False)
+    found = analyze(experiment(tmp_path), tmp_path / "out", workers=1)
+    (run,) = session_of(found.experiment, {"r01": found.outputs.marks("r01")}).data
+    assert run.from_poses
+    own = (5.0, -3.0, 3.0, *([0.0] * (OWN_NUMBERS - 3)))
+    problem, _ = build_problem((run,), Simulated((load_robot("barrel"),), (run,), {}))
+    (residual,) = problem.residuals([Task(0, own)])
+    features = problem.compressions[0].features
+    assert np.allclose(features(residual), features(residual + np.array([0.0, 0.0, 0.0, 1.0])), atol=1e-6)
+    assert not np.allclose(features(residual), features(residual + np.array([1.0, 0.0, 0.0, 0.0])), atol=1.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("time_s,x_mm,y_mm\n0,1,2\n1,1,2\n", "heading_deg is missing"),
+        ("time_s,x_mm,y_mm,heading_deg\n0,1,2,3\n1,1,a,3\n", "line 3, y_mm = 'a'"),
+        ("time_s,x_mm,x_m,y_mm,heading_deg\n0,1,1,2,3\n1,1,1,2,3\n", "x_mm and x_m"),
+        ("time_s,x_mm,y_mm,heading_deg\n1,1,2,3\n0,1,2,3\n", "does not come after"),
+        ("0 1 2 3 0 0 0 1\n1 2 3\n", "pose 2"),
+    ],
+)
+def test_a_file_that_holds_no_poses_is_refused_with_its_fault(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "r01.csv").write_text(text)
+    with pytest.raises(InputError, match=said):
+        read_poses(tmp_path / "r01.csv")
+    assert any(said in fault for fault in check_experiment(experiment(tmp_path)).faults)

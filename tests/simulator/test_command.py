@@ -1,0 +1,84 @@
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from simulator.command import Command, Stretch
+from simulator.errors import SimulationError
+from simulator.robot import load_robot
+from simulator.run import State
+from simulator.simulation import moving_state, simulate
+
+LOG = "time_s,left_rpm,right_rpm\n1,30,20\n2,30,20\n3,0,0\n4,-30,-20\n"
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "log.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_values_of_a_log_hold_until_the_next_and_motors_are_off_before_the_first(tmp_path: Path) -> None:
+    command = Command.held(written(tmp_path, LOG))
+    left, right = command.at([0.5, 1.0, 2.999, 3.0, 3.999, 4.0, 99.0])
+    assert left.tolist() == [0, 30, 30, 0, 0, -30, -30]
+    assert right.tolist() == [0, 20, 20, 0, 0, -20, -20]
+    assert command.stretches() == (
+        Stretch(-math.inf, 1.0, 0.0, 0.0),
+        Stretch(1.0, 3.0, 30.0, 20.0),
+        Stretch(3.0, 4.0, 0.0, 0.0),
+        Stretch(4.0, math.inf, -30.0, -20.0),
+    )
+
+
+def test_a_robot_that_does_not_start_at_rest_did_before_the_log_what_its_first_row_says(tmp_path: Path) -> None:
+    command = Command.held(written(tmp_path, LOG), starts_at_rest=False)
+    assert command.at(0.0)[0] == 30
+    assert command.stretches()[0] == Stretch(-math.inf, 3.0, 30.0, 20.0)
+
+
+def test_rad_per_second_are_read(tmp_path: Path) -> None:
+    command = Command.held(written(tmp_path, "time_s,left_rad_s,right_rpm\n0,3.14159265358979,7\n"))
+    assert command.at(1.0)[0] == pytest.approx(30.0)
+    assert command.at(1.0)[1] == 7
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("time_s,left_rpm\n0,1\n", "right_rpm is missing"),
+        ("time_s,left_rpm,right_rpm\n0,1,x\n", "line 2"),
+        ("time_s,left_rpm,right_rpm\n1,1,1\n0,2,2\n", "must not decrease"),
+        ("time_s,left_rpm,left_rad_s,right_rpm\n0,1,1,1\n", "both left_rpm and left_rad_s"),
+        ("time_s,left_rpm,right_rpm\n", "no row"),
+    ],
+)
+def test_a_log_that_is_none_is_refused_with_its_fault(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(SimulationError, match=said):
+        Command.held(written(tmp_path, text))
+
+
+def test_a_step_of_the_command_is_met_exactly_whatever_the_output_times(tmp_path: Path) -> None:
+    command = Command.held(written(tmp_path, LOG))
+    robot = load_robot("barrel")
+    coarse = simulate(robot, command, [0.0, 6.0])
+    fine = simulate(robot, command, np.linspace(0.0, 6.0, 1201))
+    assert coarse.x_mm[-1] == pytest.approx(fine.x_mm[-1], abs=2e-6)
+    assert coarse.heading_rad[-1] == pytest.approx(fine.heading_rad[-1], abs=2e-6)
+    # rolling back as long as forward brings it back: 2 s forward from 1 to 3, 2 s backward from 4 to 6
+    assert fine.x_mm[600] > 1.0
+    assert abs(coarse.heading_rad[-1]) < 0.05 * abs(fine.heading_rad[600])
+
+
+def test_a_moving_start_goes_on_as_the_run_before_it_went() -> None:
+    robot, command = load_robot("barrel"), Command.always(33.3, 14.4)
+    whole = simulate(robot, command, np.linspace(0.0, 4.0, 41))
+    pose = State(float(whole.x_mm[20]), float(whole.y_mm[20]), float(whole.heading_rad[20]))
+    later = simulate(robot, command, whole.time_s[20:], moving_state(robot, command, pose, 2.0))
+    assert later.x_mm[-1] == pytest.approx(whole.x_mm[-1], abs=1e-5)
+    assert later.heading_rad[-1] == pytest.approx(whole.heading_rad[-1], abs=1e-5)
+    stands = simulate(robot, command, whole.time_s[20:], pose)
+    assert abs(stands.heading_rad[1] - later.heading_rad[1]) > 1e-5
