@@ -25,6 +25,7 @@ from evaluator.pose import NO_HEADING, poses_from_marks
 from evaluator.tracking.settings import MarkSettings, TrackingSettings, load_settings, with_marks
 from evaluator.turning import RobotShape
 from simulator.mark_layout import Mark, Marks, checked_layout
+from simulator.nominal_robot import Wheel
 from simulator.robot import Robot, shipped_robot_text, shipped_robots
 
 Array = NDArray[np.float64]
@@ -40,6 +41,7 @@ class MeasuredRobot(BaseModel):
     mark: tuple[Mark, ...] = ()
     body: dict[str, Any] = Field(default_factory=dict)
     wheels: dict[str, Any] = Field(default_factory=dict)
+    wheel: tuple[dict[str, Any], ...] = ()
 
     @model_validator(mode="after")
     def _has_marks(self) -> MeasuredRobot:
@@ -101,6 +103,8 @@ def read_geometry(name_or_path: Path) -> RobotGeometry:
 
 
 def _shape(said: MeasuredRobot) -> RobotShape | None:
+    if said.wheel:
+        return _shape_of_list(said)
     try:
         length, width = _length(said.body, "length"), _length(said.body, "width")
         x, y, radius = (_length(said.wheels, name) for name in ("wheelbase", "track", "radius"))
@@ -108,6 +112,24 @@ def _shape(said: MeasuredRobot) -> RobotShape | None:
         return None
     x, y = x / 2, y / 2
     return RobotShape(((x, y), (x, -y), (-x, y), (-x, -y)), radius, length, width)
+
+
+def _shape_of_list(said: MeasuredRobot) -> RobotShape | None:
+    """The shape of a robot with a [[wheel]] list; None where the list is not whole."""
+    try:
+        wheels = [Wheel.model_validate(wheel) for wheel in said.wheel]
+        length, width = _length(said.body, "length"), _length(said.body, "width")
+    except (ValidationError, KeyError):
+        return None
+    driving = [wheel.radius_mm for wheel in wheels if wheel.driven_by != "none"]
+    return RobotShape(
+        tuple((wheel.x_mm, wheel.y_mm) for wheel in wheels),
+        sum(driving) / len(driving) if driving else wheels[0].radius_mm,
+        length,
+        width,
+        tuple(wheel.name for wheel in wheels),
+        tuple(wheel.driven_by for wheel in wheels),
+    )
 
 
 def _length(table: dict[str, Any], name: str) -> float:
