@@ -27,9 +27,9 @@ from evaluator.turning import RobotShape
 from simulator.mark_layout import Mark, Marks, checked_layout
 from simulator.nominal_robot import Wheel
 from simulator.robot import Robot, shipped_robot_text, shipped_robots
+from simulator.units import in_standard_units
 
 Array = NDArray[np.float64]
-MM_PER_M = 1000.0
 
 
 class MeasuredRobot(BaseModel):
@@ -134,11 +134,11 @@ def _shape_of_list(said: MeasuredRobot) -> RobotShape | None:
 
 def _length(table: dict[str, Any], name: str) -> float:
     """A positive length of a table in mm. Raises KeyError where there is none."""
-    for key, factor in ((f"{name}_mm", 1.0), (f"{name}_m", MM_PER_M)):
-        value = table.get(key)
-        if isinstance(value, (int, float)) and value > 0:
-            return float(value) * factor
-    raise KeyError(name)
+    key = f"{name}_mm"
+    value = in_standard_units(table, [key])[key]
+    if not (isinstance(value, (int, float)) and value > 0):
+        raise KeyError(name)
+    return float(value)
 
 
 def sought(robot: RobotGeometry, said: TrackingSettings | None) -> TrackingSettings:
