@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -151,7 +152,7 @@ def experiment_of_one_mark(folder: Path, circling: np.ndarray) -> Path:
     )
     lines = ["format = 1", f'name = "{robot["name"]}"']
     for table in ("body", "wheels", "magnetic_attraction", "slip"):
-        lines += [f"[{table}]", *(f"{key} = {value!r}".replace("'", '"') for key, value in robot[table].items())]
+        lines += [f"[{table}]", *(f"{key} = {json.dumps(value)}" for key, value in robot[table].items())]
     lines += ["[[mark]]", 'name = "top"', "x_mm = 3.0", "y_mm = 0.0"]
     (folder / "robot.toml").write_text("\n".join(lines), encoding="utf-8")
     marks_at({"top": (3.0, 0.0)}, circling, 0.005, 7).to_csv(folder / "r.csv", index=False)
