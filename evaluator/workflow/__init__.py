@@ -32,7 +32,15 @@ if TYPE_CHECKING:
     from evaluator.workflow.slip_bench import SlipBench, evaluate_slip, evaluate_virtual_slip
     from evaluator.workflow.sweep import SweepDone, run_sweep
     from evaluator.workflow.tracking import Tracked, track_recording
+    from evaluator.workflow.viewing.cameras import camera_view, gauge_pdf
     from evaluator.workflow.viewing.curves import run_curves, run_of
+    from evaluator.workflow.viewing.marks import (
+        corrections_file,
+        corrections_of,
+        tracking_file,
+        write_corrections,
+        write_tracking,
+    )
     from evaluator.workflow.viewing.overview import (
         cameras_among,
         experiments_among,
@@ -66,10 +74,13 @@ __all__ = [
     "analyze",
     "budget_of",
     "calibrate",
+    "camera_view",
     "cameras_among",
     "check_experiment",
     "compare",
     "compare_sessions",
+    "corrections_file",
+    "corrections_of",
     "diagnose",
     "diagnose_each",
     "diagnosis_view",
@@ -81,6 +92,7 @@ __all__ = [
     "experiments_among",
     "export",
     "files_named",
+    "gauge_pdf",
     "new_experiment",
     "new_table",
     "out_folder",
@@ -104,10 +116,13 @@ __all__ = [
     "simulate",
     "steady_turns",
     "track_recording",
+    "tracking_file",
     "version_of",
     "watch_marks",
     "with_effects",
+    "write_corrections",
     "write_robot",
+    "write_tracking",
 ]
 
 _HOMES = {
@@ -144,6 +159,14 @@ _HOMES = {
     "evaluator.workflow.viewing.results": ("diagnosis_view", "results_view"),
     "evaluator.workflow.viewing.sandbox": ("effect_sliders", "robot_sliders", "sandbox_motions"),
     "evaluator.workflow.editing.robots": ("effects_of", "robot_file", "with_effects", "write_robot"),
+    "evaluator.workflow.viewing.marks": (
+        "corrections_file",
+        "corrections_of",
+        "tracking_file",
+        "write_corrections",
+        "write_tracking",
+    ),
+    "evaluator.workflow.viewing.cameras": ("camera_view", "gauge_pdf"),
 }
 
 
