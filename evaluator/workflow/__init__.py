@@ -49,7 +49,7 @@ if TYPE_CHECKING:
         results_state,
     )
     from evaluator.workflow.viewing.results import diagnosis_view, results_view
-    from evaluator.workflow.viewing.sandbox import effect_sliders, robot_sliders, sandbox_motions
+    from evaluator.workflow.viewing.sandbox import effect_sliders, robot_names, robot_sliders, sandbox_motions
 
 __all__ = [
     "Analysis",
@@ -108,6 +108,7 @@ __all__ = [
     "results_state",
     "results_view",
     "robot_file",
+    "robot_names",
     "robot_sliders",
     "run_curves",
     "run_of",
@@ -157,7 +158,7 @@ _HOMES = {
     ),
     "evaluator.workflow.viewing.curves": ("run_curves", "run_of"),
     "evaluator.workflow.viewing.results": ("diagnosis_view", "results_view"),
-    "evaluator.workflow.viewing.sandbox": ("effect_sliders", "robot_sliders", "sandbox_motions"),
+    "evaluator.workflow.viewing.sandbox": ("effect_sliders", "robot_names", "robot_sliders", "sandbox_motions"),
     "evaluator.workflow.editing.robots": ("effects_of", "robot_file", "with_effects", "write_robot"),
     "evaluator.workflow.viewing.marks": (
         "corrections_file",

@@ -49,7 +49,8 @@ def tracking(studio: Studio, asked: Asked) -> Json:
     """tracking.toml of an experiment."""
     found = tracking_file(studio.folder.path(asked.path["id"]))
     inside = studio.folder.inside(found.path)
-    return {"version": found.version, "said": found.said, "path": studio.folder.relative(inside)}
+    path = studio.folder.relative(inside)
+    return {"version": found.version, "said": found.said, "sought": found.sought, "path": path}
 
 
 def set_tracking(studio: Studio, asked: Asked) -> Json:

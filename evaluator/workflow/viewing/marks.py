@@ -30,11 +30,15 @@ COLUMNS = ("frame", "mark", "x", "y")
 
 @dataclass(frozen=True)
 class TrackingFile:
-    """The tracking.toml of an experiment: where it is or would be, its version, what it says."""
+    """The tracking.toml of an experiment: where it is or would be, its version, what it says.
+
+    sought: settings of the marks that are looked for, by name: those of the robot where the file names none.
+    """
 
     path: Path
     version: str
     said: dict[str, Any]
+    sought: dict[str, Any]
 
 
 def settings_of(said: Mapping[str, Any]) -> TrackingSettings:
@@ -80,11 +84,15 @@ def look_at(frame: Frame, settings: TrackingSettings) -> dict[str, Any]:
 
 def tracking_file(experiment: Path) -> TrackingFile:
     """The tracking.toml of an experiment. Raises InputError."""
-    path = read_with(load_experiment, experiment).tracking or experiment.resolve().parent / TRACKING
-    if not path.exists():
-        return TrackingFile(path, "", {})
-    document, version = read_document(path)
-    return TrackingFile(path, version, document.unwrap())
+    from evaluator.robot_geometry import read_geometry, sought
+
+    described = read_with(load_experiment, experiment)
+    path = described.tracking or experiment.resolve().parent / TRACKING
+    document, version = read_document(path) if path.exists() else (None, "")
+    said = {} if document is None else dict(document.unwrap())
+    settings = sought(read_geometry(Path(described.robot)), settings_of(said) if said else None)
+    marks = {name: mark.model_dump(mode="json", exclude_defaults=True) for name, mark in settings.mark.items()}
+    return TrackingFile(path, version, said, marks)
 
 
 def write_tracking(experiment: Path, version: str, said: Mapping[str, Any]) -> TrackingFile:

@@ -24,7 +24,7 @@ export async function show(view, { id, rest, signal }) {
 
 async function workbench(place, id, run, file, signal) {
   const base = `/api/experiments/${id}/runs/${encodeURIComponent(run.id)}`;
-  const state = { index: 0, bitmap: null, said: settings(file.said), version: file.version, mark: "green", tool: "color", seen: new Map(), masks: new Map(), draft: null, showMask: true, rows: [], correctionsVersion: "" };
+  const state = { index: 0, bitmap: null, said: settings(file), version: file.version, mark: "green", tool: "color", seen: new Map(), masks: new Map(), draft: null, showMask: true, rows: [], correctionsVersion: "" };
   if (!state.said.mark[state.mark]) [state.mark] = Object.keys(state.said.mark);
   const frames = new Frames(base, signal, (index, bitmap) => { state.bitmap = bitmap; if (index === state.index) screen.redraw(); });
   frames.failed = say;
@@ -114,7 +114,7 @@ async function workbench(place, id, run, file, signal) {
     tell();
     look();
     queue = queue.then(() => post(`/api/experiments/${id}/tracking`, { version: state.version, said: stored(said) }, signal)).then((next) => { state.version = next.version; path.textContent = `Saved in ${next.path}.`; say(""); return contact(); })
-      .catch(async (error) => { state.said = before; say(error); if (error.status === 409) { const next = await get(`/api/experiments/${id}/tracking`, signal); state.said = settings(next.said); state.version = next.version; } tell(); look(); });
+      .catch(async (error) => { state.said = before; say(error); if (error.status === 409) { const next = await get(`/api/experiments/${id}/tracking`, signal); state.said = settings(next); state.version = next.version; } tell(); look(); });
   };
   const correct = (x, y) => {
     const rows = [...state.rows.filter((row) => row.frame !== state.index || row.mark !== state.mark), ...(x === undefined ? [] : [{ frame: state.index, mark: state.mark, x, y }])];
@@ -170,9 +170,9 @@ async function workbench(place, id, run, file, signal) {
   contact();
 }
 
-function settings(said) {
+function settings({ said, sought }) {
   const { format: _, ...own } = said;
-  return { ...own, mark: own.mark && Object.keys(own.mark).length ? own.mark : { green: {}, yellow: {} } };
+  return { ...own, mark: own.mark && Object.keys(own.mark).length ? own.mark : sought };
 }
 
 function stored(said) {
