@@ -127,28 +127,86 @@ __all__ = [
 ]
 
 _HOMES = {
-    "evaluator.capture.record": ("CaptureStart", "Captured", "record_camera"),
+    "evaluator.capture.record": (
+        "CaptureStart",
+        "Captured",
+        "record_camera",
+    ),
     "evaluator.capture.watch": ("watch_marks",),
-    "evaluator.workflow.analysis": ("Analysis", "analyze", "compare", "pending"),
-    "evaluator.workflow.calibration": ("Calibrated", "calibrate"),
-    "evaluator.workflow.checks": ("Check", "check_experiment"),
-    "evaluator.workflow.demo": ("Samples", "prepare_samples"),
+    "evaluator.workflow.analysis": (
+        "Analysis",
+        "analyze",
+        "compare",
+        "pending",
+    ),
+    "evaluator.workflow.calibration": (
+        "Calibrated",
+        "calibrate",
+    ),
+    "evaluator.workflow.checks": (
+        "Check",
+        "check_experiment",
+    ),
+    "evaluator.workflow.demo": (
+        "Samples",
+        "prepare_samples",
+    ),
     "evaluator.workflow.diagnosis.batch": ("diagnose_each",),
-    "evaluator.workflow.diagnosis.experiment": ("DiagnosisResult", "diagnose"),
+    "evaluator.workflow.diagnosis.experiment": (
+        "DiagnosisResult",
+        "diagnose",
+    ),
     "evaluator.workflow.exporting": ("export",),
     "evaluator.workflow.fresh": ("new_experiment",),
-    "evaluator.workflow.diagnosis.planning": ("Plan", "plan"),
-    "evaluator.workflow.rendering": ("Rendered", "SceneOrder", "read_scene", "render_scene", "render_scenes"),
+    "evaluator.workflow.diagnosis.planning": (
+        "Plan",
+        "plan",
+    ),
+    "evaluator.workflow.rendering": (
+        "Rendered",
+        "SceneOrder",
+        "read_scene",
+        "render_scene",
+        "render_scenes",
+    ),
     "evaluator.workflow.results.outputs": ("Outputs",),
     "evaluator.workflow.runs.budget": ("budget_of",),
-    "evaluator.workflow.simulation": ("simulate", "steady_turns"),
-    "evaluator.workflow.slip_bench": ("SlipBench", "evaluate_slip", "evaluate_virtual_slip"),
-    "evaluator.workflow.sweep": ("SweepDone", "run_sweep"),
-    "evaluator.workflow.tracking": ("Tracked", "track_recording"),
-    "evaluator.trends.trends": ("Trends", "compare_sessions"),
-    "evaluator.workflow.editing.documents": ("ChangedMeanwhileError", "replace_text", "version_of"),
-    "evaluator.workflow.editing.experiments": ("Edit", "edit_experiment", "new_table", "read_experiment"),
-    "evaluator.workflow.frames.decoder": ("Decoder", "Wanted"),
+    "evaluator.workflow.simulation": (
+        "simulate",
+        "steady_turns",
+    ),
+    "evaluator.workflow.slip_bench": (
+        "SlipBench",
+        "evaluate_slip",
+        "evaluate_virtual_slip",
+    ),
+    "evaluator.workflow.sweep": (
+        "SweepDone",
+        "run_sweep",
+    ),
+    "evaluator.workflow.tracking": (
+        "Tracked",
+        "track_recording",
+    ),
+    "evaluator.trends.trends": (
+        "Trends",
+        "compare_sessions",
+    ),
+    "evaluator.workflow.editing.documents": (
+        "ChangedMeanwhileError",
+        "replace_text",
+        "version_of",
+    ),
+    "evaluator.workflow.editing.experiments": (
+        "Edit",
+        "edit_experiment",
+        "new_table",
+        "read_experiment",
+    ),
+    "evaluator.workflow.frames.decoder": (
+        "Decoder",
+        "Wanted",
+    ),
     "evaluator.workflow.viewing.overview": (
         "cameras_among",
         "experiments_among",
@@ -156,10 +214,26 @@ _HOMES = {
         "out_folder",
         "results_state",
     ),
-    "evaluator.workflow.viewing.curves": ("run_curves", "run_of"),
-    "evaluator.workflow.viewing.results": ("diagnosis_view", "results_view"),
-    "evaluator.workflow.viewing.sandbox": ("effect_sliders", "robot_names", "robot_sliders", "sandbox_motions"),
-    "evaluator.workflow.editing.robots": ("effects_of", "robot_file", "with_effects", "write_robot"),
+    "evaluator.workflow.viewing.curves": (
+        "run_curves",
+        "run_of",
+    ),
+    "evaluator.workflow.viewing.results": (
+        "diagnosis_view",
+        "results_view",
+    ),
+    "evaluator.workflow.viewing.sandbox": (
+        "effect_sliders",
+        "robot_names",
+        "robot_sliders",
+        "sandbox_motions",
+    ),
+    "evaluator.workflow.editing.robots": (
+        "effects_of",
+        "robot_file",
+        "with_effects",
+        "write_robot",
+    ),
     "evaluator.workflow.viewing.marks": (
         "corrections_file",
         "corrections_of",
@@ -167,7 +241,10 @@ _HOMES = {
         "write_corrections",
         "write_tracking",
     ),
-    "evaluator.workflow.viewing.cameras": ("camera_view", "gauge_pdf"),
+    "evaluator.workflow.viewing.cameras": (
+        "camera_view",
+        "gauge_pdf",
+    ),
 }
 
 
