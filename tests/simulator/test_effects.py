@@ -10,13 +10,13 @@ import pytest
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot
 from simulator.effects.catalogue import EFFECTS
-from simulator.effects.entry import EffectEntry
 from simulator.effects.free_form import ID as FREE_FORM
 from simulator.observation import marks_of_run
 from simulator.robot import Robot, load_robot
 from simulator.run import Run, State
 from simulator.simulation import simulate
 from simulator.steady import steady_turn
+from tests.simulator.effect_probe import affected
 
 TIMES_S = np.linspace(0.0, 3.0, 31)
 TURN = Command.steps([(0.0, 33.3, 14.4), (1.5, -20.0, -30.0)])
@@ -49,10 +49,6 @@ CONTRACT = {
     "time-base": "factor",
     "camera-tilt": "per_mm_x per_mm_y perspective",
 }
-
-
-def affected(robot: Robot, id_: str, **values: object) -> Robot:
-    return robot.model_copy(update={"effect": (*robot.effect, EffectEntry.model_validate({"id": id_, **values}))})
 
 
 def moved(robot: Robot, command: Command = TURN, run_index: int = 3) -> Run:
