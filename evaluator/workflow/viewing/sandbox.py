@@ -14,12 +14,13 @@ from pydantic import ValidationError
 
 from evaluator.errors import InputError
 from evaluator.files import explain, read_with
+from evaluator.pose import poses_from_marks
 from evaluator.robot_geometry import mark_geometry
 from simulator.command import Command
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.free_form import ID as FREE_FORM
 from simulator.effects.parameter import UNITS, Parameter
-from simulator.observation import view_of
+from simulator.observation import marks_of_run
 from simulator.robot import Robot, load_robot, shipped_robot_text
 from simulator.run import Run
 from simulator.simulation import simulate
@@ -132,14 +133,8 @@ def _motion(robot: Robot, left: float, right: float, times: np.ndarray) -> dict[
 
 def _seen(robot: Robot, run: Run) -> tuple[Array, Array]:
     """Where the centre would be measured to be: from the marks, as they are seen with the effects of the robot."""
-    green, yellow = view_of(robot).marks(run.x_mm, run.y_mm, run.heading_rad, run.time_s)
-    geometry = mark_geometry(robot)
-    on_body = np.subtract(geometry.green_mm, geometry.yellow_mm)
-    apart = green - yellow
-    heading = np.arctan2(apart[:, 1], apart[:, 0]) - np.arctan2(on_body[1], on_body[0])
-    middle, (ahead, left) = (green + yellow) / 2, np.add(geometry.green_mm, geometry.yellow_mm) / 2
-    cos, sin = np.cos(heading), np.sin(heading)
-    return middle[:, 0] - ahead * cos + left * sin, middle[:, 1] - ahead * sin - left * cos
+    poses = poses_from_marks(marks_of_run(robot, run), mark_geometry(robot))
+    return poses.x_mm, poses.y_mm
 
 
 def _changed(robot: Robot, nominal: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]) -> Robot:
