@@ -17,17 +17,14 @@ from evaluator.robot_geometry import read_geometry, sought
 from evaluator.tracking import TrackingSettings, place_on_plate, track
 from evaluator.tracking.settings import MarkSettings
 from simulator.rendering import Scene, render_clip
-from simulator.robot import load_robot
+from simulator.robot import shipped_robot_text
 
 HEIGHT_MM = 6.5
 
 
 def robot_file(folder: Path, marks: list[dict[str, Any]]) -> Path:
     """The barrel robot with other marks."""
-    content = load_robot("barrel").model_dump(exclude_none=True)
-    lines = ["format = 1", 'name = "x"']
-    for table in ("body", "wheels", "magnetic_attraction", "slip"):
-        lines += [f"[{table}]", *(f"{key} = {value!r}".replace("'", '"') for key, value in content[table].items())]
+    lines = [shipped_robot_text("barrel").split("[marks]")[0]]
     for mark in marks:
         lines += ["[[mark]]", *(f"{key} = {value!r}".replace("'", '"') for key, value in mark.items())]
     path = folder / "robot.toml"
