@@ -193,6 +193,16 @@ class NominalRobot(Table):
         return float(np.mean([wheel.radius_mm for wheel in self.wheel if wheel.driven_by != "none"]))
 
     @property
+    def track_mm(self) -> float:
+        """Distance from the wheels that the right command drives to those of the left, in the mean."""
+        if self.wheels:
+            return self.wheels.track_mm
+        left, right = (
+            np.mean([wheel.y_mm for wheel in self.wheel if wheel.driven_by == side]) for side in ("left", "right")
+        )
+        return float(left - right)
+
+    @property
     def extent_mm(self) -> tuple[float, float]:
         """Distance from the rearmost to the foremost and from the rightmost to the leftmost wheel centre."""
         x, y = np.ptp(self.wheel_positions_mm(), axis=0).tolist()

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.store import load_camera_file
+from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.report.diagnosis.sections import diagnosis_sections
 from evaluator.report.diagnosis.view import DiagnosisView
@@ -21,6 +22,7 @@ from evaluator.report.figures.trajectory import representative, trajectories
 from evaluator.report.figures.wheel_states import wheel_states_figure
 from evaluator.report.measurement.budget import budget_section
 from evaluator.report.numbers import UNKNOWN, command_text, interval, number, true_minus
+from evaluator.report.pages.circular_test import circular_test_section
 from evaluator.report.pages.html import Section, Table
 from evaluator.report.runs import RunView
 from evaluator.report.style import Figure
@@ -33,7 +35,8 @@ from evaluator.report.tables import (
     standard_sentence,
     table_of_runs,
 )
-from evaluator.workflow import Analysis, budget_of
+from evaluator.workflow import Analysis, budget_of, circular_test_of
+from simulator.errors import SimulationError
 from simulator.robot import Robot
 from simulator.steady import steady_turn
 
@@ -57,6 +60,7 @@ def sections(
             tables=(outline_table(turning),) if turning else (),
         ),
         _repetitions(right, analysis),
+        _circular_test(analysis, robot),
         _figures("speed", "How fast it runs straight", straight_speed(right, robot.driving_radius_mm)),
         _wheels(right, robot),
         _quality(runs, analysis.notes),
@@ -87,6 +91,14 @@ def _repetitions(runs: Sequence[RunView], analysis: Analysis) -> Section | None:
         (figure,) if figure else (),
         tuple(tables),
     )
+
+
+def _circular_test(analysis: Analysis, robot: Robot) -> Section | None:
+    """The steady-state circular test, where turns were driven at several speeds."""
+    try:
+        return circular_test_section(circular_test_of(analysis, robot))
+    except (InputError, SimulationError):  # no turn, or one that the model does not settle on: there is no test
+        return None
 
 
 def _wheels(runs: Sequence[RunView], robot: Robot) -> Section | None:

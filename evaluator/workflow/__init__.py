@@ -15,6 +15,15 @@ if TYPE_CHECKING:
     from evaluator.workflow.analysis import Analysis, analyze, compare, pending
     from evaluator.workflow.calibration import Calibrated, calibrate
     from evaluator.workflow.checks import Check, check_experiment
+    from evaluator.workflow.circular.evaluate import (
+        CircularResult,
+        circular_test_content,
+        circular_test_of,
+        circular_test_table,
+        evaluate_circular_test,
+        simulate_circular_test,
+    )
+    from evaluator.workflow.circular.runs import CircularRun, circular_runs, write_circular_test
     from evaluator.workflow.demo import Samples, prepare_samples
     from evaluator.workflow.diagnosis.batch import diagnose_each
     from evaluator.workflow.diagnosis.experiment import DiagnosisResult, diagnose
@@ -58,6 +67,8 @@ __all__ = [
     "Captured",
     "ChangedMeanwhileError",
     "Check",
+    "CircularResult",
+    "CircularRun",
     "Decoder",
     "DiagnosisResult",
     "Edit",
@@ -77,6 +88,10 @@ __all__ = [
     "camera_view",
     "cameras_among",
     "check_experiment",
+    "circular_runs",
+    "circular_test_content",
+    "circular_test_of",
+    "circular_test_table",
     "compare",
     "compare_sessions",
     "corrections_file",
@@ -87,6 +102,7 @@ __all__ = [
     "edit_experiment",
     "effect_sliders",
     "effects_of",
+    "evaluate_circular_test",
     "evaluate_slip",
     "evaluate_virtual_slip",
     "experiments_among",
@@ -115,6 +131,7 @@ __all__ = [
     "run_sweep",
     "sandbox_motions",
     "simulate",
+    "simulate_circular_test",
     "steady_turns",
     "track_recording",
     "tracking_file",
@@ -122,6 +139,7 @@ __all__ = [
     "watch_marks",
     "with_effects",
     "write_corrections",
+    "write_circular_test",
     "write_robot",
     "write_tracking",
 ]
@@ -151,6 +169,18 @@ _HOMES = {
         "Samples",
         "prepare_samples",
     ),
+    "evaluator.workflow.analysis": ("Analysis", "analyze", "compare", "pending"),
+    "evaluator.workflow.calibration": ("Calibrated", "calibrate"),
+    "evaluator.workflow.checks": ("Check", "check_experiment"),
+    "evaluator.workflow.circular.evaluate": (
+        "CircularResult",
+        "circular_test_content",
+        "circular_test_of",
+        "circular_test_table",
+        "evaluate_circular_test",
+        "simulate_circular_test",
+    "evaluator.workflow.circular.runs": ("CircularRun", "circular_runs", "write_circular_test"),
+    "evaluator.workflow.demo": ("Samples", "prepare_samples"),
     "evaluator.workflow.diagnosis.batch": ("diagnose_each",),
     "evaluator.workflow.diagnosis.experiment": (
         "DiagnosisResult",
