@@ -138,8 +138,8 @@ __all__ = [
     "version_of",
     "watch_marks",
     "with_effects",
-    "write_corrections",
     "write_circular_test",
+    "write_corrections",
     "write_robot",
     "write_tracking",
 ]
@@ -157,18 +157,6 @@ _HOMES = {
         "compare",
         "pending",
     ),
-    "evaluator.workflow.calibration": (
-        "Calibrated",
-        "calibrate",
-    ),
-    "evaluator.workflow.checks": (
-        "Check",
-        "check_experiment",
-    ),
-    "evaluator.workflow.demo": (
-        "Samples",
-        "prepare_samples",
-    ),
     "evaluator.workflow.analysis": ("Analysis", "analyze", "compare", "pending"),
     "evaluator.workflow.calibration": ("Calibrated", "calibrate"),
     "evaluator.workflow.checks": ("Check", "check_experiment"),
@@ -179,6 +167,7 @@ _HOMES = {
         "circular_test_table",
         "evaluate_circular_test",
         "simulate_circular_test",
+    ),
     "evaluator.workflow.circular.runs": ("CircularRun", "circular_runs", "write_circular_test"),
     "evaluator.workflow.demo": ("Samples", "prepare_samples"),
     "evaluator.workflow.diagnosis.batch": ("diagnose_each",),
