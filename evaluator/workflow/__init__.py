@@ -151,12 +151,6 @@ _HOMES = {
         "record_camera",
     ),
     "evaluator.capture.watch": ("watch_marks",),
-    "evaluator.workflow.analysis": (
-        "Analysis",
-        "analyze",
-        "compare",
-        "pending",
-    ),
     "evaluator.workflow.analysis": ("Analysis", "analyze", "compare", "pending"),
     "evaluator.workflow.calibration": ("Calibrated", "calibrate"),
     "evaluator.workflow.checks": ("Check", "check_experiment"),
