@@ -37,8 +37,6 @@ MOST_STEPS = 1500
 TOLERANCE_MM = 1e-6
 
 
-# Effects that differ from run to run of a session; all others are compiled once for all runs of a robot.
-BY_ORDER = frozenset(effect.id for effect in EFFECTS.values() if effect.varies_by_run)
 MOST_VARIANTS = 5000
 
 
@@ -174,7 +172,9 @@ class Simulated:
         for task in tasks:
             run = self._data[task.run]
             kind = self._kinds[task.run]
-            ordered = BY_ORDER.intersection(task.terms) or any(e.id in BY_ORDER for e in self.robots[kind].effect)
+            ordered = any(varies_by_run(effect) for effect in task.terms) or any(
+                varies_by_run(entry.id) for entry in self.robots[kind].effect
+            )
             place = kind, run.order if ordered else 0
             key = *place, id(task.nominal), id(task.terms)  # mappings live as long as their tasks
             if key not in met:
@@ -259,6 +259,11 @@ def _integrated(
         MOST_STEPS,
     )
     return out
+
+
+def varies_by_run(effect: str) -> bool:
+    """Whether an effect differs from run to run of a session; all others are compiled once for all runs of a robot."""
+    return effect in EFFECTS and EFFECTS[effect].varies_by_run
 
 
 def _act(effect: str, draft: Draft, values: Mapping[str, float]) -> None:
