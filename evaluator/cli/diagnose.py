@@ -137,10 +137,14 @@ def _write_effect(found: DiagnosisResult, path: Path) -> None:
 def _say(found: DiagnosisResult) -> None:
     """Say what a diagnosis found and where it is written."""
     from evaluator.report.verdict import verdict_lines
+    from evaluator.workflow import Outputs
 
     same = "" if found.anew else "  (nothing has changed since it was made)"
     click.echo("\n".join(verdict_lines(found.content)))
     click.echo(f"\n{found.out / 'diagnosis.json'}{same}")
+    form = Outputs(found.out).own_effect
+    if found.verdict == "unknown" and form.is_file():
+        click.echo(f"{form}  (the form that explains the runs: put it into effects/ to add it as your effect)")
 
 
 def _left_out(content: dict[str, Any]) -> int:

@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from evaluator.workflow import diagnose
-from simulator.own_effects.files import load_own
+from simulator.effects.catalogue import EFFECTS
+from simulator.own_effects.files import BUILT_IN, load_own
 from simulator.own_effects.template import template
 from simulator.robot import load_robot
 from tests.evaluator.diagnosis.hidden import write_hidden
 
 MIX = {"right_to_left": 0.3, "left_to_right": 0.2}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _forgotten() -> Iterator[None]:
+    """Own effects are known to the whole process: other tests must not meet them."""
+    yield
+    for effect in set(EFFECTS) - BUILT_IN:
+        del EFFECTS[effect]
 
 
 @pytest.fixture(scope="module")
