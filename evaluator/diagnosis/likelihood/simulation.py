@@ -67,8 +67,8 @@ class Simulated:
         known: size of a deviation of 1 of each quantity of the laboratory that acts here (known_to.simulated_sigmas);
         start_sigma_s: standard deviation of a run's start.
         """
-        self._known = dict(known or {})
-        self._start_sigma_s = start_sigma_s
+        self.known = dict(known or {})
+        self.start_sigma_s = start_sigma_s
         self.robots: tuple[Robot, ...] = tuple(robots)
         self._slots = room_for(self.robots)
         self._data = tuple(data)
@@ -144,11 +144,11 @@ class Simulated:
 
     def _late_s(self, task: Task) -> float:
         """How much later than stated the motors of a task start."""
-        return task.own[6] * self._start_sigma_s + self._deviation(task.nominal, START)
+        return task.own[6] * self.start_sigma_s + self._deviation(task.nominal, START)
 
     def _deviation(self, nominal: Mapping[str, float], key: str) -> float:
         """Deviation of a quantity of the laboratory in its unit."""
-        return nominal.get(key, 0.0) * self._known.get(key, 0.0)
+        return nominal.get(key, 0.0) * self.known.get(key, 0.0)
 
     def _true_times(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[Floats]:
         """Start of the simulation, then the frames; a measured time is the true one times the time factor."""
@@ -181,7 +181,7 @@ class Simulated:
                 nominal = {
                     name: value
                     for name, value in task.nominal.items()
-                    if not is_shared(name) or (name in self._known and name != START)
+                    if not is_shared(name) or (name in self.known and name != START)
                 }
                 lasting = *place, *nominal.items(), *task.terms.items()
                 if lasting not in self._variants:
