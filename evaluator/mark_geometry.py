@@ -22,6 +22,7 @@ ROUNDING_SIGMA_MM = 1e-6 / np.sqrt(12)
 # Marks nearer than this, the rounding of four coordinates, are one place: no heading.
 ONE_PLACE_MM = 10 * ROUNDING_SIGMA_MM
 UNNAMED = "mark "
+CORNER = "_corner"  # stands in the names of corners of tags
 
 
 @dataclass(frozen=True, init=False, eq=True)
@@ -67,6 +68,10 @@ class MarkGeometry:
     def names(self) -> tuple[str, ...]:
         """Names of the marks, in their order."""
         return tuple(self.places_mm)
+
+    def shown(self) -> dict[str, Place]:
+        """Places of the marks without the corners of tags."""
+        return {name: place for name, place in self.places_mm.items() if CORNER not in name}
 
     def places(self) -> Array:
         """Places (m, 2)."""

@@ -24,6 +24,7 @@ from evaluator.rigid_fit import fitted_poses, learnt_places, odd_points, pose_ja
 Array = NDArray[np.float64]
 
 OK = "ok"
+CORNER = "_corner1"  # after the name of a tag: its first corner
 # A rigid distance that stands out by more than this many robust standard deviations is no Gaussian accident: one frame
 # in 5e8 would. Correlation between frames does not change that share.
 SPACING_LIMIT_SIGMA = 6.0
@@ -101,7 +102,7 @@ def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera
     _take_out_odd(status, points)
     good = status == OK
     covariances = _mark_covariances(marks, names, spacing[good & np.isfinite(spacing)])
-    weights = _weights(covariances, points, good)
+    weights = _weights(names, covariances, points, good)
     points = np.where(good[:, None, None], points, np.nan)
     places = learnt_places(points, geometry.places(), weights)
     pose = fitted_poses(points, places, weights)
@@ -228,12 +229,13 @@ def _mark_covariances(marks: pd.DataFrame, names: Sequence[str], spacing: Array)
     return result
 
 
-def _weights(covariances: Array, points: Array, good: NDArray[np.bool_]) -> Array:
+def _weights(names: Sequence[str], covariances: Array, points: Array, good: NDArray[np.bool_]) -> Array:
     """Weight of every mark in the pose: one for the run, lest a wrong spacing make the centre jump."""
     traces = np.trace(covariances, axis1=2, axis2=3)
     seen = np.isfinite(points).all(axis=2) & good[:, None]
     scatter = np.array([np.median(traces[rows, k]) if rows.any() else np.inf for k, rows in enumerate(seen.T)])
     if not np.isfinite(scatter).any():
         return np.full(len(scatter), 1 / len(scatter))
-    weights = 1 / scatter
+    # The centre of a tag is that of its corners: it tells nothing beside them.
+    weights = np.where([f"{name}{CORNER}" in names for name in names], 0.0, 1 / scatter)
     return np.asarray(weights / weights.sum())

@@ -25,10 +25,11 @@ from evaluator.pose import NO_HEADING, poses_from_marks
 from evaluator.tracking.settings import MarkSettings, TrackingSettings, load_settings, with_marks
 from evaluator.turning import RobotShape
 from simulator.mark_layout import Mark, Marks, checked_layout
+from simulator.nominal_robot import Wheel
 from simulator.robot import Robot, shipped_robot_text, shipped_robots
+from simulator.units import in_standard_units
 
 Array = NDArray[np.float64]
-MM_PER_M = 1000.0
 
 
 class MeasuredRobot(BaseModel):
@@ -40,6 +41,7 @@ class MeasuredRobot(BaseModel):
     mark: tuple[Mark, ...] = ()
     body: dict[str, Any] = Field(default_factory=dict)
     wheels: dict[str, Any] = Field(default_factory=dict)
+    wheel: tuple[dict[str, Any], ...] = ()
 
     @model_validator(mode="after")
     def _has_marks(self) -> MeasuredRobot:
@@ -101,6 +103,8 @@ def read_geometry(name_or_path: Path) -> RobotGeometry:
 
 
 def _shape(said: MeasuredRobot) -> RobotShape | None:
+    if said.wheel:
+        return _shape_of_list(said)
     try:
         length, width = _length(said.body, "length"), _length(said.body, "width")
         x, y, radius = (_length(said.wheels, name) for name in ("wheelbase", "track", "radius"))
@@ -110,13 +114,31 @@ def _shape(said: MeasuredRobot) -> RobotShape | None:
     return RobotShape(((x, y), (x, -y), (-x, y), (-x, -y)), radius, length, width)
 
 
+def _shape_of_list(said: MeasuredRobot) -> RobotShape | None:
+    """The shape of a robot with a [[wheel]] list; None where the list is not whole."""
+    try:
+        wheels = [Wheel.model_validate(wheel) for wheel in said.wheel]
+        length, width = _length(said.body, "length"), _length(said.body, "width")
+    except (ValidationError, KeyError):
+        return None
+    driving = [wheel.radius_mm for wheel in wheels if wheel.driven_by != "none"]
+    return RobotShape(
+        tuple((wheel.x_mm, wheel.y_mm) for wheel in wheels),
+        sum(driving) / len(driving) if driving else wheels[0].radius_mm,
+        length,
+        width,
+        tuple(wheel.name for wheel in wheels),
+        tuple(wheel.driven_by for wheel in wheels),
+    )
+
+
 def _length(table: dict[str, Any], name: str) -> float:
     """A positive length of a table in mm. Raises KeyError where there is none."""
-    for key, factor in ((f"{name}_mm", 1.0), (f"{name}_m", MM_PER_M)):
-        value = table.get(key)
-        if isinstance(value, (int, float)) and value > 0:
-            return float(value) * factor
-    raise KeyError(name)
+    key = f"{name}_mm"
+    value = in_standard_units(table, [key])[key]
+    if not (isinstance(value, (int, float)) and value > 0):
+        raise KeyError(name)
+    return float(value)
 
 
 def sought(robot: RobotGeometry, said: TrackingSettings | None) -> TrackingSettings:

@@ -38,6 +38,7 @@ class Run(Table):
     video: Path | None = None
     marks: Path | None = None
     poses: Path | None = None
+    corrections: Path | None = None  # of single frames of the video, by hand: see evaluator.tracking.corrections
     rate_hz: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None  # where the video has no times
     group: str = ""  # wheel type, operator, …: runs of one group are drawn as one series
     robot: str | None = None  # where it differs from the experiment's
@@ -161,6 +162,7 @@ def load_experiment(path: Path) -> Experiment:
                 "marks": absolute(run.marks),
                 "poses": absolute(run.poses),
                 "commands": absolute(run.commands),
+                "corrections": absolute(run.corrections),
                 "camera": absolute(run.camera or raw.camera),
                 "robot": robot(run.robot or raw.robot),
             }

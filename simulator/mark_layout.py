@@ -14,13 +14,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from simulator.units import in_standard_units
+
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Place = tuple[float, float]
 Kind = Literal["color", "light", "aruco", "apriltag"]
 TAGS: tuple[Kind, ...] = ("aruco", "apriltag")
-MM_PER_M = 1000.0
 DIAMETER_MM, HEIGHT_MM = 1.0, 6.5  # of the paper's marks
 
 
@@ -106,22 +107,10 @@ def checked_layout(marks: Marks, mark: tuple[Mark, ...]) -> tuple[Mark, ...]:
 
 
 def in_mm(content: Any) -> Any:
-    """A table whose lengths in m (keys that end in _m) are in mm."""
+    """A table whose lengths in m (keys that end in _m) are in mm. Raises ValueError where one is given in both."""
     if not isinstance(content, dict):
         return content
-    result = {}
-    for key, value in content.items():
-        if isinstance(key, str) and key.endswith("_m") and f"{key}m" not in content:
-            result[f"{key}m"] = _times_1000(value)
-        else:
-            result[key] = value
-    return result
-
-
-def _times_1000(value: Any) -> Any:
-    if isinstance(value, (list, tuple)):
-        return [_times_1000(item) for item in value]
-    return value * MM_PER_M if isinstance(value, (int, float)) else value
+    return in_standard_units(content, [f"{key}m" for key in content if isinstance(key, str) and key.endswith("_m")])
 
 
 def _unknown(key: str, known: list[str]) -> str:

@@ -111,6 +111,7 @@ class KnownTo(Table):
     track_mm: NotNegative | None = None
     mass_g: NotNegative | None = None
     mark_position_mm: NotNegative = 0.05  # of each mark, along each axis
+    mark_height_mm: NotNegative = 0.1  # of all marks above the plate: enters the uncertainty budget
     center_of_gravity_mm: NotNegative = 0.1  # along each axis
     plate_level_deg: NotNegative = 0.3  # along each axis of the plate
 
@@ -190,6 +191,16 @@ class NominalRobot(Table):
         if self.wheels:
             return self.wheels.radius_mm
         return float(np.mean([wheel.radius_mm for wheel in self.wheel if wheel.driven_by != "none"]))
+
+    @property
+    def track_mm(self) -> float:
+        """Distance from the wheels that the right command drives to those of the left, in the mean."""
+        if self.wheels:
+            return self.wheels.track_mm
+        left, right = (
+            np.mean([wheel.y_mm for wheel in self.wheel if wheel.driven_by == side]) for side in ("left", "right")
+        )
+        return float(left - right)
 
     @property
     def extent_mm(self) -> tuple[float, float]:

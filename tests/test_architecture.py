@@ -92,3 +92,23 @@ def _imported(path: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom) and node.module:
             names.add(node.module.split(".")[0])
     return names
+
+
+def test_tests_import_nothing_from_benchmarks() -> None:
+    folder = ROOT / "tests"
+    files = [path for path in folder.rglob("*.py") if "benchmarks" not in path.relative_to(folder).parts]
+    assert len(files) > 100
+    assert [str(path.relative_to(ROOT)) for path in files if "tests.benchmarks" in _modules(path)] == []
+
+
+def _modules(path: Path) -> str:
+    """Names of all modules that a file imports, and of what it takes from them."""
+    import ast
+
+    found = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            found += [f"{node.module}.{alias.name}" for alias in node.names]
+    return " ".join(found)

@@ -45,10 +45,10 @@ def analyze(
     against forward), marks/RUN.csv and poses/RUN.csv. What is up to date is reused, so the same
     command goes on after an interruption.
 
-    Marks may come from elsewhere: a run then says marks = "r01.csv" instead of video, a table with the columns time_s,
-    green_x_mm, green_y_mm, yellow_x_mm and yellow_y_mm on the plane of the marks, a missing mark as empty cells. Files
-    of OSP Tracker, DeepLabCut and movement are read as well; [tracks] of experiment.toml names their marks, unit and
-    frame rate.
+    Marks may come from elsewhere: a run then says marks = "r01.csv" instead of video, a table with time_s and, for
+    every mark of the robot, NAME_x_mm and NAME_y_mm on the plane of the marks, a missing mark as empty cells. Files of
+    OSP Tracker, DeepLabCut, SLEAP and movement are read as well; [tracks] of experiment.toml says what their marks are
+    called, unit and frame rate.
     """
     if dry_run:
         return print_plan(experiment, out, simulate=False)

@@ -24,6 +24,7 @@ COMMANDS = {
     "trends": ("trends", "Set several sessions of one robot side by side over time."),
     "diagnose": ("diagnose", "Name the missing effect that makes model and data disagree."),
     "plan": ("diagnose", "Propose the runs of a good experiment."),
+    "circular-test": ("circular_test", "Evaluate a steady-state circular test: understeer gradient."),
     "simulate": ("simulate", "Simulate one run."),
     "steady": ("steady", "Tabulate steady turning radii over speeds and ratios."),
     "sweep": ("sweep", "Simulate grids and samples of runs."),

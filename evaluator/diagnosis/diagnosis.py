@@ -159,7 +159,7 @@ def _best_named(search: Search, families: int) -> tuple[Standing, Set]:
     for _ in range(LARGEST_SET):
         before = best
         for effect in sorted(best):
-            fit_set(search, best - {effect}, {}, search.fits[best])
+            fit_set(search, best - {effect}, {}, search.fits[best], search.explained)
         table = standing(search, families)
         best = kept(search, table, families)
         if best == before:
@@ -186,8 +186,8 @@ def _searched(session: Session, progress: Progress, ends: Ends | None) -> tuple[
         problem = with_noise_of(problem, begin)
         part = replace(part, problem=problem)
         large = is_large(problem, begin)
-    run_search(part, begin, progress, short_horizon_fits(part, start, progress) if large else ())
-    part = _with_settled_noise(part, progress, large=large)
+    run_search(part, begin, start, progress, short_horizon_fits(part, start, progress) if large else ())
+    part = _with_settled_noise(part, start, progress)
     _swap(part)
     return part, start, terms
 
@@ -261,8 +261,12 @@ def _levels(session: Session) -> tuple[float, ...]:
     return tuple(sorted({abs(rpm) for run in session.data for rpm in run.command}))
 
 
-def _with_settled_noise(part: Search, progress: Progress, *, large: bool) -> Search:
-    """The search with the noise that its best model leaves; repeated where a misfit had been taken for noise."""
+def _with_settled_noise(part: Search, nominal: Point, progress: Progress) -> Search:
+    """The search with the noise that its best model leaves; repeated where a misfit had been taken for noise.
+
+    It goes on from its best fits. Under less noise the same misfit is more sigmas, and from the null, or from friction
+    and gains that suited another model, a fit that had converged before may not find its way again.
+    """
     for _ in range(2):
         best = part.fits[part.ranked()[0]]
         point = place_runs(part.problem, best.point, range(len(part.problem.data)), best.posterior.scatter)
@@ -270,9 +274,9 @@ def _with_settled_noise(part: Search, progress: Progress, *, large: bool) -> Sea
         pairs = zip(problem.noise, part.problem.noise, strict=True)
         if np.median([new[0].sigma_mm / old[0].sigma_mm for new, old in pairs]) > SETTLED_NOISE:
             break
-        seeds = [part.fits[ids] for ids in part.ranked()[:RIVALS_KEPT]] if large else []
+        seeds, null = [part.fits[ids] for ids in part.ranked()[:RIVALS_KEPT]], part.null.point
         part = Search(problem, part.terms, part.tolerance, part.runs)
-        run_search(part, Point(point.own), progress, seeds)
+        run_search(part, null, nominal, progress, seeds)
     return part
 
 
@@ -283,8 +287,8 @@ def _swap(part: Search) -> None:
         near = sorted((sigmas, other) for other, sigmas in others.items() if other and sigmas < SWAP_SIGMAS)
         for _, other in near[:SWAPS]:
             ids = best - {effect} | {other}
-            if ids not in part.fits and ids not in part.failed:
-                fit_set(part, ids, {}, part.null if len(ids) == 1 else part.fits[best])
+            if ids not in part.fits and ids not in part.failed and not part.exhausted:
+                fit_set(part, ids, {}, part.null if len(ids) == 1 else part.fits[best], part.explained)
 
 
 def _on_all_runs(part: Search, terms: Mapping[str, Candidate]) -> Search:
@@ -296,11 +300,12 @@ def _on_all_runs(part: Search, terms: Mapping[str, Candidate]) -> Search:
     for ids in leading:
         if ids:
             fit_set(whole, ids, part.fits[ids].point.terms, part.fits[ids])
+    explained = whole.explained
     for ids in [ids for ids in leading if len(ids) > 1]:  # for the drop-one tests
         for rest in [ids - {effect} for effect in sorted(ids)]:
             if rest not in whole.fits:
                 origin = part.fits.get(rest) or whole.fits.get(ids) or part.fits[ids]
-                fit_set(whole, rest, {effect: origin.point.terms[effect] for effect in rest}, origin)
+                fit_set(whole, rest, {effect: origin.point.terms[effect] for effect in rest}, origin, explained)
     if leading[0] in whole.failed:  # a run held out is not followed: the verdict stays with those that were fitted
         return Search(part.problem, terms, part.tolerance, part.runs, dict(part.fits))
     return whole
@@ -326,8 +331,8 @@ def _challenge(search: Search, free: Mapping[str, Candidate], progress: Progress
         gains = sorted(((view.evidence(offer) - base, offer) for offer in view.offers), reverse=True)
         hopeless = 0
         for gain, (effect, extra) in gains[:FREE_REFITTED]:
-            if gain < PROMISING_FREE or hopeless == FREE_HOPELESS:
+            if gain < PROMISING_FREE or hopeless == FREE_HOPELESS or search.exhausted:
                 break
-            found = fit_set(search, ids | {effect}, {effect: view.start_of((effect, extra))}, fit)
+            found = fit_set(search, ids | {effect}, {effect: view.start_of((effect, extra))}, fit, search.explained)
             near = found is not None and found.posterior.log_evidence > top - HOPELESS
             hopeless = 0 if near else hopeless + 1

@@ -19,7 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.errors import InputError
+from evaluator.recording.frame import Frame
 from evaluator.recording.images import ImageSequence
+from evaluator.recording.layout import Layout
 from evaluator.recording.open import open_recording
 from evaluator.recording.video import STREAMED, Recording
 
@@ -72,6 +74,15 @@ class Frames:
 
     def image(self, index: int) -> Image:
         """Frame number index, (height, width, 3) BGR, upright. Raises InputError where there is none."""
+        picture = self._picture(index)
+        return self._source.to_image(picture)
+
+    def frame(self, index: int) -> Frame:
+        """Frame number index as iterating gives it. Raises InputError where there is none."""
+        picture = self._picture(index)
+        return self._source.to_frame(picture, index)
+
+    def _picture(self, index: int) -> Any:
         count = len(self.contents.time_s)
         if not 0 <= index < count:
             raise InputError(f"{self._path.name}: there is no frame {index}; it has {count}")
@@ -83,9 +94,9 @@ class Frames:
                 self._source = _Sequential(self._path, self._rate)
                 self._cache.clear()
                 self._bytes = 0
-                return self.image(min(index, len(self.contents.time_s) - 1))
+                return self._picture(min(index, len(self.contents.time_s) - 1))
         self._cache.move_to_end(index)
-        return self._source.to_image(self._cache[index])
+        return self._cache[index]
 
     def _decode(self, index: int) -> None:
         for number, picture in self._source.until(index):
@@ -132,7 +143,7 @@ class _Seeking:
         if not keys or keys[0][0] != 0:
             raise CannotSeekError
         self._seek_to = dict(keys)
-        origin = self._ticks[0] if self._container.format.name in STREAMED else 0
+        self._origin = origin = self._ticks[0] if self._container.format.name in STREAMED else 0
         tick = self._stream.time_base
         times = tuple((t - origin) * tick.numerator / tick.denominator for t in self._ticks)
         picture = self._first()
@@ -193,6 +204,10 @@ class _Seeking:
         image: Image = picture.to_ndarray(format="bgr24")
         return np.ascontiguousarray(np.rot90(image, self._turns)) if self._turns else image
 
+    def to_frame(self, picture: Any, index: int) -> Frame:
+        layout = Layout.of(picture)
+        return layout.frame(picture, index, self._ticks[index] - self._origin, self._stream.time_base, None)
+
 
 class _Sequential:
     """Frames in the order of the recording, decoded from its beginning whenever an earlier one is asked for."""
@@ -219,14 +234,18 @@ class _Sequential:
         for frame in self._frames:
             self._next = frame.index + 1
             if frame.index > index - AHEAD:  # those before are asked for again by a step back
-                yield frame.index, np.asarray(cv2.cvtColor(frame.to_rgb(), cv2.COLOR_RGB2BGR), np.uint8)
+                yield frame.index, frame
             if frame.index == index:
                 return
         raise InputError("the recording ends earlier than it did when it was opened; open it again")
 
     def to_image(self, picture: Any) -> Image:
-        image: Image = picture
-        return image
+        return np.asarray(cv2.cvtColor(picture.to_rgb(), cv2.COLOR_RGB2BGR), np.uint8)
+
+    def to_frame(self, picture: Any, index: int) -> Frame:
+        del index
+        frame: Frame = picture
+        return frame
 
 
 def _frames_are_whole(path: Path, rate_hz: float | None) -> bool:

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import re
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from evaluator.turning.circular_test import Estimate, Series
 
 HYPHEN_OF_A_NUMBER = re.compile(r"(?<![\w.])-(?=[\d.])")
 UNKNOWN = "–"  # in the place of a number that is not known
@@ -38,3 +42,23 @@ def significant(value: float, count: int = 3, *, sign: bool = False) -> str:
 def interval(low: float, high: float, digits: int = 3, *, sign: bool = False) -> str:
     """Bounds as "low to high"; a dash where they are unknown."""
     return UNKNOWN if np.isnan(low) else f"{number(low, digits, sign=sign)} to {number(high, digits, sign=sign)}"
+
+
+SERIES_HEAD = ("held", "way", "runs", "", "command over path", "understeer, °/(m/s²)", "sideslip, °/(m/s²)")
+
+
+def series_row(who: str, series: Series) -> list[str]:
+    """A series of a circular test under SERIES_HEAD, gradients with their 95 % intervals."""
+    held = f"ratio {series.held:.3f}" if series.method == "constant command" else f"radius {series.held:.4g} mm"
+    way = f"{series.direction}, {series.side}"
+    estimates = (_estimate(item) for item in (series.steering, series.understeer, series.sideslip))
+    return [held, way, str(len(series.runs)), who, *estimates]
+
+
+def _estimate(item: Estimate) -> str:
+    """A value and its interval, with the digits that the interval leaves."""
+    half = (item.high - item.low) / 2
+    if not np.isfinite(half):
+        return UNKNOWN
+    digits = int(np.clip(2 - np.ceil(np.log10(half)), 0, 6)) if half > 0 else 3
+    return f"{number(item.value, digits)} ({interval(item.low, item.high, digits)})"

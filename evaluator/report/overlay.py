@@ -37,12 +37,16 @@ SHIFT = 4  # OpenCV draws to 1/16 px
 class Drawing:
     """What to draw besides the marks, in px; rows are those of the table of marks.
 
-    center_px, nose_px: (n, 2), the robot's centre and a point ahead of it. circle_px: (m, 2), the turning circle.
+    center_px, nose_px, left_px: (n, 2), the robot's centre, a point ahead of it and one to its left: the axes of the
+    body. circle_px: (m, 2), the turning circle. axes_px: (3, 2), a place in the image and the tips of the plate's x and
+    y from there.
     """
 
     center_px: Array = field(default_factory=lambda: np.empty((0, 2)))
     nose_px: Array = field(default_factory=lambda: np.empty((0, 2)))
+    left_px: Array = field(default_factory=lambda: np.empty((0, 2)))
     circle_px: Array = field(default_factory=lambda: np.empty((0, 2)))
+    axes_px: Array = field(default_factory=lambda: np.empty((0, 2)))
     caption: str = ""
 
 
@@ -112,8 +116,13 @@ def draw_frame(frame: Frame, table: pd.DataFrame, row: int, drawing: Drawing) ->
     if len(drawing.center_px):
         _trail(picture, drawing.center_px[max(0, row - TRAIL_FRAMES) : row + 1], CENTER, thick)
         if np.isfinite([drawing.center_px[row], drawing.nose_px[row]]).all():
-            start, tip = (_fixed(point) for point in (drawing.center_px[row], drawing.nose_px[row]))
-            cv2.arrowedLine(picture, start, tip, CENTER, thick + 1, cv2.LINE_AA, SHIFT, 0.25)
+            _arrow(picture, drawing.center_px[row], drawing.nose_px[row], CENTER, thick + 1)
+            if len(drawing.left_px):
+                _arrow(picture, drawing.center_px[row], drawing.left_px[row], CENTER, thick)
+    for name, tip in zip("xy", drawing.axes_px[1:], strict=False):
+        _arrow(picture, drawing.axes_px[0], tip, INK, thick)
+        beyond = tip + 12 * size * (tip - drawing.axes_px[0]) / np.hypot(*(tip - drawing.axes_px[0]))
+        _write(picture, name, (round(beyond[0] - 5 * size), round(beyond[1] + 5 * size)), size, INK)
     lines = [f"{table['time_s'].iloc[row]:8.3f} s   frame {int(table['frame'].iloc[row])}   {drawing.caption}".rstrip()]
     lines += [
         f"{name}: {status}"
@@ -217,6 +226,10 @@ def _line(picture: Picture, points: Array, color: Color, thick: int, *, closed: 
     if len(points) > 1:
         fixed = np.rint(points * 2**SHIFT).astype(np.int32)
         cv2.polylines(picture, [fixed], closed, color, thick, cv2.LINE_AA, SHIFT)
+
+
+def _arrow(picture: Picture, start: Array, tip: Array, color: Color, thick: int) -> None:
+    cv2.arrowedLine(picture, _fixed(start), _fixed(tip), color, thick, cv2.LINE_AA, SHIFT, 0.25)
 
 
 def _cross(picture: Picture, point: Array, color: Color, arm: float, thick: int) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.store import load_camera_file
+from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.report.diagnosis.sections import diagnosis_sections
 from evaluator.report.diagnosis.view import DiagnosisView
@@ -19,7 +20,9 @@ from evaluator.report.figures.repetitions import repetitions
 from evaluator.report.figures.speed import straight_speed
 from evaluator.report.figures.trajectory import representative, trajectories
 from evaluator.report.figures.wheel_states import wheel_states_figure
+from evaluator.report.measurement.budget import budget_section
 from evaluator.report.numbers import UNKNOWN, command_text, interval, number, true_minus
+from evaluator.report.pages.circular_test import circular_test_section
 from evaluator.report.pages.html import Section, Table
 from evaluator.report.runs import RunView
 from evaluator.report.style import Figure
@@ -32,7 +35,8 @@ from evaluator.report.tables import (
     standard_sentence,
     table_of_runs,
 )
-from evaluator.workflow import Analysis
+from evaluator.workflow import Analysis, budget_of, circular_test_of
+from simulator.errors import SimulationError
 from simulator.robot import Robot
 from simulator.steady import steady_turn
 
@@ -56,9 +60,11 @@ def sections(
             tables=(outline_table(turning),) if turning else (),
         ),
         _repetitions(right, analysis),
+        _circular_test(analysis, robot),
         _figures("speed", "How fast it runs straight", straight_speed(right, robot.driving_radius_mm)),
         _wheels(right, robot),
         _quality(runs, analysis.notes),
+        _budget(turning, analysis),
         *(_calibration(path, robot) for path in cameras),
         _run_table(runs),
     ]
@@ -85,6 +91,14 @@ def _repetitions(runs: Sequence[RunView], analysis: Analysis) -> Section | None:
         (figure,) if figure else (),
         tuple(tables),
     )
+
+
+def _circular_test(analysis: Analysis, robot: Robot) -> Section | None:
+    """The steady-state circular test, where turns were driven at several speeds."""
+    try:
+        return circular_test_section(circular_test_of(analysis, robot))
+    except (InputError, SimulationError):  # no turn, or one that the model does not settle on: there is no test
+        return None
 
 
 def _wheels(runs: Sequence[RunView], robot: Robot) -> Section | None:
@@ -125,6 +139,14 @@ def _quality(runs: Sequence[RunView], notes: dict[str, tuple[str, ...]]) -> Sect
     figures = tuple(figure for figure in (scale_check(runs), lost_frames(runs)) if figure)
     odd = tuple(f"{run}: {'; '.join(found)}." for run, found in notes.items())
     return Section("quality", "How good the measurement is", odd, figures, (table_of_runs(caption, columns, runs),))
+
+
+def _budget(turning: Sequence[RunView], analysis: Analysis) -> Section | None:
+    """The budget of the tightest turn."""
+    if not turning:
+        return None
+    run = min(turning, key=lambda run: run.value("radius_mm"))
+    return budget_section(run, budget_of(analysis.experiment, analysis.outputs, run.id))
 
 
 def _calibration(path: Path, robot: Robot) -> Section:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from calibration.camera import Camera
 from evaluator.pose import poses_from_marks
 from evaluator.report.overlay import Drawing
 from evaluator.turning import measure_turning
 from evaluator.workflow import Tracked
 
 NOSE_MM = 4.0  # just beyond the robot's front
+LEFT_MM = 2.0  # to the left wheels
+AXES, MARGIN = 0.08, 0.14  # length of the plate's axes, distance from the lower left corner: heights of the image
 
 
 def turn_drawing(tracked: Tracked) -> Drawing | None:
@@ -39,6 +42,22 @@ def turn_drawing(tracked: Tracked) -> Drawing | None:
     return Drawing(
         center_px=in_frame(poses.x_mm, poses.y_mm),
         nose_px=in_frame(nose_x, nose_y),
+        left_px=in_frame(
+            poses.x_mm - LEFT_MM * np.sin(poses.heading_rad), poses.y_mm + LEFT_MM * np.cos(poses.heading_rad)
+        ),
         circle_px=circle,
+        axes_px=plate_axes(camera, height_mm),
         caption=caption,
     )
+
+
+def plate_axes(camera: Camera, height_mm: float) -> np.ndarray:
+    """A place in the lower left of the image, and the tips of the plate's x and y from there, (3, 2) px."""
+    rows = camera.size_px[1]
+    corner = np.array([MARGIN * rows, (1 - MARGIN) * rows])
+    x, y = camera.plate_from_picture(corner, height_mm)
+    step = 1.0  # mm: small beside all that is seen
+    near = camera.picture_from_plate(np.array([[x + step, y, height_mm], [x, y + step, height_mm]])) - corner
+    tips = corner + AXES * rows * near / np.hypot(*near.T)[:, None]
+    seen = np.vstack([corner, tips])
+    return seen if np.isfinite(seen).all() else np.empty((0, 2))

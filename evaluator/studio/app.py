@@ -18,7 +18,7 @@ from evaluator.studio.answers import Studio
 from evaluator.studio.folder import Folder
 from evaluator.studio.history import History
 from evaluator.studio.jobs import Jobs
-from evaluator.studio.routes import findings, home, runs
+from evaluator.studio.routes import findings, home, rig, runs
 from evaluator.studio.security import Guard, Secrets
 from evaluator.workflow import Decoder
 
@@ -44,6 +44,7 @@ def application(root: Path, port: int, secrets: Secrets) -> Guard:
         *home.routes(studio),
         *runs.routes(studio),
         *findings.routes(studio),
+        *rig.routes(studio),
     ]
     app = Starlette(routes=routes, lifespan=living, exception_handlers={404: _nothing, 405: _nothing})
     return Guard(app, port, secrets)

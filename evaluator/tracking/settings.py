@@ -117,6 +117,12 @@ class TrackingSettings(Table):
         colored = all(mark.kind == "color" for mark in self.mark.values())
         return self.rigid if colored and len(self.rigid) == len(self.mark) == 2 else ()
 
+    @property
+    def pair_distance(self) -> float | None:
+        """Distance of the pair over the diameter, where it is known: the default is that of the default marks."""
+        said = "distance_diameters" in self.model_fields_set or set(self.pair) == set(DEFAULT_MARKS)
+        return self.distance_diameters if said else None
+
     def of_kind(self, *kinds: Kind) -> dict[str, MarkSettings]:
         """Marks of some kinds."""
         return {name: mark for name, mark in self.mark.items() if mark.kind in kinds}

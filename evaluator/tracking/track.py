@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import pandas as pd
@@ -13,6 +13,9 @@ from evaluator.errors import InputError
 from evaluator.progress import Progress, no_progress
 from evaluator.recording import Frame
 from evaluator.tracking.following.tracker import Tracker
+from evaluator.tracking.luma_marks.lights import LightFinder
+from evaluator.tracking.luma_marks.tags import TagFinder, tag_names
+from evaluator.tracking.observation import Sighting
 from evaluator.tracking.settings import TrackingSettings
 from evaluator.tracking.uncertainty.combine import refine
 
@@ -27,23 +30,25 @@ def track(
 
     Returns a row per frame: frame, time_s, and per mark of the settings NAME_x_px, NAME_y_px, NAME_x_sigma_px,
     NAME_y_sigma_px, NAME_xy_cov_px2 (standard uncertainties and covariance of this frame's centre) and NAME_status:
-    "ok", or why the mark is absent (its numbers are then NaN). Image coordinates, px.
+    "ok", or why the mark is absent (its numbers are then NaN). Image coordinates, px. Of a tag also NAME_corner1 to 4.
     progress: told the numbers of frames done and expected. Raises InputError for a recording without colour.
     """
     wanted = settings or TrackingSettings()
-    tracker = Tracker(wanted)
+    watched = _Watched(recording, wanted)
+    tracker = Tracker(wanted.model_copy(update={"mark": wanted.of_kind("color")}))
     expected = int(getattr(recording, "expected_frames", 0))
     times: list[float] = []
     frames: list[int] = []
     kinds: list[str] = []
     # Plain numbers: kept as objects, the garbage collector would look through all of them again and again.
-    measured = {name: array("d") for name in tracker.names}
-    status: dict[str, list[str]] = {name: [] for name in tracker.names}
-    for frame, sightings in tracker.run(recording):
+    names = [part for name in wanted.mark for part in (watched.parts.get(name) or [name])]
+    measured = {name: array("d") for name in names}
+    status: dict[str, list[str]] = {name: [] for name in names}
+    for frame, sightings in tracker.run(watched) if tracker.names else ((frame, []) for frame in watched):
         times.append(frame.time_s)
         frames.append(frame.index)
         kinds.append(frame.kind)
-        for name, one in zip(tracker.names, sightings, strict=True):
+        for name, one in (*zip(tracker.names, sightings, strict=True), *watched.found.pop(frame.index, {}).items()):
             measured[name].extend(one[:5])
             status[name].append(one.status)
         if not len(times) & 63:
@@ -55,6 +60,30 @@ def track(
     numbers = {name: np.array(values).reshape(-1, 5) for name, values in measured.items()}
     refine(time_s, kinds, numbers, status, tracker.followers, wanted.rigid)
     return to_table(frames, time_s, numbers, status)
+
+
+class _Watched:
+    """A recording whose tags and lights are measured while its frames pass; found: theirs by number of the frame."""
+
+    def __init__(self, recording: Iterable[Frame], settings: TrackingSettings) -> None:
+        self._recording = recording
+        self.name = getattr(recording, "name", "the recording")
+        tags, lights = settings.of_kind("aruco", "apriltag"), settings.of_kind("light")
+        self._finders: list[TagFinder | LightFinder] = []
+        if tags:
+            self._finders.append(TagFinder(tags))
+        if lights:
+            self._finders.append(LightFinder(lights, settings))
+        self.parts = {name: tag_names(name) for name in tags}
+        self.found: dict[int, dict[str, Sighting]] = {}
+
+    def __iter__(self) -> Iterator[Frame]:
+        if not self._finders:
+            yield from self._recording
+            return
+        for frame in self._recording:
+            self.found[frame.index] = {k: v for finder in self._finders for k, v in finder.look(frame).items()}
+            yield frame
 
 
 def to_table(frames: list[int], time_s: Array, numbers: dict[str, Array], status: dict[str, list[str]]) -> pd.DataFrame:

@@ -48,13 +48,15 @@ def measure_turning(
     if start_s is not None and stop_s is not None and stop_s <= start_s:
         raise InputError(f"stop at {stop_s} s is not after start at {start_s} s")
     there = poses.measured
-    marks = poses.geometry.names if poses.geometry else ()
+    marks = tuple(poses.geometry.shown()) if poses.geometry else ()
     ratio, ratio_sigma = poses.spacing_ratio()
     unknown = dict.fromkeys(marks, NAN)
     seen = Turning(mark_spacing_ratio=ratio, mark_spacing_ratio_sigma=ratio_sigma)
     seen = replace(seen, mark_speeds_mm_s=unknown, mark_radii_mm=unknown)
     if there.sum() < FEWEST_FRAMES:
-        alone = _one_mark(marks[0], poses, start_s, stop_s) if len(marks) == 1 else None
+        alone = (
+            _one_mark(marks[0], poses, start_s, stop_s) if poses.geometry and len(poses.geometry.names) == 1 else None
+        )
         return alone or replace(seen, radius_status=_too_few(poses))
     if fault := spacing_fault(poses):
         return replace(seen, radius_status=fault)

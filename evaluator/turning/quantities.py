@@ -78,7 +78,7 @@ def body_quantities(
     if turning:
         result |= {"rotation_x_mm": float(rotation[0]), "rotation_y_mm": float(rotation[1])}
     speeds, radii = {}, {}
-    for name, place in marks.places_mm.items() if marks else ():
+    for name, place in marks.shown().items() if marks else ():
         velocity = _velocity(twist, np.array(place))
         speeds[name] = float(np.copysign(np.hypot(*velocity), velocity[0]))
         radii[name] = float(np.linalg.norm(np.array(place) - rotation)) if turning else NAN

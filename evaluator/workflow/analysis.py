@@ -185,7 +185,7 @@ def jobs_of(experiment: Experiment, outputs: Outputs, *, simulate: bool) -> list
 def input_files(experiment: Experiment) -> list[Path]:
     """Every file the experiment reads, that there is."""
     robots = [Path(name) for run in experiment.run if (name := run.robot or experiment.robot).endswith(".toml")]
-    named = [path for run in experiment.run for path in (run.source, run.camera, run.commands) if path]
+    named = [path for run in experiment.run for path in (run.source, run.camera, run.corrections, run.commands) if path]
     return sorted({path for path in (*robots, *named, experiment.tracking) if path and path.is_file()})
 
 

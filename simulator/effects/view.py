@@ -11,18 +11,22 @@ from simulator.dynamics.terms import CAMERA_X, TIME, X_CUBED, Y_CUBED, Term, X, 
 
 Array = NDArray[np.float64]
 
+NEAREST_HORIZON = 0.05  # twenty times the scale of the middle: no camera that measures sees its plate so
+
 
 @dataclass
 class View:
     """Places of marks in the body frame, mm, and errors of the observation; effects of kind "observation" change it.
 
-    A measured coordinate is the true one times scale times (1 + keystone · true position); a measured time is the true
-    one times time_factor. errors: further errors of the measured place, terms of the camera channels.
+    A measured coordinate is the true one times scale times 1 + t + perspective · t²/(1 − t) with t = keystone · true
+    position: an even change of scale for perspective 0, a homography, 1/(1 − t), for 1. A measured time is the true one
+    times time_factor. errors: further errors of the measured place, terms of the camera channels.
     """
 
     places_mm: tuple[tuple[float, float], ...]
     scale: float = 1.0
     keystone_per_mm: tuple[float, float] = (0.0, 0.0)
+    perspective: float = 0.0
     time_factor: float = 1.0
     errors: tuple[Term, ...] = ()
 
@@ -53,7 +57,11 @@ class View:
         if self.keystone_per_mm == (0.0, 0.0):
             return self.scale * points_mm
         tilt = points_mm[..., 0] * self.keystone_per_mm[0] + points_mm[..., 1] * self.keystone_per_mm[1]
-        return np.asarray(self.scale * (1 + tilt)[..., None] * points_mm)
+        stretch = 1 + tilt
+        if self.perspective:
+            # past the horizon, at tilt 1, nothing is seen; a fit that strays there must not divide by nothing
+            stretch = stretch + self.perspective * tilt**2 / np.maximum(1 - tilt, NEAREST_HORIZON)
+        return np.asarray(self.scale * stretch[..., None] * points_mm)
 
     def _error(self, points_mm: Array, time_s: ArrayLike) -> Array:
         x, y = points_mm[..., 0], points_mm[..., 1]

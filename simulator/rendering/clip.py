@@ -116,7 +116,7 @@ class _Easel:
         self.clean = self.light.copy()
         self.planes: dict[float, PlaneMap] = {0.0: ground}
         layout = stage.robot.layout
-        lights = scene.marks.lights([mark.name for mark in layout])
+        lights = scene.marks.lights(layout)
         planes = [self._plane(mark.height_mm) for mark in layout]
         self.look = RobotLook(stage.robot, stage.view, lights, scene.marks.rim_loss, planes, scene.exposure.gain)
 

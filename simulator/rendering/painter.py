@@ -54,6 +54,7 @@ class Tag:
     center_mm: tuple[float, float]
     heading_rad: float
     sheet_mm: Array
+    square_mm: Array
     cells_mm: Array
     gain: float
 
@@ -61,8 +62,12 @@ class Tag:
         """Corners of the white sheet, clockwise as seen."""
         return self._picture(self.sheet_mm)
 
+    def square_px(self) -> Array:
+        """Corners of the black square."""
+        return self._picture(self.square_mm)
+
     def cells_px(self) -> Array:
-        """Corners of the black cells, (n, 4, 2)."""
+        """Corners of the white cells, (n, 4, 2)."""
         return np.array([self._picture(cell) for cell in self.cells_mm])
 
     def _picture(self, corners_mm: Array) -> Array:
@@ -108,11 +113,12 @@ class RobotLook:
     gain: float = 1.0
 
     @cached_property
-    def squares(self) -> dict[str, tuple[Array, Array]]:
-        """White sheet and black cells of every tag, by its name, as large as they are seen."""
+    def squares(self) -> dict[str, tuple[Array, Array, Array]]:
+        """White sheet, black square and white cells of every tag, by its name, as large as they are seen."""
         tags = [mark for mark in self.robot.layout if mark.kind in TAGS]
+        scale = self.view.scale
         found = {mark.name: tag_squares(mark) for mark in tags}
-        return {name: (self.view.scale * sheet, self.view.scale * cells) for name, (sheet, cells) in found.items()}
+        return {name: (scale * sheet, scale * square, scale * cells) for name, (sheet, square, cells) in found.items()}
 
     def faces_px(self, camera: Camera, pose: Array) -> tuple[Array, Array] | None:
         """Outline of the whole body and of its top face for a pose (x_mm, y_mm, heading_rad); None behind it."""
@@ -176,21 +182,23 @@ def paint_robot(
 
 
 def paint_tag(moments: Sequence[Tag], kernel: Kernel, light: NDArray[np.float32]) -> None:
-    """Draw a tag over the scene's light, averaged over its moments: its white sheet, then the black cells."""
+    """Draw a tag over the scene's light, averaged over its moments: white sheet, black square, white cells."""
     box = box_about(
         np.concatenate([tag.sheet_px() for tag in moments]), kernel.margin + 3, moments[0].plane.camera.size_px
     )
     if box is None:
         return
     left, top, right, bottom = box
-    white, black = (np.zeros((bottom - top, right - left)) for _ in range(2))
+    sheet, square, cells = (np.zeros((bottom - top, right - left)) for _ in range(3))
+    share = 1 / len(moments)
     for tag in moments:
-        add_polygon(tag.sheet_px(), kernel.blur_px, box, 1 / len(moments), white)
+        add_polygon(tag.sheet_px(), kernel.blur_px, box, share, sheet)
+        add_polygon(tag.square_px(), kernel.blur_px, box, share, square)
         for cell in tag.cells_px():
-            add_polygon(cell, kernel.blur_px, box, 1 / len(moments), black)
+            add_polygon(cell, kernel.blur_px, box, share, cells)
     gain, region = moments[0].gain, light[top:bottom, left:right]
-    for cover, shade in ((np.minimum(white, 1), SHEET), (np.minimum(black, 1), PRINT)):
-        region += (cover[..., None] * (gain * shade - region)).astype(np.float32)
+    for cover, shade in ((sheet, SHEET), (square, PRINT), (cells, SHEET)):
+        region += (np.minimum(cover, 1)[..., None] * (gain * shade - region)).astype(np.float32)
 
 
 def paint_disc(

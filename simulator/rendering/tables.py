@@ -16,6 +16,7 @@ from calibration.camera import Camera, camera_above
 from calibration.lens import LensModel
 from calibration.store import load_camera
 from simulator.errors import SimulationError
+from simulator.mark_layout import Mark
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -111,11 +112,12 @@ class MarksLook(Table):
     rim_loss: Share = 0.08
     swap_colors: bool = False
 
-    def lights(self, names: Sequence[str]) -> list[Light]:
+    def lights(self, layout: Sequence[Mark]) -> list[Light]:
         """Light of every mark. Raises SimulationError for a name without one."""
         known, said = _mark_colors(), self.__pydantic_extra__ or {}
-        found = [said.get(name) or known.get(name.split("_", maxsplit=1)[0]) for name in names]
-        if dark := [name for name, light in zip(names, found, strict=True) if light is None]:
+        words = [mark.name.split("_", maxsplit=1)[0] if mark.kind == "color" else mark.kind for mark in layout]
+        found = [said.get(mark.name) or known.get(word) for mark, word in zip(layout, words, strict=True)]
+        if dark := [mark.name for mark, light in zip(layout, found, strict=True) if light is None]:
             raise SimulationError(
                 f"the light of mark {dark[0]} is not known; say {dark[0]} = [red, green, blue] in [marks]"
             )

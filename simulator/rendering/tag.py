@@ -1,4 +1,4 @@
-"""ArUco and AprilTag markers as black and white squares on the robot.
+"""ArUco and AprilTag markers as squares on the robot: a black one on a white sheet, white cells in it.
 
 The marker's columns run along the body's x axis, its rows along −y: seen from above, with the robot heading along +x
 of the image, it stands upright.
@@ -30,8 +30,10 @@ def tag_number(mark: Mark) -> int:
     return int(found[0])
 
 
-def tag_squares(mark: Mark) -> tuple[Array, Array]:
-    """Corners of the white sheet (4, 2) and of the black cells (n, 4, 2), mm from the tag's centre in the body frame.
+def tag_squares(mark: Mark) -> tuple[Array, Array, Array]:
+    """Corners of the white sheet and the black square (4, 2) on it, and of the white cells (n, 4, 2) in that.
+
+    mm from the tag's centre in the body frame.
 
     Raises SimulationError for a number that the dictionary does not hold.
     """
@@ -39,9 +41,9 @@ def tag_squares(mark: Mark) -> tuple[Array, Array]:
     number, count = tag_number(mark), dictionary.markerSize + 2
     if number >= len(dictionary.bytesList):
         raise SimulationError(f"mark {mark.name}: there is no tag {number} among {len(dictionary.bytesList)}")
-    black = cv2.aruco.generateImageMarker(dictionary, number, count) == 0
+    white = cv2.aruco.generateImageMarker(dictionary, number, count) > 0
     cell = mark.diameter_mm / count
-    rows, columns = np.nonzero(black)
+    rows, columns = np.nonzero(white)
     centers = np.stack([columns + 0.5 - count / 2, count / 2 - rows - 0.5], axis=1) * cell
     square = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])
-    return square * (count + 2 * QUIET) * cell, centers[:, None] + square * cell
+    return square * (count + 2 * QUIET) * cell, square * mark.diameter_mm, centers[:, None] + square * cell

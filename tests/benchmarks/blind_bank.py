@@ -19,9 +19,9 @@ import numpy as np
 from scipy import stats
 
 from evaluator.workflow.diagnosis.experiment import diagnose_experiment
-from tests.benchmarks.bank.draw import SIZES, Drawn, draw, repeated
-from tests.benchmarks.bank.outside import KINDS
-from tests.benchmarks.bank.visible import sigmas_beyond_named, visible_sigmas
+from tests.bank.draw import SIZES, Drawn, draw, repeated
+from tests.bank.outside import KINDS
+from tests.bank.visible import sigmas_beyond_named, visible_sigmas
 
 DETECTABLE_SIGMAS = 5.0
 

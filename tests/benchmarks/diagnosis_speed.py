@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.benchmarks.bank.draw import SIZES, draw
+from tests.bank.draw import SIZES, draw
 
 
 def main() -> None:

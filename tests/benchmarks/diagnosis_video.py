@@ -32,8 +32,8 @@ from simulator.effects.entry import EffectEntry
 from simulator.rendering import Scene, render_clip
 from simulator.rendering.tables import CameraTable
 from simulator.robot import Robot, load_robot
-from tests.benchmarks.bank.draw import COMMANDS, TOLERANCE, robot_text, seen, sized, slip_changed
-from tests.benchmarks.bank.visible import visible_sigmas
+from tests.bank.draw import COMMANDS, TOLERANCE, robot_text, seen, sized, slip_changed
+from tests.bank.visible import visible_sigmas
 from tests.benchmarks.turning_video import GAUGE, gauge_pictures, random_rig
 
 Array = NDArray[np.float64]

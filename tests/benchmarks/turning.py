@@ -179,7 +179,7 @@ def _methods() -> dict[str, Callable[[Array], float] | None]:
 
 def real_table(folder: Path) -> None:
     """Radius against speed of a car, and where kinematic turning stops holding."""
-    from evaluator.turning.speed_sweep import kinematic_limit, radius_against_speed
+    from tests.evaluator.turning.speed_sweep import kinematic_limit, radius_against_speed
     from tests.evaluator.turning.test_speed_sweep import car_poses
 
     for floor in ("rubber", "tape"):

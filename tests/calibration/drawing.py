@@ -6,6 +6,7 @@ the picture depends on how the detector or the solver describe a dot.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import ceil, floor
 
@@ -18,6 +19,16 @@ from calibration.camera import Camera
 from calibration.gauge.geometry import Gauge
 
 Array = NDArray[np.float64]
+
+
+def gauge_of(
+    *, fiducial: Sequence[Mapping[str, object]] = (), tolerance: Mapping[str, float] | None = None, **dots: object
+) -> Gauge:
+    """The plate of the tests, 13 by 9 dots of 1.2 mm every 3 mm, with the keys of [dots] that are given instead."""
+    table = {"columns": 13, "rows": 9, "pitch_mm": 3.0, "diameter_mm": 1.2} | dots
+    return Gauge.model_validate(
+        {"format": 1, "name": "plate", "dots": table, "fiducial": fiducial, "tolerance": tolerance or {}}
+    )
 
 
 def draw_gauge(

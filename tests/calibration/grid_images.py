@@ -93,8 +93,10 @@ def draw_grid(
     sheet = (depth > 0) & (u > low[0]) & (u < high[0]) & (v > low[1]) & (v < high[1])
     ground = 0.5 * (levels[0] + levels[1]) + _texture(x.shape, rng, texture)
     picture = np.where(sheet, levels[1], ground)
-    for cx, cy in places:
-        picture[sheet & ((u - cx) ** 2 + (v - cy) ** 2 < diameter**2 / 4)] = levels[0]
+    for place in places:
+        part = _samples_of(place, diameter / 2, matrix, size_px)
+        inside = (u[part] - place[0]) ** 2 + (v[part] - place[1]) ** 2 < diameter**2 / 4
+        picture[part][sheet[part] & inside] = levels[0]
     for _ in range(clutter):
         _add_circle(picture, ~sheet, rng)
     picture = picture.reshape(height, SAMPLES, width, SAMPLES).mean(axis=(1, 3))
@@ -125,6 +127,18 @@ def _pose(places: Array, rng: np.random.Generator, size_px: tuple[int, int], fil
     camera = np.array([[focal, 0, (size_px[0] - 1) / 2], [0, focal, (size_px[1] - 1) / 2], [0, 0, 1]])
     to_middle = np.array([[1, 0, -middle[0]], [0, 1, -middle[1]], [0, 0, 1]])
     return np.asarray(camera @ np.column_stack([rotation[:, 0], rotation[:, 1], shift]) @ to_middle)
+
+
+def _samples_of(place: Array, radius: float, matrix: Array, size_px: tuple[int, int]) -> tuple[slice, slice]:
+    """Rows and columns of samples that hold the image of a disc, all of them where it reaches behind the camera."""
+    corners = place + radius * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    seen = np.column_stack([corners, np.ones(4)]) @ matrix.T
+    if (seen[:, 2] <= 0).any():
+        return slice(None), slice(None)
+    at = seen[:, :2] / seen[:, 2:]
+    low = np.clip(np.floor(at.min(axis=0)), 0, size_px).astype(int) * SAMPLES
+    high = np.clip(np.ceil(at.max(axis=0)) + 2, 0, size_px).astype(int) * SAMPLES
+    return slice(low[1], high[1]), slice(low[0], high[0])
 
 
 def _ellipse_centers(places: Array, matrix: Array, radius: float, size_px: tuple[int, int], rim_px: float) -> Array:

@@ -15,17 +15,10 @@ from calibration.errors import CalibrationError
 from calibration.estimation.calibrate import calibrate
 from calibration.gauge.geometry import Gauge
 from evaluator.cli.calibrate import calibrate as command
-from tests.calibration.drawing import draw_gauge, random_poses
+from tests.calibration.drawing import draw_gauge, gauge_of, random_poses
 
 CAMERA = camera_above(size_px=(480, 360), focal_px=1200, distance_mm=120, tilt_deg=3, k1=-0.2)
 FIDUCIALS = tuple({"column": c, "row": r, "diameter_mm": 1.9} for c, r in ((6, 4), (9, 4), (6, 2)))
-
-
-def gauge_of(columns: int = 13, rows: int = 9, *, fiducials: bool = False, **dots: object) -> Gauge:
-    table = {"columns": columns, "rows": rows, "pitch_mm": 3.0, "diameter_mm": 1.2} | dots
-    return Gauge.model_validate(
-        {"format": 1, "name": "plate", "dots": table, "fiducial": FIDUCIALS if fiducials else ()}
-    )
 
 
 GAUGE = gauge_of()
@@ -39,18 +32,18 @@ def pictures() -> list[np.ndarray]:
 
 @pytest.fixture(scope="module")
 def marked() -> np.ndarray:
-    return draw_gauge(CAMERA, gauge_of(fiducials=True), rng=np.random.default_rng(1), snr=40)
+    return draw_gauge(CAMERA, gauge_of(fiducial=FIDUCIALS), rng=np.random.default_rng(1), snr=40)
 
 
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        (gauge_of(11, 8), "array of about 13 × 9 dots .* does not fit the gauge"),
-        (gauge_of(15, 11), "array of about 13 × 9 dots .* does not fit the gauge"),
+        (gauge_of(columns=11, rows=8), "array of about 13 × 9 dots .* does not fit the gauge"),
+        (gauge_of(columns=15, rows=11), "array of about 13 × 9 dots .* does not fit the gauge"),
         (gauge_of(layout="staggered"), "are pitch_mm and layout in its file those of this plate"),
         (gauge_of(pitch_mm=(3.0, 4.0)), "are pitch_mm and layout in its file those of this plate"),
         (gauge_of(color="white", background="black"), "dots of color white found"),
-        (gauge_of(fiducials=True), "fiducial dots that the gauge .* promises are not seen"),
+        (gauge_of(fiducial=FIDUCIALS), "fiducial dots that the gauge .* promises are not seen"),
     ],
 )
 def test_gauge_file_of_another_plate_is_named_as_the_cause(pictures: list[np.ndarray], wrong: Gauge, said: str) -> None:
@@ -60,7 +53,7 @@ def test_gauge_file_of_another_plate_is_named_as_the_cause(pictures: list[np.nda
 
 def test_plate_upside_down_is_told_by_its_fiducials(marked: np.ndarray) -> None:
     with pytest.raises(CalibrationError, match="seen from behind or in a mirror"):
-        calibrate([np.ascontiguousarray(marked[:, ::-1])], gauge_of(fiducials=True))
+        calibrate([np.ascontiguousarray(marked[:, ::-1])], gauge_of(fiducial=FIDUCIALS))
 
 
 @pytest.mark.parametrize(("corners", "said"), [(4, "not discs but squares"), (6, "not discs but hexagons")])

@@ -15,12 +15,9 @@ from calibration.detection.disturbed import useful
 from calibration.detection.dots import Dots, detect_dots
 from calibration.estimation.disc_projection import fitted_centers
 from calibration.gauge.geometry import Gauge
-from tests.calibration.drawing import draw_gauge
+from tests.calibration.drawing import draw_gauge, gauge_of
 
-
-def gauge_of(**dots: object) -> Gauge:
-    table = {"columns": 11, "rows": 8, "pitch_mm": 2.4, "diameter_mm": 1.0} | dots
-    return Gauge.model_validate({"format": 1, "name": "plate", "dots": table})
+SMALL = {"columns": 11, "rows": 8, "pitch_mm": 2.4, "diameter_mm": 1.0}
 
 
 def _against_truth(camera: Camera, gauge: Gauge, dots: Dots) -> tuple[np.ndarray, np.ndarray]:
@@ -56,7 +53,7 @@ def test_bias_stays_below_five_thousandths_of_a_pixel(tilt: float, azimuth: floa
     camera = camera_above(
         size_px=(480, 360), focal_px=700, distance_mm=40, tilt_deg=tilt, tilt_azimuth_deg=azimuth, turn_deg=7, k1=k1
     )
-    gauge = gauge_of()
+    gauge = gauge_of(**SMALL)
     error, _ = _against_truth(camera, gauge, detect_dots(draw_gauge(camera, gauge, quantise=False), "black", "white"))
     assert len(error) > 40
     assert np.sqrt((error**2).mean()) < 0.005
@@ -64,7 +61,7 @@ def test_bias_stays_below_five_thousandths_of_a_pixel(tilt: float, azimuth: floa
 
 def test_scatter_is_within_thirteen_tenths_of_the_cramer_rao_bound_and_as_stated() -> None:
     camera = camera_above(size_px=(640, 480), focal_px=3000, distance_mm=150, turn_deg=9)
-    gauge = gauge_of()
+    gauge = gauge_of(**SMALL)
     errors, stated = [], []
     for seed in range(3):
         picture = draw_gauge(camera, gauge, rng=np.random.default_rng(seed), snr=30, quantise=False)
@@ -83,7 +80,7 @@ def test_scatter_is_within_thirteen_tenths_of_the_cramer_rao_bound_and_as_stated
 def test_scatter_is_as_stated_where_a_single_chip_camera_interpolated_its_colours(
     color: str, share: tuple[float, float, float]
 ) -> None:
-    gauge, z = gauge_of(color=color), []
+    gauge, z = gauge_of(**SMALL, color=color), []
     for seed in range(2):
         rng = np.random.default_rng(seed)
         camera = camera_above(
@@ -103,7 +100,7 @@ def test_scatter_is_as_stated_where_a_single_chip_camera_interpolated_its_colour
 
 def test_uneven_light_does_not_move_centres() -> None:
     camera = camera_above(size_px=(480, 360), focal_px=1500, distance_mm=80)
-    gauge = gauge_of()
+    gauge = gauge_of(**SMALL)
     picture = draw_gauge(camera, gauge, light=(0.8, -0.5), white=150, quantise=False)
     error, _ = _against_truth(camera, gauge, detect_dots(picture, "black", "white"))
     assert np.sqrt((error**2).mean()) < 0.003
@@ -111,7 +108,7 @@ def test_uneven_light_does_not_move_centres() -> None:
 
 @pytest.mark.parametrize("polarity", [("black", "white"), ("white", "black")])
 def test_missing_dots_and_distractors_leave_the_rest_in_place(polarity: tuple[str, str]) -> None:
-    gauge = gauge_of(color=polarity[0], background=polarity[1])
+    gauge = gauge_of(**SMALL, color=polarity[0], background=polarity[1])
     camera = camera_above(size_px=(480, 360), focal_px=1100, distance_mm=90, tilt_deg=25, turn_deg=14, k1=-0.3)
     rng = np.random.default_rng(5)
     picture = draw_gauge(camera, gauge, rng=rng, snr=30, missing=(0, 13, 40, 41, 42, 60))
@@ -133,7 +130,7 @@ def test_missing_dots_and_distractors_leave_the_rest_in_place(polarity: tuple[st
 
 
 def test_coloured_dots_are_seen_on_a_ground_of_equal_brightness() -> None:
-    gauge = gauge_of(color="#c00000", background="#404040")
+    gauge = gauge_of(**SMALL, color="#c00000", background="#404040")
     camera = camera_above(size_px=(480, 360), focal_px=1100, distance_mm=90, turn_deg=5)
     cover = (200.0 - draw_gauge(camera, gauge, black=40, white=200, quantise=False)[..., None]) / 160
     picture = np.rint((1 - cover) * (64, 64, 64) + cover * (0, 0, 192)).astype(np.uint8)
@@ -144,7 +141,7 @@ def test_coloured_dots_are_seen_on_a_ground_of_equal_brightness() -> None:
 @pytest.mark.parametrize("turn", [0.0, 70.0, 130.0, 200.0, 300.0])
 def test_fiducials_fix_origin_and_direction_at_any_turn_and_out_of_view(turn: float) -> None:
     fiducials = [{"column": c, "row": r, "diameter_mm": 1.5} for c, r in ((5, 4), (8, 4), (5, 2))]
-    gauge = Gauge.model_validate(gauge_of().model_dump() | {"fiducial": fiducials})
+    gauge = Gauge.model_validate(gauge_of(**SMALL).model_dump() | {"fiducial": fiducials})
     camera = camera_above(
         size_px=(480, 360), focal_px=1400, distance_mm=90, tilt_deg=10, turn_deg=turn, center_mm=(4.0, 1.0)
     )
@@ -158,7 +155,7 @@ def test_fiducials_fix_origin_and_direction_at_any_turn_and_out_of_view(turn: fl
 
 
 def test_staggered_array_seen_in_part_keeps_its_rows() -> None:
-    gauge = gauge_of(layout="staggered", pitch_mm=(2.8, 1.6))
+    gauge = gauge_of(**(SMALL | {"layout": "staggered", "pitch_mm": (2.8, 1.6)}))
     camera = camera_above(size_px=(480, 360), focal_px=1400, distance_mm=60, turn_deg=8, center_mm=(5.0, 0.0))
     dots = detect_dots(draw_gauge(camera, gauge, rng=np.random.default_rng(0), snr=40))
     match = match_gauge(dots, assign_grid(dots), gauge)

@@ -10,30 +10,25 @@ from calibration.assessment.quality import assess
 from calibration.camera import camera_above
 from calibration.estimation.calibrate import Calibration, calibrate
 from calibration.estimation.flatness import face_terms
-from calibration.gauge.geometry import Gauge
 from calibration.store import camera_to_json
-from tests.calibration.drawing import draw_gauge, random_poses
+from tests.calibration.drawing import draw_gauge, gauge_of, random_poses
 
 CAMERA = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=120, tilt_deg=3, k1=-0.2)
 
 
-def gauge_of(**tolerance: float) -> Gauge:
-    dots = {"columns": 12, "rows": 9, "pitch_mm": 3.0, "diameter_mm": 1.2, "pitch_tolerance_percent": 0.0}
-    return Gauge.model_validate({"format": 1, "name": "plate", "dots": dots, "tolerance": tolerance})
-
-
-FACE_MM = face_terms(gauge_of()) @ np.array([0.06, 0.04, -0.05, 0.01, 0.0, 0.01, 0.0])
+PLATE = {"columns": 12, "pitch_tolerance_percent": 0.0}
+FACE_MM = face_terms(gauge_of(**PLATE)) @ np.array([0.06, 0.04, -0.05, 0.01, 0.0, 0.01, 0.0])
 
 
 def pictures(count: int, face_mm: np.ndarray | float) -> list[np.ndarray]:
     rng = np.random.default_rng(6)
     views = random_poses(CAMERA, count, rng, tilt_deg=25, shift_mm=2)
-    return [draw_gauge(view, gauge_of(), rng=rng, snr=50, face_mm=face_mm) for view in views]
+    return [draw_gauge(view, gauge_of(**PLATE), rng=rng, snr=50, face_mm=face_mm) for view in views]
 
 
 @pytest.fixture(scope="module")
 def bent() -> Calibration:
-    return calibrate(pictures(6, FACE_MM), gauge_of())
+    return calibrate(pictures(6, FACE_MM), gauge_of(**PLATE))
 
 
 def test_bend_is_measured_and_the_camera_freed_of_it(bent: Calibration) -> None:
@@ -55,7 +50,7 @@ def test_height_at_which_a_bent_gauge_lies_is_counted_as_doubt(bent: Calibration
 
 
 def test_bent_gauge_back_on_the_plate_finds_the_camera_as_it_was(bent: Calibration) -> None:
-    picture = draw_gauge(CAMERA, gauge_of(), rng=np.random.default_rng(9), snr=50, face_mm=FACE_MM)
+    picture = draw_gauge(CAMERA, gauge_of(**PLATE), rng=np.random.default_rng(9), snr=50, face_mm=FACE_MM)
     shape = bent.flatness
     assert shape is not None
     face = tuple(shape.coefficients_mm.tolist())
@@ -65,7 +60,7 @@ def test_bent_gauge_back_on_the_plate_finds_the_camera_as_it_was(bent: Calibrati
 
 
 def test_flat_gauge_is_taken_as_flat_and_bounded() -> None:
-    found = calibrate(pictures(6, 0.0), gauge_of())
+    found = calibrate(pictures(6, 0.0), gauge_of(**PLATE))
     assert found.flatness is not None
     assert not found.flatness.used
     assert found.flatness.high_mm < 0.02
@@ -74,8 +69,8 @@ def test_flat_gauge_is_taken_as_flat_and_bounded() -> None:
 
 def test_single_picture_says_that_it_cannot_tell_and_counts_a_stated_flatness() -> None:
     (picture,) = pictures(1, 0.0)
-    silent = calibrate([picture], gauge_of(), distance_mm=(120.0, 0.1))
-    stated = calibrate([picture], gauge_of(flatness_mm=0.2), distance_mm=(120.0, 0.1))
+    silent = calibrate([picture], gauge_of(**PLATE), distance_mm=(120.0, 0.1))
+    stated = calibrate([picture], gauge_of(tolerance={"flatness_mm": 0.2}, **PLATE), distance_mm=(120.0, 0.1))
     assert silent.flatness is None
     assert any("cannot tell its bend from distortion" in note for note in assess(silent).notes)
     corner = np.array([10.0, 10.0])

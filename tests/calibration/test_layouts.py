@@ -8,12 +8,8 @@ from pydantic import ValidationError
 
 from calibration.assignment.gauge_in_image import sight
 from calibration.errors import CalibrationError
-from calibration.gauge.geometry import Gauge
+from tests.calibration.drawing import gauge_of
 from tests.calibration.grid_images import Layout, draw_grid, grid_places
-
-
-def gauge_of(**dots: object) -> Gauge:
-    return Gauge.model_validate({"format": 1, "name": "grid", "dots": {"diameter_mm": 0.5, **dots}})
 
 
 @pytest.mark.parametrize(
@@ -31,7 +27,7 @@ def gauge_of(**dots: object) -> Gauge:
 def test_named_grid_has_the_dots_of_its_library_and_is_found(
     name: str, layout: Layout, size: tuple[int, int], pitch_mm: float
 ) -> None:
-    gauge = gauge_of(layout=name, columns=size[0], rows=size[1], pitch_mm=pitch_mm)
+    gauge = gauge_of(diameter_mm=0.5, layout=name, columns=size[0], rows=size[1], pitch_mm=pitch_mm)
     places = grid_places(layout, size) * (1, -1)
     middle = (places.min(axis=0) + places.max(axis=0)) / 2
     mine = gauge.sheet_mm()[gauge.present()]
@@ -44,14 +40,16 @@ def test_named_grid_has_the_dots_of_its_library_and_is_found(
 
 def test_array_shifted_the_other_way_is_said_without_mirrors_and_fiducials() -> None:
     image = draw_grid("hex", np.random.default_rng(1), layout="hexagonal", size=(14, 12), fill=(0.7, 0.7))
-    wrong = gauge_of(layout="staggered", columns=7, rows=12, pitch_mm=(1.0, 0.75**0.5))
+    wrong = gauge_of(diameter_mm=0.5, layout="staggered", columns=7, rows=12, pitch_mm=(1.0, 0.75**0.5))
     with pytest.raises(CalibrationError, match=r'set shifted_rows = "even" in gauge\.toml') as raised:
         sight(image.image, wrong, "image")
     assert "fiducial" not in str(raised.value)
-    right = gauge_of(layout="staggered", columns=7, rows=12, pitch_mm=(1.0, 0.75**0.5), shifted_rows="even")
+    right = gauge_of(
+        diameter_mm=0.5, layout="staggered", columns=7, rows=12, pitch_mm=(1.0, 0.75**0.5), shifted_rows="even"
+    )
     assert len(sight(image.image, right, "image").match) == 84
 
 
 def test_hexagonal_grid_with_two_pitches_is_refused() -> None:
     with pytest.raises(ValidationError, match="one pitch_mm"):
-        gauge_of(layout="circle_hexagonal", columns=9, rows=7, pitch_mm=[1.0, 0.9])
+        gauge_of(diameter_mm=0.5, layout="circle_hexagonal", columns=9, rows=7, pitch_mm=[1.0, 0.9])

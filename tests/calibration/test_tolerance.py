@@ -15,20 +15,18 @@ from calibration.estimation.calibrate import calibrate
 from calibration.estimation.gauge_tolerance import covariance_with_tolerance, with_tolerance
 from calibration.gauge.geometry import Gauge, Tolerance
 from calibration.store import camera_to_json, load_camera
-from tests.calibration.drawing import draw_gauge, random_poses
+from tests.calibration.drawing import draw_gauge, gauge_of, random_poses
 
 CAMERA = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=120, tilt_deg=3, k1=-0.2)
 
 
-def gauge_of(pitch_mm: float, tolerance: dict[str, float]) -> Gauge:
-    dots = {"columns": 11, "rows": 8, "pitch_mm": pitch_mm, "diameter_mm": 1.2}
-    return Gauge.model_validate({"format": 1, "name": "plate", "dots": dots, "tolerance": tolerance})
+SIZE = {"columns": 11, "rows": 8}
 
 
 def test_pitch_tolerance_enters_the_camera_its_file_and_the_sentence(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     views = random_poses(CAMERA, 4, rng, tilt_deg=25, shift_mm=2)
-    pictures = [draw_gauge(view, gauge_of(3.0, {}), rng=rng, snr=50) for view in views]
+    pictures = [draw_gauge(view, gauge_of(**SIZE), rng=rng, snr=50) for view in views]
     for percent in (None, 0.5, 0.0):
         dots = {"columns": 11, "rows": 8, "pitch_mm": 3.0, "diameter_mm": 1.2}
         dots |= {} if percent is None else {"pitch_tolerance_percent": percent}
@@ -47,21 +45,21 @@ def test_pitch_tolerance_enters_the_camera_its_file_and_the_sentence(tmp_path: P
 def test_scale_tolerance_of_the_gauge_is_the_least_doubt_of_every_length() -> None:
     rng = np.random.default_rng(1)
     pictures = [
-        draw_gauge(view, gauge_of(3.003, {}), rng=rng, snr=50)
+        draw_gauge(view, gauge_of(pitch_mm=3.003, **SIZE), rng=rng, snr=50)
         for view in random_poses(CAMERA, 4, rng, tilt_deg=25, shift_mm=2)
     ]
-    verdict = assess(calibrate(pictures, gauge_of(3.0, {"scale": 0.001})))
+    verdict = assess(calibrate(pictures, gauge_of(tolerance={"scale": 0.001}, **SIZE)))
     assert 0.00099 < verdict.plate_scale_sigma < 0.00102
     # the distance of the lens is measured with the same gauge, the height of the marks is not
     assert abs(verdict.scale_sigma - 0.001 * 120 / (120 - 6.5)) < 2e-5
-    assert assess(calibrate(pictures, gauge_of(3.0, {"scale": 0.0}))).scale_sigma < 1e-4
+    assert assess(calibrate(pictures, gauge_of(tolerance={"scale": 0.0}, **SIZE))).scale_sigma < 1e-4
 
 
 def test_displaced_dots_scatter_the_camera_as_the_covariance_says() -> None:
     rng = np.random.default_rng(3)
     tolerance, noise_px = Tolerance(dot_mm=0.01), 0.02
     poses = random_poses(CAMERA, 4, rng, tilt_deg=25, shift_mm=2)
-    places = gauge_of(3.0, {}).positions_mm().reshape(-1, 2)
+    places = gauge_of(**SIZE).positions_mm().reshape(-1, 2)
     state = State(
         np.stack([p.parameters[:6] for p in poses]),
         CAMERA.parameters[6:],

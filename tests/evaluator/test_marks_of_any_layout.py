@@ -21,7 +21,7 @@ from evaluator.turning import measure_turning
 from evaluator.workflow import analyze
 from simulator.command import Command
 from simulator.observation import marks_of_run
-from simulator.robot import Robot, load_robot
+from simulator.robot import Robot, load_robot, shipped_robot_text
 from simulator.simulation import simulate
 from tests.evaluator.turning.synthetic import arc_poses
 
@@ -146,14 +146,8 @@ def test_reference_pair_of_three_marks_is_where_two_of_them_are_though_one_is_hi
 
 
 def experiment_of_one_mark(folder: Path, circling: np.ndarray) -> Path:
-    robot = load_robot("barrel").model_dump(
-        exclude={"marks", "mark", "effect", "known_to", "tolerance"}, exclude_none=True
-    )
-    lines = ["format = 1", f'name = "{robot["name"]}"']
-    for table in ("body", "wheels", "magnetic_attraction", "slip"):
-        lines += [f"[{table}]", *(f"{key} = {value!r}".replace("'", '"') for key, value in robot[table].items())]
-    lines += ["[[mark]]", 'name = "top"', "x_mm = 3.0", "y_mm = 0.0"]
-    (folder / "robot.toml").write_text("\n".join(lines), encoding="utf-8")
+    barrel = shipped_robot_text("barrel").split("[marks]")[0]
+    (folder / "robot.toml").write_text(f'{barrel}\n[[mark]]\nname = "top"\nx_mm = 3.0\ny_mm = 0.0\n', encoding="utf-8")
     marks_at({"top": (3.0, 0.0)}, circling, 0.005, 7).to_csv(folder / "r.csv", index=False)
     (folder / "experiment.toml").write_text(
         'format = 1\nname = "x"\nrobot = "robot.toml"\n'

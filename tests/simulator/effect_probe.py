@@ -16,7 +16,7 @@ from simulator.dynamics.model import compile_robot
 from simulator.dynamics.wheel import fresh_contacts
 from simulator.effects.entry import EffectEntry
 from simulator.observation import view_of
-from simulator.robot import Robot
+from simulator.robot import Robot, load_robot
 
 Pose = tuple[float, float, float]  # x, y, heading
 REST_SPEED = 1e-6  # far below the velocities of the tests
@@ -33,7 +33,14 @@ def _touch(u, v, r, drive, place, rest, model, contacts):  # noqa: ANN001, ANN20
 
 
 def affected(robot: Robot, id_: str, **values: object) -> Robot:
+    """The robot with one more effect."""
     return robot.model_copy(update={"effect": (*robot.effect, EffectEntry.model_validate({"id": id_, **values}))})
+
+
+def with_effects(robot: Robot | str, *effects: dict[str, object]) -> Robot:
+    """A robot, or a shipped one by name, with these effects and no others."""
+    robot = load_robot(robot) if isinstance(robot, str) else robot
+    return robot.model_copy(update={"effect": tuple(EffectEntry.model_validate(item) for item in effects)})
 
 
 def _place(pose: Pose) -> tuple[float, ...]:

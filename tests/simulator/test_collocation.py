@@ -12,8 +12,9 @@ from simulator.command import Command
 from simulator.dynamics.model import compile_robot
 from simulator.effects.entry import EffectEntry
 from simulator.integrator.batch import Trials
-from simulator.robot import Robot, load_robot
+from simulator.robot import Robot
 from simulator.simulation import simulate
+from tests.simulator.effect_probe import with_effects
 from tests.simulator.reference import Array, Pace, Pull, Rates, integrated, plain_rates
 
 TIMES_S = np.linspace(0.0, 2.0, 121)
@@ -37,10 +38,6 @@ def cyrk_solver(rates: Rates) -> Array:
     )
     assert found.success
     return np.array(found.y).T
-
-
-def affected(name: str, effect: dict[str, object]) -> Robot:
-    return load_robot(name).model_copy(update={"effect": (EffectEntry.model_validate(effect),)})
 
 
 def descent(robot: Robot) -> Pull:
@@ -74,7 +71,7 @@ CASES: dict[str, tuple[dict[str, object], Callable[[Robot], Pull] | None, Pace |
 @pytest.mark.parametrize("name", ["tire", "barrel"])
 def test_runs_with_effects_agree_with_independent_solvers(solver: Solver, id_: str, name: str) -> None:
     values, pull, pace = CASES[id_]
-    robot = affected(name, {"id": id_, **values})
+    robot = with_effects(name, {"id": id_, **values})
     truth = solver(plain_rates(robot, LEFT, RIGHT, pull=pull(robot) if pull else None, pace=pace))
     # The lag begins with the motors at rest: what they do before the first knot.
     command = Command.steps([(-1.0, 0.0, 0.0), (0.0, LEFT, RIGHT)])
@@ -97,7 +94,7 @@ def test_runs_with_effects_agree_with_independent_solvers(solver: Solver, id_: s
 def test_half_a_run_over_a_varying_plate_is_one_step_beyond_those_of_the_start(effect: dict[str, object]) -> None:
     times = np.linspace(0.0, 10.0, 601)
     trials = Trials([Command.steps([(0.0, LEFT, RIGHT), (5.0, -LEFT, -RIGHT)])], [times])
-    model = compile_robot(affected("barrel", effect))
+    model = compile_robot(with_effects("barrel", effect))
     plan = trials.plan(model, np.zeros(6), 1e-6)
     steps = plan.steps[0, : plan.count[0]]
     assert (steps[:, 1] > 1.0).sum() == 2
@@ -110,7 +107,7 @@ def test_half_a_run_over_a_varying_plate_is_one_step_beyond_those_of_the_start(e
 
 def test_wheel_that_turns_over_on_a_varying_plate_is_stepped_over_and_collocation_goes_on() -> None:
     # The right command goes through zero halfway; there friction bends within microseconds.
-    robot = affected("barrel", {"id": "plate-tilt", "angle_deg": 4.0, "azimuth_deg": 40.0})
+    robot = with_effects("barrel", {"id": "plate-tilt", "angle_deg": 4.0, "azimuth_deg": 40.0})
     trials = Trials([Command(np.array([0.0, 2.0]), np.array([30.0, 30.0]), np.array([-20.0, 20.0]))], [TIMES_S])
     model = compile_robot(robot)
     plan = trials.plan(model, np.zeros(6), 1e-8)
@@ -123,7 +120,9 @@ def test_wheel_that_turns_over_on_a_varying_plate_is_stepped_over_and_collocatio
 
 def test_robot_whose_wheels_begin_to_turn_against_each_other_leaves_rest_at_once() -> None:
     # Case 152 of seed 2 of a study over random effects: the rounding of rest holds the robot for an instant.
-    robot = affected("barrel", {"id": "tether-spring", "stiffness_mN_mm": 1e-3, "anchor_x_mm": 20, "anchor_y_mm": 12})
+    robot = with_effects(
+        "barrel", {"id": "tether-spring", "stiffness_mN_mm": 1e-3, "anchor_x_mm": 20, "anchor_y_mm": 12}
+    )
     drag = EffectEntry.model_validate({"id": "rolling-drag", "coefficient": 0.018})
     robot = robot.model_copy(update={"effect": (*robot.effect, drag)})
     command = Command.constant(-90.0, 28.5, 0.3)

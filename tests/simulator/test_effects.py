@@ -10,13 +10,13 @@ import pytest
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot
 from simulator.effects.catalogue import EFFECTS
-from simulator.effects.entry import EffectEntry
 from simulator.effects.free_form import ID as FREE_FORM
 from simulator.observation import marks_of_run
 from simulator.robot import Robot, load_robot
 from simulator.run import Run, State
 from simulator.simulation import simulate
 from simulator.steady import steady_turn
+from tests.simulator.effect_probe import affected
 
 TIMES_S = np.linspace(0.0, 3.0, 31)
 TURN = Command.steps([(0.0, 33.3, 14.4), (1.5, -20.0, -30.0)])
@@ -47,12 +47,8 @@ CONTRACT = {
     "mark-offset": "x_mm y_mm angle_deg",
     "plane-scale": "factor",
     "time-base": "factor",
-    "camera-tilt": "per_mm_x per_mm_y",
+    "camera-tilt": "per_mm_x per_mm_y perspective",
 }
-
-
-def affected(robot: Robot, id_: str, **values: object) -> Robot:
-    return robot.model_copy(update={"effect": (*robot.effect, EffectEntry.model_validate({"id": id_, **values}))})
 
 
 def moved(robot: Robot, command: Command = TURN, run_index: int = 3) -> Run:
@@ -68,7 +64,7 @@ def barrel() -> Robot:
     return load_robot("barrel")
 
 
-def test_catalogue_holds_the_effects_and_parameters_of_the_contract_and_no_other() -> None:
+def test_catalogue_holds_the_effects_and_parameters_of_the_contract_and_the_perspective_of_a_tilted_camera() -> None:
     declared = {id_: " ".join(item.name for item in effect.parameters) for id_, effect in EFFECTS.items()}
     assert declared == CONTRACT
 
@@ -95,6 +91,8 @@ def test_every_parameter_of_every_effect_changes_the_marks(barrel: Robot, id_: s
     base = {item.name: sizes.get(item.name, item.absent) for item in effect.parameters}
     if id_ == "stray-magnet":  # far enough from the path to pull, not to catch
         base |= {"x_mm": 12.0, "y_mm": 8.0}
+    if id_ == "camera-tilt":  # perspective is of second order in the tilt
+        base |= {"per_mm_x": 0.01}
     for item in effect.parameters:
         seen = []
         for value in (base[item.name], base[item.name] + 10 * item.step):

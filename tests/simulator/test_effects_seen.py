@@ -74,5 +74,12 @@ def test_camera_tilt_scales_by_the_place(barrel: Robot, given: dict[str, float],
     assert view_of(affected(barrel, "camera-tilt", **given)).place(point) == pytest.approx(factor * point)
 
 
+def test_full_perspective_is_a_homography(barrel: Robot) -> None:
+    points = np.random.default_rng(1).uniform(-40, 40, (20, 2))
+    tilt = points @ [0.003, -0.002]
+    seen = view_of(affected(barrel, "camera-tilt", per_mm_x=0.003, per_mm_y=-0.002, perspective=1.0)).place(points)
+    assert seen == pytest.approx(points / (1 - tilt)[:, None])
+
+
 def test_time_base_multiplies_measured_times(barrel: Robot) -> None:
     assert view_of(affected(barrel, "time-base", factor=1.02)).time_factor == pytest.approx(1.02)

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot
-from simulator.effects.entry import EffectEntry
 from simulator.integrator.batch import Trials
-from simulator.robot import Robot, load_robot
+from simulator.robot import load_robot
 from simulator.run import Run, State
 from simulator.simulation import simulate, simulate_batch
 from simulator.slip.law import wheel_force
 from simulator.steady import steady_turn
+from tests.simulator.effect_probe import with_effects
 from tests.simulator.reference import integrated, plain_rates
 
 TIMES_S = np.linspace(0.0, 2.0, 121)
@@ -27,10 +27,6 @@ TIMES_S = np.linspace(0.0, 2.0, 121)
 
 def path(run: Run) -> np.ndarray:
     return np.stack([run.x_mm, run.y_mm, run.heading_rad], axis=1)
-
-
-def affected(robot: Robot, *effects: dict[str, object]) -> Robot:
-    return robot.model_copy(update={"effect": tuple(EffectEntry.model_validate(item) for item in effects)})
 
 
 @pytest.mark.parametrize(
@@ -47,7 +43,7 @@ def test_run_with_a_reversal_agrees_with_an_independent_simulator(name: str, lef
 
 
 def test_error_falls_with_the_tolerance_down_to_nanometres() -> None:
-    robot = affected(load_robot("barrel"), {"id": "plate-tilt", "angle_deg": 5.0, "azimuth_deg": 40.0})
+    robot = with_effects(load_robot("barrel"), {"id": "plate-tilt", "angle_deg": 5.0, "azimuth_deg": 40.0})
     command = Command.steps([(0.0, 33.3, 14.4), (1.0, -20.0, 30.0)])
     truth = path(simulate(robot, command, TIMES_S, tolerance_mm=1e-11))
     errors = [
@@ -158,10 +154,10 @@ def test_replayed_plan_is_a_smooth_function_of_an_effect() -> None:
     trials = Trials(commands, [TIMES_S] * 2)
 
     def seen(angle: float) -> np.ndarray:
-        tilted = affected(robot, {"id": "plate-tilt", "angle_deg": angle, "azimuth_deg": 40.0})
+        tilted = with_effects(robot, {"id": "plate-tilt", "angle_deg": angle, "azimuth_deg": 40.0})
         return trials.states(compile_robot(tilted), np.zeros(6), plan)[:, :3]
 
-    base = affected(robot, {"id": "plate-tilt", "angle_deg": 2.0, "azimuth_deg": 40.0})
+    base = with_effects(robot, {"id": "plate-tilt", "angle_deg": 2.0, "azimuth_deg": 40.0})
     plan = trials.plan(compile_robot(base), np.zeros(6))
     slopes = [(seen(2.0 + step) - seen(2.0 - step)) / (2 * step) for step in (1e-3, 1e-4)]
     assert np.abs(slopes[1]).max() > 1e-3
@@ -188,7 +184,7 @@ def test_second_process_does_not_compile() -> None:
 
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-7, 1e-8])
 def test_toed_in_robot_pivoting_on_a_locked_wheel_is_followed_at_every_tolerance(tolerance: float) -> None:
-    robot = affected(load_robot("barrel"), {"id": "wheel-toe", "left_deg": -0.4684, "right_deg": 0.1552})
+    robot = with_effects(load_robot("barrel"), {"id": "wheel-toe", "left_deg": -0.4684, "right_deg": 0.1552})
     run = simulate(robot, Command.constant(70.0, 0.0), TIMES_S, tolerance_mm=tolerance)
     turn = steady_turn(robot, 70.0, 0.0)
     assert run.yaw_rate_rad_s[-1] == pytest.approx(turn.yaw_rate_rad_s, rel=1e-9)
@@ -196,7 +192,7 @@ def test_toed_in_robot_pivoting_on_a_locked_wheel_is_followed_at_every_tolerance
 
 def test_robot_resting_in_an_unstable_balance_within_the_rounding_of_rest_is_followed() -> None:
     # Case 467 of seed 12 of a study over random effects: friction grain lets friction fall within the rounding.
-    robot = affected(
+    robot = with_effects(
         load_robot("tire"),
         {"id": "friction-grain", "amplitude": 0.0750445, "direction_deg": 1.1861099},
         {"id": "tether-spring", "stiffness_mN_mm": 0.02688455, "anchor_x_mm": -23.00535, "anchor_y_mm": -22.80044},
@@ -208,7 +204,7 @@ def test_robot_resting_in_an_unstable_balance_within_the_rounding_of_rest_is_fol
 
 def test_straight_run_whose_yaw_chatters_about_zero_is_followed() -> None:
     # Case 725 of seed 16: scrub torque turns over at a yaw rate of 0, where a straight run stays.
-    robot = affected(load_robot("barrel"), {"id": "scrub-torque", "radius_mm": 0.029756866})
+    robot = with_effects(load_robot("barrel"), {"id": "scrub-torque", "radius_mm": 0.029756866})
     command = Command.steps([(0.3, 0.0, 5.0), (1.0, -60.0, -60.0)])
     runs = [simulate(robot, command, TIMES_S, tolerance_mm=tolerance) for tolerance in (1e-6, 1e-8)]
     assert np.abs(path(runs[0]) - path(runs[1])).max() < 1e-4

@@ -11,12 +11,12 @@ import pytest
 
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot
-from simulator.effects.entry import EffectEntry
 from simulator.integrator.batch import Trials
-from simulator.robot import Robot, load_robot
+from simulator.robot import load_robot
 from simulator.run import Run, State
 from simulator.simulation import simulate
 from simulator.steady import steady_turns
+from tests.simulator.effect_probe import with_effects
 from tests.simulator.reference import integrated, plain_rates
 
 TIMES_S = np.linspace(0.0, 1.0, 61)
@@ -25,10 +25,6 @@ TOLERANCES_MM = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 
 def place(run: Run) -> np.ndarray:
     return np.stack([run.x_mm, run.y_mm], axis=1)
-
-
-def affected(name: str, *effects: dict[str, object]) -> Robot:
-    return load_robot(name).model_copy(update={"effect": tuple(EffectEntry.model_validate(item) for item in effects)})
 
 
 @pytest.mark.parametrize(("left", "right"), [(-90.0, 39.274), (-30.57, 49.78), (-3.57, 8.32), (-50.0, 60.0)])
@@ -63,7 +59,7 @@ def test_runs_that_no_small_disturbance_changes_are_not_called_chance(name: str,
 
 def test_pull_that_friction_holds_does_not_move_a_robot_at_rest_whatever_the_tolerance() -> None:
     # Case 883 of seed 2 of a study over random effects: a first step beyond the bend of friction broke it loose.
-    robot = affected("tire", {"id": "stray-magnet", "force_mN": 1.0688, "x_mm": -19.129, "y_mm": -44.244})
+    robot = with_effects("tire", {"id": "stray-magnet", "force_mN": 1.0688, "x_mm": -19.129, "y_mm": -44.244})
     for tolerance in TOLERANCES_MM:
         run = simulate(robot, Command.constant(0.0, 0.0), TIMES_S, tolerance_mm=tolerance)
         assert np.abs(place(run)).max() < 1e-5
@@ -73,7 +69,7 @@ def test_pull_that_friction_holds_does_not_move_a_robot_at_rest_whatever_the_tol
 def test_gentle_start_against_each_other_does_not_depend_on_the_tolerance(effect: dict[str, object] | None) -> None:
     # Case 650 of seed 1: the balance at rest becomes unstable while the motors speed up.
     strength = {"id": "magnet-strength", "driving_factor": 2.37, "driven_factor": 5.52}
-    robot = affected("barrel", *(item for item in (strength, effect) if item))
+    robot = with_effects("barrel", *(item for item in (strength, effect) if item))
     runs = [
         simulate(robot, Command.ramp(-94.2, 60.0, 0.0, 1.0), TIMES_S, tolerance_mm=tolerance)
         for tolerance in (1e-6, 1e-7, 1e-9)

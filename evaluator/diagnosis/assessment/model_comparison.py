@@ -120,7 +120,7 @@ def _by_odds(search: Search, ids: Set, effect: str, near: Mapping[str, float]) -
     found = {}
     for offer in sorted(view.offers, key=view.evidence):
         name = offer[0]
-        instead = fit_set(search, without.terms | {name}, {name: view.start_of(offer)}, without)
+        instead = fit_set(search, without.terms | {name}, {name: view.start_of(offer)}, without, search.explained)
         if instead is None:
             found[name] = max(near[name], _odds_sigmas(search.fits[ids], view.evidence(offer)))
     return found

@@ -184,9 +184,10 @@ def best_next_runs(
     data, robot = search.problem.data, search.problem.forward.robots[0]
     room = Room.of_marks([run.marks_mm for run in data])
     both_ways = all(min(side) < 0 < max(side) for side in zip(*(run.command for run in data), strict=True))
-    levels = sorted({max(map(abs, run.command)) for run in data} - {0.0})
-    if not rivals or not levels:
+    driven = sorted({max(map(abs, run.command)) for run in data} - {0.0})
+    if not rivals or not driven:
         return None
+    levels = sorted({driven[0], driven[len(driven) // 2], driven[-1]})  # the range: levels between tell little more
 
     def of(options: Sequence[CandidateRun]) -> dict[str, list[Information]]:
         orders = [len(data)] * len(options)

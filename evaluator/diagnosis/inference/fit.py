@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,10 @@ STALLED = 5.0
 # In four experiments that nothing explains, 164 of 169 fits that stalled wanted such, and one of 63 that converged.
 NO_PROGRESS = 0.5
 DAMPINGS = (1.0, 0.4, 0.12, 0.03)
+# Of log evidence below that of a model that explains the runs: a fit that lags by more is given up where a step does
+# not close half of it. Sets that come in for a verdict end within ten of one another.
+LAGGING = 60.0
+CLOSING = 0.5
 # Of a nominal value: farther is not recalibration but another robot; and never to nothing. Of the start common to all
 # runs, known to a frame, 6 sigmas are 0.1 s: a larger error is a mistake of the experiment file.
 MOST_TOLERANCES = 6.0
@@ -58,6 +63,19 @@ class Fit:
     linearized: tuple[Linearized, ...]
     converged: bool
     runs: tuple[int, ...]
+    steps: int = 1  # that it took: linear views of all its runs
+
+    @cached_property
+    def excess(self) -> float:
+        """Mean square of what is left of the whitened features once all is fitted in the linear view: 1 for noise."""
+        theta = np.array([self.point.value(column) for column in self.columns])
+        square, freedom = 0.0, 0.0
+        for item in self.linearized:
+            left = item.response - item.common @ theta
+            basis = np.linalg.qr(np.column_stack([item.start, item.scatter, item.common]))[0]
+            square += float(left @ left) - float(np.sum((basis.T @ left) ** 2))
+            freedom += len(left) - basis.shape[1]
+        return square / max(freedom, 1.0)
 
     @property
     def overreaches(self) -> bool:
@@ -91,13 +109,15 @@ def fit_model(
     fixed: Values | None = None,
     most_scatter: tuple[float, ...] | None = None,
     held: Column | None = None,
+    rival: float = -np.inf,
 ) -> Fit:
     """Fit terms with nuisances free, from start (whose values of these terms are kept where given).
 
     fixed: terms that take part at values that stay, as those without a derivative do. most_scatter: of friction and
     gains on the way, where a misfit must not be taken for scatter; the posterior knows no such limit. held: a
-    coordinate of a term that stays as it is at the start. A fit that was made before is only looked at again where it
-    ended. FloatingPointError where a run cannot be simulated.
+    coordinate of a term that stays as it is at the start. rival: log evidence of a model that explains the runs, which
+    this one has to come near. A fit that was made before is only looked at again where it ended. FloatingPointError
+    where a run cannot be simulated.
     """
     chosen = tuple(range(len(problem.data))) if runs is None else tuple(runs)
     columns = tuple(column for column in model_columns(terms, tolerance) if column != held)
@@ -107,20 +127,21 @@ def fit_model(
         *(begin.own, begin.nominal, begin.terms, sorted(values), chosen, dict(tolerance), most_scatter),
         *(problem.horizon_s, [[astuple(noise) for noise in parts] for parts in problem.noise], problem.fingerprint),
         held and (held.key, held.coordinate),
+        round(rival) if np.isfinite(rival) else None,
     )
     if question not in problem.ends:
         try:
-            fit = _fitted(problem, begin, columns, tolerance, chosen, np.array(most_scatter or np.inf))
+            fit = _fitted(problem, begin, columns, tolerance, chosen, np.array(most_scatter or np.inf), rival)
         except FloatingPointError:
             problem.ends[question] = None
             raise
-        problem.ends[question] = End(fit.point.own, fit.point.nominal, fit.point.terms, fit.converged)
+        problem.ends[question] = End(fit.point.own, fit.point.nominal, fit.point.terms, fit.converged, fit.steps)
         return fit
     end = problem.ends[question]
     if end is None:
         raise FloatingPointError("a run cannot be simulated on the way of this fit")
     point = Point(end.own, end.nominal, end.terms)
-    return replace(_viewed(problem, point, columns, tolerance, chosen), converged=end.converged)
+    return replace(_viewed(problem, point, columns, tolerance, chosen), converged=end.converged, steps=end.steps)
 
 
 def _viewed(
@@ -163,11 +184,12 @@ def _fitted(
     tolerance: Mapping[str, float],
     runs: tuple[int, ...],
     most_scatter: Floats,
+    rival: float,
 ) -> Fit:
-    """Steps from a point until nothing moves, or no step helps."""
-    prior, before = prior_precision(columns, tolerance), np.inf
+    """Steps from a point until nothing moves, no step helps, or it lags behind a rival for good."""
+    prior, before, lagged = prior_precision(columns, tolerance), np.inf, np.inf
     for step in range(MOST_STEPS):
-        fit = _viewed(problem, point, columns, tolerance, runs)
+        fit = replace(_viewed(problem, point, columns, tolerance, runs), steps=step + 1)
         scatter = np.minimum(fit.posterior.scatter, most_scatter)
         theta = np.array([point.value(column) for column in columns])
         now = _objective(fit.linearized, theta, point.own[list(runs), 3:], prior, scatter)
@@ -178,7 +200,10 @@ def _fitted(
             return replace(fit, converged=True)
         if promise > NO_PROGRESS * before and np.any(np.abs(own) > MOST_SCATTER):
             return fit
-        before = promise
+        lag = rival - fit.posterior.log_evidence
+        if lag > max(LAGGING, CLOSING * lagged):
+            return fit
+        before, lagged = promise, lag
         moved = _line_search(problem, point, columns, theta, goal, runs, prior, scatter, now)
         if moved is None:
             return replace(fit, converged=promise < STALLED)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from evaluator.diagnosis.inference.fit import Fit, fit_model, prior_precision
+from evaluator.diagnosis.inference.fit import LAGGING, Fit, fit_model, prior_precision
 from evaluator.diagnosis.likelihood.mixed_model import MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import Values
@@ -33,6 +33,12 @@ HOPELESS = 25.0  # a screened set this far (log evidence) below the best is not 
 POSE = 3  # of a run's own numbers, those of its start pose come first
 # Friction and gains: what wet or dusty plates and DC motors show; starts as they are stated.
 USUAL_SCATTER = (0.03, 0.006, 0.006, 1.0)
+# Left-overs, mean square over that of the noise, below which a model counts as explaining the runs: the noise of slow
+# modes is carried over from fast ones, good to some ten per cent, while a wrong model leaves several times as much.
+EXPLAINED = 1.5
+# Steps of fits, each a linear view of all runs (a quarter of a second for 24 runs of 10 s), after which a search fits
+# no further sets: where nothing explains the runs every fit is long, and further ones only tell the same.
+MOST_STEPS = 100
 # An addition must promise this much evidence to be fitted: less than half of what it must bring to be kept.
 PROMISING = 2.0
 
@@ -48,6 +54,20 @@ class Search:
     fits: dict[frozenset[str], Fit] = field(default_factory=dict)
     # sets whose fit did not converge: where it stopped, or None where runs cannot be simulated
     failed: dict[frozenset[str], Fit | None] = field(default_factory=dict)
+    steps: int = 0  # that all its fits took together
+    most_steps: int = MOST_STEPS
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether it has made as many steps as a search may."""
+        return self.steps >= self.most_steps
+
+    @property
+    def explained(self) -> float:
+        """Log evidence of the best fit where that explains the runs, else minus infinity."""
+        best = max(self.fits.values(), key=lambda fit: fit.posterior.log_evidence, default=None)
+        explains = best is not None and best.converged and best.excess < EXPLAINED
+        return best.posterior.log_evidence if best is not None and explains else -np.inf
 
     @property
     def null(self) -> Fit:
@@ -151,20 +171,24 @@ def _leaps_right(beyond: MixedModel, columns: Sequence[Column], extra: tuple[int
     return bool(0.5 < beyond.posterior(extra).mean[-1] / leap < 1.5)
 
 
-def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit) -> Fit | None:
-    """Fit a set once from these starting values; keep it where it is the best fit of the set so far."""
+def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit, rival: float = -np.inf) -> Fit | None:
+    """Fit a set once from these starting values; keep it where it is the best fit of the set so far.
+
+    rival: log evidence of a set that explains the runs, near which this one must come.
+    """
     values = {**origin.point.terms, **starts}
     smooth = [search.terms[effect] for effect in sorted(ids) if not search.terms[effect].stepwise]
     fixed = {effect: values[effect] for effect in ids if search.terms[effect].stepwise}
     values = {effect: values.get(effect, search.terms[effect].absent) for effect in ids}
-    fit = _fit_from(search, Point(origin.point.own, origin.point.nominal, values), smooth, fixed)
-    if fit is None or not fit.converged:
+    fit = _fit_from(search, Point(origin.point.own, origin.point.nominal, values), smooth, fixed, rival=rival)
+    lags = fit is not None and fit.posterior.log_evidence < rival - LAGGING
+    if fit is None or not (fit.converged or lags):
         # friction and gains with which a wrong model helped itself may be a place from which no step leads on
         neutral = origin.point.own.copy()
         neutral[:, POSE:] = 0.0
-        usual = _fit_from(search, Point(neutral, {}, values), smooth, fixed, USUAL_SCATTER)
+        usual = _fit_from(search, Point(neutral, {}, values), smooth, fixed, USUAL_SCATTER, rival)
         if usual is not None and usual.converged and not usual.overreaches:
-            again = _fit_from(search, usual.point, smooth, fixed)
+            again = _fit_from(search, usual.point, smooth, fixed, rival=rival)
             usual = again if again is not None and again.converged else usual
         fit = usual or fit
     if fit is None or not fit.converged:
@@ -185,18 +209,24 @@ def _fit_from(
     smooth: Sequence[Candidate],
     fixed: Values,
     most_scatter: tuple[float, ...] | None = None,
+    rival: float = -np.inf,
 ) -> Fit | None:
     """One fit; None where runs cannot be simulated."""
+    problem, tolerance, runs = search.problem, search.tolerance, search.runs
     try:
-        return fit_model(search.problem, begin, smooth, search.tolerance, search.runs, fixed, most_scatter)
+        fit = fit_model(problem, begin, smooth, tolerance, runs, fixed, most_scatter, rival=rival)
     except FloatingPointError:
+        search.steps += 1
         return None
+    search.steps += fit.steps
+    return fit
 
 
-def run_search(search: Search, start: Point, progress: Progress, seeds: Sequence[Fit] = ()) -> None:
+def run_search(search: Search, start: Point, nominal: Point, progress: Progress, seeds: Sequence[Fit] = ()) -> None:
     """Fill search.fits with the null, the promising singles, pairs and triples.
 
-    seeds: fits of this experiment that are near already; the search then goes on from them, not from the null.
+    start: of the null. nominal: the model as its file says, start poses aligned. seeds: fits of this experiment that
+    are near already; the search then goes on from them, not from the null.
     """
     search.fits[frozenset()] = fit_model(search.problem, start, [], search.tolerance, search.runs)
     progress("screening", 0.1)
@@ -204,27 +234,29 @@ def run_search(search: Search, start: Point, progress: Progress, seeds: Sequence
         if seed.terms:
             fit_set(search, seed.terms, seed.point.terms, seed)
     if len(search.fits) == 1:
-        _leaps(search, start)
-        _from_the_null(search)
+        _leaps(search, nominal)
+        if len(search.fits) == 1 or search.null.converged:  # a null that did not settle beside a leap that did: no view
+            _from_the_null(search)
     for size in range(1, LARGEST_SET):
         sizes = [ids for ids in (*search.fits, *search.failed) if len(ids) == size and search.reached(ids)]
         beam = sorted(sizes, key=lambda ids: -search.evidence(ids))[: BEAM[size - 1]]
+        beam = [ids for ids in beam if search.evidence(ids) > search.explained - LAGGING]
         for number, ids in enumerate(beam):
             extend(search, ids)
             progress(f"{size + 1} effects", 0.3 + 0.7 * (size - 1 + (number + 1) / len(beam)) / (LARGEST_SET - 1))
 
 
-def _leaps(search: Search, start: Point) -> None:
+def _leaps(search: Search, nominal: Point) -> None:
     """Fit the single effects without a derivative from the nominal model.
 
     There the data want a leap as a whole or not at all. The null has bent friction, gains and poses to what it cannot
     do, a robot that stands still where it should move, and from there no leap looks right.
     """
     leaping = [term for term in search.terms.values() if term.stepwise]
-    view = screen(search, start, (), leaping)
+    view = screen(search, nominal, (), leaping)
     for effect, extra in _ordered(view, view.offers)[:LEAPS_REFITTED]:
         fit_set(
-            search, frozenset([effect]), {effect: view.start_of((effect, extra))}, replace(search.null, point=start)
+            search, frozenset([effect]), {effect: view.start_of((effect, extra))}, replace(search.null, point=nominal)
         )
 
 
@@ -260,12 +292,17 @@ def _ordered(view: Screen, offers: Sequence[tuple[str, tuple[int, ...]]]) -> lis
 def _refit(
     search: Search, view: Screen, sets: Sequence[tuple[tuple[str, tuple[int, ...]], ...]], most: int, origin: Fit
 ) -> None:
-    """Fit the first so many different sets, each from its two best starting places."""
+    """Fit the first so many different sets, each from its two best starting places.
+
+    Once one explains the runs, no more than usual are fitted, and only as far as they come near it.
+    """
     tries: dict[frozenset[str], int] = {}
     top = -np.inf
     for offers in sets:
         ids = frozenset(effect for effect, _ in offers) | origin.terms
-        if len(tries) >= most and ids not in tries:
+        explained = search.explained
+        enough = min(most, SINGLES_REFITTED) if explained > -np.inf else most
+        if search.exhausted or (len(tries) >= enough and ids not in tries):
             break
         if tries.get(ids, 0) >= 2 or len(ids) > LARGEST_SET:
             continue
@@ -274,4 +311,5 @@ def _refit(
         if evidence < top - HOPELESS and len(tries) >= 3 and most < len(search.terms):
             break
         tries[ids] = tries.get(ids, 0) + 1
-        fit_set(search, ids, {effect: view.start_of((effect, extra)) for effect, extra in offers}, origin)
+        starts = {effect: view.start_of((effect, extra)) for effect, extra in offers}
+        fit_set(search, ids, starts, origin, explained)

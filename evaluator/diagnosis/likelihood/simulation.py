@@ -299,7 +299,7 @@ def _seen(poses: Floats, times_s: Floats, variants: Sequence[Variant], frames: N
 
 
 def _look(view: View) -> tuple[object, ...]:
-    return view.places_mm, view.scale, view.keystone_per_mm, view.errors
+    return view.places_mm, view.scale, view.keystone_per_mm, view.perspective, view.errors
 
 
 def _with_shared(marks: Floats, task: Task, run: RunData) -> Floats:

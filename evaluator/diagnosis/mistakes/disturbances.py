@@ -9,6 +9,7 @@ import numpy as np
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.motion import Motion, jump, motion_of, onset_s
 from evaluator.diagnosis.mistakes.recognised import Found
+from evaluator.diagnosis.mistakes.spacing import by_keystone, spacing
 from evaluator.robot_geometry import reference_line
 from simulator.robot import Robot
 
@@ -26,19 +27,26 @@ SETTLED_S = 0.5  # after the start: motors have come up
 
 
 def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
-    """Runs whose marks are not as far apart as the robot file says: another unit, or another robot."""
+    """Runs whose marks are not as far apart as the robot file says: another unit, or another robot.
+
+    A camera that does not look straight down makes them so too, but by the place on the plate and in all runs alike:
+    that is physics of the camera, for the diagnosis to find.
+    """
     if not data:
         return []
     stated_mm = [float(np.hypot(*reference_line(robot))) for robot in robots]
-    seen_mm = [float(np.nanmedian(np.hypot(*(run.marks_mm[:, :2] - run.marks_mm[:, 2:]).T))) for run in data]
-    usual = float(np.median(np.divide(seen_mm, stated_mm)))
+    spacings = [spacing(run.marks_mm, stated) for run, stated in zip(data, stated_mm, strict=True)]
+    ratios = [float(np.median(item.ratio)) for item in spacings]
+    usual = float(np.median(ratios))
     found = []
-    for run, seen, stated in zip(data, seen_mm, stated_mm, strict=True):
-        ratio = seen / stated
-        alone = abs(usual - 1) < SPACING_SHARE  # then it is this run, and a picture may be stretched at one place
+    for number, (run, ratio, stated) in enumerate(zip(data, ratios, stated_mm, strict=True)):
+        alone = abs(usual - 1) < SPACING_SHARE  # then it is this run, and an image may be stretched at one place
         if abs(ratio - 1) < (ALONE_SHARE if alone else SPACING_SHARE):
             continue
-        words = f"its marks are {seen:.4g} mm apart, in the robot file {stated:.4g} mm"
+        others = [item for k, item in enumerate(spacings) if k != number]
+        if abs(ratio - by_keystone(spacings[number], others) - 1) < SPACING_SHARE:
+            continue
+        words = f"its marks are {ratio * stated:.4g} mm apart, in the robot file {stated:.4g} mm"
         unit = next((name for name, factor in UNITS.items() if abs(ratio / factor - 1) < UNIT_SHARE), None)
         if unit is None and ratio > PX_RATIO:
             unit = "px"

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from simulator.robot import shipped_robot_text, shipped_robots
+from simulator.units import other_keys
 
 
 def robot_text(name_or_path: str) -> str:
@@ -21,9 +22,13 @@ def with_value(text: str, table: str, name: str, value: float, remark: str) -> s
     """The text with table.name set, the former value and the remark in a comment where there is room for one.
 
     However the file writes the key (in its table, dotted, inline), the one place is changed that sets this key and
-    nothing else; a key that the file leaves to its default is added.
+    nothing else; a key that the file leaves to its default is added. A value that the file gives in another unit stays
+    in that unit.
     """
     content = tomllib.loads(text)
+    for key, factor in other_keys(name).items():
+        if key in content.get(table, {}):
+            name, value = key, value / factor
     wanted = copy.deepcopy(content)
     written = float(number(value))
     wanted.setdefault(table, {})[name] = written

@@ -103,7 +103,7 @@ def mend(studio: Studio, asked: Asked) -> Json:
         raise InputError(f"{kind}: this mistake is not mended by a change of commands; look at the run")
     edits = []
     for row, run in enumerate(table.rows):
-        if run.get("id") in runs:
+        if run.get("id") in runs and {"left_rpm", "right_rpm"} <= run.keys():
             left, right = float(run["left_rpm"]), float(run["right_rpm"])
             left, right = (-left, -right) if kind == "reversed" else (right, left)
             edits += [Edit("set", row, "left_rpm", left), Edit("set", row, "right_rpm", right)]

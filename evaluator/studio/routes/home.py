@@ -21,6 +21,7 @@ from evaluator.workflow import (
     new_experiment,
     new_table,
     results_state,
+    robot_names,
 )
 
 SAMPLES = "turnscope-samples"
@@ -53,6 +54,7 @@ def home(studio: Studio, asked: Asked) -> Json:
         "cameras": [_told(folder, one, ("level", "summary", "scale_sigma")) for one in cameras_among(files)],
         "recordings": len(recordings),
         "images": sum(path.suffix.lower() in IMAGES for path in files),
+        "robots": robot_names(),
         "places": sorted({folder.relative(path.parent) for path in recordings}),
     }
 

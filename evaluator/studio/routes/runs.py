@@ -15,7 +15,7 @@ from evaluator.studio.folder import VIDEOS
 from evaluator.workflow import Edit, Wanted, edit_experiment, read_experiment, run_curves, run_of
 
 MOST_FRAMES = 60  # of one answer
-NAMES_OF_FILES = ("video", "marks", "camera", "robot")
+NAMES_OF_FILES = ("video", "marks", "poses", "commands", "corrections", "camera", "robot")
 
 
 def routes(studio: Studio) -> list[Route]:

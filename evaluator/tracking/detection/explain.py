@@ -55,6 +55,9 @@ class Seen:
 
 def explain(frame: Frame, settings: TrackingSettings) -> list[Seen]:
     """What a search of the whole frame sees of every mark, as if none had been seen before."""
+    settings = settings.model_copy(update={"mark": settings.of_kind("color")})
+    if frame.u is None or not settings.mark:
+        return []
     anywhere = allowed_cells(frame, settings)
     if not anywhere.any():
         return []

@@ -11,6 +11,7 @@ from evaluator.tracking.settings import MarkSettings, TrackingSettings
 
 # Spread of the logarithm of a pair's distance in diameters: of one robot, as coloured blobs show it; of all robots.
 SAID, OTHER = 0.05, 0.2
+USUAL, ANY_ROBOT = 3.0, 1.0  # distance in diameters where nobody says it, and the spread of its logarithm
 OBLONG = -2.0  # log odds of a mark that is a sticker of any shape, not a disc
 # Log-likelihood by which two pairs of the same geometry differ: blobs are 2 % uncertain (0.1), light 10 % uneven (0.4).
 ALIKE = 0.7
@@ -89,10 +90,12 @@ def _pair_score(one: Candidate, other: Candidate, settings: TrackingSettings, st
     score = _own_score(one, settings.mark[one.mark], strongest)
     score += _own_score(other, settings.mark[other.mark], strongest)
     score -= 0.5 * (np.log(one.radius_px / other.radius_px) / 0.15) ** 2
-    if settings.distance_diameters is not None:
-        distance = float(np.hypot(*np.subtract(one.center_px, other.center_px)))
-        ratio = distance / (one.radius_px + other.radius_px) / settings.distance_diameters
-        score += _log_odds(float(np.log(max(ratio, 1e-3))))
+    distance = float(np.hypot(*np.subtract(one.center_px, other.center_px)))
+    diameters = max(distance / (one.radius_px + other.radius_px), 1e-3)
+    if settings.pair_distance is not None:
+        score += _log_odds(float(np.log(diameters / settings.pair_distance)))
+    elif settings.distance_diameters is not None:  # nothing said: on one robot they are some diameters apart
+        score -= 0.5 * (np.log(diameters / USUAL) / ANY_ROBOT) ** 2
     return float(score)
 
 

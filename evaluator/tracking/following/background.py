@@ -45,11 +45,15 @@ def background(rest_px: Array, mover_px: Array, radius_px: float) -> NDArray[np.
 
 
 def strangers(one_px: Array, other_px: Array, radius_px: float) -> bool:
-    """Whether two moving things are on no one body: their distance changes as much as they move; (n, 2) each."""
+    """Whether two moving things are on no one body: their distance changes as much as they move; (n, 2) each.
+
+    Of what mostly rests, steps and changes are noise: the distance itself must differ by more than perspective makes.
+    """
     step = [np.hypot(*np.diff(places, axis=0).T) for places in (one_px, other_px)]
-    change = np.abs(np.diff(np.hypot(*(one_px - other_px).T)))
+    distance = np.hypot(*(one_px - other_px).T)
+    change = np.abs(np.diff(distance))
     both = np.isfinite(change)
-    if both.sum() < FEW - 1:
+    if both.sum() < FEW - 1 or _steady(distance[np.isfinite(distance)]):
         return False
     steps = (step[0][both] + step[1][both]) / 2.0
     return bool(steps.sum() > TRAVELS * radius_px and np.median(change[both]) > APART_STEPS * np.median(steps))
@@ -60,7 +64,12 @@ def on_one_body(rest_px: Array, mover_px: Array, radius_px: float) -> bool:
     if np.ptp(mover_px, axis=0).max() < TRAVELS * radius_px:
         return True
     apart = np.hypot(*(mover_px - rest_px).T)
-    near, far = np.quantile(apart, (0.1, 0.9))
+    return _steady(apart)
+
+
+def _steady(distance_px: Array) -> bool:
+    """Whether distances (n,) differ by no more than perspective and noise make those of one body differ."""
+    near, far = np.quantile(distance_px, (0.1, 0.9))
     return bool(far < near * (1.0 + APART * TOLERANCE) + 2.0)
 
 

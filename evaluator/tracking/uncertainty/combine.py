@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 # A wire or a glare comes on within some frames: those beside a disturbed frame, as many as a slope is not looked
 # for in, may be wrong by half as much, before their own residuals show it.
 ONSET, BESIDE = 0.25, 3
+UNKNOWN_PX = 3.0  # radius of marks that are no coloured blobs
 
 
 def refine(
@@ -78,7 +79,7 @@ def _take_out_impossible(
 ) -> None:
     """Take out what no mark of the robot can be: things at rest while it moves, and jumps; in place."""
     radii = {name: follower.radius_px for name, follower in followers.items()}
-    usual = float(np.median(list(radii.values()))) if radii else 0.0
+    usual = float(np.median(list(radii.values()))) if radii else UNKNOWN_PX
     if len(body) == len(numbers) == 2:
         first, second = body
         places = {name: values[:, :2].copy() for name, values in numbers.items()}

@@ -15,7 +15,7 @@ from evaluator.workflow.editing.documents import change_document, read_document
 
 Value = str | float | bool | None
 NEW_START_S = 0.5  # of the template: half a second of rest before the motors start
-PLACES = ("video", "marks", "camera")  # keys of a run that name files
+PLACES = ("video", "marks", "poses", "commands", "corrections", "camera")  # keys of a run that name files
 
 
 @dataclass(frozen=True)

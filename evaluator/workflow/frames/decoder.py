@@ -10,6 +10,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
+from calibration.errors import CalibrationError
 from evaluator.errors import InputError
 
 ANSWER_S = 60.0  # the longest wait: a recording that is decoded from its beginning, to its end
@@ -51,6 +52,21 @@ class Decoder:
     def frames(self, wanted: Wanted) -> list[tuple[int, bytes]]:
         """Number and JPEG of frames. Raises InputError."""
         found: list[tuple[int, bytes]] = self._ask(("frames", wanted))
+        return found
+
+    def marks(self, path: Path, numbers: list[int], settings: dict[str, Any], rate_hz: float | None) -> list[Any]:
+        """What the search for marks sees in some frames, with settings as of tracking.toml. Raises InputError."""
+        found: list[Any] = self._ask(("marks", path, rate_hz, numbers, settings))
+        return found
+
+    def image(self, path: Path) -> bytes:
+        """An image file as JPEG. Raises InputError."""
+        found: bytes = self._ask(("image", path))
+        return found
+
+    def dots(self, path: Path) -> dict[str, Any]:
+        """The dots of a gauge image. Raises InputError."""
+        found: dict[str, Any] = self._ask(("dots", path))
         return found
 
     def close(self) -> None:
@@ -113,7 +129,7 @@ def _serve(pipe: Connection) -> None:
             return
         try:
             answer = True, _answer(opened, *question)
-        except InputError as error:
+        except (InputError, CalibrationError) as error:
             answer = False, str(error)
         except Exception as error:  # noqa: BLE001 - any fault of a recording is told, and the next one is decoded
             answer = False, f"this recording cannot be decoded ({type(error).__name__}: {error})"
@@ -129,6 +145,16 @@ def _answer(opened: OrderedDict[tuple[Any, ...], Any], kind: str, *rest: Any) ->
         path, rate_hz = rest
         contents = _frames_of(opened, path, rate_hz).contents
         return {"time_s": contents.time_s, "key_frames": contents.key_frames, "size_px": contents.size_px}
+    if kind in ("image", "dots"):
+        from evaluator.workflow.viewing.cameras import dots_of_image, image_jpeg
+
+        return image_jpeg(*rest) if kind == "image" else dots_of_image(*rest)
+    if kind == "marks":
+        from evaluator.workflow.viewing.marks import look_at, settings_of
+
+        path, rate_hz, asked, said = rest
+        settings, source = settings_of(said), _frames_of(opened, path, rate_hz)
+        return [look_at(source.frame(number), settings) for number in asked]
     (wanted,) = rest
     frames = _frames_of(opened, wanted.path, wanted.rate_hz)
     last = len(frames.contents.time_s)

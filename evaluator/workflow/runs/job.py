@@ -70,6 +70,7 @@ class Job:
                 "camera": file_hash(self.camera) if self.camera else None,
                 "rate_hz": self.run.rate_hz,
                 "tracking": file_hash(self.tracking) if self.tracking and self.run.video else None,
+                "corrections": file_hash(self.run.corrections) if self.run.corrections and self.run.video else None,
                 "tracks": self.tracks.model_dump() if self.tracks and self.run.marks else None,
                 "marks": [mark.model_dump() for mark in self.robot.layout],
             }

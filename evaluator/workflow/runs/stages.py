@@ -26,7 +26,7 @@ from evaluator.pose import NO_HEADING, Poses, poses_from_marks
 from evaluator.progress import Progress, no_progress
 from evaluator.recording import TimingReport, open_recording
 from evaluator.robot_geometry import RobotGeometry, mark_geometry, marks_height_mm, robot_shape, sought
-from evaluator.tracking import load_settings, place_on_plate, track
+from evaluator.tracking import correct, load_settings, place_on_plate, read_corrections, track
 from evaluator.turning import Turning
 from evaluator.wording import counted
 from evaluator.workflow.results.outputs import Outputs
@@ -110,12 +110,19 @@ class _Stages:
         said = read_with(load_settings, self.job.tracking) if self.job.tracking else None
         settings = sought(RobotGeometry(self.job.robot.layout), said)
         table = track(recording, settings, self.progress)
+        by_hand: list[str] = []
+        if self.run.corrections is not None:
+            corrections = read_corrections(self.run.corrections)
+            table = correct(table, corrections, str(self.run.corrections))
+            by_hand = [
+                f"{counted(len(corrections), 'mark')} placed or taken away by hand ({self.run.corrections.name})"
+            ]
         report = recording.report()
         _refuse_cut(report, recording.expected_frames, recording.expected_s, self.run.video)
         _refuse_unseen(table, [mark.name for mark in self.job.robot.layout], self.run.video)
         write_marks(place_on_plate(table, self.camera, marks_height_mm(self.job.robot)), path)
         write_text(pictures, recording.to_json())
-        return [path, pictures], {"notes": list(report.notes), "last_s": float(report.last or 0)}
+        return [path, pictures], {"notes": [*report.notes, *by_hand], "last_s": float(report.last or 0)}
 
     def _turn(self) -> tuple[list[Path], dict[str, Any]]:
         fault = outside_recording(self.run, self.told, float(self.poses.time_s[0]), float(self.poses.time_s[-1]))

@@ -122,7 +122,7 @@ def _camera_of(run: Run) -> Camera | None:
 
 
 def _mark_height(robot: str) -> float:
+    from evaluator.robot_geometry import marks_height_mm
     from simulator.robot import load_robot
 
-    found: float = read_with(load_robot, Path(robot)).marks.height_mm
-    return found
+    return marks_height_mm(read_with(load_robot, Path(robot)))

@@ -66,7 +66,7 @@ def files_named(experiment: Path) -> list[Path]:
     """Every file that an experiment names, there or not. Raises InputError where it cannot be read."""
     described = read_with(load_experiment, experiment)
     robots = [Path(run.robot or described.robot) for run in described.run]
-    named = [path for run in described.run for path in (run.video, run.marks, run.camera) if path is not None]
+    named = [path for run in described.run for path in (run.source, run.camera, run.corrections, run.commands) if path]
     files = [robot for robot in robots if robot.suffix == ".toml"]
     return sorted({*files, *named, *([described.tracking] if described.tracking else [])})
 

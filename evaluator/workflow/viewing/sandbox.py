@@ -14,13 +14,12 @@ from pydantic import ValidationError
 
 from evaluator.errors import InputError
 from evaluator.files import explain, read_with
-from evaluator.robot_geometry import mark_geometry
 from simulator.command import Command
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.free_form import ID as FREE_FORM
 from simulator.effects.parameter import UNITS, Parameter
 from simulator.observation import view_of
-from simulator.robot import Robot, load_robot, shipped_robot_text
+from simulator.robot import Robot, load_robot, shipped_robot_text, shipped_robots
 from simulator.run import Run
 from simulator.simulation import simulate
 
@@ -80,6 +79,11 @@ def effect_sliders() -> list[EffectSliders]:
     ]
 
 
+def robot_names() -> tuple[str, ...]:
+    """The shipped robots."""
+    return shipped_robots()
+
+
 def robot_sliders(robot: Path | str) -> list[Slider]:
     """Sliders of a robot's nominal values, as far as it has them."""
     described = _robot(robot).model_dump(mode="json")
@@ -131,15 +135,9 @@ def _motion(robot: Robot, left: float, right: float, times: np.ndarray) -> dict[
 
 
 def _seen(robot: Robot, run: Run) -> tuple[Array, Array]:
-    """Where the centre would be measured to be: from the marks, as they are seen with the effects of the robot."""
-    green, yellow = view_of(robot).marks(run.x_mm, run.y_mm, run.heading_rad, run.time_s)
-    geometry = mark_geometry(robot)
-    on_body = np.subtract(geometry.green_mm, geometry.yellow_mm)
-    apart = green - yellow
-    heading = np.arctan2(apart[:, 1], apart[:, 0]) - np.arctan2(on_body[1], on_body[0])
-    middle, (ahead, left) = (green + yellow) / 2, np.add(geometry.green_mm, geometry.yellow_mm) / 2
-    cos, sin = np.cos(heading), np.sin(heading)
-    return middle[:, 0] - ahead * cos + left * sin, middle[:, 1] - ahead * sin - left * cos
+    """Where the centre is measured to be: marks that are seen with an error move it as they would a point of it."""
+    (place,) = view_of(robot, [(0.0, 0.0)]).marks(run.x_mm, run.y_mm, run.heading_rad, run.time_s)
+    return place[:, 0], place[:, 1]
 
 
 def _changed(robot: Robot, nominal: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]) -> Robot:

@@ -12,8 +12,9 @@ import pandas as pd
 
 from evaluator.recording import open_recording
 from evaluator.tracking import track
-from tests.benchmarks.tracking.clips import clip, distance_px, frames_in_memory, still_pictures
+from tests.benchmarks.tracking.clips import clip, distance_px, still_pictures
 from tests.benchmarks.tracking.peers import contours, hsv_centroid, luma_centroid, ours, trackpy_places, true_shape
+from tests.evaluator.tracking.synthetic import frames_in_memory
 
 Array = np.ndarray
 

@@ -2,30 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
 import av
 import numpy as np
 
-from evaluator.recording import Frame
-from tests.evaluator.tracking.synthetic import GREEN, YELLOW, coverage, draw, turning_marks, write_video
+from tests.evaluator.tracking.synthetic import GREEN, LUMA, YELLOW, coverage, draw, turning_marks, write_video
 
 Array = np.ndarray
-LUMA = np.array([0.299, 0.587, 0.114])
-
-
-def frames_in_memory(pictures: list[Array]) -> Iterator[Frame]:
-    """Luma and full-resolution colour planes without any codec."""
-    for index, picture in enumerate(pictures):
-        luma = picture @ LUMA
-        u, v = 128 + (picture[..., 2] - luma) / 1.772, 128 + (picture[..., 0] - luma) / 1.402
-        planes = [np.clip(np.rint(plane), 0, 255).astype(np.uint8) for plane in (luma, u, v)]
-        yield Frame(
-            index, index, Fraction(1, 60), *planes, 8, full_range=True, matrix="bt601", row_origin=0, row_step=1,
-            kind="", repeated=False, owner=None,
-        )  # fmt: skip
 
 
 def distance_px(radius: float) -> float:

@@ -21,6 +21,11 @@ COMMANDS = (
     *((30.0, 30.0), (-30.0, -30.0), (33.3, 14.4), (14.4, 33.3), (-33.3, -14.4), (-14.4, -33.3)),
     *((60.0, 40.0), (-40.0, -60.0)),
 )
+ATTRACTION = ("magnetic_attraction.driving_wheel_mN", "magnetic_attraction.driven_wheel_mN")
+LENGTHS = ("wheel_radius_mm", "wheelbase_mm", "track_mm", "mass_g", "mark_position_mm", "center_of_gravity_mm")
+ROBOT_EXACTLY = ("[known_to]", *(f"{name} = 0.0" for name in (*LENGTHS, "plate_level_deg")))
+TIMES = ("start_common_s", "start_per_run_s", "time_base", "plane_scale")
+SESSION_EXACTLY = ("[known_to]", *(f"{name} = 0.0" for name in TIMES))
 SIGMA_MM, FRICTION, GAIN = 0.004, 0.01, 0.002
 
 
@@ -33,10 +38,14 @@ def write_hidden(
     sigma_mm: float = SIGMA_MM,
     error_mm: float = 0.0,
     seed: int = 3,
+    seconds: float = 6.0,
+    exact: bool = False,
 ) -> Path:
     """An experiment.toml over runs of the barrel robot with effects that its robot.toml does not have.
 
-    sigma_mm: tracking noise; error_mm: a slow wave in all marks, as steps of another simulator would leave.
+    sigma_mm: tracking noise; error_mm: a slow wave in all marks, as steps of another simulator would leave. exact: of a
+    laboratory that knows everything exactly, which has a fifth of the parameters and is diagnosed in a third of the
+    time.
     """
     rng = np.random.default_rng(seed)
     true = load_robot("barrel")
@@ -44,13 +53,23 @@ def write_hidden(
         update={"effect": tuple(EffectEntry.model_validate({"id": key, **values}) for key, values in effects.items())}
     )
     folder.mkdir(parents=True, exist_ok=True)
-    stated = [f'"{key}" = {value}' for key, value in (tolerance or {}).items()]
+    tolerance = {**(dict.fromkeys(ATTRACTION, 0.0) if exact else {}), **(tolerance or {})}
+    stated = [f'"{key}" = {value}' for key, value in tolerance.items()]
     (folder / "robot.toml").write_text(
-        "\n".join([shipped_robot_text("barrel"), *(["[tolerance]"] if stated else []), *stated, ""]), encoding="utf-8"
+        "\n".join(
+            [
+                shipped_robot_text("barrel"),
+                *(["[tolerance]"] if stated else []),
+                *stated,
+                *(ROBOT_EXACTLY if exact else ()),
+                "",
+            ]
+        ),
+        encoding="utf-8",
     )
-    lines = ["format = 1", 'name = "hidden"', 'robot = "robot.toml"']
+    lines = ["format = 1", 'name = "hidden"', 'robot = "robot.toml"', *(SESSION_EXACTLY if exact else ())]
     for number, (left, right) in enumerate(commands):
-        time = np.arange(180) / 30
+        time = np.arange(round(30 * seconds)) / 30
         share, gains = 1 + FRICTION * rng.normal(), 1 + GAIN * rng.normal(size=2)
         slip = {name: getattr(true.slip, name) * share for name in ("lateral_friction", "longitudinal_friction")}
         own = true.model_copy(update={"slip": true.slip.model_copy(update=slip)})

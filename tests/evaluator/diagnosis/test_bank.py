@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from evaluator.settings import load_experiment
-from tests.benchmarks.bank.draw import Drawn, draw, repeated
+from tests.bank.draw import Drawn, draw, repeated
 
 
 @pytest.fixture

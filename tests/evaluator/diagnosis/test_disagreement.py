@@ -10,9 +10,11 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from evaluator.diagnosis.assessment import disagreement
 from evaluator.diagnosis.assessment.disagreement import (
     QUANTITIES,
     SHOWN_SIGMAS,
+    Dependence,
     _velocity_misfit,
     dependences,
     every_dependence,
@@ -217,3 +219,44 @@ def test_size_of_a_disagreement_is_its_rms_with_bounds_over_runs() -> None:
     reach = stats.t.isf(0.025, 15) * squares.std(ddof=1) / 4
     mean = squares.mean()
     assert found == pytest.approx((np.sqrt(mean), np.sqrt(max(mean - reach, 0)), np.sqrt(mean + reach)))
+
+
+@pytest.mark.parametrize(
+    ("by", "fold", "at"),
+    [
+        ("heading", 1, "40 degrees"),
+        ("twice the heading", 2, "40 and 220 degrees"),
+        ("three times the heading", 3, "40 and 160 and 280 degrees"),
+        ("four times the heading", 4, "40 and 130 and 220 and 310 degrees"),
+    ],
+)
+def test_a_wave_over_the_heading_is_found_with_all_its_crests(by: str, fold: int, at: str) -> None:
+    mean = disagreeing()["speed_rpm"].mean()
+    table = disagreeing(
+        along_mm_s=lambda row: 0.3 * row["speed_rpm"] / mean * np.cos(fold * np.radians(row["heading_deg"] - 40.0))
+    )
+    found = {(d.by, d.parity): d for d in every_dependence(table) if d.quantity == "along_mm_s"}[by, "even"]
+    assert [size[0] for size in found.sizes] == pytest.approx(
+        [0.3 * np.cos(np.radians(40 * fold)), 0.3 * np.sin(np.radians(40 * fold))], abs=0.003
+    )
+    assert f"0.3 mm/s more at {at}, whichever way it drives" in found.sentence
+
+
+def test_what_stands_out_by_three_and_a_half_sigmas_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    items = [Dependence("along_mm_s", "everywhere", "even", sigmas, "") for sigmas in (3.4, 3.6, 9.0)]
+    monkeypatch.setattr(disagreement, "every_dependence", lambda _: items)
+    assert [item.sigmas for item in dependences(disagreeing())] == [9.0, 3.6]
+
+
+def test_a_run_of_less_than_a_second_is_one_piece_and_few_frames_are_none() -> None:
+    for frames, count in ((12, 1), (4, 0)):
+        time = 0.05 * np.arange(frames)
+        marks = np.column_stack([time, 0 * time + 2, time, 0 * time - 2])
+        run = RunData("r", 30.0, 30.0, 0.0, None, time, marks, 0)
+        problem: Any = SimpleNamespace(
+            data=[run],
+            channels=[channels_of(marks)],
+            residuals=lambda _, frames=frames: [np.zeros((frames, 4))],
+            half_distance_mm=2.0,
+        )
+        assert len(pieces(problem, cast("Any", SimpleNamespace(task=lambda number: number)))) == count

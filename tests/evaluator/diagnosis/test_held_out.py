@@ -121,3 +121,33 @@ def test_halves_of_three_runs_are_not_compared_and_neither_is_a_model_without_ef
     assert constancy(fit_of(runs, COLUMNS, np.zeros(2), TAU), data, TOLERANCE) == []
     narrow = [type(run)(run.response, run.common[:, :1], run.start, run.scatter) for run in runs]
     assert constancy(fit_of(narrow, COLUMNS[:1], np.zeros(1), TAU), data, TOLERANCE) == []
+
+
+def test_size_of_an_effect_is_that_of_all_its_coordinates_in_their_steps() -> None:
+    """Of (3, 4) in steps of 1 and 2 it is 3² + 2² = 13 steps squared, so 13 and 52 in the units of the coordinates."""
+    from types import SimpleNamespace
+
+    from evaluator.diagnosis.assessment.cross_validation import _squares
+
+    term = SimpleNamespace(coordinates=(SimpleNamespace(step=1.0), SimpleNamespace(step=2.0)))
+    columns = [SimpleNamespace(key="tether", coordinate=i, term=term) for i in (0, 1)]
+    sizes = {0: 3.0, 1: 4.0}
+    fit = SimpleNamespace(columns=columns, point=SimpleNamespace(value=lambda column: sizes[column.coordinate]))
+    assert _squares(fit) == pytest.approx([13.0, 52.0])  # type: ignore[arg-type]
+
+
+def test_slow_runs_are_those_up_to_the_median_of_the_speed_whichever_way_they_drive() -> None:
+    from evaluator.diagnosis.likelihood.mixed_model import Linearized
+
+    rng = np.random.default_rng(0)
+    speeds = [10.0, -10.0, 12.0, -12.0, 40.0, -40.0, 50.0, -50.0]
+    runs = []
+    for speed in speeds:
+        start = rng.normal(size=(4, 3))
+        common = np.linalg.qr(start, mode="complete")[0][:, 3:] / 0.2
+        runs.append(Linearized(common[:, 0] * (1.2 if abs(speed) < 20 else 0.8), common, start, np.zeros((4, 4))))
+    data = [run_data(speed, speed, number) for number, speed in enumerate(speeds)]
+    found = {i.halves: i.probability for i in constancy(fit_of(runs, [column("effect")], np.ones(1), TAU), data, {})}
+    assert found["slow and fast"] == pytest.approx(stats.chi2.sf(0.4**2 / (0.02 + 0.05**2), 1), rel=1e-4)
+    assert found["forward and backward"] == pytest.approx(1.0)
+    assert "left and right" not in found

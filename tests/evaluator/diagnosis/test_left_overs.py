@@ -227,3 +227,32 @@ def test_a_preference_beyond_three_tolerances_is_a_finding(found: float, finding
     assert told.is_finding == finding
     way = "later" if found > 0 else "earlier"
     assert told.sentence == f"motion starts {abs(10 * found):.0f} ms {way} than start_s in all runs"
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 30.0, 100.0, -70.0])
+def test_heading_of_a_run_is_known_by_the_line_of_its_marks_and_side_by_its_wheels(angle_deg: float) -> None:
+    angle = np.radians(angle_deg)
+    arm = 2 * np.array([np.sin(angle), np.cos(angle)])
+    known = _known([replace(run_data(10.0, 30.0), marks_mm=np.array([[*arm, *-arm]]))])
+    np.testing.assert_allclose(known["heading"], [[np.cos(angle), np.sin(angle)]], atol=1e-12)
+    np.testing.assert_allclose(known["twice the heading"], [[np.cos(2 * angle), np.sin(2 * angle)]], atol=1e-12)
+    still = _known([run_data(-20.0, 20.0)])
+    assert (still["direction"].item(), still["side"].item()) == (0.0, 1.0)
+    assert still["direction and side together"].item() == 0.0
+
+
+def test_a_run_that_tells_more_than_a_hundredth_of_its_friction_counts() -> None:
+    rng = np.random.default_rng(2)
+    data = [run_data(30.0, 20.0, number) for number in range(12)]
+    own, told = rng.normal(size=(12, 4)), np.ones((12, 4))
+    own[:, 0] = 0.05 * np.arange(12) + 1e-3 * rng.normal(size=12)
+    told[:, 0] = 0.011
+    assert "friction" in _order(own, told, data)[1]
+    eight = _order(own[:8], np.ones((8, 4)), data[:8])
+    assert eight[0] < 1.0  # six degrees of freedom are enough
+
+
+def test_two_frames_have_no_way_and_no_turn() -> None:
+    assert relevance._way_and_turn(np.zeros((2, 4))) == (0.0, 0.0)
+    way, turn = relevance._way_and_turn(circling(5.0, 2.0)[:3])
+    assert (way, turn) == pytest.approx((2 * 2.0 * 0.02, 2 * 0.4 * 0.02), rel=1e-3)

@@ -83,12 +83,19 @@ LARGE = {
     "wheel-toe": {"left_deg": 6.0, "right_deg": -3.0},
     "stray-magnet": {"force_mN": 2.0, "x_mm": 40.0, "y_mm": 25.0, "exponent": 1.0},
     "plane-scale": {"factor": 1.04},
+    "camera-tilt": {"per_mm_x": -3e-3, "per_mm_y": 4e-3, "perspective": 1.0},
 }
 
 
 @pytest.mark.parametrize("effect", sorted(LARGE))
 def test_a_large_effect_is_no_mistake(effect: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     assert hidden_session(tmp_path_factory.mktemp("large"), {effect: LARGE[effect]}).mistakes == ()
+
+
+def test_another_robot_is_named_among_runs_seen_by_a_tilted_camera(tmp_path_factory: pytest.TempPathFactory) -> None:
+    tilted = hidden_session(tmp_path_factory.mktemp("tilted"), {"camera-tilt": LARGE["camera-tilt"]})
+    data = [replace(run, marks_mm=1.3 * run.marks_mm) if k == TURN else run for k, run in enumerate(tilted.data)]
+    assert [(item.runs, item.kind) for item in recognise(data, tilted.robots)] == [((f"r{TURN}",), "wrong-robot")]
 
 
 def test_the_onset_of_motion_is_told_to_a_few_milliseconds_and_not_of_a_run_that_moves_already(clean: Session) -> None:

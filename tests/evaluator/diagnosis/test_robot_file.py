@@ -39,3 +39,8 @@ def test_a_default_that_moved_is_written_into_its_table(text: str) -> None:
 
 def test_shipped_robots_have_a_text() -> None:
     assert tomllib.loads(robot_text("barrel"))["format"] == 1
+
+
+def test_a_value_in_another_unit_stays_in_that_unit() -> None:
+    changed = with_value("[body]\nmass_kg = 50.0\n", "body", "mass_g", 51000.0, "before")
+    assert tomllib.loads(changed) == {"body": {"mass_kg": 51.0}}

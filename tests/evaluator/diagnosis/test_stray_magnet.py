@@ -22,7 +22,7 @@ from tests.evaluator.diagnosis.hidden import write_hidden
 def test_a_hidden_magnet_is_named_with_force_place_and_fall_off(
     tmp_path: Path, hidden: dict[str, float], seed: int
 ) -> None:
-    experiment = write_hidden(tmp_path, {"stray-magnet": hidden}, seed=seed)
+    experiment = write_hidden(tmp_path, {"stray-magnet": hidden}, seed=seed, exact=True)
     CliRunner().invoke(diagnose, [str(experiment), "-o", str(tmp_path / "out"), "-q"], standalone_mode=False)
     content = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
     assert [effect["id"] for effect in content["effects"]] == ["stray-magnet"]

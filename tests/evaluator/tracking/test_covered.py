@@ -12,8 +12,7 @@ from evaluator.tracking.refinement.learn_shape import cut_patch, finished
 from evaluator.tracking.refinement.occluded_pixels import CORE
 from evaluator.tracking.refinement.occlusion import NOTABLE, fit_uncovered
 from evaluator.tracking.refinement.slow_path import Closer
-from tests.benchmarks.tracking.clips import frames_in_memory
-from tests.evaluator.tracking.synthetic import draw, turning_marks
+from tests.evaluator.tracking.synthetic import draw, frames_in_memory, turning_marks
 
 SIZE, FINE, BLUR, NOISE = 48, 6, 0.8, 2.5
 AMPLITUDE_LEVELS, BASE_LEVELS, SOFTNESS = 140.0, 25.0, 5.0

@@ -103,3 +103,13 @@ def test_two_things_that_move_on_their_own_are_no_pair() -> None:
     angle = 0.05 * np.arange(120)
     slanted = circle() + 40 * np.stack([np.cos(angle), 0.5 * np.sin(angle)], axis=-1)  # seen at 60 degrees
     assert not strangers(circle(), slanted, RADIUS)
+
+
+def test_two_marks_that_mostly_rest_are_on_one_body_though_their_noise_is_not() -> None:
+    rng = np.random.default_rng(8)
+    way = np.concatenate([np.zeros(200), np.linspace(0, 150, 40), np.full(260, 150.0)])
+    one = np.column_stack([way, 0 * way])
+    noisy = [places + rng.normal(0, 0.05, places.shape) for places in (one, one + np.array([11.0, 11.0]))]
+    assert not strangers(noisy[0], noisy[1], 6.0)
+    elsewhere = np.column_stack([-way, 300 + 0 * way]) + rng.normal(0, 3.0, one.shape)
+    assert strangers(noisy[0], elsewhere, 6.0)

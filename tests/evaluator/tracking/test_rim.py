@@ -8,8 +8,7 @@ from evaluator.tracking.refinement.disc import fit, make_disc
 from evaluator.tracking.refinement.kernels import VAR_X, VAR_Y, X, Y
 from evaluator.tracking.uncertainty.exposure import exposed
 from evaluator.tracking.uncertainty.rim import Rim, rim_power
-from tests.benchmarks.tracking.clips import frames_in_memory
-from tests.evaluator.tracking.synthetic import coverage, draw, turning_marks
+from tests.evaluator.tracking.synthetic import coverage, draw, frames_in_memory, turning_marks
 
 SIZE, RADIUS, NOISE = (40, 40), 7.8, 2.0
 DISC = make_disc(RADIUS, np.hypot(0.8, 12**-0.5), (0.0, 0.0), (120.0, 40.0), NOISE**2)

@@ -4,8 +4,7 @@ import numpy as np
 import pandas as pd
 
 from evaluator.tracking import TrackingSettings, track
-from tests.benchmarks.tracking.clips import frames_in_memory
-from tests.evaluator.tracking.synthetic import draw, turning_marks
+from tests.evaluator.tracking.synthetic import draw, frames_in_memory, turning_marks
 
 SIZE, RADIUS, REST = (420, 220), 6.0, 15
 

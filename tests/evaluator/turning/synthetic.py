@@ -7,7 +7,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from calibration.frames import plate_from_body
-from evaluator.pose import MarkGeometry
+from evaluator.pose import MarkGeometry, poses_from_marks
+from evaluator.turning import Turning, measure_turning
 
 GEOMETRY = MarkGeometry(green_mm=(-1.55, 1.83), yellow_mm=(-1.55, -1.83), height_mm=6.5)
 FRAME_S = 1 / 60
@@ -50,3 +51,11 @@ def winding_poses(curvature_per_mm: Array, step_mm: float, slip_rad: float = 0.1
     x = np.concatenate([[0.0], np.cumsum(chord * np.cos(middle))[:-1]])
     y = np.concatenate([[0.0], np.cumsum(chord * np.sin(middle))[:-1]])
     return np.column_stack([x, y, turned - slip_rad])
+
+
+def measured(
+    poses: Array, sigma_mm: float = 0.01, seed: int = 0, correlation: float = 0.0, **options: object
+) -> Turning:
+    """The turn of marks at these poses with this noise; options: of measure_turning."""
+    marks = marks_of(poses, sigma_mm, np.random.default_rng(seed), correlation)
+    return measure_turning(poses_from_marks(marks, GEOMETRY), **options)  # type: ignore[arg-type]

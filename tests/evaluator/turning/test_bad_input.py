@@ -20,7 +20,7 @@ def circle(sigma_mm: float = 0.01, frames: int = 300, turned_deg: float = 360.0)
     return marks_of(arc_poses(5.0, turned_deg, frames), sigma_mm, np.random.default_rng(0))
 
 
-def measured(marks: pd.DataFrame) -> Turning:
+def measured_marks(marks: pd.DataFrame) -> Turning:
     return measure_turning(poses_from_marks(marks, GEOMETRY))
 
 
@@ -35,7 +35,7 @@ def test_recording_without_marks_has_no_radius_but_a_reason() -> None:
 
 @pytest.mark.parametrize("frames", [2, 5, 7, 8, 9, 12])
 def test_few_frames_give_a_wide_interval_or_a_reason(frames: int) -> None:
-    turning = measured(circle(0.001, frames, 40.0))
+    turning = measured_marks(circle(0.001, frames, 40.0))
     width = turning.radius_high_mm - turning.radius_low_mm
     assert turning.radius_status != "ok" or abs(turning.radius_mm - 5.0) < width  # four standard uncertainties
 
@@ -44,7 +44,7 @@ def test_half_the_frames_missing_in_long_gaps_leaves_the_radius_right() -> None:
     marks = circle(0.01, 400, 720.0)
     for start in range(20, 400, 80):
         marks.loc[start : start + 39, MARKS] = np.nan
-    turning = measured(marks)
+    turning = measured_marks(marks)
     assert turning.radius_low_mm < 5.0 < turning.radius_high_mm
     assert turning.turned_deg == pytest.approx(720, abs=80)
 
@@ -52,13 +52,13 @@ def test_half_the_frames_missing_in_long_gaps_leaves_the_radius_right() -> None:
 def test_exchanged_marks_are_set_aside() -> None:
     marks = circle()
     marks.loc[100:107, MARKS] = marks.loc[100:107, [*MARKS[2:], *MARKS[:2]]].to_numpy()
-    turning = measured(marks)
+    turning = measured_marks(marks)
     assert turning.radius_mm == pytest.approx(5.0, rel=1e-3)
     assert turning.share_used < 1
 
 
 def test_turn_on_the_spot_has_an_interval_that_reaches_zero() -> None:
-    turning = measured(marks_of(arc_poses(1e-4, 720, 400), 0.01, np.random.default_rng(1)))
+    turning = measured_marks(marks_of(arc_poses(1e-4, 720, 400), 0.01, np.random.default_rng(1)))
     assert turning.radius_status == "ok"
     assert turning.radius_low_mm == pytest.approx(0.0, abs=1e-3)
     assert turning.radius_high_mm < 0.01
@@ -78,7 +78,7 @@ def test_stop_before_start_is_refused() -> None:
 def test_recording_of_a_frozen_picture_is_at_rest() -> None:
     marks = circle()
     marks[MARKS] = marks.loc[0, MARKS].to_numpy(float)
-    assert measured(marks).radius_status.startswith("at rest")
+    assert measured_marks(marks).radius_status.startswith("at rest")
 
 
 @pytest.mark.parametrize(
@@ -88,7 +88,7 @@ def test_recording_of_a_frozen_picture_is_at_rest() -> None:
 def test_lengths_that_the_marks_belie_are_said_first_with_the_likely_unit(factor: float, said: str) -> None:
     marks = circle()
     marks[MARKS] *= factor
-    turning = measured(marks)
+    turning = measured_marks(marks)
     assert said in turning.radius_status
     assert turning.summary() == turning.radius_status
     assert np.isnan(turning.radius_mm)
@@ -97,13 +97,13 @@ def test_lengths_that_the_marks_belie_are_said_first_with_the_likely_unit(factor
 def test_lengths_in_pixels_are_recognised() -> None:
     marks = circle()
     marks[MARKS] = 40 * marks[MARKS] + 500
-    assert "look like px" in measured(marks).radius_status
+    assert "look like px" in measured_marks(marks).radius_status
 
 
 def test_marks_a_tenth_off_still_have_a_radius() -> None:
     marks = circle()
     marks[MARKS] *= 1.1
-    assert measured(marks).radius_status == "ok"
+    assert measured_marks(marks).radius_status == "ok"
 
 
 def test_marks_in_one_place_have_no_heading() -> None:
@@ -119,7 +119,8 @@ def test_wandering_within_noise_has_no_radius_of_kilometres() -> None:
     """Of straight runs with a bow of 1 µm some are significant at 95 %; none has a radius."""
     curvature = np.full(300, 3e-6)
     found = [
-        measured(marks_of(winding_poses(curvature, 0.17), 0.003, np.random.default_rng(seed))) for seed in range(20)
+        measured_marks(marks_of(winding_poses(curvature, 0.17), 0.003, np.random.default_rng(seed)))
+        for seed in range(20)
     ]
     assert all(np.isnan(turning.radius_mm) for turning in found)
     assert all(turning.radius_status.startswith("straight: curvature") for turning in found)

@@ -11,18 +11,10 @@ from click.testing import CliRunner
 
 from evaluator.cli.turning import turning as command
 from evaluator.marks import write_marks
-from evaluator.pose import poses_from_marks
-from evaluator.turning import Turning, measure_turning
 
-from .synthetic import FRAME_S, GEOMETRY, arc_poses, marks_of, resting, straight_poses, winding_poses
+from .synthetic import FRAME_S, arc_poses, marks_of, measured, resting, straight_poses, winding_poses
 
 STEP_MM = 0.1
-
-
-def measured(poses: np.ndarray, sigma_mm: float = 0.01, seed: int = 0, correlation: float = 0.0) -> Turning:
-    return measure_turning(
-        poses_from_marks(marks_of(poses, sigma_mm, np.random.default_rng(seed), correlation), GEOMETRY)
-    )
 
 
 def square(side_mm: float, corner_mm: float, sides: int = 4) -> np.ndarray:

@@ -6,6 +6,7 @@ import pytest
 from evaluator.pose import poses_from_marks
 from evaluator.turning import RobotShape, Turning, measure_turning
 
+from . import synthetic
 from .synthetic import FRAME_S, GEOMETRY, arc_poses, marks_of, resting, straight_poses, winding_poses
 
 SHAPE = RobotShape(((2.0, 2.0), (2.0, -2.0), (-2.0, 2.0), (-2.0, -2.0)), 0.5, 5.0, 9.0)
@@ -13,8 +14,7 @@ YAW_RATE = np.radians(1.0) / FRAME_S  # of arc_poses(…, 360, 361)
 
 
 def measured(poses: np.ndarray, sigma_mm: float = 0.0, **options: object) -> Turning:
-    marks = marks_of(poses, sigma_mm, np.random.default_rng(1))
-    return measure_turning(poses_from_marks(marks, GEOMETRY), shape=SHAPE, **options)  # type: ignore[arg-type]
+    return synthetic.measured(poses, sigma_mm, 1, shape=SHAPE, **options)
 
 
 def test_radii_of_points_follow_from_the_centre_of_rotation() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from evaluator.errors import InputError
 from evaluator.pose import Poses, unwrapped_across_gaps
-from evaluator.turning.speed_sweep import kinematic_limit, radius_against_speed
+from tests.evaluator.turning.speed_sweep import kinematic_limit, radius_against_speed
 
 REAL = Path(__file__).parents[4] / "shared" / "real" / "rc_car_circles"
 needs_real = pytest.mark.skipif(not REAL.exists(), reason="recordings of others are not shipped (../shared/real)")

@@ -3,21 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluator.pose import poses_from_marks
-from evaluator.turning import Turning, measure_turning
 from evaluator.turning.motion.fit import Curvature
 from evaluator.turning.sustained import _shrunk
 
-from .synthetic import GEOMETRY, arc_poses, marks_of, winding_poses
+from .synthetic import arc_poses, measured, winding_poses
 
 STEP_MM = 0.1
 FINE_MM = 0.04
-
-
-def measured(poses: np.ndarray, sigma_mm: float, seed: int, correlation: float = 0.0) -> Turning:
-    return measure_turning(
-        poses_from_marks(marks_of(poses, sigma_mm, np.random.default_rng(seed), correlation), GEOMETRY)
-    )
 
 
 def arcs(*pieces: tuple[float, float]) -> np.ndarray:

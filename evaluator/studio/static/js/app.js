@@ -8,12 +8,14 @@ import { say } from "./say.js";
 const SCREENS = {
   home: () => import("./home.js"),
   runs: () => import("./runs.js"),
+  marks: () => import("./marks.js"),
+  camera: () => import("./camera.js"),
   results: () => import("./results.js"),
   diagnosis: () => import("./diagnosis.js"),
   sandbox: () => import("./sandbox.js"),
 };
-const OF_EXPERIMENT = [["runs", "Runs"], ["results", "Results"], ["diagnosis", "Diagnosis"], ["sandbox", "Sandbox"]];
-const EVERYWHERE = [["home", "Home"], ["sandbox", "Sandbox"]];
+const OF_EXPERIMENT = [["runs", "Runs"], ["marks", "Marks"], ["results", "Results"], ["diagnosis", "Diagnosis"], ["sandbox", "Sandbox"]];
+const EVERYWHERE = [["home", "Home"], ["camera", "Camera"], ["sandbox", "Sandbox"]];
 
 let leaving = new AbortController();
 
@@ -35,10 +37,10 @@ async function show() {
   try {
     const module = await load();
     if (signal.aborted) return;
-    const view = h("div", { class: `screen ${screen}` });
+    const view = h("div", { class: `screen ${screen}` }, h("p", { class: "soft", role: "status" }, "…"));
+    fill(main, view);
     await module.show(view, { id, rest, signal });
     if (signal.aborted) return;
-    fill(main, view);
     main.focus({ preventScroll: true });
     window.scrollTo(0, 0);
     document.title = `${screen === "home" ? "" : `${screen} · `}turnscope studio`;

@@ -74,7 +74,7 @@ function camera(one) {
 
 function create(found, again) {
   const name = h("input", { name: "name", required: true, autocomplete: "off", placeholder: "monday" });
-  const robot = h("select", { name: "robot" }, ["barrel", "column", "tire"].map((one) => h("option", {}, one)));
+  const robot = h("select", { name: "robot" }, found.robots.map((one) => h("option", {}, one)));
   const place = h("select", { name: "place" }, h("option", { value: "" }, "none: I add runs by hand"),
     found.places.map((one) => h("option", { value: one }, `all recordings of ${one === "." ? "this folder" : one}`)));
   if (found.places.includes(".")) place.value = ".";

@@ -2,7 +2,8 @@
 
 import { color } from "./dom.js";
 
-export const MARK_COLORS = { green: "#5aff78", yellow: "#ffeb3c" };
+const INKS = { green: "#5aff78", yellow: "#ffeb3c" };
+export const markNames = (marks) => Object.keys(marks).filter((key) => key.endsWith("_x_px")).map((key) => key.slice(0, -5));
 
 export function drawOverlay(context, curves, row, scale) {
   const { marks, poses, simulated } = curves;
@@ -20,7 +21,7 @@ export function drawOverlay(context, curves, row, scale) {
     context.arc(x, y, 3.5, 0, 7);
     context.fill();
   }
-  for (const [name, ink] of Object.entries(MARK_COLORS)) ring(context, marks[`${name}_x_px`]?.[row], marks[`${name}_y_px`]?.[row], scale, ink);
+  for (const name of markNames(marks)) ring(context, marks[`${name}_x_px`][row], marks[`${name}_y_px`][row], scale, INKS[name.split("_")[0]] ?? "#78c8ff");
 }
 
 function ring(context, x, y, scale, ink) {

@@ -4,7 +4,7 @@ import { get } from "./api.js";
 import { curvePlot } from "./curves.js";
 import { fill, fixed, h, surface } from "./dom.js";
 import { Frames } from "./frames.js";
-import { drawAxis, drawOverlay } from "./overlay.js";
+import { drawAxis, drawOverlay, markNames } from "./overlay.js";
 import { say } from "./say.js";
 
 const GRAB_PX = 9;
@@ -24,7 +24,7 @@ export async function player(place, experiment, run, { signal, changed, at }) {
   if (signal.aborted) return null;
   const first = frames.times[0], last = frames.times[frames.count - 1];
   const rows = new Map((curves.marks.frame ?? []).map((frame, row) => [frame, row]));
-  const gaps = (curves.marks.time_s ?? []).filter((_, row) => ["green", "yellow"].some((name) => curves.marks[`${name}_x_px`] && curves.marks[`${name}_x_px`][row] === null));
+  const gaps = (curves.marks.time_s ?? []).filter((_, row) => markNames(curves.marks).some((name) => curves.marks[`${name}_x_px`][row] === null));
 
   const screen = surface((context, width, height) => {
     context.fillStyle = "#000";

@@ -25,7 +25,7 @@ function nothing(found, id) {
 function screen(found, id, wanted, signal) {
   const runs = found.runs;
   let chosen = Math.max(runs.findIndex((run) => run.id === wanted), 0);
-  const turning = runs.filter((run) => run.radius_mm !== null && Math.abs(run.turned_deg) > 1);
+  const turning = runs.filter((run) => run.left_rpm !== null && run.radius_mm !== null && Math.abs(run.turned_deg) > 1);
   const redraws = [];
   const rows = [];
   const choose = (index) => {

@@ -12,7 +12,7 @@ export async function show(view, { id, signal }) {
   let from = id ?? "";
   const place = h("div");
   const pick = home && h("select", { "aria-label": "Robot", onchange: (event) => { from = event.target.value; load().catch(say); } },
-    ["barrel", "column", "tire"].map((name) => h("option", { value: `robot:${name}` }, `shipped robot: ${name}`)), home.experiments.filter((one) => !one.fault).map((one) => h("option", { value: one.id }, `robot of: ${one.name}`)));
+    home.robots.map((name) => h("option", { value: `robot:${name}` }, `shipped robot: ${name}`)), home.experiments.filter((one) => !one.fault).map((one) => h("option", { value: one.id }, `robot of: ${one.name}`)));
   const load = async () => {
     const experiment = from.startsWith("robot:") || !from ? null : from;
     const robot = experiment ? null : from.replace("robot:", "") || "barrel";

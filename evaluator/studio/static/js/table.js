@@ -30,7 +30,9 @@ export function sheet(columns, { edit, chosen, signal }) {
       if (wrong) { input.setAttribute("aria-invalid", "true"); input.title = wrong; tell([wrong]); return; }
       edit([{ kind: "set", row: index, key: column.key, value }]);
     });
-    input.addEventListener("focus", () => { if (active !== index) { active = index; mark(); chosen(index); } });
+    let pointed = false; // by the keyboard a cell is entered whole, and typing replaces it
+    input.addEventListener("pointerdown", () => { pointed = true; });
+    input.addEventListener("focus", () => { if (!pointed) input.select(); pointed = false; if (active !== index) { active = index; mark(); chosen(index); } });
     return h("td", { class: fault ? "fault" : "" }, input);
   };
 

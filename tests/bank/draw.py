@@ -17,7 +17,7 @@ from simulator.observation import marks_of_run, view_of
 from simulator.robot import Robot, load_robot
 from simulator.run import State
 from simulator.simulation import simulate
-from tests.benchmarks.bank.outside import KINDS, marks_of
+from tests.bank.outside import KINDS, marks_of
 
 Array = NDArray[np.float64]
 
@@ -202,6 +202,6 @@ def slip_changed(robot: Robot, factors: dict[str, float]) -> Robot:
 
 def robot_text() -> str:
     """The robot file that the diagnosis gets: nominal values and the tolerances they were drawn from."""
-    text = (Path(__file__).parents[3] / "simulator" / "robots" / "barrel.toml").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "simulator" / "robots" / "barrel.toml").read_text(encoding="utf-8")
     lines = [f"{json.dumps(key)} = {value}" for key, value in TOLERANCE.items()]
     return "\n".join([text, "[tolerance]", *lines, ""])

@@ -1,0 +1,79 @@
+"""The uncertainty budget of a run as a section of the report: a table, and bars for the radius."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from evaluator.report.numbers import significant
+from evaluator.report.pages.html import Section, Table
+from evaluator.report.runs import RunView
+from evaluator.report.style import BLUE, ORANGE, Figure, drawing
+from evaluator.turning.budget import Budget, Contribution
+
+LEAST_PERCENT = 1e-4  # shorter bars are as good as nothing
+LEAST_DEG = 1e-6  # less is the rounding of a subtraction
+
+
+def budget_section(run: RunView, budget: Budget) -> Section:
+    """What each source contributes to radius, speed and heading of one run."""
+    radius = budget.turning.radius_mm
+    measured = budget.combined(measured_only=True)
+    everything = budget.combined(measured_only=False)
+    rows = tuple(_row(item, radius) for item in (*budget.contributions, measured, everything))
+    caption = (
+        f"Standard uncertainties (GUM, JCGM 100) of run {run.id}: the run was measured again with one source changed "
+        "at a time. Those of the measurement make the intervals of this report. What robot.toml and the clock are off "
+        "by is the same in all runs of a robot: it does not blur a comparison of runs, but one with the model. "
+        "[known_to] says how well it is known."
+    )
+    head = ("source", "radius, µm", "radius, %", "speed, µm/s", "heading, deg", "")
+    figure = _bars(run, budget)
+    return Section(
+        "budget", "Where the uncertainty comes from", (_sentence(budget),), (figure,), (Table(caption, head, rows),)
+    )
+
+
+def _sentence(budget: Budget) -> str:
+    radius, measured = budget.turning.radius_mm, budget.combined(measured_only=True)
+    largest = max(budget.contributions, key=lambda item: item.radius_mm)
+    return (
+        f"The measurement knows the radius to {significant(100 * measured.radius_mm / radius, 2)} %. "
+        f"The largest source of all is: {largest.source}, {significant(100 * largest.radius_mm / radius, 2)} %."
+    )
+
+
+def _row(item: Contribution, radius_mm: float) -> tuple[str, ...]:
+    kind = "" if item.measured else "not in the intervals"
+    return (
+        item.source,
+        significant(1000 * item.radius_mm, 2),
+        significant(100 * item.radius_mm / radius_mm, 2),
+        significant(1000 * item.speed_mm_s, 2),
+        significant(item.heading_deg if item.heading_deg > LEAST_DEG else 0.0, 2),
+        kind,
+    )
+
+
+def _bars(run: RunView, budget: Budget) -> Figure:
+    names = [item.source for item in budget.contributions]
+    percent = np.array([100 * item.radius_mm / budget.turning.radius_mm for item in budget.contributions])
+    places = np.arange(len(names))[::-1]
+    with drawing("budget", width=6.4, height=0.9 + 0.33 * len(names)) as canvas:
+        (axes,) = canvas.axes
+        for measured, color, label in ((True, BLUE, "in the interval"), (False, ORANGE, "robot.toml and clock")):
+            chosen = np.array([item.measured is measured for item in budget.contributions])
+            axes.barh(places[chosen], np.maximum(percent[chosen], LEAST_PERCENT), color=color, height=0.6, label=label)
+        axes.set_yticks(places, names)
+        axes.set_xscale("log")
+        axes.set_xlim(LEAST_PERCENT, max(3 * float(percent.max()), 10 * LEAST_PERCENT))
+        axes.grid(visible=False, axis="y")
+        axes.set_xlabel("standard uncertainty of the radius, %")
+        axes.legend(loc="lower right")
+    return Figure(
+        "budget-radius",
+        f"Sources of the uncertainty of the radius, run {run.id}",
+        f"Each bar ends at the standard uncertainty that its source gives the radius, {LEAST_PERCENT:g} % at least.",
+        (canvas.svg,),
+        pd.DataFrame({"source": names, "radius_percent": percent}),
+    )

@@ -1,0 +1,112 @@
+// The Camera screen: gauge images with the dots found, calibration, verdict, and where how well the plate is known.
+
+import { get, post } from "./api.js";
+import { color, counted, fill, fixed, h, num, surface } from "./dom.js";
+import { onJobs } from "./jobs.js";
+import { say } from "./say.js";
+
+const SOFT_EDGE = 2.5; // px of blur from which on an image is out of focus
+
+export async function show(view, { rest, signal }) {
+  const load = async () => {
+    const found = await get("/api/rig", signal);
+    fill(view, h("div", {}, h("p", { class: "kind" }, "Camera"), h("h1", {}, "Where every pixel lies on the plate")),
+      found.gauges.length ? await bench(found, rest[0], signal) : nothing());
+  };
+  await load();
+  onJobs((_, ended) => { if (ended.some((job) => job.kind === "calibrate" || job.kind === "samples")) load().catch(say); }, signal);
+}
+
+function nothing() {
+  return h("div", { class: "empty" }, h("h2", {}, "No gauge yet"), h("p", {}, "A camera is solved from images of a plate of dots. Make a new experiment on the first screen: it comes with a gauge.toml to fill in and to print. Then put the images beside it."), h("p", {}, h("a", { class: "button", href: "#/" }, "First screen")));
+}
+
+async function bench(found, wanted, signal) {
+  const gauge = found.gauges.find((one) => one.id === wanted) ?? found.gauges[0];
+  const images = found.images.filter((one) => one.folder === gauge.folder);
+  const camera = found.cameras.find((one) => one.folder === gauge.folder);
+  const chosen = new Set(images.filter((one) => one.name.startsWith("gauge")).map((one) => one.id));
+  if (!chosen.size) for (const one of images) chosen.add(one.id);
+  const known = new Map();
+  let plate = images[0]?.id, shown = images[0];
+  const pick = h("select", { "aria-label": "Gauge", onchange: (event) => { location.hash = `#/camera/${event.target.value}`; } }, found.gauges.map((one) => h("option", { value: one.id, selected: one === gauge }, one.path)));
+  const facts = h("p", { class: "small soft" });
+  const list = h("tbody");
+  const picture = new Image();
+  const view = surface((context, width, height) => {
+    context.fillStyle = "#000";
+    context.fillRect(0, 0, width, height);
+    if (!picture.naturalWidth) return;
+    const dots = known.get(shown?.id), size = dots?.size_px ?? [picture.naturalWidth, picture.naturalHeight];
+    const scale = Math.min(width / size[0], height / size[1]);
+    context.translate((width - size[0] * scale) / 2, (height - size[1] * scale) / 2);
+    context.drawImage(picture, 0, 0, size[0] * scale, size[1] * scale);
+    if (!dots) return;
+    dots.centers_px.forEach(([x, y], k) => {
+      context.strokeStyle = dots.of_array[k] ? "#5aff78" : "#ff8a4c";
+      context.lineWidth = 1.5;
+      context.beginPath();
+      context.arc(x * scale, y * scale, Math.max(((dots.diameter_px ?? 8) / 2) * scale * 1.2, 3), 0, 7);
+      context.stroke();
+    });
+  }, signal, { class: "film", role: "img", "aria-label": "Image of the gauge with the dots found in it" });
+  picture.onload = view.redraw;
+
+  const look = async (one) => {
+    shown = one;
+    rows();
+    picture.src = `/api/images/${one.id}`;
+    view.canvas.style.aspectRatio = "4 / 3";
+    try {
+      if (!known.has(one.id)) known.set(one.id, await get(`/api/images/${one.id}/dots`, signal));
+      if (shown === one) { facts.textContent = sentence(known.get(one.id)); view.redraw(); }
+    } catch (error) { facts.textContent = error.message; }
+    rows();
+  };
+  const rows = () => fill(list, images.map((one) => h("tr", { "aria-selected": String(one === shown) },
+    h("td", {}, h("input", { type: "checkbox", checked: chosen.has(one.id), "aria-label": `Use ${one.name}`, onchange: (event) => (event.target.checked ? chosen.add(one.id) : chosen.delete(one.id)) })),
+    h("td", {}, h("button", { class: "plain", onclick: () => look(one) }, one.name)),
+    h("td", {}, h("input", { type: "radio", name: "plate", checked: one.id === plate, "aria-label": `${one.name} shows the gauge on the plate`, onchange: () => { plate = one.id; } })),
+    h("td", {}, known.has(one.id) ? String(known.get(one.id).of_array.filter(Boolean).length) : "–"))));
+  const solve = () => {
+    const ids = images.filter((one) => chosen.has(one.id)).map((one) => one.id);
+    if (!ids.includes(plate)) { say("Choose which image shows the gauge lying on the plate."); return; }
+    post(`/api/gauges/${gauge.id}/calibrate`, { images: ids, plate: ids.indexOf(plate) }).then(() => say("")).catch(say);
+  };
+  if (shown) look(shown);
+  return h("div", { class: "stack" },
+    h("div", { class: "row end" }, pick, h("div", { class: "row" }, h("a", { class: "button", href: `/api/gauges/${gauge.id}/sheet.pdf`, download: "gauge.pdf" }, "Print the gauge (PDF)"), h("button", { class: "main", disabled: !images.length, onclick: solve }, camera ? "Calibrate again" : "Calibrate"))),
+    images.length ? h("div", { class: "split" }, h("section", { class: "stack" }, view.canvas, facts), h("section", { class: "stack" },
+      h("div", { class: "scroll tall" }, h("table", { class: "wordlist" }, h("thead", {}, h("tr", {}, ["use", "image", "on the plate", "dots"].map((text) => h("th", { scope: "col" }, text)))), list)), camera ? await verdict(camera, signal) : h("p", { class: "soft" }, "Not calibrated yet: choose the images and which of them shows the gauge lying flat on the plate.")))
+      : h("div", { class: "empty" }, h("h2", {}, "No images beside this gauge"), h("p", {}, `Put images of the gauge into ${gauge.folder}: one with it lying on the plate, five or more with it tilted by 20° to 40° in different directions.`)));
+}
+
+function sentence(dots) {
+  const count = dots.of_array.filter(Boolean).length;
+  if (!count) return "No regular array of dots was found. Is the gauge in the image, lit evenly, and not cut off?";
+  const focus = dots.blur_px > SOFT_EDGE ? ` The edges are ${num(dots.blur_px, 2)} px wide: focus the lens.` : "";
+  return `${counted(count, "dot")} of the array, centres to ${num(1000 * dots.sigma_px, 2)} mpx (1 sigma), ${counted(dots.of_array.length - count, "dot")} beside it.${focus}`;
+}
+
+async function verdict(camera, signal) {
+  const found = await get(`/api/cameras/${camera.id}`, signal);
+  const { verdict: said, map } = found;
+  const most = Math.max(...map.sigma_um), least = Math.min(...map.sigma_um);
+  const chart = surface((context, width, height) => {
+    const w = width / map.columns, t = height / map.rows;
+    const ink = color("vermillion");
+    map.sigma_um.forEach((value, k) => {
+      context.globalAlpha = 0.05 + (0.85 * (value - least)) / Math.max(most - least, 1e-9);
+      context.fillStyle = ink;
+      const [x, y] = [Math.floor((k % map.columns) * w), Math.floor(Math.floor(k / map.columns) * t)];
+      context.fillRect(x, y, Math.floor(((k % map.columns) + 1) * w) - x, Math.floor((Math.floor(k / map.columns) + 1) * t) - y);
+    });
+    context.globalAlpha = 1;
+  }, signal, { class: "uncertainty", role: "img", "aria-label": `Uncertainty of places, from ${num(least)} to ${num(most)} µm` });
+  chart.canvas.style.aspectRatio = `${found.size_px[0]} / ${found.size_px[1]}`;
+  return h("div", { class: "card stack" },
+    h("div", { class: "row" }, h("h2", { style: { margin: 0 } }, "Verdict"), h("span", { class: `tag ${said.level === "sound" ? "good" : "warn"}` }, said.level)),
+    h("p", {}, said.summary), [...said.reasons, ...said.next_steps, ...said.notes].map((text) => h("p", { class: "small" }, text)),
+    h("p", { class: "small soft" }, `${counted(found.images.length, "image")}, residual ${fixed(found.rms_px, 3)} px RMS; dots cover ${Math.round(100 * said.coverage)} % of the image.`),
+    h("h3", {}, `Uncertainty of a place, ${num(map.height_mm)} mm above the plate, against the middle of the image`), chart.canvas, h("p", { class: "small soft" }, `From ${num(least)} µm (pale) to ${num(most)} µm (full colour), 1 sigma.`));
+}

@@ -1,0 +1,181 @@
+// The Marks screen: what the tracker sees, colours set by a click, region and exclusions drawn, frames corrected by hand.
+
+import { get, post } from "./api.js";
+import { fill, fixed, h, num, surface } from "./dom.js";
+import { Frames } from "./frames.js";
+import { drawMarks, maskImages } from "./markdrawing.js";
+import { say } from "./say.js";
+
+const HALF_HUE = 25; // degrees to either side of a clicked colour: half the distance of neighbouring named hues
+const SHEET = 8;
+const TOOLS = [["color", "Set its colour"], ["region", "Draw the region"], ["mask", "Draw an exclusion"], ["place", "Place it by hand"]];
+
+export async function show(view, { id, rest, signal }) {
+  const [table, file] = await Promise.all([get(`/api/experiments/${id}`, signal), get(`/api/experiments/${id}/tracking`, signal)]);
+  const runs = table.rows.filter((row) => row.video && row.id);
+  const head = h("div", {}, h("p", { class: "kind" }, "Marks"), h("h1", {}, "What the tracker sees"));
+  if (!runs.length) { fill(view, head, h("div", { class: "empty" }, h("h2", {}, "No recording yet"), h("p", {}, "Add runs with a video on the screen “Runs”."))); return; }
+  const run = runs.find((row) => row.id === rest[0]) ?? runs[0];
+  const pick = h("select", { "aria-label": "Run", onchange: (event) => { location.hash = `#/x/${id}/marks/${encodeURIComponent(event.target.value)}`; } }, runs.map((row) => h("option", { value: row.id, selected: row === run }, row.id)));
+  const place = h("div");
+  fill(view, h("div", { class: "row end" }, head, pick), place);
+  await workbench(place, id, run, file, signal);
+}
+
+async function workbench(place, id, run, file, signal) {
+  const base = `/api/experiments/${id}/runs/${encodeURIComponent(run.id)}`;
+  const state = { index: 0, bitmap: null, said: settings(file), version: file.version, mark: "green", tool: "color", seen: new Map(), masks: new Map(), draft: null, showMask: true, rows: [], correctionsVersion: "" };
+  if (!state.said.mark[state.mark]) [state.mark] = Object.keys(state.said.mark);
+  const frames = new Frames(base, signal, (index, bitmap) => { state.bitmap = bitmap; if (index === state.index) screen.redraw(); });
+  frames.failed = say;
+  await frames.open();
+  const corrections = await get(`${base}/corrections`, signal);
+  state.rows = corrections.rows;
+  state.correctionsVersion = corrections.version;
+
+  const screen = surface((context, width, height) => drawMarks(context, width, height, state, frames), signal, { class: "film pick", role: "img", "aria-label": "Frame with what the search for marks sees" });
+  screen.canvas.style.aspectRatio = `${frames.width} / ${frames.height}`;
+  const readout = h("div", { class: "stack" });
+  const sheet = h("div", { class: "contact" });
+  const scrub = h("input", { type: "range", min: 0, max: frames.count - 1, value: 0, "aria-label": "Frame", oninput: () => go(Number(scrub.value), true), onchange: () => go(Number(scrub.value)) });
+  const clock = h("output", { class: "clock" });
+
+  const go = (index, dragging = false) => {
+    state.index = Math.max(0, Math.min(frames.count - 1, index));
+    scrub.value = state.index;
+    clock.textContent = `${fixed(frames.times[state.index], 3)} s · frame ${state.index}`;
+    frames.show(state.index, dragging);
+    if (!dragging) look();
+    screen.redraw();
+  };
+
+  // The latest wish only: a search takes a tenth of a second, dragging is faster.
+  let asking = false, again = false;
+  const look = async () => {
+    again = true;
+    if (asking) return;
+    asking = true;
+    try {
+      while (again && !signal.aborted) {
+        again = false;
+        const index = state.index;
+        const { frames: [seen] } = await post(`${base}/look`, { frames: [index], said: state.said }, signal);
+        state.seen.set(index, seen);
+        state.masks = await maskImages(seen);
+        if (index === state.index) { screen.redraw(); tell(); }
+      }
+    } catch (error) { say(error); } finally { asking = false; }
+  };
+  const contact = async () => {
+    const chosen = Array.from({ length: SHEET }, (_, k) => Math.round((k + 0.5) * (frames.count - 1) / SHEET));
+    try {
+      const found = await post(`${base}/look`, { frames: chosen, said: state.said }, signal);
+      fill(sheet, found.frames.map((seen) => thumb(seen)));
+    } catch (error) { say(error); }
+  };
+  const thumb = (seen) => {
+    const missing = Object.entries(seen.marks).filter(([, one]) => one.status !== "ok");
+    const small = surface((context, width, height) => {
+      if (image.complete && image.naturalWidth) context.drawImage(image, 0, 0, width, height);
+      for (const [name, one] of Object.entries(seen.marks)) {
+        if (one.x_px === null) continue;
+        context.strokeStyle = name.startsWith("yellow") ? "#ffeb3c" : name.startsWith("green") ? "#5aff78" : "#78c8ff";
+        context.lineWidth = 2;
+        context.beginPath();
+        context.arc((one.x_px / frames.width) * width, (one.y_px / frames.height) * height, 6, 0, 7);
+        context.stroke();
+      }
+    }, signal);
+    small.canvas.style.aspectRatio = `${frames.width} / ${frames.height}`;
+    const image = new Image();
+    image.onload = () => small.redraw();
+    image.src = `${base}/frame?index=${seen.frame}&px=320`;
+    return h("button", { class: missing.length ? "missing" : "", onclick: () => go(seen.frame), title: missing.map(([name, one]) => `${name}: ${one.status}`).join("; ") || "both marks found" }, small.canvas, h("span", { class: "small" }, `${fixed(seen.time_s, 2)} s${missing.length ? ` · no ${missing.map(([name]) => name).join(", ")}` : ""}`));
+  };
+
+  const tell = () => {
+    const seen = state.seen.get(state.index);
+    fill(readout, Object.keys(state.said.mark).map((name) => {
+      const one = seen?.marks[name], own = state.said.mark[name], hand = state.rows.find((row) => row.frame === state.index && row.mark === name);
+      const [low, high] = own.hue_deg ?? one?.hue_range_deg ?? [0, 0];
+      const place_of = !one ? "…" : one.status === "ok" ? `centre ${fixed(one.x_px, 2)}, ${fixed(one.y_px, 2)} px · sigma ${num(1000 * one.x_sigma_px)} mpx` : one.status;
+      return h("div", { class: `card markcard ${state.mark === name ? "chosen" : ""}` },
+        h("label", { class: "row" }, h("input", { type: "radio", name: "mark", checked: state.mark === name, onchange: () => { state.mark = name; tell(); } }), h("strong", {}, name), h("i", { class: "hue", style: { background: `linear-gradient(90deg, hsl(${low} 90% 50%), hsl(${(low + high) / 2} 90% 50%), hsl(${high} 90% 50%))` } }), h("span", { class: "small soft" }, `hue ${Math.round(low)}° to ${Math.round(high)}°${own.hue_deg ? "" : " (default)"}`)),
+        h("p", { class: `small ${one && one.status !== "ok" ? "warn" : ""}` }, place_of), hand && h("p", { class: "small" }, hand.x === null ? "taken away by hand in this frame" : `placed by hand at ${fixed(hand.x, 1)}, ${fixed(hand.y, 1)} px`),
+        one && one.status !== "ok" && one.blobs.length ? h("ul", { class: "plainlist small soft" }, one.blobs.slice(0, 3).map((blob) => h("li", {}, `at ${Math.round(blob.x_px)}, ${Math.round(blob.y_px)}: ${blob.verdict}`))) : null);
+    }));
+    boxes();
+  };
+
+  let queue = Promise.resolve();
+  const save = (said) => {
+    const before = state.said;
+    state.said = said;
+    tell();
+    look();
+    queue = queue.then(() => post(`/api/experiments/${id}/tracking`, { version: state.version, said: stored(said) }, signal)).then((next) => { state.version = next.version; path.textContent = `Saved in ${next.path}.`; say(""); return contact(); })
+      .catch(async (error) => { state.said = before; say(error); if (error.status === 409) { const next = await get(`/api/experiments/${id}/tracking`, signal); state.said = settings(next); state.version = next.version; } tell(); look(); });
+  };
+  const correct = (x, y) => {
+    const rows = [...state.rows.filter((row) => row.frame !== state.index || row.mark !== state.mark), ...(x === undefined ? [] : [{ frame: state.index, mark: state.mark, x, y }])];
+    queue = queue.then(() => post(`${base}/corrections`, { version: state.correctionsVersion, rows }, signal)).then((next) => { state.rows = next.rows; state.correctionsVersion = next.version; path.textContent = `Saved in ${next.path}: the next analysis uses it.`; tell(); screen.redraw(); }).catch(say);
+  };
+
+  const at = (event) => {
+    const { clientWidth: width, clientHeight: height } = screen.canvas;
+    const scale = Math.min(width / frames.width, height / frames.height);
+    return [(event.offsetX - (width - frames.width * scale) / 2) / scale, (event.offsetY - (height - frames.height * scale) / 2) / scale];
+  };
+  screen.canvas.addEventListener("pointerdown", (event) => {
+    const [x, y] = at(event);
+    if (state.tool === "region" || state.tool === "mask") { screen.canvas.setPointerCapture(event.pointerId); state.draft = [x, y, x, y]; return; }
+    if (state.tool === "place") { correct(x, y); return; }
+    const blobs = Object.values(state.seen.get(state.index)?.marks ?? {}).flatMap((one) => one.blobs);
+    const near = blobs.map((blob) => ({ blob, d: Math.hypot(blob.x_px - x, blob.y_px - y) / Math.max(blob.radius_px, 4) })).sort((a, b) => a.d - b.d)[0];
+    if (!near || near.d > 2) { say("There is nothing colourful here; click the middle of a mark."); return; }
+    const { color: _, ...own } = state.said.mark[state.mark];
+    const hue = Math.round(near.blob.hue_deg);
+    save({ ...state.said, mark: { ...state.said.mark, [state.mark]: { ...own, hue_deg: [hue - HALF_HUE, hue + HALF_HUE] } } });
+  });
+  screen.canvas.addEventListener("pointermove", (event) => { if (state.draft) { const [x, y] = at(event); state.draft = [state.draft[0], state.draft[1], x, y]; screen.redraw(); } });
+  screen.canvas.addEventListener("pointerup", () => {
+    if (!state.draft) return;
+    const [x0, y0, x1, y1] = state.draft.map(Math.round);
+    const box = [Math.min(x0, x1), Math.min(y0, y1), Math.max(x0, x1), Math.max(y0, y1)];
+    state.draft = null;
+    screen.redraw();
+    if (box[2] - box[0] < 4 || box[3] - box[1] < 4) return;
+    save(state.tool === "region" ? { ...state.said, region_px: box } : { ...state.said, mask_px: [...(state.said.mask_px ?? []), box] });
+  });
+  document.addEventListener("keydown", (event) => {
+    if (event.target.closest?.("input:not([type=radio]), select, textarea") || event.ctrlKey || event.metaKey) return;
+    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    if (step && event.target.type !== "radio") { event.preventDefault(); go(state.index + step * (event.shiftKey ? 10 : 1)); }
+    if (event.key === "Delete") correct(null, null);
+  }, { signal });
+
+  const path = h("p", { class: "small soft" }, file.version ? `Settings: ${file.path}` : "Nothing is set: the tracker uses its defaults.");
+  const tools = h("div", { class: "row", role: "group", "aria-label": "What a click does" }, TOOLS.map(([tool, words]) => h("button", { "aria-pressed": String(tool === state.tool), onclick: (event) => { state.tool = tool; for (const one of tools.children) one.setAttribute("aria-pressed", String(one === event.currentTarget)); } }, words)));
+  const shapes = h("div", { class: "row" });
+  const boxes = () => fill(shapes,
+    state.said.region_px && h("button", { class: "small", onclick: () => { const { region_px: _, ...other } = state.said; save(other); } }, "Remove the region"),
+    (state.said.mask_px ?? []).map((_, k) => h("button", { class: "small", onclick: () => save({ ...state.said, mask_px: state.said.mask_px.filter((__, other) => other !== k) }) }, `Remove exclusion ${k + 1}`)),
+    state.rows.some((row) => row.frame === state.index && row.mark === state.mark) && h("button", { class: "small", onclick: () => correct() }, "Undo the correction here"));
+  fill(place, h("div", { class: "split" },
+    h("section", { class: "stack" }, tools, screen.canvas, h("div", { class: "row" }, h("span", { style: { flex: "1 1 14rem" } }, scrub), clock),
+      h("div", { class: "row" }, h("label", {}, h("input", { type: "checkbox", checked: true, onchange: (event) => { state.showMask = event.target.checked; screen.redraw(); } }), "Show what has the colour"), h("button", { onclick: () => correct(null, null), title: "This mark is not to be used in this frame (Delete)" }, "Drop it in this frame")), shapes, path),
+    h("section", { class: "stack" }, readout, h("h2", {}, "In eight frames"), sheet)));
+  tell();
+  go(0);
+  contact();
+}
+
+function settings({ said, sought }) {
+  const { format: _, ...own } = said;
+  return { ...own, mark: own.mark && Object.keys(own.mark).length ? own.mark : sought };
+}
+
+function stored(said) {
+  const { mask_px: boxes, ...other } = said;
+  return boxes?.length ? { ...other, mask_px: boxes } : other;
+}

@@ -1,0 +1,1 @@
+"""Marks that luma alone shows: tags (ArUco, AprilTag) and lights."""

@@ -1,0 +1,112 @@
+"""Corners and centre of a square tag from the lines of its black border, with their covariance.
+
+Image coordinates of the luma, px. Along each side the edge is sought on many normals; a line through these points
+is known far better than a corner, which blur rounds off.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+REACH_SHARE, LEAST_REACH_PX, MOST_REACH_PX = 0.12, 1.6, 4.0  # of the side: less than a cell of border or of margin
+KEPT = 0.15  # of a side beside each corner: its blur holds the other side too
+STEP = 0.25  # px between samples of a profile
+FEWEST = 5  # points of a line
+# Points a pixel apart share what the interpolation and the codec did to them: variances count so many times, at least
+# and at most; between, as the correlation of neighbours says.
+ALIKE, MOST_ALIKE = 2.0, 9.0
+FLOOR_PX = 0.01  # of a point of an edge, per axis: interpolation between pixels
+CLIPPED = 3.0  # robust sigmas from the line beyond which a point is of something else
+MOST_SCATTER_PX = 0.6  # of the points of a line: more is no straight border
+
+
+def measured_tag(luma: Image, corners: Array) -> tuple[Array, Array] | None:
+    """Centre and corners (5, 2) with covariances (5, 2, 2); None where the borders are no lines.
+
+    corners: (4, 2) as OpenCV finds them, to about a pixel, clockwise.
+    """
+    for _ in range(2):  # the second time from better lines
+        lines = [_line(luma, corners[k], corners[(k + 1) % 4]) for k in range(4)]
+        if any(line is None for line in lines):
+            return None
+        parameters = np.array([line[0] for line in lines if line is not None])
+        frames = np.array([line[1] for line in lines if line is not None])
+        found = _points(parameters, frames)
+        corners = found[1:]
+        if not np.isfinite(found).all():
+            return None
+    spread = np.zeros((8, 8))
+    for k, line in enumerate(lines):
+        assert line is not None
+        spread[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = line[2]
+    step = 1e-3
+    moved = [_points(parameters + change, frames) for change in step * np.eye(8).reshape(8, 4, 2)]
+    jacobian = (np.array(moved) - found) / step  # (8, 5, 2)
+    covariances = np.einsum("pia,pq,qib->iab", jacobian, spread, jacobian)
+    return found, covariances
+
+
+def _line(luma: Image, start: Array, end: Array) -> tuple[Array, Array, Array] | None:
+    """Edge between two corners: offset and slope (2,) in a frame (3, 2) of origin, along, outward; their covariance."""
+    length = float(np.hypot(*(end - start)))
+    count = int(length * (1 - 2 * KEPT))
+    if count < FEWEST:
+        return None
+    along = (end - start) / length
+    outward = np.array([along[1], -along[0]])  # corners run clockwise as seen, y down
+    reach = min(max(REACH_SHARE * length, LEAST_REACH_PX), MOST_REACH_PX)
+    at = np.linspace(-0.5 + KEPT, 0.5 - KEPT, count) * length
+    depth = np.arange(-reach, reach + STEP / 2, STEP)
+    middle = (start + end) / 2
+    places = middle + at[:, None, None] * along + depth[None, :, None] * outward
+    profile = cv2.remap(
+        luma, places[..., 0].astype(np.float32), places[..., 1].astype(np.float32), cv2.INTER_LINEAR
+    ).astype(float)
+    steep = np.maximum(np.diff(profile, axis=1), 0.0)  # from black to white on the way out
+    total = steep.sum(axis=1)
+    between = (depth[1:] + depth[:-1]) / 2
+    usable = total > 0.5 * float(np.median(total)) + 1e-9
+    if usable.sum() < FEWEST:
+        return None
+    offset = steep[usable] @ between / total[usable]
+    where = at[usable] / length
+    kept = np.ones(len(offset), bool)
+    for _ in range(3):
+        design = np.stack([np.ones(int(kept.sum())), where[kept]], axis=1)
+        fitted = np.linalg.lstsq(design, offset[kept], rcond=None)[0]
+        left = offset - fitted[0] - fitted[1] * where
+        sigma = 1.4826 * float(np.median(np.abs(left[kept])))
+        kept = np.abs(left) <= CLIPPED * max(sigma, FLOOR_PX)
+        if kept.sum() < FEWEST:
+            return None
+    variance = float(np.mean(left[kept] ** 2)) + FLOOR_PX**2
+    if variance > MOST_SCATTER_PX**2:
+        return None
+    design = np.stack([np.ones(int(kept.sum())), where[kept]], axis=1)
+    alike = float(np.clip(np.mean(left[1:] * left[:-1]) / variance, 0.0, 0.8))
+    times = float(np.clip((1 + alike) / (1 - alike), ALIKE, MOST_ALIKE))
+    covariance = times * variance * np.linalg.inv(design.T @ design)
+    return fitted, np.stack([middle, along * length, outward]), covariance
+
+
+def _points(lines: Array, frames: Array) -> Array:
+    """Centre, then corners: where the lines (4, 2) of offset and slope in frames (4, 3, 2) meet; (5, 2)."""
+    start = frames[:, 0] + (lines[:, :1] - lines[:, 1:] / 2) * frames[:, 2] - frames[:, 1] / 2
+    end = frames[:, 0] + (lines[:, :1] + lines[:, 1:] / 2) * frames[:, 2] + frames[:, 1] / 2
+    corners = np.array([_meet(start[k - 1], end[k - 1], start[k], end[k]) for k in range(4)])
+    return np.vstack([_meet(corners[0], corners[2], corners[1], corners[3]), corners])
+
+
+def _meet(a: Array, b: Array, c: Array, d: Array) -> Array:
+    """Where the line through a and b meets the one through c and d; NaN for parallels."""
+    first, second = b - a, d - c
+    across = first[0] * second[1] - first[1] * second[0]
+    if abs(across) < 1e-9:
+        return np.full(2, np.nan)
+    apart = c - a
+    return np.asarray(a + first * (apart[0] * second[1] - apart[1] * second[0]) / across)

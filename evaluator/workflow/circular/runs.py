@@ -1,0 +1,132 @@
+"""The runs of a steady-state circular test (ISO 4138): both sides and directions, several speeds, repetitions."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import pandas as pd
+
+from evaluator.errors import InputError
+from evaluator.files import write_text
+from evaluator.workflow.simulation import robot_of
+from simulator.robot import Robot, shipped_robots
+from simulator.steady import steady_turn
+
+CIRCLES = 1.25  # of a run: a whole one after the start has settled
+LONGEST_S, SHORTEST_S = 60.0, 3.0  # recordings that are neither a burden nor too short to fit
+START_S = 0.5  # motors on in the time of the recording: frames at rest tell the start pose
+LEVELS_RPM = (15.0, 30.0, 45.0, 60.0)
+RATIOS = (0.43, 0.7)
+FARTHEST = 1e-3  # a radius is met to this share
+
+
+@dataclass(frozen=True)
+class CircularRun:
+    """One run to make: the command, how long to drive, and the circle that the model predicts."""
+
+    left_rpm: float
+    right_rpm: float
+    duration_s: float
+    radius_mm: float
+    speed_mm_s: float
+
+
+def circular_runs(
+    robot: Robot | Path | str = "barrel",
+    *,
+    rpm: Sequence[float] = LEVELS_RPM,
+    ratios: Sequence[float] = RATIOS,
+    radius_mm: float | None = None,
+    repetitions: int = 3,
+) -> list[CircularRun]:
+    """The runs of a circular test at constant commands, or at a constant radius where one is given, in their order.
+
+    rpm: speeds of the faster wheel; ratios: slower over faster wheel. All speeds, sides and directions are driven once
+    before any is repeated, so that a drift of the session is not taken for an influence of speed. Raises InputError for
+    values of which no test can be made and for a radius that the robot does not turn at, and as load_robot does.
+    """
+    described = robot_of(robot)
+    levels = sorted(set(rpm))
+    if len(levels) < 3 or min(levels) <= 0 or not all(map(math.isfinite, levels)):
+        raise InputError(f"{', '.join(f'{level:g}' for level in rpm)} rpm: a circular test needs three speeds above 0")
+    if radius_mm is None and not (ratios and all(-1 < ratio < 1 for ratio in ratios)):
+        raise InputError("a ratio of the slower to the faster wheel lies between -1 and 1, without both")
+    if radius_mm is not None and not (math.isfinite(radius_mm) and radius_mm > 0):
+        raise InputError(f"a radius of {radius_mm:g} mm is none; give one above 0")
+    pairs = [
+        (level, ratio)
+        for level in levels
+        for ratio in (ratios if radius_mm is None else [_ratio_at(described, level, radius_mm)])
+    ]
+    cells = [_run(described, *cell) for cell in _cells(pairs)]
+    return cells * repetitions
+
+
+def write_circular_test(runs: Sequence[CircularRun], robot: str, output: Path | str) -> None:
+    """Write an experiment.toml with these runs, whose videos are still to be recorded.
+
+    robot: a shipped name, or a file. Raises InputError where the output is there already.
+    """
+    output = Path(output)
+    if output.exists():
+        raise InputError(f"{output} is already there; give another name, or remove it")
+    if robot not in shipped_robots():
+        robot = Path(os.path.relpath(robot, output.parent)).as_posix()
+    lines = ["format = 1", 'name = "steady-state circular test"', f'robot = "{robot}"', 'camera = "camera.json"']
+    for number, run in enumerate(runs, 1):
+        lines += [
+            *("", "[[run]]", f'id = "r{number:02d}"', f"left_rpm = {run.left_rpm:g}", f"right_rpm = {run.right_rpm:g}"),
+            *(f"start_s = {START_S:g}", f"stop_s = {START_S + run.duration_s:g}", f'video = "r{number:02d}.mp4"'),
+        ]
+    write_text(output, "\n".join(lines) + "\n")
+
+
+def simulated_turns(robot: Robot, commands: pd.DataFrame) -> pd.DataFrame:
+    """Steady turns of a robot at commands (left_rpm, right_rpm), in the columns of turning.csv that a test reads."""
+    known: dict[tuple[float, float], tuple[float, float, float]] = {}
+    for left, right in zip(commands["left_rpm"], commands["right_rpm"], strict=True):
+        if (left, right) not in known:
+            turn = steady_turn(robot, left, right)
+            speed = math.copysign(turn.speed_mm_s, turn.u_mm_s)
+            slip = math.degrees(math.atan2(turn.v_mm_s, abs(turn.u_mm_s)))
+            known[left, right] = speed, math.degrees(turn.yaw_rate_rad_s), slip
+    keys = zip(commands["left_rpm"], commands["right_rpm"], strict=True)
+    columns = ["speed_mm_s", "yaw_rate_deg_s", "body_slip_angle_deg"]
+    found = pd.DataFrame([known[key] for key in keys], columns=columns, index=commands.index)
+    return pd.concat([commands, found], axis=1)
+
+
+def _cells(pairs: Sequence[tuple[float, float]]) -> Iterator[tuple[float, float]]:
+    """Commands (left, right) of all pairs of speed and ratio, sides and directions."""
+    for (level, ratio), direction, side in product(pairs, (1, -1), (1, -1)):
+        faster, slower = direction * level, direction * round(level * ratio, 3)
+        yield (slower, faster) if side > 0 else (faster, slower)
+
+
+def _run(robot: Robot, left: float, right: float) -> CircularRun:
+    turn = steady_turn(robot, left, right)
+    circle_s = 2 * math.pi / max(abs(turn.yaw_rate_rad_s), 1e-9)
+    duration = round(min(max(CIRCLES * circle_s, SHORTEST_S), LONGEST_S), 1)
+    return CircularRun(left, right, duration, abs(turn.radius_mm), turn.speed_mm_s)
+
+
+def _ratio_at(robot: Robot, level: float, radius_mm: float) -> float:
+    """Ratio of the slower to the faster wheel at which the robot turns with a radius."""
+    from scipy.optimize import brentq
+
+    def tighter(ratio: float) -> float:
+        return abs(steady_turn(robot, level * ratio, level).curvature_per_mm) * radius_mm - 1
+
+    widest, tightest = 1 - FARTHEST, 0.0
+    if tighter(widest) > 0 or tighter(tightest) < 0:
+        least = abs(steady_turn(robot, 0.0, level).radius_mm)
+        raise InputError(
+            f"{robot.name} does not turn with a radius of {radius_mm:g} mm at {level:g} rpm; with the slower wheel "
+            f"between standing and nearly as fast as the other it turns with {least:.4g} mm or more"
+        )
+    return float(brentq(tighter, tightest, widest, xtol=1e-6))

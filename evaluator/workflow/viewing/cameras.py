@@ -1,0 +1,92 @@
+"""Gauge images and cameras for a front end: the dots found, how well the plate is known where, the sheet to print."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evaluator.files import read_with
+
+GRID = (32, 24)  # cells of the map of uncertainty: as fine as it varies
+MOST_PX = 1600  # of a shown image
+
+
+def image_jpeg(path: Path, most_px: int = MOST_PX) -> bytes:
+    """An image file as JPEG, no wider than most_px. Raises CalibrationError for a file that is no image."""
+    import cv2
+
+    from calibration.detection.image import read_image
+
+    image = np.asarray(read_image(path))
+    if image.dtype != np.uint8:
+        image = (image.astype(np.float64) * (255.0 / np.iinfo(image.dtype).max)).astype(np.uint8)
+    height, width = image.shape[:2]
+    if width > most_px:
+        image = np.asarray(cv2.resize(image, (most_px, round(height * most_px / width)), interpolation=cv2.INTER_AREA))
+    return bytes(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 88])[1])
+
+
+def dots_of_image(path: Path) -> dict[str, Any]:
+    """Dots found in an image: size_px, centres (n, 2), which of them form the array, their sigma, focus (blur, px).
+
+    Raises CalibrationError for a file that is no image.
+    """
+    from calibration.assignment.array_in_image import find_array
+    from calibration.detection.image import read_image
+
+    image = read_image(path)
+    dots, lattice = find_array(image)
+    of_array = np.zeros(len(dots), bool)
+    of_array[lattice.dot] = True
+    sigma = np.sqrt(np.trace(dots.covariance_px2, axis1=1, axis2=2) / 2)
+    return {
+        "size_px": [image.shape[1], image.shape[0]],
+        "centers_px": np.round(dots.centers_px, 2).tolist(),
+        "of_array": of_array.tolist(),
+        "sigma_px": float(np.median(sigma[of_array])) if of_array.any() else None,
+        "blur_px": float(np.median(dots.blur_px[of_array])) if of_array.any() else None,
+        "diameter_px": float(np.median(dots.diameter_px[of_array])) if of_array.any() else None,
+    }
+
+
+def camera_view(path: Path) -> dict[str, Any]:
+    """The verdict of a camera.json, its images, and a map of uncertainty in µm at the height of the marks.
+
+    map: columns, rows, sigma_um of a place measured there (1 sigma), row by row from the top left.
+    Raises InputError, CalibrationError.
+    """
+    from calibration.store import load_camera
+
+    camera = read_with(load_camera, path)
+    stored = json.loads(path.read_text(encoding="utf-8"))
+    height = float(stored["verdict"]["mark_height_mm"])
+    columns, rows = GRID
+    width, tall = camera.size_px
+    x, y = (np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * tall / rows
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    # Moving the whole plate frame changes no length: what all places share is left out, as it is for radii.
+    sensitivity = camera.plate_sensitivity(points, height)
+    middle = camera.plate_sensitivity(np.array([[width / 2, tall / 2]]), height)
+    relative = sensitivity - middle
+    covariance = relative @ camera.covariance @ np.swapaxes(relative, -1, -2)
+    sigma = np.sqrt(np.clip(np.trace(covariance, axis1=1, axis2=2) / 2, 0.0, None)) * 1000
+    return {
+        "size_px": list(camera.size_px),
+        "verdict": stored["verdict"],
+        "images": [{key: one[key] for key in ("name", "dots", "left_out", "rms_px")} for one in stored["pictures"]],
+        "left_out": stored.get("left_out", {}),
+        "rms_px": stored["rms_px"],
+        "lens": stored["lens"],
+        "map": {"columns": columns, "rows": rows, "sigma_um": np.round(sigma, 3).tolist(), "height_mm": height},
+    }
+
+
+def gauge_pdf(path: Path) -> bytes:
+    """The sheet of a gauge.toml in true scale, as PDF. Raises InputError."""
+    from calibration.gauge.geometry import load_gauge
+    from calibration.gauge.printing import gauge_sheet, pdf
+
+    return bytes(pdf(gauge_sheet(read_with(load_gauge, path))))

@@ -1,0 +1,172 @@
+"""Every number from which on a run is called a mistake, from either side; runs in closed form, without a simulator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
+from evaluator.diagnosis.mistakes.hypotheses import Alternative, _judged, _usual_kinds
+from evaluator.diagnosis.mistakes.recognised import Found, mistakes_of
+from simulator.robot import load_robot
+
+ROBOT = load_robot("barrel")
+GREEN, YELLOW = np.array(ROBOT.marks.green_mm), np.array(ROBOT.marks.yellow_mm)
+ROLLED_MM_S = 30 * 2 * np.pi * ROBOT.wheels.radius_mm / 60  # of wheels of 30 rpm
+
+
+def driven(
+    number: int = 0, *, speed: np.ndarray | float = 1.5, start_s: float = 0.5, begins_s: float = 0.5, scale: float = 1.0
+) -> RunData:
+    """Three seconds straight on from a place of its own; begins_s: when it really starts."""
+    time = np.arange(180) / 60
+    speeds = np.where(time >= begins_s, speed, 0.0)
+    along = np.concatenate([[0.0], np.cumsum(speeds[:-1]) / 60])
+    place = np.column_stack([along + number, np.full(180, 0.5 * number)])
+    noise = 1e-4 * np.random.default_rng(number).normal(size=(180, 4))
+    marks = scale * (np.concatenate([place + GREEN, place + YELLOW], axis=1) + noise)
+    return RunData(f"r{number}", 30.0, 30.0, start_s, None, time, marks, number)
+
+
+def session(odd: RunData, count: int = 8) -> list[RunData]:
+    return [odd, *(driven(number) for number in range(1, count))]
+
+
+def kinds(found: list[Found]) -> list[tuple[str, str]]:
+    return [(item.run, item.kind) for item in found]
+
+
+@pytest.mark.parametrize(
+    ("ratio", "kind"), [(1.13, None), (1.17, "wrong-robot"), (0.87, None), (0.83, "wrong-robot"), (2.9, "wrong-robot")]
+)
+def test_marks_of_one_run_may_be_off_by_a_seventh(ratio: float, kind: str | None) -> None:
+    found = wrong_scale(session(driven(0, scale=ratio)), [ROBOT] * 8)
+    assert kinds(found) == ([("r0", kind)] if kind else [])
+
+
+@pytest.mark.parametrize(("ratio", "wrong"), [(1.05, False), (1.08, True), (0.95, False), (0.92, True)])
+def test_marks_of_all_runs_may_be_off_by_a_seventeenth(ratio: float, wrong: bool) -> None:
+    found = wrong_scale([driven(number, scale=ratio) for number in range(8)], [ROBOT] * 8)
+    assert (len(found) > 0) == wrong
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("m", 1e-3), ("cm", 0.1), ("inch", 1 / 25.4), ("µm", 1e3)])
+def test_unit_is_recognised_within_a_seventeenth(unit: str, factor: float) -> None:
+    for off, kind in ((1.05, "wrong-unit"), (0.95, "wrong-unit"), (0.92, "wrong-robot")):
+        (found,) = wrong_scale(session(driven(0, scale=off * factor)), [ROBOT] * 8)
+        expected = "wrong-unit" if unit == "µm" else kind  # beyond three times too far apart it is px, at the least
+        assert (found.kind, f"in {unit}:" in found.remedy) == (expected, kind == "wrong-unit")
+
+
+def test_marks_more_than_three_times_too_far_apart_are_in_px() -> None:
+    (found,) = wrong_scale(session(driven(0, scale=3.1)), [ROBOT] * 8)
+    assert found.kind == "wrong-unit"
+    assert "px" in found.remedy
+
+
+@pytest.mark.parametrize(("late_s", "told"), [(0.07, False), (0.14, True), (-0.14, True)])
+def test_a_start_is_late_from_a_tenth_of_a_second_on(late_s: float, told: bool) -> None:
+    found = late_starts(session(driven(0, begins_s=0.5 + late_s)), [ROBOT] * 8)
+    assert kinds(found) == ([("r0", "late-start")] if told else [])
+    if told:
+        assert float(found[0].remedy.removeprefix("set start_s = ")) == pytest.approx(0.5 + late_s, abs=0.03)
+        assert ("later" if late_s > 0 else "earlier") in found[0].seen
+
+
+def test_a_lag_of_all_runs_is_no_late_start_and_a_start_after_the_end_is() -> None:
+    assert late_starts([driven(number, begins_s=0.8) for number in range(8)], [ROBOT] * 8) == []
+    found = late_starts(session(driven(0, start_s=3.5)), [ROBOT] * 8)
+    assert kinds(found) == [("r0", "late-start")]
+    assert "after the end of the recording (0.00 to 2.98 s)" in found[0].seen
+
+
+@pytest.mark.parametrize(("share", "stands"), [(0.047, True), (0.056, False)])
+def test_a_run_stands_that_covers_less_than_a_twentieth_of_what_its_wheels_roll(share: float, stands: bool) -> None:
+    run = driven(0, speed=share * ROLLED_MM_S / 0.94)  # the 95th percentile of 2.48 s of the way
+    assert standing_runs([run], [ROBOT]) == ({"r0"} if stands else set())
+
+
+def test_a_run_that_stands_is_stuck_unless_all_slower_ones_stand_too() -> None:
+    still = driven(0, speed=0.0)
+    slower = replace(driven(1, speed=0.0), left_rpm=10.0, right_rpm=10.0)
+    assert ("r0", "stuck") in kinds(disturbed_runs(session(still), [ROBOT] * 8))
+    faster = [replace(driven(number), left_rpm=60.0, right_rpm=60.0) for number in range(2, 6)]
+    assert kinds(disturbed_runs([still, slower, *faster], [ROBOT] * 6)) == [("r1", "stuck")]  # none is slower
+
+
+@pytest.mark.parametrize(("seconds", "share", "stuck"), [(0.6, 0.0, True), (0.2, 0.0, False), (0.6, 0.5, False)])
+def test_a_run_is_held_that_stops_for_a_quarter_of_a_second(seconds: float, share: float, stuck: bool) -> None:
+    time = np.arange(180) / 60
+    speed = np.where((time > 1.5) & (time < 1.5 + seconds), 1.5 * share, 1.5)
+    assert (("r0", "stuck") in kinds(disturbed_runs([driven(0, speed=speed)], [ROBOT]))) == stuck
+
+
+@pytest.mark.parametrize(("share", "pushed"), [(1.4, False), (1.8, True)])
+def test_a_run_is_pushed_that_is_faster_by_more_than_half_for_a_moment(share: float, pushed: bool) -> None:
+    time = np.arange(180) / 60
+    speed = np.where((time > 1.5) & (time < 2.1), 1.5 * share, 1.5)
+    assert (("r0", "pushed") in kinds(disturbed_runs([driven(0, speed=speed)], [ROBOT]))) == pushed
+
+
+@pytest.mark.parametrize(("size_mm", "moved"), [(0.5, True), (0.015, False)])
+def test_a_camera_has_moved_where_both_marks_jump(size_mm: float, moved: bool) -> None:
+    run = driven(0)
+    marks = run.marks_mm.copy()
+    marks[120:] += size_mm
+    found = disturbed_runs([replace(run, marks_mm=marks)], [ROBOT])
+    assert (("r0", "camera-moved") in kinds(found)) == moved
+    if moved:
+        assert f"both marks jump by {np.sqrt(2) * size_mm:.2f} mm at 1.99 s" in found[0].seen
+
+
+@pytest.mark.parametrize(("concerned", "together"), [(8, True), (7, False)])
+def test_what_concerns_four_fifths_of_the_runs_is_said_once(concerned: int, together: bool) -> None:
+    found = [Found(f"r{number}", "mirrored", "moves so", "mirror it") for number in range(concerned)]
+    mistakes = mistakes_of(found, 10)
+    assert len(mistakes) == (1 if together else concerned)
+    assert mistakes[0].everywhere == together
+    assert mistakes_of(found[:2], 2)[0].runs == ("r0",)
+
+
+def test_of_two_mistakes_of_a_run_the_one_is_told_that_hides_the_other() -> None:
+    both = [Found("r0", "reversed", "b", "b"), Found("r0", "wrong-unit", "a", "a")]
+    assert [item.kind for item in mistakes_of(both, 5)] == ["wrong-unit"]
+    assert mistakes_of(both, 5)[0].sentence == "r0: a; a"
+
+
+RUN = driven(0)
+WAYS = [Alternative(None, RUN), Alternative("reversed", RUN, "x"), Alternative("mirrored", RUN, "y")]
+
+
+@pytest.mark.parametrize(
+    ("misfits", "kind"),
+    [
+        ((1.6, 0.1, 9.0), "reversed"),
+        ((1.4, 0.1, 9.0), None),  # less than 0.15 of an extent of 10 mm
+        ((3.0, 0.99, 9.0), "reversed"),
+        ((3.0, 1.01, 9.0), None),  # not three times better
+        ((9.0, 0.125, 0.1), "reversed"),  # as good as the best, and the commoner
+        ((9.0, 1.35, 1.0), "mirrored"),
+        ((9.0, 1.25, 1.0), "reversed"),
+        ((np.nan, 0.1, 0.1), None),
+        ((9.0, np.nan, np.nan), None),
+    ],
+)
+def test_a_mistake_is_believed_that_fits_three_times_better_than_a_file_that_fits_badly(
+    misfits: tuple[float, ...], kind: str | None
+) -> None:
+    found = _judged(WAYS, np.array(misfits), 10.0, set())
+    assert (None if found is None else found.kind) == kind
+
+
+def test_of_mistakes_that_fit_alike_the_usual_one_is_told() -> None:
+    results = [(WAYS, np.array([9.0, 1.25, 1.0]), 10.0)] * 3 + [(WAYS, np.array([9.0, 5.0, 1.0]), 10.0)] * 4
+    assert _usual_kinds(results) == {"mirrored"}
+    found = _judged(WAYS, np.array([9.0, 1.25, 1.0]), 10.0, {"mirrored"})
+    assert found is not None
+    assert found.kind == "mirrored"
+    fine = [(WAYS, np.array([1.4, 0.1, 0.1]), 10.0)] * 9
+    assert _usual_kinds(fine) == set()

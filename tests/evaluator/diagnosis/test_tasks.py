@@ -1,0 +1,183 @@
+"""The simulator of the diagnosis against the public one: every number of a task does what it says, with its sign."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.candidates.coordinates import named_terms
+from evaluator.diagnosis.likelihood.problem import aligned_starts
+from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData, Task
+from evaluator.diagnosis.likelihood.simulation import Simulated, varied_robot
+from simulator.command import Command
+from simulator.effects.entry import EffectEntry
+from simulator.observation import marks_of_run
+from simulator.robot import Robot, load_robot
+from simulator.run import State
+from simulator.simulation import simulate
+
+BARREL = load_robot("barrel")
+TIME = np.arange(60) / 30
+POSE = (3.0, -2.0, 0.7)
+LEFT, RIGHT, START_S = 33.3, 14.4, 0.3
+RUN = RunData("r3", LEFT, RIGHT, START_S, None, TIME, np.zeros((60, 4)), 3, {"camera, error 1": np.ones((60, 4))})
+KNOWN = {
+    "start_common_s": 0.5,
+    "time_base": 0.05,
+    "wheel_radius_difference": 2.0,
+    "plate_level_x_deg": 100.0,
+    "plate_level_y_deg": 50.0,
+    "center_of_gravity_x_mm": 20.0,
+    "center_of_gravity_y_mm": 10.0,
+}
+SIGMA_S = 0.02
+
+
+def task(own: dict[int, float] | None = None, **values: Any) -> Task:
+    numbers = [*POSE, 0.0, 0.0, 0.0, 0.0]
+    for at, value in (own or {}).items():
+        numbers[at] = value
+    return Task(0, tuple(numbers), **values)
+
+
+def found(one: Task, robot: Robot = BARREL) -> np.ndarray:
+    terms = named_terms(20.0, (30.0, 60.0))
+    (marks,) = Simulated([robot], [RUN], terms, KNOWN, SIGMA_S).marks([one])
+    return marks
+
+
+def expected(
+    robot: Robot = BARREL,
+    rpm: tuple[float, float] = (LEFT, RIGHT),
+    start_s: float = START_S,
+    pose: tuple[float, float, float] = POSE,
+    time: np.ndarray = TIME,
+) -> np.ndarray:
+    run = simulate(robot, Command.constant(*rpm, start_s), time, State(*pose), run_index=3)
+    return marks_of_run(robot, run).to_numpy()[:, 1:]
+
+
+def with_effect(effect: str, **values: float) -> Robot:
+    return BARREL.model_copy(update={"effect": (EffectEntry.model_validate({"id": effect, **values}),)})
+
+
+def agree(one: np.ndarray, other: np.ndarray, unlike: np.ndarray | None = None) -> None:
+    np.testing.assert_allclose(one, other, atol=2e-4)
+    plain = expected() if unlike is None else unlike
+    assert np.abs(other - plain).max() > 2e-3  # else nothing was asked
+
+
+def test_a_task_without_deviations_is_the_run_as_the_files_say() -> None:
+    np.testing.assert_allclose(found(task()), expected(), atol=2e-4)
+
+
+def test_own_start_pose_is_that_of_the_robots_centre() -> None:
+    pose = (4.0, -1.0, 1.1)
+    agree(found(task({0: 4.0, 1: -1.0, 2: 1.1})), expected(pose=pose))
+
+
+def test_own_friction_is_that_of_all_wheels_and_all_directions() -> None:
+    slip = BARREL.slip
+    names = ("longitudinal_friction", "lateral_friction")
+    stronger = BARREL.model_copy(
+        update={"slip": slip.model_copy(update={name: 1.3 * getattr(slip, name) for name in names})}
+    )
+    # Friction changes little of a steady turn, and only where the wheels slide far.
+    agree(found(task({3: 0.3}), with_pull(BARREL)), expected(with_pull(stronger)), expected(with_pull(BARREL)))
+    assert np.isnan(found(task({3: -1.0}))).all()
+
+
+def with_pull(robot: Robot) -> Robot:
+    pull = EffectEntry.model_validate({"id": "tether-pull", "x_mN": -4.0, "y_mN": 3.0})
+    return robot.model_copy(update={"effect": (pull,)})
+
+
+def test_own_gains_are_those_of_the_left_and_of_the_right_motor() -> None:
+    agree(found(task({4: 0.05})), expected(rpm=(1.05 * LEFT, RIGHT)))
+    agree(found(task({5: -0.05})), expected(rpm=(LEFT, 0.95 * RIGHT)))
+
+
+def test_own_start_and_that_of_all_runs_are_later_by_their_sigmas() -> None:
+    agree(found(task({6: 2.0})), expected(start_s=START_S + 2.0 * SIGMA_S))
+    agree(found(task(nominal={"start_common_s": 0.2})), expected(start_s=START_S + 0.2 * 0.5))
+    agree(found(task({6: 2.0}, nominal={"start_common_s": -0.2})), expected(start_s=START_S + 0.04 - 0.1))
+
+
+def test_a_clock_that_runs_fast_sees_the_motors_start_late() -> None:
+    """Measured seconds are 1.01 of the true ones: a frame at 1 s was taken at 0.99 s, and the start too is measured."""
+    agree(found(task(nominal={"time_base": 0.2})), expected(time=TIME / 1.01))
+
+
+def test_wheels_that_differ_are_off_by_half_of_it_each() -> None:
+    agree(found(task(nominal={"wheel_radius_difference": 0.02})), expected(rpm=(1.02 * LEFT, 0.98 * RIGHT)))
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.03, 0.0), (0.0, 0.06), (-0.03, 0.04)])
+def test_level_of_the_plate_is_a_tilt_toward_x_and_y(x: float, y: float) -> None:
+    down = np.array([100.0 * x, 50.0 * y])
+    tilt = {"angle_deg": float(np.hypot(*down)), "azimuth_deg": float(np.degrees(np.arctan2(down[1], down[0])))}
+    agree(
+        found(task(nominal={"plate_level_x_deg": x, "plate_level_y_deg": y})),
+        expected(with_effect("plate-tilt", **tilt)),
+    )
+
+
+def test_centre_of_gravity_is_ahead_and_to_the_left() -> None:
+    nominal = {"center_of_gravity_x_mm": 0.05, "center_of_gravity_y_mm": -0.08}
+    moved = with_effect("mass-offset", x_mm=1.0, y_mm=-0.8)
+    agree(found(task(nominal=nominal)), expected(moved))
+
+
+def test_nominal_values_deviate_by_their_share() -> None:
+    agree(
+        found(task(nominal={"slip.lateral_stiffness": -0.3})),
+        expected(varied_robot(BARREL, {"slip.lateral_stiffness": -0.3})),
+    )
+
+
+def test_shared_errors_move_the_marks_by_their_size_over_the_unit() -> None:
+    moved = found(task(nominal={"camera, error 1": 3 * SHARED_UNIT}))
+    np.testing.assert_allclose(moved - found(task()), 3.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("effect", "coordinates", "values"),
+    [
+        ("drive-speed-scale", (1.03,), {"factor": 1.03}),
+        ("mark-offset", (0.2, -0.1, 3.0), {"x_mm": 0.2, "y_mm": -0.1, "angle_deg": 3.0}),
+        ("speed-drift", (0.02,), {"per_run": 0.02}),
+        ("time-base", (1.02,), {"factor": 1.02}),
+    ],
+)
+def test_terms_are_the_effects_at_these_coordinates(
+    effect: str, coordinates: tuple[float, ...], values: dict[str, float]
+) -> None:
+    robot = with_effect(effect, **values)
+    time = TIME / values["factor"] if effect == "time-base" else TIME
+    start_s = START_S
+    agree(found(task(terms={effect: coordinates})), expected(robot, time=time, start_s=start_s))
+
+
+def test_tasks_of_many_runs_keep_their_order() -> None:
+    late = replace(RUN, left_rpm=20.0, time_s=TIME[:40], marks_mm=np.zeros((40, 4)), systematic={})
+    simulated = Simulated([BARREL, BARREL], [RUN, late], {}, KNOWN, SIGMA_S)
+    tasks = [replace(task(), run=1), task(), replace(task({4: 0.1}), run=1)]
+    marks = simulated.marks(tasks)
+    assert [len(item) for item in marks] == [40, 60, 40]
+    np.testing.assert_allclose(marks[1], expected(), atol=2e-4)
+    np.testing.assert_allclose(marks[0], expected(rpm=(20.0, RIGHT), time=TIME[:40]), atol=2e-4)
+    np.testing.assert_allclose(marks[2], expected(rpm=(22.0, RIGHT), time=TIME[:40]), atol=2e-4)
+
+
+def test_starts_are_aligned_with_the_first_part_of_every_run() -> None:
+    nominal = expected(pose=(0.0, 0.0, 0.0))
+    points = nominal.reshape(-1, 2) @ np.array([[np.cos(0.8), np.sin(0.8)], [-np.sin(0.8), np.cos(0.8)]]) + [5.0, -4.0]
+    marks = points.reshape(-1, 4).copy()
+    marks[:2] = np.nan
+    marks[12:] += 3.0  # later frames do not count
+    data = [replace(RUN, marks_mm=marks, systematic={})]
+    (own,) = aligned_starts(data, Simulated([BARREL], data, {}))
+    np.testing.assert_allclose(own, [5.0, -4.0, 0.8, 0.0, 0.0, 0.0, 0.0], atol=1e-3)

@@ -1,0 +1,226 @@
+"""The studio in a real browser: the main job by mouse, the table by keyboard, every screen at several sizes."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from evaluator.workflow import calibrate
+from evaluator.workflow.samples import sample_folder
+from tests.evaluator.studio.browser import needs_browser, page_of
+from tests.evaluator.studio.serving import Serving, serving
+
+pytestmark = needs_browser()
+
+RUN = "turn-33-5"
+EXPERIMENT = """format = 1
+name = "<img src=x onerror=alert(1)> & two runs"
+robot = "robot.toml"
+camera = "camera.json"
+
+[[run]]
+id = "left"
+left_rpm = 5.0
+right_rpm = 33.0
+start_s = 0.2
+video = "turn-33-5.mp4"
+
+[[run]]
+id = "right"
+left_rpm = 33.0
+right_rpm = 5.0
+start_s = 0.5
+video = "turn-33-5.mp4"
+"""
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    from simulator.robot import shipped_robot_text
+
+    folder = tmp_path_factory.mktemp("recordings")
+    for name in (f"{RUN}.mp4", "gauge.toml", "gauge-1-plate.png", "gauge-3-tilted.png", "gauge-4-tilted.png"):
+        shutil.copy(sample_folder() / name, folder / name)
+    calibrate(sorted(folder.glob("gauge-*.png")), folder / "gauge.toml").save(folder / "camera.json")
+    (folder / "experiment.toml").write_text(EXPERIMENT)
+    (folder / "robot.toml").write_text(shipped_robot_text("barrel"))
+    return folder
+
+
+@pytest.fixture
+def studio(prepared: Path, tmp_path: Path) -> Iterator[Serving]:
+    shutil.copytree(prepared, tmp_path / "folder")
+    with serving(tmp_path / "folder") as found:
+        yield found
+
+
+def gap_mm(page: Any) -> float:
+    """The figure "gap of model and robot" of the screen Results."""
+    figure = page.locator("[data-figure=gap]")
+    figure.wait_for()
+    return float(figure.get_attribute("data-value"))
+
+
+def finished(page: Any, words: str) -> None:
+    """Wait until a sentence says that a job is done; jobs start processes that compile."""
+    page.locator("#said", has_text=words).wait_for(timeout=300_000)
+
+
+def test_main_job_by_mouse(studio: Serving, tmp_path: Path) -> None:
+    """A start is dragged, runs are analysed, an effect is added to the robot, and the gap changes; names stay text."""
+    toml = tmp_path / "folder" / "experiment.toml"
+    with page_of(studio.link) as page:
+        page.get_by_text("two runs").click()
+        page.locator("h1", has_text="<img src=x").wait_for()  # shown as text, not run
+        page.locator(".axis").wait_for()
+        page.get_by_label("Remove run left").click()
+        page.get_by_label("start, s, run right").wait_for()
+        page.locator("input[aria-label='run, run left']").wait_for(state="detached")
+        axis = page.locator(".axis").bounding_box()
+        last = float(page.locator(".clock").inner_text().split("of")[1]) / 60
+        at = axis["x"] + 10 + 0.5 / last * (axis["width"] - 20)
+        page.mouse.move(at, axis["y"] + 8)
+        page.mouse.down()
+        page.mouse.move(at + 40, axis["y"] + 8, steps=4)
+        page.mouse.up()
+        page.wait_for_function("() => document.querySelector('input[data-key=start_s]').value !== '0.5'")
+        moved = 0.5 + 40 / (axis["width"] - 20) * last
+        assert float(re.findall(r"start_s = ([\d.]+)", toml.read_text())[0]) == pytest.approx(moved, abs=0.03)
+        page.get_by_role("button", name="Undo", exact=True).click()
+        page.wait_for_function("() => document.querySelector('input[data-key=start_s]').value === '0.5'")
+        page.get_by_role("button", name=re.compile("^Analyse")).click()
+        finished(page, "All runs are analysed")
+        page.get_by_role("link", name="Results").click()
+        before = gap_mm(page)
+        page.get_by_role("link", name="Sandbox").click()
+        page.get_by_text("both driving wheels are faster").click()
+        page.get_by_label("factor, drive-speed-scale").fill("1.05")
+        page.locator("td", has_text="%").first.wait_for()
+        page.get_by_role("button", name="Add to the robot").click()
+        finished(page, "Written to robot.toml")
+        page.get_by_role("link", name="Runs").click()
+        page.get_by_role("button", name=re.compile("^Analyse 1 of 1")).click()
+        finished(page, "All runs are analysed")
+        page.get_by_role("link", name="Results").click()
+        assert gap_mm(page) > 3 * before  # the recording was made without it
+    assert 'id = "drive-speed-scale"' in (tmp_path / "folder" / "robot.toml").read_text()
+
+
+def test_table_and_player_by_keyboard(studio: Serving, tmp_path: Path) -> None:
+    toml = tmp_path / "folder" / "experiment.toml"
+    with page_of(studio.link) as page:
+        page.locator("a.card").first.focus()
+        page.keyboard.press("Enter")
+        cell = page.get_by_label("left, rpm, run left")
+        cell.focus()
+        page.keyboard.type("12,5")
+        page.keyboard.press("Enter")  # to the row below
+        assert page.evaluate("document.activeElement.dataset.row") == "1"
+        page.wait_for_function("() => document.querySelector('input[data-key=left_rpm]').value === '12.5'")
+        assert "left_rpm = 12.5" in toml.read_text()
+        page.locator(".film").focus()
+        page.keyboard.press("Control+z")
+        page.wait_for_function("() => document.querySelector('input[data-key=left_rpm]').value === '5'")
+        page.locator(".film").focus()
+        for key in ("Home", "ArrowRight", "ArrowRight", "Shift+ArrowRight"):
+            page.keyboard.press(key)
+        assert "frame 12 of" in page.locator(".clock").inner_text()
+        page.keyboard.press("s")
+        page.wait_for_function(
+            "() => [...document.querySelectorAll('input[data-key=start_s]')].some((c) => c.value === '0.2')"
+        )
+        page.keyboard.press(" ")
+        page.get_by_label("Pause", exact=True).wait_for()
+
+
+def test_pasted_rows_and_faults_in_place(studio: Serving) -> None:
+    with page_of(studio.link) as page:
+        page.get_by_text("two runs").click()
+        page.get_by_label("run, run right").focus()
+        block = "second\t10\t20\nthird\t-30,5\tnonsense\n"
+        page.evaluate(
+            """(text) => { const data = new DataTransfer(); data.setData("text", text);
+            document.activeElement.dispatchEvent(
+            new ClipboardEvent("paste", { clipboardData: data, bubbles: true })); }""",
+            block,
+        )
+        page.get_by_label("left, rpm, run third").wait_for()
+        assert page.get_by_label("left, rpm, run third").input_value() == "-30.5"
+        assert "“nonsense” is not a number" in page.locator(".problems").inner_text()
+        assert page.locator("td.fault input[data-row='2'][data-key='right_rpm']").count() == 1
+
+
+def test_the_second_tab_is_told_and_shows_what_the_first_wrote(studio: Serving) -> None:
+    with page_of(studio.link) as page:
+        page.get_by_text("two runs").click()
+        other = page.context.new_page()
+        other.goto(page.url)
+        other.get_by_label("group, run left").fill("second tab")
+        other.keyboard.press("Enter")
+        other.wait_for_timeout(500)
+        page.get_by_label("group, run left").fill("first tab")
+        page.keyboard.press("Enter")
+        page.locator("#said", has_text="changed meanwhile").wait_for()
+        assert page.get_by_label("group, run left").input_value() == "second tab"
+
+
+@pytest.mark.parametrize(("width", "dark"), [(1024, False), (1440, True), (3840, False)])
+def test_no_screen_is_wider_than_its_window_and_all_controls_have_names(
+    studio: Serving, width: int, dark: bool
+) -> None:
+    identifier = studio.get("/api/home")["experiments"][0]["id"]
+    screens = ["#/", "#/camera", "#/sandbox"]
+    screens += [f"#/x/{identifier}/{name}" for name in ("runs", "marks", "results", "diagnosis", "sandbox")]
+    with page_of(studio.link, width=width, height=width * 3 // 5, dark=dark) as page:
+        for screen in screens:
+            page.goto(f"{studio.origin}/{screen}")
+            page.locator("h1").first.wait_for()
+            page.wait_for_timeout(200)
+            wide = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+            assert wide <= 0, screen
+            nameless = page.evaluate(
+                """() => [...document.querySelectorAll("button, input, select, a, canvas")].filter((one) =>
+                !(one.ariaLabel || one.textContent.trim() || one.labels?.length || one.closest("button, label")))
+                .map((one) => one.outerHTML)"""
+            )
+            assert nameless == [], screen
+
+
+def contrast(one: str, other: str) -> float:
+    """Ratio of WCAG 2 of two CSS colours."""
+
+    def luminance(color: str) -> float:
+        parts = [int(part) / 255 for part in re.findall(r"\d+", color)[:3]]
+        linear = [p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+    light, dim = sorted((luminance(one), luminance(other)), reverse=True)
+    return (light + 0.05) / (dim + 0.05)
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_text_has_contrast_aa_light_and_dark(studio: Serving, dark: bool) -> None:
+    with page_of(studio.link, dark=dark) as page:
+        pairs = page.evaluate(
+            """() => { const probe = document.createElement("i"); document.body.append(probe);
+            const rgb = (name) => { probe.style.color = `var(--${name})`; return getComputedStyle(probe).color; };
+            return [["ink", "paper"], ["soft", "paper"], ["soft", "raised"], ["warn", "paper"], ["good", "paper"],
+            ["blue", "paper"], ["on-blue", "blue"]].map(([a, b]) => [a + " on " + b, rgb(a), rgb(b)]); }"""
+        )
+    assert {name: round(contrast(a, b), 2) for name, a, b in pairs if contrast(a, b) < 4.5} == {}
+
+
+def test_colours_are_those_of_the_report() -> None:
+    import evaluator.studio
+    from evaluator.report.style import THEME
+
+    css = (Path(evaluator.studio.__file__).parent / "static" / "base.css").read_text()
+    light, dark = css.split("prefers-color-scheme: dark")[:2]
+    for color, (variable, in_the_dark) in THEME.items():
+        assert f"{variable}: {color};" in light
+        assert f"{variable}: {in_the_dark};" in dark
