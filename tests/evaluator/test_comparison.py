@@ -16,7 +16,8 @@ from evaluator.comparison import (
     start_pose,
     trajectory_gap,
 )
-from evaluator.pose import MarkGeometry, Poses
+from evaluator.mark_geometry import MarkGeometry
+from evaluator.pose import Poses
 from evaluator.robot_geometry import robot_shape
 from evaluator.settings import Run
 from evaluator.workflow.runs.phases import phases_of
@@ -75,11 +76,12 @@ def test_three_frames_are_averaged_and_missing_ones_left_out() -> None:
     )
 
 
-GEOMETRY = MarkGeometry((-1.5, 1.8), (-1.5, -1.8))
+PLACES_MM = ((-1.5, 1.8), (-1.5, -1.8))
+GEOMETRY = MarkGeometry(*PLACES_MM)
 
 
 def test_robot_whose_marks_sit_elsewhere_rests_where_they_were_seen() -> None:
-    view = View((-1.4, 2.0), (-1.4, -1.6))  # both 0.1 mm ahead and 0.2 mm to the left of where they should be
+    view = View(((-1.4, 2.0), (-1.4, -1.6)))  # both 0.1 mm ahead and 0.2 mm to the left of where they should be
     x, y, heading = resting_pose(view, GEOMETRY, (3.0, -2.0, 0.5))
     assert heading == pytest.approx(0.5)
     cos, sin = np.cos(0.5), np.sin(0.5)
@@ -87,7 +89,7 @@ def test_robot_whose_marks_sit_elsewhere_rests_where_they_were_seen() -> None:
 
 
 def test_robot_seen_in_long_millimetres_rests_nearer_to_the_origin() -> None:
-    x, y, heading = resting_pose(View(GEOMETRY.green_mm, GEOMETRY.yellow_mm, scale=1.25), GEOMETRY, (10.0, 20.0, 0.0))
+    x, y, heading = resting_pose(View(PLACES_MM, scale=1.25), GEOMETRY, (10.0, 20.0, 0.0))
     # The middle of the marks, (8.5, 20), is seen 1.25 times too far out.
     assert (x, y, heading) == pytest.approx((8.5 / 1.25 + 1.5, 16.0, 0.0), abs=1e-6)
 

@@ -21,8 +21,8 @@ from simulator.effects.entry import EffectEntry
 from simulator.errors import SimulationError
 from simulator.robot import Robot
 from simulator.simulation import RUN_IN_S, simulate_batch
-from tests.benchmarks.husky.drive import Drive, command_of
-from tests.benchmarks.husky.peers import SIGMAS, wrapped
+from tests.driven_robot.drive import Drive, command_of
+from tests.driven_robot.peers import SIGMAS, wrapped
 
 Array = NDArray[np.float64]
 MM_PER_M = 1000.0

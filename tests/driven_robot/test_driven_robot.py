@@ -8,17 +8,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import tests.benchmarks.husky as benchmark
 from evaluator.workflow import analyze
 from simulator.effects.entry import EffectEntry
 from simulator.robot import Robot, load_robot
 from simulator.run import State
 from simulator.simulation import simulate
-from tests.benchmarks.husky.corrected import NUMBERS, Model, mixed
-from tests.benchmarks.husky.drive import Drive, command_of, load, write_experiment
+from tests.driven_robot.corrected import NUMBERS, Model, mixed
+from tests.driven_robot.drive import Drive, command_of, load, write_experiment
 
-ROBOT = Path(benchmark.__file__).parent / "husky.toml"
-REAL = Path(__file__).parents[4] / "shared" / "real" / "skid_steer_husky"
+ROBOT = Path(__file__).parent / "husky.toml"
+REAL = Path(__file__).parents[3] / "shared" / "real" / "skid_steer_husky"
 SAMPLES, INTERVAL_S = 40, 0.05
 COMMANDS = [(4.0, 6.0), (4.0, 6.0), (-5.0, -3.0), (6.0, 2.0)]  # rad/s, 2 s each
 LAG = {"dead_time_s": 0.3, "time_constant_s": 0.3}

@@ -2,8 +2,8 @@
 
     python -m tests.benchmarks.husky FOLDER [--robot robot.toml] [--diagnose WINDOWS]
 
-FOLDER: see drive.py. robot.toml: in SI units if you like; that of a Clearpath Husky without it. Encoders, where there
-are any, check what was found and are never an input.
+FOLDER: see tests/driven_robot/drive.py. robot.toml: in SI units if you like; that of a Clearpath Husky without it.
+Encoders, where there are any, check what was found and are never an input.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulator.robot import Robot, load_robot
-from tests.benchmarks.husky.corrected import MM_PER_M, Corrected, Model, bands, fit, mixed
-from tests.benchmarks.husky.drive import Drive, command_of, load, write_experiment
-from tests.benchmarks.husky.peers import (
+from tests.driven_robot.corrected import MM_PER_M, Corrected, Model, bands, fit, mixed
+from tests.driven_robot.drive import Drive, command_of, load, write_experiment
+from tests.driven_robot.peers import (
     best_yaw_factor,
     differential,
     rotation_centres,
@@ -38,7 +38,7 @@ def main() -> None:
     """Print the table, the bands, and what was found beside what the encoders show."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--robot", type=Path, default=Path(__file__).parent / "husky.toml")
+    parser.add_argument("--robot", type=Path, default=Path(__file__).parents[1] / "driven_robot" / "husky.toml")
     parser.add_argument("--diagnose", type=int, default=0, metavar="WINDOWS", help="diagnose so many windows, too")
     given = parser.parse_args()
     drive, robot = load(given.folder), load_robot(given.robot)
