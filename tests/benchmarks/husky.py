@@ -146,7 +146,7 @@ def diagnose_some(drive: Drive, fitted: NDArray[np.int64], robot: Path, count: i
     chosen = fitted[np.unique(np.linspace(0, len(fitted) - 1, count).astype(int))]
     with tempfile.TemporaryDirectory() as name:
         path = write_experiment(drive, chosen, robot, Path(name))
-        content = diagnose_experiment(path, Path(name) / "out")[1]
+        content = diagnose_experiment(path, Path(name) / "out", workers=1)[1]
     kept = ("verdict", "reason", "effects", "gap", "mistakes")
     print(f"\nturnscope diagnose, {len(chosen)} windows:")
     print(json.dumps({key: content[key] for key in kept if key in content}, indent=1))
