@@ -27,6 +27,7 @@ from simulator.simulation import moving_state, simulate
 
 Array = NDArray[np.float64]
 
+LEAST_POSES = 4
 START_SPAN_S = 0.25  # the start pose is read from this much of the recording: 15 frames at 60/s halve their noise twice
 
 STRAIGHT_MM = 1e6  # rounding bends a simulated straight line; over 100 mm of plate this circle departs by 1 nm
@@ -90,7 +91,9 @@ def start_pose(poses: Poses, start_s: float, *, at_rest: bool = True) -> tuple[f
     else:
         first = time[known][0]
         chosen = known & (time >= first) & (time <= first + START_SPAN_S)
-        few = np.count_nonzero(chosen) < 4
+        if np.count_nonzero(chosen) < LEAST_POSES:  # of a slow sensor, as many as a parabola with some freedom needs
+            chosen = known & (np.cumsum(known) <= LEAST_POSES)
+        few = np.count_nonzero(chosen) < LEAST_POSES
         powers = (0, 0, 0) if few else (2, 2, 1)
     at = max(start_s, float(time[chosen][0]))
     since = time[chosen] - at

@@ -142,11 +142,13 @@ def _quality(runs: Sequence[RunView], notes: dict[str, tuple[str, ...]]) -> Sect
 
 
 def _budget(turning: Sequence[RunView], analysis: Analysis) -> Section | None:
-    """The budget of the tightest turn."""
-    if not turning:
+    """The budget of the tightest turn: of a run of its own, seen by its marks."""
+    whole = {run.id for run in analysis.experiment.run if run.commands is None and run.poses is None}
+    able = [run for run in turning if run.run in whole]
+    if not able:
         return None
-    run = min(turning, key=lambda run: run.value("radius_mm"))
-    return budget_section(run, budget_of(analysis.experiment, analysis.outputs, run.id))
+    run = min(able, key=lambda run: run.value("radius_mm"))
+    return budget_section(run, budget_of(analysis.experiment, analysis.outputs, run.run))
 
 
 def _calibration(path: Path, robot: Robot) -> Section:

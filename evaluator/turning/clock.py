@@ -23,6 +23,7 @@ COARSE_S, FINE_S = 3.0, 1.0  # of motion on either side of a change: enough to f
 MOST_LATE_S = 2.0  # clocks that differ by more are set right by start_s
 FEWEST_FRAMES = 6  # on either side of a change
 CHI2_95 = 3.841  # one parameter
+UNSEEN = 1e30  # misfit where no change has enough frames on either side: more than any that has
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,8 @@ def lateness(time_s: Array, pose: Array, changes_s: Sequence[float]) -> Lateness
         return Lateness()
     coarse = min(grid, key=lambda late: _misfit(time_s, pose, windows, float(late))[0])
     windows = [(change, frames & (np.abs(time_s - change - coarse) <= FINE_S)) for change, frames in windows]
+    if _misfit(time_s, pose, windows, float(coarse))[0] == UNSEEN:
+        return Lateness()  # no change has enough frames on either side
     return _refined(time_s, pose, windows, float(coarse), float(grid[1] - grid[0]))
 
 
@@ -84,7 +87,7 @@ def _refined(
     )
     best = float(found.x)
     least, freedom, correlation = _misfit(time_s, pose, windows, best)
-    if freedom <= 0 or not np.isfinite(least):
+    if freedom <= 0:
         return Lateness()
     # Noise that is alike from frame to frame leaves fewer independent frames.
     limit = least * (1 + CHI2_95 * (1 + correlation) / (1 - correlation) / freedom)
@@ -123,7 +126,7 @@ def _misfit(
         squares += float((places**2).sum())
     freedom = sum(counts)
     if freedom <= 0:
-        return np.inf, 0, 0.0
+        return UNSEEN, 0, 0.0
     tiny = 1e-300
     total = np.exp((counts[0] * np.log(turn + tiny) + counts[1] * np.log(place + tiny)) / freedom)
     return float(total), freedom, float(np.clip(products / max(squares, tiny), 0.0, 0.95))

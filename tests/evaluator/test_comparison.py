@@ -12,13 +12,15 @@ from evaluator.comparison import (
     BESIDE,
     comparison_row,
     resting_pose,
-    simulated_counterpart,
     simulated_poses,
     start_pose,
     trajectory_gap,
 )
-from evaluator.pose import MarkGeometry, Poses
+from evaluator.mark_geometry import MarkGeometry
+from evaluator.pose import Poses
+from evaluator.robot_geometry import robot_shape
 from evaluator.settings import Run
+from evaluator.workflow.runs.phases import phases_of
 from simulator.effects.entry import EffectEntry
 from simulator.effects.view import View
 from simulator.robot import Robot, load_robot
@@ -74,11 +76,12 @@ def test_three_frames_are_averaged_and_missing_ones_left_out() -> None:
     )
 
 
-GEOMETRY = MarkGeometry((-1.5, 1.8), (-1.5, -1.8))
+PLACES_MM = ((-1.5, 1.8), (-1.5, -1.8))
+GEOMETRY = MarkGeometry(*PLACES_MM)
 
 
 def test_robot_whose_marks_sit_elsewhere_rests_where_they_were_seen() -> None:
-    view = View((-1.4, 2.0), (-1.4, -1.6))  # both 0.1 mm ahead and 0.2 mm to the left of where they should be
+    view = View(((-1.4, 2.0), (-1.4, -1.6)))  # both 0.1 mm ahead and 0.2 mm to the left of where they should be
     x, y, heading = resting_pose(view, GEOMETRY, (3.0, -2.0, 0.5))
     assert heading == pytest.approx(0.5)
     cos, sin = np.cos(0.5), np.sin(0.5)
@@ -86,7 +89,7 @@ def test_robot_whose_marks_sit_elsewhere_rests_where_they_were_seen() -> None:
 
 
 def test_robot_seen_in_long_millimetres_rests_nearer_to_the_origin() -> None:
-    x, y, heading = resting_pose(View(GEOMETRY.green_mm, GEOMETRY.yellow_mm, scale=1.25), GEOMETRY, (10.0, 20.0, 0.0))
+    x, y, heading = resting_pose(View(PLACES_MM, scale=1.25), GEOMETRY, (10.0, 20.0, 0.0))
     # The middle of the marks, (8.5, 20), is seen 1.25 times too far out.
     assert (x, y, heading) == pytest.approx((8.5 / 1.25 + 1.5, 16.0, 0.0), abs=1e-6)
 
@@ -104,7 +107,7 @@ def at_rest(seconds: float = 5.0) -> Poses:
 
 
 def test_simulated_run_starts_in_the_measured_pose_and_moves_between_the_commands() -> None:
-    motion, seen = simulated_poses(barrel(), RUN, at_rest())
+    motion, seen = simulated_poses(barrel(), RUN.told(), at_rest())
     np.testing.assert_array_equal(seen.time_s, at_rest().time_s)
     start = seen.time_s <= 1.0
     np.testing.assert_allclose(seen.x_mm[start], 3.0, atol=1e-6)
@@ -118,8 +121,8 @@ def test_simulated_run_starts_in_the_measured_pose_and_moves_between_the_command
 
 
 def test_clock_that_runs_fast_sees_the_same_start_and_a_slower_robot() -> None:
-    plain = simulated_poses(barrel(), RUN, at_rest())[1]
-    motion, seen = simulated_poses(barrel({"id": "time-base", "factor": 1.25}), RUN, at_rest())
+    plain = simulated_poses(barrel(), RUN.told(), at_rest())[1]
+    motion, seen = simulated_poses(barrel({"id": "time-base", "factor": 1.25}), RUN.told(), at_rest())
     np.testing.assert_allclose(motion.time_s * 1.25, seen.time_s)
     np.testing.assert_allclose(seen.time_s, plain.time_s)
     way = [np.hypot(p.x_mm[p.time_s <= 2.5][-1] - 3.0, p.y_mm[p.time_s <= 2.5][-1] + 2.0) for p in (plain, seen)]
@@ -128,17 +131,19 @@ def test_clock_that_runs_fast_sees_the_same_start_and_a_slower_robot() -> None:
 
 def test_counterpart_is_read_by_the_same_estimator() -> None:
     long = RUN.model_copy(update={"stop_s": None})
-    counterpart = simulated_counterpart(barrel(), long, at_rest(8.0))
-    assert counterpart.turning.radius_status == "ok"
-    rates = np.degrees(np.diff(counterpart.motion.heading_rad)[-50:] / FRAME_S)
-    assert counterpart.turning.yaw_rate_deg_s == pytest.approx(rates.mean(), rel=1e-3)
-    assert np.isfinite(counterpart.turning.front_left_slip_ratio)  # of the commanded rpm and the robot's shape
+    motion, seen = simulated_poses(barrel(), long.told(), at_rest(8.0))
+    (phase,) = phases_of(long.told(), at_rest(8.0))
+    turning = phase.measured(seen, robot_shape(barrel()))
+    assert turning.radius_status == "ok"
+    rates = np.degrees(np.diff(motion.heading_rad)[-50:] / FRAME_S)
+    assert turning.yaw_rate_deg_s == pytest.approx(rates.mean(), rel=1e-3)
+    assert np.isfinite(turning.to_row()["front_left_slip_ratio"])  # of the commanded rpm and the robot's shape
 
 
-def counterpart_of(radius: float, curvature: float) -> Any:
+def counterpart_of(radius: float, curvature: float) -> tuple[Any, Any]:
     values = {"radius_mm": radius, "steady_radius_mm": 2 * radius, **dict.fromkeys(BESIDE, 7.0)}
     seen = SimpleNamespace(x_mm=STILL + 3.0, y_mm=STILL + 4.0, heading_rad=STILL)
-    return SimpleNamespace(turning=SimpleNamespace(curvature_per_mm=curvature, to_row=lambda: dict(values)), seen=seen)
+    return seen, SimpleNamespace(curvature_per_mm=curvature, to_row=lambda: dict(values))
 
 
 MEASURED = {
@@ -154,7 +159,7 @@ MEASURED = {
 
 def test_row_sets_measured_beside_simulated_with_the_difference_of_the_simulated_one() -> None:
     measured: Any = SimpleNamespace(x_mm=STILL, y_mm=STILL, heading_rad=STILL)
-    row = comparison_row(MEASURED, measured, counterpart_of(5.5, 0.18))
+    row = comparison_row(MEASURED, measured, *counterpart_of(5.5, 0.18))
     assert (row["radius_mm"], row["radius_low_mm"], row["radius_high_mm"], row["simulated_radius_mm"]) == (
         *(5.0, 4.9, 5.2, 5.5),
     )
@@ -168,7 +173,7 @@ def test_row_sets_measured_beside_simulated_with_the_difference_of_the_simulated
 @pytest.mark.parametrize(("curvature", "straight"), [(0.9e-6, True), (-0.9e-6, True), (1.1e-6, False)])
 def test_simulated_circle_of_a_kilometre_is_a_straight_line(curvature: float, straight: bool) -> None:
     measured: Any = SimpleNamespace(x_mm=STILL, y_mm=STILL, heading_rad=STILL)
-    row = comparison_row(MEASURED, measured, counterpart_of(1e6, curvature))
+    row = comparison_row(MEASURED, measured, *counterpart_of(1e6, curvature))
     assert np.isnan(row["simulated_radius_mm"]) == straight
     assert np.isnan(row["simulated_steady_radius_mm"]) == straight
     assert np.isnan(row["radius_difference_percent"]) == straight

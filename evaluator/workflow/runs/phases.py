@@ -16,7 +16,7 @@ from evaluator.turning import RobotShape, Turning, measure_turning
 from evaluator.turning.clock import Lateness, lateness
 
 # A stretch of fewer frames is no phase: a joystick passes through many values on its way to one.
-FEWEST_FRAMES = 24
+FEWEST_FRAMES = 12
 
 
 @dataclass(frozen=True)
@@ -108,5 +108,5 @@ def rows_of(phases: Sequence[Phase], poses: Poses, shape: RobotShape | None) -> 
     """A row of turning.csv for every phase; one that says why for a log without any."""
     if not phases:
         reason = f"its log of commands holds nothing with a motor on for {FEWEST_FRAMES} frames of the recording"
-        return [{"radius_status": reason}]
+        return [Turning(radius_status=reason).to_row()]
     return [{**phase.head, **phase.measured(poses, shape).to_row()} for phase in phases]

@@ -27,6 +27,7 @@ from evaluator.progress import Progress, no_progress
 from evaluator.recording import TimingReport, open_recording
 from evaluator.robot_geometry import RobotGeometry, mark_geometry, marks_height_mm, robot_shape, sought
 from evaluator.tracking import correct, load_settings, place_on_plate, read_corrections, track
+from evaluator.turning import Turning
 from evaluator.wording import counted
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.runs.job import Job, RunResult, outside_recording
@@ -149,7 +150,7 @@ class _Stages:
             phase.head | comparison_row(row, phase.of(self.poses), phase.of(seen), phase.measured(seen, shape))
             for phase, row in zip(self.phases, measured, strict=False)  # a log without a phase has a row all the same
         ]
-        return [path], {"rows": rows or [{}]}
+        return [path], {"rows": rows or [comparison_row(measured[0], self.poses, seen, Turning())]}
 
 
 def _refuse_cut(report: TimingReport, promised: int, promised_s: float | None, video: Path) -> None:

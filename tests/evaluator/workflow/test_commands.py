@@ -135,3 +135,13 @@ def test_a_log_that_cannot_be_used_is_a_fault_of_its_run_alone(tmp_path: Path) -
     assert list(found.faults) == ["r02"]
     assert "bad.csv: column left_rpm, right_rpm is missing" in found.faults["r02"]
     assert found.turning["radius_mm"].notna().tolist() == [True, True, False]
+
+
+def test_a_log_without_a_phase_leaves_a_row_that_says_so(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("time_s,left_rpm,right_rpm\n1.0,33.3,14.4\n1.1,0,0\n")
+    recording(Command.held(tmp_path / "log.csv"), 0.0, tmp_path / "r01.csv", seconds=3.0)
+    path = experiment(tmp_path, 'id = "r01"\ncommands = "log.csv"\nmarks = "r01.csv"')
+    found = analyze(path, tmp_path / "out", simulate=True, workers=1)
+    assert "nothing with a motor on for" in found.turning["radius_status"][0]
+    assert found.comparison is not None
+    assert found.comparison["gap_rms_mm"][0] < 0.02

@@ -13,19 +13,23 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from simulator.command import RPM_PER_RAD_S, Command
+from simulator.dynamics.terms import UN_PER_MN
 from simulator.effects.entry import EffectEntry
+from simulator.errors import SimulationError
 from simulator.robot import Robot
 from simulator.simulation import RUN_IN_S, simulate_batch
-from tests.benchmarks.husky.drive import Drive, command_of
-from tests.benchmarks.husky.peers import SIGMAS, wrapped
+from tests.driven_robot.drive import Drive, command_of
+from tests.driven_robot.peers import SIGMAS, wrapped
 
 Array = NDArray[np.float64]
 MM_PER_M = 1000.0
 CHECKED = (0.25, 0.5, 0.75, 1.0)  # shares of a window at whose last fresh pose prediction and measurement are compared
 TOLERANCE_MM = 1e-4
+STEP = 0.05  # of a difference, in standard deviations of the prior
+STARTS, STARTING_SHARE, FEW_STEPS, MOST_STEPS = 10, 0.7, 10, 25
 COVERED = 0.95
 
 
@@ -48,43 +52,59 @@ NUMBERS: dict[str, Number] = {
     "time_constant_s": Number(0.2, 1.0),
     "common": Number(1.0, 0.5),
     "difference": Number(1.0, 0.5),
-    "difference_limit_rad_s": Number(10.0, 1.5),
-    "common_limit_rad_s": Number(10.0, 1.5),
+    # how far each part is limited by its own size and by that of the other
+    "difference_by_difference_rad_s": Number(10.0, 1.0),
+    "difference_by_common_rad_s": Number(10.0, 1.0),
+    "common_by_difference_rad_s": Number(20.0, 1.0),
+    "common_by_common_rad_s": Number(20.0, 1.0),
     "longitudinal_friction": Number(1.0, 0.3),
     "lateral_friction": Number(1.0, 0.3),
     "longitudinal_stiffness": Number(1.0, 0.5),
     "lateral_stiffness": Number(1.0, 0.5),
+    "drag_of_weight": Number(0.1, 0.5),
+    "gravity_x_m": Number(0.0, 0.1, logarithmic=False),
+    "pose_x_m": Number(0.0, 0.2, logarithmic=False),
 }
 SLIP = ("longitudinal_friction", "lateral_friction", "longitudinal_stiffness", "lateral_stiffness")
 
 
 @dataclass(frozen=True)
 class Corrected:
-    """A fitted model: its numbers with their standard deviations, and what it leaves at the end of fitted windows."""
+    """A fitted model: its numbers, and what it leaves at the end of fitted windows.
+
+    sigma: standard deviations, relative where a number cannot be nought. scatter: (3,), see bands.
+    """
 
     values: Mapping[str, float]
-    relative_sigma: Mapping[str, float]
-    scatter: Array  # (3,), see bands
+    sigma: Mapping[str, float]
+    scatter: Array
 
 
 def mixed(command: Command, values: Mapping[str, float]) -> Command:
-    """What the drive makes of a command: common part and difference have their own gains, and the difference a limit.
+    """What the drive makes of a command: common part and difference have gains of their own, and both are limited.
 
-    It shrinks as 1/√(1 + (difference/limit)² + (common/limit)²), with both limits in rad/s of the command as it is.
+    Each shrinks as 1/√(1 + (difference/limit)² + (common/limit)²), with two limits of its own, in rad/s of the command.
     """
-    common = (command.left_rpm + command.right_rpm) / 2
-    difference = command.right_rpm - command.left_rpm
-    limits = (RPM_PER_RAD_S * values[f"{name}_limit_rad_s"] for name in ("difference", "common"))
-    shrinking = np.sqrt(1 + sum((part / limit) ** 2 for part, limit in zip((difference, common), limits, strict=True)))
-    half = values["difference"] * difference / shrinking / 2
-    return Command(command.time_s, values["common"] * common - half, values["common"] * common + half)
+    common = (command.left_rpm + command.right_rpm) / 2 / RPM_PER_RAD_S
+    difference = (command.right_rpm - command.left_rpm) / RPM_PER_RAD_S
+
+    def limited(name: str, part: Array) -> Array:
+        by = [values[f"{name}_by_{other}_rad_s"] for other in ("difference", "common")]
+        return np.asarray(values[name] * part / np.sqrt(1 + (difference / by[0]) ** 2 + (common / by[1]) ** 2))
+
+    ahead, half = limited("common", common), limited("difference", difference) / 2
+    return Command(command.time_s, RPM_PER_RAD_S * (ahead - half), RPM_PER_RAD_S * (ahead + half))
 
 
 def corrected_robot(robot: Robot, values: Mapping[str, float]) -> Robot:
-    """The robot with late motors and another slip law."""
+    """The robot with late motors, another slip law, a drag along it and its centre of gravity off the middle."""
     slip = robot.slip.model_copy(update={name: getattr(robot.slip, name) * values[name] for name in SLIP})
     lag = {"id": "command-lag", "dead_time_s": values["dead_time_s"], "time_constant_s": values["time_constant_s"]}
-    return robot.model_copy(update={"slip": slip, "effect": (*robot.effect, EffectEntry.model_validate(lag))})
+    drag_mN = values["drag_of_weight"] * robot.weight_uN / UN_PER_MN
+    drag = {"id": "free-form", "channel": "force_forward", "basis": "sign_u", "coefficient": -drag_mN}
+    gravity = {"id": "mass-offset", "x_mm": MM_PER_M * values["gravity_x_m"], "y_mm": 0.0}
+    effects = tuple(EffectEntry.model_validate(item) for item in (lag, drag, gravity))
+    return robot.model_copy(update={"slip": slip, "effect": (*robot.effect, *effects)})
 
 
 class Model:
@@ -102,9 +122,14 @@ class Model:
         """Poses (k, m, 3), m and rad, of some windows from their starts; NaN where the motion cannot be followed."""
         robot = corrected_robot(self.robot, values)
         commands = [mixed(self._commands[window], values) for window in windows]
-        states = simulate_batch([robot], commands, self._times, tolerance_mm=TOLERANCE_MM).states
+        try:
+            states = simulate_batch([robot], commands, self._times, tolerance_mm=TOLERANCE_MM).states
+        except SimulationError:  # a centre of gravity outside the wheels: no robot to simulate
+            return np.full((len(windows), len(self.drive.time_s), 3), np.nan)
         pose = states[:, self._first :, :3]
-        off = pose[..., :2] - pose[:, :1, :2]
+        # The point whose pose is measured lies ahead of the wheels' middle.
+        ahead = MM_PER_M * values["pose_x_m"] * np.stack([np.cos(pose[..., 2]), np.sin(pose[..., 2])], axis=-1)
+        off = pose[..., :2] + ahead - pose[:, :1, :2] - ahead[:, :1]
         cos, sin = np.cos(pose[:, :1, 2]), np.sin(pose[:, :1, 2])
         x, y = cos * off[..., 0] + sin * off[..., 1], cos * off[..., 1] - sin * off[..., 0]
         return np.stack([x / MM_PER_M, y / MM_PER_M, pose[..., 2] - pose[:, :1, 2]], axis=-1)
@@ -126,26 +151,42 @@ class Model:
         return np.asarray(fresh[np.maximum(np.searchsorted(fresh, wanted, side="right") - 1, 0)])
 
 
-def fit(model: Model, windows: NDArray[np.int64]) -> Corrected:
-    """Fit the numbers to some windows by robust least squares with their priors."""
-    names = list(NUMBERS)
+def fit(model: Model, windows: NDArray[np.int64], starts: int = STARTS) -> Corrected:
+    """Fit the numbers to some windows by robust least squares with their priors.
+
+    A robot that turns on the spot may settle on either of two motions, so that the misfit has many valleys: a third of
+    the windows is fitted from several starts drawn from the priors, and all of them from the best end.
+    """
+    sigmas = np.array([item.sigma for item in NUMBERS.values()])
+    draws = np.random.default_rng(0).normal(0, STARTING_SHARE, (starts, len(sigmas))) * sigmas
+    draws[0] = 0.0
+    ends = [_fitted(model, windows[::3], start, FEW_STEPS) for start in draws]
+    best = min(ends, key=lambda end: float(end.cost))
+    found = _fitted(model, windows, best.x, MOST_STEPS)
+    spread = np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac)))
+    chosen = _values(found.x)
+    last = model.poses(chosen, windows)[:, -1]
+    return Corrected(chosen, dict(zip(NUMBERS, spread, strict=True)), _scatter(last, model.drive.pose[windows, -1]))
+
+
+def _values(free: Array) -> dict[str, float]:
+    return {name: item.value(float(part)) for (name, item), part in zip(NUMBERS.items(), free, strict=True)}
+
+
+def _fitted(model: Model, windows: NDArray[np.int64], start: Array, steps: int) -> OptimizeResult:
     sigmas = np.array([item.sigma for item in NUMBERS.values()])
 
-    def values(free: Array) -> dict[str, float]:
-        return {name: NUMBERS[name].value(float(part)) for name, part in zip(names, free, strict=True)}
-
     def cost(free: Array) -> Array:
-        poses = model.poses(values(free), windows)
-        left = model.misfit(poses, windows).ravel()
+        left = model.misfit(model.poses(_values(free), windows), windows).ravel()
         # Misfits beyond some sigmas, of a robot that was not where its commands say, count in proportion to their size.
         size = np.sqrt(2 * (np.sqrt(1 + left**2) - 1))
         return np.r_[np.copysign(size, left), free / sigmas]
 
-    found = least_squares(cost, np.zeros(len(names)), diff_step=1e-3, x_scale=0.3 * np.ones(len(names)), max_nfev=25)
-    spread = np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac)))
-    chosen = values(found.x)
-    last = model.poses(chosen, windows)[:, -1]
-    return Corrected(chosen, dict(zip(names, spread, strict=True)), _scatter(last, model.drive.pose[windows, -1]))
+    def slopes(free: Array) -> Array:
+        base = cost(free)
+        return np.stack([(cost(free + step) - base) / STEP for step in STEP * np.diag(sigmas)], axis=1) / sigmas
+
+    return least_squares(cost, start, jac=slopes, x_scale=sigmas, max_nfev=steps, ftol=1e-4)
 
 
 def _scatter(predicted: Array, measured: Array) -> Array:

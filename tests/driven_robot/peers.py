@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import least_squares, minimize
 
-from tests.benchmarks.husky.drive import Drive
+from tests.driven_robot.drive import Drive
 
 Array = NDArray[np.float64]
 LENGTH = 0.5  # logarithm of the usual length of the process, in standard deviations of the commands
