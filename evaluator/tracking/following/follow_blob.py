@@ -135,7 +135,7 @@ class BlobFollower(Motion):
             self.strength += rate * (self.blob.strength - self.strength)
             self.color[4] += rate * (0.45 * self.strength - self.color[4])
             # A bar of length l has a variance of l²/12 along it, an ellipse one of l²/16.
-            self.long_px = float(np.sqrt(4.0 * np.linalg.eigvalsh(self.blob.spread_px2)[1]))
+            self.long_px = 2.0 * float(np.sqrt(max(np.linalg.eigvalsh(self.blob.spread_px2)[1], 0.0)))
 
     def _note_area(self, log_area: float) -> None:
         """Learn how unsteady the area is, apart from slow changes of slant and distance."""
