@@ -174,3 +174,16 @@ def test_different_runs_are_not_pooled_and_repetitions_are(tmp_path: Path) -> No
     other = CliRunner().invoke(turning, [paths["a"], paths["c"], "--robot", "barrel"]).output
     assert "not pooled, these are no repetitions: radii from 5 to 8" in other
     assert "repetitions: radius" not in other
+
+
+def test_names_of_marks_in_other_programs_are_options_of_their_own(tmp_path: Path) -> None:
+    table = circle()
+    rows = table[["time_s", "green_x_mm", "green_y_mm", "yellow_x_mm", "yellow_y_mm"]].to_numpy()
+    lines = ["\tmass A\t\tmass B\t", "t\tx\ty\tx\ty", *("\t".join(f"{value:.9f}" for value in row) for row in rows)]
+    (tmp_path / "t.txt").write_text("\n".join(lines), encoding="utf-8")
+    said = "--green", "mass A", "--yellow", "mass B", "--unit", "mm", "--robot", "barrel"
+    status, text = run_command(tmp_path / "t.txt", *said)
+    assert status == 0
+    assert "radius 5.00" in text
+    result = CliRunner().invoke(turning, [str(tmp_path / "t.txt"), "--star-s", "1"])
+    assert "No such option" in result.output
