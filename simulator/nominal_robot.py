@@ -6,6 +6,7 @@ is short for four wheels around it, of which the front pair drives and the rear 
 
 from __future__ import annotations
 
+import difflib
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -17,6 +18,7 @@ from simulator.units import in_standard_units
 
 GRAVITY_MM_S2 = 9800.0  # the paper's 9.8 m/s²
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
+TOLERATED = ("body", "wheels", "magnetic_attraction", "slip", "marks")  # tables that [tolerance] may name numbers of
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Shape = Annotated[float, Field(gt=0, le=2)]  # beyond, friction would push a wheel that slides far
@@ -159,6 +161,17 @@ class NominalRobot(Table):
             _check_list(self)
         return self
 
+    @model_validator(mode="after")
+    def _tolerances_are_of_numbers(self) -> Self:
+        tables = {name: getattr(self, name) for name in TOLERATED if name != "magnetic_attraction" or self.wheels}
+        known = [key for name, table in tables.items() if table for key in _numbers_in(name, table)]
+        for key in self.tolerance:
+            if key not in known:
+                near = difflib.get_close_matches(key, known, n=1)
+                hint = f"did you mean {near[0]}?" if near else f"it may name {', '.join(known)}"
+                raise ValueError(f"[tolerance] names {key}, which is no number of this robot; {hint}")
+        return self
+
     @property
     def weight_uN(self) -> float:
         """Weight in µN = g·mm/s²."""
@@ -211,6 +224,11 @@ class NominalRobot(Table):
     def wheel_positions_mm(self) -> NDArray[np.float64]:
         """Wheel centres in the body frame, (n, 2), in the order of all_wheels."""
         return np.array([[wheel.x_mm, wheel.y_mm] for wheel in self.all_wheels])
+
+
+def _numbers_in(table: str, part: BaseModel) -> list[str]:
+    """Dotted keys of the numbers of a table."""
+    return [f"{table}.{name}" for name, value in part if isinstance(value, float)]
 
 
 def four_wheels(

@@ -14,7 +14,9 @@ from evaluator.cli.options import PATH, quiet_option
     "  python -m mujoco.viewer --mjcf=barrel.xml"
 )
 @click.argument("robot", metavar="NAME|ROBOT.toml")
-@click.option("--format", "kind", type=click.Choice(["mjcf"]), default="mjcf", show_default=True, help="MuJoCo.")
+@click.option(
+    "--format", "kind", type=click.Choice(["mjcf", "sdf"]), default="mjcf", show_default=True, help="MuJoCo, Gazebo."
+)
 @click.option("--left", "left_rpm", type=float, default=33.3, show_default=True, help="Command of the turn, rpm.")
 @click.option("--right", "right_rpm", type=float, default=14.4, show_default=True, help="Command of the turn, rpm.")
 @click.option("-o", "--out", "output", type=PATH, required=True, metavar="FILE", help="File to write.")
@@ -27,7 +29,6 @@ def export_robot(robot: str, kind: str, left_rpm: float, right_rpm: float, outpu
     """
     from evaluator.workflow import export_robot as export
 
-    del kind  # there is one so far
-    lost = export(robot, output, left_rpm, right_rpm)
+    lost = export(robot, output, left_rpm, right_rpm, kind)
     if not quiet:
         click.echo(f"{output}\n\nWhat was lost:\n" + "\n".join(f"- {sentence}" for sentence in lost))

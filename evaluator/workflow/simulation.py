@@ -78,17 +78,21 @@ def steady_turns(robot: Robot | Path | str, left_rpm: Sequence[float], ratios: S
 
 
 def export_robot(
-    robot: Robot | Path | str, output: Path | str, left_rpm: float = 33.3, right_rpm: float = 14.4
+    robot: Robot | Path | str, output: Path | str, left_rpm: float = 33.3, right_rpm: float = 14.4, kind: str = "mjcf"
 ) -> tuple[str, ...]:
-    """Write a robot for MuJoCo (MJCF), matched at the steady turn of a command; returns what was lost, as sentences.
+    """Write a robot for MuJoCo ("mjcf") or Gazebo ("sdf"), matched at the steady turn of a command.
+
+    Returns what was lost, as sentences.
 
     Raises InputError and SimulationError as robot_of, and SimulationError for a robot with effects.
     """
-    from simulator.exchange.mjcf import losses, mjcf
+    from simulator.exchange.losses import losses
+    from simulator.exchange.mjcf import mjcf
+    from simulator.exchange.sdf import sdf
 
     described = robot_of(robot)
-    write_text(Path(output), mjcf(described, left_rpm, right_rpm))
-    return losses(described, left_rpm, right_rpm)
+    write_text(Path(output), (sdf if kind == "sdf" else mjcf)(described, left_rpm, right_rpm))
+    return losses(described, left_rpm, right_rpm, kind)
 
 
 def robot_of(robot: Robot | Path | str) -> Robot:

@@ -84,25 +84,6 @@ def mjcf(robot: Robot, left_rpm: float, right_rpm: float) -> str:
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def losses(robot: Robot, left_rpm: float, right_rpm: float) -> tuple[str, ...]:
-    """What a model in MuJoCo does not have of the robot, a sentence each."""
-    at = f"{left_rpm:g} / {right_rpm:g} rpm"
-    friction = (
-        f"Friction is creep in proportion to force, matched to the slip law at the turn of {at}: there the radius is "
-        "the robot's. At another ratio of the commands it is near that, and starts and stops differ."
-    )
-    said = [
-        friction,
-        "There is no limit of friction: a robot that is pushed away creeps instead of sliding.",
-        "The weight acts at the level of the plate, as in the plane model: driving shifts no load between the wheels.",
-    ]
-    if any(wheel.attraction_mN for wheel in robot.all_wheels):
-        said.append("Magnetic attraction is a constant force on the body over each wheel, however far the plate is.")
-    if any(not wheel.grips for wheel in robot.all_wheels):
-        said.append("Casters and balls are spheres without friction.")
-    return tuple(said)
-
-
 def _remark(units: Units, left_rpm: float, right_rpm: float) -> str:
     names = "m, kg and N" if units.length_mm > 1 else "mm, g and µN"
     return (

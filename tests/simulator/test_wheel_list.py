@@ -276,3 +276,13 @@ def test_wheels_and_a_list_of_wheels_exclude_each_other() -> None:
 def test_every_shipped_robot_runs_and_turns_to_the_slower_side(name: str) -> None:
     run = simulate(load_robot(name), Command.constant(33.3, 14.4), TIMES_S)
     assert run.yaw_rate_rad_s[-1] < 0 < run.u_mm_s[-1]
+
+
+@pytest.mark.parametrize(
+    ("key", "message"),
+    [("slip.lateral_frction", "did you mean slip.lateral_friction"), ("wheels.radius_mm", "no number of this robot")],
+)
+def test_a_tolerance_of_nothing_is_an_error(key: str, message: str) -> None:
+    text = f'{shipped_robot_text("six_driven")}\n[tolerance]\n"{key}" = 0.05\n'
+    with pytest.raises(ValidationError, match=message):
+        Robot.model_validate(tomllib.loads(text))

@@ -1,4 +1,4 @@
-"""Robots exported to MuJoCo: their steady turns there, where MuJoCo is installed, and what is said of them."""
+"""Robots exported to MuJoCo and Gazebo: turns where MuJoCo is installed, files, and what is said of them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from click.testing import CliRunner
 
 from evaluator.cli.export_robot import export_robot
 from simulator.errors import SimulationError
-from simulator.exchange.mjcf import losses, mjcf
+from simulator.exchange.losses import losses
+from simulator.exchange.mjcf import mjcf
+from simulator.exchange.sdf import sdf
 from simulator.robot import load_robot
 from simulator.steady import steady_turn
 from tests.simulator.effect_probe import affected
@@ -66,3 +68,16 @@ def test_the_command_writes_the_file_and_says_what_was_lost(tmp_path: Path) -> N
     assert done.exit_code == 0, done.output
     assert "What was lost:" in done.output
     assert output.read_text(encoding="utf-8").startswith("<mujoco")
+
+
+def test_gazebo_gets_the_creep_of_the_turn_and_all_of_the_mass() -> None:
+    robot = load_robot("four_driven")
+    turn = steady_turn(robot, 60.0, 30.0)
+    root = ET.fromstring(sdf(robot, 60.0, 30.0))  # noqa: S314  # written here
+    assert sum(float(item.text or "") for item in root.iter("mass")) == pytest.approx(50.0)
+    across = turn.v_mm_s + turn.yaw_rate_rad_s * robot.wheel[0].x_mm
+    creep = abs(across / turn.wheels.lateral_force_mN[0])  # mm/s per mN is m/s per N
+    assert float(next(root.iter("slip1")).text or "") == pytest.approx(creep, rel=1e-5)
+    speeds = [float(item.text or "") for item in root.iter("initial_velocity")]
+    assert speeds == pytest.approx([2 * np.pi, np.pi] * 2)
+    assert any("Gazebo" in sentence for sentence in losses(robot, 60.0, 30.0, "sdf"))
