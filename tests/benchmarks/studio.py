@@ -1,6 +1,6 @@
 """How fast and how exact the studio shows frames: random seeks in clips that carry their frame number, and first paint.
 
-    python tests/benchmarks/studio.py [--seeks 1000]
+    python -m tests.benchmarks.studio [--seeks 1000] [--clip "1920x1080"]
 
 Clips: GOP 12 and 250, B-frames, variable rate, 640 x 480 and 1920 x 1080, MP4, Matroska and MPEG-TS. A seek is timed
 from the question to the JPEG, through the decoder process. The number in every frame is read back.
@@ -120,7 +120,9 @@ def main() -> None:
     """Print the figures."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeks", type=int, default=1000, help="of all clips together")
-    each = parser.parse_args().seeks // len(CLIPS)
+    parser.add_argument("--clip", default="", help="those only whose name holds this")
+    given = parser.parse_args()
+    each = given.seeks // len(CLIPS)
     with tempfile.TemporaryDirectory() as name:
         decoder, folder = Decoder(), Path(name)
         decoder.start()
@@ -128,6 +130,8 @@ def main() -> None:
         print(f"{'clip':45s} {'wrong':>5s} {'p50':>6s} {'p95':>6s} {'near':>6s} {'step':>6s}")
         before = 0.0
         for number, (words, kind, *_) in enumerate(CLIPS):
+            if given.clip not in words:
+                continue
             path = clip(folder, number)
             print(f"{f'{words}, {kind}':45s} {seeks(decoder, path, each)}", flush=True)
             assert decoder.process_id is not None
