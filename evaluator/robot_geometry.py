@@ -6,7 +6,6 @@ Measurement never sees the model: only these few lengths pass from robot.toml to
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import ValidationError
 
 from calibration.frames import plate_from_body
 from evaluator.errors import InputError
@@ -22,39 +21,15 @@ from evaluator.files import explain, read_with
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import columns_of
 from evaluator.pose import NO_HEADING, poses_from_marks
+from evaluator.settings import MeasuredRobot, load_measured
 from evaluator.tracking.settings import MarkSettings, TrackingSettings, load_settings, with_marks
 from evaluator.turning import RobotShape
-from simulator.mark_layout import Mark, Marks, checked_layout
+from simulator.mark_layout import Mark
 from simulator.nominal_robot import Wheel
-from simulator.robot import Robot, shipped_robot_text, shipped_robots
+from simulator.robot import Robot
 from simulator.units import in_standard_units
 
 Array = NDArray[np.float64]
-
-
-class MeasuredRobot(BaseModel):
-    """The part of robot.toml that measurement reads; the simulator checks the rest."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
-    marks: Marks | None = None
-    mark: tuple[Mark, ...] = ()
-    body: dict[str, Any] = Field(default_factory=dict)
-    wheels: dict[str, Any] = Field(default_factory=dict)
-    wheel: tuple[dict[str, Any], ...] = ()
-
-    @model_validator(mode="after")
-    def _has_marks(self) -> MeasuredRobot:
-        if self.marks is None and not self.mark:
-            raise ValueError("there is neither [marks] nor [[mark]]; say where the marks sit on the robot")
-        if not checked_layout(self.marks or Marks(), self.mark):
-            raise ValueError("[marks] places no mark; say where each sits, NAME_mm = [x, y]")
-        return self
-
-    @property
-    def layout(self) -> tuple[Mark, ...]:
-        """All marks, in the order of the file."""
-        return self.mark or (self.marks or Marks()).each()
 
 
 @dataclass(frozen=True)
@@ -77,19 +52,6 @@ class RobotGeometry:
     def marks(self) -> MarkGeometry:
         """What poses are reconstructed from: the marks, and the corners of tags."""
         return MarkGeometry(_points(self.layout), height_mm=self.height_mm)
-
-
-def load_measured(name_or_path: Path) -> MeasuredRobot:
-    """Read what measurement needs of a shipped robot by name or of any robot.toml by path.
-
-    Raises SimulationError for an unknown name, else OSError, tomllib.TOMLDecodeError, pydantic.ValidationError.
-    """
-    text = str(name_or_path)
-    if text not in shipped_robots() and (text.endswith(".toml") or Path(text).exists()):
-        content = Path(text).read_text(encoding="utf-8")
-    else:
-        content = shipped_robot_text(text)
-    return MeasuredRobot.model_validate(tomllib.loads(content))
 
 
 def read_geometry(name_or_path: Path) -> RobotGeometry:
@@ -163,13 +125,13 @@ def sought(robot: RobotGeometry, said: TrackingSettings | None) -> TrackingSetti
     return said.model_copy(update=changes)
 
 
-def mark_geometry(robot: Robot) -> MarkGeometry:
+def mark_geometry(robot: Robot | MeasuredRobot) -> MarkGeometry:
     """Where the marks are: body frame and height above the plate, mm. Raises InputError for different heights."""
     _equal_heights(robot.layout, robot.name)
     return MarkGeometry(robot.points_mm, height_mm=robot.layout[0].height_mm)
 
 
-def marks_height_mm(robot: Robot) -> float:
+def marks_height_mm(robot: Robot | MeasuredRobot) -> float:
     """Height of the marks above the plate. Raises InputError for different heights."""
     _equal_heights(robot.layout, robot.name)
     return robot.layout[0].height_mm
@@ -226,8 +188,10 @@ def _equal_heights(layout: tuple[Mark, ...], name: str) -> None:
         raise InputError(f"{name}: marks of different heights {sorted(heights)}; measuring needs equal ones")
 
 
-def robot_shape(robot: Robot) -> RobotShape:
-    """Outline and wheels, body frame, mm."""
+def robot_shape(robot: Robot | MeasuredRobot) -> RobotShape | None:
+    """Outline and wheels, body frame, mm; None where a file that is for measuring alone does not say them."""
+    if isinstance(robot, MeasuredRobot):
+        return _shape(robot)
     return RobotShape(
         wheel_positions_mm=tuple((float(x), float(y)) for x, y in robot.wheel_positions_mm()),
         wheel_radius_mm=robot.driving_radius_mm,

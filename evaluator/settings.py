@@ -5,13 +5,15 @@ from __future__ import annotations
 import datetime as dt
 import tomllib
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticKnownError
 
 from evaluator.errors import InputError
 from evaluator.interchange.tracks import Tracks
+from simulator.mark_layout import Mark, Marks, checked_layout
+from simulator.robot import Robot, shipped_robot_text, shipped_robots
 
 if TYPE_CHECKING:
     from evaluator.interchange.commands import Told
@@ -180,3 +182,58 @@ def load_experiment(path: Path) -> Experiment:
     if experiment.tracking and not experiment.tracking.exists():
         raise InputError(f"{path}: tracking = {raw.tracking}: no such file")
     return experiment
+
+
+class MeasuredRobot(BaseModel):
+    """The part of robot.toml that measurement reads; the simulator checks the rest."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    name: str = "robot"
+    marks: Marks | None = None
+    mark: tuple[Mark, ...] = ()
+    body: dict[str, Any] = Field(default_factory=dict)
+    wheels: dict[str, Any] = Field(default_factory=dict)
+    wheel: tuple[dict[str, Any], ...] = ()
+
+    @model_validator(mode="after")
+    def _has_marks(self) -> Self:
+        if self.marks is None and not self.mark:
+            raise ValueError("there is neither [marks] nor [[mark]]; say where the marks sit on the robot")
+        if not checked_layout(self.marks or Marks(), self.mark):
+            raise ValueError("[marks] places no mark; say where each sits, NAME_mm = [x, y]")
+        return self
+
+    @property
+    def layout(self) -> tuple[Mark, ...]:
+        """All marks, in the order of the file."""
+        return self.mark or (self.marks or Marks()).each()
+
+    @property
+    def points_mm(self) -> dict[str, tuple[float, float]]:
+        """Places of all points that a tracker sees, by name: centres of marks, and corners of tags."""
+        return {name: place for mark in self.layout for name, place in mark.points_mm().items()}
+
+
+def load_measured(name_or_path: Path) -> MeasuredRobot:
+    """Read what measurement needs of a shipped robot by name or of any robot.toml by path.
+
+    Raises SimulationError for an unknown name, else OSError, tomllib.TOMLDecodeError, pydantic.ValidationError.
+    """
+    return MeasuredRobot.model_validate(tomllib.loads(_robot_text(name_or_path)))
+
+
+def load_any_robot(name_or_path: Path) -> Robot | MeasuredRobot:
+    """Read a robot; from a file without [slip], which no simulation can do without, what measurement needs.
+
+    Raises as `load_measured`.
+    """
+    content = tomllib.loads(_robot_text(name_or_path))
+    return Robot.model_validate(content) if "slip" in content else MeasuredRobot.model_validate(content)
+
+
+def _robot_text(name_or_path: Path) -> str:
+    text = str(name_or_path)
+    if text not in shipped_robots() and (text.endswith(".toml") or Path(text).exists()):
+        return Path(text).read_text(encoding="utf-8")
+    return shipped_robot_text(text)

@@ -14,6 +14,7 @@ from simulator.effects.catalogue import EFFECTS, faults_of_effects
 from simulator.effects.entry import EffectEntry
 from simulator.errors import SimulationError
 from simulator.nominal_robot import NominalRobot
+from simulator.own_effects.files import load_beside
 from simulator.units import in_standard_units
 
 UNITS_BY_SUFFIX = ("mm", "mN", "rpm")  # units of parameters that may be given in another of their kind
@@ -53,11 +54,13 @@ def shipped_robots() -> tuple[str, ...]:
 def load_robot(name_or_path: str | Path) -> Robot:
     """Read a shipped robot by name or any robot.toml by path.
 
-    Raises SimulationError for an unknown name, else OSError, tomllib.TOMLDecodeError, pydantic.ValidationError.
+    Effects of the user's own in the folder `effects` beside a file are known from then on. Raises SimulationError for
+    an unknown name and for a faulty effect, else OSError, tomllib.TOMLDecodeError, pydantic.ValidationError.
     """
     text = str(name_or_path)
     if text not in shipped_robots() and (text.endswith(".toml") or Path(text).exists()):
         content = Path(text).read_text(encoding="utf-8")
+        load_beside(Path(text).parent)
     else:
         content = shipped_robot_text(text)
     return Robot.model_validate(tomllib.loads(content))

@@ -33,10 +33,31 @@ Examples:
 @out_option
 @workers_option
 @dask_option
+@click.option(
+    "--effect",
+    "effects",
+    type=PATH,
+    multiple=True,
+    metavar="FILE",
+    help="Try an effect of your own, a .toml or .py file, too; repeat for more. A Python file is run.",
+)
+@click.option(
+    "--write-effect",
+    type=PATH,
+    metavar="FILE",
+    help="Where the verdict is unknown: write what explains the runs as an effect of your own.",
+)
 @json_option
 @quiet_option
 def diagnose(
-    experiments: tuple[Path, ...], out: Path, workers: int | None, dask: str | None, as_json: bool, quiet: bool
+    experiments: tuple[Path, ...],
+    out: Path,
+    workers: int | None,
+    dask: str | None,
+    effects: tuple[Path, ...],
+    write_effect: Path | None,
+    as_json: bool,
+    quiet: bool,
 ) -> int:
     """Name the missing effect that makes model and data disagree.
 
@@ -46,6 +67,10 @@ def diagnose(
     taken as exact. Where nothing has changed since the last time, that answer is given again at once; where it was
     interrupted, it goes on with the fits made so far.
 
+    Effects of your own, files effects/*.toml beside the experiment, are tried like those of the catalogue (turnscope
+    effects new ID writes one). Where the verdict is "unknown", own_effect.toml in DIR holds the form that explains the
+    runs: put it into effects/, and the next diagnosis names it.
+
     Several experiments are diagnosed side by side, each into a folder of its own name in DIR. No result depends on
     --workers or --dask.
     """
@@ -53,9 +78,13 @@ def diagnose(
     from evaluator.workflow import diagnose as diagnose_experiment
 
     if len(experiments) > 1:
+        if effects or write_effect is not None:
+            raise click.UsageError("--effect and --write-effect take one experiment at a time")
         return _diagnose_several(experiments, out, workers, dask, as_json=as_json, quiet=quiet)
     with progress_bar("diagnosis", quiet=quiet) as progress:
-        found = diagnose_experiment(experiments[0], out, workers=workers, dask=dask, progress=progress)
+        found = diagnose_experiment(experiments[0], out, workers=workers, dask=dask, effects=effects, progress=progress)
+    if write_effect is not None:
+        _write_effect(found, write_effect)
     if as_json:
         click.echo(json.dumps(found.content, indent=2, ensure_ascii=False))
     elif not quiet:
@@ -90,13 +119,32 @@ def _diagnose_several(
     return status
 
 
+def _write_effect(found: DiagnosisResult, path: Path) -> None:
+    """Write what explains the runs of an unknown verdict where it was asked for, under the name of the file."""
+    from evaluator.errors import InputError
+    from evaluator.files import write_text
+    from evaluator.workflow import Outputs
+    from simulator.own_effects.template import ID_LINE, id_of_file
+
+    form = Outputs(found.out).own_effect
+    if found.verdict != "unknown" or not form.is_file():
+        raise InputError(f"--write-effect {path}: the verdict is {found.verdict}; there is no new form to write")
+    first, rest = form.read_text(encoding="utf-8").split(ID_LINE, 1)
+    write_text(path, first + f'{ID_LINE}"{id_of_file(path)}"' + rest[rest.index("\n") :])
+    click.echo(path, err=True)
+
+
 def _say(found: DiagnosisResult) -> None:
     """Say what a diagnosis found and where it is written."""
     from evaluator.report.verdict import verdict_lines
+    from evaluator.workflow import Outputs
 
     same = "" if found.anew else "  (nothing has changed since it was made)"
     click.echo("\n".join(verdict_lines(found.content)))
     click.echo(f"\n{found.out / 'diagnosis.json'}{same}")
+    form = Outputs(found.out).own_effect
+    if found.verdict == "unknown" and form.is_file():
+        click.echo(f"{form}  (the form that explains the runs: put it into effects/ to add it as your effect)")
 
 
 def _left_out(content: dict[str, Any]) -> int:

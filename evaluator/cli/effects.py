@@ -18,15 +18,44 @@ WIDTH = 100  # of the lines of a list, in a terminal that is as wide
 
 
 @click.command(
-    epilog="\b\nExamples:\n  turnscope effects\n  turnscope effects plate-tilt\n  turnscope effects --html effects.html"
+    epilog="\b\nExamples:\n  turnscope effects\n  turnscope effects plate-tilt"
+    "\n  turnscope effects --html effects.html\n  turnscope effects new mixed-drive"
 )
-@click.argument("effect_id", required=False, metavar="[ID]")
+@click.argument("effect_id", required=False, metavar="[ID | new ID]")
+@click.argument("new_id", required=False, metavar="")
+@click.option("--effect", "files", type=PATH, multiple=True, metavar="FILE", help="Also an own effect, .toml or .py.")
+@click.option("-o", "--out", type=PATH, metavar="FILE", help="Where `new` writes; default effects/ID.toml.")
+@click.option("--python", is_flag=True, help="Let `new` write a Python file, ID.py.")
 @click.option("--html", type=PATH, metavar="FILE", help="Write the whole catalogue as a page with drawings.")
 @json_option
-def effects(effect_id: str | None, html: Path | None, as_json: bool) -> None:
-    """List the effects that can be simulated and found, or describe one: its law, parameters, source and limits."""
+def effects(
+    effect_id: str | None,
+    new_id: str | None,
+    files: tuple[Path, ...],
+    out: Path | None,
+    python: bool,
+    html: Path | None,
+    as_json: bool,
+) -> None:
+    """List the effects that can be simulated and found, or describe one: its law, parameters, source and limits.
+
+    Effects of your own are listed too: those of the folder effects/ here, of installed packages (entry points
+    turnscope.effects), and those named by --effect. `new ID` writes a commented file to begin with.
+    """
     from evaluator.errors import InputError
+    from evaluator.files import read_with
     from simulator.effects.catalogue import EFFECTS, nearest_effect
+    from simulator.own_effects.files import load_beside, load_installed, load_own
+
+    if effect_id == "new":
+        _write_new(new_id, out, python=python)
+        return
+    if new_id is not None or out is not None or python:
+        raise InputError("only `turnscope effects new ID` takes a second ID, -o FILE or --python")
+    load_installed()
+    load_beside(Path())
+    for file in files:
+        read_with(load_own, file)
 
     if html is not None:
         if effect_id is not None or as_json:
@@ -46,6 +75,28 @@ def effects(effect_id: str | None, html: Path | None, as_json: bool) -> None:
         lines = click.HelpFormatter(width=WIDTH)
         lines.write_dl([(effect.id, effect.sentence) for effect in EFFECTS.values()])
         click.echo(lines.getvalue().rstrip())
+
+
+def _write_new(effect_id: str | None, out: Path | None, *, python: bool) -> None:
+    """Write the template of an own effect; a file that is there stays."""
+    from evaluator.errors import InputError
+    from evaluator.files import write_text
+    from simulator.own_effects.files import ID_FORM, is_built_in
+    from simulator.own_effects.template import python_template, template
+
+    if effect_id is None or not ID_FORM.fullmatch(effect_id):
+        raise InputError(
+            f"turnscope effects new {effect_id or ''}: give an id of small letters and digits, words joined by -, "
+            "such as mixed-drive"
+        )
+    if is_built_in(effect_id):
+        raise InputError(f"{effect_id} is an effect of the catalogue; choose another id")
+    path = out or (Path(f"{effect_id}.py") if python else Path("effects") / f"{effect_id}.toml")
+    if path.exists():
+        raise InputError(f"{path} is there already; choose another id or -o FILE")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, python_template(effect_id, str(path)) if python else template(effect_id))
+    click.echo(path)
 
 
 def described(effect: Effect) -> dict[str, Any]:

@@ -28,6 +28,7 @@ COMMANDS = {
     "simulate": ("simulate", "Simulate one run."),
     "steady": ("steady", "Tabulate steady turning radii over speeds and ratios."),
     "sweep": ("sweep", "Simulate grids and samples of runs."),
+    "export-robot": ("export_robot", "Write a robot for MuJoCo, and say what is lost."),
     "effects": ("effects", "List the effects that can be simulated and found, or describe one."),
     "slip-bench": ("slip_bench", "Turn bench torques into forces and a fitted slip law."),
     "paper": ("paper", "Recompute every published figure and number."),

@@ -171,7 +171,7 @@ def _searched(session: Session, progress: Progress, ends: Ends | None) -> tuple[
     """The search over named effects without the runs held out, the nominal point, and all terms by id."""
     data = session.data
     given = {entry.id for entry in session.robots[0].effect}
-    every = named_terms(_reach(session), _levels(session))
+    every = named_terms(_reach(session), _levels(session), session.own)
     named = {effect: term for effect, term in every.items() if effect not in given}
     terms: dict[str, Candidate] = {**named, **free_terms()}
     progress("noise", 0.0)

@@ -47,6 +47,7 @@ class Session:
     start_sigma_s: float = 0.0
     mistakes: tuple[Mistake, ...] = ()  # runs concerned are not in data
     relevant: Relevant = field(default_factory=Relevant)
+    own: tuple[str, ...] = ()  # ids of the user's own effects, tried like those of the catalogue
 
     @property
     def tolerance(self) -> dict[str, float]:

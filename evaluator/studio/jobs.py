@@ -10,16 +10,17 @@ import json
 import multiprocessing
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from evaluator.files import write_text
 from evaluator.studio.folder import Folder
-from evaluator.studio.work import KINDS, carry_out
+from evaluator.studio.work import carry_out
+from evaluator.workflow import Outputs, files_named, out_folder
 
 JOURNAL = ".turnscope-studio.json"
+TAKEN_UP = ("analyse", "diagnose")  # after the studio was ended; the file may be another's: it names no more than these
 ENDED = ("done", "failed", "cancelled", "paused")
 MOST_KEPT = 20  # ended jobs that are remembered
 CANCEL_S = 15.0  # work looks for a wish to end every second; what does not is killed: its files are whole all the same
@@ -61,8 +62,11 @@ class Jobs:
         self._thread.start()
         try:
             for order in json.loads((self._folder.root / JOURNAL).read_text(encoding="utf-8"))["running"]:
-                if order.get("kind") in KINDS and self._folder.inside(Path(order["target"])).exists():
-                    self.add(order["kind"], self._folder.root / order["target"], order.get("options", {}))
+                if order["kind"] in TAKEN_UP:
+                    experiment = self._folder.inside(Path(order["target"]))
+                    for path in files_named(experiment):
+                        self._folder.inside(path)
+                    self.add(order["kind"], experiment)
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return  # nothing was under way
 
@@ -181,8 +185,6 @@ class Jobs:
 
     def _finished(self, job: Job) -> list[str]:
         """Runs whose record was written since the job began."""
-        from evaluator.workflow import Outputs, out_folder
-
         outputs = Outputs(out_folder(self._folder.root / job.target))
 
         def done(run: str) -> bool:
@@ -190,6 +192,3 @@ class Jobs:
             return path.is_file() and path.stat().st_mtime >= job.began
 
         return [run for run, steps in job.outdated.items() if steps and done(run)]
-
-
-Changed = Callable[[], None]

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from evaluator.workflow.rendering import Rendered, SceneOrder, read_scene, render_scene, render_scenes
     from evaluator.workflow.results.outputs import Outputs
     from evaluator.workflow.runs.budget import budget_of
-    from evaluator.workflow.simulation import simulate, steady_turns
+    from evaluator.workflow.simulation import export_robot, simulate, steady_turns
     from evaluator.workflow.slip_bench import SlipBench, evaluate_slip, evaluate_virtual_slip
     from evaluator.workflow.sweep import SweepDone, run_sweep
     from evaluator.workflow.tracking import Tracked, track_recording
@@ -107,6 +107,7 @@ __all__ = [
     "evaluate_virtual_slip",
     "experiments_among",
     "export",
+    "export_robot",
     "files_named",
     "gauge_pdf",
     "new_experiment",
@@ -184,10 +185,7 @@ _HOMES = {
     ),
     "evaluator.workflow.results.outputs": ("Outputs",),
     "evaluator.workflow.runs.budget": ("budget_of",),
-    "evaluator.workflow.simulation": (
-        "simulate",
-        "steady_turns",
-    ),
+    "evaluator.workflow.simulation": ("export_robot", "simulate", "steady_turns"),
     "evaluator.workflow.slip_bench": (
         "SlipBench",
         "evaluate_slip",

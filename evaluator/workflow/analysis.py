@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from evaluator.errors import InputError
 from evaluator.files import read_with, write_table
 from evaluator.progress import Progress, no_progress, part_way
-from evaluator.settings import Experiment, load_experiment
+from evaluator.settings import Experiment, MeasuredRobot, load_any_robot, load_experiment
 from evaluator.workflow.execution.answers import answers_of
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.provenance import write_provenance
@@ -169,11 +169,12 @@ def pending(experiment: Path | str, out: Path | str = "out", *, simulate: bool =
 
 def jobs_of(experiment: Experiment, outputs: Outputs, *, simulate: bool) -> list[Job]:
     """The job of every run. Raises InputError for a robot that cannot be read: it concerns more than one run."""
-    robots: dict[str, Robot] = {}
+    robots: dict[str, Robot | MeasuredRobot] = {}
+    load = load_robot if simulate else load_any_robot  # mere measuring needs no more than marks
     for run in experiment.run:
         name = run.robot or experiment.robot
         if name not in robots:
-            robots[name] = read_with(load_robot, Path(name))
+            robots[name] = read_with(load, Path(name))
     # Absolute, for workers that were not started where this process was.
     shared = (experiment.tracking, experiment.tracks, outputs.folder.resolve(), simulate)
     return [

@@ -77,10 +77,10 @@ def _faults_of_named_files(path: Path) -> Iterator[str]:
 
 
 def _robot(folder: Path, name: str, experiment: Path) -> Iterator[str]:
-    from simulator.robot import load_robot
+    from evaluator.settings import load_any_robot
 
     del experiment
-    yield from _fault(load_robot, folder / name if name.endswith(".toml") else Path(name))
+    yield from _fault(load_any_robot, folder / name if name.endswith(".toml") else Path(name))
 
 
 def _camera(folder: Path, name: str, experiment: Path) -> Iterator[str]:
@@ -135,12 +135,12 @@ def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
 
 def _marks_of_robot(folder: Path, content: dict[str, Any]) -> tuple[str, ...]:
     """Marks of the robot of an experiment; none where it cannot be read, which is said of the robot."""
+    from evaluator.settings import load_any_robot
     from simulator.errors import SimulationError
-    from simulator.robot import load_robot
 
     name = str(content.get("robot", ""))
     try:
-        return tuple(load_robot(folder / name if name.endswith(".toml") else name).points_mm)
+        return tuple(load_any_robot(folder / name if name.endswith(".toml") else Path(name)).points_mm)
     except (OSError, ValueError, SimulationError):
         return ()
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from evaluator.errors import InputError
-from evaluator.files import read_with
+from evaluator.files import read_with, write_text
 from simulator.command import Command
 from simulator.robot import Robot, load_robot
 from simulator.run import Run, State
@@ -75,6 +75,20 @@ def steady_turns(robot: Robot | Path | str, left_rpm: Sequence[float], ratios: S
         "yaw_rate_deg_s": np.degrees(found.yaw_rate_rad_s).ravel(),
     }
     return pd.DataFrame(columns)
+
+
+def export_robot(
+    robot: Robot | Path | str, output: Path | str, left_rpm: float = 33.3, right_rpm: float = 14.4
+) -> tuple[str, ...]:
+    """Write a robot for MuJoCo (MJCF), matched at the steady turn of a command; returns what was lost, as sentences.
+
+    Raises InputError and SimulationError as robot_of, and SimulationError for a robot with effects.
+    """
+    from simulator.exchange.mjcf import losses, mjcf
+
+    described = robot_of(robot)
+    write_text(Path(output), mjcf(described, left_rpm, right_rpm))
+    return losses(described, left_rpm, right_rpm)
 
 
 def robot_of(robot: Robot | Path | str) -> Robot:

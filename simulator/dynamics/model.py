@@ -166,6 +166,7 @@ def _numbers_of_motors(draft: Draft, unit: float) -> dict[str, Sequence[float]]:
         "dead_time": (draft.dead_time_s / unit,),
         "lag": (draft.lag_s / unit,),
         "compliance": (draft.compliance_rad_per_mN / UN_PER_MN,),
+        "mix": draft.mix.ravel().tolist(),
     }
 
 

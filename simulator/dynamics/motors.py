@@ -53,6 +53,7 @@ def command_segments(knots: Any, begin: float, end: float, model: Any) -> Any:
     knots: (k, 3) time, left and right rpm. The lag starts settled on the first value.
     """
     count = len(knots)
+    knots = _mixed(knots, model.mix)
     segments = np.zeros((12 * (count + 2), COLUMNS))
     used = counter(0)
     lagged = np.zeros(2)
@@ -72,6 +73,20 @@ def command_segments(knots: Any, begin: float, end: float, model: Any) -> Any:
                 continue
             used = _add_part(segments, used, knots, piece, low, start, stop, begin, lagged, turned, model)
     return segments[:used]
+
+
+@compiled()
+def _mixed(knots: Any, mix: Any) -> Any:
+    """Knots with what a drive that mixes its sides adds; mix (8,): see simulator.effects.draft.Draft."""
+    told = np.empty((len(knots), 3))
+    for row in range(len(knots)):
+        left, right = knots[row, 1], knots[row, 2]
+        told[row, 0] = knots[row, 0]
+        for side in range(2):
+            more = mix[4 * side] * left + mix[4 * side + 1] * right
+            more += mix[4 * side + 2] * abs(left) + mix[4 * side + 3] * abs(right)
+            told[row, 1 + side] = knots[row, 1 + side] + more
+    return told
 
 
 @compiled()

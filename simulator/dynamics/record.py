@@ -38,6 +38,7 @@ NUMBERS: dict[str, int | str] = {
     "dead_time": 1,
     "lag": 1,
     "compliance": 1,  # rad per µN
+    "mix": 8,  # added to the left, then to the right command, per rpm of left, right and their sizes
 }
 # Numbers of the slip law of one wheel, in the order above.
 LAW = (

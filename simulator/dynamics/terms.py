@@ -15,10 +15,12 @@ UN_PER_MN = 1000.0  # files say mN, terms µN = g·mm/s²
 
 # Channels. Body: force in the body frame, moment, force in the plate frame (µN, µN·mm). Wheel: relative change of
 # surface speed, load, stiffness, friction coefficient, and of the latter across the wheel alone; toe angle (rad); force
-# along the wheel (µN). Camera: error of the measured place of a mark, mm.
+# along the wheel (µN). Camera: error of the measured place of a mark, mm. Drive: rotational frequency that is added to
+# what the left and the right driving wheels are commanded, rpm.
 FORCE_FORWARD, FORCE_LEFT, MOMENT, FORCE_PLATE_X, FORCE_PLATE_Y = range(5)
 SPEED, STEER, LOAD, STIFFNESS, DRAG, FRICTION, FRICTION_ACROSS = range(5, 12)
 CAMERA_X, CAMERA_Y = 12, 13
+LEFT_DRIVE, RIGHT_DRIVE = 14, 15
 CHANNELS = {
     "force_forward": FORCE_FORWARD,
     "force_left": FORCE_LEFT,
@@ -34,12 +36,16 @@ CHANNELS = {
     "friction_across": FRICTION_ACROSS,
     "camera_x": CAMERA_X,
     "camera_y": CAMERA_Y,
+    "left_drive": LEFT_DRIVE,
+    "right_drive": RIGHT_DRIVE,
 }
 
 # Bases. From COS on they change along a steady turn, so that no circle closes the motion.
 ONE, U, V, YAW, U_ABS, V_ABS, YAW_ABS, ABS_U, ABS_YAW, SIGN_U, SIGN_V, SIGN_YAW = range(12)
 COS, SIN, COS2, SIN2, X, Y, TIME, COS_ANGLE, SIN_ANGLE, TOWARD_X, TOWARD_Y, SLIDE_COS2, SLIDE_SIN2 = range(12, 25)
 X_CUBED, Y_CUBED = 25, 26
+# Of the drive alone: what both sides are commanded, rpm, and its size.
+LEFT_COMMAND, RIGHT_COMMAND, ABS_LEFT_COMMAND, ABS_RIGHT_COMMAND = range(27, 31)
 BASES = {
     "one": ONE,
     "u": U,
@@ -68,6 +74,10 @@ BASES = {
     "sin_2_slide": SLIDE_SIN2,
     "x_r_squared": X_CUBED,  # x·(x² + y²): what a lens leaves
     "y_r_squared": Y_CUBED,
+    "left_command": LEFT_COMMAND,
+    "right_command": RIGHT_COMMAND,
+    "abs_left_command": ABS_LEFT_COMMAND,
+    "abs_right_command": ABS_RIGHT_COMMAND,
 }
 
 
@@ -148,7 +158,12 @@ class Term:
     @property
     def is_seen_only(self) -> bool:
         """Whether the term is an error of the measurement: the robot does not feel it."""
-        return self.channel >= CAMERA_X
+        return self.channel in (CAMERA_X, CAMERA_Y)
+
+    @property
+    def acts_on_drive(self) -> bool:
+        """Whether the term adds to what the driving wheels are commanded."""
+        return self.channel in (LEFT_DRIVE, RIGHT_DRIVE)
 
     @property
     def depends_on_velocity(self) -> bool:

@@ -49,7 +49,8 @@ def _faults(entry: EffectEntry) -> Iterator[str]:
         return
     if entry.id not in EFFECTS:
         near = nearest_effect(entry.id)
-        yield f"unknown effect {entry.id}" + (f"; did you mean {near}?" if near else "")
+        own = f"an effect of your own is read from effects/{entry.id}.toml beside the robot file or the experiment"
+        yield f"unknown effect {entry.id}; " + (f"did you mean {near}?" if near else own)
         return
     parameters = {parameter.name: parameter for parameter in EFFECTS[entry.id].parameters}
     if not given:

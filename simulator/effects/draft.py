@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from simulator.dynamics.layout import Layout
 from simulator.dynamics.statics import wheel_loads
-from simulator.dynamics.terms import Term
+from simulator.dynamics.terms import LEFT_COMMAND, LEFT_DRIVE, Term
 from simulator.nominal_robot import NominalRobot
 
 Array = NDArray[np.float64]
@@ -21,7 +21,8 @@ class Draft:
     """What effects may change before a robot is compiled: factors over the wheels, offsets, and added terms.
 
     Arrays over wheels are in the order of the robot's, (n,); speed_factor: of the left and the right command.
-    run_index counts the runs of a session from 0.
+    run_index counts the runs of a session from 0. mix: what is added to the left and right command per rpm of the left
+    and the right command and of their sizes.
     """
 
     robot: NominalRobot
@@ -39,6 +40,7 @@ class Draft:
     compliance_rad_per_mN: float = 0.0
     terms: list[Term] = field(default_factory=list)
     last: list[Callable[[Draft], None]] = field(default_factory=list)
+    mix: Array = field(default_factory=lambda: np.zeros((2, 4)))
 
     def __post_init__(self) -> None:
         """Take wheels and centre of gravity from the robot."""
@@ -49,7 +51,11 @@ class Draft:
 
     def add(self, *terms: Term) -> None:
         """Add terms; those with coefficient 0 are dropped, so that an absent effect costs nothing."""
-        self.terms += [term for term in terms if term.coefficient]
+        for term in terms:
+            if term.acts_on_drive:
+                self.mix[term.channel - LEFT_DRIVE, term.basis - LEFT_COMMAND] += term.coefficient
+            elif term.coefficient:
+                self.terms.append(term)
 
     def finally_do(self, act: Callable[[Draft], None]) -> None:
         """Let an effect act once all others have, where it needs the loads or the centre of gravity they leave."""

@@ -4,7 +4,7 @@
     id = "free-form"
     channel = "force_forward"       # where it acts, see simulator.dynamics.terms.CHANNELS
     basis = "sign_u"                # what it depends on, see simulator.dynamics.terms.BASES
-    coefficient = -0.4              # mN, µN·mm, deg (steer), mm (camera) or relative; per unit of the basis
+    coefficient = -0.4              # mN, µN·mm, deg (steer), mm (camera), rpm (drive) or relative, per basis
     pattern = "common"              # over the wheels, see simulator.dynamics.terms.PATTERNS
     point_mm = [0.0, 0.0]           # for the bases toward_x and toward_y
 
@@ -19,6 +19,8 @@ from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from simulator.dynamics.terms import (
+    ABS_LEFT_COMMAND,
+    ABS_RIGHT_COMMAND,
     BASES,
     CAMERA_X,
     CHANNELS,
@@ -28,7 +30,10 @@ from simulator.dynamics.terms import (
     FORCE_LEFT,
     FORCE_PLATE_X,
     FORCE_PLATE_Y,
+    LEFT_COMMAND,
+    LEFT_DRIVE,
     PATTERNS,
+    RIGHT_COMMAND,
     SIN_ANGLE,
     SLIDE_COS2,
     SLIDE_SIN2,
@@ -48,6 +53,7 @@ _CHOICES: dict[str, Collection[str]] = {"channel": CHANNELS, "basis": BASES, "pa
 _OF_WHEELS = (COS_ANGLE, SIN_ANGLE, SLIDE_COS2, SLIDE_SIN2)
 _OF_LENSES = (X_CUBED, Y_CUBED)
 _OF_CAMERAS = (X, Y, TIME, *_OF_LENSES)
+_OF_DRIVES = (LEFT_COMMAND, RIGHT_COMMAND, ABS_LEFT_COMMAND, ABS_RIGHT_COMMAND)
 
 
 def scale_of_channel(channel: int) -> float:
@@ -94,8 +100,12 @@ def faults(given: Mapping[str, Any]) -> Iterator[str]:
     of_wheels = SPEED <= channel < CAMERA_X
     if basis in _OF_WHEELS and not of_wheels:
         yield f"effect {ID}: basis {given['basis']} belongs to wheels, channel {given['channel']} does not"
-    if (channel >= CAMERA_X and basis not in _OF_CAMERAS) or (channel < CAMERA_X and basis in _OF_LENSES):
-        yield f"effect {ID}: channel {given['channel']} does not take basis {given['basis']}"
+    takes = _OF_DRIVES if channel >= LEFT_DRIVE else _OF_CAMERAS if channel >= CAMERA_X else None
+    fits = basis in takes if takes is not None else basis not in (*_OF_LENSES, *_OF_DRIVES)
+    if not fits:
+        bases = [name for name, number in BASES.items() if takes is None or number in takes]
+        hint = f"; it takes {', '.join(bases)}" if takes is not None else ""
+        yield f"effect {ID}: channel {given['channel']} does not take basis {given['basis']}{hint}"
 
 
 def _is_number(value: object) -> bool:

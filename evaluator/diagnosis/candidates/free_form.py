@@ -37,6 +37,8 @@ CHANNEL_STEP = {
     "friction_across": 0.01,
     "camera_x": 0.02,
     "camera_y": 0.02,
+    "left_drive": 0.002,
+    "right_drive": 0.002,
 }
 # What is relative keeps its sign, and stays within what a wheel can be: a law of another shape may be several times as
 # stiff at first.
@@ -46,6 +48,8 @@ RELATIVE = {
     "stiffness": (-0.9, 6.0),
     "friction": (-0.9, 2.0),
     "friction_across": (-0.9, 2.0),
+    "left_drive": (-1.5, 1.5),
+    "right_drive": (-1.5, 1.5),
 }
 CHANNEL_WORDS = {
     "force_forward": ("a force along the robot", "mN"),
@@ -62,6 +66,8 @@ CHANNEL_WORDS = {
     "friction_across": ("a relative change of the friction across the wheels", "1"),
     "camera_x": ("an error of the measured x", "mm"),
     "camera_y": ("an error of the measured y", "mm"),
+    "left_drive": ("a rotation of the left wheels beside their command", "rpm"),
+    "right_drive": ("a rotation of the right wheels beside their command", "rpm"),
 }
 BASIS_WORDS = {
     "one": ("that is constant", ""),
@@ -85,6 +91,8 @@ BASIS_WORDS = {
     "time": ("growing with time in the run", "/s"),
     "x_r_squared": ("growing with x times the square of the distance from the origin", "/mm³"),
     "y_r_squared": ("growing with y times the square of the distance from the origin", "/mm³"),
+    "left_command": ("proportional to the left command", "/rpm"),
+    "right_command": ("proportional to the right command", "/rpm"),
 }
 # Sizes of the bases on this plate and at these speeds, by which steps are divided.
 BASIS_SIZE = {
@@ -213,6 +221,9 @@ def _families() -> Iterator[tuple[Item, ...]]:
     yield from each("load", "sign_u", "abs_yaw_rate", pattern="front-rear")
     yield from each("load", "sign_yaw_rate", pattern="driving-left-right")
     yield from each("drag", "sign_u", "u", pattern="left-right")
+    # a drive that mixes its sides: gears that share a shaft, a mixer in the controller
+    yield Item("left_drive", "right_command"), Item("right_drive", "left_command")
+    yield tuple(Item(f"{a}_drive", f"{b}_command") for a in ("left", "right") for b in ("left", "right"))
     yield Item("camera_x", "time"), Item("camera_y", "time")  # a picture that creeps
     yield Item("camera_x", "x"), Item("camera_x", "y")  # unequal scales and a shear; the rest is a scale and a turn
     yield Item("camera_x", "x_r_squared"), Item("camera_y", "y_r_squared")  # what a lens leaves

@@ -32,7 +32,7 @@ from evaluator.diagnosis.likelihood.features import channels_of, compression
 from evaluator.diagnosis.likelihood.mixed_model import at_scatter, reduce_runs
 from evaluator.diagnosis.likelihood.noise import Noise
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
-from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, RunData
+from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, Forward, RunData
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from simulator.effects.coordinates import Candidate
 from simulator.robot import Robot
@@ -55,17 +55,20 @@ def hypothetical(
     runs: Sequence[CandidateRun],
     orders: Sequence[int],
     point: Point,
+    like: Forward | None = None,
 ) -> tuple[Problem, Point]:
     """A problem of runs that were not made; their measured marks are what the point predicts.
 
-    orders: the place of each run in its session.
+    orders: the place of each run in its session. like: of the session whose laboratory makes them too, and knows start,
+    clock, wheels and level no better.
     """
     times = [np.arange(0.0, item.duration_s + REST_S, 1 / RATE_HZ) for item in runs]
     data = tuple(
         RunData(f"c{number}", *item.command, REST_S, None, time, np.zeros((len(time), 4)), order)
         for number, (item, time, order) in enumerate(zip(runs, times, orders, strict=True))
     )
-    forward = Simulated((robot,) * len(data), data, terms)
+    known = (like.known, like.start_sigma_s) if isinstance(like, Simulated) else ()
+    forward = Simulated((robot,) * len(data), data, terms, *known)
     own = np.zeros((len(data), OWN_NUMBERS))
     own[:, :3] = [(item.x_mm, item.y_mm, np.radians(item.heading_deg)) for item in runs]
     placed_at = replace(point, own=own)
@@ -192,7 +195,8 @@ def best_next_runs(
     def of(options: Sequence[CandidateRun]) -> dict[str, list[Information]]:
         orders = [len(data)] * len(options)
         fit, noise = search.fits[chosen], search.problem.noise[0]
-        problem, at = hypothetical(robot, dict(search.terms), noise, options, orders, fit.point)
+        forward = search.problem.forward
+        problem, at = hypothetical(robot, dict(search.terms), noise, options, orders, fit.point, forward)
         views = {name: [from_rival(problem, at, rival)] for name, rival in rivals.items()}
         for name, rival in rivals.items():
             if not any(search.terms[effect].starts for effect in chosen ^ rival.fit.terms):
@@ -211,6 +215,10 @@ def best_next_runs(
     reached = {name: runs_until_enough(views)[1] for name, views in told.items()}
     inseparable = {name: sigmas for name, sigmas in reached.items() if sigmas < ENOUGH_SIGMAS}
     able = {name: views for name, views in told.items() if name not in inseparable}
+    if not chosen:
+        inseparable = {}  # of no effect against one whose size may be nought there is nothing to tell
+    if not able and not inseparable:
+        return None
     if not able:
         return NextRuns((), {}, inseparable)
     made, _ = runs_until_enough(list(chain(*able.values())))

@@ -37,8 +37,6 @@ MOST_STEPS = 1500
 TOLERANCE_MM = 1e-6
 
 
-# Effects that differ from run to run of a session; all others are compiled once for all runs of a robot.
-BY_ORDER = frozenset(effect.id for effect in EFFECTS.values() if effect.varies_by_run)
 MOST_VARIANTS = 5000
 
 
@@ -69,8 +67,8 @@ class Simulated:
         known: size of a deviation of 1 of each quantity of the laboratory that acts here (known_to.simulated_sigmas);
         start_sigma_s: standard deviation of a run's start.
         """
-        self._known = dict(known or {})
-        self._start_sigma_s = start_sigma_s
+        self.known = dict(known or {})
+        self.start_sigma_s = start_sigma_s
         self.robots: tuple[Robot, ...] = tuple(robots)
         self._slots = room_for(self.robots)
         self._data = tuple(data)
@@ -146,11 +144,11 @@ class Simulated:
 
     def _late_s(self, task: Task) -> float:
         """How much later than stated the motors of a task start."""
-        return task.own[6] * self._start_sigma_s + self._deviation(task.nominal, START)
+        return task.own[6] * self.start_sigma_s + self._deviation(task.nominal, START)
 
     def _deviation(self, nominal: Mapping[str, float], key: str) -> float:
         """Deviation of a quantity of the laboratory in its unit."""
-        return nominal.get(key, 0.0) * self._known.get(key, 0.0)
+        return nominal.get(key, 0.0) * self.known.get(key, 0.0)
 
     def _true_times(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[Floats]:
         """Start of the simulation, then the frames; a measured time is the true one times the time factor."""
@@ -174,14 +172,16 @@ class Simulated:
         for task in tasks:
             run = self._data[task.run]
             kind = self._kinds[task.run]
-            ordered = BY_ORDER.intersection(task.terms) or any(e.id in BY_ORDER for e in self.robots[kind].effect)
+            ordered = any(varies_by_run(effect) for effect in task.terms) or any(
+                varies_by_run(entry.id) for entry in self.robots[kind].effect
+            )
             place = kind, run.order if ordered else 0
             key = *place, id(task.nominal), id(task.terms)  # mappings live as long as their tasks
             if key not in met:
                 nominal = {
                     name: value
                     for name, value in task.nominal.items()
-                    if not is_shared(name) or (name in self._known and name != START)
+                    if not is_shared(name) or (name in self.known and name != START)
                 }
                 lasting = *place, *nominal.items(), *task.terms.items()
                 if lasting not in self._variants:
@@ -259,6 +259,11 @@ def _integrated(
         MOST_STEPS,
     )
     return out
+
+
+def varies_by_run(effect: str) -> bool:
+    """Whether an effect differs from run to run of a session; all others are compiled once for all runs of a robot."""
+    return effect in EFFECTS and EFFECTS[effect].varies_by_run
 
 
 def _act(effect: str, draft: Draft, values: Mapping[str, float]) -> None:

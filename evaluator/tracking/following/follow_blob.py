@@ -66,6 +66,7 @@ class BlobFollower(Motion):
     blob: Blob | None = field(default=None)  # as it was seen last
     unsteady: float = 1e-6  # variance of the logarithm of the area
     areas: tuple[float, ...] = ()  # logarithms of the last three
+    outline: list[tuple[float, float, float, float]] = field(default_factory=list)  # as `widen_by_outline` takes it
 
     def __post_init__(self) -> None:
         """Work out what follows from the arguments."""
@@ -135,7 +136,10 @@ class BlobFollower(Motion):
             self.strength += rate * (self.blob.strength - self.strength)
             self.color[4] += rate * (0.45 * self.strength - self.color[4])
             # A bar of length l has a variance of l²/12 along it, an ellipse one of l²/16.
-            self.long_px = float(np.sqrt(4.0 * np.linalg.eigvalsh(self.blob.spread_px2)[1]))
+            (short, long), axes = np.linalg.eigh(self.blob.spread_px2)
+            self.long_px = float(2.0 * np.sqrt(max(long, 0.0)))
+            sides = float(np.sqrt(12.0 * max(long, 0.0))), float(np.sqrt(12.0 * max(short, 0.0)))
+            self.outline.append((time_s, *sides, float(np.arctan2(axes[1, 1], axes[0, 1]))))
 
     def _note_area(self, log_area: float) -> None:
         """Learn how unsteady the area is, apart from slow changes of slant and distance."""

@@ -37,7 +37,7 @@ def try_blob(
     surely: it is followed so even where a disc might describe it. Returns the follower as it is after them, and what it
     measured.
     """
-    blob = replace(start, color=start.color.copy())
+    blob = replace(start, color=start.color.copy(), outline=[])
     sightings, ratios, interval_s, before = list[Sighting](), list[float](), 0.0, start.time_s
     for frame, one in held:
         if frame.index < first or one.status == REPEATED:

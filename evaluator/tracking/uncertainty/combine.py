@@ -16,6 +16,7 @@ from evaluator.tracking.following.repeated_frames import repeated_pictures
 from evaluator.tracking.observation import ALONE, BACKGROUND, OFF_COURSE, REPEATED, STRANGER, WRONG_DISTANCE
 from evaluator.tracking.uncertainty.codec import hidden_variance, steady_times
 from evaluator.tracking.uncertainty.exposure import exposed
+from evaluator.tracking.uncertainty.outline import widen_by_outline
 from evaluator.tracking.uncertainty.rigid_pair import Distance, wrong_ends
 
 Array = NDArray[np.float64]
@@ -54,6 +55,8 @@ def refine(
             shifted = follower.light.shifted(times)
             values[shifted, :2] -= shift[shifted]
             values[shifted, 2:4] += variance[shifted, None]
+        if isinstance(follower, BlobFollower):
+            widen_by_outline(times, values, follower.outline)
         _allow_for_onsets(values)
         shift, variance = exposed(time_s, values[:, :2], values[:, 2:4], follower.shutter)
         values[:, :2] -= shift

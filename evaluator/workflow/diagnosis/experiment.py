@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from evaluator.diagnosis.diagnosis import diagnose as diagnose_session
 from evaluator.diagnosis.experiment import Session, session_of
 from evaluator.diagnosis.inference.fit_cache import Ends
 from evaluator.diagnosis.output.diagnosis_json import disagreement, record
+from evaluator.diagnosis.output.own_effect import own_effect
 from evaluator.diagnosis.output.robot_file import robot_text
 from evaluator.diagnosis.output.robot_with_effect import robot_with_effect
 from evaluator.errors import InputError
@@ -23,6 +25,7 @@ from evaluator.workflow.analysis import analyze, jobs_of
 from evaluator.workflow.diagnosis.validity import is_current, keep, key_of_diagnosis, load_diagnosis
 from evaluator.workflow.execution.sharing import one_core
 from evaluator.workflow.results.outputs import Outputs
+from simulator.own_effects.files import file_of, load_beside, load_installed, load_own
 
 
 @dataclass(frozen=True, repr=False)
@@ -67,19 +70,27 @@ def diagnose(
     *,
     workers: int | None = None,
     dask: str | None = None,
+    effects: Sequence[Path] = (),
     progress: Progress = no_progress,
 ) -> DiagnosisResult:
     """Name the missing effect that makes model and data disagree; see `diagnose_experiment`.
 
-    Cancelled by its progress, it keeps the fits made so far and goes on with them the next time.
+    effects: files of the user's own effects besides those in the folder `effects` beside the experiment; Python files
+    among them are run. Cancelled by its progress, it keeps the fits made so far and goes on with them the next time.
     """
     path, folder = Path(experiment), Path(out)
-    found, content = diagnose_experiment(path, folder, progress, workers=workers, dask=dask)
+    found, content = diagnose_experiment(path, folder, progress, workers=workers, dask=dask, effects=effects)
     return DiagnosisResult(path, folder, content, anew=found is not None)
 
 
 def diagnose_experiment(
-    path: Path, out: Path, progress: Progress = no_progress, *, workers: int | None = None, dask: str | None = None
+    path: Path,
+    out: Path,
+    progress: Progress = no_progress,
+    *,
+    workers: int | None = None,
+    dask: str | None = None,
+    effects: Sequence[Path] = (),
 ) -> tuple[Diagnosis | None, dict[str, Any]]:
     """Diagnose an experiment and write the results below out.
 
@@ -89,10 +100,11 @@ def diagnose_experiment(
     Raises InputError where the experiment, a robot or all recordings cannot be used.
     """
     experiment, outputs = read_with(load_experiment, path), Outputs(Path(out))
-    key = key_of_diagnosis(experiment, outputs)
+    own = _own_effects(path, experiment, effects)
+    key = key_of_diagnosis(experiment, outputs, own)
     if is_current(outputs, key):
         return None, load_diagnosis(outputs.diagnosis)
-    session = _session(path, experiment, outputs, progress, workers, dask)
+    session = replace(_session(path, experiment, outputs, progress, workers, dask), own=own)
     try:
         # A fit is small steps of Python between small batches of runs: the simulator is a quarter of its time. Threads
         # that meet after every batch save a tenth on an idle machine, but cost half as much processor time again, and
@@ -102,6 +114,8 @@ def diagnose_experiment(
     except FloatingPointError as error:
         raise InputError(f"{path}: {error}; are the robot file and the command of that run right?") from error
     content = record(found)
+    if own:
+        content["own_effects"] = {effect: str(file_of(effect) or "installed") for effect in own}
     keep(outputs, key, _written(found, content, experiment, outputs))
     outputs.diagnosis_fits.unlink(missing_ok=True)
     return found, content
@@ -111,7 +125,13 @@ def _written(found: Diagnosis, content: dict[str, Any], experiment: Experiment, 
     """Write the results; what an earlier diagnosis left and this one does not have is removed."""
     files = [outputs.diagnosis]
     table, added = disagreement(found), bool(found.chosen) and found.follows
-    for path, there in ((outputs.disagreement, table is not None), (outputs.robot_with_effect, added)):
+    form = own_effect(found) if found.verdict == "unknown" else None
+    written = (
+        (outputs.disagreement, table is not None),
+        (outputs.robot_with_effect, added),
+        (outputs.own_effect, form is not None),
+    )
+    for path, there in written:
         if there:
             files.append(path)
         else:
@@ -121,8 +141,26 @@ def _written(found: Diagnosis, content: dict[str, Any], experiment: Experiment, 
     if outputs.robot_with_effect in files:
         text = robot_with_effect(found, read_with(robot_text, experiment.robot))  # type: ignore[arg-type]
         write_text(outputs.robot_with_effect, text)
+    if form is not None:
+        write_text(outputs.own_effect, form)
+    for effect in sorted(found.chosen & set(found.session.own)):
+        source = file_of(effect)
+        if source is not None and source.suffix == ".toml":  # beside the robot file that has it
+            files.append(outputs.effects / f"{effect}.toml")
+            write_text(files[-1], source.read_text(encoding="utf-8"))
     write_text(outputs.diagnosis, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
     return files
+
+
+def _own_effects(path: Path, experiment: Experiment, named: Sequence[Path]) -> tuple[str, ...]:
+    """Ids of the user's own effects: beside the experiment and its robots, of installed packages, and those named."""
+    robots = {run.robot or experiment.robot for run in experiment.run}
+    folders = {
+        Path(path).resolve().parent,
+        *(Path(robot).resolve().parent for robot in robots if Path(robot).is_file()),
+    }
+    found = [*load_installed(), *(effect for folder in sorted(folders) for effect in load_beside(folder))]
+    return tuple(dict.fromkeys([*found, *(read_with(load_own, file).id for file in named)]))
 
 
 def _session(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,12 +15,13 @@ from evaluator.settings import Experiment
 from evaluator.workflow.analysis import jobs_of
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.validity import Record, key_of
+from simulator.own_effects.files import file_of, load_own
 
 STAGE = "diagnose"
 
 
-def key_of_diagnosis(experiment: Experiment, outputs: Outputs) -> str:
-    """One hash of everything a diagnosis is made from: recordings, cameras, commands, robots, code.
+def key_of_diagnosis(experiment: Experiment, outputs: Outputs, own: Sequence[str] = ()) -> str:
+    """One hash of everything a diagnosis is made from: recordings, cameras, commands, robots, own effects, code.
 
     Raises InputError for a robot that cannot be read.
     """
@@ -31,7 +33,12 @@ def key_of_diagnosis(experiment: Experiment, outputs: Outputs) -> str:
             runs.append([job.run.id, str(error)])
     text = read_with(robot_text, experiment.robot)  # type: ignore[arg-type]
     known = [experiment.known_to.model_dump(), experiment.relevant.model_dump()]
-    return key_of({"runs": runs, "robot": text, "known": known})
+    return key_of({"runs": runs, "robot": text, "known": known, "own": [_text_of(effect) for effect in own]})
+
+
+def _text_of(effect: str) -> str:
+    source = file_of(effect)
+    return effect if source is None else source.read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)
@@ -51,7 +58,8 @@ def kept_diagnosis(experiment: Experiment, outputs: Outputs) -> Kept | None:
         return None
     content = read_with(load_diagnosis, outputs.diagnosis)
     record = Record.load(outputs.diagnosis_record)
-    outdated = STAGE in record.stages and record.fresh(STAGE, key_of_diagnosis(experiment, outputs)) is None
+    own = [load_own(Path(file)).id for file in content.get("own_effects", {}).values() if Path(file).is_file()]
+    outdated = STAGE in record.stages and record.fresh(STAGE, key_of_diagnosis(experiment, outputs, own)) is None
     return Kept(content, outdated)
 
 

@@ -53,6 +53,16 @@ class Outputs:
         return self.folder / "disagreement.csv"
 
     @property
+    def own_effect(self) -> Path:
+        """What explains the runs and has no name, as a file that makes it an effect of the user's own."""
+        return self.folder / "own_effect.toml"
+
+    @property
+    def effects(self) -> Path:
+        """The user's own effects that robot_with_effect.toml has."""
+        return self.folder / "effects"
+
+    @property
     def robot_with_effect(self) -> Path:
         """The robot file with what the diagnosis found in it."""
         return self.folder / "robot_with_effect.toml"

@@ -15,7 +15,7 @@ from calibration.errors import CalibrationError
 from evaluator.errors import InputError
 from evaluator.interchange.commands import Told
 from evaluator.interchange.tracks import Tracks, program_of
-from evaluator.settings import Run
+from evaluator.settings import MeasuredRobot, Run
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.validity import Record, file_hash, key_of
 from simulator.errors import SimulationError
@@ -32,7 +32,7 @@ class Job:
     """One run to analyse: everything a worker process needs to know."""
 
     run: Run
-    robot: Robot
+    robot: Robot | MeasuredRobot
     tracking: Path | None
     tracks: Tracks | None
     out: Path
@@ -78,11 +78,17 @@ class Job:
         named = ("left_rpm", "right_rpm", "start_s", "stop_s", "starts_at_rest")
         command = {name: getattr(self.run, name) for name in named}
         command["commands"] = file_hash(self.run.commands) if self.run.commands else None
-        wheels = [wheel.model_dump(exclude={"slip", "attraction_mN"}) for wheel in self.robot.all_wheels]
-        body = {"body": self.robot.body.model_dump(), "wheels": wheels}
-        turn = key_of({"track": track, "command": command, **body})
+        turn = key_of({"track": track, "command": command, **_shape_of(self.robot)})
         simulate = key_of({"turn": turn, "robot": self.robot.model_dump(mode="json"), "order": self.order})
         return {"track": track, "turn": turn, "simulate": simulate}
+
+
+def _shape_of(robot: Robot | MeasuredRobot) -> dict[str, Any]:
+    """What a measured turn depends on beside the marks: body and wheels."""
+    if isinstance(robot, MeasuredRobot):
+        return robot.model_dump(include={"body", "wheels", "wheel"})
+    wheels = [wheel.model_dump(exclude={"slip", "attraction_mN"}) for wheel in robot.all_wheels]
+    return {"body": robot.body.model_dump(), "wheels": wheels}
 
 
 @dataclass(frozen=True)

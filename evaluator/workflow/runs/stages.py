@@ -33,6 +33,7 @@ from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.runs.job import Job, RunResult, outside_recording
 from evaluator.workflow.runs.phases import Phase, phases_of, rows_of
 from evaluator.workflow.runs.thumbnails import Glimpsed
+from simulator.robot import Robot
 
 
 def bring_up_to_date(job: Job, progress: Progress = no_progress) -> RunResult:
@@ -140,6 +141,7 @@ class _Stages:
     def _simulate(self) -> tuple[list[Path], dict[str, Any]]:
         if self.run.poses is None and len(self.job.robot.points_mm) == 1:
             raise InputError(f"run {self.run.id}: {NO_HEADING}; a comparison with the simulation needs two marks")
+        assert isinstance(self.job.robot, Robot)  # jobs that simulate have a whole one
         motion, seen = simulated_poses(self.job.robot, self.told, self.poses, self.job.order)
         path, shape = self.out.simulated(self.run.id), robot_shape(self.job.robot)
         write_table(motion.to_table(), path)

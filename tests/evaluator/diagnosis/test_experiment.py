@@ -8,7 +8,7 @@ from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.experiment import held_out_runs, shortcomings
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
-from evaluator.diagnosis.likelihood.simulation import BY_ORDER, Simulated
+from evaluator.diagnosis.likelihood.simulation import Simulated, varies_by_run
 from evaluator.diagnosis.output.effect_tables import PATTERN_SUMS
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot
@@ -62,7 +62,7 @@ def test_only_effects_that_are_compiled_run_by_run_know_the_order_of_the_runs() 
         values = {parameter.name: parameter.absent + parameter.step for parameter in definition.parameters}
         robot = barrel.model_copy(update={"effect": (EffectEntry.model_validate({"id": effect, **values}),)})
         same = compile_robot(robot, 0).tobytes() == compile_robot(robot, 7).tobytes()
-        assert same == (effect not in BY_ORDER), effect
+        assert same == (not varies_by_run(effect)), effect
 
 
 def test_marks_of_a_task_are_those_of_a_robot_with_its_friction_gains_and_effects() -> None:

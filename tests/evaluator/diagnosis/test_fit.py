@@ -49,9 +49,9 @@ def test_fit_that_wants_friction_no_run_can_have_is_not_tried_without_limit_agai
 
     limits = []
 
-    def counted(*given: Any) -> Fit:
+    def counted(*given: Any, rival: float) -> Fit:
         limits.append(given[6])
-        return fit_model(*given)
+        return fit_model(*given, rival=rival)
 
     monkeypatch.setattr("evaluator.diagnosis.inference.search.fit_model", counted)
     terms = named_terms(20.0, (30.0, 60.0))

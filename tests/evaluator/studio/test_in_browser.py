@@ -12,6 +12,7 @@ import pytest
 
 from evaluator.workflow import calibrate
 from evaluator.workflow.samples import sample_folder
+from tests.evaluator.diagnosis.hidden import write_hidden
 from tests.evaluator.studio.browser import needs_browser, page_of
 from tests.evaluator.studio.serving import Serving, serving
 
@@ -95,7 +96,7 @@ def test_main_job_by_mouse(studio: Serving, tmp_path: Path) -> None:
         page.wait_for_function("() => document.querySelector('input[data-key=start_s]').value === '0.5'")
         page.get_by_role("button", name=re.compile("^Analyse")).click()
         finished(page, "All runs are analysed")
-        page.get_by_role("link", name="Results").click()
+        page.locator("nav").get_by_role("link", name="Results").click()
         before = gap_mm(page)
         page.get_by_role("link", name="Sandbox").click()
         page.get_by_text("both driving wheels are faster").click()
@@ -106,7 +107,7 @@ def test_main_job_by_mouse(studio: Serving, tmp_path: Path) -> None:
         page.get_by_role("link", name="Runs").click()
         page.get_by_role("button", name=re.compile("^Analyse 1 of 1")).click()
         finished(page, "All runs are analysed")
-        page.get_by_role("link", name="Results").click()
+        page.locator("nav").get_by_role("link", name="Results").click()
         assert gap_mm(page) > 3 * before  # the recording was made without it
     assert 'id = "drive-speed-scale"' in (tmp_path / "folder" / "robot.toml").read_text()
 
@@ -224,3 +225,25 @@ def test_colours_are_those_of_the_report() -> None:
     for color, (variable, in_the_dark) in THEME.items():
         assert f"{variable}: {color};" in light
         assert f"{variable}: {in_the_dark};" in dark
+
+
+def test_a_hidden_effect_is_found_added_to_the_robot_and_the_gap_shrinks(tmp_path: Path) -> None:
+    write_hidden(tmp_path / "monday", {"drive-speed-mismatch": {"left_over_right": 1.05}}, exact=True)
+    with serving(tmp_path) as studio, page_of(studio.link) as page:
+        page.locator("a.card").click()
+        page.get_by_role("button", name="Diagnose").click()
+        page.locator("#said", has_text="The diagnosis is done").wait_for(timeout=600_000)
+        page.locator("nav").get_by_role("link", name="Results").click()
+        before = gap_mm(page)
+        page.get_by_role("link", name="Diagnosis").click()
+        page.locator(".found .kind", has_text="drive-speed-mismatch").wait_for()
+        page.get_by_role("button", name="Add it to the robot").click()
+        page.get_by_text("in the robot", exact=True).wait_for()
+        page.get_by_role("button", name="Analyse with it").click()
+        page.locator("nav").get_by_role("link", name="Results").click()
+        page.wait_for_function(
+            "(before) => Number(document.querySelector('[data-figure=gap]')?.dataset.value ?? 1) < before / 4",
+            arg=before,
+            timeout=300_000,
+        )
+    assert 'id = "drive-speed-mismatch"' in (tmp_path / "monday" / "robot.toml").read_text()

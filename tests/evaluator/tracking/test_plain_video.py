@@ -66,3 +66,10 @@ def test_things_at_rest_are_no_marks_of_what_moves_and_absent_marks_are_absent(t
     assert ours.found == 1.0
     assert set(table["yellow_status"]) <= {"not seen", "at rest while the robot moves"}
     assert (table["yellow_status"] == "at rest while the robot moves").any()
+
+
+def test_outline_that_a_codec_drags_along_widens_the_uncertainty(tmp_path: Path) -> None:
+    ours, _, _, _ = measured("green oblong, MPEG-4", tmp_path)
+    assert ours.wrong == 0
+    assert ours.found == 1.0
+    assert 0.6 < ours.normalised < 1.8  # 2.1 from what single frames and the smoothness of the course say

@@ -9,6 +9,7 @@ import pytest
 from evaluator.errors import InputError
 from evaluator.progress import Cancelled
 from evaluator.workflow import Analysis, analyze, pending
+from evaluator.workflow.checks import check_experiment
 from simulator.nominal_robot import WHEELS
 from tests.evaluator.synthetic import circling_marks, three_runs, write_experiment
 
@@ -145,3 +146,18 @@ def test_marks_too_far_apart_put_every_length_in_doubt(tmp_path: Path) -> None:
     assert any(note.startswith("the marks are 10 % farther apart") for note in found.notes["r01"])
     good = analyze(three_runs(tmp_path / "good"), tmp_path / "good" / "out", workers=1)
     assert not [note for notes in good.notes.values() for note in notes if "apart" in note]
+
+
+def test_measuring_needs_no_more_of_robot_toml_than_marks(tmp_path: Path) -> None:
+    experiment = three_runs(tmp_path)
+    text = experiment.read_text(encoding="utf-8").replace('robot = "barrel"', 'robot = "robot.toml"')
+    experiment.write_text(text, encoding="utf-8")
+    (tmp_path / "robot.toml").write_text(
+        "[marks]\ngreen_mm = [-1.55, 1.83]\nyellow_mm = [-1.55, -1.83]\n", encoding="utf-8"
+    )
+    assert check_experiment(experiment).faults == ()
+    found = analyze(experiment, tmp_path / "out", workers=1)
+    assert not found.faults
+    assert found.turning["radius_mm"][0] == pytest.approx(6.0, rel=1e-3)
+    with pytest.raises(InputError, match="slip is missing"):
+        analyze(experiment, tmp_path / "out", workers=1, simulate=True)

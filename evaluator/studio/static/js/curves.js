@@ -1,26 +1,27 @@
 // Curves over time, in step with the frame that is shown. uPlot draws them.
 
 /* global uPlot */
-import { color, h, whenThemeChanges } from "./dom.js";
+import { color, h, labels, whenThemeChanges } from "./dom.js";
 
 // lines: [{label, values, ink, dash}] over times; seek(time) is called for a click.
 export function curvePlot(title, times, lines, signal, seek) {
   const box = h("div", { class: "curve", role: "img", "aria-label": title });
+  const rem = parseFloat(labels(1)), tall = () => box.clientHeight;
   let plot = null, head = null, shown = null;
   const options = (width) => ({
-    width, height: 150, title: null, legend: { show: false }, cursor: { points: { show: false }, drag: { x: false, y: false } },
+    width, height: tall(), title: null, legend: { show: false }, cursor: { points: { show: false }, drag: { x: false, y: false } },
     scales: { x: { time: false } },
     series: [{}, ...lines.map((line) => ({ label: line.label, stroke: () => color(line.ink), width: 1.5, dash: line.dash, points: { show: false } }))],
     axes: [axis(null), axis(title)],
   });
   const axis = (label) => ({
-    label, labelSize: 16, size: label ? 52 : 26, stroke: () => color("soft"), font: "11px sans-serif", labelFont: "11px sans-serif",
+    label, labelSize: 1.1 * rem, size: label ? 3.4 * rem : 1.7 * rem, stroke: () => color("soft"), font: labels(), labelFont: labels(),
     grid: { stroke: () => color("faint"), width: 1 }, ticks: { stroke: () => color("faint"), width: 1, size: 4 },
   });
   const build = () => {
     const width = box.clientWidth;
     if (!width) return;
-    if (plot) { plot.setSize({ width, height: 150 }); place(); return; }
+    if (plot) { plot.setSize({ width, height: tall() }); place(); return; }
     plot = new uPlot(options(width), [times, ...lines.map((line) => line.values)], box);
     head = h("div", { class: "head" });
     plot.over.append(head);

@@ -12,8 +12,8 @@ const MENDED = { reversed: "Turn both commands round", "sides-swapped": "Swap le
 
 export async function show(view, { id, signal }) {
   const load = async () => {
-    const [found, state] = await Promise.all([get(`/api/experiments/${id}/diagnosis`, signal), get(`/api/experiments/${id}/state`, signal)]);
-    fill(view, found.content ? screen(found, state, id, signal, load) : nothing(id));
+    const found = await get(`/api/experiments/${id}/diagnosis`, signal);
+    fill(view, found.content ? screen(found, id, signal, load) : nothing(id));
   };
   await load();
   onJobs((_, ended) => { if (ended.some((job) => job.experiment === id)) load().catch(say); }, signal);
@@ -27,16 +27,22 @@ function nothing(id) {
       h("p", {}, h("button", { class: "main", disabled: Boolean(jobOf(id)), onclick: start(id, "diagnose") }, "Diagnose"))));
 }
 
-function screen(found, state, id, signal, load) {
+function screen(found, id, signal, load) {
   const { content } = found;
-  const stale = state.diagnosis !== "current";
+  const again = h("div"), notice = h("div");
+  // Whether it still holds takes the reading of every recording: that is said when it is known.
+  get(`/api/experiments/${id}/state`, signal).then((state) => {
+    const stale = state.diagnosis !== "current";
+    fill(again, h("button", { class: stale ? "main" : "", disabled: Boolean(jobOf(id)), onclick: start(id, "diagnose") }, stale ? "Diagnose again" : "Up to date"));
+    fill(notice, stale && h("p", { class: "notice" }, "The experiment, its robot or its recordings have changed since this diagnosis."));
+  }).catch(say);
   return h("div", { class: "stack", style: { gap: "1.4rem" } },
     h("div", { class: "row end" },
       h("div", {}, h("p", { class: "kind" }, "Diagnosis"), h("h1", {}, VERDICTS[content.verdict] ?? content.verdict)),
-      h("button", { class: stale ? "main" : "", disabled: Boolean(jobOf(id)), onclick: start(id, "diagnose") }, stale ? "Diagnose again" : "Up to date")),
-    stale && h("p", { class: "notice" }, "The experiment, its robot or its recordings have changed since this diagnosis."),
+      again),
+    notice,
     mistakes(content, id, load),
-    h("div", { class: "two" }, h("div", { class: "stack" }, ...content.effects.map((effect) => effect_card(effect)), add(found, id, load), words(found)), gaps(content, signal)),
+    h("div", { class: "two" }, h("div", { class: "stack" }, ...content.effects.map((effect) => effect_card(effect)), add(found, id, load), words(found)), gaps(content)),
     content.where.length || Object.keys(found.pieces).length ? h("section", { class: "card stack" }, h("h2", {}, "Where it disagrees"), h("ul", { class: "plainlist" }, content.where.slice(0, 5).map((one) => h("li", {}, one.sentence.replaceAll(" -", " −")))), found.pieces.run ? matrix(found.pieces, id, signal) : null) : null,
     h("div", { class: "two" }, rivals(content), known(content)),
     next_runs(content, id, signal));
@@ -72,14 +78,13 @@ function words(found) {
   return h("details", { class: "card" }, h("summary", {}, "The whole finding in words"), found.lines.map((line) => h("p", { class: "small" }, line)));
 }
 
-function gaps(content, signal) {
+function gaps(content) {
   const { gap } = content;
   if (!gap) return h("p", { class: "soft" }, content.reason);
   const groups = [["start pose and scatter of each run fitted", gap], ["predicted from the start pose alone", gap.predicted]].filter(([, one]) => one?.before);
   const bars = groups.flatMap(([words, one]) => [["fitted runs", "fit"], ["held-out runs", "held_out"]].filter(([, key]) => one.before[key] !== null).map(([who, key]) => ({ words: `${who}, ${words}`, before: one.before[key], after: one.after[key] })));
   const most = Math.max(...bars.flatMap((bar) => [bar.before, bar.after]), gap.noise_floor);
   const bar = (value, ink) => h("div", { class: "measure" }, h("i", { class: ink, style: { width: `${Math.max((100 * value) / most, 0.6)}%` } }), h("span", {}, `${num(1000 * value)} µm`));
-  void signal;
   return h("section", { class: "card stack" }, h("h2", {}, "Distance of model and marks, before and after"),
     bars.map((one) => h("div", {}, h("p", { class: "small" }, one.words), bar(one.before, "vermillion"), bar(one.after, "green"))),
     h("p", { class: "legend small soft" }, h("i", { class: "vermillion" }), "before", h("i", { class: "green" }), "after", ` · tracking noise alone makes ${num(1000 * gap.noise_floor)} µm`),

@@ -34,6 +34,12 @@ export function color(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 }
 
+// The font of labels on a canvas: it grows with the page.
+export function labels(share = 0.74) {
+  const style = getComputedStyle(document.documentElement);
+  return `${Math.round(share * parseFloat(style.fontSize))}px ${style.getPropertyValue("--font")}`;
+}
+
 const dark = window.matchMedia("(prefers-color-scheme: dark)");
 export function whenThemeChanges(redraw, signal) {
   dark.addEventListener("change", redraw, { signal });

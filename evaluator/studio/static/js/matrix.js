@@ -1,24 +1,25 @@
 // Where model and robot disagree: a row for each run, a cell for each second; a click leads to the frames.
 
-import { color, h, num, surface } from "./dom.js";
+import { color, h, labels, num, surface } from "./dom.js";
 
 const QUANTITIES = { along_mm_s: ["speed along", "mm/s"], across_mm_s: ["sideways speed", "mm/s"], yaw_deg_s: ["turn rate", "°/s"] };
-const ROW = 18, LEFT = 118;
+const rem = () => parseFloat(labels(1));
 
 export function matrix(pieces, id, signal) {
   const runs = [...new Set(pieces.run)];
   let quantity = "across_mm_s", after = false, over = null;
   const last = Math.max(...pieces.time_s) * 1.04;
   const widths = new Map(runs.map((run) => { const times = pieces.time_s.filter((_, k) => pieces.run[k] === run); return [run, times.length > 1 ? times[1] - times[0] : 1]; }));
+  const ROW = Math.round(1.15 * rem()), LEFT = Math.round(7.4 * rem());
   const said = h("output", { class: "small soft" });
   const made = surface((context, width, height) => {
     const values = pieces[quantity].map(Math.abs).sort((a, b) => a - b);
     const most = values[Math.floor(0.97 * (values.length - 1))] || 1;
     const column = pieces[after ? `after_${quantity}` : quantity];
     const x = (time) => LEFT + (time / last) * (width - LEFT - 6);
-    context.font = "11.5px sans-serif";
+    context.font = labels();
     context.fillStyle = color("soft");
-    runs.forEach((run, row) => context.fillText(run, 0, row * ROW + 13, LEFT - 8));
+    runs.forEach((run, row) => context.fillText(run, 0, row * ROW + 0.72 * ROW, LEFT - 8));
     const inks = [color("blue"), color("vermillion")];
     pieces.run.forEach((run, k) => {
       const span = widths.get(run), row = runs.indexOf(run);
@@ -31,7 +32,7 @@ export function matrix(pieces, id, signal) {
     context.fillStyle = color("soft");
     for (let second = 0; second <= last; second += last > 12 ? 2 : 1) context.fillText(`${second} s`, x(second) - 6, height - 4);
   }, signal, { class: "matrix", tabindex: 0, role: "application", "aria-label": "Disagreement of every run over time; arrows choose a cell, Enter shows its frame" });
-  made.canvas.style.height = `${runs.length * ROW + 22}px`;
+  made.canvas.style.height = `${runs.length * ROW + 1.4 * rem()}px`;
   const tell = () => {
     const [words, unit] = QUANTITIES[quantity];
     said.textContent = over === null ? "Choose a cell to see what differs there, click it to see the frame." : `${pieces.run[over]} at ${num(pieces.time_s[over])} s: measured ${words} is ${num(pieces[after ? `after_${quantity}` : quantity][over], 2)} ${unit} off`;

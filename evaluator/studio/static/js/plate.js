@@ -1,6 +1,6 @@
 // The plate from above, mm: x to the right, y upward, one scale for both.
 
-import { color } from "./dom.js";
+import { color, labels } from "./dom.js";
 
 export function view(bounds, width, height, margin = 26) {
   const wide = Math.max(bounds.x1 - bounds.x0, 1), tall = Math.max(bounds.y1 - bounds.y0, 1);
@@ -26,7 +26,7 @@ export function grid(context, to, width, height) {
   context.strokeStyle = color("faint");
   context.fillStyle = color("soft");
   context.lineWidth = 1;
-  context.font = "11px sans-serif";
+  context.font = labels();
   context.beginPath();
   for (let x = Math.ceil(to.mmx(0) / step) * step; to.x(x) < width; x += step) {
     context.moveTo(Math.round(to.x(x)) + 0.5, 0);

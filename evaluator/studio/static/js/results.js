@@ -1,7 +1,7 @@
 // The Results screen: radius against difference of speed, trajectories, and the numbers of every run.
 
 import { get, post } from "./api.js";
-import { color, fill, fixed, h, num, surface } from "./dom.js";
+import { color, fill, fixed, h, labels, num, surface } from "./dom.js";
 import { jobOf, onJobs } from "./jobs.js";
 import { boundsOf, dot, grid, path as draw_path, view as view_of } from "./plate.js";
 import { say } from "./say.js";
@@ -73,13 +73,13 @@ function facts(run, id) {
 function radius_chart(runs, chosen, choose, signal) {
   let places = [];
   const made = surface((context, width, height) => {
-    if (!runs.length) { context.fillStyle = color("soft"); context.font = "13px sans-serif"; context.fillText("No run turns.", 20, 30); return; }
-    const left = 52, right = 14, top = 10, bottom = 38;
+    if (!runs.length) { context.fillStyle = color("soft"); context.font = labels(1); context.fillText("No run turns.", 20, 30); return; }
+    const rem = parseFloat(labels(1)), left = 3.6 * rem, right = rem, top = 0.7 * rem, bottom = 2.6 * rem;
     const difference = (run) => Math.abs(run.left_rpm - run.right_rpm);
     const values = runs.flatMap((run) => [run.radius_low_mm, run.radius_high_mm, run.radius_mm, run.simulated_radius_mm]).filter((v) => v > 0);
     const y0 = Math.log(Math.min(...values) / 1.2), y1 = Math.log(Math.max(...values) * 1.2), x1 = Math.max(...runs.map(difference)) * 1.06;
     const x = (v) => left + (v / x1) * (width - left - right), y = (v) => height - bottom - ((Math.log(v) - y0) / (y1 - y0)) * (height - top - bottom);
-    context.font = "11px sans-serif";
+    context.font = labels();
     context.strokeStyle = color("faint");
     context.fillStyle = color("soft");
     context.beginPath();
@@ -87,13 +87,13 @@ function radius_chart(runs, chosen, choose, signal) {
       const value = digit * 10 ** power;
       if (Math.log(value) < y0 || Math.log(value) > y1) continue;
       context.moveTo(left, y(value)); context.lineTo(width - right, y(value));
-      context.fillText(String(value), 22, y(value) + 4);
+      context.fillText(String(value), 1.5 * rem, y(value) + 4);
     }
     const step = [1, 2, 5, 10, 20, 50].find((s) => x1 / s <= 8) ?? 100;
-    for (let value = 0; value <= x1; value += step) { context.moveTo(x(value), top); context.lineTo(x(value), height - bottom); context.fillText(String(value), x(value) - 5, height - bottom + 15); }
+    for (let value = 0; value <= x1; value += step) { context.moveTo(x(value), top); context.lineTo(x(value), height - bottom); context.fillText(String(value), x(value) - 5, height - bottom + rem); }
     context.stroke();
-    context.fillText("difference of rotational frequency, rpm", left + (width - left) / 2 - 105, height - 5);
-    context.save(); context.translate(12, height / 2 + 60); context.rotate(-Math.PI / 2); context.fillText("minimum turning radius, mm", -20, 0); context.restore();
+    context.fillText("difference of rotational frequency, rpm", left + (width - left) / 2 - 8 * rem, height - 5);
+    context.save(); context.translate(0.8 * rem, height / 2 + 4 * rem); context.rotate(-Math.PI / 2); context.fillText("minimum turning radius, mm", -20, 0); context.restore();
     places = runs.map((run) => ({ run, x: x(difference(run)), y: y(run.radius_mm) }));
     for (const { run, x: px, y: py } of places) {
       context.strokeStyle = color("blue");
@@ -102,8 +102,8 @@ function radius_chart(runs, chosen, choose, signal) {
       if (run.radius_high_mm > 0) { context.moveTo(px, y(run.radius_low_mm)); context.lineTo(px, y(run.radius_high_mm)); }
       context.stroke();
       if (run === chosen()) { context.strokeStyle = color("ink"); context.beginPath(); context.arc(px, py, 9, 0, 7); context.stroke(); }
-      dot(context, px, py, 4, color("blue"));
-      if (run.simulated_radius_mm > 0) { context.strokeStyle = color("vermillion"); context.strokeRect(px - 5, y(run.simulated_radius_mm) - 5, 10, 10); }
+      dot(context, px, py, 0.27 * rem, color("blue"));
+      if (run.simulated_radius_mm > 0) { context.strokeStyle = color("vermillion"); context.strokeRect(px - rem / 3, y(run.simulated_radius_mm) - rem / 3, rem / 1.5, rem / 1.5); }
     }
   }, signal, { class: "chart", role: "img", "aria-label": "Minimum turning radius of every run against the difference of its wheel speeds; the table below holds the numbers" });
   made.canvas.addEventListener("click", (event) => {

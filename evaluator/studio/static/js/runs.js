@@ -20,7 +20,7 @@ const COLUMNS = [
 
 export async function show(view, { id, rest, signal }) {
   let found = await get(`/api/experiments/${id}`, signal);
-  let outdated = null, playing = null, shown = null;
+  let outdated = null, playing = null, shown = null, unpasted = [];
   const stage = h("section", { class: "stage stack", "aria-label": "Player" });
   const work = h("div", { class: "row" });
   const path = `/api/experiments/${id}`;
@@ -33,7 +33,7 @@ export async function show(view, { id, rest, signal }) {
     return steps.length ? { kind: "stale", title: `to do: ${steps.join(", ")}` } : { kind: "good", title: "up to date" };
   });
 
-  const accept = (next, extra) => { found = next; draw(extra); refresh(); };
+  const accept = (next, extra = []) => { found = next; unpasted = extra; draw(); refresh(); };
   const recover = async (error) => {
     say(error);
     if (error.status === 409) accept(await get(path, signal));
@@ -42,15 +42,15 @@ export async function show(view, { id, rest, signal }) {
   // One change after another: each is made for the version that the one before it left.
   let queue = Promise.resolve();
   const edit = (edits, extra) => (queue = queue.then(() => post(`${path}/edit`, { version: found.version, edits })).then((next) => { say(""); accept(next, extra); choose(shown ?? 0, false); }).catch(recover));
-  const step = (way) => (queue = queue.then(() => post(`${path}/step`, { version: found.version, way })).then(accept).catch(recover));
+  const step = (way) => (queue = queue.then(() => post(`${path}/step`, { version: found.version, way })).then((next) => accept(next)).catch(recover));
 
   const table = sheet(COLUMNS, { edit, chosen: (row) => choose(row), signal });
   const undo = h("button", { title: "Undo (Ctrl+Z)", onclick: () => step("undo") }, "Undo");
   const redo = h("button", { title: "Redo (Ctrl+Shift+Z)", onclick: () => step("redo") }, "Redo");
   const recordings = h("datalist", { id: "recordings" });
   const title = h("h1");
-  const draw = (extra) => {
-    table.draw(found, states(), extra);
+  const draw = () => {
+    table.draw(found, states(), unpasted); // what a paste could not take is said until the next change
     undo.disabled = !found.history.undo;
     redo.disabled = !found.history.redo;
     fill(recordings, found.recordings.map((one) => h("option", { value: one })));
@@ -117,6 +117,6 @@ export async function show(view, { id, rest, signal }) {
       if (faults.length) say(`${faults[0][0]}: ${faults[0][1]}${faults.length > 1 ? ` (and ${faults.length - 1} more runs)` : ""}`);
       else if (job.state === "done") say(job.kind === "diagnose" ? "The diagnosis is done: see “Diagnosis”." : "All runs are analysed: see “Results”.", true);
     }
-    if (mine.length) { refresh(); choose(shown ?? 0); } else { table.draw(found, states()); drawWork(); }
+    if (mine.length) { refresh(); choose(shown ?? 0); } else draw();
   }, signal);
 }

@@ -1,0 +1,44 @@
+"""What explains the runs and has no name, as a file that makes it an effect of the user's own."""
+
+from __future__ import annotations
+
+from evaluator.diagnosis.candidates.free_form import BASIS_WORDS, CHANNEL_WORDS, FreeTerm
+from evaluator.diagnosis.diagnosis import Diagnosis
+from simulator.own_effects.template import TermRow, template
+
+ID = "found-by-diagnosis"
+
+
+def own_effect(found: Diagnosis, effect_id: str = ID) -> str | None:
+    """Text of effects/ID.toml with the free-form terms of an unknown verdict; None where there are none."""
+    terms = [term for effect in sorted(found.chosen) if isinstance(term := (found.terms or {})[effect], FreeTerm)]
+    if not terms or not found.follows:
+        return None
+    rows = []
+    for term in terms:
+        for item, coordinate, value in zip(term.items, term.coordinates, found.fit.point.terms[term.id], strict=True):
+            wheels = "" if item.pattern == "common" else f"_{item.pattern}"
+            rows.append(
+                TermRow(
+                    item.channel,
+                    item.basis,
+                    f"{item.channel}_by_{item.basis}{wheels}".replace("-", "_"),
+                    item.pattern,
+                    _unit(item.channel, item.basis),
+                    float(coordinate.low),
+                    float(coordinate.high),
+                    float(coordinate.step),
+                    float(value),
+                )
+            )
+    words = " and ".join(term.describe() for term in terms)
+    return template(effect_id, rows, words, f"{words[:1].upper()}{words[1:]}.")
+
+
+def _unit(channel: str, basis: str) -> str:
+    """Unit of a coefficient, as it is shown: 1 is not said."""
+    unit, per = CHANNEL_WORDS[channel][1], BASIS_WORDS[basis][1]
+    if unit == "rpm" and per == "/rpm":
+        return ""
+    shown = f"{unit}{per}"
+    return shown if per else shown.removesuffix("1")

@@ -1,0 +1,67 @@
+"""What the outline of a mark of any shape tells of its centre: where one end moves, the centre moves by half of that.
+
+A codec that saves bits leaves an end of a sticker where it was, or smears it, for many frames: the course of the mark
+stays smooth, and nothing between frames shows the error. But its length changes, which a rigid mark's does not. Where
+both ends err by themselves, half the length scatters as much as the centre does along it; measured on drawn clips of
+H.264 and MPEG-4 of a few quantisers the ratio is 0.8 to 1.3 along the longer axis, 1.5 to 2.5 across.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+FEWEST = 30  # frames that tell how a length scatters beside what slant and place do to it
+SECOND_ORDER = 60  # and that tell perspective beyond its first order, too
+ALONG, ACROSS = 0.5, 0.25  # error of the centre over that of the length, along the longer axis and across
+CLIPPED = 4.0  # robust sigmas beyond which a length (something touches the mark) tells nothing
+
+
+def widen_by_outline(times_s: Array, values: Array, outline: Sequence[tuple[float, float, float, float]]) -> None:
+    """Add to the variances of a mark what the scatter of its outline says they lack; in place.
+
+    times_s: (n,). values: (n, 5) of x, y, their variances and covariance, px and px². outline: time, longer and shorter
+    side (px), direction of the longer one (rad), of frames in which it was seen.
+    """
+    if len(outline) < FEWEST:
+        return
+    shapes = np.array(outline)
+    shapes = shapes[np.unique(shapes[:, 0], return_index=True)[1]]
+    rows = np.searchsorted(times_s, shapes[:, 0])
+    there = (rows < len(times_s)) & np.isfinite(values[np.minimum(rows, len(values) - 1), 0])
+    rows, shapes = rows[there], shapes[there]
+    if len(rows) < FEWEST:
+        return
+    usual = _smooth(values[rows, :2], shapes[:, 3])
+    cos, sin = np.cos(shapes[:, 3]), np.sin(shapes[:, 3])
+    for side, share, (ahead, left) in ((1, ALONG, (cos, sin)), (2, ACROSS, (-sin, cos))):
+        scatter = (share * _scatter(shapes[:, side], usual)) ** 2
+        x, y, both = values[rows, 2:5].T
+        known = float(np.median(ahead**2 * x + left**2 * y + 2 * ahead * left * both))
+        lacking = max(scatter - known, 0.0)
+        values[rows, 2:5] += lacking * np.stack([ahead**2, left**2, ahead * left], axis=1)
+
+
+def _smooth(places_px: Array, angle: Array) -> Array:
+    """What slant, perspective and lens may make of a length: terms of place and direction, (n, k)."""
+    x, y = ((places_px - places_px.mean(axis=0)) / (np.ptp(places_px) + 1e-9)).T
+    terms = [np.ones_like(x), x, y, *(part(k * angle) for k in (2, 4) for part in (np.cos, np.sin))]
+    if len(x) >= SECOND_ORDER:
+        terms += [x * x, x * y, y * y]
+    return np.stack(terms, axis=1)
+
+
+def _scatter(length: Array, usual: Array) -> float:
+    """Standard deviation of a length about what is usual there, without outliers."""
+    kept = np.ones(len(length), bool)
+    left = length - np.median(length)
+    for _ in range(3):
+        left = length - usual @ np.linalg.lstsq(usual[kept], length[kept], rcond=1e-9)[0]
+        sigma = 1.4826 * float(np.median(np.abs(left[kept])))
+        kept = np.abs(left) <= CLIPPED * sigma + 1e-9
+    freedom = max(int(kept.sum()) - usual.shape[1], 1)
+    return float(np.sqrt((left[kept] ** 2).sum() / freedom))

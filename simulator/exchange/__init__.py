@@ -1,0 +1,1 @@
+"""Robots as other simulators read them: MuJoCo (MJCF) and Gazebo (SDF)."""

@@ -1,0 +1,265 @@
+"""A robot as MuJoCo reads it (MJCF). Body frame: x forward, y to the left, z up, origin on the plate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+from xml.etree import ElementTree as ET
+
+from simulator.exchange.creep import RAD_S_PER_RPM, Contact, contacts_in_turn
+from simulator.nominal_robot import GRAVITY_MM_S2, Wheel
+from simulator.robot import Robot
+
+SMALL_MM = 100.0
+SETTLES = 10.0  # steps within which a contact settles; the shortest that MuJoCo knows is two, and chatters
+SINKS = 1e-3  # of the smallest wheel's radius: how far the most heavily loaded robot may sink into the plate, about
+WHEEL_MASS = 1e-4  # of the robot's mass, each: the slip law's wheels have none
+ARMATURE = 0.1  # of mass times radius squared: inertia of the motors, without which wheels are too light to follow
+SHORTEST = 2.0  # steps, of time constants
+IMPEDANCE = 0.9  # of contacts, however deep
+LIMIT = 3.0  # friction of a contact over the robot's, so that it creeps and does not slide
+CONTACTS = 2  # of a capsule with a plane
+NARROW = 1e-2  # of the radius: half the width of a wheel. A capsule, whose contact is aligned with its axle
+LAGS = 1e-4  # of the commanded rotation: what the motors lack under the load of their wheels
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of a model, in which its numbers are neither tiny nor huge: mm and g, or m and kg; per_N: forces."""
+
+    length_mm: float
+    mass_g: float
+
+    @property
+    def per_N(self) -> float:
+        """Size of a newton."""
+        return 1e6 / (self.length_mm * self.mass_g)
+
+    @staticmethod
+    def of(robot: Robot) -> Units:
+        """Metres and kilograms from a size of a tenth of a metre on."""
+        return Units(1e3, 1e3) if max(robot.extent_mm) > SMALL_MM else Units(1.0, 1.0)
+
+
+def mjcf(robot: Robot, left_rpm: float, right_rpm: float) -> str:
+    """A model whose keyframe "turn" has the commands of a turn; its steady turn there is the robot's.
+
+    Raises SimulationError as contacts_in_turn does.
+    """
+    _, contacts = contacts_in_turn(robot, left_rpm, right_rpm)
+    units = Units.of(robot)
+    step = _time_step_s(robot, contacts, units)
+    creeps = [_creep(contact, robot, units) for contact in contacts]
+    softness = _softness(creeps, step)
+    root = ET.Element("mujoco", model=robot.name)
+    ET.SubElement(root, "compiler", angle="radian", inertiafromgeom="false")
+    gravity = f"0 0 {-GRAVITY_MM_S2 / units.length_mm:g}"
+    ET.SubElement(
+        root,
+        "option",
+        timestep=f"{step:.4g}",
+        gravity=gravity,
+        cone="elliptic",
+        integrator="implicitfast",
+        impratio=f"{softness:.6g}",
+    )
+    world = ET.SubElement(root, "worldbody")
+    ET.SubElement(world, "geom", name="plate", type="plane", size="0 0 1", contype="0", conaffinity="0")
+    _body(world, robot, contacts, units)
+    pairs, actuators = ET.SubElement(root, "contact"), ET.SubElement(root, "actuator")
+    controls = []
+    for contact, creep in zip(contacts, creeps, strict=True):
+        _pair(pairs, contact, creep, step, softness, robot)
+        if contact.rpm is not None:
+            controls.append(contact.rpm * RAD_S_PER_RPM)
+            _motor(actuators, contact, units)
+    for contact in contacts:
+        if contact.attraction_N:
+            _attraction(actuators, contact, units)
+            controls.append(0.0)
+    ET.SubElement(ET.SubElement(root, "keyframe"), "key", name="turn", ctrl=_numbers(*controls))
+    root.insert(0, ET.Comment(_remark(units, left_rpm, right_rpm)))
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def losses(robot: Robot, left_rpm: float, right_rpm: float) -> tuple[str, ...]:
+    """What a model in MuJoCo does not have of the robot, a sentence each."""
+    at = f"{left_rpm:g} / {right_rpm:g} rpm"
+    friction = (
+        f"Friction is creep in proportion to force, matched to the slip law at the turn of {at}: there the radius is "
+        "the robot's. At another ratio of the commands it is near that, and starts and stops differ."
+    )
+    said = [
+        friction,
+        "There is no limit of friction: a robot that is pushed away creeps instead of sliding.",
+        "The weight acts at the level of the plate, as in the plane model: driving shifts no load between the wheels.",
+    ]
+    if any(wheel.attraction_mN for wheel in robot.all_wheels):
+        said.append("Magnetic attraction is a constant force on the body over each wheel, however far the plate is.")
+    if any(not wheel.grips for wheel in robot.all_wheels):
+        said.append("Casters and balls are spheres without friction.")
+    return tuple(said)
+
+
+def _remark(units: Units, left_rpm: float, right_rpm: float) -> str:
+    names = "m, kg and N" if units.length_mm > 1 else "mm, g and µN"
+    return (
+        f" Written by turnscope. Units: {names}, s and rad. Controls of the motors are rotations in rad/s; the "
+        f'keyframe "turn" has {left_rpm:g} / {right_rpm:g} rpm. '
+    )
+
+
+def _time_step_s(robot: Robot, contacts: tuple[Contact, ...], units: Units) -> float:
+    """A step so short that contacts, which settle in two of them, are stiff enough for the loads."""
+    mass = robot.body.mass_g / units.mass_g
+    pressed = sum((contact.load_N * units.per_N) for contact in contacts) / mass  # m/s²
+    radius = min(contact.wheel.radius_mm for contact in contacts) / units.length_mm
+    return float((SINKS * radius / pressed) ** 0.5 / 2)
+
+
+def _body(world: ET.Element, robot: Robot, contacts: tuple[Contact, ...], units: Units) -> None:
+    """The chassis with its weight at plate level, so that driving shifts no load between the wheels, and the wheels."""
+    body, (x, y) = robot.body, robot.body.center_of_gravity_mm
+    mass = robot.body.mass_g / units.mass_g
+    length, width, height = (value / units.length_mm for value in (body.length_mm, body.width_mm, body.height_mm))
+    yaw, tilting = _inertia(robot, units)
+    chassis = ET.SubElement(world, "body", name="robot")
+    ET.SubElement(chassis, "freejoint", name="pose")
+    wheels = sum(1 for contact in contacts if contact.wheel.grips)
+    ET.SubElement(
+        chassis,
+        "inertial",
+        pos=_numbers(x / units.length_mm, y / units.length_mm, 0),
+        mass=f"{mass * (1 - WHEEL_MASS * wheels):.9g}",
+        diaginertia=_numbers(tilting, tilting, yaw),
+    )
+    ET.SubElement(
+        chassis, "geom", name="chassis", type="box", size=_numbers(length / 2, width / 2, height / 4),
+        pos=_numbers(0, 0, 3 * height / 4), contype="0", conaffinity="0",
+    )  # fmt: skip
+    for contact in contacts:
+        _wheel(chassis, contact, mass, units)
+
+
+def _wheel(chassis: ET.Element, contact: Contact, mass: float, units: Units) -> None:
+    wheel = contact.wheel
+    radius, place = wheel.radius_mm / units.length_mm, (wheel.x_mm / units.length_mm, wheel.y_mm / units.length_mm)
+    ET.SubElement(chassis, "site", name=f"over_{wheel.name}", pos=_numbers(*place, 0))
+    look: dict[str, Any] = {"name": wheel.name, "contype": "0", "conaffinity": "0"}
+    if not wheel.grips:
+        ET.SubElement(chassis, "geom", type="sphere", size=f"{radius:.9g}", pos=_numbers(*place, radius), **look)
+        return
+    body = ET.SubElement(chassis, "body", name=f"{wheel.name}_wheel", pos=_numbers(*place, radius))
+    own = WHEEL_MASS * mass
+    ET.SubElement(
+        body,
+        "joint",
+        name=f"{wheel.name}_axle",
+        type="hinge",
+        axis="0 1 0",
+        armature=f"{ARMATURE * mass * radius**2:.6g}",
+    )
+    inertia = _numbers(0.4 * own * radius**2, 0.4 * own * radius**2, 0.4 * own * radius**2)
+    ET.SubElement(body, "inertial", pos="0 0 0", mass=f"{own:.9g}", diaginertia=inertia)
+    half = NARROW * radius
+    ET.SubElement(body, "geom", type="capsule", size=f"{radius:.9g}", fromto=_numbers(0, -half, 0, 0, half, 0), **look)
+
+
+@dataclass(frozen=True)
+class Creep:
+    """How a contact creeps: slope of friction along and across over its speed there, and inverse mass that it feels."""
+
+    along: float
+    across: float
+    inverse_mass: float
+
+    @property
+    def ratio(self) -> float:
+        """Root of the slope along over that across; 1 where only one of them is known."""
+        return (self.along / self.across) ** 0.5 if self.along and self.across else 1.0
+
+    @property
+    def time(self) -> float:
+        """Time constant of the friction that makes it, s, where friction is as soft as the normal force; 0: none.
+
+        MuJoCo lets a contact creep by R/B times its force, with B = 2/(d·t) and R = (1 - d)/d times the inverse mass.
+        """
+        slope = (self.across or self.along) / CONTACTS
+        return 2 / ((1 - IMPEDANCE) * slope * self.inverse_mass) if slope else 0.0
+
+
+def _creep(contact: Contact, robot: Robot, units: Units) -> Creep:
+    along, across = (
+        abs(force) * units.per_N / abs(creep / units.length_mm) if creep and force else 0.0
+        for force, creep in zip(contact.force_N, contact.creep_mm_s, strict=True)
+    )
+    return Creep(along, across, _inverse_mass(contact.wheel, robot, units))
+
+
+def _softness(creeps: Sequence[Creep], step: float) -> float:
+    """impratio: friction as soft as steps allow, so that it follows the creep and not the acceleration in a turn."""
+    shortest = min((creep.time for creep in creeps if creep.time), default=0.0)
+    return min(1.0, SETTLES * step / shortest) if shortest else 1.0
+
+
+def _pair(pairs: ET.Element, contact: Contact, creep: Creep, step: float, softness: float, robot: Robot) -> None:
+    """The contact of a wheel with the plate; the first direction of a capsule's contact is that of its axle."""
+    solimp = f"{IMPEDANCE} {IMPEDANCE} 1"
+    hard: dict[str, Any] = {
+        "geom1": "plate",
+        "geom2": contact.wheel.name,
+        "solref": _numbers(SETTLES * step, 1),
+        "solimp": solimp,
+    }
+    if not contact.wheel.grips or not contact.load_N > 0:
+        ET.SubElement(pairs, "pair", condim="1", **hard)
+        return
+    slip, ratio = contact.wheel.slip or robot.slip, creep.ratio
+    limit = LIMIT * max(slip.longitudinal_friction, slip.lateral_friction)
+    # Softness in the second direction is that in the first over the square of the ratio of the limits.
+    friction = _numbers(limit / max(ratio, 1), limit * min(ratio, 1), 0, 0, 0)
+    soft = _numbers(max(softness * creep.time, SHORTEST * step), 1)
+    ET.SubElement(pairs, "pair", condim="3", friction=friction, solreffriction=soft, **hard)
+
+
+def _inverse_mass(wheel: Wheel, robot: Robot, units: Units) -> float:
+    """Mean over all directions of the acceleration of a wheel's centre by a force of one on it."""
+    mass, (yaw, tilting) = robot.body.mass_g / units.mass_g, _inertia(robot, units)
+    x, y = ((place - middle) / units.length_mm for place, middle in zip(
+        (wheel.x_mm, wheel.y_mm), robot.body.center_of_gravity_mm, strict=True
+    ))  # fmt: skip
+    z = wheel.radius_mm / units.length_mm
+    turned = (y * y + z * z) / tilting + (x * x + z * z) / tilting + (x * x + y * y) / yaw
+    return 1 / mass + turned / 3
+
+
+def _inertia(robot: Robot, units: Units) -> tuple[float, float]:
+    """About the vertical, and about the horizontal axes, which a plane model leaves open."""
+    body, mass = robot.body, robot.body.mass_g / units.mass_g
+    yaw = robot.yaw_inertia_g_mm2 / units.mass_g / units.length_mm**2
+    box = mass * (max(body.length_mm, body.width_mm) ** 2 + body.height_mm**2) / 12 / units.length_mm**2
+    return yaw, max(box, 0.51 * yaw)
+
+
+def _motor(actuators: ET.Element, contact: Contact, units: Units) -> None:
+    """A motor that keeps its rotation under the friction of its wheel; its control is the rotation in rad/s."""
+    wheel = contact.wheel
+    most = contact.load_N * units.per_N * wheel.radius_mm / units.length_mm
+    turning = max(abs(contact.rpm or 0.0), 1.0) * RAD_S_PER_RPM
+    gain = most / (LAGS * turning)
+    ET.SubElement(actuators, "velocity", name=f"{wheel.name}_motor", joint=f"{wheel.name}_axle", kv=f"{gain:.6g}")
+
+
+def _attraction(actuators: ET.Element, contact: Contact, units: Units) -> None:
+    """A constant force toward the plate, which needs no control."""
+    name = contact.wheel.name
+    ET.SubElement(
+        actuators, "general", name=f"{name}_attraction", site=f"over_{name}", gear="0 0 -1 0 0 0",
+        biastype="affine", gainprm="0", biasprm=_numbers(contact.attraction_N * units.per_N, 0, 0),
+    )  # fmt: skip
+
+
+def _numbers(*values: float) -> str:
+    return " ".join(f"{value:.9g}" for value in values)

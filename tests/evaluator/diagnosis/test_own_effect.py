@@ -1,0 +1,70 @@
+"""Physics of the user's own: unknown without it, with a file that says what it is; named once the file lies there."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from evaluator.workflow import diagnose
+from simulator.effects.catalogue import EFFECTS
+from simulator.own_effects.files import BUILT_IN, load_own
+from simulator.own_effects.template import template
+from simulator.robot import load_robot
+from tests.evaluator.diagnosis.hidden import write_hidden
+
+MIX = {"right_to_left": 0.3, "left_to_right": 0.2}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _forgotten() -> Iterator[None]:
+    """Own effects are known to the whole process: other tests must not meet them."""
+    yield
+    for effect in set(EFFECTS) - BUILT_IN:
+        del EFFECTS[effect]
+
+
+@pytest.fixture(scope="module")
+def mixed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Runs of a robot each side of whose drive gets a share of the other side's command."""
+    folder = tmp_path_factory.mktemp("mixed")
+    own = folder / "kept" / "mixed-drive.toml"
+    own.parent.mkdir()
+    own.write_text(template("mixed-drive", name="the drive mixes the sides"), encoding="utf-8")
+    load_own(own)
+    return write_hidden(folder / "session", {"mixed-drive": MIX})
+
+
+def found(folder: Path) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
+    return content
+
+
+def test_a_drive_that_mixes_its_sides_is_unknown_and_then_named_by_the_file_that_the_diagnosis_wrote(
+    mixed: Path, tmp_path: Path
+) -> None:
+    diagnose(mixed, tmp_path / "before")
+    before = found(tmp_path / "before")
+    assert before["verdict"] == "unknown"
+    text = (tmp_path / "before" / "own_effect.toml").read_text(encoding="utf-8")
+    assert 'channel = "left_drive"\ndepends_on = "right_command"' in text
+    assert 'channel = "right_drive"\ndepends_on = "left_command"' in text
+    (mixed.parent / "effects").mkdir()
+    (mixed.parent / "effects" / "sides.toml").write_text(text.replace("found-by-diagnosis", "sides"), encoding="utf-8")
+    diagnose(mixed, tmp_path / "after")
+    after = found(tmp_path / "after")
+    assert after["verdict"] == "effect"
+    assert [effect["id"] for effect in after["effects"]] == ["sides"]
+    sizes = after["effects"][0]["parameters"]
+    for name, value in (
+        ("left_drive_by_right_command", MIX["right_to_left"]),
+        ("right_drive_by_left_command", MIX["left_to_right"]),
+    ):
+        assert sizes[name]["low"] < value < sizes[name]["high"]
+    better = load_robot(tmp_path / "after" / "robot_with_effect.toml")
+    assert [entry.id for entry in better.effect] == ["sides"]
+    gap = after["gap"]["predicted"]
+    assert gap["after"]["held_out"] < 0.2 * gap["before"]["held_out"]

@@ -1,0 +1,72 @@
+"""turnscope effects new, and effects of the user's own in the list."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from evaluator.cli.effects import effects
+from evaluator.errors import InputError
+from simulator.effects.catalogue import EFFECTS
+from simulator.own_effects.files import BUILT_IN
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Commands run in an empty folder; own effects, known to the whole process, are forgotten afterwards."""
+    monkeypatch.chdir(tmp_path)
+    yield
+    for effect in set(EFFECTS) - BUILT_IN:
+        del EFFECTS[effect]
+
+
+def said(*arguments: str) -> str:
+    result = CliRunner().invoke(effects, arguments, standalone_mode=False)
+    if result.exception is not None:
+        raise result.exception
+    return result.output
+
+
+def test_a_new_effect_is_written_listed_and_described_with_its_formula() -> None:
+    assert said("new", "mixed-drive").strip() == str(Path("effects") / "mixed-drive.toml")
+    assert "mixed-drive" in said()
+    (described,) = [item for item in json.loads(said("--json")) if item["id"] == "mixed-drive"]
+    assert described["law"].startswith("left_drive += right_to_left·right_command")
+    assert "right_to_left" in said("mixed-drive")
+
+
+def test_a_python_file_is_listed_only_where_it_is_named() -> None:
+    said("new", "left-faster", "--python")
+    with pytest.raises(InputError, match="no such effect"):
+        said("left-faster")
+    assert "v_left" in said("--effect", "left-faster.py", "left-faster")
+
+
+def test_the_page_draws_an_own_effect_too() -> None:
+    said("new", "mixed-drive")
+    said("--html", "page.html")
+    assert "mixed-drive: what is wrong" in Path("page.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("new",), "give an id"),
+        (("new", "Not An Id"), "small letters and digits"),
+        (("new", "plate-tilt"), "is an effect of the catalogue"),
+        (("plate-tilt", "plate-tilt"), "only `turnscope effects new ID` takes a second ID"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_one_sentence(arguments: tuple[str, ...], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        said(*arguments)
+
+
+def test_a_file_that_is_there_is_not_overwritten() -> None:
+    said("new", "mixed-drive")
+    with pytest.raises(InputError, match="is there already"):
+        said("new", "mixed-drive")
