@@ -47,7 +47,8 @@ Examples:
 
 \b
 A marks CSV has time_s and NAME_x_mm, NAME_y_mm (or _px) of every mark; files of OSP Tracker, DeepLabCut, SLEAP and
-movement are read too. robot.toml needs no more than [marks]. Exit status: 2 where a table cannot be measured.""",
+movement are read too, and poses (time_s, x_mm, y_mm, heading_deg, or a TUM trajectory). robot.toml needs no more than
+[marks]. Exit status: 2 where a table cannot be measured.""",
 )
 @click.argument("marks", nargs=-1, required=True, type=PATH)
 @click.option("--robot", help="Shipped robot or robot.toml: where its marks are. Without: the path of each mark.")

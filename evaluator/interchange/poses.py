@@ -71,6 +71,18 @@ def read_poses(path: Path) -> PoseTable:
     return read_with(_read, path)
 
 
+def holds_poses(path: Path) -> bool:
+    """Whether a file holds poses, by its first lines; a file that cannot be read holds none."""
+    try:
+        with Path(path).open(encoding="utf-8-sig") as file:
+            first = next((line for line in file if line.strip() and not line.lstrip().startswith("#")), "")
+    except (OSError, UnicodeDecodeError):
+        return False
+    cells = {cell.strip() for cell in first.split(",")}
+    table = "time_s" in cells and any({f"x_{unit}", f"y_{unit}"} <= cells for unit in MM_PER)
+    return table or _is_numbers(first, None, TUM_COLUMNS) or _is_numbers(first, ",", TUM_COLUMNS)
+
+
 def clock_zero_s(path: Path) -> float:
     """Reading of the clock of a file of poses at time 0 of its recording. Raises InputError."""
     return read_poses(path).zero_s

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +13,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.errors import InputError
+from evaluator.interchange.poses import holds_poses, poses_of, read_poses
 from evaluator.interchange.tracks import Tracks, read_points
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import columns_of, read_marks
-from evaluator.pose import poses_from_marks
+from evaluator.pose import Poses, poses_from_marks
 from evaluator.turning import measure_turning
 from evaluator.turning.path import PointPath, measure_path
 from evaluator.turning.phase_table import several_motions
@@ -82,6 +83,8 @@ class MeasuredTable:
 
 def measure_table(path: Path, request: Request) -> MeasuredTable:
     """Measure one table. Raises InputError where it cannot be read, or none of its frames can be measured."""
+    if holds_poses(path):
+        return _of_poses(path, request)
     height = request.robot.height_mm if request.robot else 0.0
     names = request.robot.marks().names if request.robot else ()
     time, points, unit = read_points(path, request.tracks, request.camera, height, names)
@@ -101,7 +104,6 @@ def measure_table(path: Path, request: Request) -> MeasuredTable:
     if geometry is None:
         row, said = _each_mark(path, time, points, unit, scale_sigma, request)
         return MeasuredTable({**head, **row}, (*lines, *said))
-    assert request.robot is not None  # they are its marks
     marks = _table(path, time, {name: points[name] for name in geometry.names}, request)
     if unit == "px":
         per_px = _mm_per_px(path, marks, geometry)
@@ -115,19 +117,37 @@ def measure_table(path: Path, request: Request) -> MeasuredTable:
     if not poses.measured.any():
         reasons, counts = np.unique(poses.status, return_counts=True)
         raise InputError(f"{path}: no frame can be measured ({reasons[counts.argmax()]}); are two marks in it?")
+    return _measured(head, poses, request, lines, scale_sigma)
+
+
+def _of_poses(path: Path, request: Request) -> MeasuredTable:
+    """Measure poses of another system; times are told by its own clock."""
+    if request.ruler is not None:
+        raise InputError(f"{path}: holds poses; --scale-px is for columns in px")
+    read = read_poses(path)
+    start_s, stop_s = (None if at is None else at - read.zero_s for at in (request.start_s, request.stop_s))
+    head = {"run": path.stem, "left_rpm": request.left_rpm, "right_rpm": request.right_rpm}
+    shifted = replace(request, start_s=start_s, stop_s=stop_s)
+    return _measured(head, poses_of(read.table), shifted, read.notes(), 0.0)
+
+
+def _measured(
+    head: dict[str, Any], poses: Poses, request: Request, lines: list[str], scale_sigma: float
+) -> MeasuredTable:
+    """What poses tell, with the phases of a run that is several motions."""
     found = measure_turning(
         poses,
         request.start_s,
         request.stop_s,
-        shape=request.robot.shape,
+        shape=request.robot.shape if request.robot else None,
         left_rpm=request.left_rpm,
         right_rpm=request.right_rpm,
     )
     if scale_sigma:
         found = found.with_scale(scale_sigma)
-    phases = tuple({"run": path.stem, **row} for row in found.phase_rows())
+    phases = tuple({"run": head["run"], **row} for row in found.phase_rows())
     if several_motions(found.phases):
-        lines += [_phase_line(row) for row in phases]
+        lines = [*lines, *(_phase_line(row) for row in phases)]
     return MeasuredTable({**head, **found.to_row()}, (found.summary(), *lines), phases)
 
 

@@ -16,6 +16,7 @@ from evaluator.errors import InputError
 from evaluator.interchange.poses import poses_of, read_poses
 from evaluator.report.build import write_report
 from evaluator.workflow import analyze, check_experiment
+from evaluator.workflow.turning_tables import Request, measure_table
 from simulator.command import Command
 from simulator.robot import load_robot
 from simulator.run import Run, State
@@ -65,6 +66,17 @@ def test_radius_comparison_and_report_of_a_run_of_poses_are_those_of_its_motion(
     assert any("noise taken from the poses" in note for note in found.notes["r01"])
     write_report(found)
     assert "1 run, from poses" in found.outputs.report.read_text(encoding="utf-8")
+
+
+def test_the_turning_command_measures_poses_without_a_robot_file(tmp_path: Path) -> None:
+    run = motion()
+    table = noisy(run)
+    table.assign(time_s=table["time_s"] + 1.7e9).to_csv(tmp_path / "r01.csv", index=False, float_format="%.9f")
+    found = measure_table(tmp_path / "r01.csv", Request(start_s=1.7e9 + 0.5))
+    radius = np.hypot(run.u_mm_s[-1], run.v_mm_s[-1]) / abs(run.yaw_rate_rad_s[-1])
+    assert found.row["radius_low_mm"] < radius < found.row["radius_high_mm"]
+    assert any("noise taken from the poses" in line for line in found.lines)
+    assert found.row["start_delay_s"] == pytest.approx(0.0, abs=0.1)
 
 
 def test_noise_is_estimated_from_the_poses_where_none_is_stated_and_taken_where_it_is(tmp_path: Path) -> None:
