@@ -13,7 +13,8 @@ from evaluator.diagnosis.likelihood.shared_errors import NEGLIGIBLE_MM, _fixed_t
 from evaluator.pose_systematic import COMMON_PX, COMMON_SHARE
 
 PLACES = np.column_stack([np.linspace(-8, 9, 30), 5 * np.sin(np.linspace(0, 3, 30))])
-POINTS = {"green": PLACES + [0.3, 1.8], "yellow": PLACES - [0.3, 1.8]}
+ARM = np.array([0.3, 1.8])
+POINTS = {"green": PLACES + ARM, "yellow": PLACES - ARM}
 
 
 def seen(move: Any) -> np.ndarray:
