@@ -18,7 +18,7 @@ from evaluator.diagnosis.assessment.model_comparison import (
     score,
     standing,
 )
-from evaluator.diagnosis.assessment.verdict import decide, doubts, kept, pays
+from evaluator.diagnosis.assessment.verdict import best_named, decide, doubts, pays
 from evaluator.diagnosis.inference.search import Search, log_prior
 
 NONE: frozenset[str] = frozenset()
@@ -49,7 +49,7 @@ def test_an_effect_stays_at_odds_that_depend_on_the_size_of_the_set(
 ) -> None:
     search, table = ranked(monkeypatch, {ids: max(below.values()) + odds + more, **below})
     assert pays(search, table, 95, ids) == enough
-    assert (kept(search, table, 95) == ids) == enough
+    assert (best_named(search, table, 95) == ids) == enough
 
 
 @pytest.mark.parametrize(("more", "enough"), [(0.05, True), (-0.05, False)])
