@@ -65,7 +65,7 @@ def test_only_the_first_quarter_of_a_second_tells_the_start() -> None:
 
 def test_three_frames_are_averaged_and_missing_ones_left_out() -> None:
     poses = moving(0.1, 3)
-    assert start_pose(poses, 0.0)[0] == pytest.approx(poses.x_mm.mean())
+    assert start_pose(poses, 0.0) == pytest.approx((poses.x_mm.mean(), poses.y_mm.mean(), poses.heading_rad.mean()))
     many = moving(0.1)
     values = [np.array(value) for value in (many.x_mm, many.y_mm, many.heading_rad)]
     for value in values:
