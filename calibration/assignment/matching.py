@@ -248,13 +248,13 @@ def _matched(best: _Placement, placements: list[_Placement], lattice: Lattice, g
         raise CalibrationError(does_not_fit(lattice, gauge))
     table = _places(gauge)
     where = lattice.index @ best.turn.T + best.shift
-    rows, columns, kept = [], [], []
+    rows, columns, chosen = [], [], []
     for k, site in enumerate(map(tuple, where.tolist())):
         if site in table:
             row, column = table[site]
             rows.append(row)
             columns.append(column)
-            kept.append(k)
+            chosen.append(k)
     # another placement as good, but shifted or turned otherwise than by half a turn, leaves the origin open
     rivals = [
         other
@@ -274,7 +274,7 @@ def _matched(best: _Placement, placements: list[_Placement], lattice: Lattice, g
         and np.array_equal(other.turn, -best.turn)
     ]
     return Match(
-        dot=lattice.dot[np.array(kept, dtype=np.int64)],
+        dot=lattice.dot[np.array(chosen, dtype=np.int64)],
         column=np.array(columns, dtype=np.int64),
         row=np.array(rows, dtype=np.int64),
         certain=not rivals and len(opposite) <= 1,

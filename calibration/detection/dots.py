@@ -114,13 +114,13 @@ def _without_doubles(fitted: Array, noise: Array) -> NDArray[np.intp]:
     tree = cKDTree(fitted[:, :2])
     misfit = noise / np.maximum(-fitted[:, 7], 1e-12)
     left_out = np.zeros(len(fitted), dtype=bool)
-    kept = []
+    chosen = []
     for k in np.argsort(misfit, kind="stable"):
         if left_out[k]:
             continue
-        kept.append(k)
+        chosen.append(k)
         left_out[tree.query_ball_point(fitted[k, :2], 0.5 * radius[k])] = True
-    return np.array(kept, dtype=np.intp)
+    return np.array(chosen, dtype=np.intp)
 
 
 def _best_window(plane: Plane, noise: float) -> tuple[float, Candidates]:

@@ -50,7 +50,7 @@ FEWEST_IMAGES = 3  # that must remain where others are left out: fewer cannot te
 class Calibration:
     """A camera with all that speaks for and against it.
 
-    camera: in the frame of the plate image. sightings: per image. fit: solved bundle over the dots kept; views:
+    camera: in the frame of the plate image. sightings: per image. fit: solved bundle over the dots used; views:
     those dots. trials: lens models tried, best first. rejected: per image, count of dots left out as outliers.
     distance_mm: measured height of the lens and its sigma, where it was given. flatness: of the gauge; None for a
     single image of a gauge whose flatness is not stated, which says nothing of it. left_out: images that were not
@@ -178,17 +178,17 @@ def _solved(
             f"{sightings[0].name}: no camera explains the dots; do all show the gauge {gauge.name!r}?"
         )
     views = with_tolerance(views, rough[0].state, gauge.tolerance)
-    fit, kept, trials = _solve_robustly(views, rough, prior, _faces(gauge, len(views)))
-    _check_pitch(fit, kept, gauge)
-    flatness = _flatness(fit, kept, gauge, prior)
+    fit, used, trials = _solve_robustly(views, rough, prior, _faces(gauge, len(views)))
+    _check_pitch(fit, used, gauge)
+    flatness = _flatness(fit, used, gauge, prior)
     return Calibration(
-        camera=_camera(fit, kept, gauge, flatness, size_px),
+        camera=_camera(fit, used, gauge, flatness, size_px),
         gauge=gauge,
         sightings=tuple(sightings),
-        views=tuple(kept),
+        views=tuple(used),
         fit=fit,
         trials=tuple(trials),
-        rejected=tuple(len(each.match) - len(part) for each, part in zip(sightings, kept, strict=True)),
+        rejected=tuple(len(each.match) - len(part) for each, part in zip(sightings, used, strict=True)),
         plate_index=plate_index,
         distance_mm=distance_mm,
         flatness=flatness,
@@ -244,22 +244,22 @@ def _solve_robustly(
     views: list[View], rough: list[Fit], prior: Prior, faces: tuple[int, ...]
 ) -> tuple[Fit, list[View], list[Trial]]:
     """Choose the model with outliers held back by the robust cost, then leave them out and solve again."""
-    kept = with_disc_offsets(views, rough[0].state)
-    trials = choose_model(kept, rough, prior, faces)
-    fit, kept = solve_discs(kept, trials[0].fit.state, prior)
+    used = with_disc_offsets(views, rough[0].state)
+    trials = choose_model(used, rough, prior, faces)
+    fit, used = solve_discs(used, trials[0].fit.state, prior)
     for _ in range(3):
         keep = outliers(fit)
         if all(part.all() for part in keep):
             break
-        kept = [view.take(part) for view, part in zip(kept, keep, strict=True)]
-        _check_left_out(views, kept)
-        fit, kept = solve_discs(kept, fit.state, prior)
-    return fit, kept, trials
+        used = [view.take(part) for view, part in zip(used, keep, strict=True)]
+        _check_left_out(views, used)
+        fit, used = solve_discs(used, fit.state, prior)
+    return fit, used, trials
 
 
-def _check_left_out(views: list[View], kept: list[View]) -> None:
+def _check_left_out(views: list[View], used: list[View]) -> None:
     """Raise for an image most of whose dots contradict the rest."""
-    for view, part in zip(views, kept, strict=True):
+    for view, part in zip(views, used, strict=True):
         left_out = len(view) - len(part)
         if left_out > MOST_LEFT_OUT * len(view) or len(part) < FEWEST_DOTS // 2:
             rest = "the other images" if len(views) > 1 else "any camera"

@@ -23,7 +23,7 @@ from evaluator.diagnosis.assessment.model_comparison import (
     standing,
 )
 from evaluator.diagnosis.assessment.relevance import Changes, changes
-from evaluator.diagnosis.assessment.verdict import Verdict, decide, doubts, kept
+from evaluator.diagnosis.assessment.verdict import Verdict, best_named, decide, doubts
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.design.next_runs import NextRuns, best_next_runs
@@ -155,13 +155,13 @@ def _best_named(search: Search, families: int) -> tuple[Standing, Set]:
     that had settled elsewhere, in one run, has passed for an effect of size nought.
     """
     table = standing(search, families)
-    best = kept(search, table, families)
+    best = best_named(search, table, families)
     for _ in range(LARGEST_SET):
         before = best
         for effect in sorted(best):
             fit_set(search, best - {effect}, {}, search.fits[best], search.explained)
         table = standing(search, families)
-        best = kept(search, table, families)
+        best = best_named(search, table, families)
         if best == before:
             break
     return table, best

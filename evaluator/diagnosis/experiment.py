@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 
 FEWEST_FRAMES = 12  # fewer leave nothing once a start pose is fitted
 FEWEST_RUNS = 4
-AROUND = 13  # frames, six before and six after: of the six pairs two may hold a leap
+AROUND = 13  # frames, six before and six after: of the six pairs two may hold a jump
 OUTLIER_STEPS = 2.5  # and so many frames' motion: where motion begins, the middle of pairs is off by 1.75 of them
 OUTLIER_SIGMAS = 9.0  # a bend of the path at the start is less; tails of ordinary noise beyond add nothing to a fit
 LEAST_SIGMA_MM = 5e-4  # marks without noise, from another program, bend by as much
@@ -148,7 +148,7 @@ def _run_data(run: Run, order: int, time_s: Floats, marks_mm: Floats) -> RunData
 
 
 def without_outliers(values: Floats) -> Floats:
-    """Time and marks (n, 5) with marks that leap from their neighbours and back set to NaN: a tracker was mistaken.
+    """Time and marks (n, 5) with marks that jump from their neighbours and back set to NaN: a tracker was mistaken.
 
     A coordinate is an outlier where it lies farther from what the frames around it say (the median of the middles of
     pairs) than OUTLIER_SIGMAS robust standard deviations of this distance and OUTLIER_STEPS of the robot's motion from

@@ -24,7 +24,7 @@ from evaluator.recording import Frame
 from evaluator.tracking.settings import HUE_RANGES
 
 Array = NDArray[np.float64]
-Picture = NDArray[np.uint8]
+Image = NDArray[np.uint8]
 Color = tuple[int, int, int]
 
 OTHER = (120, 200, 255)  # of a mark whose name says no colour
@@ -79,15 +79,15 @@ def write_overlay(
     with written_whole(path) as temporary, av.open(str(temporary), "w") as container:
         stream: Any = None
         for row, frame in enumerate(recording):
-            picture = draw_frame(frame, table, row, drawing)
+            image = draw_frame(frame, table, row, drawing)
             if stream is None:
                 stream = container.add_stream("libx264", rate=60, options={"crf": "20", "preset": "veryfast"})
                 # H.264 in 4:2:0 needs even sizes: an odd last line or column is left out.
-                stream.width, stream.height = picture.shape[1] // 2 * 2, picture.shape[0] // 2 * 2
+                stream.width, stream.height = image.shape[1] // 2 * 2, image.shape[0] // 2 * 2
                 stream.pix_fmt = "yuv420p"
                 stream.codec_context.time_base = _short(frame.tick)
             shown = av.VideoFrame.from_ndarray(
-                np.ascontiguousarray(picture[: stream.height, : stream.width]), format="rgb24"
+                np.ascontiguousarray(image[: stream.height, : stream.width]), format="rgb24"
             )
             shown.time_base = stream.codec_context.time_base
             shown.pts = round(frame.time / shown.time_base)
@@ -102,27 +102,27 @@ def _short(tick: Fraction) -> Fraction:
     return tick if tick.denominator <= 1_000_000 else Fraction(1, 90_000)
 
 
-def draw_frame(frame: Frame, table: pd.DataFrame, row: int, drawing: Drawing) -> Picture:
+def draw_frame(frame: Frame, table: pd.DataFrame, row: int, drawing: Drawing) -> Image:
     """One frame of the overlay, RGB."""
-    picture = np.ascontiguousarray(frame.to_rgb())
-    size = max(picture.shape[0] / 480, 0.6)
+    image = np.ascontiguousarray(frame.to_rgb())
+    size = max(image.shape[0] / 480, 0.6)
     thick = max(1, round(size))
     if len(drawing.circle_px):
-        _line(picture, drawing.circle_px, CIRCLE, thick, closed=True)
+        _line(image, drawing.circle_px, CIRCLE, thick, closed=True)
     for name in mark_names(table):
         points = table[[f"{name}_x_px", f"{name}_y_px"]].to_numpy(float)
-        _trail(picture, points[max(0, row - TRAIL_FRAMES) : row + 1], color_of(name), thick)
-        _cross(picture, points[row], color_of(name), 6 * size, thick)
+        _trail(image, points[max(0, row - TRAIL_FRAMES) : row + 1], color_of(name), thick)
+        _cross(image, points[row], color_of(name), 6 * size, thick)
     if len(drawing.center_px):
-        _trail(picture, drawing.center_px[max(0, row - TRAIL_FRAMES) : row + 1], CENTER, thick)
+        _trail(image, drawing.center_px[max(0, row - TRAIL_FRAMES) : row + 1], CENTER, thick)
         if np.isfinite([drawing.center_px[row], drawing.nose_px[row]]).all():
-            _arrow(picture, drawing.center_px[row], drawing.nose_px[row], CENTER, thick + 1)
+            _arrow(image, drawing.center_px[row], drawing.nose_px[row], CENTER, thick + 1)
             if len(drawing.left_px):
-                _arrow(picture, drawing.center_px[row], drawing.left_px[row], CENTER, thick)
+                _arrow(image, drawing.center_px[row], drawing.left_px[row], CENTER, thick)
     for name, tip in zip("xy", drawing.axes_px[1:], strict=False):
-        _arrow(picture, drawing.axes_px[0], tip, INK, thick)
+        _arrow(image, drawing.axes_px[0], tip, INK, thick)
         beyond = tip + 12 * size * (tip - drawing.axes_px[0]) / np.hypot(*(tip - drawing.axes_px[0]))
-        _write(picture, name, (round(beyond[0] - 5 * size), round(beyond[1] + 5 * size)), size, INK)
+        _write(image, name, (round(beyond[0] - 5 * size), round(beyond[1] + 5 * size)), size, INK)
     lines = [f"{table['time_s'].iloc[row]:8.3f} s   frame {int(table['frame'].iloc[row])}   {drawing.caption}".rstrip()]
     lines += [
         f"{name}: {status}"
@@ -130,8 +130,8 @@ def draw_frame(frame: Frame, table: pd.DataFrame, row: int, drawing: Drawing) ->
         if (status := str(table[f"{name}_status"].iloc[row])) not in {"ok", "corrected"}
     ]
     for k, text in enumerate(lines):
-        _write(picture, text, (round(8 * size), round((20 + 22 * k) * size)), size, INK if k == 0 else WARNING)
-    return picture
+        _write(image, text, (round(8 * size), round((20 + 22 * k) * size)), size, INK if k == 0 else WARNING)
+    return image
 
 
 def write_contact_sheet(recording: Iterable[Frame], table: pd.DataFrame, path: Path, most: int = 24) -> int:
@@ -195,17 +195,17 @@ def _wanted(
             yield frame, name
 
 
-def _tile(frame: Frame, table: pd.DataFrame, name: str) -> Picture:
+def _tile(frame: Frame, table: pd.DataFrame, name: str) -> Image:
     """A cut-out of 48 px around where a mark is, or was nearest in time, enlarged to 240 px."""
     row = int(np.flatnonzero(table["frame"].to_numpy() == frame.index)[0])
     points = table[[f"{name}_x_px", f"{name}_y_px"]].to_numpy(float)
     seen = np.flatnonzero(np.isfinite(points).all(axis=1))
-    picture, side, zoom = frame.to_rgb(), 48, 5
-    height, width = picture.shape[:2]
+    image, side, zoom = frame.to_rgb(), 48, 5
+    height, width = image.shape[:2]
     place = points[seen[np.argmin(np.abs(seen - row))]] if len(seen) else np.array([width / 2, height / 2])
     matrix = np.array([[1 / zoom, 0, place[0] - side / 2], [0, 1 / zoom, place[1] - side / 2]])
-    tile: Picture = cv2.warpAffine(
-        picture, matrix, (side * zoom, side * zoom), flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+    tile: Image = cv2.warpAffine(
+        image, matrix, (side * zoom, side * zoom), flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
     ).astype(np.uint8)
     if np.isfinite(points[row]).all():
         _cross(tile, np.full(2, side * zoom / 2), color_of(name), 14, 1)
@@ -216,37 +216,37 @@ def _tile(frame: Frame, table: pd.DataFrame, name: str) -> Picture:
     return tile
 
 
-def _trail(picture: Picture, points: Array, color: Color, thick: int) -> None:
+def _trail(image: Image, points: Array, color: Color, thick: int) -> None:
     absent = np.flatnonzero(~np.isfinite(points).all(axis=1))
     for part in np.split(points, absent):
-        _line(picture, part[np.isfinite(part).all(axis=1)], color, thick)
+        _line(image, part[np.isfinite(part).all(axis=1)], color, thick)
 
 
-def _line(picture: Picture, points: Array, color: Color, thick: int, *, closed: bool = False) -> None:
+def _line(image: Image, points: Array, color: Color, thick: int, *, closed: bool = False) -> None:
     if len(points) > 1:
         fixed = np.rint(points * 2**SHIFT).astype(np.int32)
-        cv2.polylines(picture, [fixed], closed, color, thick, cv2.LINE_AA, SHIFT)
+        cv2.polylines(image, [fixed], closed, color, thick, cv2.LINE_AA, SHIFT)
 
 
-def _arrow(picture: Picture, start: Array, tip: Array, color: Color, thick: int) -> None:
-    cv2.arrowedLine(picture, _fixed(start), _fixed(tip), color, thick, cv2.LINE_AA, SHIFT, 0.25)
+def _arrow(image: Image, start: Array, tip: Array, color: Color, thick: int) -> None:
+    cv2.arrowedLine(image, _fixed(start), _fixed(tip), color, thick, cv2.LINE_AA, SHIFT, 0.25)
 
 
-def _cross(picture: Picture, point: Array, color: Color, arm: float, thick: int) -> None:
+def _cross(image: Image, point: Array, color: Color, arm: float, thick: int) -> None:
     if np.isfinite(point).all():
         for dx, dy in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
             way = np.array([dx, dy])
-            _line(picture, np.stack([point + arm * way, point + 2.2 * arm * way]), color, thick)
+            _line(image, np.stack([point + arm * way, point + 2.2 * arm * way]), color, thick)
 
 
 def _fixed(point: Array) -> tuple[int, int]:
     return round(float(point[0]) * 2**SHIFT), round(float(point[1]) * 2**SHIFT)
 
 
-def _write(picture: Picture, text: str, place: tuple[int, int], size: float, color: Color) -> None:
+def _write(image: Image, text: str, place: tuple[int, int], size: float, color: Color) -> None:
     """Text on a darkened strip, so that it reads on any frame."""
     (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.45 * size, 1)
     left, bottom = place
-    strip = picture[max(bottom - height - 3, 0) : bottom + below + 2, max(left - 4, 0) : left + width + 4]
+    strip = image[max(bottom - height - 3, 0) : bottom + below + 2, max(left - 4, 0) : left + width + 4]
     strip[:] = strip // 3
-    cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45 * size, color, 1, cv2.LINE_AA)
+    cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45 * size, color, 1, cv2.LINE_AA)

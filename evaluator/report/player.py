@@ -17,7 +17,7 @@ from evaluator.report.runs import RunView
 from evaluator.report.style import mark_lines
 from simulator.robot import Robot
 
-PICTURE_BUDGET_BYTES = 1_800_000  # of JPEG; base64 makes a third more of it, and the page is to stay below 5 MB
+IMAGE_BUDGET_BYTES = 1_800_000  # of JPEG; base64 makes a third more of it, and the page is to stay below 5 MB
 POINT_BUDGET = 20_000  # points of all runs together, each some 60 characters
 
 
@@ -68,7 +68,7 @@ def _fitted(pictures: Sequence[list[dict[str, Any]]]) -> list[list[tuple[float, 
     total = sum(len(item["jpeg"]) * 3 // 4 for chosen in pictures for item in chosen)
     every, scale = 1, 1.0
     for every, scale in ((1, 1.0), (2, 1.0), (2, 0.75), (3, 0.75), (3, 0.5), (6, 0.5)):
-        if total / every * scale**1.6 <= PICTURE_BUDGET_BYTES:  # bytes grow a little slower than the area
+        if total / every * scale**1.6 <= IMAGE_BUDGET_BYTES:  # bytes grow a little slower than the area
             break
     return [
         [(round(item["time_s"], 3), _scaled(item["jpeg"], scale)) for item in chosen[::every]] for chosen in pictures
@@ -78,7 +78,7 @@ def _fitted(pictures: Sequence[list[dict[str, Any]]]) -> list[list[tuple[float, 
 def _scaled(jpeg: str, scale: float) -> str:
     if scale == 1.0:
         return jpeg
-    picture = cv2.imdecode(np.frombuffer(base64.b64decode(jpeg), np.uint8), cv2.IMREAD_COLOR)
-    assert picture is not None  # it was encoded by us
-    small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    image = cv2.imdecode(np.frombuffer(base64.b64decode(jpeg), np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None  # it was encoded by us
+    small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     return base64.b64encode(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 65])[1].tobytes()).decode()

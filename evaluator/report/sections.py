@@ -155,8 +155,8 @@ def _calibration(path: Path, robot: Robot) -> Section:
     stored = read_with(load_camera_file, path)
     text = (stored.verdict.summary, *stored.verdict.reasons, *stored.verdict.notes, *stored.verdict.next_steps)
     rows = tuple(
-        (Path(picture.name).name, f"{picture.dots}", f"{picture.left_out}", f"{picture.rms_px:.4f}")
-        for picture in stored.pictures
+        (Path(image.name).name, f"{image.dots}", f"{image.left_out}", f"{image.rms_px:.4f}")
+        for image in stored.pictures
     )
     table = Table("Gauge images.", ("image", "dots used", "left out", "residual, px RMS"), rows)
     camera = stored.camera()

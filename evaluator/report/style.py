@@ -168,7 +168,7 @@ class Figure:
 
 
 class Drawing:
-    """A canvas while it is drawn on; `svg` holds the picture once the `drawing` block has ended."""
+    """A canvas while it is drawn on; `svg` holds the SVG once the `drawing` block has ended."""
 
     def __init__(self, canvas: Canvas, axes: list[Axes]) -> None:
         """Start with an empty canvas."""
@@ -205,7 +205,7 @@ def _themed_svg(canvas: Canvas) -> str:
 
 
 def plain_svg(svg: str) -> str:
-    """The picture with plain colours on white, for programs that do not know the variables of the page."""
+    """The drawing with plain colours on white, for programs that do not know the variables of the page."""
     text = re.sub(r"var\(--[a-z]+, (#[0-9a-f]{6})\)", r"\1", svg)
     text = re.sub(r"(<svg[^>]*>)", r'\1\n<rect width="100%" height="100%" fill="white"/>', text, count=1)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + text

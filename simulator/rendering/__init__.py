@@ -1,7 +1,7 @@
 """Scene, optics and sensor → video with exact truth."""
 
 from simulator.rendering.clip import RenderedFrame, render_clip, render_frames, set_stage, truth_of
-from simulator.rendering.gauge_picture import GaugePose, gauge_truth, render_gauge, render_gauge_picture
+from simulator.rendering.gauge_image import GaugePose, gauge_truth, render_gauge, render_gauge_image
 from simulator.rendering.scene import GaugeScene, Scene, load_scene
 
 __all__ = [
@@ -14,7 +14,7 @@ __all__ = [
     "render_clip",
     "render_frames",
     "render_gauge",
-    "render_gauge_picture",
+    "render_gauge_image",
     "set_stage",
     "truth_of",
 ]

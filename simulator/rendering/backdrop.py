@@ -1,4 +1,4 @@
-"""What does not move: the brushed plate, the light on it, reflections and wires, all in picture pixels."""
+"""What does not move: the brushed plate, the light on it, reflections and wires, all in image pixels."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
 from simulator.rendering.plane import NOWHERE_MM, PlaneMap
-from simulator.rendering.scene import Picture
+from simulator.rendering.scene import CommonScene
 from simulator.rendering.tables import Glare, Lighting, Optics, Plate, Wire
 
-Picture32 = NDArray[np.float32]
+Image32 = NDArray[np.float32]
 STEEL = np.array([0.98, 1.0, 1.01], dtype=np.float32)  # brushed steel is nearly grey, a little cool
 
 
@@ -28,15 +28,15 @@ class Overlay:
     veil: (h, w, 3), light added by reflections and wires.
     """
 
-    transmission: Picture32
-    veil: Picture32
+    transmission: Image32
+    veil: Image32
 
-    def applied(self, scene_light: Picture32) -> Picture32:
-        """Light at the sensor for a whole picture of the scene."""
+    def applied(self, scene_light: Image32) -> Image32:
+        """Light at the sensor for a whole image of the scene."""
         return np.asarray(scene_light * self.transmission[..., None] + self.veil, dtype=np.float32)
 
 
-def overlay(scene: Picture, size_px: tuple[int, int]) -> Overlay:
+def overlay(scene: CommonScene, size_px: tuple[int, int]) -> Overlay:
     """Build the overlay of a scene."""
     covered, wires = _wires(scene.wire, scene.optics.blur_px, size_px)
     lit = _light_field(scene.optics, scene.lighting, size_px)
@@ -45,14 +45,14 @@ def overlay(scene: Picture, size_px: tuple[int, int]) -> Overlay:
 
 
 def wire_cover(wires: Sequence[Wire], points_px: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which picture points (..., 2) lie behind a wire."""
+    """Tell which image points (..., 2) lie behind a wire."""
     covered = np.zeros(points_px.shape[:-1], dtype=bool)
     for wire in wires:
         covered |= _distance_px(wire, points_px) < wire.width_px / 2
     return covered
 
 
-def brushed_plate(plate: Plate, optics: Optics, ground: PlaneMap, rng: np.random.Generator) -> Picture32:
+def brushed_plate(plate: Plate, optics: Optics, ground: PlaneMap, rng: np.random.Generator) -> Image32:
     """Light of the bare plate, (h, w, 3): brush marks of several lengths and a broad sheen, blurred by the lens."""
     inner = np.s_[ground.pad : -ground.pad, ground.pad : -ground.pad]
     x_mm, y_mm = ground.x_mm[inner], ground.y_mm[inner]
@@ -116,7 +116,7 @@ def _wires(
 
 
 def _distance_px(wire: Wire, points_px: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distance of picture points (..., 2) to the middle line of a wire."""
+    """Distance of image points (..., 2) to the middle line of a wire."""
     nearest = np.full(points_px.shape[:-1], np.inf)
     for start, end in zip(np.array(wire.points_px[:-1]), np.array(wire.points_px[1:]), strict=True):
         way = end - start

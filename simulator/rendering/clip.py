@@ -40,12 +40,12 @@ Numbers = NDArray[np.uint8] | NDArray[np.uint16]
 class RenderedFrame:
     """A frame as the sensor gives it.
 
-    presentation_s: exact; picture: (h, w, 3) red, green, blue or (h, w), uint8, or uint16 above 8 bits.
+    presentation_s: exact; image: (h, w, 3) red, green, blue or (h, w), uint8, or uint16 above 8 bits.
     """
 
     index: int
     presentation_s: Fraction
-    picture: Numbers
+    image: Numbers
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def set_stage(scene: Scene) -> Stage:
     robot = robot.model_copy(update={"effect": robot.effect + scene.effect})
     view = view_of(robot, [mark.place_mm for mark in robot.layout])
     if any(term.basis == TIME for term in view.errors):
-        raise SimulationError("a camera whose picture creeps cannot be rendered; leave that effect out of the scene")
+        raise SimulationError("a camera whose image creeps cannot be rendered; leave that effect out of the scene")
     plan = tuple(shots(scene, np.random.default_rng([scene.seed, 1]), Fraction(str(view.time_factor))))
     middle = np.array([float(shot.time_s) for shot in plan])
     times = middle[:, None] + np.array([-0.5, 0.0, 0.5]) * scene.exposure.time_s
@@ -87,17 +87,17 @@ def frames_of(stage: Stage) -> Iterator[RenderedFrame]:
     """Draw the frames of a stage."""
     easel = _Easel(stage)
     for index, fields in groupby(enumerate(stage.plan), key=lambda item: item[1].frame):
-        picture: Numbers | None = None
+        image: Numbers | None = None
         shown = Fraction(0)
         for place, shot in fields:
-            taken, shown = easel.picture(place), shot.shown_s
-            if picture is None or shot.rows == "all":
-                picture = taken
+            taken, shown = easel.image(place), shot.shown_s
+            if image is None or shot.rows == "all":
+                image = taken
             else:
                 first = 0 if shot.rows == "even" else 1
-                picture[first::2] = taken[first::2]
-        if picture is not None:
-            yield RenderedFrame(index, shown, picture)
+                image[first::2] = taken[first::2]
+        if image is not None:
+            yield RenderedFrame(index, shown, image)
 
 
 class _Easel:
@@ -125,7 +125,7 @@ class _Easel:
             self.planes[height_mm] = plane_map(self.stage.camera, height_mm, self.stage.kernel.margin + 2)
         return self.planes[height_mm]
 
-    def picture(self, place: int) -> Numbers:
+    def image(self, place: int) -> Numbers:
         """The exposure at a place of the plan, as numbers."""
         scene, shot = self.stage.scene, self.stage.plan[place]
         changed = [box for box in self._paint(place) if box is not None]
@@ -150,7 +150,7 @@ class _Easel:
         for distractor in stage.scene.distractor:
             plane = self._plane(distractor.height_mm)
             ends = [distractor_disc(distractor, plane, middle + side * half) for side in (-1, 1)]
-            way_px = np.linalg.norm(np.diff(plane.picture_from_plane([end.center_mm for end in ends]), axis=0))
+            way_px = np.linalg.norm(np.diff(plane.image_from_plane([end.center_mm for end in ends]), axis=0))
             moments = moments_of_exposure((middle - half, middle + half), float(way_px))
             discs = [distractor_disc(distractor, plane, time, stage.scene.exposure.gain) for time in moments]
             yield paint_disc(discs, stage.kernel, self.scenery)
@@ -183,8 +183,8 @@ def render_clip(scene: Scene, video_path: Path, progress: Callable[[int, int], N
             if progress is not None:
                 progress(frame.index + 1, total)
 
-    pictures = ((frame.presentation_s, frame.picture) for frame in counted())
-    encode(pictures, scene, clock_of(stage.plan, scene.frame_rate), stage.camera.size_px, video_path)
+    images = ((frame.presentation_s, frame.image) for frame in counted())
+    encode(images, scene, clock_of(stage.plan, scene.frame_rate), stage.camera.size_px, video_path)
     return truth_of(stage)
 
 
@@ -193,8 +193,8 @@ def truth_of(stage: Stage) -> pd.DataFrame:
 
     frame; field (only when interlaced: "top" or "bottom"); time_s, the middle of the exposure; presentation_s; x_mm,
     y_mm, heading_deg of the robot's centre; per mark x_mm, y_mm in the plate frame, on the plane of the marks, and as
-    observation effects have it where the scene has such; x_px, y_px, the picture of the mark's centre; visible, the
-    share of the mark in the picture and before no wire.
+    observation effects have it where the scene has such; x_px, y_px, the image of the mark's centre; visible, the
+    share of the mark in the image and before no wire.
     """
     scene = stage.scene
     x, y, heading = stage.poses[:, 1].T

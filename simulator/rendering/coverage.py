@@ -1,6 +1,6 @@
 """How much of each pixel a disc or a polygon covers, as the lens blurs it.
 
-Picture frame, px. A disc lies on a plane that the camera sees under perspective and distortion, so its picture is no
+Image frame, px. A disc lies on a plane that the camera sees under perspective and distortion, so its image is no
 ellipse. Its edge is found where it is: pixels are split into n × n parts, each part takes its plate coordinates from
 the second-order expansion of the plane map about its pixel and the exact share of a square cut by a straight edge;
 blur and pixel aperture then act as one separable filter. Tests check this against brute force.
@@ -36,7 +36,7 @@ def blur_kernel(blur_px: float) -> Kernel:
     """Build the filter of a lens whose Gaussian blur has standard deviation blur_px.
 
     The share covered of a part is itself an average over that part, a filter of variance 1/(12 parts²), which is
-    taken off the Gaussian's. Sharp pictures need finer parts: 8 below 1 px of blur, 4 below 3 px, else 2.
+    taken off the Gaussian's. Sharp images need finer parts: 8 below 1 px of blur, 4 below 3 px, else 2.
     """
     parts = 8 if blur_px < 1 else 4 if blur_px < 3 else 2
     margin = math.ceil(4 * blur_px + 0.5)  # what lies beyond is 3e-5 of the light
@@ -133,7 +133,7 @@ def _add_filtered(fine: Array, parts: int, weights: Array, share: float, out: Ar
             first += 1
         while last > first and fine[row, last - 1] == 0.0:
             last -= 1
-        # The filter of picture row r spans the parts from r·parts on.
+        # The filter of image row r spans the parts from r·parts on.
         for r in range(max(0, (row - len(weights)) // parts + 1), min(tall, row // parts + 1)):
             weight = share * weights[row - r * parts]
             for column in range(first, last):
@@ -160,7 +160,7 @@ def add_disc(
 ) -> None:
     """Add a disc's blurred coverage times share to out.
 
-    map_x, map_y: plane coordinates at pixel centres, mm, with pad more pixels on every side than the picture; box:
+    map_x, map_y: plane coordinates at pixel centres, mm, with pad more pixels on every side than the image; box:
     (left, top, right, bottom) px, right and bottom excluded, where out's first pixel lies and how far it reaches;
     disc: (x_mm, y_mm, radius_mm, shading), shading being the loss of light at the disc's rim; parts, weights: of a
     Kernel whose margin is at least one less than pad.
@@ -216,7 +216,7 @@ def _span(edges: Array, row: float, depth: float, first: float, last: float) -> 
 def add_polygon(corners_px: Array, blur_px: float, box: tuple[int, int, int, int], share: float, out: Array) -> None:
     """Add a convex polygon's blurred coverage times share to out.
 
-    corners_px: (n, 2), clockwise on the picture (y down). Edges are exact, corners are rounded by the blur: good
+    corners_px: (n, 2), clockwise on the image (y down). Edges are exact, corners are rounded by the blur: good
     enough for bodies and sheets, whose corners nobody measures. blur_px: with the pixel aperture, as one Gaussian.
     """
     left, top, right, bottom = box

@@ -40,10 +40,10 @@ class Disc:
     color: Array
 
     def box(self, margin: int) -> Box | None:
-        """Pixels that it can reach, within the picture; None if there are none."""
+        """Pixels that it can reach, within the image; None if there are none."""
         angle = np.linspace(0, 2 * np.pi, 16, endpoint=False)
         ring = np.array(self.center_mm) + 0.55 * self.diameter_mm * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        return box_about(self.plane.picture_from_plane(ring), margin, self.plane.camera.size_px)
+        return box_about(self.plane.image_from_plane(ring), margin, self.plane.camera.size_px)
 
 
 @dataclass(frozen=True)
@@ -60,24 +60,24 @@ class Tag:
 
     def sheet_px(self) -> Array:
         """Corners of the white sheet, clockwise as seen."""
-        return self._picture(self.sheet_mm)
+        return self._in_image(self.sheet_mm)
 
     def square_px(self) -> Array:
         """Corners of the black square."""
-        return self._picture(self.square_mm)
+        return self._in_image(self.square_mm)
 
     def cells_px(self) -> Array:
         """Corners of the white cells, (n, 4, 2)."""
-        return np.array([self._picture(cell) for cell in self.cells_mm])
+        return np.array([self._in_image(cell) for cell in self.cells_mm])
 
-    def _picture(self, corners_mm: Array) -> Array:
+    def _in_image(self, corners_mm: Array) -> Array:
         return clockwise_hull(
-            self.plane.picture_from_plane(plate_from_body(corners_mm, *self.center_mm, self.heading_rad))
+            self.plane.image_from_plane(plate_from_body(corners_mm, *self.center_mm, self.heading_rad))
         )
 
 
 def box_about(points_px: Array, margin: int, size_px: tuple[int, int]) -> Box | None:
-    """Pixel box (left, top, right, bottom; right and bottom excluded) about points, cut to the picture."""
+    """Pixel box (left, top, right, bottom; right and bottom excluded) about points, cut to the image."""
     if not np.isfinite(points_px).all():
         return None
     left, top = np.floor(points_px.min(axis=0)).astype(int) - margin
@@ -87,7 +87,7 @@ def box_about(points_px: Array, margin: int, size_px: tuple[int, int]) -> Box | 
 
 
 def clockwise_hull(points_px: Array) -> Array:
-    """Convex hull of picture points, clockwise as seen (y down)."""
+    """Convex hull of image points, clockwise as seen (y down)."""
     hull = cv2.convexHull(points_px.astype(np.float32))[:, 0].astype(float)
     x, y = hull.T
     area = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
@@ -231,6 +231,6 @@ def distractor_disc(distractor: Distractor, plane: PlaneMap, time_s: float, gain
 
 
 def moments_of_exposure(times_s: tuple[float, float], way_px: float) -> Array:
-    """Middles of equal parts of an exposure, enough that the picture moves a quarter pixel or less in each."""
+    """Middles of equal parts of an exposure, enough that the image moves a quarter pixel or less in each."""
     count = math.ceil(min(max(4 * way_px, 1), 256))
     return times_s[0] + (np.arange(count) + 0.5) / count * (times_s[1] - times_s[0])

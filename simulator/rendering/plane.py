@@ -17,7 +17,7 @@ NOWHERE_MM = 1e9  # where a pixel's ray misses the plane, or the lens model fold
 
 @dataclass(frozen=True)
 class PlaneMap:
-    """Plane coordinates at pixel centres, mm, with pad more pixels on each side than the picture; both read-only."""
+    """Plane coordinates at pixel centres, mm, with pad more pixels on each side than the image; both read-only."""
 
     camera: Camera
     height_mm: float
@@ -25,7 +25,7 @@ class PlaneMap:
     x_mm: Array
     y_mm: Array
 
-    def picture_from_plane(self, points_mm: ArrayLike) -> Array:
+    def image_from_plane(self, points_mm: ArrayLike) -> Array:
         """Project points (..., 2) of the plane; returns (..., 2) px, NaN behind the camera."""
         points = np.asarray(points_mm, dtype=float)
         return self.camera.picture_from_plate(
@@ -37,7 +37,7 @@ def plane_map(camera: Camera, height_mm: float, pad: int) -> PlaneMap:
     """Map the plane height_mm above the camera's plate (or gauge) frame.
 
     The camera is asked at every eighth pixel, a quintic spline fills in (to 1e-6 px, see the tests); where the plane
-    ends within the picture, every pixel is asked.
+    ends within the image, every pixel is asked.
     """
     width, height = camera.size_px
     columns, rows = np.arange(-pad, width + pad, dtype=float), np.arange(-pad, height + pad, dtype=float)
@@ -56,7 +56,7 @@ def plane_map(camera: Camera, height_mm: float, pad: int) -> PlaneMap:
 
 
 def _points_seen(camera: Camera, height_mm: float, columns: Array, rows: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Plane points of a grid of picture points, and whether the camera truly sees them there."""
+    """Plane points of a grid of image points, and whether the camera truly sees them there."""
     pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
     with np.errstate(all="ignore"):
         points = camera.plate_from_picture(pixels, height_mm)

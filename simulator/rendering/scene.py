@@ -1,6 +1,6 @@
 """scene.toml: what stands under which camera, how it moves, and how it is recorded.
 
-A scene is a run of the robot (kind "run", the default: a video) or a gauge (kind "gauge": a picture).
+A scene is a run of the robot (kind "run", the default: a video) or a gauge (kind "gauge": an image).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from simulator.rendering.tables import (
 )
 
 
-class Picture(Table):
+class CommonScene(Table):
     """What every scene has."""
 
     format: Literal[1]
@@ -57,7 +57,7 @@ class Picture(Table):
     wire: tuple[Wire, ...] = ()
 
 
-class Scene(Picture):
+class Scene(CommonScene):
     """A run of the robot under the camera."""
 
     kind: Literal["run"] = "run"
@@ -91,7 +91,7 @@ class Missing(Table):
     row: int = Field(ge=0)
 
 
-class GaugeScene(Picture):
+class GaugeScene(CommonScene):
     """A dot gauge under the camera: its middle at x, y and height_mm above the plate, turned, then tilted.
 
     Tilt leans the gauge's normal toward tilt_azimuth_deg of the plate frame; the gauge's own dots.height_mm is added
@@ -111,7 +111,7 @@ class GaugeScene(Picture):
     missing: tuple[Missing, ...] = ()
     dirt_spots: Annotated[int, Field(ge=0, le=10_000)] = 0
     print_error_mm: NotNegative = 0.0  # standard deviation of each dot's place on the gauge, either axis
-    print_seed: Annotated[int, Field(ge=0, lt=2**32)] = 0  # of these errors: one gauge has one, in all its pictures
+    print_seed: Annotated[int, Field(ge=0, lt=2**32)] = 0  # of these errors: one gauge has one, in all its images
 
 
 def scene_kind(path: Path) -> str:
@@ -160,7 +160,7 @@ def _content(path: Path) -> dict[str, Any]:
     return below
 
 
-def _absolute(path: Path, scene: Picture) -> dict[str, Any]:
+def _absolute(path: Path, scene: CommonScene) -> dict[str, Any]:
     """Paths that every scene may name, made absolute."""
     folder = Path(path).resolve().parent
     changes: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""When each picture is taken and when it is shown: frame rate, lost and repeated frames, jitter, fields."""
+"""When each image is taken and when it is shown: frame rate, lost and repeated frames, jitter, fields."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Rows = Literal["all", "even", "odd"]
 class Shot:
     """One exposure: rows of one frame of the file.
 
-    frame: index in the file; rows: of the picture that it fills ("even": 0, 2, 4, …); time_s: middle of the exposure;
+    frame: index in the file; rows: of the image that it fills ("even": 0, 2, 4, …); time_s: middle of the exposure;
     shown_s: presentation time of the frame; seed: of its noise (equal for a frame written twice).
     """
 

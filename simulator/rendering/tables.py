@@ -132,7 +132,7 @@ def _mark_colors() -> dict[str, Light]:
 
 
 class Lighting(Table):
-    """Uneven light: a linear change across the picture, and a moment before which the light is at another level."""
+    """Uneven light: a linear change across the image, and a moment before which the light is at another level."""
 
     gradient: Annotated[float, Field(ge=0, lt=1)] = 0.0
     gradient_direction_deg: Finite = 0.0
@@ -214,7 +214,7 @@ class Timing(Table):
 
 
 class Glare(Table):
-    """A reflection that adds light: Gaussian about a picture point, radius as its standard deviation."""
+    """A reflection that adds light: Gaussian about an image point, radius as its standard deviation."""
 
     x_px: Finite
     y_px: Finite
@@ -223,7 +223,7 @@ class Glare(Table):
 
 
 class Wire(Table):
-    """A wire in front of everything, straight between picture points."""
+    """A wire in front of everything, straight between image points."""
 
     points_px: Annotated[tuple[Point, ...], Field(min_length=2)]
     width_px: Positive = 3.0

@@ -34,7 +34,7 @@ def encode(
     size_px: tuple[int, int],
     path: Path,
 ) -> None:
-    """Write frames (presentation time, picture) to path; clock: what presentation times are multiples of.
+    """Write frames (presentation time, image) to path; clock: what presentation times are multiples of.
 
     Raises SimulationError where codec, container, bits and size do not go together.
     """
@@ -45,7 +45,7 @@ def encode(
         raise SimulationError(f'{path.name}: codec "{scene.encoding.codec}" goes into {fit}; name the video so')
     if pixel_format.startswith("yuv420") and (size_px[0] % 2 or size_px[1] % 2):
         raise SimulationError(
-            f"a picture of {size_px[0]} × {size_px[1]} px has no halves for 4:2:0 colour; "
+            f"an image of {size_px[0]} × {size_px[1]} px has no halves for 4:2:0 colour; "
             f'say chroma = "444" or codec = "lossless" under [encoding]'
         )
     # The edit list of an mp4 counts in a clock of its own, 1 ms if not told: too coarse for a first frame after 0.
@@ -61,10 +61,10 @@ def encode(
         context = stream.codec_context
         context.time_base = clock
         weave = None
-        for shown, picture in frames:
+        for shown, image in frames:
             if scene.timing.interlaced != "no" and weave is None:
-                weave = _field_converter(scene, size_px, _given_format(picture), pixel_format, clock)
-            frame = VideoFrame.from_ndarray(_shifted(picture, scene.sensor.bits), format=_given_format(picture))
+                weave = _field_converter(scene, size_px, _given_format(image), pixel_format, clock)
+            frame = VideoFrame.from_ndarray(_shifted(image, scene.sensor.bits), format=_given_format(image))
             frame.pts, frame.time_base = round(shown / clock), clock
             container.mux(stream.encode(weave(frame) if weave else frame))
         container.mux(stream.encode())
@@ -73,7 +73,7 @@ def encode(
 def _codec(encoding: Encoding, scene: Scene) -> tuple[str, str, dict[str, str]]:
     """Codec name, pixel format and options of FFmpeg."""
     deep, color = scene.sensor.bits > 8, scene.sensor.color
-    # One thread: from run to run x264's threads code fields differently (progressive pictures they code alike).
+    # One thread: from run to run x264's threads code fields differently (progressive images they code alike).
     interlaced = {"flags": "+ildct+ilme", "threads": "1"} if scene.timing.interlaced != "no" else {}
     if encoding.codec == "lossless":
         if deep:
@@ -111,12 +111,12 @@ def _field_converter(
     return convert
 
 
-def _given_format(picture: NDArray[np.uint8] | NDArray[np.uint16]) -> str:
-    if picture.ndim == 2:
-        return "gray" if picture.dtype == np.uint8 else "gray16le"
-    return "rgb24" if picture.dtype == np.uint8 else "rgb48le"
+def _given_format(image: NDArray[np.uint8] | NDArray[np.uint16]) -> str:
+    if image.ndim == 2:
+        return "gray" if image.dtype == np.uint8 else "gray16le"
+    return "rgb24" if image.dtype == np.uint8 else "rgb48le"
 
 
-def _shifted(picture: NDArray[np.uint8] | NDArray[np.uint16], bits: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
+def _shifted(image: NDArray[np.uint8] | NDArray[np.uint16], bits: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
     """Numbers of 10 and 12 bits, moved to the top of 16 as FFmpeg's formats have it."""
-    return picture if bits == 8 else np.asarray(picture << (16 - bits), dtype=np.uint16)
+    return image if bits == 8 else np.asarray(image << (16 - bits), dtype=np.uint16)

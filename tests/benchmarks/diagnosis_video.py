@@ -34,7 +34,7 @@ from simulator.rendering.tables import CameraTable
 from simulator.robot import Robot, load_robot
 from tests.bank.draw import COMMANDS, TOLERANCE, robot_text, seen, sized, slip_changed
 from tests.bank.visible import visible_sigmas
-from tests.benchmarks.turning_video import GAUGE, gauge_pictures, random_rig
+from tests.benchmarks.turning_video import GAUGE, gauge_images, random_rig
 
 Array = NDArray[np.float64]
 
@@ -105,7 +105,7 @@ def write(folder: Path, hidden: Path, kind: str, seed: int, number: int) -> dict
     hidden.mkdir(parents=True, exist_ok=True)
     if not (folder / "camera.json").is_file():
         gauge = load_gauge(GAUGE)
-        pictures = gauge_pictures(rig, gauge, rng, sensor)
+        pictures = gauge_images(rig, gauge, rng, sensor)
         for index, picture in enumerate(pictures):
             cv2.imwrite(str(folder / f"gauge-{index}.png"), picture)
         (folder / "camera.json").write_text(camera_to_json(calibrate(pictures, gauge)), encoding="utf-8")

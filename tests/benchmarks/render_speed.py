@@ -15,7 +15,7 @@ import numpy as np
 
 from calibration.camera import camera_above
 from calibration.gauge.geometry import Gauge
-from simulator.rendering import Scene, render_clip, render_frames, render_gauge_picture
+from simulator.rendering import Scene, render_clip, render_frames, render_gauge_image
 from tests.simulator.rendering.test_coverage import brute_force
 
 
@@ -51,7 +51,7 @@ def main() -> None:
         gauge = Gauge.model_validate({"format": 1, "name": "dots", "dots": content})
         above = camera_above(size_px=size, focal_px=focal, distance_mm=150, k1=-0.2, tilt_deg=2)
         begin = time.process_time()
-        picture = np.asarray(render_gauge_picture(above, gauge))
+        picture = np.asarray(render_gauge_image(above, gauge))
         print(
             f"gauge of {columns * rows} dots, {picture.shape[1]} × {picture.shape[0]}: "
             f"{time.process_time() - begin:.2f} s"

@@ -26,7 +26,7 @@ from evaluator.pose import MarkGeometry, poses_from_marks
 from evaluator.recording import open_recording
 from evaluator.tracking import place_on_plate, track
 from evaluator.turning import measure_turning
-from simulator.rendering import Scene, render_clip, render_gauge_picture
+from simulator.rendering import Scene, render_clip, render_gauge_image
 from simulator.rendering.tables import CameraTable
 from simulator.robot import load_robot
 
@@ -59,7 +59,7 @@ def random_recorder(rng: np.random.Generator) -> dict[str, dict[str, Any]]:
     }
 
 
-def gauge_pictures(
+def gauge_images(
     rig: CameraTable, gauge: Gauge, rng: np.random.Generator, noise: dict[str, float]
 ) -> list[NDArray[np.uint8]]:
     """One picture of the gauge on the plate and four at a tilt."""
@@ -70,7 +70,7 @@ def gauge_pictures(
         rotation = tilt * np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
         height = 0.0 if number == 0 else 7.0
         seed = int(rng.integers(2**31))
-        picture = render_gauge_picture(
+        picture = render_gauge_image(
             rig.camera(), gauge, rotation_rad=rotation, translation_mm=(0.0, 0.0, height), seed=seed, sensor=noise
         )
         pictures.append(np.asarray(picture, dtype=np.uint8))
@@ -81,7 +81,7 @@ def measured(gauge: Gauge, seed: int, number: int) -> dict[str, Any]:
     """One rig: draw it, calibrate it, render and measure one circle."""
     rng = np.random.default_rng([seed, number])
     rig, recorder = random_rig(rng), random_recorder(rng)
-    camera = calibrate(gauge_pictures(rig, gauge, rng, {"read_noise_e": float(rng.uniform(20, 200))}), gauge).camera
+    camera = calibrate(gauge_images(rig, gauge, rng, {"read_noise_e": float(rng.uniform(20, 200))}), gauge).camera
     radius, turned = float(rng.uniform(3, 8)), float(np.radians(rng.choice([60, 150, 360, 360])))
     x, y = rng.uniform(-1, 1, 2)
     motion = {

@@ -16,11 +16,12 @@ from evaluator.comparison import (
     start_pose,
     trajectory_gap,
 )
+from evaluator.interchange.commands import Told
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.pose import Poses
 from evaluator.robot_geometry import robot_shape
-from evaluator.settings import Run
 from evaluator.workflow.runs.phases import phases_of
+from simulator.command import Command
 from simulator.effects.entry import EffectEntry
 from simulator.effects.view import View
 from simulator.robot import Robot, load_robot
@@ -63,9 +64,15 @@ def test_only_the_first_quarter_of_a_second_tells_the_start() -> None:
     assert start_pose(poses_of(poses.time_s, x, poses.y_mm, poses.heading_rad), 0.0)[0] != pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.parametrize("frames", [4, 5])
+def test_four_frames_are_enough_for_a_parabola(frames: int) -> None:
+    poses = moving(0.1, frames)
+    assert start_pose(poses, 0.0) == pytest.approx((poses.x_mm[0], poses.y_mm[0], poses.heading_rad[0]))
+
+
 def test_three_frames_are_averaged_and_missing_ones_left_out() -> None:
     poses = moving(0.1, 3)
-    assert start_pose(poses, 0.0)[0] == pytest.approx(poses.x_mm.mean())
+    assert start_pose(poses, 0.0) == pytest.approx((poses.x_mm.mean(), poses.y_mm.mean(), poses.heading_rad.mean()))
     many = moving(0.1)
     values = [np.array(value) for value in (many.x_mm, many.y_mm, many.heading_rad)]
     for value in values:
@@ -76,8 +83,7 @@ def test_three_frames_are_averaged_and_missing_ones_left_out() -> None:
     )
 
 
-PLACES_MM = ((-1.5, 1.8), (-1.5, -1.8))
-GEOMETRY = MarkGeometry(*PLACES_MM)
+GEOMETRY = MarkGeometry((-1.5, 1.8), (-1.5, -1.8))
 
 
 def test_robot_whose_marks_sit_elsewhere_rests_where_they_were_seen() -> None:
@@ -89,7 +95,7 @@ def test_robot_whose_marks_sit_elsewhere_rests_where_they_were_seen() -> None:
 
 
 def test_robot_seen_in_long_millimetres_rests_nearer_to_the_origin() -> None:
-    x, y, heading = resting_pose(View(PLACES_MM, scale=1.25), GEOMETRY, (10.0, 20.0, 0.0))
+    x, y, heading = resting_pose(View(tuple(GEOMETRY.places_mm.values()), scale=1.25), GEOMETRY, (10.0, 20.0, 0.0))
     # The middle of the marks, (8.5, 20), is seen 1.25 times too far out.
     assert (x, y, heading) == pytest.approx((8.5 / 1.25 + 1.5, 16.0, 0.0), abs=1e-6)
 
@@ -98,7 +104,7 @@ def barrel(*effects: dict[str, object]) -> Robot:
     return load_robot("barrel").model_copy(update={"effect": tuple(EffectEntry.model_validate(e) for e in effects)})
 
 
-RUN = Run(id="r01", left_rpm=33.0, right_rpm=20.0, start_s=1.0, stop_s=3.0, marks="r01.csv")  # type: ignore[arg-type]
+RUN = Told(Command.constant(33.0, 20.0, 1.0, 3.0))
 
 
 def at_rest(seconds: float = 5.0) -> Poses:
@@ -107,7 +113,7 @@ def at_rest(seconds: float = 5.0) -> Poses:
 
 
 def test_simulated_run_starts_in_the_measured_pose_and_moves_between_the_commands() -> None:
-    motion, seen = simulated_poses(barrel(), RUN.told(), at_rest())
+    motion, seen = simulated_poses(barrel(), RUN, at_rest())
     np.testing.assert_array_equal(seen.time_s, at_rest().time_s)
     start = seen.time_s <= 1.0
     np.testing.assert_allclose(seen.x_mm[start], 3.0, atol=1e-6)
@@ -121,18 +127,27 @@ def test_simulated_run_starts_in_the_measured_pose_and_moves_between_the_command
 
 
 def test_clock_that_runs_fast_sees_the_same_start_and_a_slower_robot() -> None:
-    plain = simulated_poses(barrel(), RUN.told(), at_rest())[1]
-    motion, seen = simulated_poses(barrel({"id": "time-base", "factor": 1.25}), RUN.told(), at_rest())
+    plain = simulated_poses(barrel(), RUN, at_rest())[1]
+    motion, seen = simulated_poses(barrel({"id": "time-base", "factor": 1.25}), RUN, at_rest())
     np.testing.assert_allclose(motion.time_s * 1.25, seen.time_s)
     np.testing.assert_allclose(seen.time_s, plain.time_s)
     way = [np.hypot(p.x_mm[p.time_s <= 2.5][-1] - 3.0, p.y_mm[p.time_s <= 2.5][-1] + 2.0) for p in (plain, seen)]
     assert way[1] == pytest.approx(way[0] / 1.25, rel=0.02)
 
 
+def test_run_that_does_not_start_at_rest_has_the_speed_of_its_command_at_its_first_pose() -> None:
+    told = Told(Command.constant(33.0, 20.0, -1.0), starts_at_rest=False)
+    motion, seen = simulated_poses(barrel(), told, at_rest())
+    np.testing.assert_allclose(motion.u_mm_s, motion.u_mm_s[-1], rtol=1e-4)
+    resting, _ = simulated_poses(barrel(), Told(told.command), at_rest())
+    assert resting.u_mm_s[0] == 0.0
+    assert (seen.x_mm[0], seen.y_mm[0], seen.heading_rad[0]) == pytest.approx((3.0, -2.0, 0.7), abs=1e-6)
+
+
 def test_counterpart_is_read_by_the_same_estimator() -> None:
-    long = RUN.model_copy(update={"stop_s": None})
-    motion, seen = simulated_poses(barrel(), long.told(), at_rest(8.0))
-    (phase,) = phases_of(long.told(), at_rest(8.0))
+    long = Told(Command.constant(33.0, 20.0, 1.0))
+    motion, seen = simulated_poses(barrel(), long, at_rest(8.0))
+    (phase,) = phases_of(long, at_rest(8.0))
     turning = phase.measured(seen, robot_shape(barrel()))
     assert turning.radius_status == "ok"
     rates = np.degrees(np.diff(motion.heading_rad)[-50:] / FRAME_S)
@@ -140,12 +155,19 @@ def test_counterpart_is_read_by_the_same_estimator() -> None:
     assert np.isfinite(turning.to_row()["front_left_slip_ratio"])  # of the commanded rpm and the robot's shape
 
 
-def counterpart_of(radius: float, curvature: float) -> tuple[Any, Any]:
-    values = {"radius_mm": radius, "steady_radius_mm": 2 * radius, **dict.fromkeys(BESIDE, 7.0)}
+def test_a_run_without_rest_is_read_from_its_first_frames_though_some_lie_before_its_start() -> None:
+    poses = moving(-0.3)
+    assert start_pose(poses, 0.0, at_rest=False) == pytest.approx((1.0, 4.0, 0.3))
+
+
+def simulated_of(radius: float, curvature: float) -> Any:
+    """Simulated poses and what the estimator reads in them."""
+    values = {"radius_mm": radius, "steady_radius_mm": 2 * radius, **dict.fromkeys(ALIKE, 7.0)}
     seen = SimpleNamespace(x_mm=STILL + 3.0, y_mm=STILL + 4.0, heading_rad=STILL)
     return seen, SimpleNamespace(curvature_per_mm=curvature, to_row=lambda: dict(values))
 
 
+ALIKE = (*BESIDE, "green_speed_mm_s", "front_speed_mm_s")
 MEASURED = {
     "radius_mm": 5.0,
     "radius_low_mm": 4.9,
@@ -153,27 +175,27 @@ MEASURED = {
     "steady_radius_mm": 8.0,
     "steady_radius_low_mm": 7.8,
     "steady_radius_high_mm": 8.3,
-    **dict.fromkeys(BESIDE, 6.0),
+    **dict.fromkeys(ALIKE, 6.0),
 }
 
 
 def test_row_sets_measured_beside_simulated_with_the_difference_of_the_simulated_one() -> None:
     measured: Any = SimpleNamespace(x_mm=STILL, y_mm=STILL, heading_rad=STILL)
-    row = comparison_row(MEASURED, measured, *counterpart_of(5.5, 0.18))
+    row = comparison_row(MEASURED, measured, *simulated_of(5.5, 0.18))
     assert (row["radius_mm"], row["radius_low_mm"], row["radius_high_mm"], row["simulated_radius_mm"]) == (
         *(5.0, 4.9, 5.2, 5.5),
     )
     assert row["radius_difference_percent"] == pytest.approx(10.0)
     assert row["steady_radius_difference_percent"] == pytest.approx(100 * (11 / 8 - 1))
     assert (row["steady_radius_low_mm"], row["steady_radius_high_mm"]) == (7.8, 8.3)
-    assert all((row[name], row[f"simulated_{name}"]) == (6.0, 7.0) for name in BESIDE)
+    assert all((row[name], row[f"simulated_{name}"]) == (6.0, 7.0) for name in ALIKE)
     assert (row["gap_rms_mm"], row["gap_end_mm"]) == pytest.approx((5.0, 5.0))
 
 
 @pytest.mark.parametrize(("curvature", "straight"), [(0.9e-6, True), (-0.9e-6, True), (1.1e-6, False)])
 def test_simulated_circle_of_a_kilometre_is_a_straight_line(curvature: float, straight: bool) -> None:
     measured: Any = SimpleNamespace(x_mm=STILL, y_mm=STILL, heading_rad=STILL)
-    row = comparison_row(MEASURED, measured, *counterpart_of(1e6, curvature))
+    row = comparison_row(MEASURED, measured, *simulated_of(1e6, curvature))
     assert np.isnan(row["simulated_radius_mm"]) == straight
     assert np.isnan(row["simulated_steady_radius_mm"]) == straight
     assert np.isnan(row["radius_difference_percent"]) == straight
@@ -188,8 +210,14 @@ def test_heading_gap_counts_from_the_start_and_whole_turns_in_between_stay(turns
 
 
 def test_gap_is_that_of_the_frames_where_the_pose_is_known() -> None:
-    measured: Any = SimpleNamespace(x_mm=np.array([0.0, np.nan, 0.0, np.nan]), y_mm=STILL, heading_rad=STILL)
-    simulated: Any = SimpleNamespace(x_mm=np.array([3.0, 9.0, 4.0, 9.0]), y_mm=STILL, heading_rad=STILL)
+    measured: Any = SimpleNamespace(x_mm=np.array([5.0, np.nan, 5.0, np.nan]), y_mm=STILL + 2, heading_rad=STILL)
+    simulated: Any = SimpleNamespace(x_mm=np.array([8.0, 9.0, 9.0, 9.0]), y_mm=STILL + 2, heading_rad=STILL)
     gap = trajectory_gap(measured, simulated)
     assert gap["gap_rms_mm"] == pytest.approx(np.sqrt((9 + 16) / 2))
     assert gap["gap_end_mm"] == pytest.approx(4.0)
+
+
+def test_poses_that_are_never_known_together_have_no_gap() -> None:
+    measured: Any = SimpleNamespace(x_mm=STILL * np.nan, y_mm=STILL, heading_rad=STILL)
+    simulated: Any = SimpleNamespace(x_mm=STILL, y_mm=STILL, heading_rad=STILL)
+    assert np.isnan(list(trajectory_gap(measured, simulated).values())).all()

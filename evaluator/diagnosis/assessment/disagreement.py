@@ -196,8 +196,8 @@ def _clustered(values: Floats, columns: Floats, runs: NDArray[np.object_], teste
     scores = []
     for name in names:
         own = columns[runs == name]
-        kept = np.eye(len(own)) - own @ inverse @ own.T
-        scores.append(own.T @ np.linalg.pinv(kept, rcond=1e-9, hermitian=True) @ left[runs == name])
+        leverage_left = np.eye(len(own)) - own @ inverse @ own.T
+        scores.append(own.T @ np.linalg.pinv(leverage_left, rcond=1e-9, hermitian=True) @ left[runs == name])
     spread = np.array(scores)
     covariance = inverse @ (spread.T @ spread) @ inverse * (len(names) - 1) / len(names)
     part = covariance[-tested:, -tested:]

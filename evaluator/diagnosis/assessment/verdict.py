@@ -44,7 +44,7 @@ def pays(search: Search, table: Standing, families: int, ids: Set) -> bool:
     return together and all(table.of(ids) - score(search, ids - {effect}, families) > least for effect in ids)
 
 
-def kept(search: Search, table: Standing, families: int) -> Set:
+def best_named(search: Search, table: Standing, families: int) -> Set:
     """The best set of named effects of which each pays for itself."""
     named = (ids for ids in table.sets if not any(map(is_free, ids)))
     return next(ids for ids in named if pays(search, table, families, ids))

@@ -224,6 +224,6 @@ def _families() -> Iterator[tuple[Item, ...]]:
     # a drive that mixes its sides: gears that share a shaft, a mixer in the controller
     yield Item("left_drive", "right_command"), Item("right_drive", "left_command")
     yield tuple(Item(f"{a}_drive", f"{b}_command") for a in ("left", "right") for b in ("left", "right"))
-    yield Item("camera_x", "time"), Item("camera_y", "time")  # a picture that creeps
+    yield Item("camera_x", "time"), Item("camera_y", "time")  # an image that creeps
     yield Item("camera_x", "x"), Item("camera_x", "y")  # unequal scales and a shear; the rest is a scale and a turn
     yield Item("camera_x", "x_r_squared"), Item("camera_y", "y_r_squared")  # what a lens leaves

@@ -132,13 +132,13 @@ def expected(robot: Robot, terms: Mapping[str, Candidate], runs: Sequence[Candid
 
 
 def _size(column: Column) -> float:
-    """A modest size of a coordinate, from neutral."""
+    """A modest size of a coordinate, from where it vanishes."""
     assert column.term is not None
     return SIZE_STEPS * column.term.coordinates[column.coordinate].step
 
 
 def _stated(column: Column, size: float) -> tuple[str, float]:
-    """The parameter of an effect that a coordinate is, and its value at a size from neutral."""
+    """The parameter of an effect that a coordinate is, and its value at a size from where it vanishes."""
     term = column.term
     assert term is not None
     coordinate = term.coordinates[column.coordinate]

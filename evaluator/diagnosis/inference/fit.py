@@ -250,18 +250,18 @@ def _objective(
 
 
 def _at(point: Point, columns: Sequence[Column], theta: Floats) -> Point:
-    """The point with common parameters at these values, measured from neutral."""
+    """The point with common parameters at these values, measured from where they change nothing."""
     nominal, values = dict(point.nominal), {effect: list(value) for effect, value in point.terms.items()}
     for column, value in zip(columns, theta, strict=True):
         if column.term is None:
             nominal[column.key] = float(value)
         else:
-            values[column.key][column.coordinate] = float(value + column.neutral)
+            values[column.key][column.coordinate] = float(value + column.absent)
     return Point(point.own, nominal, {effect: tuple(value) for effect, value in values.items()})
 
 
 def _bounds(columns: Sequence[Column], tolerance: Mapping[str, float]) -> tuple[Floats, Floats]:
-    """How far parameters (p,) may go from neutral."""
+    """How far parameters (p,) may go from where they change nothing."""
     low, high = np.array([_bounds_of(column, tolerance) for column in columns]).reshape(-1, 2).T
     return low, high
 
@@ -272,4 +272,4 @@ def _bounds_of(column: Column, tolerance: Mapping[str, float]) -> tuple[float, f
         most = min(MOST_TOLERANCES * tolerance[column.key], MOST_DEVIATION)
         return -most, most
     coordinate = column.term.coordinates[column.coordinate]
-    return coordinate.low - column.neutral, coordinate.high - column.neutral
+    return coordinate.low - column.absent, coordinate.high - column.absent

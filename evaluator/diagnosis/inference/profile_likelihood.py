@@ -33,7 +33,8 @@ class Ridge:
     """Where the best point goes while one coordinate of a term walks.
 
     column: of the coordinate in the fit. low, high: ends of its 95 % interval. at: values (m,) of the coordinate,
-    ascending, the best one among them; best: all columns (m, p) fitted there. Values from neutral, as in the fit.
+    ascending, the best one among them; best: all columns (m, p) fitted there. Values as in the fit, zero where
+    nothing is changed.
     """
 
     column: int
@@ -117,7 +118,7 @@ class _Walk:
         item = self._fit.columns[self.column]
         assert item.term is not None
         bounds = item.term.coordinates[item.coordinate]
-        value = float(np.clip(self.end, bounds.low - item.neutral, bounds.high - item.neutral))
+        value = float(np.clip(self.end, bounds.low - item.absent, bounds.high - item.absent))
         share = (value - self.start) / self._way
         if share < ARRIVED or any(abs(value - known) < ARRIVED * abs(self._way) for known in self._known):
             return False

@@ -26,7 +26,7 @@ LARGEST_SET = 3
 SINGLES_REFITTED = 7
 ADDITIONS_REFITTED = 3
 PAIRS_FROM_NULL = 2
-LEAPS_REFITTED = 2  # two neighbouring gaps between commands: the noise decides
+WHOLE_CHANGES_REFITTED = 2  # two neighbouring gaps between commands: the noise decides
 PAIRED = 14  # offers whose pairs are screened at the null
 BEAM = (2, 1)  # sets of one, of two effects from which the search goes on
 HOPELESS = 25.0  # a screened set this far (log evidence) below the best is not refitted
@@ -123,9 +123,9 @@ class Screen:
         _, extra = offer
         term = self.columns[extra[0]].term
         assert term is not None
-        place, leap = self.columns[extra[0]].start, self.columns[extra[0]].leap
-        if leap is not None:
-            return (term.absent[0] + leap,)
+        place, whole_change = self.columns[extra[0]].start, self.columns[extra[0]].whole_change
+        if whole_change is not None:
+            return (term.absent[0] + whole_change,)
         if place is None:
             return term.absent
         mean = self.beyond.posterior(extra).mean[0]
@@ -145,7 +145,7 @@ def screen(search: Search, point: Point, inside: Sequence[str], candidates: Iter
             continue
         new: list[tuple[Column, ...]]
         if term.stepwise:
-            new = [(Column(term.id, 0, term, leap=start[0] - term.absent[0]),) for start in term.starts]
+            new = [(Column(term.id, 0, term, whole_change=start[0] - term.absent[0]),) for start in term.starts]
         elif term.starts:
             new = [(Column(term.id, 0, term, start),) for start in term.starts]
         else:
@@ -159,16 +159,16 @@ def screen(search: Search, point: Point, inside: Sequence[str], candidates: Iter
     able = [
         (effect, extra)
         for effect, extra in offers
-        if columns[extra[0]].leap is None or _leaps_right(beyond, columns, extra)
+        if columns[extra[0]].whole_change is None or _wants_whole_change(beyond, columns, extra)
     ]
     return Screen(tuple(columns), model, beyond, base, tuple(able))
 
 
-def _leaps_right(beyond: MixedModel, columns: Sequence[Column], extra: tuple[int, ...]) -> bool:
-    """Whether the data want about the whole of a leap: half of a stopped motor does not exist."""
-    leap = columns[extra[0]].leap
-    assert leap is not None
-    return bool(0.5 < beyond.posterior(extra).mean[-1] / leap < 1.5)
+def _wants_whole_change(beyond: MixedModel, columns: Sequence[Column], extra: tuple[int, ...]) -> bool:
+    """Whether the data want about the whole of the change: half of a stopped motor does not exist."""
+    whole_change = columns[extra[0]].whole_change
+    assert whole_change is not None
+    return bool(0.5 < beyond.posterior(extra).mean[-1] / whole_change < 1.5)
 
 
 def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit, rival: float = -np.inf) -> Fit | None:
@@ -184,9 +184,9 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit, ri
     lags = fit is not None and fit.posterior.log_evidence < rival - LAGGING
     if fit is None or not (fit.converged or lags):
         # friction and gains with which a wrong model helped itself may be a place from which no step leads on
-        neutral = origin.point.own.copy()
-        neutral[:, POSE:] = 0.0
-        usual = _fit_from(search, Point(neutral, {}, values), smooth, fixed, USUAL_SCATTER, rival)
+        without_scatter = origin.point.own.copy()
+        without_scatter[:, POSE:] = 0.0
+        usual = _fit_from(search, Point(without_scatter, {}, values), smooth, fixed, USUAL_SCATTER, rival)
         if usual is not None and usual.converged and not usual.overreaches:
             again = _fit_from(search, usual.point, smooth, fixed, rival=rival)
             usual = again if again is not None and again.converged else usual
@@ -234,8 +234,8 @@ def run_search(search: Search, start: Point, nominal: Point, progress: Progress,
         if seed.terms:
             fit_set(search, seed.terms, seed.point.terms, seed)
     if len(search.fits) == 1:
-        _leaps(search, nominal)
-        if len(search.fits) == 1 or search.null.converged:  # a null that did not settle beside a leap that did: no view
+        _fit_whole_changes(search, nominal)
+        if len(search.fits) == 1 or search.null.converged:  # else it is no view: it did not settle
             _from_the_null(search)
     for size in range(1, LARGEST_SET):
         sizes = [ids for ids in (*search.fits, *search.failed) if len(ids) == size and search.reached(ids)]
@@ -246,15 +246,15 @@ def run_search(search: Search, start: Point, nominal: Point, progress: Progress,
             progress(f"{size + 1} effects", 0.3 + 0.7 * (size - 1 + (number + 1) / len(beam)) / (LARGEST_SET - 1))
 
 
-def _leaps(search: Search, nominal: Point) -> None:
+def _fit_whole_changes(search: Search, nominal: Point) -> None:
     """Fit the single effects without a derivative from the nominal model.
 
-    There the data want a leap as a whole or not at all. The null has bent friction, gains and poses to what it cannot
-    do, a robot that stands still where it should move, and from there no leap looks right.
+    There the data want the whole change or none. The null has bent friction, gains and poses to what it cannot
+    do, a robot that stands still where it should move, and from there no whole change looks right.
     """
     leaping = [term for term in search.terms.values() if term.stepwise]
     view = screen(search, nominal, (), leaping)
-    for effect, extra in _ordered(view, view.offers)[:LEAPS_REFITTED]:
+    for effect, extra in _ordered(view, view.offers)[:WHOLE_CHANGES_REFITTED]:
         fit_set(
             search, frozenset([effect]), {effect: view.start_of((effect, extra))}, replace(search.null, point=nominal)
         )

@@ -24,7 +24,7 @@ RECALIBRATION_S = (1.0, 2.0, 4.0)  # doubled: the heading errs by little more th
 # is then many times the tracking noise. Below it the fits of development experiments converged from the nominal model.
 LARGE_TURN_RAD, LARGE_SHIFT_MM = 0.1, 1.0
 MOST_STEPS = 70  # of the fits of one horizon, as in a search: every single effect once, the promising ones in full
-KEPT = 4  # sets that go on to the next horizon
+CARRIED_ON = 4  # sets that go on to the next horizon
 
 
 def is_large(problem: Problem, point: Point) -> bool:
@@ -52,12 +52,12 @@ def recalibrated(problem: Problem, start: Point, tolerance: Mapping[str, float])
 
 def short_horizon_fits(whole: Search, start: Point, progress: Progress) -> list[Fit]:
     """Fits of the sets that explain the first seconds of the runs best, the best first; start: nominal point."""
-    kept: list[Fit] = []
+    best: list[Fit] = []
     point = start
     for horizon_s in HORIZONS_S:
         short = with_noise_of(replace(whole.problem, horizon_s=horizon_s), point)
         search = Search(short, whole.terms, whole.tolerance, whole.runs, most_steps=MOST_STEPS)
-        run_search(search, start, start, progress, kept)
-        kept = [search.fits[ids] for ids in search.ranked()[:KEPT]]
-        point = kept[0].point
-    return kept
+        run_search(search, start, start, progress, best)
+        best = [search.fits[ids] for ids in search.ranked()[:CARRIED_ON]]
+        point = best[0].point
+    return best

@@ -74,10 +74,10 @@ def compression(time_s: Floats, used: NDArray[np.bool_], noise: tuple[Noise, ...
     modes = np.cos(np.arange(count)[None, :] * phase[:, None])
     parts = []
     for channel, part in enumerate(noise):
-        kept = modes[:, :DISTANCE_MODES] if channel == 3 else modes
+        slow = modes[:, :DISTANCE_MODES] if channel == 3 else modes
         # a little ridge keeps modes apart that a long gap confounds; any linear functional of the data is legitimate
-        normal = kept.T @ kept
-        functional = np.linalg.solve(normal + 1e-6 * np.trace(normal) / len(normal) * np.eye(len(normal)), kept.T)
+        normal = slow.T @ slow
+        functional = np.linalg.solve(normal + 1e-6 * np.trace(normal) / len(normal) * np.eye(len(normal)), slow.T)
         covariance = functional @ part.covariance(seen) @ functional.T
         covariance[np.diag_indices(len(covariance))] += MODEL_FLOOR_MM**2 / (1.0 + np.arange(len(covariance)))
         parts.append(np.ascontiguousarray(solve_triangular(np.linalg.cholesky(covariance), functional, lower=True).T))

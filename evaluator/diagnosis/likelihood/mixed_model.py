@@ -32,7 +32,7 @@ RIDGE = 1e-11  # of normal equations with ones on the diagonal: parameters that 
 
 @dataclass(frozen=True)
 class Linearized:
-    """One run near a point: z = J θ + F a + B b + ε in whitened features, θ measured from its neutral value."""
+    """One run near a point: z = J θ + F a + B b + ε in whitened features, θ zero where nothing is changed."""
 
     response: Floats  # (d,)
     common: Floats  # (d, p)

@@ -50,19 +50,19 @@ class Column:
     coordinate: int = 0
     term: Candidate | None = None
     start: tuple[float, ...] | None = None
-    leap: float | None = None  # for an effect without a derivative: the whole change to be tried
+    whole_change: float | None = None  # for an effect without a derivative: the whole change to be tried
 
     @property
     def step(self) -> float:
         """Size of the difference that makes the derivative."""
-        if self.leap is not None:
-            return self.leap
+        if self.whole_change is not None:
+            return self.whole_change
         if self.term is None:
             return SHARED_STEP if is_shared(self.key) else NOMINAL_STEPS.get(self.key.split(".")[0], NOMINAL_STEP)
         return STEP_SHARE * self.term.coordinates[self.coordinate].step
 
     @property
-    def neutral(self) -> float:
+    def absent(self) -> float:
         """Value where nothing is changed."""
         return 0.0 if self.term is None else self.term.coordinates[self.coordinate].absent
 
@@ -84,11 +84,11 @@ class Point:
         return replace(self, terms={**self.terms, column.key: tuple(values)})
 
     def value(self, column: Column) -> float:
-        """Value of a common parameter measured from neutral."""
+        """Value of a common parameter measured from where they change nothing."""
         if column.term is None:
             return self.nominal.get(column.key, 0.0)
         values = self.terms.get(column.key)
-        return 0.0 if values is None else values[column.coordinate] - column.neutral
+        return 0.0 if values is None else values[column.coordinate] - column.absent
 
     def task(self, run: int, own_shift: Floats | None = None) -> Task:
         """What to simulate for one run."""

@@ -74,7 +74,7 @@ def _of_camera(item: Sighting, points: dict[str, Floats]) -> Floats:
 def _main_directions(points: Sequence[Mapping[str, Floats]], shifts: Sequence[Floats]) -> Floats:
     """Combinations (k, m) of a camera's errors that matter: orthonormal, so that each still is one standard deviation.
 
-    What moves or turns the picture of a run as a whole is left aside: every run has a start pose of its own.
+    What moves or turns the image of a run as a whole is left aside: every run has a start pose of its own.
     """
     rows = []
     for where, shift in zip(points, shifts, strict=True):

@@ -44,7 +44,7 @@ MOST_VARIANTS = 5000
 class Variant:
     """A robot with nominal values moved and terms added, which many runs share.
 
-    record: compiled at neutral friction, the words of a record, None where it cannot be simulated.
+    record: compiled at nominal friction, the words of a record, None where it cannot be simulated.
     """
 
     record: NDArray[np.int64] | None

@@ -55,7 +55,7 @@ def lost_frames(runs: Sequence[RunView]) -> Figure | None:
         "lost-frames",
         "Frames without a pose",
         "Each stroke is a frame in which a mark was not found or not believed; the data give each reason. Strokes "
-        "at one place of the plate point to glare or an edge of the picture.",
+        "at one place of the plate point to glare or an edge of the image.",
         (canvas.svg,),
         pd.DataFrame(rows, columns=["run", "time_s", "reason"]),
     )
@@ -65,11 +65,11 @@ def camera_uncertainty(camera: Camera, height_mm: float) -> Figure:
     """Standard uncertainty of a place on the plane of the marks, from the covariance of the camera alone."""
     width, height = camera.size_px
     across, down = np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 25)
-    picture = np.stack(np.meshgrid(across, down), axis=-1)
-    sensitivity = camera.plate_sensitivity(picture, height_mm)
+    pixel = np.stack(np.meshgrid(across, down), axis=-1)
+    sensitivity = camera.plate_sensitivity(pixel, height_mm)
     covariance = sensitivity @ camera.covariance @ np.swapaxes(sensitivity, -1, -2)
     sigma_um = 1000 * np.sqrt(np.trace(covariance, axis1=-2, axis2=-1) / 2)
-    place = camera.plate_from_picture(picture, height_mm)
+    place = camera.plate_from_picture(pixel, height_mm)
     with drawing("camera-uncertainty") as canvas:
         (axes,) = canvas.axes
         lines = axes.contour(place[..., 0], place[..., 1], sigma_um, 7, colors=[BLUE], linewidths=1.0)
@@ -83,12 +83,12 @@ def camera_uncertainty(camera: Camera, height_mm: float) -> Figure:
         "camera-uncertainty",
         "How well the camera knows a place",
         f"Standard uncertainty of a coordinate on the plane {height_mm:g} mm above the plate, from the calibration "
-        "alone: the part that more frames would not improve. The frame is the edge of the picture.",
+        "alone: the part that more frames would not improve. The frame is the edge of the image.",
         (canvas.svg,),
         pd.DataFrame(
             {
-                "x_px": picture[..., 0].ravel(),
-                "y_px": picture[..., 1].ravel(),
+                "x_px": pixel[..., 0].ravel(),
+                "y_px": pixel[..., 1].ravel(),
                 "x_mm": place[..., 0].ravel(),
                 "y_mm": place[..., 1].ravel(),
                 "sigma_um": sigma_um.ravel(),

@@ -92,14 +92,14 @@ class Record:
 
     def fresh(self, stage: str, key: str) -> dict[str, Any] | None:
         """Values of a stage that was made from exactly these inputs and whose files are untouched, else None."""
-        kept = self.stages.get(stage)
-        if not isinstance(kept, dict) or kept.get("key") != key:
+        cached = self.stages.get(stage)
+        if not isinstance(cached, dict) or cached.get("key") != key:
             return None
         root = self.path.parents[1]
-        for name, expected in kept["files"].items():
+        for name, expected in cached["files"].items():
             if not (root / name).is_file() or file_hash(root / name) != expected:
                 return None
-        values: dict[str, Any] = kept["values"]
+        values: dict[str, Any] = cached["values"]
         return values
 
     def keep(self, stage: str, key: str, files: list[Path], values: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What is done for one run: track, turn, simulate; each stage is kept and reused while it is up to date.
+"""What is done for one run: track, turn, simulate; each stage is cached and reused while it is up to date.
 
 A stage reads what the stage before it wrote (not what it had in memory), so that an analysis that was interrupted and
 one that ran through give the same bytes.
@@ -62,9 +62,9 @@ class _Stages:
         return RunResult.of(self.job, values, reused=self.reused)
 
     def _bring_up_to_date(self, stage: str) -> dict[str, Any]:
-        kept = self.record.fresh(stage, self.keys[stage])
-        if kept is not None:
-            return kept
+        cached = self.record.fresh(stage, self.keys[stage])
+        if cached is not None:
+            return cached
         self.reused = False
         compute = {"track": self._track, "turn": self._turn, "simulate": self._simulate}[stage]
         files, values = compute()

@@ -13,7 +13,7 @@ import numpy as np
 
 from evaluator.recording import Frame, ImageSequence, Recording
 
-PICTURES = 12  # per run: one every ten degrees or so of a usual turn
+IMAGES = 12  # per run: one every ten degrees or so of a usual turn
 WIDTH_PX = 320
 ASSUMED_FRAMES = 600  # where the container does not say how many there are: ten seconds of the usual 60/s
 
@@ -24,8 +24,8 @@ class Glimpsed:
     def __init__(self, recording: Recording | ImageSequence) -> None:
         """Wrap a recording; nothing is decoded before the first iteration."""
         self._recording = recording
-        self._step = max(1, (recording.expected_frames or ASSUMED_FRAMES) // (PICTURES - 1))
-        self._kept: list[tuple[float, bytes]] = []
+        self._step = max(1, (recording.expected_frames or ASSUMED_FRAMES) // (IMAGES - 1))
+        self._chosen: list[tuple[float, bytes]] = []
 
     def __getattr__(self, name: str) -> Any:
         """Everything else is the recording's own."""
@@ -33,16 +33,16 @@ class Glimpsed:
 
     def __iter__(self) -> Iterator[Frame]:
         """Frames of the recording."""
-        self._kept = []
+        self._chosen = []
         for frame in self._recording:
             if frame.index % self._step == 0:
-                self._kept.append((frame.time_s, small_jpeg(frame)))
+                self._chosen.append((frame.time_s, small_jpeg(frame)))
             yield frame
 
     def to_json(self) -> str:
         """The frames kept in the last iteration, as the report reads them."""
-        thin = max(1, round(len(self._kept) / PICTURES))
-        chosen = self._kept[::thin]
+        thin = max(1, round(len(self._chosen) / IMAGES))
+        chosen = self._chosen[::thin]
         return json.dumps([{"time_s": time, "jpeg": base64.b64encode(data).decode()} for time, data in chosen]) + "\n"
 
 

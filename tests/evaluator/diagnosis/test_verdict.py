@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.assessment.model_comparison import Standing
-from evaluator.diagnosis.assessment.verdict import decide, kept
+from evaluator.diagnosis.assessment.verdict import best_named, decide
 from evaluator.diagnosis.inference.search import Search
 
 NOTHING: frozenset[str] = frozenset()
@@ -45,4 +45,4 @@ def test_what_speaks_for_named_effects_and_what_against_them(
     monkeypatch.setattr(f"{module}._foretells", lambda _, ids, __: ids == BESIDE)
     order = sorted(scores, key=lambda ids: -scores[ids])
     search, table = cast("Search", None), Standing(tuple(order), np.array([scores[ids] for ids in order]))
-    assert decide(search, table, 95, kept(search, table, 95))[:2] == (chosen, verdict)
+    assert decide(search, table, 95, best_named(search, table, 95))[:2] == (chosen, verdict)

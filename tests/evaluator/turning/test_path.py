@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluator.turning.path import PointPath, _noise, measure_path
+from evaluator.turning.path import PointPath, _along, _distance, _first_guess, _noise, _spread, measure_path
 
 FRAME_S = 1 / 50
 
@@ -102,3 +102,50 @@ def test_noise_is_that_of_a_coordinate_whatever_the_path() -> None:
 def test_summary_says_radius_bounds_turn_and_speed() -> None:
     said = PointPath("ok", 5.0, 4.9, 5.1, 2.5, 300.4, 0.01).summary("mm")
     assert said == "path radius 5 mm, 95 % from 4.9 to 5.1; 300 degrees at 2.5 mm/s"
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("from_deg", [0, 100, -140])
+def test_fit_of_a_circle_begins_with_it_and_that_of_a_line_with_the_line(sense: int, from_deg: float) -> None:
+    """The anchor lies 1.5 outside of a circle of 4; counter-clockwise is to the left."""
+    angle = np.radians(np.linspace(from_deg, from_deg + sense * 80, 60))
+    center = np.array([5.5 * np.cos(0.4), 5.5 * np.sin(0.4)])
+    places = center + 4 * np.column_stack([np.cos(angle), np.sin(angle)])
+    guess = _first_guess(places)
+    np.testing.assert_allclose(_distance(places, guess), 0.0, atol=1e-9)
+    assert guess[2] == pytest.approx(0.25)
+    assert guess[0] == pytest.approx(1.5)
+    line = np.linspace(-3, 5, 40)[:, None] * [np.cos(0.4), np.sin(0.4)]
+    flat = _first_guess(line)
+    np.testing.assert_allclose(_distance(line, flat), 0.0, atol=1e-9)
+    assert abs(flat[2]) < 1e-9
+
+
+def test_distance_from_a_circle_is_signed_and_that_from_a_line_too() -> None:
+    """Of radius 4 about (0, 4), driven along +x at the anchor: inside is to the left and positive."""
+    q = np.array([[0.0, 1.0], [0.0, -1.0], [4.0, 4.0], [0.0, 8.5]])
+    np.testing.assert_allclose(_distance(q, np.array([0.0, 0.0, 0.25])), [1.0, -1.0, 0.0, -0.5], atol=1e-12)
+    np.testing.assert_allclose(_distance(q, np.array([0.5, 0.0, 0.0])), [0.5, -1.5, 3.5, 8.0], atol=1e-12)
+    np.testing.assert_allclose(_distance(q, np.array([0.0, np.pi / 2, 0.0])), [0.0, 0.0, -4.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("curvature", [0.25, -0.25, 0.0])
+def test_length_of_path_grows_along_the_way(curvature: float) -> None:
+    length = np.linspace(-20, 22, 200)
+    turned = curvature * length
+    chord = length * np.sinc(turned / 2 / np.pi)
+    q = np.column_stack([chord * np.cos(turned / 2), chord * np.sin(turned / 2)])
+    found = _along(q, np.array([0.0, 0.0, curvature]))
+    np.testing.assert_allclose(found - found[0], length - length[0], atol=1e-9)
+
+
+def test_spread_between_quarters_is_their_scatter_less_twice_the_noise() -> None:
+    curvature = np.repeat([0.18, 0.22], 300)
+    heading = np.cumsum(curvature * 0.1)
+    places = np.cumsum(0.1 * np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    time = FRAME_S * np.arange(600)
+    exact = np.std([0.18, 0.18, 0.22, 0.22], ddof=1) / 0.2
+    assert _spread(time, places) == pytest.approx(exact, rel=0.01)
+    assert _spread(time[:60], places[:60]) == 0.0  # fifteen frames a quarter
+    loud = places + 0.3 * np.random.default_rng(4).normal(size=places.shape)
+    assert _spread(time, loud) < exact

@@ -108,7 +108,7 @@ def test_values_of_unknown_uncertainty_scatter_by_their_standard_deviation() -> 
 def test_equal_values_of_no_uncertainty_keep_a_finite_interval() -> None:
     pool = pooled(np.array([2.0, 2.0, 2.0, 2.0]), np.zeros(4))
     assert (pool.mean, pool.between) == (2.0, 0.0)
-    assert pool.error == pytest.approx(1e-12, rel=1e-6)  # of 2e-12, the least that counts, and four values
+    assert pool.error == pytest.approx(1e-12, rel=1e-6, abs=0)  # of 2e-12, the least that counts, and four values
 
 
 @pytest.mark.parametrize(("apart", "scatter"), [(0.999, False), (1.001, True)])

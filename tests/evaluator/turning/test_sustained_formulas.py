@@ -180,3 +180,22 @@ def test_run_too_short_for_a_quarter_turn_is_that_of_the_whole_known_no_better_t
     assert found.tightest.value == pytest.approx(0.2, rel=0.01)
     assert found.tightest.high - found.tightest.value == pytest.approx(1.96 * found.spread_per_mm, rel=0.02)
     assert found.spread_per_mm == pytest.approx(0.0231, rel=0.1)
+
+
+def test_quarter_turns_weigh_by_their_inverse_variance_whatever_their_sense() -> None:
+    mean = _mean_of(np.array([-0.2, -0.3, -0.3]), np.array([0.01, 0.02, 0.02]), 0.0)
+    assert mean.value == pytest.approx((-0.2 * 4 - 0.3 - 0.3) / 6)
+    assert mean.sigma == pytest.approx(0.02 / np.sqrt(6))
+
+
+def test_frames_that_jump_in_a_piece_are_no_part_of_the_tightest_window() -> None:
+    """Thirty frames that the pieces set aside would bend a quarter turn by per cents."""
+    tight, wide = np.full(round(np.pi / 0.25 / 0.04), 0.25), np.full(round(np.pi / 0.2 / 0.04), 0.2)
+    pose = winding_poses(np.concatenate([wide, tight, wide, wide[:4]]), 0.04)
+    pose = pose + np.random.default_rng(0).normal(size=pose.shape) * [1e-3, 1e-3, 5e-4]
+    pose[500:508, :2] += 0.3
+    time = np.arange(len(pose)) / 50
+    scaled = scaled_poses(pose, np.tile(np.diag([1e-6, 1e-6, 2.5e-7]), (len(pose), 1, 1)))
+    steady = np.ones(len(pose), dtype=bool)
+    found = sustained_turn(time, scaled, [~steady, steady, ~steady], fit_turn(time, part(scaled, steady)))
+    assert found.tightest.value == pytest.approx(0.25, rel=4e-3)

@@ -33,7 +33,7 @@ def scene(**changes: object) -> Scene:
 
 
 def test_same_seed_gives_the_same_frames_and_another_seed_other_noise() -> None:
-    first, again, other = (next(render_frames(scene(seed=seed))).picture for seed in (5, 5, 6))
+    first, again, other = (next(render_frames(scene(seed=seed))).image for seed in (5, 5, 6))
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)
 
@@ -44,7 +44,7 @@ def test_centroid_of_a_noiseless_mark_is_the_truth() -> None:
     for frame in render_frames(quiet):
         x, y = truth[["green_x_px", "green_y_px"]].iloc[frame.index]
         left, top = round(x) - 9, round(y) - 9
-        patch = frame.picture[top : top + 19, left : left + 19, 1].astype(float)
+        patch = frame.image[top : top + 19, left : left + 19, 1].astype(float)
         rows, columns = np.indices(patch.shape)
         patch = np.where(np.hypot(rows - 9, columns - 9) < 10, patch - patch.min(), 0.0)
         found = np.array([(patch * columns).sum(), (patch * rows).sum()]) / patch.sum() + [left, top]
@@ -65,12 +65,12 @@ def test_lossless_file_holds_the_very_numbers(tmp_path: Path) -> None:
     render_clip(clip, tmp_path / "clip.mp4")
     with av.open(str(tmp_path / "clip.mp4")) as container:
         stored = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
-    assert all(np.array_equal(a, b.picture) for a, b in zip(stored, render_frames(clip), strict=True))
+    assert all(np.array_equal(a, b.image) for a, b in zip(stored, render_frames(clip), strict=True))
 
 
 def test_noise_has_the_variance_of_photons_and_read_out() -> None:
     frames = scene(duration_s=1.0, motion={"kind": "line", "speed_mm_s": 0.0}, sensor={"full_well_e": 2000.0})
-    stack = np.stack([frame.picture for frame in render_frames(frames)]).astype(float)
+    stack = np.stack([frame.image for frame in render_frames(frames)]).astype(float)
     mean, variance = stack.mean(axis=0) / 255 - 0.02, stack.var(axis=0, ddof=1) / 255**2
     expected = mean / 2000 + (20 / 2000) ** 2 + 1 / (12 * 255**2)
     assert (variance / expected).mean() == pytest.approx(1.0, abs=0.01)

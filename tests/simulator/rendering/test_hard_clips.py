@@ -1,4 +1,4 @@
-"""What makes a clip hard is in the picture, and the truth says so."""
+"""What makes a clip hard is in the image, and the truth says so."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ SMALL: dict[str, Any] = {
 
 
 def first_picture(**changes: Any) -> np.ndarray:
-    return next(render_frames(Scene.model_validate(SMALL | changes))).picture.astype(float)
+    return next(render_frames(Scene.model_validate(SMALL | changes))).image.astype(float)
 
 
 def truth(**changes: Any) -> Any:
     return truth_of(set_stage(Scene.model_validate(SMALL | changes)))
 
 
-def at_mark(picture: np.ndarray, name: str = "green") -> np.ndarray:
+def at_mark(image: np.ndarray, name: str = "green") -> np.ndarray:
     row = truth().iloc[0]
-    return np.asarray(picture[round(row[f"{name}_y_px"]), round(row[f"{name}_x_px"])])
+    return np.asarray(image[round(row[f"{name}_y_px"]), round(row[f"{name}_x_px"])])
 
 
 def test_wire_over_a_mark_darkens_it_and_lowers_its_visible_share() -> None:
@@ -62,17 +62,17 @@ def test_marks_swap_colours_where_asked() -> None:
 def test_distractor_moves_under_the_robot() -> None:
     disc = [{"x_mm": 9.0, "y_mm": 0.0, "velocity_mm_s": (-20.0, 0.0), "color": (0.9, 0.1, 0.1)}]
     clip = Scene.model_validate(SMALL | {"distractor": disc, "duration_s": 0.5})
-    pictures = [frame.picture for frame in render_frames(clip)]
+    images = [frame.image for frame in render_frames(clip)]
     row = round(119.5)
     beside = round(159.5 + 9 * 12)
-    assert pictures[0][row, beside, 0] > 1.5 * pictures[0][row, beside, 1]
-    assert np.ptp(pictures[-1][row, beside].astype(int)) < 10
-    assert pictures[-1][row, 160].max() < 25  # the robot hides it
+    assert images[0][row, beside, 0] > 1.5 * images[0][row, beside, 1]
+    assert np.ptp(images[-1][row, beside].astype(int)) < 10
+    assert images[-1][row, 160].max() < 25  # the robot hides it
 
 
 def test_light_switched_on_midway() -> None:
     clip = Scene.model_validate(SMALL | {"lighting": {"switched_at_s": 0.04, "level_before": 0.2}})
-    means = [frame.picture.mean() / 255 - 0.02 for frame in render_frames(clip)]
+    means = [frame.image.mean() / 255 - 0.02 for frame in render_frames(clip)]
     assert means[0] == pytest.approx(0.2 * means[-1], rel=0.03)
     assert np.argmax(np.diff(means)) == 2  # frame 3 is the first after 0.04 s
 
@@ -91,8 +91,8 @@ def test_robot_that_leaves_the_picture_is_truthfully_invisible() -> None:
 def test_repeated_frame_is_the_one_before_it_and_keeps_its_time() -> None:
     moving = {"motion": {"kind": "line", "speed_mm_s": 50.0, "start_s": -1.0}, "timing": {"repeated": (3,)}}
     frames = list(render_frames(Scene.model_validate(SMALL | moving | {"sensor": {}})))
-    assert np.array_equal(frames[3].picture, frames[2].picture)
-    assert not np.array_equal(frames[4].picture, frames[3].picture)
+    assert np.array_equal(frames[3].image, frames[2].image)
+    assert not np.array_equal(frames[4].image, frames[3].image)
     table = truth(**moving)
     assert table["time_s"].iloc[3] == pytest.approx(2 / 60)
     assert table["presentation_s"].iloc[3] == pytest.approx(3 / 60)
@@ -109,10 +109,10 @@ def test_jittered_times_in_the_file_are_those_of_the_exposures(tmp_path: Path) -
 
 def test_fields_weave_pictures_of_two_times() -> None:
     fast = SMALL | {"motion": {"kind": "line", "speed_mm_s": 100.0, "start_s": -1.0}, "duration_s": 1 / 60}
-    woven = next(render_frames(Scene.model_validate(fast | {"timing": {"interlaced": "top_first"}}))).picture
-    early = next(render_frames(Scene.model_validate(fast))).picture
+    woven = next(render_frames(Scene.model_validate(fast | {"timing": {"interlaced": "top_first"}}))).image
+    early = next(render_frames(Scene.model_validate(fast))).image
     twice = fast | {"frame_rate": "120", "duration_s": 2 / 120}
-    late = list(render_frames(Scene.model_validate(twice)))[1].picture
+    late = list(render_frames(Scene.model_validate(twice)))[1].image
     assert np.array_equal(woven[::2], early[::2])
     assert np.array_equal(woven[1::2], late[1::2])
 
@@ -151,11 +151,11 @@ def test_smear_is_the_mean_over_the_exposure() -> None:
         "sensor": {"full_well_e": 0.0, "bits": 16},
     }
     whole = Scene.model_validate(sharp | {"exposure": {"time_s": 0.01}, "frame_rate": "100", "duration_s": 0.02})
-    smeared = list(render_frames(whole))[1].picture.astype(float)
+    smeared = list(render_frames(whole))[1].image.astype(float)
     instants = Scene.model_validate(
         sharp | {"exposure": {"time_s": 0.0}, "frame_rate": "12800", "duration_s": 193 / 12800}
     )
-    moments = [frame.picture.astype(float) for frame in render_frames(instants) if frame.index >= 64]
+    moments = [frame.image.astype(float) for frame in render_frames(instants) if frame.index >= 64]
     assert len(moments) == 129
     exact = (np.sum(moments, axis=0) - (moments[0] + moments[-1]) / 2) / 128
     assert np.abs(smeared - exact).max() / 65535 < 2e-3
@@ -186,7 +186,7 @@ def test_deep_grey_ffv1_holds_the_very_numbers(tmp_path: Path) -> None:
     render_clip(clip, tmp_path / "clip.mp4")
     with av.open(str(tmp_path / "clip.mp4")) as container:
         stored = next(container.decode(video=0)).to_ndarray(format="gray16le")
-    assert np.array_equal(stored >> 6, next(render_frames(clip)).picture)
+    assert np.array_equal(stored >> 6, next(render_frames(clip)).image)
 
 
 def test_poses_from_a_file_are_followed(tmp_path: Path) -> None:

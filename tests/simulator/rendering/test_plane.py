@@ -21,7 +21,7 @@ def test_map_lies_within_a_millionth_of_a_pixel_of_the_camera(camera: Camera) ->
     plane = plane_map(camera, 6.5, 5)
     rows, columns = np.random.default_rng(1).integers(0, 480, (2, 500))
     points = np.stack([plane.x_mm[rows, columns], plane.y_mm[rows, columns]], axis=-1)
-    back = plane.picture_from_plane(points)
+    back = plane.image_from_plane(points)
     assert np.abs(back - np.stack([columns - 5, rows - 5], axis=-1)).max() < 1e-6
 
 

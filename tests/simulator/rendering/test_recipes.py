@@ -57,11 +57,11 @@ def test_recipe_draws_the_committed_gauge_picture(recipe: Path) -> None:
     scene = load_scene(recipe)
     assert isinstance(scene, GaugeScene)
     assert scene.truth is not None
-    picture, truth = render_gauge(scene)
+    image, truth = render_gauge(scene)
     pd.testing.assert_frame_equal(truth, pd.read_csv(scene.truth), atol=1e-6, rtol=0)
     assert truth["visible"].all()
     stored = cv2.imread(str(scene.output))[..., ::-1]
-    assert np.abs(stored.astype(int) - picture).max() <= 1
+    assert np.abs(stored.astype(int) - image).max() <= 1
 
 
 def test_recipe_draws_the_committed_clip() -> None:
@@ -72,7 +72,7 @@ def test_recipe_draws_the_committed_clip() -> None:
     with av.open(str(scene.output)) as container:
         for frame, drawn in zip(container.decode(video=0), frames_of(stage), strict=False):
             assert frame.pts * frame.time_base == drawn.presentation_s
-            difference = frame.to_ndarray(format="rgb24").astype(float) - drawn.picture
+            difference = frame.to_ndarray(format="rgb24").astype(float) - drawn.image
             assert abs(difference.mean()) < 1.0
             assert difference.std() < 6.0  # compression takes most of the noise away
             if drawn.index == 60:

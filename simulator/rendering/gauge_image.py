@@ -44,7 +44,7 @@ def pose_of(scene: GaugeScene, gauge: Gauge) -> GaugePose:
 
 
 def render_gauge(scene: GaugeScene) -> tuple[Numbers, pd.DataFrame]:
-    """Draw a gauge scene; returns the picture and its truth (see `gauge_truth`).
+    """Draw a gauge scene; returns the image and its truth (see `gauge_truth`).
 
     Raises SimulationError, or what reading the gauge file raises.
     """
@@ -54,7 +54,7 @@ def render_gauge(scene: GaugeScene) -> tuple[Numbers, pd.DataFrame]:
     return _draw(scene, gauge, camera, pose), truth
 
 
-def render_gauge_picture(
+def render_gauge_image(
     camera: Camera,
     gauge: Gauge,
     *,
@@ -91,8 +91,8 @@ def gauge_truth(
     """Exact truth, a row per dot.
 
     positions_mm: true places of the dots on the gauge, where they are not the nominal ones. Columns: column, row; x_mm,
-    y_mm in the gauge frame; plate_x_mm, plate_y_mm, plate_z_mm; x_px, y_px of the picture of the
-    dot's centre; visible, whether its centre is in the picture and the dot is not missing.
+    y_mm in the gauge frame; plate_x_mm, plate_y_mm, plate_z_mm; x_px, y_px of the image of the
+    dot's centre; visible, whether its centre is in the image and the dot is not missing.
     """
     positions = gauge.positions_mm() if positions_mm is None else positions_mm
     rows, columns = positions.shape[:2]
@@ -146,7 +146,7 @@ def _sheet(scene: GaugeScene, gauge: Gauge, camera: Camera, kernel: Kernel, ligh
     edge_px = camera.picture_from_plate(np.column_stack([edge, np.zeros(len(edge))]))
     box = box_about(edge_px, kernel.margin + 2, camera.size_px)
     if box is None:
-        raise SimulationError("the gauge is not in the picture; move it, or the camera")
+        raise SimulationError("the gauge is not in the image; move it, or the camera")
     left, top, right, bottom = box
     cover = np.zeros((bottom - top, right - left))
     add_polygon(clockwise_hull(edge_px), kernel.blur_px, box, 1.0, cover)
