@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, PositiveInt, ValidationError
 
 from calibration.assessment.verdict import Verdict
 from calibration.camera import PARAMETERS, Camera
@@ -57,7 +57,7 @@ class CameraFile(Table):
 
     format: Literal[1]
     kind: Literal["camera"] = "camera"
-    size_px: tuple[int, int] = Field(description="width, height")
+    size_px: tuple[PositiveInt, PositiveInt] = Field(description="width, height")
     lens: LensModel
     parameters: dict[str, float]
     sigma: dict[str, float]
@@ -143,7 +143,11 @@ def load_camera_file(path: Path) -> CameraFile:
         raise CalibrationError(
             f"{path}: not a camera.json from turnscope calibrate ({place}: {first['msg'].lower()})"
         ) from error
-    if set(stored.parameters) != set(PARAMETERS) or np.shape(stored.covariance) != (len(PARAMETERS),) * 2:
+    count = len(PARAMETERS)
+    whole = [len(row) for row in stored.covariance] == [count] * count and len(
+        stored.pitch_error or PARAMETERS
+    ) == count
+    if set(stored.parameters) != set(PARAMETERS) or not whole:
         raise CalibrationError(f"{path}: parameters or covariance are incomplete; run turnscope calibrate again")
     return stored
 

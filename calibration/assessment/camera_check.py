@@ -135,7 +135,12 @@ def check_camera(
     state, view, residual, noise = _pose(camera, view)
     noise = max(noise, variance)
     change, covariance = _pose_change(camera, state, view, noise)
-    pose_sigma = _sigma(float(change @ np.linalg.solve(covariance, change)), 3)
+    try:
+        pose_sigma = _sigma(float(change @ np.linalg.solve(covariance, change)), 3)
+    except np.linalg.LinAlgError as error:
+        raise CalibrationError(
+            "the covariance of the camera.json is not that of a calibration; calibrate again"
+        ) from error
     lens_sigma = _lens_sigma(camera, state, view, noise)
     moved = replace(camera, parameters=state.parameters(0))
     length_change = _length_change(moved, camera, height_mm)

@@ -14,6 +14,7 @@ from calibration.gauge.layouts import named_layout
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+MOST_DOTS = 100_000  # 30 px a dot in an image of 100 megapixels, with nothing between them
 
 
 class Table(BaseModel):
@@ -40,6 +41,12 @@ class Dots(Table):
     background: str = "white"
     height_mm: Annotated[float, Field(allow_inf_nan=False)] = 0.0
     pitch_tolerance_percent: NotNegative = 0.1  # 1 sigma, common to the whole plate
+
+    @model_validator(mode="after")
+    def _bounded(self) -> Self:
+        if self.columns * self.rows > MOST_DOTS:
+            raise ValueError(f"{self.columns} × {self.rows} dots are more than {MOST_DOTS}, which no image resolves")
+        return self
 
     @model_validator(mode="before")
     @classmethod

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import sys
-
-from evaluator.cli.group import turnscope
 
 __all__ = ["main"]
 
 
 def main() -> None:
     """Run the command line; a user's error is one sentence on standard error and exit status 2."""
+    from evaluator.cli.guard import CHILD, live_as_child, needs_child, run_in_child
+
+    if needs_child(sys.argv[1:]):
+        sys.exit(run_in_child(sys.argv[1:]))
+    if CHILD in os.environ:
+        live_as_child()
+        del os.environ[CHILD]  # what this process starts in its turn is no child of that parent
     from evaluator.cli.failures import run_safely
+    from evaluator.cli.group import turnscope
 
     sys.exit(run_safely(turnscope))

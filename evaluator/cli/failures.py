@@ -2,37 +2,55 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import click
 
+from evaluator.cli.printable import Printable
 from evaluator.progress import Cancelled
 
 
 def run_safely(group: click.Group) -> int:
     """Run the group; return the exit status: 0 done, 2 bad input, 130 interrupted."""
+    with _printable_streams():
+        try:
+            return int(group.main(standalone_mode=False) or 0)
+        except click.ClickException as error:
+            error.show()
+            return 2
+        except (click.Abort, Cancelled, KeyboardInterrupt):
+            click.echo("interrupted; what was finished is kept, run the same command again to go on", err=True)
+            return 130
+        except (ValueError, OSError, MemoryError) as error:
+            sentence = _sentence(error)
+            if sentence is None:
+                raise
+            click.echo(f"error: {sentence}", err=True)
+            return 2
+
+
+@contextmanager
+def _printable_streams() -> Iterator[None]:
+    out, err = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = Printable(out), Printable(err)
     try:
-        return int(group.main(standalone_mode=False) or 0)
-    except click.ClickException as error:
-        error.show()
-        return 2
-    except (click.Abort, Cancelled, KeyboardInterrupt):
-        click.echo("interrupted; what was finished is kept, run the same command again to go on", err=True)
-        return 130
-    except (ValueError, OSError) as error:
-        sentence = _sentence(error)
-        if sentence is None:
-            raise
-        click.echo(f"error: {sentence}", err=True)
-        return 2
+        yield
+    finally:
+        sys.stdout, sys.stderr = out, err
 
 
-def _sentence(error: ValueError | OSError) -> str | None:
+def _sentence(error: ValueError | OSError | MemoryError) -> str | None:
     """Text of an error the user caused; None for a defect of ours, whose traceback we want to see."""
     from calibration.errors import CalibrationError
     from evaluator.errors import InputError
     from simulator.errors import SimulationError
 
+    if isinstance(error, MemoryError):
+        return f"more memory is needed than this machine gives ({error}); is a size in one of the files too large?"
     if isinstance(error, (CalibrationError, SimulationError, InputError)):
         return str(error)
-    if isinstance(error, OSError) and error.filename is not None:
-        return f"{error.filename}: {error.strerror}"
+    if isinstance(error, OSError) and error.strerror:  # the system's word: a disk that is full, a folder that is closed
+        return f"{error.filename}: {error.strerror}" if error.filename is not None else error.strerror
     return None

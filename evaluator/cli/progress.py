@@ -27,7 +27,9 @@ def progress_bar(what: str, *, quiet: bool = False) -> Iterator[Progress]:
         bars.TextColumn("{task.fields[count]}"),
         bars.TimeRemainingColumn(),
     )
-    with bars.Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+    with bars.Progress(
+        *columns, console=Console(file=getattr(sys.stderr, "original", sys.stderr)), transient=True
+    ) as shown:
         task = shown.add_task(what, total=None, count="")
 
         def report(stage: str, done: float, total: float = 1.0, /) -> None:

@@ -16,6 +16,7 @@ from evaluator.errors import InputError
 from evaluator.interchange.named_points import NamedPoints, Said
 
 Array = NDArray[np.float64]
+MOST_NUMBERS = 50_000_000  # of a variable: ten points of ten individuals for two hours at 60 frames a second
 DEEPLABCUT_KEY = "df_with_missing"  # of the table in the HDF5 that DeepLabCut writes
 
 
@@ -136,9 +137,13 @@ def _read_movement(path: Path, said: Said) -> NamedPoints:
         # By name: what xarray chooses by itself depends on what else is installed.
         with path.open("rb") as file:
             engine = "scipy" if file.read(3) == b"CDF" else "h5netcdf"
-        data = xr.load_dataset(path, engine=engine)
+        with xr.open_dataset(path, engine=engine) as opened:
+            numbers = max((variable.size for variable in opened.variables.values()), default=0)
+            data = opened.load() if numbers <= MOST_NUMBERS else None
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: not a netCDF file that can be read ({str(error).splitlines()[0]})") from error
+    if data is None:
+        raise InputError(f"{path}: a variable of {numbers:.3g} numbers is no track; is the file damaged?")
     if "position" not in data or not {"time", "space", "keypoints"} <= set(data["position"].dims):
         raise InputError(
             f"{path}: no position over time, space and keypoints in it; is it a movement dataset of poses?"

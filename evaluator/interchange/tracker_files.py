@@ -16,7 +16,7 @@ def read_tracker_text(path: Path, said: Said) -> NamedPoints:
     lines = [line for line in path.read_text(encoding="utf-8-sig", errors="replace").splitlines() if line.strip()]
     delimiter = delimiter_of(lines[1])
     names, columns = cells_of(lines[0], delimiter), cells_of(lines[1], delimiter)
-    names += [""] * (len(columns) - len(names))
+    names = (names + [""] * len(columns))[: len(columns)]
     if names[0] and columns[0] == "t":  # a table of one track carries its name above the time
         names = ["", names[0], *names[1:-1]] if len(names) > 1 else names
     owner = ""

@@ -28,7 +28,7 @@ class Project:
         self.path = path
         try:
             self._root = ET.fromstring(_xml(path))  # noqa: S314 - expat limits what entities expand to
-        except ET.ParseError as error:
+        except (ET.ParseError, ValueError, LookupError) as error:  # also an encoding that is unknown
             raise InputError(f"{path}: not a project of OSP Tracker ({error}); {TO_DO}") from error
         self.length_unit = _text(self._root, "length_unit")
         clip, control = _object(self._root, "videoclip"), _object(self._root, "clipcontrol")
@@ -87,16 +87,20 @@ SYSTEM = {"xorigin": 0.0, "yorigin": 0.0, "angle": 0.0, "xscale": 1.0, "yscale":
 def _xml(path: Path) -> bytes:
     if not zipfile.is_zipfile(path):
         return path.read_bytes()
-    with zipfile.ZipFile(path) as archive:
-        names = [item for item in archive.infolist() if item.filename.lower().endswith(".trk")]
-        if len(names) != 1:
-            raise InputError(f"{path}: holds {len(names)} projects of OSP Tracker (.trk); one is wanted")
-        if names[0].file_size > LARGEST_BYTES:
-            raise InputError(f"{path}: {names[0].filename} unpacks to {names[0].file_size / 1e6:.0f} MB; {TO_DO}")
-        try:
-            return archive.read(names[0])
-        except (zipfile.BadZipFile, RuntimeError) as error:
-            raise InputError(f"{path}: cannot be unpacked ({error})") from error
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = [item for item in archive.infolist() if item.filename.lower().endswith(".trk")]
+            content = b""
+            if len(names) == 1:
+                with archive.open(names[0]) as packed:
+                    content = packed.read(LARGEST_BYTES + 1)  # what the archive says of its size may be wrong
+    except Exception as error:  # zipfile raises whatever its code runs into in a damaged archive
+        raise InputError(f"{path}: cannot be unpacked ({error}); {TO_DO}") from error
+    if len(names) != 1:
+        raise InputError(f"{path}: holds {len(names)} projects of OSP Tracker (.trk); one is wanted")
+    if len(content) > LARGEST_BYTES:
+        raise InputError(f"{path}: {names[0].filename} unpacks to more than {LARGEST_BYTES / 1e6:.0f} MB; {TO_DO}")
+    return content
 
 
 def _property(owner: ET.Element | None, name: str) -> ET.Element | None:

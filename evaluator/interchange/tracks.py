@@ -158,7 +158,7 @@ def _foreign_points(
         "deeplabcut": read_deeplabcut,
         "movement": read_binary,
     }
-    named = readers[program](path, said)
+    named = _whole(readers[program], path, said)
     if not marks:
         marks = [name for name in named.points if name.isidentifier()]
     known = {plain_name(name): name for name in named.points} if program in ("tracker", "project") else {}
@@ -178,6 +178,17 @@ def _foreign_points(
     if len(time) < 2 or not np.all(np.diff(time) > 0):
         raise InputError(f"{path}: times must be at least two and increase from row to row")
     return time, points, unit
+
+
+def _whole(reader: Callable[[Path, Said], NamedPoints], path: Path, said: Said) -> NamedPoints:
+    """Read a file that may be damaged anywhere: what its reader runs into then is said in one sentence."""
+    try:
+        return reader(path, said)
+    except (InputError, OSError):
+        raise
+    except Exception as error:
+        reason = (str(error).splitlines() or [""])[0] or type(error).__name__
+        raise InputError(f"{path}: does not have the form that its program writes ({reason}); is it damaged?") from error
 
 
 def program_of(path: Path) -> Program:

@@ -31,6 +31,8 @@ NAMES = (
     "lateral_stiffness",
 )
 DECREASE = NAMES.index("friction_decrease")
+SHAPES = [NAMES.index("longitudinal_shape"), NAMES.index("lateral_shape")]
+STEEPEST_SHAPE = 2.0  # of a slip law: beyond, friction would push a wheel that slides far
 MOST_FRICTION = 10.0  # no wheel grips so; a slip of units is a factor of a thousand
 START_SHAPES = (0.7, 1.1, 1.5)  # the sine of Eq. (6) rising, level and falling at large slip: one start for each
 
@@ -151,6 +153,7 @@ def _best(residuals: Any, starts: list[Array]) -> Any:
 
     low, high = np.full(7, -8.0), np.full(7, 8.0)  # e^±8: beyond any wheel; the search never leaves the numbers
     low[DECREASE], high[DECREASE] = 0.0, 2.0
+    high[SHAPES] = np.log(STEEPEST_SHAPE)
     inside = [np.clip(start, low + 1e-9, high - 1e-9) for start in starts]
     fits = [least_squares(residuals, start, bounds=(low, high), x_scale="jac") for start in inside]
     return min(fits, key=lambda fit: fit.cost)

@@ -20,6 +20,7 @@ REACH = 5
 # leaves 1e-3 px. Two more neighbours than it has unknowns, two of them on either side, tell a frame's error.
 ORDER, NEIGHBORS, EITHER_SIDE = 5, 7, 2
 EVEN = 1e-3  # of the span: neighbours that are as evenly timed as this share one set of weights
+BEYOND = 4.0  # times the usual reach: a neighbour farther away, beyond a gap in time, tells nothing of the course
 LEAST = 24  # differences that a variance is estimated from: its own relative uncertainty is then below 0.3
 ROUNDS = 3  # of weighing: sigmas are then those of any number of rounds to 3 %
 EXACT_PX2 = 1e-12  # variance below which all frames tell alike: drawn paths may be known exactly
@@ -65,11 +66,12 @@ class Course:
         self.around = np.clip(around, 0, max(n - 1, 0))
         seen: NDArray[np.bool_] = np.asarray(np.isfinite(centers_px).all(axis=1))
         usable = (around == self.around) & seen[self.around]
+        lapse = time_s[self.around] - time_s
+        usual = stride * OFFSETS * float(np.median(np.diff(time_s))) if n > 1 else OFFSETS.astype(float)
+        usable &= np.abs(lapse) < BEYOND * abs(usual[0])
         before, after = usable[:REACH].sum(axis=0), usable[REACH:].sum(axis=0)
         enough = (before + after >= NEIGHBORS) & (before >= EITHER_SIDE) & (after >= EITHER_SIDE)
         self.known: NDArray[np.bool_] = seen & enough
-        lapse = time_s[self.around] - time_s
-        usual = stride * OFFSETS * float(np.median(np.diff(time_s))) if n > 1 else OFFSETS.astype(float)
         even = self.known & (np.where(usable, np.abs(lapse - usual[:, None]), 0.0).max(axis=0) < EVEN * abs(usual[0]))
         self.weights = np.zeros((len(OFFSETS), n))
         # Evenly timed frames with the same neighbours seen share their weights; nearly all do.
@@ -90,9 +92,11 @@ class Course:
 
 def _to_the_middle(lapse_s: Array, usable: NDArray[np.bool_]) -> Array:
     """Weights of neighbours that give the value of their polynomial at lapse 0; (m, 10) all."""
-    powers = (lapse_s / np.abs(lapse_s).max(initial=1e-9))[..., None] ** np.arange(ORDER) * usable[..., None]
-    first = np.broadcast_to(np.eye(ORDER)[:, :1], (len(powers), ORDER, 1))
-    return np.asarray((powers @ np.linalg.solve(powers.transpose(0, 2, 1) @ powers, first))[..., 0])
+    farthest = np.where(usable, np.abs(lapse_s), 0.0).max(axis=-1, initial=1e-9, keepdims=True)
+    powers = (np.where(usable, lapse_s, 0.0) / farthest)[..., None] ** np.arange(ORDER) * usable[..., None]
+    # The value at lapse 0 is the first coefficient. Oddly timed neighbours may not tell all coefficients: the
+    # pseudoinverse then takes the smallest.
+    return np.asarray(np.linalg.pinv(powers)[..., 0, :])
 
 
 def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: NDArray[np.str_]) -> Array:
