@@ -52,7 +52,8 @@ class Run:
     heading_rad is unwrapped. Wheel arrays are (n, w), in the order of wheel_names. Arrays are read-only. Wheel states
     are worked out when they are first asked for, by wheels_of; NaN where a motion is given without it. amplification:
     by how much a small disturbance of the velocity grows at most between two breaks of the command, while the robot
-    passes balances that are unstable; 1 where a motion is given without it.
+    passes balances that are unstable; 1 where a motion is given without it. unsettled_mm: how far apart this
+    solution and one with larger errors of a step are, where that is more than such errors add up to; 0 where they agree.
     """
 
     time_s: Array
@@ -65,6 +66,7 @@ class Run:
     wheels_of: Callable[[], WheelStates] | None = None
     amplification: float = 1.0
     wheel_names: tuple[str, ...] = WHEELS
+    unsettled_mm: float = 0.0
 
     def __repr__(self) -> str:
         """One line: how long, from where to where."""
@@ -98,6 +100,11 @@ class Run:
         either.
         """
         return self.amplification > CHANCE_AMPLIFICATION
+
+    @property
+    def is_converged(self) -> bool:
+        """Whether smaller errors of a step lead to the same run."""
+        return self.unsettled_mm == 0.0
 
     @cached_property
     def wheels(self) -> WheelStates:

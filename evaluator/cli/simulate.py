@@ -64,3 +64,9 @@ def simulate(
             f"against each other, from which the smallest disturbance grows {run.amplification:.0e} times",
             err=True,
         )
+    if not run.is_converged:
+        click.echo(
+            f"note: the run is known to no better than {run.unsettled_mm:.2g} mm: finer steps lead elsewhere; are the "
+            "effects of a sensible size?",
+            err=True,
+        )

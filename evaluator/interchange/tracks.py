@@ -188,7 +188,9 @@ def _whole(reader: Callable[[Path, Said], NamedPoints], path: Path, said: Said) 
         raise
     except Exception as error:
         reason = (str(error).splitlines() or [""])[0] or type(error).__name__
-        raise InputError(f"{path}: does not have the form that its program writes ({reason}); is it damaged?") from error
+        raise InputError(
+            f"{path}: does not have the form that its program writes ({reason}); is it damaged?"
+        ) from error
 
 
 def program_of(path: Path) -> Program:

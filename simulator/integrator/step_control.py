@@ -7,7 +7,7 @@ from typing import Any
 
 from simulator.compilation import compiled
 from simulator.integrator.implicit_euler import euler_pair
-from simulator.integrator.rosenbrock import attempt
+from simulator.integrator.rosenbrock import attempt, invert3
 
 LEVER_MM = 10.0  # an error of heading counts as the displacement it makes at this distance
 MOST_TRIES = 4  # rejections in a row mean that a wheel sticks or turns over
@@ -18,6 +18,8 @@ MOVING_RESTS = 100.0  # so many rest speeds are beyond the rounding of rest
 # followed to a share of itself, down to a share of the rest speed, by steps as short as that takes.
 DECIDING_SHARE, DECIDING_RESTS, MOST_RESTING_TRIES = 1e-2, 1e-8, 60
 FINEST = 1e-3  # of the errors of the velocity at the usual tolerance; below, rounding within rest is all that counts
+# In the end a velocity error may move the robot by so many tolerances: rolling wheels forget within some steps anyway.
+REMEMBERED, LONGEST_MEMORY_S = 30.0, 1.0
 LONGEST_TURN_RAD = 1.0  # within one step, where the series for the twist is exact to 1e-9
 
 
@@ -50,7 +52,25 @@ def error_norm(step: float, tolerance: float, model: Any, work: Any) -> float:
             own = max(abs(y[3 + item]), abs(end[0, 3 + item]))
             allowed = min(allowed, DECIDING_SHARE * own + DECIDING_RESTS * model.rest_speed)
         norm = max(norm, displaced, abs(end[1, 3 + item]) / allowed)
+    norm = max(norm, _remembered(end[1], work) / (REMEMBERED * tolerance))
     return float(max(norm, abs(end[0, 2]) / LONGEST_TURN_RAD))
+
+
+@compiled()
+def _remembered(error: Any, work: Any) -> float:
+    """What an error of the velocity moves the robot by in the end, mm, until wheel forces have made up for it.
+
+    Rolling wheels do so within milliseconds. Wheels that slide fast do not: their friction hardly depends on velocity.
+    """
+    linear, inverse, largest = work.linear, work.inverses[0], 0.0
+    regular = invert3(linear[1:4], inverse)
+    for row in range(3):
+        moved = math.inf
+        if regular:
+            moved = abs(inverse[row, 0] * error[3] + inverse[row, 1] * error[4] + inverse[row, 2] * error[5])
+        moved = min(moved, LONGEST_MEMORY_S * max(abs(error[3]), abs(error[4]), LEVER_MM * abs(error[5])))
+        largest = max(largest, (LEVER_MM if row == 2 else 1.0) * moved)
+    return largest
 
 
 @compiled()
