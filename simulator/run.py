@@ -52,8 +52,8 @@ class Run:
     heading_rad is unwrapped. Wheel arrays are (n, w), in the order of wheel_names. Arrays are read-only. Wheel states
     are worked out when they are first asked for, by wheels_of; NaN where a motion is given without it. amplification:
     by how much a small disturbance of the velocity grows at most between two breaks of the command, while the robot
-    passes balances that are unstable; 1 where a motion is given without it. unsettled_mm: how far apart this
-    solution and one with larger errors of a step are, where that is more than such errors add up to; 0 where they agree.
+    passes balances that are unstable; 1 where a motion is given without it. unsettled_mm: how far apart this solution
+    and one with larger errors of a step are, where that is more than such errors add up to; 0 where they agree.
     """
 
     time_s: Array

@@ -123,7 +123,7 @@ FOUND: dict[Callable[[Path], tuple[str, ...]], str] = {
     zip_whose_directory_lies: "cannot be unpacked",
     classic_netcdf_of_unknown_type: "does not have the form",
     netcdf_of_more_numbers_than_a_track_has: "no track",
-    sleap_names_that_are_no_text: "does not have the form",
+    sleap_names_that_are_no_text: "not an HDF5 file that can be read",
     deeplabcut_that_is_no_utf8: "utf-8",
     deeplabcut_with_fewer_columns_than_names: "does not have the form",
     camera_with_a_ragged_covariance: "covariance are incomplete",
