@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 FLOAT = "%.9g"
 ROWS = 4096  # made into text at once: the text of more takes memory and gains no time
 QUOTED = frozenset(',"\r\n')  # what makes a cell need quotes
+FORMULAS = ("=", "+", "-", "@", "\t", "\r")  # how a cell begins that spreadsheets compute
 Column = NDArray[np.generic] | list[str]
 
 
 def csv_text(table: pd.DataFrame) -> Iterator[str]:
     """Give the text of a table in pieces: nine significant digits, NaN as an empty cell, no index."""
+    table = _without_formulas(table)
     names = table.columns.tolist()
     columns = [_plain(column) for _, column in table.items()]
     plain = [column for column in columns if column is not None]
@@ -28,6 +30,21 @@ def csv_text(table: pd.DataFrame) -> Iterator[str]:
     yield ",".join(map(str, names)) + os.linesep
     for first in range(0, len(table), ROWS):
         yield _lines([column[first : first + ROWS] for column in plain])
+
+
+def _without_formulas(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with an apostrophe before words that begin as formulas do: spreadsheets then take them for words."""
+    for name, column in table.items():
+        if column.dtype == object or isinstance(column.dtype, pd.StringDtype):
+            words = {word for word in column.tolist() if _begins_formula(word)}
+            if words:
+                table = table.assign(**{str(name): column.replace({word: f"'{word}" for word in words})})
+    begun = {name: f"'{name}" for name in table.columns if _begins_formula(name)}
+    return table.rename(columns=begun) if begun else table
+
+
+def _begins_formula(word: object) -> bool:
+    return isinstance(word, str) and len(word) > 1 and word.startswith(FORMULAS)
 
 
 def _plain(column: pd.Series) -> Column | None:
