@@ -9,7 +9,7 @@ from simulator.command import Command
 from simulator.effects.entry import EffectEntry
 from simulator.robot import load_robot
 from simulator.simulation import simulate
-from tests.benchmarks.converged import ALLOWED_MM, ALLOWED_SHARE, disagreement_mm, drawn
+from tests.simulator.random_runs import ALLOWED_MM, ALLOWED_SHARE, disagreement_mm, drawn
 
 # Runs that were off by 0.05 to 5.6 mm at the default tolerance and did not say so, by seed and number.
 ONCE_WRONG = [(2, 1682), (2, 2677), (2, 4988), (2, 5516), (1, 707)]
