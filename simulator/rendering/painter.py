@@ -231,10 +231,7 @@ def distractor_disc(distractor: Distractor, plane: PlaneMap, time_s: float, gain
 
 
 def moments_of_exposure(times_s: tuple[float, float], way_px: float) -> Array:
-<<<<<<< HEAD
     """Middles of equal parts of an exposure, enough that the image moves a quarter pixel or less in each."""
-=======
-    """Middles of equal parts of an exposure, enough that the picture moves a quarter pixel or less in each."""
->>>>>>> c7c087c4e91231de98791f224e34637d6b7cb45d
+    count = math.ceil(min(max(4 * way_px, 1), 256))
     count = math.ceil(min(max(4 * way_px, 1), 256))
     return times_s[0] + (np.arange(count) + 0.5) / count * (times_s[1] - times_s[0])

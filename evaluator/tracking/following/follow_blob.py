@@ -137,7 +137,7 @@ class BlobFollower(Motion):
             self.color[4] += rate * (0.45 * self.strength - self.color[4])
             # A bar of length l has a variance of l²/12 along it, an ellipse one of l²/16.
             (short, long), axes = np.linalg.eigh(self.blob.spread_px2)
-            self.long_px = float(2.0 * np.sqrt(max(long, 0.0)))
+            self.long_px = 2.0 * float(np.sqrt(max(long, 0.0)))
             sides = float(np.sqrt(12.0 * max(long, 0.0))), float(np.sqrt(12.0 * max(short, 0.0)))
             self.outline.append((time_s, *sides, float(np.arctan2(axes[1, 1], axes[0, 1]))))
 
