@@ -28,6 +28,7 @@ WINDOW = 2.5  # radii of the core that its halo is weighed in
 MOVED, STEP = 1.5, 3.0  # radii: moved on from where it was first; from frame to frame, beside its usual step
 SATURATED_PX = 0.03  # a clipped core hides the middle of a light; floor of its uncertainty, per axis
 MOST = 24  # blobs followed at first
+RING, FEW = 0.8, 8  # of the window, from where it shows the surroundings; pixels that tell what they are like
 
 
 @dataclass
@@ -175,6 +176,9 @@ def _weighed(
     ]
     mine = ((owner == 0) | (owner == label)) & (np.hypot(around_x - x, around_y - y) <= reach)
     weight = np.where(mine, np.maximum(part - base - 2 * noise, 0.0), 0.0)
+    ring = mine & (owner == 0) & (np.hypot(around_x - x, around_y - y) > RING * reach)
+    if ring.sum() >= FEW:  # what of the surroundings comes through, not what the frame as a whole varies by
+        noise = max(float(np.std(weight[ring])), 1.0)
     total = float(weight.sum())
     cx, cy = float((weight * around_x).sum() / total), float((weight * around_y).sum() / total)
     spread = [float((mine * (axis - at) ** 2).sum()) for axis, at in ((around_x, cx), (around_y, cy))]

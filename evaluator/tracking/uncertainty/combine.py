@@ -47,7 +47,10 @@ def refine(
     _take_out_impossible(time_s, numbers, status, followers, body)
     for name, values in numbers.items():
         follower = followers.get(name)
-        if follower is None or not len(values):
+        if not np.isfinite(values[:, 0]).any():
+            continue
+        if follower is None:  # a tag or a light
+            values[:, 2:4] += hidden_variance(time_s, values[:, :2], values[:, 2:4].mean(axis=1), kind)[:, None]
             continue
         shading = follower.light.learnt(follower.look.disc) if isinstance(follower, Follower) else None
         if shading is not None and isinstance(follower, Follower):
