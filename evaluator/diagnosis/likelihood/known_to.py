@@ -153,5 +153,9 @@ def _shared(key: str, name: str, unit: str, sigma: float) -> Quantity:
 
 
 def simulated_sigmas(found: Sequence[Quantity]) -> Mapping[str, float]:
-    """Size, in its unit, of a deviation of 1 in the fit, of the quantities that act in the simulation."""
-    return {item.key: item.per_unit for item in found if item.key in SIMULATED}
+    """Size, in its unit, of a deviation of 1 in the fit, of the quantities that act in the simulation.
+
+    The scale of the plate is among them: it stretches the marks as predicted. Those measured hold their noise, which a
+    scale of theirs against one of the prediction (plane-scale) would explain to the last frame.
+    """
+    return {item.key: item.per_unit for item in found if item.key in (*SIMULATED, SCALE)}

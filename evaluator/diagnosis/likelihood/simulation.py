@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.candidates.free_form import FreeTerm
-from evaluator.diagnosis.likelihood.known_to import CLOCK, GRAVITY, LEVEL, RADIUS_DIFFERENCE, START
+from evaluator.diagnosis.likelihood.known_to import CLOCK, GRAVITY, LEVEL, RADIUS_DIFFERENCE, SCALE, START
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Floats, RunData, Task, Values, is_shared
 from evaluator.robot_geometry import reference_places
 from simulator.dynamics.model import apply_effects, record_of, room_for
@@ -90,7 +90,10 @@ class Simulated:
         ]
         distinct = dict(zip(keys, zip(tasks, variants, strict=True), strict=True))
         simulated = dict(zip(distinct, self._simulated(*zip(*distinct.values(), strict=True)), strict=True))
-        return [_with_shared(simulated[key], task, self._data[task.run]) for key, task in zip(keys, tasks, strict=True)]
+        return [
+            _with_shared(simulated[key], task, self._data[task.run], self.known.get(SCALE))
+            for key, task in zip(keys, tasks, strict=True)
+        ]
 
     def _simulated(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[Floats]:
         result = [np.full((len(self._data[task.run].time_s), 4), np.nan) for task in tasks]
@@ -181,7 +184,7 @@ class Simulated:
                 nominal = {
                     name: value
                     for name, value in task.nominal.items()
-                    if not is_shared(name) or (name in self.known and name != START)
+                    if not is_shared(name) or (name in self.known and name not in (START, SCALE))
                 }
                 lasting = *place, *nominal.items(), *task.terms.items()
                 if lasting not in self._variants:
@@ -307,10 +310,12 @@ def _look(view: View) -> tuple[object, ...]:
     return view.places_mm, view.scale, view.keystone_per_mm, view.perspective, view.errors
 
 
-def _with_shared(marks: Floats, task: Task, run: RunData) -> Floats:
-    """Marks as seen with the errors that runs share."""
+def _with_shared(marks: Floats, task: Task, run: RunData, scale_per_unit: float | None) -> Floats:
+    """Marks as seen with the errors that runs share; scale_per_unit: relative scale for a deviation of 1, if known."""
     moved = [
-        amount / SHARED_UNIT * run.systematic[key]
+        amount * scale_per_unit * marks
+        if key == SCALE and scale_per_unit is not None
+        else amount / SHARED_UNIT * run.systematic[key]
         for key, amount in task.nominal.items()
         if amount and key in run.systematic
     ]

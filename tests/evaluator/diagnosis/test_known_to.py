@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.assessment.knowledge import Knowledge
+from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.diagnosis import Diagnosis, diagnose
 from evaluator.diagnosis.experiment import Session
-from evaluator.diagnosis.likelihood.known_to import quantities, with_shifts
+from evaluator.diagnosis.inference.fit import fit_model
+from evaluator.diagnosis.likelihood.known_to import quantities, simulated_sigmas, with_shifts
+from evaluator.diagnosis.likelihood.problem import build_problem
+from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.progress import no_progress
 from evaluator.settings import KnownTo
 from tests.evaluator.diagnosis.hidden import hidden_session
@@ -66,3 +70,16 @@ def test_a_mark_that_is_elsewhere_moves_with_the_robot(tmp_path: Path) -> None:
     assert np.allclose(np.hypot(*shift[seen, :2].T), quantity.sigma)
     assert np.abs(np.sum(shift[seen, :2] * across, axis=1)).max() < 1e-9  # ahead is at right angles to the marks' line
     assert np.all(shift[:, 2:] == 0.0)
+
+
+def test_a_scale_of_the_plate_against_one_of_the_prediction_does_not_explain_the_noise(tmp_path: Path) -> None:
+    """Stretching measured marks, which hold their noise, beside predicted ones left nothing over in any run."""
+    session = hidden_session(tmp_path, {})
+    terms = named_terms(20.0, (30.0, 60.0))
+    forward = Simulated(session.robots, session.data, terms, simulated_sigmas(session.known), session.start_sigma_s)
+    problem, start = build_problem(session.data, forward)
+    alone, both = (
+        fit_model(problem, start, [terms[effect] for effect in ids], session.tolerance)
+        for ids in ((), ("plane-scale",))
+    )
+    assert both.excess == pytest.approx(alone.excess, rel=0.1)

@@ -75,7 +75,7 @@ def test_quantities_have_the_sigmas_of_a_laboratory_that_says_nothing() -> None:
     assert sizes["time_base"] == pytest.approx(1e-4 / SHARED_UNIT)
     assert set(sizes) == {
         *("start_common_s", "time_base", "wheel_radius_difference", "plate_level_x_deg", "plate_level_y_deg"),
-        *("center_of_gravity_x_mm", "center_of_gravity_y_mm"),
+        *("center_of_gravity_x_mm", "center_of_gravity_y_mm", "plane_scale"),
     }
 
 
