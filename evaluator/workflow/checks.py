@@ -110,7 +110,7 @@ def _video(folder: Path, name: str, experiment: Path) -> Iterator[str]:
 def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
     """Open a marks file as the analysis will, all but the camera: points in px are placed only there."""
     from evaluator.interchange.tracks import Tracks, program_of, read_points
-    from evaluator.marks import read_marks
+    from evaluator.marks import mark_names, read_marks
 
     content = tomllib.loads(experiment.read_text(encoding="utf-8"))
     try:
@@ -123,7 +123,9 @@ def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
 
     def read(file: Path) -> None:
         if program_of(file) == "turnscope":
-            read_marks(file, names or None)
+            table = read_marks(file, names or None)
+            if not mark_names(table):  # the robot is not known, and so the names that its marks have
+                raise InputError(f"{file}: holds no mark; a mark has the columns NAME_x_mm and NAME_y_mm")
             return
         _, points, _ = read_points(file, tracks, marks=names)
         found.extend(mark for mark in points if mark in names)

@@ -52,10 +52,10 @@ def test_check_says_everything_that_is_wrong_at_once(tmp_path: Path) -> None:
     experiment = three_runs(tmp_path)
     text = experiment.read_text(encoding="utf-8").replace('"barrel"', '"barel"').replace("left_rpm = 5.0", "left = 5.0")
     experiment.write_text(text, encoding="utf-8")
-    (tmp_path / "r03.csv").write_text("time_s\n0\n", encoding="utf-8")
+    (tmp_path / "r03.csv").write_text("time_s\n0\n1\n", encoding="utf-8")
     done = turnscope("check", experiment)
     assert done.returncode == 2
-    for word in ("did you mean barrel?", "run[2].left", "run[2].left_rpm is missing", "r03.csv: column green_x_mm"):
+    for word in ("did you mean barrel?", "run[2].left", "run[2].left_rpm is missing", "r03.csv: holds no mark"):
         assert word in done.stderr
 
 
