@@ -156,18 +156,21 @@ def test_pasted_rows_and_faults_in_place(studio: Serving) -> None:
         assert page.locator("td.fault input[data-row='2'][data-key='right_rpm']").count() == 1
 
 
-def test_the_second_tab_is_told_and_shows_what_the_first_wrote(studio: Serving) -> None:
+def test_the_second_tab_is_told_and_shows_what_the_first_wrote(studio: Serving, tmp_path: Path) -> None:
+    from playwright.sync_api import expect
+
     with page_of(studio.link) as page:
         page.get_by_text("two runs").click()
         other = page.context.new_page()
         other.goto(page.url)
         other.get_by_label("group, run left").fill("second tab")
         other.keyboard.press("Enter")
-        other.wait_for_timeout(500)
+        while not any("second tab" in file.read_text() for file in tmp_path.rglob("experiment.toml")):
+            other.wait_for_timeout(50)
         page.get_by_label("group, run left").fill("first tab")
         page.keyboard.press("Enter")
         page.locator("#said", has_text="changed meanwhile").wait_for()
-        assert page.get_by_label("group, run left").input_value() == "second tab"
+        expect(page.get_by_label("group, run left")).to_have_value("second tab")
 
 
 @pytest.mark.parametrize(("width", "dark"), [(1024, False), (1440, True), (3840, False)])
