@@ -101,7 +101,8 @@ def _uncovered(patch: Patch, disc: Disc) -> tuple[NDArray[np.bool_], float]:
     columns = int(np.count_nonzero(patch.y == patch.y[0]))
     kind = np.uint8 if patch.value.max() < 256 else np.uint16
     luma: NDArray[np.unsignedinteger] = patch.value.reshape(-1, columns).astype(kind)
-    rows = float(patch.y[0]), float(patch.y[columns] - patch.y[0]) if len(patch.y) > columns else 1.0
+    # Whole rows of the frame, as whole numbers: kernels are compiled for those.
+    rows = round(patch.y[0]), round(patch.y[columns] - patch.y[0]) if len(patch.y) > columns else 1
     start = np.array([patch.center_px[0] - patch.x[0], patch.center_px[1], disc.amplitude, disc.base])
     shown, fitted, noise = np.ones(luma.shape, bool), np.zeros(kernels.RESULTS), np.array([disc.noise, SOFTNESS])
     shape, share, table = disc.numbers(), 0.0, disc.table

@@ -99,7 +99,7 @@ def _fit_window(luma, place, fitted, disc, table, noise, result, covered, core, 
     state[: BASE + 1], state[4], state[5] = fitted[: BASE + 1], fitted[SLOPE_X], fitted[SLOPE_Y]
     planes, used = np.zeros((6, *luma.shape)), np.zeros(luma.shape, np.bool_)
     normal, move, products, pulls = np.zeros((6, 6)), np.zeros(6), np.zeros((PARTS, 6, 6)), np.zeros((PARTS, 6))
-    size, level_x, level_y = 4, fitted[X], fitted[Y]
+    size, level_x, level_y = np.int64(4), fitted[X], fitted[Y]
     seeming = share = scale = weight = squares = count = 0.0
     for step in range(-1, len(OFF_PX)):
         model(luma, place, state, disc, table, planes, used)
@@ -116,7 +116,7 @@ def _fit_window(luma, place, fitted, disc, table, noise, result, covered, core, 
         split = step == len(OFF_PX) - 1
         weight, squares, count = _pull(planes, used, covered, state, noise, place, split, products, pulls)
         for _ in range(2):
-            if weight < LEAST_PIXELS or not _step(products, pulls, -1, size, normal, move):
+            if weight < LEAST_PIXELS or not _step(products, pulls, np.int64(-1), size, normal, move):
                 return seeming, 1.0
             if size == 6 or step != SLOPES_AT or not _slopes(products, pulls, normal, np.zeros(6)):
                 break
@@ -198,7 +198,10 @@ def _steepest(planes):
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def _step(products, pulls, without, size, normal, move):
-    """Solve for the step that all parts of the rim make but one (-1: all); False where singular. Fills normal, too."""
+    """Solve for the step that all parts of the rim make but one (-1: all); False where singular. Fills normal, too.
+
+    without, size: np.int64, not literals, for each of which it would be compiled again.
+    """
     right = np.zeros(size)
     for m in range(size):
         for n in range(m, size):
@@ -216,7 +219,7 @@ def _slopes(products, pulls, normal, move):
     """Whether the light behind the mark slopes: whether two more unknowns bring the squares down by SLOPING."""
     fall = 0.0
     for size in (4, 6):
-        if not _step(products, pulls, -1, size, normal, move):
+        if not _step(products, pulls, np.int64(-1), size, normal, move):
             return False
         squares = 0.0
         for part in range(PARTS):
