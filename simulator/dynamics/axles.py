@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from simulator.compilation import compiled
+from simulator.compilation import compiled, counter
 from simulator.dynamics.body import Square, Triple, loads
 from simulator.dynamics.wheel import GIVEN, wheel_response
 from simulator.slip.law import VECTORS
@@ -87,7 +87,7 @@ def _balance(front: Any, rear: Any, body: Triple, contacts: Any, model: Any) -> 
 @compiled()
 def give_way(u: float, v: float, r: float, place: Any, rest: float, model: Any, contacts: Any) -> float:
     """Turn the axles by one step of Newton's method toward compliance times the force on each; the change, rad."""
-    front, rear = _axle(0, u, v, r, contacts, rest, model), _axle(1, u, v, r, contacts, rest, model)
+    front, rear = _axle(counter(0), u, v, r, contacts, rest, model), _axle(counter(1), u, v, r, contacts, rest, model)
     (a_lack, b_lack), _, (aa, ab, ba, bb) = _balance(front, rear, loads(u, v, r, place, rest, model), contacts, model)
     aa, bb = max(aa, LEAST_DESCENT), max(bb, LEAST_DESCENT)
     determinant = aa * bb - ab * ba
@@ -137,7 +137,7 @@ def axle_slopes(
 
     body, body_by: the other forces and their derivatives; the contacts hold the angles of the balance.
     """
-    front, rear = _axle(0, u, v, r, contacts, rest, model), _axle(1, u, v, r, contacts, rest, model)
+    front, rear = _axle(counter(0), u, v, r, contacts, rest, model), _axle(counter(1), u, v, r, contacts, rest, model)
     _, by, turned = _balance(front, rear, body, contacts, model)
     response = front[4], rear[4]
     return _together(front[0], rear[0], model), (

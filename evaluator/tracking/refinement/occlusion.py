@@ -99,7 +99,7 @@ def _fit_window(luma, place, fitted, disc, table, noise, result, covered, core, 
     state[: BASE + 1], state[4], state[5] = fitted[: BASE + 1], fitted[SLOPE_X], fitted[SLOPE_Y]
     planes, used = np.zeros((6, *luma.shape)), np.zeros(luma.shape, np.bool_)
     normal, move, products, pulls = np.zeros((6, 6)), np.zeros(6), np.zeros((PARTS, 6, 6)), np.zeros((PARTS, 6))
-    size, level_x, level_y = np.int64(4), fitted[X], fitted[Y]
+    size, level_x, level_y = 4, fitted[X], fitted[Y]
     seeming = share = scale = weight = squares = count = 0.0
     for step in range(-1, len(OFF_PX)):
         model(luma, place, state, disc, table, planes, used)
