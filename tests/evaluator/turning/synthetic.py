@@ -59,3 +59,9 @@ def measured(
     """The turn of marks at these poses with this noise; options: of measure_turning."""
     marks = marks_of(poses, sigma_mm, np.random.default_rng(seed), correlation)
     return measure_turning(poses_from_marks(marks, GEOMETRY), **options)  # type: ignore[arg-type]
+
+
+def matrix(x: float, y: float, angle: float) -> Array:
+    """Rigid motion as a matrix, (3, 3)."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.array([[cos, -sin, x], [sin, cos, y], [0, 0, 1.0]])

@@ -1,7 +1,7 @@
 // How the Marks screen draws a frame: mask of the colour, blobs, centres, region, exclusions, corrections.
 
-const INKS = { green: "#5aff78", yellow: "#ffeb3c" };
-const inkOf = (name) => INKS[name.split("_")[0]] ?? "#78c8ff";
+import { drawFrame, inkOf } from "./overlay.js";
+
 
 // A bitmap for the mask of each mark, tinted.
 export async function maskImages(seen) {
@@ -24,13 +24,8 @@ export async function maskImages(seen) {
 }
 
 export function drawMarks(context, width, height, state, frames) {
-  context.fillStyle = "#000";
-  context.fillRect(0, 0, width, height);
-  if (!state.bitmap) return;
-  const scale = Math.min(width / frames.width, height / frames.height);
-  context.save();
-  context.translate((width - frames.width * scale) / 2, (height - frames.height * scale) / 2);
-  context.drawImage(state.bitmap, 0, 0, frames.width * scale, frames.height * scale);
+  const scale = drawFrame(context, width, height, state.bitmap, frames);
+  if (!scale) return;
   const seen = state.seen.get(state.index);
   if (seen) {
     const chosen = seen.marks[state.mark];

@@ -3,7 +3,21 @@
 import { color } from "./dom.js";
 
 const INKS = { green: "#5aff78", yellow: "#ffeb3c" };
+export const inkOf = (name) => INKS[name.split("_")[0]] ?? "#78c8ff";
 export const markNames = (marks) => Object.keys(marks).filter((key) => key.endsWith("_x_px")).map((key) => key.slice(0, -5));
+
+// Lays a frame in the middle of a canvas, black around it, and leaves the context at its corner (saved: restore it).
+// Returns canvas px per px of the frame; 0 where there is no frame yet, and nothing is saved.
+export function drawFrame(context, width, height, bitmap, frames) {
+  context.fillStyle = "#000";
+  context.fillRect(0, 0, width, height);
+  if (!bitmap) return 0;
+  const scale = Math.min(width / frames.width, height / frames.height);
+  context.save();
+  context.translate((width - frames.width * scale) / 2, (height - frames.height * scale) / 2);
+  context.drawImage(bitmap, 0, 0, frames.width * scale, frames.height * scale);
+  return scale;
+}
 
 export function drawOverlay(context, curves, row, scale) {
   const { marks, poses, simulated } = curves;
@@ -21,7 +35,7 @@ export function drawOverlay(context, curves, row, scale) {
     context.arc(x, y, 3.5, 0, 7);
     context.fill();
   }
-  for (const name of markNames(marks)) ring(context, marks[`${name}_x_px`][row], marks[`${name}_y_px`][row], scale, INKS[name.split("_")[0]] ?? "#78c8ff");
+  for (const name of markNames(marks)) ring(context, marks[`${name}_x_px`][row], marks[`${name}_y_px`][row], scale, inkOf(name));
 }
 
 function ring(context, x, y, scale, ink) {

@@ -4,7 +4,7 @@ import { get } from "./api.js";
 import { curvePlot } from "./curves.js";
 import { fill, fixed, h, surface } from "./dom.js";
 import { Frames } from "./frames.js";
-import { drawAxis, drawOverlay, markNames } from "./overlay.js";
+import { drawAxis, drawFrame, drawOverlay, markNames } from "./overlay.js";
 import { say } from "./say.js";
 
 const GRAB_PX = 9;
@@ -27,13 +27,8 @@ export async function player(place, experiment, run, { signal, changed, at }) {
   const gaps = (curves.marks.time_s ?? []).filter((_, row) => markNames(curves.marks).some((name) => curves.marks[`${name}_x_px`][row] === null));
 
   const screen = surface((context, width, height) => {
-    context.fillStyle = "#000";
-    context.fillRect(0, 0, width, height);
-    if (!state.bitmap) return;
-    const scale = Math.min(width / frames.width, height / frames.height);
-    context.save();
-    context.translate((width - frames.width * scale) / 2, (height - frames.height * scale) / 2);
-    context.drawImage(state.bitmap, 0, 0, frames.width * scale, frames.height * scale);
+    const scale = drawFrame(context, width, height, state.bitmap, frames);
+    if (!scale) return;
     if (state.overlay && state.exact && rows.has(state.index)) drawOverlay(context, curves, rows.get(state.index), scale);
     context.restore();
   }, signal, { class: "film", role: "img", "aria-label": `Frame of ${run.id}`, tabindex: 0 });
