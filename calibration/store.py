@@ -20,6 +20,7 @@ from calibration.gauge.geometry import Gauge
 from calibration.lens import LensModel
 
 if TYPE_CHECKING:  # a camera is read far more often than solved: reading one must not wait for the solver's libraries
+    from calibration.assessment.next_image import Advice
     from calibration.estimation.calibrate import Calibration
     from calibration.estimation.flatness import Flatness
 
@@ -31,12 +32,23 @@ class Table(BaseModel):
 
 
 class StoredImage(Table):
-    """One image of the set: dots used and their residual."""
+    """One image of the set: dots used, their residual, and how many times as uncertain places would be without it."""
 
     name: str
     dots: int
     left_out: int
     rms_px: float
+    gain: float | None = None
+    adds_nothing: bool = False
+
+
+class StoredNextImage(Table):
+    """The image of the gauge that would help most next: how to hold it, its outline, and uncertainty of places, mm."""
+
+    sentence: str
+    outline_px: tuple[tuple[float, float], ...]
+    before_mm: float
+    after_mm: float
 
 
 class StoredFlatness(Table):
@@ -74,6 +86,7 @@ class CameraFile(Table):
         description="what one standard deviation of the gauge's pitch does to the parameters; part of the covariance",
     )
     left_out: dict[str, str] = Field(default={}, description="images that were not used, with the reason")
+    next_image: StoredNextImage | None = None
 
     def camera(self) -> Camera:
         """The camera, with the verdict as its doubt where it is not sound."""
@@ -87,12 +100,14 @@ class CameraFile(Table):
         )
 
 
-def camera_to_json(calibration: Calibration, verdict: Verdict | None = None) -> str:
+def camera_to_json(calibration: Calibration, verdict: Verdict | None = None, advice: Advice | None = None) -> str:
     """Text of camera.json."""
+    from calibration.assessment.next_image import advise
     from calibration.assessment.quality import assess
 
     camera = calibration.camera
     verdict = verdict or assess(calibration)
+    advice = advice or advise(calibration, verdict.mark_height_mm)
     stored = CameraFile(
         format=1,
         size_px=camera.size_px,
@@ -105,10 +120,21 @@ def camera_to_json(calibration: Calibration, verdict: Verdict | None = None) -> 
         variance=calibration.fit.variance,
         pictures=tuple(
             StoredImage(
-                name=sighting.name, dots=len(view), left_out=left_out, rms_px=float(np.sqrt(np.mean(residual**2)))
+                name=sighting.name,
+                dots=len(view),
+                left_out=left_out,
+                rms_px=float(np.sqrt(np.mean(residual**2))),
+                gain=None if np.isnan(advice.gains[k]) else advice.gains[k],
+                adds_nothing=advice.adds_nothing(k),
             )
-            for sighting, view, left_out, residual in zip(
-                calibration.sightings, calibration.views, calibration.rejected, calibration.fit.residual_px, strict=True
+            for k, (sighting, view, left_out, residual) in enumerate(
+                zip(
+                    calibration.sightings,
+                    calibration.views,
+                    calibration.rejected,
+                    calibration.fit.residual_px,
+                    strict=True,
+                )
             )
         ),
         rms_px=calibration.rms_px,
@@ -116,6 +142,11 @@ def camera_to_json(calibration: Calibration, verdict: Verdict | None = None) -> 
         pitch_error=tuple(camera.pitch_error.tolist()),
         left_out=dict(calibration.left_out),
         flatness=None if calibration.flatness is None else _stored_flatness(calibration.flatness),
+        next_image=None
+        if (best := advice.next) is None
+        else StoredNextImage(
+            sentence=best.sentence, outline_px=best.outline_px, before_mm=best.before_mm, after_mm=best.after_mm
+        ),
     )
     return json.dumps(stored.model_dump(mode="json"), indent=1) + "\n"
 

@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
 
 FILE = click.Path(path_type=Path, dir_okay=False)
 
@@ -50,31 +45,21 @@ def calibrate(
     Finds the dots, assigns the grid, chooses the lens model by cross-validation and writes the camera with its
     covariance and a verdict.
     """
-    from calibration.assessment.quality import assess
-    from calibration.estimation.calibrate import calibrate as solve
-    from calibration.gauge.geometry import load_gauge
-    from calibration.store import camera_to_json
-    from evaluator.errors import InputError
-    from evaluator.files import read_with, write_text
+    from calibration.assessment.next_image import image_notes
+    from evaluator.workflow import calibrate as solve
 
-    gauge = read_with(load_gauge, gauge_file)
     if plate is not None and plate not in image_files:
         image_files = (plate, *image_files)
-    if distance_mm is not None and not (distance_mm[0] > 0 and distance_mm[1] > 0):
-        raise InputError(f"--distance-mm {distance_mm[0]} {distance_mm[1]}: distance and sigma must be positive")
-    plate = plate or image_files[0]
-    images, unreadable = _read_images(image_files, plate, strict=strict)
-    found = solve(
-        list(images.values()),
-        gauge,
-        list(images).index(str(plate)),
-        names=list(images),
+    done = solve(
+        image_files,
+        gauge_file,
+        plate=0 if plate is None else image_files.index(plate),
         distance_mm=distance_mm,
+        mark_height_mm=mark_height_mm,
         strict=strict,
-        left_out=unreadable,
     )
-    verdict = assess(found, mark_height_mm)
-    write_text(out, camera_to_json(found, verdict))
+    found, verdict = done.calibration, done.verdict
+    done.save(out)
     dots = sum(len(view) for view in found.views)
     lens = ", ".join(name for name in found.fit.state.free if name[0] in "kp" and len(name) == 2) or "no distortion"
     click.echo(
@@ -84,33 +69,17 @@ def calibrate(
     click.echo(verdict.summary)
     for step in verdict.next_steps:
         click.echo(f"next: {step}")
-    for note in verdict.notes:
+    if done.advice.next is not None:
+        click.echo(f"an image more: {done.advice.next.sentence}")
+    for note in (*verdict.notes, *image_notes(done.advice, [view.name for view in found.views])):
         click.echo(f"note: {note}")
     written = str(out)
     if page:
         from evaluator.report.pages.calibration import write_calibration_page
 
-        write_calibration_page(found, verdict, out.with_suffix(".html"), tolerance_um)
+        write_calibration_page(found, verdict, done.advice, out.with_suffix(".html"), tolerance_um)
         written += f", {out.with_suffix('.html')}"
     click.echo(f"written: {written}")
-
-
-def _read_images(
-    paths: tuple[Path, ...], plate: Path, *, strict: bool
-) -> tuple[dict[str, NDArray[np.generic]], list[tuple[str, str]]]:
-    """Images by their names, and those that cannot be read with the reason; that of the plate must be readable."""
-    from calibration.detection.image import read_image
-    from calibration.errors import CalibrationError
-
-    images, unreadable = {}, []
-    for path in paths:
-        try:
-            images[str(path)] = read_image(path)
-        except CalibrationError as error:
-            if strict or path == plate or len(paths) == 1:
-                raise
-            unreadable.append((str(path), str(error).removeprefix(f"{path}: ")))
-    return images, unreadable
 
 
 @click.command(epilog="\b\nExample:\n  turnscope dots plate.png --annotate found/")

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
+from calibration.assessment.next_image import NextImage
 from calibration.camera import Camera
 from calibration.estimation.calibrate import Calibration
 from calibration.estimation.flatness import face_terms
@@ -45,8 +47,8 @@ def residual_vectors(calibration: Calibration) -> Figure:
     )
 
 
-def coverage_map(calibration: Calibration) -> Figure:
-    """Dots of every image, and the principal point with its 95 % interval."""
+def coverage_map(calibration: Calibration, best: NextImage | None = None) -> Figure:
+    """Dots of every image, the principal point with its 95 % interval, and the outline of the image to take next."""
     camera = calibration.camera
     with drawing("coverage") as canvas:
         (axes,) = canvas.axes
@@ -57,13 +59,16 @@ def coverage_map(calibration: Calibration) -> Figure:
         reach = 1.96 * camera.sigma("principal_x_px"), 1.96 * camera.sigma("principal_y_px")
         axes.errorbar(*at, reach[1], reach[0], color=INK, marker="+", ms=12, mew=1.6, lw=1.2, capsize=2.5)
         _draw_plate_axes(axes, camera)
+        if best is not None:
+            axes.add_patch(Polygon(best.outline_px, closed=True, fill=False, ec=INK, ls=(0, (4, 3)), lw=1.2))
         _image_axes(axes, camera)
     rows = [(view.name, *point) for view in calibration.views for point in view.centers_px]
     return Figure(
         "coverage",
         "Where dots were seen",
         "One colour and marker an image; the cross is the principal point with its 95 % interval. Distortion is known "
-        "where dots were, and extrapolated elsewhere. The arrows are x and y of the plate frame.",
+        "where dots were, and extrapolated elsewhere. The arrows are x and y of the plate frame."
+        + ("" if best is None else " Dashed: the gauge in the image that would help most next."),
         (canvas.svg,),
         pd.DataFrame(rows, columns=["image", "x_px", "y_px"]),
     )

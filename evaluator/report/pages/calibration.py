@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.assessment.next_image import Advice, image_notes
 from calibration.assessment.verdict import Verdict
 from calibration.assignment.lattice import Lattice
 from calibration.camera import Camera
@@ -29,7 +30,9 @@ from evaluator.report.style import Figure
 FACES = {0: "flat", QUADRATIC: "bent, second order", TERMS: "bent, third order"}
 
 
-def write_calibration_page(calibration: Calibration, verdict: Verdict, path: Path, tolerance_um: float) -> None:
+def write_calibration_page(
+    calibration: Calibration, verdict: Verdict, advice: Advice, path: Path, tolerance_um: float
+) -> None:
     """Write the page as one HTML file. tolerance_um: 95 % half width asked of a coordinate at mark height."""
     camera = calibration.camera
     good = measurement_range(camera, verdict.mark_height_mm, tolerance_um)
@@ -37,6 +40,7 @@ def write_calibration_page(calibration: Calibration, verdict: Verdict, path: Pat
         f"Coordinates {verdict.mark_height_mm:g} mm above the plate are good to {tolerance_um:g} µm (95 %) in "
         f"{100 * good:.0f} % of the image."
     )
+    notes = (*verdict.notes, *image_notes(advice, [view.name for view in calibration.views]))
     page = Page(
         kind="Calibration",
         title=calibration.gauge.name,
@@ -46,16 +50,21 @@ def write_calibration_page(calibration: Calibration, verdict: Verdict, path: Pat
             f"residual {calibration.rms_px:.3g} px RMS",
             f"{camera.lens} lens",
         ),
-        summary=(_sentence(verdict.summary), range_sentence, *(f"Next: {step}." for step in verdict.next_steps)),
+        summary=(
+            _sentence(verdict.summary),
+            range_sentence,
+            *(f"Next: {step}." for step in verdict.next_steps),
+            *([] if advice.next is None else [f"An image more that would help most: {advice.next.sentence}."]),
+        ),
         sections=(
             Section(
                 "trust",
                 "Where millimetres can be trusted",
                 (),
-                (camera_uncertainty(camera, verdict.mark_height_mm), coverage_map(calibration)),
+                (camera_uncertainty(camera, verdict.mark_height_mm), coverage_map(calibration, advice.next)),
             ),
             Section("fit", "How the model fits", (), _fit_figures(calibration)),
-            Section("numbers", "Numbers", tuple(map(_sentence, verdict.notes)), (), _tables(calibration)),
+            Section("numbers", "Numbers", tuple(map(_sentence, notes)), (), _tables(calibration)),
         ),
         footer="Written by turnscope calibrate. Uncertainties are standard ones unless 95 % is said.",
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,6 @@ import numpy as np
 
 from evaluator.files import read_with
 
-GRID = (32, 24)  # cells of the map of uncertainty: as fine as it varies
 MOST_PX = 1600  # of a shown image
 
 
@@ -58,29 +56,31 @@ def camera_view(path: Path) -> dict[str, Any]:
     map: columns, rows, sigma_um of a place measured there (1 sigma), row by row from the top left.
     Raises InputError, CalibrationError.
     """
-    from calibration.store import load_camera
+    from calibration.assessment.next_image import MAP as GRID
+    from calibration.assessment.next_image import place_sigmas_mm
+    from calibration.store import load_camera_file
 
-    camera = read_with(load_camera, path)
-    stored = json.loads(path.read_text(encoding="utf-8"))
-    height = float(stored["verdict"]["mark_height_mm"])
-    columns, rows = GRID
-    width, tall = camera.size_px
-    x, y = (np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * tall / rows
-    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    # Moving the whole plate frame changes no length: what all places share is left out, as it is for radii.
-    sensitivity = camera.plate_sensitivity(points, height)
-    middle = camera.plate_sensitivity(np.array([[width / 2, tall / 2]]), height)
-    relative = sensitivity - middle
-    covariance = relative @ camera.covariance @ np.swapaxes(relative, -1, -2)
-    sigma = np.sqrt(np.clip(np.trace(covariance, axis1=1, axis2=2) / 2, 0.0, None)) * 1000
+    found = read_with(load_camera_file, path)
+    camera, stored = found.camera(), found.model_dump(mode="json")
+    height = found.verdict.mark_height_mm
+    sigma = place_sigmas_mm(camera, height, GRID) * 1000
     return {
         "size_px": list(camera.size_px),
         "verdict": stored["verdict"],
-        "images": [{key: one[key] for key in ("name", "dots", "left_out", "rms_px")} for one in stored["pictures"]],
-        "left_out": stored.get("left_out", {}),
+        "images": [
+            {key: one[key] for key in ("name", "dots", "left_out", "rms_px", "gain", "adds_nothing")}
+            for one in stored["pictures"]
+        ],
+        "left_out": stored["left_out"],
         "rms_px": stored["rms_px"],
         "lens": stored["lens"],
-        "map": {"columns": columns, "rows": rows, "sigma_um": np.round(sigma, 3).tolist(), "height_mm": height},
+        "next_image": stored["next_image"],
+        "map": {
+            "columns": GRID[0],
+            "rows": GRID[1],
+            "sigma_um": np.round(sigma.ravel(), 3).tolist(),
+            "height_mm": height,
+        },
     }
 
 

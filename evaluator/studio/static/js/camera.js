@@ -27,7 +27,9 @@ async function bench(found, wanted, signal) {
   const camera = found.cameras.find((one) => one.folder === gauge.folder);
   const chosen = new Set(images.filter((one) => one.name.startsWith("gauge")).map((one) => one.id));
   if (!chosen.size) for (const one of images) chosen.add(one.id);
-  const known = new Map();
+  const known = new Map(), solved = camera ? await get(`/api/cameras/${camera.id}`, signal) : null;
+  const gained = new Map((solved?.images ?? []).map((one) => [one.name.split(/[\\/]/).pop(), one]));
+  let guide = false;
   let plate = images[0]?.id, shown = images[0];
   const pick = h("select", { "aria-label": "Gauge", onchange: (event) => { location.hash = `#/camera/${event.target.value}`; } }, found.gauges.map((one) => h("option", { value: one.id, selected: one === gauge }, one.path)));
   const facts = h("p", { class: "small soft" });
@@ -41,6 +43,7 @@ async function bench(found, wanted, signal) {
     const scale = Math.min(width / size[0], height / size[1]);
     context.translate((width - size[0] * scale) / 2, (height - size[1] * scale) / 2);
     context.drawImage(picture, 0, 0, size[0] * scale, size[1] * scale);
+    if (guide) outline(context, solved.next_image.outline_px, scale);
     if (!dots) return;
     dots.centers_px.forEach(([x, y], k) => {
       context.strokeStyle = dots.of_array[k] ? "#5aff78" : "#ff8a4c";
@@ -67,7 +70,8 @@ async function bench(found, wanted, signal) {
     h("td", {}, h("input", { type: "checkbox", checked: chosen.has(one.id), "aria-label": `Use ${one.name}`, onchange: (event) => (event.target.checked ? chosen.add(one.id) : chosen.delete(one.id)) })),
     h("td", {}, h("button", { class: "plain", onclick: () => look(one) }, one.name)),
     h("td", {}, h("input", { type: "radio", name: "plate", checked: one.id === plate, "aria-label": `${one.name} shows the gauge on the plate`, onchange: () => { plate = one.id; } })),
-    h("td", {}, known.has(one.id) ? String(known.get(one.id).of_array.filter(Boolean).length) : "–"))));
+    h("td", {}, known.has(one.id) ? String(known.get(one.id).of_array.filter(Boolean).length) : "–"),
+    h("td", {}, given(gained.get(one.name))))));
   const solve = () => {
     const ids = images.filter((one) => chosen.has(one.id)).map((one) => one.id);
     if (!ids.includes(plate)) { say("Choose which image shows the gauge lying on the plate."); return; }
@@ -77,7 +81,7 @@ async function bench(found, wanted, signal) {
   return h("div", { class: "stack" },
     h("div", { class: "row end" }, pick, h("div", { class: "row" }, h("a", { class: "button", href: `/api/gauges/${gauge.id}/sheet.pdf`, download: "gauge.pdf" }, "Print the gauge (PDF)"), h("button", { class: "main", disabled: !images.length, onclick: solve }, camera ? "Calibrate again" : "Calibrate"))),
     images.length ? h("div", { class: "split" }, h("section", { class: "stack" }, view.canvas, facts), h("section", { class: "stack" },
-      h("div", { class: "scroll tall" }, h("table", { class: "wordlist" }, h("thead", {}, h("tr", {}, ["use", "image", "on the plate", "dots"].map((text) => h("th", { scope: "col" }, text)))), list)), camera ? await verdict(camera, signal) : h("p", { class: "soft" }, "Not calibrated yet: choose the images and which of them shows the gauge lying flat on the plate.")))
+      h("div", { class: "scroll tall" }, h("table", { class: "wordlist" }, h("thead", {}, h("tr", {}, ["use", "image", "on the plate", "dots", "without it"].map((text) => h("th", { scope: "col" }, text)))), list)), solved ? verdict(solved, signal, (on) => { guide = on; view.redraw(); }) : h("p", { class: "soft" }, "Not calibrated yet: choose the images and which of them shows the gauge lying flat on the plate.")))
       : h("div", { class: "empty" }, h("h2", {}, "No images beside this gauge"), h("p", {}, `Put images of the gauge into ${gauge.folder}: one with it lying on the plate, five or more with it tilted by 20° to 40° in different directions.`)));
 }
 
@@ -88,8 +92,24 @@ function sentence(dots) {
   return `${counted(count, "dot")} of the array, centres to ${num(1000 * dots.sigma_px, 2)} mpx (1 sigma), ${counted(dots.of_array.length - count, "dot")} beside it.${focus}`;
 }
 
-async function verdict(camera, signal) {
-  const found = await get(`/api/cameras/${camera.id}`, signal);
+function given(image) {
+  if (!image || image.gain === null) return image ? "needed" : "–";
+  return image.adds_nothing ? "adds nothing" : `+${num(100 * (image.gain - 1), 2)} %`;
+}
+
+function outline(context, corners, scale) {
+  context.save();
+  context.setLineDash([8, 5]);
+  context.strokeStyle = "#ffd84d";
+  context.lineWidth = 2;
+  context.beginPath();
+  for (const [x, y] of corners) context.lineTo(x * scale, y * scale);
+  context.closePath();
+  context.stroke();
+  context.restore();
+}
+
+function verdict(found, signal, guide) {
   const { verdict: said, map } = found;
   const most = Math.max(...map.sigma_um), least = Math.min(...map.sigma_um);
   const chart = surface((context, width, height) => {
@@ -108,5 +128,6 @@ async function verdict(camera, signal) {
     h("div", { class: "row" }, h("h2", { style: { margin: 0 } }, "Verdict"), h("span", { class: `tag ${said.level === "sound" ? "good" : "warn"}` }, said.level)),
     h("p", {}, said.summary), [...said.reasons, ...said.next_steps, ...said.notes].map((text) => h("p", { class: "small" }, text)),
     h("p", { class: "small soft" }, `${counted(found.images.length, "image")}, residual ${fixed(found.rms_px, 3)} px RMS; dots cover ${Math.round(100 * said.coverage)} % of the image.`),
+    found.next_image ? h("p", {}, `An image more that would help most: ${found.next_image.sentence}. `, h("label", {}, h("input", { type: "checkbox", onchange: (event) => guide(event.target.checked) }), " show its outline")) : null,
     h("h3", {}, `Uncertainty of a place, ${num(map.height_mm)} mm above the plate, against the middle of the image`), chart.canvas, h("p", { class: "small soft" }, `From ${num(least)} µm (pale) to ${num(most)} µm (full colour), 1 sigma.`));
 }

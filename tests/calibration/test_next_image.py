@@ -1,0 +1,110 @@
+"""What an image gives, and the next one to take: foretold from a solved calibration, against solving again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calibration.assessment.next_image import Advice, NextImage, advise, image_notes, place_sigmas_mm
+from calibration.camera import PARAMETERS, Camera, camera_above, project
+from calibration.estimation.calibrate import Calibration, calibrate
+from tests.calibration.drawing import draw_gauge, gauge_of, posed, random_poses
+
+MARK_MM = 6.5
+GAUGE = gauge_of(columns=11, rows=8, pitch_tolerance_percent=0.0)
+CAMERA = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=120, tilt_deg=4, tilt_azimuth_deg=30, k1=-0.3)
+VIEWS = random_poses(CAMERA, 4, np.random.default_rng(4), tilt_deg=25, shift_mm=3)
+
+
+def solved(views: Sequence[Camera]) -> Calibration:
+    rng = np.random.default_rng(7)
+    return calibrate([draw_gauge(view, GAUGE, rng=rng, snr=50) for view in views], GAUGE)
+
+
+def rms_mm(found: Calibration) -> float:
+    return float(np.sqrt(np.nanmean(place_sigmas_mm(found.camera, MARK_MM) ** 2)))
+
+
+@pytest.fixture(scope="module")
+def found() -> Calibration:
+    return solved(VIEWS)
+
+
+@pytest.fixture(scope="module")
+def advice(found: Calibration) -> Advice:
+    return advise(found, MARK_MM)
+
+
+def test_uncertainty_without_an_image_is_that_of_solving_without_it(found: Calibration, advice: Advice) -> None:
+    assert np.isnan(advice.gains[0])  # the image of the plate is needed
+    for k in (1, 2, 3):
+        without = solved([view for i, view in enumerate(VIEWS) if i != k])
+        assert advice.gains[k] == pytest.approx(rms_mm(without) / rms_mm(found), rel=0.25)
+        assert advice.gains[k] > 1.02
+
+
+def test_proposed_image_when_taken_gives_what_was_foretold(found: Calibration, advice: Advice) -> None:
+    best = advice.next
+    assert best is not None
+    assert best.before_mm == pytest.approx(rms_mm(found), rel=0.02)
+    assert best.after_mm < 0.9 * best.before_mm
+    taken = solved([*VIEWS, seen_in(best)])
+    assert rms_mm(taken) == pytest.approx(best.after_mm, rel=0.25)
+
+
+def test_proposed_outline_is_where_the_gauge_is_seen(advice: Advice) -> None:
+    assert advice.next is not None
+    camera = seen_in(advice.next)
+    low, high = GAUGE.positions_mm().min(axis=(0, 1)), GAUGE.positions_mm().max(axis=(0, 1))
+    corners = [[low[0], low[1], 0.0], [high[0], low[1], 0.0], [high[0], high[1], 0.0], [low[0], high[1], 0.0]]
+    drawn = draw_gauge(camera, GAUGE)
+    assert drawn.min() < 60  # dots are in view
+    seen = project(np.array(corners), camera.parameters, camera.lens)[0]
+    assert np.abs(seen - advice.next.outline_px).max() < 8
+
+
+def test_lifted_side_is_nearer_to_the_camera_and_seen_larger(advice: Advice) -> None:
+    best = advice.next
+    assert best is not None
+    assert best.lifted
+    outline = np.array(best.outline_px)
+    middle = outline.mean(axis=0)
+    toward = np.array(["left" in best.lifted, "upper" in best.lifted]) * -1.0 + [
+        "right" in best.lifted,
+        "lower" in best.lifted,
+    ]
+    sides = [(outline[i], outline[(i + 1) % 4]) for i in range(4)]
+    length = [float(np.hypot(*(b - a))) for a, b in sides]
+    ahead = [float(((a + b) / 2 - middle) @ toward) for a, b in sides]
+    opposite = {i: (i + 2) % 4 for i in range(4)}
+    near = int(np.argmax(ahead))
+    assert length[near] > length[opposite[near]]
+
+
+def test_image_from_far_away_adds_nothing_and_a_repeated_one_does() -> None:
+    far = posed(CAMERA, np.eye(3), np.array([0.0, 0.0, -60.0]))
+    advice = advise(solved([*VIEWS, VIEWS[0]]), MARK_MM)
+    assert not any(advice.adds_nothing(k) for k in range(5))
+    advice = advise(solved([*VIEWS, far]), MARK_MM)
+    assert [advice.adds_nothing(k) for k in range(5)] == [False, False, False, False, True]
+    (note,) = image_notes(advice, [f"g{k}.png" for k in range(5)])
+    assert note.startswith("g4.png adds nothing")
+
+
+def test_single_image_has_no_gain_but_a_next_image() -> None:
+    advice = advise(solved(VIEWS[:1]), MARK_MM)
+    assert len(advice.gains) == 1
+    assert not advice.adds_nothing(0)
+    assert advice.next is not None
+    assert "tilted by 30 degrees" in advice.next.sentence
+    assert advice.next.after_mm < 0.5 * advice.next.before_mm
+
+
+def seen_in(best: NextImage) -> Camera:
+    """The true camera before a gauge in the proposed pose."""
+    parameters = np.concatenate([best.pose, CAMERA.lens_parameters])
+    assert len(parameters) == len(PARAMETERS)
+    return replace(CAMERA, parameters=parameters)
