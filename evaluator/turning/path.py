@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.turning.motion.fit import COVERED, FEWEST_FRAMES, Curvature
+from evaluator.turning.motion.curvature import Curvature
+from evaluator.turning.motion.fit import COVERED, FEWEST_FRAMES
 from evaluator.turning.motion.least_squares import Block, averaged_least_squares
 from evaluator.turning.phases import find_phases
 from evaluator.turning.status import LEAST_CERTAIN, LEAST_TURN_DEG, VARIES_SHARE

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from evaluator.turning.motion.fit import FEWEST_FRAMES, Curvature, Scaled, fit_turn, part
+from evaluator.turning.motion.curvature import Curvature
+from evaluator.turning.motion.fit import FEWEST_FRAMES, Scaled, fit_turn, part
 from evaluator.turning.phases import MOVING_SHARE, REST_SIGMA, Rates, local_rates
 from evaluator.turning.status import straightness
 

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from evaluator.turning.motion.fit import COVERED_SIGMAS, FEWEST_FRAMES, Curvature, Scaled, TurnFit, fit_turns
+from evaluator.turning.motion.curvature import COVERED_SIGMAS, Curvature
+from evaluator.turning.motion.fit import FEWEST_FRAMES, Scaled, TurnFit, fit_turns
 from evaluator.turning.pooling import cochran, paule_mandel
 
 Array = NDArray[np.float64]

@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from evaluator.diagnosis.inference.fit import Fit, fit_model
-from evaluator.diagnosis.inference.search import USUAL_SCATTER, Search, run_search
+from evaluator.diagnosis.inference.search import USUAL_SCATTER, Search
+from evaluator.diagnosis.inference.strategy import run_search
 from evaluator.diagnosis.likelihood.problem import Point, Problem, with_noise_of
 from evaluator.progress import Progress
 

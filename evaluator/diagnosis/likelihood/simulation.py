@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from evaluator.diagnosis.candidates.free_form import FreeTerm
 from evaluator.diagnosis.likelihood.known_to import CLOCK, GRAVITY, LEVEL, RADIUS_DIFFERENCE, SCALE, START
-from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Floats, RunData, Task, Values, is_shared
+from evaluator.diagnosis.likelihood.observed_marks import marks_of_poses, with_shared_errors
+from evaluator.diagnosis.likelihood.run_data import Floats, RunData, Task, Values, is_shared
 from evaluator.robot_geometry import reference_places
 from simulator.dynamics.model import apply_effects, record_of, room_for
 from simulator.dynamics.record import model_type
@@ -35,8 +36,6 @@ from simulator.simulation import RUN_IN_S
 MOST_STEPS = 1500
 # Well under the tracking noise, and small enough that a difference of two runs keeps four digits.
 TOLERANCE_MM = 1e-6
-
-
 MOST_VARIANTS = 5000
 
 
@@ -91,15 +90,15 @@ class Simulated:
         distinct = dict(zip(keys, zip(tasks, variants, strict=True), strict=True))
         simulated = dict(zip(distinct, self._simulated(*zip(*distinct.values(), strict=True)), strict=True))
         return [
-            _with_shared(simulated[key], task, self._data[task.run], self.known.get(SCALE))
+            with_shared_errors(simulated[key], task, self._data[task.run], self.known.get(SCALE))
             for key, task in zip(keys, tasks, strict=True)
         ]
 
     def _simulated(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[Floats]:
         result = [np.full((len(self._data[task.run].time_s), 4), np.nan) for task in tasks]
-        able = [
-            n for n, (task, v) in enumerate(zip(tasks, variants, strict=True)) if v.record is not None and _able(task)
-        ]
+        # friction must stay above zero
+        pairs = enumerate(zip(tasks, variants, strict=True))
+        able = [n for n, (task, variant) in pairs if variant.record is not None and task.own[3] > -1.0]
         if not able:
             return result
         tasks, variants = [tasks[n] for n in able], [variants[n] for n in able]
@@ -109,7 +108,9 @@ class Simulated:
         poses = self._poses(tasks, variants, stacked_s, edges)
         frame = np.ones(len(poses), dtype=np.bool_)
         frame[edges[:-1]] = False  # the start of the simulation is none
-        marks = _seen(poses[frame], stacked_s[frame], variants, np.diff(edges) - 1)
+        marks = marks_of_poses(
+            poses[frame], stacked_s[frame], [variant.view for variant in variants], np.diff(edges) - 1
+        )
         ends = edges[1:] - np.arange(1, len(edges))
         for number, begin, end in zip(able, [0, *ends], ends, strict=False):
             result[number] = marks[begin:end]
@@ -275,11 +276,6 @@ def _act(effect: str, draft: Draft, values: Mapping[str, float]) -> None:
     act(draft, values)
 
 
-def _able(task: Task) -> bool:
-    """Whether friction stays above nothing."""
-    return task.own[3] > -1.0
-
-
 def _with_friction(models: NDArray[np.void], own: Floats) -> None:
     """Give every record (n,) the friction of its run, own (n, 7); as simulator.dynamics.model compiles it."""
     friction = 1 + own[:, 3:4]
@@ -287,39 +283,6 @@ def _with_friction(models: NDArray[np.void], own: Floats) -> None:
         models[name] *= friction
     for name in ("steep_x", "steep_y"):
         models[name] /= friction
-
-
-def _seen(poses: Floats, times_s: Floats, variants: Sequence[Variant], frames: NDArray[np.int64]) -> Floats:
-    """Marks (n, 4) of stacked poses (n, 3); frames: of each task. Most tasks are seen alike."""
-
-    def of(view: View, part: slice) -> Floats:
-        x, y, heading = poses[part].T
-        return np.concatenate(view.marks(x, y, heading, times_s[part]), axis=1)
-
-    commonest = variants[0].view
-    marks = of(commonest, slice(None))
-    ends = np.cumsum(frames)
-    for variant, end, count in zip(variants, ends, frames, strict=True):
-        if variant.view is not commonest and _look(variant.view) != _look(commonest):
-            part = slice(end - count, end)
-            marks[part] = of(variant.view, part)
-    return marks
-
-
-def _look(view: View) -> tuple[object, ...]:
-    return view.places_mm, view.scale, view.keystone_per_mm, view.perspective, view.errors
-
-
-def _with_shared(marks: Floats, task: Task, run: RunData, scale_per_unit: float | None) -> Floats:
-    """Marks as seen with the errors that runs share; scale_per_unit: relative scale for a deviation of 1, if known."""
-    moved = [
-        amount * scale_per_unit * marks
-        if key == SCALE and scale_per_unit is not None
-        else amount / SHARED_UNIT * run.systematic[key]
-        for key, amount in task.nominal.items()
-        if amount and key in run.systematic
-    ]
-    return marks + sum(moved) if moved else marks
 
 
 def varied_robot(robot: Robot, deviations: Mapping[str, float]) -> Robot:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from evaluator.turning.motion.curvature import Curvature
 from evaluator.turning.motion.least_squares import (
     Averaged,
     Block,
@@ -27,47 +28,8 @@ MEDIAN_SQUARED = 1.386  # median of chi-squared with two degrees of freedom
 NEIGHBOURS = 31
 FEWEST_FRAMES = 8
 COVERED = (0.025, 0.975)
-COVERED_SIGMAS = 1.96
 HALF_TURN = np.pi / 2
 MOTION = 4  # parameters of a steady motion: start across it and twist across it
-
-
-@dataclass(frozen=True)
-class Curvature:
-    """Curvature of the path of the robot's centre with 95 % bounds, 1/mm; positive counter-clockwise.
-
-    sigma: standard uncertainty by noise, which more frames would reduce; systematic: by the camera's own uncertainty,
-    which only a better calibration would. The bounds hold both.
-    """
-
-    value: float
-    low: float
-    high: float
-    sigma: float
-    systematic: float = 0.0
-
-    def with_systematic(self, systematic: float) -> Curvature:
-        """Bounds widened by a systematic standard uncertainty; independent errors add in quadrature."""
-        reach = COVERED_SIGMAS * systematic
-        return Curvature(
-            self.value,
-            self.value - float(np.hypot(self.value - self.low, reach)),
-            self.value + float(np.hypot(self.high - self.value, reach)),
-            self.sigma,
-            float(np.hypot(self.systematic, systematic)),
-        )
-
-    @property
-    def straight(self) -> bool:
-        """Whether the interval holds a straight path."""
-        return self.low <= 0 <= self.high
-
-    def radius_mm(self) -> tuple[float, float, float]:
-        """Radius with its 95 % bounds; NaN where the path may be straight."""
-        if self.straight or self.value == 0:
-            return float("nan"), float("nan"), float("nan")
-        ends = sorted((abs(self.low), abs(self.high)))
-        return abs(1 / self.value), 1 / ends[1], 1 / ends[0]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evaluator.pose import MarkGeometry
-from evaluator.turning.motion.fit import Curvature
+from evaluator.turning.motion.curvature import Curvature
 from evaluator.turning.status import spacing_fault, straightness, variation
 from evaluator.turning.sustained import Sustained
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluator.turning.motion.fit import Curvature
+from evaluator.turning.motion.curvature import Curvature
 from evaluator.turning.sustained import _shrunk
 
 from .synthetic import arc_poses, measured, winding_poses

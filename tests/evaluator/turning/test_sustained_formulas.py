@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evaluator.turning.motion.fit import Curvature, fit_turn, part, scaled_poses
+from evaluator.turning.motion.curvature import Curvature
+from evaluator.turning.motion.fit import fit_turn, part, scaled_poses
 from evaluator.turning.sustained import (
     QUARTER_TURN_RAD,
     Sustained,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluator.turning.motion.fit import Curvature, _channel_factor, fit_turn, fit_turns, part, scaled_poses
+from evaluator.turning.motion.curvature import Curvature
+from evaluator.turning.motion.fit import _channel_factor, fit_turn, fit_turns, part, scaled_poses
 
 from .synthetic import matrix, winding_poses
 

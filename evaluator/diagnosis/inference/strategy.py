@@ -1,0 +1,122 @@
+"""Search over sets of effects: a linear screening of everything, then full fits of what is promising.
+
+One linearization with every candidate's derivatives serves all singles, pairs and triples. A misfit that is large
+inflates the scatter and blurs the view from the null, so every promising fit is linearized again and asked what to add.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from evaluator.diagnosis.inference.fit import LAGGING, Fit, fit_model
+from evaluator.diagnosis.inference.screening import Screen, screen
+from evaluator.diagnosis.inference.search import LARGEST_SET, Search, fit_set
+from evaluator.diagnosis.likelihood.problem import Point
+from evaluator.progress import Progress
+
+SINGLES_REFITTED = 7
+ADDITIONS_REFITTED = 3
+PAIRS_FROM_NULL = 2
+WHOLE_CHANGES_REFITTED = 2  # two neighbouring gaps between commands: the noise decides
+PAIRED = 14  # offers whose pairs are screened at the null
+BEAM = (2, 1)  # sets of one, of two effects from which the search goes on
+HOPELESS = 25.0  # a screened set this far (log evidence) below the best is not refitted
+# An addition must promise this much evidence to be fitted: less than half of what it must bring to be kept.
+PROMISING = 2.0
+
+
+def run_search(search: Search, start: Point, nominal: Point, progress: Progress, seeds: Sequence[Fit] = ()) -> None:
+    """Fill search.fits with the null, the promising singles, pairs and triples.
+
+    start: of the null. nominal: the model as its file says, start poses aligned. seeds: fits of this experiment that
+    are near already; the search then goes on from them, not from the null.
+    """
+    search.fits[frozenset()] = fit_model(search.problem, start, [], search.tolerance, search.runs)
+    progress("screening", 0.1)
+    for seed in seeds:
+        if seed.terms:
+            fit_set(search, seed.terms, seed.point.terms, seed)
+    if len(search.fits) == 1:
+        _fit_whole_changes(search, nominal)
+        if len(search.fits) == 1 or search.null.converged:  # else it is no view: it did not settle
+            _from_the_null(search)
+    for size in range(1, LARGEST_SET):
+        sizes = [ids for ids in (*search.fits, *search.failed) if len(ids) == size and search.reached(ids)]
+        beam = sorted(sizes, key=lambda ids: -search.evidence(ids))[: BEAM[size - 1]]
+        beam = [ids for ids in beam if search.evidence(ids) > search.explained - LAGGING]
+        for number, ids in enumerate(beam):
+            extend(search, ids)
+            progress(f"{size + 1} effects", 0.3 + 0.7 * (size - 1 + (number + 1) / len(beam)) / (LARGEST_SET - 1))
+
+
+def _fit_whole_changes(search: Search, nominal: Point) -> None:
+    """Fit the single effects without a derivative from the nominal model.
+
+    There the data want the whole change or none. The null has bent friction, gains and poses to what it cannot
+    do, a robot that stands still where it should move, and from there no whole change looks right.
+    """
+    leaping = [term for term in search.terms.values() if term.stepwise]
+    view = screen(search, nominal, (), leaping)
+    for effect, extra in _ordered(view, view.offers)[:WHOLE_CHANGES_REFITTED]:
+        fit_set(
+            search, frozenset([effect]), {effect: view.start_of((effect, extra))}, replace(search.null, point=nominal)
+        )
+
+
+def _from_the_null(search: Search) -> None:
+    """Fit the singles that the linear view from the null promises, and the pairs that gain by being together."""
+    view = screen(search, search.null.point, (), search.terms.values())
+    ordered = _ordered(view, view.offers)
+    # over a short horizon the misfit is large and the linear view a poor guide: there every single effect is fitted
+    most = SINGLES_REFITTED if search.problem.horizon_s == np.inf else len(search.terms)
+    _refit(search, view, [(offer,) for offer in ordered], most, search.null)
+    pairs = [pair for pair in itertools.combinations(ordered[:PAIRED], 2) if pair[0][0] != pair[1][0]]
+    gain = {pair: view.evidence(*pair) - max(view.evidence(pair[0]), view.evidence(pair[1])) for pair in pairs}
+    pairs = sorted((pair for pair in pairs if gain[pair] > PROMISING), key=lambda pair: -view.evidence(*pair))
+    _refit(search, view, pairs, PAIRS_FROM_NULL, search.null)
+
+
+def extend(search: Search, ids: frozenset[str]) -> None:
+    """Linearize at a fitted set, and fit it with each of the most promising additions."""
+    fit = search.reached(ids)
+    assert fit is not None
+    smooth = [effect for effect in sorted(ids) if not search.terms[effect].stepwise]
+    view = screen(search, fit.point, smooth, [term for effect, term in search.terms.items() if effect not in ids])
+    ordered = _ordered(view, view.offers)
+    base = view.evidence()
+    worthwhile = [(offer,) for offer in ordered if view.evidence(offer) > base + PROMISING]
+    _refit(search, view, worthwhile, ADDITIONS_REFITTED, fit)
+
+
+def _ordered(view: Screen, offers: Sequence[tuple[str, tuple[int, ...]]]) -> list[tuple[str, tuple[int, ...]]]:
+    return sorted(offers, key=lambda offer: -view.evidence(offer))
+
+
+def _refit(
+    search: Search, view: Screen, sets: Sequence[tuple[tuple[str, tuple[int, ...]], ...]], most: int, origin: Fit
+) -> None:
+    """Fit the first so many different sets, each from its two best starting places.
+
+    Once one explains the runs, no more than usual are fitted, and only as far as they come near it.
+    """
+    tries: dict[frozenset[str], int] = {}
+    top = -np.inf
+    for offers in sets:
+        ids = frozenset(effect for effect, _ in offers) | origin.terms
+        explained = search.explained
+        enough = min(most, SINGLES_REFITTED) if explained > -np.inf else most
+        if search.exhausted or (len(tries) >= enough and ids not in tries):
+            break
+        if tries.get(ids, 0) >= 2 or len(ids) > LARGEST_SET:
+            continue
+        evidence = view.evidence(*offers)
+        top = max(top, evidence)
+        if evidence < top - HOPELESS and len(tries) >= 3 and most < len(search.terms):
+            break
+        tries[ids] = tries.get(ids, 0) + 1
+        starts = {effect: view.start_of((effect, extra)) for effect, extra in offers}
+        fit_set(search, ids, starts, origin, explained)
