@@ -32,8 +32,8 @@ from calibration.lens import undistort
 Array = NDArray[np.float64]
 MAP = (32, 24)  # places, columns and rows, at which the uncertainty is looked at: as fine as it varies
 TILT_DEG = 30.0  # the middle of the 20 to 40 degrees that tell focal length from distance best
-# Of what one more image like the average would give: an image that gives less than a fifth of it adds nothing.
-NOTHING = 0.2
+WORTH = 0.9  # of the uncertainty: an image that leaves more of it is not worth a sentence
+NOTHING = 0.001  # relative gain below which an image adds nothing: where one image suffices, others still add 0.006
 COLUMNS, ROWS = ("left", "middle", "right"), ("upper", "middle", "lower")
 TOWARD = {  # which side of the gauge comes nearer to the camera: direction in the image
     "left edge": (-1, 0), "right edge": (1, 0), "upper edge": (0, -1), "lower edge": (0, 1),
@@ -98,10 +98,15 @@ class Advice:
     gains: tuple[float, ...]
     next: NextImage | None
 
+    @property
+    def sentence(self) -> str:
+        """What to take next; empty where one image more is not worth it."""
+        best = self.next
+        return "" if best is None or best.after_mm > WORTH * best.before_mm else best.sentence
+
     def adds_nothing(self, k: int) -> bool:
-        """Whether image k gives less than NOTHING of what the average one of as many does."""
-        count = len(self.gains)
-        return count > 1 and bool(self.gains[k] - 1 < NOTHING * (np.sqrt(count / (count - 1)) - 1))
+        """Whether places would be as certain without image k, to NOTHING."""
+        return bool(self.gains[k] - 1 < NOTHING)
 
 
 def advise(found: Calibration, height_mm: float) -> Advice:
@@ -110,11 +115,12 @@ def advise(found: Calibration, height_mm: float) -> Advice:
 
 
 def image_notes(advice: Advice, names: Sequence[str]) -> tuple[str, ...]:
-    """A sentence for each image that adds nothing."""
-    return tuple(
-        f"{name} adds nothing: without it places would be only {100 * max(advice.gains[k] - 1, 0):.2g} % less certain"
-        for k, name in enumerate(names)
-        if advice.adds_nothing(k)
+    """A sentence on the images that add nothing, if there are any."""
+    idle = [name for k, name in enumerate(names) if advice.adds_nothing(k)]
+    if not idle:
+        return ()
+    return (
+        f"without {' or '.join(idle)} places would be as certain: {'each' if len(idle) > 1 else 'it'} adds nothing",
     )
 
 

@@ -69,8 +69,8 @@ def calibrate(
     click.echo(verdict.summary)
     for step in verdict.next_steps:
         click.echo(f"next: {step}")
-    if done.advice.next is not None:
-        click.echo(f"an image more: {done.advice.next.sentence}")
+    if done.advice.sentence:
+        click.echo(f"an image more would help: {done.advice.sentence}")
     for note in (*verdict.notes, *image_notes(done.advice, [view.name for view in found.views])):
         click.echo(f"note: {note}")
     written = str(out)

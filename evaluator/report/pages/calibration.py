@@ -54,14 +54,17 @@ def write_calibration_page(
             _sentence(verdict.summary),
             range_sentence,
             *(f"Next: {step}." for step in verdict.next_steps),
-            *([] if advice.next is None else [f"An image more that would help most: {advice.next.sentence}."]),
+            *([f"An image more would help: {advice.sentence}."] if advice.sentence else []),
         ),
         sections=(
             Section(
                 "trust",
                 "Where millimetres can be trusted",
                 (),
-                (camera_uncertainty(camera, verdict.mark_height_mm), coverage_map(calibration, advice.next)),
+                (
+                    camera_uncertainty(camera, verdict.mark_height_mm),
+                    coverage_map(calibration, advice.next if advice.sentence else None),
+                ),
             ),
             Section("fit", "How the model fits", (), _fit_figures(calibration)),
             Section("numbers", "Numbers", tuple(map(_sentence, notes)), (), _tables(calibration)),
