@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.motion import Motion, jump, motion_of, onset_s
+from evaluator.diagnosis.mistakes.motion import Motion, jump, leap_in_gap, motion_of, onset_s
+from evaluator.diagnosis.mistakes.phases import phases_of
 from evaluator.diagnosis.mistakes.recognised import Found
 from evaluator.diagnosis.mistakes.spacing import by_keystone, spacing
 from evaluator.robot_geometry import reference_line
@@ -71,7 +72,8 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
             seen = f"start_s = {run.start_s:g} s lies after the end of the recording ({first:.2f} to {last:.2f} s)"
             found.append(Found(run.id, "late-start", seen, "correct start_s in experiment.toml"))
             continue
-        begins = onset_s(run) if run.left_rpm or run.right_rpm else None
+        from_rest = run.told.starts_at_rest and bool(run.left_rpm or run.right_rpm)
+        begins = onset_s(run) if from_rest else None
         if begins is not None:
             late[run.id] = begins - run.start_s
     if not late:
@@ -90,36 +92,49 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
 
 
 def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
-    """Runs that stand, are held or pushed for a moment, or whose camera moved."""
+    """Runs that stand, are held or pushed for a moment, or whose camera moved; at most one of these for each run."""
+    phases = [(phase, robot) for run, robot in zip(data, robots, strict=True) for phase in phases_of(run)]
+    standing = {id(phase) for phase, robot in phases if _stands(phase, robot)}
     found = []
-    standing = standing_runs(data, robots)
     for run in data:
-        if run.id in standing:
-            if not slower_ones_stand_too(run, data, standing):
-                remedy = "look at the recording: is the robot held, or a motor off?"
-                found.append(Found(run.id, "stuck", "hardly moves, though runs of slower wheels do", remedy))
+        mine = [phase for phase, _ in phases if phase.id == run.id]
+        wrongly = [
+            phase
+            for phase in mine
+            if id(phase) in standing and not _slower_ones_stand_too(phase, [other for other, _ in phases], standing)
+        ]
+        if wrongly:
+            when = "" if len(wrongly) == len(mine) else f" from {wrongly[0].start_s:.2f} s on"
+            remedy = "look at the recording: is the robot held, or a motor off?"
+            found.append(Found(run.id, "stuck", f"hardly moves{when}, though runs of slower wheels do", remedy))
+            continue
+        if all(id(phase) in standing for phase in mine):
             continue
         moved = jump(run)
         if moved is not None:
             seen = f"both marks jump by {moved[1]:.2f} mm at {moved[0]:.2f} s"
             found.append(Found(run.id, "camera-moved", seen, "was the camera knocked, or the robot put elsewhere?"))
             continue
-        disturbance = _disturbance(run)
-        if disturbance is not None:
-            found.append(disturbance)
+        moving = [phase for phase in mine if id(phase) not in standing]
+        found += [item for phase in moving if (item := _disturbance(phase) or _carried_off(phase)) is not None][:1]
     return found
 
 
 def standing_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> set[str]:
-    """Ids of the runs that cover nearly nothing of the way that their wheels would roll."""
-    return {run.id for run, robot in zip(data, robots, strict=True) if _stands(run, robot)}
+    """Ids of the runs that cover nearly nothing of the way that their wheels would roll, whatever the command."""
+    found = set()
+    for run, robot in zip(data, robots, strict=True):
+        phases = phases_of(run)
+        if phases and all(_stands(phase, robot) for phase in phases):
+            found.add(run.id)
+    return found
 
 
 def _stands(run: RunData, robot: Robot) -> bool:
     """Whether a run with its motors on covers nearly nothing of the way that its wheels would roll."""
     end = float(run.time_s[-1]) if run.stop_s is None else min(run.stop_s, float(run.time_s[-1]))
     seconds = end - max(run.start_s, float(run.time_s[0]))
-    faster = max(abs(run.left_rpm), abs(run.right_rpm))
+    faster = _faster_rpm(run)
     if seconds <= 0 or not faster:
         return False
     rolled = faster * 2 * np.pi * robot.driving_radius_mm / 60 * seconds
@@ -129,19 +144,36 @@ def _stands(run: RunData, robot: Robot) -> bool:
     return way < STANDS_SHARE * rolled
 
 
-def slower_ones_stand_too(run: RunData, data: Sequence[RunData], standing: set[str]) -> bool:
-    """Whether every other run whose wheels are commanded no faster stands as well: then it is a dead band."""
-    faster = max(abs(run.left_rpm), abs(run.right_rpm))
-    slower = [
-        other for other in data if other.id != run.id and 0 < max(abs(other.left_rpm), abs(other.right_rpm)) <= faster
-    ]
-    return bool(slower) and all(other.id in standing for other in slower)
+def _slower_ones_stand_too(phase: RunData, phases: Sequence[RunData], standing: set[int]) -> bool:
+    """Whether every other phase whose wheels are commanded no faster stands as well: then it is a dead band."""
+    faster = _faster_rpm(phase)
+    slower = [other for other in phases if other is not phase and 0 < _faster_rpm(other) <= faster]
+    return bool(slower) and all(id(other) in standing for other in slower)
+
+
+def _faster_rpm(run: RunData) -> float:
+    return max(abs(run.left_rpm), abs(run.right_rpm))
+
+
+def _span(run: RunData) -> tuple[float, float]:
+    """When a run moves at its command, s: from when its motors have come up to their stop."""
+    end = float(run.time_s[-1]) if run.stop_s is None else min(run.stop_s, float(run.time_s[-1]))
+    return max(run.start_s, float(run.time_s[0])) + SETTLED_S, end
+
+
+def _carried_off(run: RunData) -> Found | None:
+    """A time without frames over which the run, or its camera, was moved."""
+    leap = leap_in_gap(run, _span(run))
+    if leap is None:
+        return None
+    seen = f"is {leap[2]:.2f} mm off its way after the time without frames from {leap[0]:.2f} to {leap[1]:.2f} s"
+    remedy = "look at the recording: was it pushed, or the camera knocked?"
+    return Found(run.id, "pushed", seen, remedy, ("camera-moved",))
 
 
 def _disturbance(run: RunData) -> Found | None:
     """A stretch in which the run is held or pushed, from its own usual motion."""
-    end = float(run.time_s[-1]) if run.stop_s is None else min(run.stop_s, float(run.time_s[-1]))
-    begin = max(run.start_s, float(run.time_s[0])) + SETTLED_S
+    begin, end = _span(run)
     motion = motion_of(run, (begin, end)) if end > begin + 4 * HELD_S else None
     if motion is None:
         return None

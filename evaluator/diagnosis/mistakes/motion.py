@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 
@@ -15,6 +16,10 @@ WINDOW_S = 0.15  # of a velocity: nine frames at 60/s, shorter than any push by 
 ONSET_SPAN_S = 0.4  # of motion from which the onset is extrapolated back: a chord is a path still
 ONSET_SIGMAS, ONSET_LEAST_MM = 6.0, 0.02  # beyond this much of the scatter at rest, and this distance: moving
 FEWEST_AT_REST = 3
+SHORTEST_GAP_S, LONGEST_GAP_S = 0.1, 1.0  # without frames: no hand is faster; beyond, anything may happen
+AROUND_GAP = 15  # frames on either side: a quarter of a second
+GAP_SIGMAS = 8.0  # of the scatter of a frame; a velocity over 15 frames is carried over a gap of a few times as many
+LEAST_LEAP_MM = 0.2  # three times what tails and slow errors of tracking made of 24 gaps; a hand moves it more
 REST_S = 0.08  # of a recording in which the robot is taken to rest; it is not where it moves already
 
 
@@ -81,7 +86,8 @@ def onset_s(run: RunData) -> float | None:
         return None
     off = marks - np.median(marks[:rest], axis=0)
     bends = np.diff(marks, n=2, axis=0)  # of a moving robot too: nearly all noise, √6 times that of a frame
-    scatter = max(float(np.median(np.abs(bends))) * 1.4826 / 6**0.5, float(np.std(off[:rest])))
+    # robust both: a mark mistaken in one of the first frames is no motion
+    scatter = 1.4826 * max(float(np.median(np.abs(bends))) / 6**0.5, float(np.median(np.abs(off[:rest]))))
     away = np.maximum(np.hypot(off[:, 0], off[:, 1]), np.hypot(off[:, 2], off[:, 3]))
     least = ONSET_SIGMAS * scatter + ONSET_LEAST_MM
     # two frames in a row: a single one may be noise
@@ -92,12 +98,12 @@ def onset_s(run: RunData) -> float | None:
     part = slice(first, int(np.searchsorted(time, time[first] + ONSET_SPAN_S)))
     if len(time[part]) < FEWEST_AT_REST:
         return None
-    slope, level = np.polyfit(time[part] - time[first], away[part], 1)
+    slope, level, _, _ = stats.theilslopes(away[part], time[part] - time[first])
     if slope <= 0:
         return None
     onset = float(time[first] - level / slope)
     # a robot that moves already would seem to begin in the middle of what was taken for its rest
-    return onset if onset > time[0] + REST_S else None
+    return onset if onset > max(time[0] + REST_S, time[rest - 1]) else None
 
 
 def jump(run: RunData) -> tuple[float, float] | None:
@@ -129,3 +135,59 @@ def jump(run: RunData) -> tuple[float, float] | None:
         if size > 10 * max(*spread, 2e-3) and (best is None or size > best[1]):
             best = (float(at), size)
     return best
+
+
+def leap_in_gap(run: RunData, between: tuple[float, float]) -> tuple[float, float, float] | None:
+    """Begin and end, s, of a time without frames over which a run is carried off, and how far, mm; None without any.
+
+    between: the time, s, over which its motors hold one command; a start or a stop is no push.
+
+    Before and after, the robot moves at a velocity in its own frame; half of the gap at the one, half at the other
+    takes it along arcs from the last pose before to the first after. What is missing to that, beyond what chance and
+    the difference of the two velocities allow, nobody's wheels have made.
+    """
+    time, middle, heading = midpoint_and_heading(run)
+    inside = (time >= between[0]) & (time <= between[1])
+    time, middle, heading = time[inside], middle[inside], heading[inside]
+    steps = np.diff(time)
+    best: tuple[float, float, float] | None = None
+    for k in np.flatnonzero((steps > SHORTEST_GAP_S) & (steps < LONGEST_GAP_S)):
+        parts = [slice(max(k + 1 - AROUND_GAP, 0), k + 1), slice(k + 1, k + 1 + AROUND_GAP)]
+        if min(len(time[part]) for part in parts) < AROUND_GAP:
+            continue
+        ends = [time[k], time[k + 1]]
+        views = [_moving_at(time[p], middle[p], heading[p], at) for p, at in zip(parts, ends, strict=True)]
+        half = float(steps[k]) / 2
+        met = [_carried(pose, velocity, way) for (pose, velocity, _), way in zip(views, (half, -half), strict=True)]
+        missing = float(np.hypot(*(met[1] - met[0])[:2]))
+        unlike = float(np.hypot(*(views[1][1] - views[0][1])[:2])) * half  # speeds that differ, held for half the gap
+        chance = GAP_SIGMAS * max(view[2] for view in views) * (1 + 2 * half / max(np.ptp(time[parts[0]]), 1e-9))
+        if missing > max(chance + unlike, LEAST_LEAP_MM) and (best is None or missing > best[2]):
+            best = (float(ends[0]), float(ends[1]), missing)
+    return best
+
+
+def _moving_at(time_s: Floats, middle: Floats, heading: Floats, at_s: float) -> tuple[Floats, Floats, float]:
+    """Pose (3,) at a moment, velocity (3,) along, across (mm/s), in yaw (rad/s), and scatter, mm, of a few frames."""
+    since = time_s - at_s
+    yaw, angle, _, _ = stats.theilslopes(heading, since)
+    # in the frame of the robot a steady turn is straight: the path turned back frame by frame
+    fits = [stats.theilslopes(middle[:, axis], since) for axis in (0, 1)]
+    center = time_s.mean() - at_s
+    rate = np.array([fit[0] for fit in fits])
+    mid = np.array([fit[1] + fit[0] * center for fit in fits])
+    c, s = np.cos(angle + yaw * center), np.sin(angle + yaw * center)
+    velocity = np.array([c * rate[0] + s * rate[1], -s * rate[0] + c * rate[1], yaw])
+    pose = _carried(np.array([*mid, angle + yaw * center]), velocity, -center)
+    left = middle - (mid + np.outer(since - center, rate))
+    return pose, velocity, float(1.4826 * np.median(np.abs(left - np.median(left, axis=0))))
+
+
+def _carried(pose: Floats, velocity: Floats, time_s: float) -> Floats:
+    """The pose (3,) after a time at a velocity (3,) in the robot's own frame: along an arc."""
+    turn = velocity[2] * time_s
+    mean = pose[2] + turn / 2
+    chord = np.sinc(turn / 2 / np.pi) * time_s
+    along, across = velocity[0] * chord, velocity[1] * chord
+    step = [np.cos(mean) * along - np.sin(mean) * across, np.sin(mean) * along + np.cos(mean) * across, turn]
+    return np.asarray(pose + np.array(step))

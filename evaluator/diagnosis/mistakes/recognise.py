@@ -14,16 +14,17 @@ from simulator.robot import Robot
 def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]:
     """Mistakes of the runs of a session, those of most runs together; at most one for each run.
 
-    robots: one per run, as their files say. Of runs with more than one command only the scale is judged.
+    robots: one per run, as their files say.
     """
     found: list[Found] = wrong_scale(data, robots)
     count = len(data)
-    plain = [(run, robot) for run, robot in zip(data, robots, strict=True) if run.log is None]
-    data, robots = [run for run, _ in plain], [robot for _, robot in plain]
-    found += _of_the_rest(disturbed_runs, data, robots, found)
     standing = standing_runs(data, robots)  # of a dead band: nothing tells what they were commanded
     moving = [(run, robot) for run, robot in zip(data, robots, strict=True) if run.id not in standing]
     read = [run for run, _ in moving], [robot for _, robot in moving]
+    logs = {run.id for run in data if run.log is not None}
+    if logs:  # a log that is not this run's puts its phases elsewhere, where they look like pushes
+        found += [item for item in _of_the_rest(misread_runs, *read, found) if item.run in logs]
+    found += _of_the_rest(disturbed_runs, data, robots, found)
     found += _of_the_rest(misread_runs, *read, found)
     found += _of_the_rest(late_starts, *read, found)
     return mistakes_of(found, count)

@@ -19,6 +19,7 @@ Kind = Literal[
     "stuck",
     "pushed",
     "camera-moved",
+    "outlying",
 ]
 # Before this kind another is looked for: a wrong unit hides every other mistake, a wrong command most disturbances.
 ORDER: tuple[Kind, ...] = (
@@ -34,28 +35,37 @@ ORDER: tuple[Kind, ...] = (
     "sides-swapped",
     "wrong-command",
     "pushed",
+    "outlying",
 )
 MOST = 0.8  # of the runs: what concerns so many is a habit of the session, said once
 
 
 @dataclass(frozen=True)
 class Found:
-    """A mistake in one run: what is seen, as the end of a sentence that begins with the run, and the remedy."""
+    """A mistake in one run: what is seen, as the end of a sentence that begins with the run, and the remedy.
+
+    equivalent: other kinds that this run alone cannot be told from.
+    """
 
     run: str
     kind: Kind
     seen: str
     remedy: str
+    equivalent: tuple[Kind, ...] = ()
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """A mistake of one run or of many; everywhere: of all runs, or nearly all."""
+    """A mistake of one run or of many; everywhere: of all runs, or nearly all.
+
+    equivalent_kinds: what the runs could as well be, as far as their motion tells.
+    """
 
     runs: tuple[str, ...]
     kind: Kind
     sentence: str
     everywhere: bool = False
+    equivalent_kinds: tuple[Kind, ...] = ()
 
 
 def mistakes_of(found: Sequence[Found], runs: int) -> list[Mistake]:
@@ -73,7 +83,12 @@ def mistakes_of(found: Sequence[Found], runs: int) -> list[Mistake]:
         if runs > 2 and len(of_kind) >= MOST * runs:
             everyone = "all runs" if len(of_kind) == runs else f"{len(of_kind)} of {runs} runs"
             sentence = f"{everyone}: {of_kind[0].seen} (as in {of_kind[0].run}); {of_kind[0].remedy}"
-            result.append(Mistake(tuple(item.run for item in of_kind), kind, sentence, everywhere=True))
+            concerned = tuple(item.run for item in of_kind)
+            alike = tuple(k for k in ORDER if all(k in item.equivalent for item in of_kind))
+            result.append(Mistake(concerned, kind, sentence, everywhere=True, equivalent_kinds=alike))
             continue
-        result += [Mistake((item.run,), kind, f"{item.run}: {item.seen}; {item.remedy}") for item in of_kind]
+        result += [
+            Mistake((item.run,), kind, f"{item.run}: {item.seen}; {item.remedy}", equivalent_kinds=item.equivalent)
+            for item in of_kind
+        ]
     return result

@@ -32,7 +32,12 @@ def record(diagnosis: Diagnosis) -> Json:
         "verdict": diagnosis.verdict,
         "reason": diagnosis.reason,
         "mistakes": [
-            {"runs": list(item.runs), "kind": item.kind, "sentence": item.sentence}
+            {
+                "runs": list(item.runs),
+                "kind": item.kind,
+                "equivalent_kinds": list(item.equivalent_kinds),
+                "sentence": item.sentence,
+            }
             for item in diagnosis.session.mistakes
         ],
     }

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.alternatives import Alternative
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
-from evaluator.diagnosis.mistakes.hypotheses import Alternative, _judged, _usual_kinds
+from evaluator.diagnosis.mistakes.hypotheses import Judgement, _judged, _least_share, _usual_kinds
 from evaluator.diagnosis.mistakes.recognised import Found, mistakes_of
 from simulator.robot import load_robot
 
@@ -158,15 +159,32 @@ WAYS = [Alternative(None, RUN), Alternative("reversed", RUN, "x"), Alternative("
 def test_a_mistake_is_believed_that_fits_three_times_better_than_a_file_that_fits_badly(
     misfits: tuple[float, ...], kind: str | None
 ) -> None:
-    found = _judged(WAYS, np.array(misfits), 10.0, set())
+    found = _judged(Judgement(WAYS, np.array(misfits), 10.0, ()), set())
     assert (None if found is None else found.kind) == kind
 
 
 def test_of_mistakes_that_fit_alike_the_usual_one_is_told() -> None:
-    results = [(WAYS, np.array([9.0, 1.25, 1.0]), 10.0)] * 3 + [(WAYS, np.array([9.0, 5.0, 1.0]), 10.0)] * 4
-    assert _usual_kinds(results) == {"mirrored"}
-    found = _judged(WAYS, np.array([9.0, 1.25, 1.0]), 10.0, {"mirrored"})
+    near, far = (Judgement(WAYS, np.array(values), 10.0, ()) for values in ([9.0, 1.25, 1.0], [9.0, 5.0, 1.0]))
+    assert _usual_kinds([near] * 3 + [far] * 4) == {"mirrored"}
+    found = _judged(near, {"mirrored"})
     assert found is not None
     assert found.kind == "mirrored"
-    fine = [(WAYS, np.array([1.4, 0.1, 0.1]), 10.0)] * 9
-    assert _usual_kinds(fine) == set()
+    assert found.equivalent == ("reversed",)
+    assert _usual_kinds([Judgement(WAYS, np.array([1.4, 0.1, 0.1]), 10.0, ())] * 9) == set()
+
+
+@pytest.mark.parametrize(
+    ("kin", "least"),
+    [
+        ([0.3], 0.15),  # one run of its kin says too little
+        ([0.1, 0.2], 0.06),  # three times the worse of them, over an extent of 10 mm
+        ([0.1, 0.9], 0.15),  # physics bends its kin: no less than of a run without any
+        ([0.1, np.nan], 0.15),
+    ],
+)
+def test_a_run_is_judged_from_a_smaller_misfit_on_where_its_kin_fit_their_file(kin: list[float], least: float) -> None:
+    one = Judgement(WAYS, np.array([1.0, 0.1, 9.0]), 10.0, ((5.0, 30.0),))
+    others = [Judgement(WAYS, np.array([value, 9.0, 9.0]), 10.0, ((5.0, 30.0),)) for value in kin]
+    stranger = Judgement(WAYS, np.array([9.0, 9.0, 9.0]), 10.0, ((5.0, 60.0),))
+    assert _least_share(one, [one, *others, stranger]) == pytest.approx(least)
+    assert (_judged(one, set(), least) is not None) == (least < 0.1)

@@ -1,0 +1,134 @@
+"""The ways in which a run may have come about: as its file says, or by one of the mistakes that people make."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.recognised import Kind
+from evaluator.interchange.commands import Told
+from simulator.command import Command
+
+FRAMES = 80  # of a run that are compared: a path is smooth
+# Ratios of frame rates that recordings have: 24, 25, 30, 50, 60, 120, and fields for frames.
+RATES = (0.5, 2.0, 0.25, 4.0, 30 / 25, 25 / 30, 60 / 25, 25 / 60, 30 / 24, 24 / 30, 60 / 24, 24 / 60)
+# Times by which the clock of a command log may be off, s: the steps are finer than what is called a late start.
+OFFSETS_S = tuple(float(t) for t in np.setdiff1d(np.round(np.arange(-2.0, 2.05, 0.1), 2), [0.0]))
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """One way in which a run may have come about: kind None is what the file says."""
+
+    kind: Kind | None
+    run: RunData
+    words: str = ""
+    own: bool = False  # something that only this run has speaks for it
+
+
+def alternatives(
+    run: RunData, data: Sequence[RunData], interval_ratio: float | None, same_interval: float
+) -> list[Alternative]:
+    """What the file says, then every mistake, the commoner before the rarer.
+
+    data: all runs, whose commands this one may have been given. interval_ratio: of its frame intervals over those of
+    the session, None where all runs have the same within same_interval.
+    """
+    exchanged = replace(run, marks_mm=run.marks_mm[:, [2, 3, 0, 1]])
+    mirrored = replace(run, marks_mm=run.marks_mm * np.array([-1.0, 1.0, -1.0, 1.0]))
+    # frames of one run as far apart as those of the others were taken at their rate: then it is another command
+    rates = RATES if interval_ratio is None else [r for r in RATES if abs(interval_ratio / r - 1) < same_interval]
+    return [
+        Alternative(None, run),
+        *_same_speeds(run),
+        Alternative("marks-swapped", exchanged, "moves as if its two marks were exchanged"),
+        Alternative("mirrored", mirrored, "moves as if seen in a mirror"),
+        *(
+            Alternative(
+                "wrong-rate",
+                replace(run, time_s=run.time_s / ratio, start_s=run.start_s),
+                f"moves as if its seconds were {ratio:.3g} times as long as they are",
+                own=interval_ratio is not None,
+            )
+            for ratio in rates
+        ),
+        *_other_commands(run, data),
+        *(_offsets(run) if run.log is not None else ()),
+    ]
+
+
+def thinned(run: RunData) -> RunData:
+    """The run with some of its frames only, those in which both marks were seen."""
+    seen = np.flatnonzero(np.isfinite(run.marks_mm).all(axis=1))
+    chosen = seen[np.unique(np.linspace(0, len(seen) - 1, min(len(seen), FRAMES)).astype(int))]
+    return replace(run, time_s=run.time_s[chosen], marks_mm=run.marks_mm[chosen], systematic={})
+
+
+def _same_speeds(run: RunData) -> list[Alternative]:
+    """The wheels as fast as the file says, but the other way round, or left for right."""
+    command = run.told.command
+    found = []
+    if command.left_rpm.any() or command.right_rpm.any():
+        backward = _driven(run, -1.0, exchanged=False)
+        found.append(Alternative("reversed", backward, "drives the opposite way to its command"))
+    if (command.left_rpm != command.right_rpm).any():
+        swapped = _driven(run, 1.0, exchanged=True)
+        found.append(Alternative("sides-swapped", swapped, "turns as if left and right were exchanged"))
+    return found
+
+
+def _driven(run: RunData, sign: float, *, exchanged: bool) -> RunData:
+    """The run with its command times a sign, left and right exchanged or not."""
+    left, right = (sign * run.left_rpm, sign * run.right_rpm)[:: -1 if exchanged else 1]
+    log = run.log
+    if log is not None:
+        sides = (sign * log.command.left_rpm, sign * log.command.right_rpm)[:: -1 if exchanged else 1]
+        log = replace(log, command=Command(log.command.time_s, *sides))
+    return replace(run, left_rpm=left, right_rpm=right, log=log)
+
+
+def _other_commands(run: RunData, data: Sequence[RunData]) -> list[Alternative]:
+    """The run with the commands of other runs: constant ones from its own start on, logs in their own time."""
+    left, right = run.command
+    found = []
+    tried = {(left, right), (-left, -right), (right, left)} if run.log is None else set()
+    for command in sorted({other.command for other in data if other.log is None} - tried):
+        words = f"moves as if it were commanded {command[0]:g} / {command[1]:g} rpm"
+        words += f", not {left:g} / {right:g}" if run.log is None else ", not as its log says"
+        changed = replace(run, left_rpm=command[0], right_rpm=command[1], log=None)
+        found.append(Alternative("wrong-command", changed, words))
+    logs: list[Told] = [run.log] if run.log is not None else []
+    for other in data:
+        if other.log is None or other.id == run.id or any(_alike(other.log, log) for log in logs):
+            continue
+        logs.append(other.log)
+        left, right = other.command
+        changed = replace(run, left_rpm=left, right_rpm=right, log=other.log, start_s=other.start_s)
+        found.append(Alternative("wrong-command", changed, f"moves as the command log of {other.id} says"))
+    return found
+
+
+def _alike(first: Told, second: Told) -> bool:
+    """Whether two logs hold the same commands."""
+    one, other = first.command.knots, second.command.knots
+    return one.shape == other.shape and bool(np.allclose(one, other))
+
+
+def _offsets(run: RunData) -> list[Alternative]:
+    """The run with its command log earlier or later."""
+    assert run.log is not None
+    return [
+        Alternative(
+            "late-start",
+            replace(
+                run,
+                start_s=run.start_s + offset if run.log.starts_at_rest else run.start_s,
+                log=replace(run.log, command=run.log.command.retimed(later_s=offset)),
+            ),
+            f"follows its command log {abs(offset):.1f} s {'late' if offset > 0 else 'early'}",
+        )
+        for offset in OFFSETS_S
+    ]
