@@ -35,6 +35,8 @@ def compiled(**options: Any) -> Callable[[Function], Function]:
         from numba import njit
 
         kernel = njit(cache=True, error_model="numpy", **options)(function)
+        if kernel is function:  # NUMBA_DISABLE_JIT: plain Python, to step through a kernel or to mutate it
+            return function
         _forget_stale(function, kernel)
         _compile_alone(function.__code__.co_filename, kernel)
         return cast("Function", kernel)
@@ -43,8 +45,11 @@ def compiled(**options: Any) -> Callable[[Function], Function]:
 
 
 def is_kept(kernel: Callable[..., Any]) -> bool:
-    """Whether the kernel is on disk, compiled from the present source for whatever it was called with."""
-    return any(_kept(kernel))
+    """Whether the kernel is on disk, compiled from the present source for whatever it was called with.
+
+    With NUMBA_DISABLE_JIT there is nothing to compile, and nothing to wait for.
+    """
+    return not hasattr(kernel, "py_func") or any(_kept(kernel))
 
 
 def _kept(kernel: Any) -> Iterator[Path]:

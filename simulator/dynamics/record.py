@@ -51,12 +51,15 @@ EMPTY = dict.fromkeys(("steep_x", "steep_y", "ratio", "shape_x", "shape_y", "sti
 
 @cache
 def model_type(slots: int) -> np.dtype[np.void]:
-    """Type of the record of a robot of up to so many wheels."""
+    """Type of the record of a robot of up to so many wheels.
+
+    It is a np.record, so that kernels that are not compiled find its fields by the same names.
+    """
     changing: list[tuple[Any, ...]] = []
     for name, count in NUMBERS.items():
         shape = {"inverse_mass": (3, 3)}.get(name, slots if count == WHEELS else count)
         changing.append((name, float) if shape == 1 else (name, float, shape))
-    return np.dtype(
+    fields = np.dtype(
         [
             *changing,
             ("time_unit", float),  # s; the unit of length is its square in mm
@@ -84,3 +87,4 @@ def model_type(slots: int) -> np.dtype[np.void]:
         ],
         align=True,
     )
+    return np.dtype((np.record, fields))

@@ -187,7 +187,7 @@ def main() -> int:
     chosen = random.Random(said.seed).sample(everything, min(said.sample, len(everything)))  # noqa: S311
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "project"
-        shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(".*", "__pycache__", "out"))
+        shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(".*", "out"))  # compiled kernels come along
         began = time.monotonic()
         if not suite_passes(folder, said.tests, 3600, quiet=False):
             print("the tests do not pass on the unchanged code")
@@ -196,10 +196,10 @@ def main() -> int:
         survived = []
         for mutant in chosen:
             file = folder / mutant.path
-            original = file.read_text(encoding="utf-8")
+            shutil.copy2(file, original := Path(name) / "original.py")
             file.write_text(mutant.text, encoding="utf-8")
             passed = suite_passes(folder, said.tests, limit_s)
-            file.write_text(original, encoding="utf-8")
+            shutil.copy2(original, file)  # with its time: a kernel is compiled anew where a source is younger
             if passed:
                 survived.append(mutant)
                 print(f"survived  {mutant.path}:{mutant.line}  {mutant.change}", flush=True)

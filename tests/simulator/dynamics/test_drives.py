@@ -1,0 +1,128 @@
+"""What motors do of a command: dead time, dead band and lag against a motor that is stepped through it."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from tests.simulator.plain import plain
+
+STEP_S = 1e-3
+PER_RPM = 2 * math.pi / 60
+# A step, a ramp through zero, a step at once with its end, a long rest at the last value.
+KNOTS = np.array(
+    [
+        *([0.5, 10.0, -6.0], [1.0, 10.0, -6.0], [1.0, 30.0, -20.0], [2.0, -30.0, -4.0], [2.5, -3.0, 12.0]),
+        *([2.5, 8.0, 12.0], [3.2, 8.0, 12.0]),
+    ]
+)
+NO_MIX = np.zeros(8)
+
+
+def model_of(
+    lag: float = 0.0, dead_band: float = 0.0, dead_time: float = 0.0, mix: np.ndarray = NO_MIX
+) -> SimpleNamespace:
+    return SimpleNamespace(lag=lag, dead_band=dead_band, dead_time=dead_time, mix=mix)
+
+
+def driven(model: Any, begin: float, end: float, times: np.ndarray, knots: np.ndarray = KNOTS) -> np.ndarray:
+    """Left and right rpm and angle (n, 4) from the segments, which follow each other without a gap."""
+    motors = plain("motors")
+    segments = motors.command_segments(knots, begin, end, model)
+    assert segments[0, motors.BEGIN] == begin
+    assert segments[-1, motors.END] == end
+    np.testing.assert_array_equal(segments[1:, motors.BEGIN], segments[:-1, motors.END])
+    rows = np.searchsorted(segments[:, motors.END], times, side="left")
+    return np.array([motors.drive_at(segments[row], time, model.lag) for row, time in zip(rows, times, strict=True)])
+
+
+def stepped(model: Any, begin: float, end: float, knots: np.ndarray = KNOTS) -> tuple[np.ndarray, np.ndarray]:
+    """Times (n,) and rpm and angles (n, 4) of motors that follow the command in steps of a millisecond."""
+    count = round((end + 2.0) / STEP_S)
+    middle = -2.0 + STEP_S * (np.arange(count) + 0.5)
+    told = [np.interp(middle - model.dead_time, *jumps_apart(knots, side)) for side in (0, 1)]
+    both, sizes = np.array(told), np.abs(told)
+    rpm, angle = [], []
+    for side in (0, 1):
+        weights = model.mix[4 * side : 4 * side + 4]
+        value = both[side] + weights[:2] @ both + weights[2:] @ sizes
+        value = np.where(np.abs(value) < model.dead_band, 0.0, value)
+        if model.lag:
+            keep = math.exp(-STEP_S / model.lag)
+            value = lfilter([1 - keep], [1, -keep], value, zi=[keep * value[0]])[0]
+        rpm.append(value)
+        turned = PER_RPM * STEP_S * np.cumsum(value)
+        angle.append(turned - np.interp(begin, middle + STEP_S / 2, turned))
+    return middle + STEP_S / 2, np.array([*rpm, *angle]).T
+
+
+def jumps_apart(knots: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray]:
+    return knots[:, 0] + 1e-9 * np.arange(len(knots)), knots[:, 1 + side]
+
+
+@pytest.mark.parametrize("begin", [0.0, 1.4])
+@pytest.mark.parametrize("dead_time", [0.0, 0.25])
+@pytest.mark.parametrize("dead_band", [0.0, 7.0])
+@pytest.mark.parametrize("lag", [0.0, 0.01, 0.3])
+def test_motors_follow_a_command_as_stepped_ones_do(
+    lag: float, dead_band: float, dead_time: float, begin: float
+) -> None:
+    model = model_of(lag, dead_band, dead_time)
+    times, expected = stepped(model, begin, 4.5)
+    chosen = times > begin
+    times, expected = times[chosen][7::97], expected[chosen][7::97]
+    found = driven(model, begin, 4.5, times)
+    reach = 0.1 if lag != 0.01 else 0.6  # a step late by a millisecond is a tenth of a lag of ten
+    near_jump = np.abs(times[:, None] - dead_time - KNOTS[:, 0]).min(axis=1) < 2 * STEP_S
+    np.testing.assert_allclose(found[~near_jump, :2], expected[~near_jump, :2], atol=reach)
+    np.testing.assert_allclose(found[:, 2:], expected[:, 2:], atol=0.02)
+
+
+def test_sides_that_mix_add_what_either_is_told_and_its_size() -> None:
+    mix = np.array([0.1, 0.2, 0.3, -0.05, -0.2, 0.05, 0.0, 0.4])
+    knots = np.array([[0.0, 10.0, -20.0], [9.0, 10.0, -20.0]])
+    found = driven(model_of(mix=mix), 0.0, 2.0, np.array([1.0]), knots)[0]
+    assert found[:2] == pytest.approx([10 + 1 - 4 + 3 - 1, -20 - 2 - 1 + 0 + 8])
+    assert found[2:] == pytest.approx(PER_RPM * found[:2])
+
+
+def test_command_on_the_edge_of_the_dead_band_moves_and_below_it_does_not() -> None:
+    knots = np.array([[0.0, 5.0, -4.999], [9.0, 5.0, -4.999]])
+    assert driven(model_of(dead_band=5.0), 0.0, 1.0, np.array([0.5]), knots)[0, :2].tolist() == [5.0, 0.0]
+
+
+def test_ramp_is_silent_exactly_while_it_is_in_the_dead_band() -> None:
+    """From -20 to 20 rpm within 4 s, within ±5 from 1.5 to 2.5 s."""
+    knots = np.array([[0.0, -20.0, 20.0], [4.0, 20.0, -20.0]])
+    times = np.array([0.5, 1.499, 1.501, 2.499, 2.501, 3.5, 5.0])
+    found = driven(model_of(dead_band=5.0), 0.0, 6.0, times, knots)
+    assert found[:, 0] == pytest.approx([-15, -5.01, 0, 0, 5.01, 15, 20])
+    assert found[:, 1] == pytest.approx(-found[:, 0])
+    # Angles: 1.5 s at -12.5 rpm in the mean on the way down, the same on the way up.
+    assert found[3, 2] == pytest.approx(-PER_RPM * 1.5 * 12.5)
+    assert found[6, 2] == pytest.approx(PER_RPM * 20)
+
+
+def test_lag_closes_the_gap_exponentially_and_is_over_after_36_time_constants() -> None:
+    motors = plain("motors")
+    knots = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 30.0, -10.0], [9.0, 30.0, -10.0]])
+    found = driven(model_of(lag=0.1), 0.0, 8.0, np.array([0.9, 1.1, 1.2]), knots)
+    assert found[:, 0] == pytest.approx([0.0, 30 * (1 - math.exp(-1)), 30 * (1 - math.exp(-2))])
+    assert found[2, 3] == pytest.approx(-10 * PER_RPM * (0.2 - 0.1 * (1 - math.exp(-2))))
+    segments = motors.command_segments(knots, 0.0, 8.0, model_of(lag=0.1))
+    ends = segments[:, motors.END]
+    assert ends == pytest.approx([1.0, 1.0 + 3.6, 8.0])
+    assert segments[:, motors.STEADY].tolist() == [1.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize(("lag", "moving"), [(0.0, [1, 0, 1]), (0.5, [1, 0, 0])])
+def test_steady_segments_are_those_in_which_neither_side_changes(lag: float, moving: list[int]) -> None:
+    motors = plain("motors")
+    knots = np.array([[0.0, 5.0, 5.0], [1.0, 5.0, 5.0], [2.0, 5.0, 9.0], [3.0, 5.0, 9.0]])
+    segments = motors.command_segments(knots, 0.5, 2.8, model_of(lag=lag))
+    assert segments[:, motors.STEADY].tolist() == moving
