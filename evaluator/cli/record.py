@@ -72,8 +72,8 @@ def record(
     gives them; dropped frames are counted. Once a second it is said whether the marks are seen.
     """
     from evaluator.capture.light import LightRegion
+    from evaluator.capture.record import CaptureStart, record_camera
     from evaluator.cli.progress import progress_bar
-    from evaluator.workflow import CaptureStart, record_camera
 
     start = CaptureStart(
         light=None if start_light is None else LightRegion(*start_light),
@@ -121,6 +121,6 @@ def _signal(light: bool, line: bool, command: str | None, serial: tuple[str, str
 
 def _watcher(settings: Path | None, image: Path | None) -> Callable[[Frame], str]:
     """What looks at a frame once a second."""
-    from evaluator.workflow import watch_marks
+    from evaluator.capture.watch import watch_marks
 
     return watch_marks(settings, image)

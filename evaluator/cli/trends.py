@@ -24,7 +24,7 @@ def trends(folders: tuple[Path, ...], out: Path, as_json: bool, quiet: bool) -> 
     without dates as they are given. Writes the page, and beside it its numbers as CSV.
     """
     from evaluator.report.pages.trends import change_sentences, write_trends
-    from evaluator.workflow import compare_sessions
+    from evaluator.trends.trends import compare_sessions
 
     found = compare_sessions(folders)
     table = write_trends(found, out)

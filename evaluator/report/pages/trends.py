@@ -15,7 +15,7 @@ from evaluator.report.pages.html import Page, Section, Table, page_html
 from evaluator.report.style import FAINT, MEASURED, VERMILLION, Figure, drawing
 from evaluator.trends.changes import SIGNIFICANCE, Change
 from evaluator.trends.series import TOGETHER, Series
-from evaluator.workflow import Trends
+from evaluator.trends.trends import Trends
 
 HEAD = ("quantity", "changed with", "from", "to", "change", "95 % of the change", "p")
 TITLES = {"radius": "Turning radius", "speed": "Speed"}

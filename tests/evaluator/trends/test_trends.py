@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from evaluator.cli.trends import trends as command
 from evaluator.errors import InputError
 from evaluator.trends.changes import Level, changes
-from evaluator.workflow import compare_sessions
+from evaluator.trends.trends import compare_sessions
 
 FOUR_RUNS = 3.0  # degrees of freedom
 

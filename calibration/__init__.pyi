@@ -1,0 +1,13 @@
+from .assessment.quality import assess as assess
+from .assessment.verdict import Verdict as Verdict
+from .camera import Camera as Camera
+from .camera import camera_above as camera_above
+from .detection.dots import Dots as Dots
+from .detection.image import read_image as read_image
+from .errors import CalibrationError as CalibrationError
+from .estimation.calibrate import Calibration as Calibration
+from .estimation.calibrate import calibrate as calibrate
+from .gauge.geometry import Gauge as Gauge
+from .gauge.geometry import load_gauge as load_gauge
+from .store import camera_to_json as camera_to_json
+from .store import load_camera as load_camera

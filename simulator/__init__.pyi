@@ -1,0 +1,11 @@
+from .command import Command as Command
+from .errors import SimulationError as SimulationError
+from .observation import marks_of_run as marks_of_run
+from .robot import Robot as Robot
+from .robot import load_robot as load_robot
+from .robot import shipped_robots as shipped_robots
+from .run import Run as Run
+from .run import State as State
+from .simulation import simulate as simulate
+from .steady import SteadyTurn as SteadyTurn
+from .steady import steady_turn as steady_turn
