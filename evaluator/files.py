@@ -9,7 +9,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, TypedDict, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -58,6 +58,20 @@ def write_table(table: pd.DataFrame, path: Path) -> None:
 
         with temporary.open("w", encoding="utf-8", newline="") as file:
             file.writelines(csv_text(table))
+
+
+class Dialect(TypedDict):
+    """How the cells of a CSV file are parted, and how its numbers are written."""
+
+    sep: str
+    decimal: str
+
+
+def csv_dialect(path: Path) -> Dialect:
+    """The dialect of a table by its first line: semicolons come with decimal commas. Raises OSError."""
+    with path.open(encoding="utf-8", errors="replace") as lines:
+        first = lines.readline(4096)
+    return {"sep": ";", "decimal": ","} if first.count(";") > first.count(",") else {"sep": ",", "decimal": "."}
 
 
 def write_image(image: NDArray[np.generic], path: Path) -> None:

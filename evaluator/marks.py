@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.errors import InputError
-from evaluator.files import write_table
+from evaluator.files import csv_dialect, write_table
 
 # Whatever lies beyond is no measurement: a thousand kilometres, and thirty thousand years of seconds (a clock that
 # counts nanoseconds since 1970 is beyond it too). Squares of lengths within stay far from the limits of a float.
@@ -45,7 +45,7 @@ def read_marks(path: Path, names: Iterable[str] | None = None) -> pd.DataFrame:
     names: marks that have to be there, in mm, of three and more two of them; without, time_s and nothing else.
     """
     try:
-        table = pd.read_csv(path, skipinitialspace=True)
+        table = pd.read_csv(path, skipinitialspace=True, **csv_dialect(path))
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import datetime as dt
 import tomllib
+import unicodedata
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticKnownError
 
 from evaluator.errors import InputError
@@ -21,6 +22,14 @@ if TYPE_CHECKING:
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
+def _names_files(value: str) -> str:
+    """Letters and digits of any script, which any file system can name files with."""
+    said = all(unicodedata.category(c)[0] in "LMN" or c in "._-" for c in value)
+    if not (value and said and unicodedata.category(value[0])[0] in "LN" and value[-1] != "."):
+        raise ValueError("want letters and digits of any script, with . _ - between them: it names files")
+    return value
+
+
 class Table(BaseModel):
     """A table of experiment.toml: unknown keys are errors, values never change."""
 
@@ -30,7 +39,7 @@ class Table(BaseModel):
 class Run(Table):
     """One recorded run: what was commanded and where its video, marks or poses are."""
 
-    id: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
+    id: Annotated[str, Field(max_length=80), AfterValidator(_names_files)]
     commands: Path | None = None  # a log instead of one constant command
     left_rpm: Annotated[Finite | None, Field(validate_default=True)] = None
     right_rpm: Annotated[Finite | None, Field(validate_default=True)] = None

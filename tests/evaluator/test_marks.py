@@ -22,3 +22,11 @@ def test_blanks_after_commas_and_any_line_end_are_read(tmp_path: Path, between: 
     assert list(table) == list(COLUMNS)
     assert np.isnan(table["green_x_mm"].iloc[1])
     assert table["yellow_y_mm"].tolist() == [4.0, 4.1, 4.2]
+
+
+def test_semicolons_with_decimal_commas_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "marks.csv"
+    path.write_text("time_s;green_x_mm;green_y_mm;yellow_x_mm;yellow_y_mm\n0,5;-1,25;2;3;4,75\n0,52;;;3;4\n", "utf-8")
+    table = read_marks(path, ("green", "yellow"))
+    assert table.iloc[0].tolist() == [0.5, -1.25, 2.0, 3.0, 4.75]
+    assert table.iloc[1].isna().sum() == 2

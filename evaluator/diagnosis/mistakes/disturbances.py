@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.motion import Motion, jump, leap_in_gap, motion_of, onset_s
+from evaluator.diagnosis.mistakes.motion import WINDOW_S, Motion, jump, leap_in_gap, leap_over, motion_of, onset_s
 from evaluator.diagnosis.mistakes.phases import phases_of
 from evaluator.diagnosis.mistakes.recognised import Found
 from evaluator.diagnosis.mistakes.spacing import by_keystone, spacing
@@ -187,10 +187,23 @@ def _disturbance(run: RunData) -> Found | None:
         return Found(run.id, "stuck", seen, "look at the recording: does it snag?")
     odd = (speed > PUSHED_SHARE * size) | (np.abs(motion.across - np.median(motion.across)) > 0.6 * size)
     odd |= np.abs(motion.yaw - turning) > 0.6 * max(abs(turning), size)
-    pushed = _longest(odd & _unlike(motion), motion)
+    pushed = _longest(odd & _unlike(motion), motion) or _brief_push(run, odd & _unlike(motion), motion)
     if pushed is not None:
         seen = f"moves unlike the rest of the run from {pushed[0]:.2f} to {pushed[1]:.2f} s"
         return Found(run.id, "pushed", seen, "look at the recording: was it pushed or pulled?")
+    return None
+
+
+def _brief_push(run: RunData, odd: np.ndarray, motion: Motion) -> tuple[float, float] | None:
+    """Begin and end, s, of a stretch shorter than HELD_S over which a run was carried off its way.
+
+    A mark mistaken in a frame makes a velocity odd too, but the robot is where it would have been afterwards.
+    """
+    span = _span(run)
+    for begin, end in _stretches(odd, motion):
+        stretch = begin - WINDOW_S / 2, end + WINDOW_S / 2  # frames of the windows whose velocity is odd
+        if leap_over(run, stretch, span) > 0:
+            return stretch
     return None
 
 
@@ -212,8 +225,12 @@ def _unlike(motion: Motion) -> np.ndarray:
 
 def _longest(mask: np.ndarray, motion: Motion) -> tuple[float, float] | None:
     """Begin and end, s, of the longest stretch of a mask that lasts HELD_S; None where none does."""
+    spans = [(begin, end) for begin, end in _stretches(mask, motion) if end - begin >= HELD_S]
+    return max(spans, key=lambda span: span[1] - span[0], default=None)
+
+
+def _stretches(mask: np.ndarray, motion: Motion) -> list[tuple[float, float]]:
+    """Begin and end, s, of the stretches of a mask."""
     padded = np.concatenate([[False], mask, [False]]).astype(int)
     begins, ends = np.flatnonzero(np.diff(padded) == 1), np.flatnonzero(np.diff(padded) == -1) - 1
-    spans = [(motion.time_s[b], motion.time_s[e]) for b, e in zip(begins, ends, strict=True)]
-    spans = [(float(b), float(e)) for b, e in spans if e - b >= HELD_S]
-    return max(spans, key=lambda span: span[1] - span[0], default=None)
+    return [(float(motion.time_s[b]), float(motion.time_s[e])) for b, e in zip(begins, ends, strict=True)]

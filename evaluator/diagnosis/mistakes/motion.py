@@ -141,30 +141,41 @@ def leap_in_gap(run: RunData, between: tuple[float, float]) -> tuple[float, floa
     """Begin and end, s, of a time without frames over which a run is carried off, and how far, mm; None without any.
 
     between: the time, s, over which its motors hold one command; a start or a stop is no push.
+    """
+    time, _, _ = midpoint_and_heading(run)
+    inside = time[(time >= between[0]) & (time <= between[1])]
+    steps = np.diff(inside)
+    gaps = np.flatnonzero((steps > SHORTEST_GAP_S) & (steps < LONGEST_GAP_S))
+    leaps = [
+        (float(inside[k]), float(inside[k + 1]), leap_over(run, (inside[k], inside[k + 1]), between)) for k in gaps
+    ]
+    best = max(leaps, key=lambda leap: leap[2], default=None)
+    return best if best is not None and best[2] > 0 else None
 
-    Before and after, the robot moves at a velocity in its own frame; half of the gap at the one, half at the other
+
+def leap_over(run: RunData, stretch: tuple[float, float], between: tuple[float, float]) -> float:
+    """How far, mm, a run is carried off its way over a stretch of time, s; 0 where chance explains it.
+
+    between: the time, s, over which its motors hold one command.
+
+    Before and after, the robot moves at a velocity in its own frame; half of the stretch at the one, half at the other
     takes it along arcs from the last pose before to the first after. What is missing to that, beyond what chance and
     the difference of the two velocities allow, nobody's wheels have made.
     """
     time, middle, heading = midpoint_and_heading(run)
-    inside = (time >= between[0]) & (time <= between[1])
-    time, middle, heading = time[inside], middle[inside], heading[inside]
-    steps = np.diff(time)
-    best: tuple[float, float, float] | None = None
-    for k in np.flatnonzero((steps > SHORTEST_GAP_S) & (steps < LONGEST_GAP_S)):
-        parts = [slice(max(k + 1 - AROUND_GAP, 0), k + 1), slice(k + 1, k + 1 + AROUND_GAP)]
-        if min(len(time[part]) for part in parts) < AROUND_GAP:
-            continue
-        ends = [time[k], time[k + 1]]
-        views = [_moving_at(time[p], middle[p], heading[p], at) for p, at in zip(parts, ends, strict=True)]
-        half = float(steps[k]) / 2
-        met = [_carried(pose, velocity, way) for (pose, velocity, _), way in zip(views, (half, -half), strict=True)]
-        missing = float(np.hypot(*(met[1] - met[0])[:2]))
-        unlike = float(np.hypot(*(views[1][1] - views[0][1])[:2])) * half  # speeds that differ, held for half the gap
-        chance = GAP_SIGMAS * max(view[2] for view in views) * (1 + 2 * half / max(np.ptp(time[parts[0]]), 1e-9))
-        if missing > max(chance + unlike, LEAST_LEAP_MM) and (best is None or missing > best[2]):
-            best = (float(ends[0]), float(ends[1]), missing)
-    return best
+    before = np.flatnonzero((time >= between[0]) & (time <= stretch[0]))[-AROUND_GAP:]
+    after = np.flatnonzero((time >= stretch[1]) & (time <= between[1]))[:AROUND_GAP]
+    if min(len(before), len(after)) < AROUND_GAP:
+        return 0.0
+    ends = time[before[-1]], time[after[0]]
+    views = [_moving_at(time[p], middle[p], heading[p], at) for p, at in zip((before, after), ends, strict=True)]
+    half = float(ends[1] - ends[0]) / 2
+    met = [_carried(pose, velocity, way) for (pose, velocity, _), way in zip(views, (half, -half), strict=True)]
+    missing = float(np.hypot(*(met[1] - met[0])[:2]))
+    unlike = float(np.hypot(*(views[1][1] - views[0][1])[:2])) * half  # speeds that differ, held for half the stretch
+    spans = [float(np.ptp(time[part])) for part in (before, after)]
+    chance = GAP_SIGMAS * max(view[2] for view in views) * (1 + 2 * half / max(*spans, 1e-9))
+    return missing if missing > max(chance + unlike, LEAST_LEAP_MM) else 0.0
 
 
 def _moving_at(time_s: Floats, middle: Floats, heading: Floats, at_s: float) -> tuple[Floats, Floats, float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.copies import copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
 from evaluator.diagnosis.mistakes.hypotheses import misread_runs
 from evaluator.diagnosis.mistakes.recognised import Found, Mistake, mistakes_of
@@ -16,18 +17,19 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
 
     robots: one per run, as their files say.
     """
-    found: list[Found] = wrong_scale(data, robots)
-    count = len(data)
+    found = copies(data)
+    found += _of_the_rest(wrong_scale, data, robots, found)
     standing = standing_runs(data, robots)  # of a dead band: nothing tells what they were commanded
     moving = [(run, robot) for run, robot in zip(data, robots, strict=True) if run.id not in standing]
     read = [run for run, _ in moving], [robot for _, robot in moving]
+    turning = sum(any(s.left_rpm != s.right_rpm for s in run.told.driven) for run in data)
     logs = {run.id for run in data if run.log is not None}
     if logs:  # a log that is not this run's puts its phases elsewhere, where they look like pushes
         found += [item for item in _of_the_rest(misread_runs, *read, found) if item.run in logs]
     found += _of_the_rest(disturbed_runs, data, robots, found)
     found += _of_the_rest(misread_runs, *read, found)
     found += _of_the_rest(late_starts, *read, found)
-    return mistakes_of(found, count)
+    return mistakes_of(found, len(data), {"sides-swapped": turning})
 
 
 def _of_the_rest(

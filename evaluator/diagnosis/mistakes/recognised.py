@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -19,10 +19,12 @@ Kind = Literal[
     "stuck",
     "pushed",
     "camera-moved",
+    "duplicate",
     "outlying",
 ]
-# Before this kind another is looked for: a wrong unit hides every other mistake, a wrong command most disturbances.
+# What hides others stands first: a copy has every mistake of its original, a wrong unit hides a wrong command.
 ORDER: tuple[Kind, ...] = (
+    "duplicate",
     "wrong-unit",
     "wrong-robot",
     "late-start",
@@ -68,10 +70,10 @@ class Mistake:
     equivalent_kinds: tuple[Kind, ...] = ()
 
 
-def mistakes_of(found: Sequence[Found], runs: int) -> list[Mistake]:
+def mistakes_of(found: Sequence[Found], runs: int, showing: Mapping[Kind, int] | None = None) -> list[Mistake]:
     """One mistake for each run that has one, the first kind in ORDER; those of most runs together.
 
-    runs: how many there are in all.
+    runs: how many there are in all. showing: of kinds that not every run can show, how many could.
     """
     first = {
         item.run: item for item in sorted(found, key=lambda item: ORDER.index(item.kind), reverse=True)
@@ -80,8 +82,11 @@ def mistakes_of(found: Sequence[Found], runs: int) -> list[Mistake]:
     for kind in ORDER:
         of_kind = [item for item in first.values() if item.kind == kind]
         of_kind.sort(key=lambda item: item.run)
-        if runs > 2 and len(of_kind) >= MOST * runs:
+        could = (showing or {}).get(kind, runs)
+        if could > 2 and len(of_kind) >= MOST * could:
             everyone = "all runs" if len(of_kind) == runs else f"{len(of_kind)} of {runs} runs"
+            if len(of_kind) == could < runs:
+                everyone += ", all that could show it"
             sentence = f"{everyone}: {of_kind[0].seen} (as in {of_kind[0].run}); {of_kind[0].remedy}"
             concerned = tuple(item.run for item in of_kind)
             alike = tuple(k for k in ORDER if all(k in item.equivalent for item in of_kind))

@@ -9,6 +9,7 @@ import pytest
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.alternatives import Alternative
+from evaluator.diagnosis.mistakes.copies import copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
 from evaluator.diagnosis.mistakes.hypotheses import Judgement, _judged, _least_share, _usual_kinds
 from evaluator.diagnosis.mistakes.recognised import Found, mistakes_of
@@ -188,3 +189,36 @@ def test_a_run_is_judged_from_a_smaller_misfit_on_where_its_kin_fit_their_file(k
     stranger = Judgement(WAYS, np.array([9.0, 9.0, 9.0]), 10.0, ((5.0, 60.0),))
     assert _least_share(one, [one, *others, stranger]) == pytest.approx(least)
     assert (_judged(one, set(), least) is not None) == (least < 0.1)
+
+
+@pytest.mark.parametrize(("pushed_mm", "kind"), [(0.6, "pushed"), (0.05, None)])
+def test_push_of_a_fifth_of_a_second_is_seen_by_how_far_it_carries(pushed_mm: float, kind: str | None) -> None:
+    run = driven()
+    off = pushed_mm * np.clip((run.time_s - 1.5) / 0.2, 0, 1)
+    pushed = replace(run, marks_mm=run.marks_mm + off[:, None] * [0.0, 1.0, 0.0, 1.0])
+    assert kinds(disturbed_runs(session(pushed), [ROBOT] * 8)) == ([("r0", kind)] if kind else [])
+
+
+def test_marks_mistaken_in_a_few_frames_are_no_push() -> None:
+    run = driven()
+    marks = run.marks_mm.copy()
+    marks[[80, 81, 83]] += [0.0, 0.9, 0.0, 0.9]
+    assert disturbed_runs(session(replace(run, marks_mm=marks)), [ROBOT] * 8) == []
+
+
+def test_copy_of_a_run_counts_once_whatever_its_clock() -> None:
+    original = driven(3)
+    copied = replace(original, id="r9", time_s=original.time_s + 7.0, start_s=7.5)
+    (found,) = copies([*session(driven()), copied])
+    assert (found.run, found.kind) == ("r9", "duplicate")
+    assert "same marks as r3" in found.seen
+    assert copies([*session(driven()), replace(copied, left_rpm=20.0)]) == []  # the simulation tells which is wrong
+    assert copies(session(driven())) == []
+
+
+def test_mistake_of_all_runs_that_could_show_it_is_said_once() -> None:
+    swapped = [Found(f"r{k}", "sides-swapped", "turns", "exchange") for k in range(5)]
+    (mistake,) = mistakes_of(swapped, 9, {"sides-swapped": 5})
+    assert mistake.everywhere
+    assert mistake.sentence.startswith("5 of 9 runs, all that could show it: turns")
+    assert len(mistakes_of(swapped, 9)) == 5

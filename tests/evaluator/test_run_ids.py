@@ -1,0 +1,28 @@
+"""Ids of runs: names in any script, but nothing that leaves the folder or breaks a file name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from evaluator.settings import Run
+
+
+def run(name: str) -> Run:
+    settings: dict[str, Any] = {"id": name, "left_rpm": 1.0, "right_rpm": 1.0, "marks": "x.csv"}
+    return Run.model_validate(settings)
+
+
+@pytest.mark.parametrize("name", ["r.06", "7", "пробег-1", "実験2", "تجربة5", "हिन्दी", "Größe8"])
+def test_names_in_any_script_are_taken(name: str) -> None:
+    assert run(name).id == name
+
+
+@pytest.mark.parametrize(
+    "name", ["", "run a", "r;x", "=1+1", "../x", "a/b", "a\\b", ".x", "x.", "a\nb", "<b>", "a" * 81]
+)
+def test_names_that_no_file_should_have_are_refused(name: str) -> None:
+    with pytest.raises(ValidationError):
+        run(name)
