@@ -11,7 +11,16 @@ import click
 from click.core import ParameterSource
 
 from evaluator.cli.analyze import SOME_FAILED
-from evaluator.cli.options import PATH, dask_option, json_option, out_option, quiet_option, workers_option
+from evaluator.cli.options import (
+    PATH,
+    dask_option,
+    json_option,
+    out_option,
+    quiet_option,
+    say_mended,
+    workers_option,
+    write_mended_option,
+)
 
 if TYPE_CHECKING:
     from evaluator.workflow import DiagnosisResult, Plan
@@ -54,6 +63,7 @@ Examples:
     show_default=True,
     help="Stop a search after so many seconds of one core; the next call goes on from there. inf: never.",
 )
+@write_mended_option
 @json_option
 @quiet_option
 def diagnose(
@@ -64,6 +74,7 @@ def diagnose(
     effects: tuple[Path, ...],
     write_effect: Path | None,
     seconds: float,
+    mend: bool,
     as_json: bool,
     quiet: bool,
 ) -> int:
@@ -86,8 +97,8 @@ def diagnose(
     from evaluator.workflow import diagnose as diagnose_experiment
 
     if len(experiments) > 1:
-        if effects or write_effect is not None:
-            raise click.UsageError("--effect and --write-effect take one experiment at a time")
+        if effects or write_effect is not None or mend:
+            raise click.UsageError("--effect, --write-effect and --write-mended take one experiment at a time")
         return _diagnose_several(experiments, out, workers, dask, seconds, as_json=as_json, quiet=quiet)
     with progress_bar("diagnosis", quiet=quiet) as progress:
         found = diagnose_experiment(
@@ -99,6 +110,8 @@ def diagnose(
         click.echo(json.dumps(found.content, indent=2, ensure_ascii=False))
     elif not quiet:
         _say(found)
+    if mend:
+        say_mended(experiments[0], out)
     return _left_out(found.content)
 
 
