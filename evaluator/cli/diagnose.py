@@ -11,7 +11,16 @@ import click
 from click.core import ParameterSource
 
 from evaluator.cli.analyze import SOME_FAILED
-from evaluator.cli.options import PATH, dask_option, json_option, out_option, quiet_option, workers_option
+from evaluator.cli.options import (
+    PATH,
+    dask_option,
+    json_option,
+    out_option,
+    quiet_option,
+    say_mended,
+    workers_option,
+    write_mended_option,
+)
 
 if TYPE_CHECKING:
     from evaluator.workflow import DiagnosisResult, Plan
@@ -47,6 +56,14 @@ Examples:
     metavar="FILE",
     help="Where the verdict is unknown: write what explains the runs as an effect of your own.",
 )
+@click.option(
+    "--seconds",
+    type=click.FloatRange(min=0, min_open=True),
+    default=60.0,
+    show_default=True,
+    help="Stop a search after so many seconds of one core; the next call goes on from there. inf: never.",
+)
+@write_mended_option
 @json_option
 @quiet_option
 def diagnose(
@@ -56,6 +73,8 @@ def diagnose(
     dask: str | None,
     effects: tuple[Path, ...],
     write_effect: Path | None,
+    seconds: float,
+    mend: bool,
     as_json: bool,
     quiet: bool,
 ) -> int:
@@ -65,7 +84,7 @@ def diagnose(
     other command and for experiment files. Runs given as videos are tracked first; runs that cannot be used are named
     and left out. Nominal values move only within the [tolerance] of the robot file; a robot file without tolerances is
     taken as exact. Where nothing has changed since the last time, that answer is given again at once; where it was
-    interrupted, it goes on with the fits made so far.
+    interrupted or stopped (--seconds), it goes on with the fits made so far.
 
     Effects of your own, files effects/*.toml beside the experiment, are tried like those of the catalogue (turnscope
     effects new ID writes one). Where the verdict is "unknown", own_effect.toml in DIR holds the form that explains the
@@ -78,29 +97,40 @@ def diagnose(
     from evaluator.workflow import diagnose as diagnose_experiment
 
     if len(experiments) > 1:
-        if effects or write_effect is not None:
-            raise click.UsageError("--effect and --write-effect take one experiment at a time")
-        return _diagnose_several(experiments, out, workers, dask, as_json=as_json, quiet=quiet)
+        if effects or write_effect is not None or mend:
+            raise click.UsageError("--effect, --write-effect and --write-mended take one experiment at a time")
+        return _diagnose_several(experiments, out, workers, dask, seconds, as_json=as_json, quiet=quiet)
     with progress_bar("diagnosis", quiet=quiet) as progress:
-        found = diagnose_experiment(experiments[0], out, workers=workers, dask=dask, effects=effects, progress=progress)
+        found = diagnose_experiment(
+            experiments[0], out, workers=workers, dask=dask, effects=effects, seconds=seconds, progress=progress
+        )
     if write_effect is not None:
         _write_effect(found, write_effect)
     if as_json:
         click.echo(json.dumps(found.content, indent=2, ensure_ascii=False))
     elif not quiet:
         _say(found)
+    if mend:
+        say_mended(experiments[0], out)
     return _left_out(found.content)
 
 
 def _diagnose_several(
-    experiments: tuple[Path, ...], out: Path, workers: int | None, dask: str | None, *, as_json: bool, quiet: bool
+    experiments: tuple[Path, ...],
+    out: Path,
+    workers: int | None,
+    dask: str | None,
+    seconds: float,
+    *,
+    as_json: bool,
+    quiet: bool,
 ) -> int:
     from evaluator.cli.progress import progress_bar
     from evaluator.errors import InputError
     from evaluator.workflow import DiagnosisResult, diagnose_each
 
     with progress_bar("experiments", quiet=quiet) as progress:
-        answers = diagnose_each(experiments, out, workers=workers, dask=dask, progress=progress)
+        answers = diagnose_each(experiments, out, workers=workers, dask=dask, seconds=seconds, progress=progress)
     if all(answer.fault for answer in answers):
         raise InputError("; ".join(str(answer.fault) for answer in answers))
     if as_json:

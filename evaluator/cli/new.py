@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from evaluator.cli.options import PATH, experiment_argument, json_option, quiet_option
+from evaluator.cli.options import PATH, experiment_argument, json_option, quiet_option, say_mended, write_mended_option
 from evaluator.wording import counted
 
 BAD_INPUT = 2
@@ -36,9 +36,10 @@ Next:
 
 @click.command(epilog="\b\nExample:\n  turnscope check experiment.toml\n  turnscope check experiment.toml --json")
 @experiment_argument
+@write_mended_option
 @json_option
 @quiet_option
-def check(experiment: Path, as_json: bool, quiet: bool) -> int:
+def check(experiment: Path, mend: bool, as_json: bool, quiet: bool) -> int:
     """Validate all files of an experiment and say everything that is wrong at once.
 
     Exit status: 0 nothing is wrong, 2 something is.
@@ -56,4 +57,6 @@ def check(experiment: Path, as_json: bool, quiet: bool) -> int:
             click.echo(f"mistake? {mistake}", err=True)
         if not found.faults and not found.mistakes and not quiet:
             click.echo(f"{experiment}: nothing is wrong; {counted(found.runs, 'run')}, {found.videos} from video")
+    if mend and not found.faults:
+        say_mended(experiment)
     return BAD_INPUT if found.faults or found.mistakes else 0

@@ -28,6 +28,27 @@ verbose_option = click.option("-v", "--verbose", is_flag=True, help="Say more ab
 dry_run_option = click.option("--dry-run", is_flag=True, help="Say what would be computed, and compute nothing.")
 
 
+write_mended_option = click.option(
+    "--write-mended",
+    "mend",
+    is_flag=True,
+    help="Write NAME-mended.toml beside the experiment, with the mistakes of its runs put right.",
+)
+
+
+def say_mended(experiment: Path, out: Path | None = None) -> None:
+    """Write the experiment with its mistakes put right, and say on standard error what was changed."""
+    from evaluator.workflow import write_mended
+
+    mended = write_mended(experiment, out)
+    if mended is None:
+        click.echo(f"{experiment}: no run shows a mistake; nothing is written", err=True)
+        return
+    for change in mended.changes:
+        click.echo(change, err=True)
+    click.echo(str(mended.path), err=True)
+
+
 def batch_options(command: Command) -> Command:
     """Add the options of every command that works through the runs of an experiment."""
     options = (out_option, workers_option, dask_option, json_option, quiet_option, verbose_option, dry_run_option)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -29,6 +30,7 @@ from evaluator.diagnosis.inference.fit import Fit
 from evaluator.diagnosis.inference.fit_cache import Ends
 from evaluator.diagnosis.inference.profile_likelihood import Ridge, ridge_of
 from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.inference.watch import SearchStoppedError, Watch
 from evaluator.diagnosis.likelihood.problem import Point, Problem
 from evaluator.diagnosis.likelihood.random_effects import place_runs, place_starts
 from evaluator.diagnosis.output.effect_tables import corrected_robot
@@ -80,6 +82,7 @@ class Diagnosis:
     changes: Mapping[str, Changes] = field(default_factory=dict)  # what each detected effect does
     negligible: Set = frozenset()  # detected effects that do less than matters
     known: tuple[Knowledge, ...] = ()  # where the data want what is known to a tolerance
+    stopped: bool = False  # whether its time was over before it came to an end
 
     @property
     def fit(self) -> Fit:
@@ -88,12 +91,24 @@ class Diagnosis:
         return self.search.fits[self.chosen]
 
 
-def diagnose(session: Session, progress: Progress, ends: Ends | None = None) -> Diagnosis:
-    """Find out what is missing in the model of these runs; ends: of the fits made before an interruption."""
+def diagnose(session: Session, progress: Progress, ends: Ends | None = None, *, seconds: float = math.inf) -> Diagnosis:
+    """Find out what is missing in the model of these runs.
+
+    ends: of the fits made before an interruption. seconds: of one core, after which the search is stopped and the
+    verdict is that the data have not decided yet.
+    """
     reasons = shortcomings(session.data)
     if reasons:
         reasons = [item.sentence for item in session.mistakes if item.everywhere] + reasons
         return Diagnosis("insufficient", "; ".join(reasons), session)
+    try:
+        return _searched(session, Watch(progress, seconds), ends)
+    except SearchStoppedError as stopped:
+        return Diagnosis("insufficient", str(stopped), session, stopped=True)
+
+
+def _searched(session: Session, progress: Watch, ends: Ends | None) -> Diagnosis:
+    """The diagnosis of runs that may decide."""
     part, start, terms = search_named(session, progress, ends)
     everything = fit_on_all_runs(part, terms)
     free = {effect: term for effect, term in terms.items() if is_free(effect)}

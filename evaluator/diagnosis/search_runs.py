@@ -23,6 +23,7 @@ from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import LARGEST_SET, Search, fit_set
 from evaluator.diagnosis.inference.short_horizon import is_large, recalibrated, short_horizon_fits
 from evaluator.diagnosis.inference.strategy import HOPELESS, run_search
+from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.known_to import simulated_sigmas
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem, build_problem, with_noise_of
 from evaluator.diagnosis.likelihood.random_effects import place_runs
@@ -57,7 +58,7 @@ def rank_named(search: Search, families: int) -> tuple[Standing, Set]:
     return table, best
 
 
-def search_named(session: Session, progress: Progress, ends: Ends | None) -> tuple[Search, Point, dict[str, Candidate]]:
+def search_named(session: Session, progress: Watch, ends: Ends | None) -> tuple[Search, Point, dict[str, Candidate]]:
     """The search over named effects without the runs held out, the nominal point, and all terms by id."""
     data = session.data
     given = {entry.id for entry in session.robots[0].effect}
@@ -66,7 +67,7 @@ def search_named(session: Session, progress: Progress, ends: Ends | None) -> tup
     terms: dict[str, Candidate] = {**named, **free_terms()}
     progress("noise", 0.0)
     forward = Simulated(session.robots, data, terms, simulated_sigmas(session.known), session.start_sigma_s)
-    problem, start = build_problem(data, forward, ends)
+    problem, start = build_problem(data, forward, ends, progress)
     tolerance = told_of(problem, start, session.tolerance)
     aside = held_out_runs(data)
     part = Search(problem, named, tolerance, tuple(run for run in range(len(data)) if run not in aside))

@@ -29,6 +29,7 @@ from .editing.experiments import Edit as Edit
 from .editing.experiments import edit_experiment as edit_experiment
 from .editing.experiments import new_table as new_table
 from .editing.experiments import read_experiment as read_experiment
+from .editing.mending import write_mended as write_mended
 from .editing.robots import effects_of as effects_of
 from .editing.robots import robot_file as robot_file
 from .editing.robots import with_effects as with_effects

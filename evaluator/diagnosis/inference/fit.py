@@ -117,7 +117,7 @@ def fit_model(
     gains on the way, where a misfit must not be taken for scatter; the posterior knows no such limit. held: a
     coordinate of a term that stays as it is at the start. rival: log evidence of a model that explains the runs, which
     this one has to come near. A fit that was made before is only looked at again where it ended. FloatingPointError
-    where a run cannot be simulated.
+    where a run cannot be simulated; SearchStoppedError, or what the progress raises, where it is to end.
     """
     chosen = tuple(range(len(problem.data))) if runs is None else tuple(runs)
     columns = tuple(column for column in model_columns(terms, tolerance) if column != held)
@@ -189,6 +189,7 @@ def _fitted(
     """Steps from a point until nothing moves, no step helps, or it lags behind a rival for good."""
     prior, before, lagged = prior_precision(columns, tolerance), np.inf, np.inf
     for step in range(MOST_STEPS):
+        problem.watch.look()
         fit = replace(_viewed(problem, point, columns, tolerance, runs), steps=step + 1)
         scatter = np.minimum(fit.posterior.scatter, most_scatter)
         theta = np.array([point.value(column) for column in columns])
@@ -225,6 +226,7 @@ def _line_search(
 ) -> Point | None:
     """The first point on the way to the goal that is better than now, every run's own numbers fitted anew."""
     for damping in DAMPINGS:
+        problem.watch.look()
         trial = theta + damping * (goal - theta)
         try:
             moved, value = settled(problem, _at(point, columns, trial), runs, scatter)

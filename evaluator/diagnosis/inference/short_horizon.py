@@ -8,14 +8,13 @@ there is a start for a longer horizon, up to the whole run.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from evaluator.diagnosis.inference.fit import Fit, fit_model
 from evaluator.diagnosis.inference.search import USUAL_SCATTER, Search
 from evaluator.diagnosis.inference.strategy import run_search
-from evaluator.diagnosis.likelihood.problem import Point, Problem, with_noise_of
+from evaluator.diagnosis.likelihood.problem import Point, Problem, within_horizon
 from evaluator.progress import Progress
 
 HORIZONS_S = (1.0, 2.5)
@@ -43,7 +42,7 @@ def recalibrated(problem: Problem, start: Point, tolerance: Mapping[str, float])
     """
     point = start
     for horizon_s in RECALIBRATION_S:
-        short = with_noise_of(replace(problem, horizon_s=horizon_s), point)
+        short = within_horizon(problem, point, horizon_s)
         try:
             point = fit_model(short, point, [], tolerance, most_scatter=USUAL_SCATTER).point
         except FloatingPointError:
@@ -56,7 +55,7 @@ def short_horizon_fits(whole: Search, start: Point, progress: Progress) -> list[
     best: list[Fit] = []
     point = start
     for horizon_s in HORIZONS_S:
-        short = with_noise_of(replace(whole.problem, horizon_s=horizon_s), point)
+        short = within_horizon(whole.problem, point, horizon_s)
         search = Search(short, whole.terms, whole.tolerance, whole.runs, most_steps=MOST_STEPS)
         run_search(search, start, start, progress, best)
         best = [search.fits[ids] for ids in search.ranked()[:CARRIED_ON]]

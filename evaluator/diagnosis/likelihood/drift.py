@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
-from evaluator.diagnosis.likelihood.noise import Noise
+from evaluator.diagnosis.likelihood.noise import Noise, correlated
 
 Floats = NDArray[np.float64]
 
@@ -37,7 +36,10 @@ class Distance:
 
 @dataclass(frozen=True)
 class _Modes:
-    """Slow modes of a run: values (k,), what a camera would do (k, 3), covariances of noise and kernels (k, k)."""
+    """Slow modes of r runs: values (r, k), what a camera would do (r, k, 3), covariances (r, k, k).
+
+    noise: covariance of the noise; kernels: that of a drift of 1 mm, for each of LASTING_S.
+    """
 
     values: Floats
     camera: Floats
@@ -75,7 +77,7 @@ def drift(runs: Sequence[Distance]) -> tuple[float, float]:
     """Standard deviation of the drift of the distance, mm, and how long it lasts, s; 0 where none is seen."""
     if not runs:
         return 0.0, LASTING_S[0]
-    modes = [_modes(run) for run in runs]
+    modes = _modes(runs)
     without = _log_likelihood(modes, 0.0, 0)
     found = [
         (_log_likelihood(modes, float(size), index), float(size), lasting)
@@ -86,33 +88,36 @@ def drift(runs: Sequence[Distance]) -> tuple[float, float]:
     return best[1:] if best[0] - without > BELIEVED else (0.0, LASTING_S[0])
 
 
-def _modes(run: Distance) -> _Modes:
+def _modes(runs: Sequence[Distance]) -> _Modes:
+    values, camera, noise, *kernels = (np.array(part) for part in zip(*map(_modes_of, runs), strict=True))
+    return _Modes(values, camera, noise, tuple(kernels))
+
+
+def _modes_of(run: Distance) -> tuple[Floats, ...]:
+    """Values (k,), camera (k, 3), covariance of the noise and of each kernel (k, k) of one run."""
     span = max(float(run.time_s[-1] - run.time_s[0]), 1e-9)
     waves = np.cos(np.pi * np.arange(MODES) * ((run.time_s - run.time_s[0]) / span)[:, None])
     normal = waves.T @ waves  # a little ridge keeps modes apart that a long gap confounds
     functional = np.linalg.solve(normal + 1e-6 * np.trace(normal) / MODES * np.eye(MODES), waves.T)
-    lag = np.abs(run.time_s[:, None] - run.time_s[None, :])
     middle = (run.marks_mm[:, :2] + run.marks_mm[:, 2:]) / 2
     across = run.marks_mm[:, :2] - run.marks_mm[:, 2:]
     across = across / np.hypot(across[:, 0], across[:, 1])[:, None]
     # scale, and the keystone k of (1 + k·p) p: along the line of the marks it stretches by k·p + (k·u)(p·u)
     stretch = middle + across * np.sum(middle * across, axis=1)[:, None]
-    return _Modes(
+    return (
         functional @ run.residual_mm,
         functional @ np.column_stack([np.ones(len(stretch)), stretch]),
-        functional @ run.noise.covariance(run.time_s) @ functional.T,
-        tuple(functional @ np.exp(-lag / lasting) @ functional.T for lasting in LASTING_S),
+        functional @ run.noise.times(run.time_s, functional.T),
+        *(functional @ correlated(run.time_s, lasting, functional.T) for lasting in LASTING_S),
     )
 
 
-def _log_likelihood(modes: Sequence[_Modes], size_mm: float, kernel: int) -> float:
+def _log_likelihood(modes: _Modes, size_mm: float, kernel: int) -> float:
     """Of all runs, the camera's three numbers at their best."""
-    normal, right, square, widths = np.zeros((3, 3)), np.zeros(3), 0.0, 0.0
-    for run in modes:
-        factor = cho_factor(run.noise + size_mm**2 * run.kernels[kernel], lower=True)
-        weighted = cho_solve(factor, np.column_stack([run.values, run.camera]))
-        square += float(run.values @ weighted[:, 0])
-        right += run.camera.T @ weighted[:, 0]
-        normal += run.camera.T @ weighted[:, 1:]
-        widths += 2 * float(np.log(np.diag(factor[0])).sum())
-    return -0.5 * (square - float(right @ np.linalg.lstsq(normal, right, rcond=1e-12)[0]) + widths)
+    root = np.linalg.cholesky(modes.noise + size_mm**2 * modes.kernels[kernel])
+    white = np.linalg.solve(root, np.concatenate([modes.values[..., None], modes.camera], axis=2))
+    values, camera = white[:, :, 0].ravel(), white[:, :, 1:].reshape(-1, 3)
+    normal, right = camera.T @ camera, camera.T @ values
+    widths = 2 * float(np.log(np.diagonal(root, axis1=1, axis2=2)).sum())
+    square = float(values @ values - right @ np.linalg.lstsq(normal, right, rcond=1e-12)[0])
+    return -0.5 * (square + widths)

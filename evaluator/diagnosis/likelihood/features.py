@@ -72,13 +72,16 @@ def compression(time_s: Floats, used: NDArray[np.bool_], noise: tuple[Noise, ...
     count = min(count, max(len(seen) // 3, 1))
     phase = np.pi * (seen - seen[0]) / span
     modes = np.cos(np.arange(count)[None, :] * phase[:, None])
-    parts = []
+    parts: list[Floats] = []
     for channel, part in enumerate(noise):
+        if channel == 1 and part == noise[0]:
+            parts.append(parts[0])
+            continue
         slow = modes[:, :DISTANCE_MODES] if channel == 3 else modes
         # a little ridge keeps modes apart that a long gap confounds; any linear functional of the data is legitimate
         normal = slow.T @ slow
         functional = np.linalg.solve(normal + 1e-6 * np.trace(normal) / len(normal) * np.eye(len(normal)), slow.T)
-        covariance = functional @ part.covariance(seen) @ functional.T
+        covariance = functional @ part.times(seen, functional.T)
         covariance[np.diag_indices(len(covariance))] += MODEL_FLOOR_MM**2 / (1.0 + np.arange(len(covariance)))
         parts.append(np.ascontiguousarray(solve_triangular(np.linalg.cholesky(covariance), functional, lower=True).T))
     return Compression(used, tuple(parts))

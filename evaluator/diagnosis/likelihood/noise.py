@@ -13,6 +13,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 from scipy.fft import dct
+from scipy.linalg import solveh_banded
 from scipy.optimize import minimize
 
 Floats = NDArray[np.float64]
@@ -22,6 +23,7 @@ FEWEST_MODES = 24  # below this a spectrum of three parameters is not worth fitt
 # What trackers show: correlation over a few frames up to half a second. Fast modes alone leave longer ones undecided.
 USUAL_CORRELATION_S = 0.1
 CORRELATION_SPREAD = 1.0  # of its logarithm
+MEMORY = (-20.0, 6.0)  # of the logit of the correlation of neighbouring samples: none, to one that lasts 400 samples
 QUANTIZATION_MM = 1e-5  # marks files carry six decimals at most: noise below this is not noise of a camera
 
 
@@ -44,6 +46,13 @@ class Noise:
         kernel[np.diag_indices(len(time_s))] += self.white_mm**2
         return kernel
 
+    def times(self, time_s: Floats, columns: Floats) -> Floats:
+        """The covariance between samples at increasing time_s (n,) times columns (n, k), without the matrix, mm²."""
+        product = self.white_mm**2 * columns + self.slow_mm**2 * correlated(time_s, self.correlation_s, columns)
+        if self.drift_mm:
+            product += self.drift_mm**2 * correlated(time_s, self.drift_s, columns)
+        return np.asarray(product)
+
     @property
     def sigma_mm(self) -> float:
         """Standard deviation of one sample, mm."""
@@ -52,6 +61,25 @@ class Noise:
     def scaled(self, factor: float) -> Noise:
         """The same correlation with all amplitudes multiplied by factor."""
         return Noise(self.white_mm * factor, self.slow_mm * factor, self.correlation_s)
+
+
+def correlated(time_s: Floats, correlation_s: float, columns: Floats) -> Floats:
+    """The matrix exp(-|lag| / correlation_s) of samples at increasing time_s (n,) times columns (n, k).
+
+    Such noise has no memory but its last value, so that the inverse of the matrix has three diagonals, and a product
+    takes time in proportion to n, not n². Source: Rybicki & Press (1995), Phys. Rev. Lett. 74, 1060.
+    """
+    if len(time_s) < 2:
+        return columns
+    step = np.diff(time_s) / correlation_s
+    kept = np.exp(-step)
+    lost = -np.expm1(-2 * step)  # 1 - kept², to all digits also where hardly anything is lost
+    diagonals = np.zeros((2, len(time_s)))
+    diagonals[1] = 1.0
+    diagonals[1, :-1] += kept**2 / lost
+    diagonals[1, 1:] += kept**2 / lost
+    diagonals[0, 1:] = -kept / lost
+    return np.asarray(solveh_banded(diagonals, columns, check_finite=False))
 
 
 @dataclass(frozen=True)
@@ -89,18 +117,15 @@ def fit_noise(spectra: list[Spectrum]) -> Noise:
     if fast.sum() < FEWEST_MODES:
         sigma = float(np.sqrt(np.mean(power))) if len(power) else QUANTIZATION_MM
         return Noise(max(sigma, QUANTIZATION_MM), 0.0, step_s)
-    modes = int(fast.sum())
     frequency, power = _banded(frequency[fast], power[fast])
-    per_band = modes / len(power)
-
-    def misfit(free: Floats) -> float:
-        model = _density(frequency, free, step_s)
-        usual = (np.log(_correlation_s(free[2], step_s) / USUAL_CORRELATION_S) / CORRELATION_SPREAD) ** 2
-        return float(per_band * np.sum(np.log(model) + power / model) + usual)
-
     level = np.log(np.median(power) + QUANTIZATION_MM**2)
     starts = [np.array([level, level - 2.0 + lift, shape]) for lift in (0.0, 2.0) for shape in (0.4, 2.0)]
-    fits = [minimize(misfit, start, method="Nelder-Mead", options={"maxiter": 400}) for start in starts]
+    known = (frequency, power, step_s, int(fast.sum()) / len(power))
+    bounds = [(None, None), (None, None), MEMORY]
+    fits = [
+        minimize(_whittle, start, known, method="L-BFGS-B", jac=True, bounds=bounds, options={"ftol": 1e-12})
+        for start in starts
+    ]
     best = min(fits, key=lambda fit: float(fit.fun)).x
     decay = _decay(best[2])
     return Noise(
@@ -110,9 +135,26 @@ def fit_noise(spectra: list[Spectrum]) -> Noise:
     )
 
 
+def _whittle(
+    free: Floats, frequency_hz: Floats, power_mm2: Floats, step_s: float, per_band: float
+) -> tuple[float, Floats]:
+    """-2 log of likelihood and prior at the logarithms of both powers and the logit, (3,), and its slopes (3,)."""
+    decay, white, innovations = _decay(free[2]), np.exp(free[0]), np.exp(free[1])
+    cosine = np.cos(2 * np.pi * frequency_hz * step_s)
+    model = _density(frequency_hz, free, step_s)
+    shape = 1 / (1 - 2 * decay * cosine + decay**2)
+    unusual = np.log(_correlation_s(free[2], step_s) / USUAL_CORRELATION_S) / CORRELATION_SPREAD
+    value = per_band * np.sum(np.log(model) + power_mm2 / model) + unusual**2
+    weight = per_band * (model - power_mm2) / model**2
+    by_decay = np.sum(weight * innovations * 2 * (cosine - decay) * shape**2)
+    by_decay -= 2 * unusual / CORRELATION_SPREAD / (decay * np.log(decay))
+    slopes = np.array([np.sum(weight) * white, np.sum(weight * shape) * innovations, by_decay * decay * (1 - decay)])
+    return float(value), slopes
+
+
 def _decay(logit: float) -> float:
     """Correlation of neighbouring samples."""
-    return float(1.0 / (1.0 + np.exp(-np.clip(logit, -20.0, 6.0))))
+    return float(1.0 / (1.0 + np.exp(-np.clip(logit, *MEMORY))))
 
 
 def _correlation_s(logit: float, step_s: float) -> float:

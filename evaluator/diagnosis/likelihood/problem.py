@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.inference.fit_cache import Ends
+from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.drift import with_drift
 from evaluator.diagnosis.likelihood.features import (
     Compression,
@@ -108,6 +109,7 @@ class Problem:
     half_distance_mm: float
     horizon_s: float = np.inf  # only frames up to so long after the start of the motors count
     ends: Ends = field(default_factory=Ends)  # of the fits made before
+    watch: Watch = field(default_factory=Watch)  # looked at between the steps of a fit
 
     @property
     def fingerprint(self) -> str:
@@ -208,14 +210,16 @@ def _tasks(point: Point, points: Sequence[Point], run: int) -> list[Task]:
     return [at.task(run) for at in points] + [point.task(run, step) for step in np.diag(OWN_STEPS)]
 
 
-def build_problem(data: Sequence[RunData], forward: Forward, ends: Ends | None = None) -> tuple[Problem, Point]:
+def build_problem(
+    data: Sequence[RunData], forward: Forward, ends: Ends | None = None, watch: Watch | None = None
+) -> tuple[Problem, Point]:
     """Estimate the tracking noise and compress every run; also gives the nominal point with aligned starts.
 
-    ends: of the fits that an interrupted diagnosis of the same data made.
+    ends: of the fits that an interrupted diagnosis of the same data made. watch: when to end.
     """
     channels = tuple(channels_of(run.marks_mm) for run in data)
     half = float(np.nanmedian(np.concatenate([item[:, 3] for item in channels]))) / 2
-    bare = Problem(tuple(data), forward, channels, (), (), half, ends=ends or Ends())
+    bare = Problem(tuple(data), forward, channels, (), (), half, ends=ends or Ends(), watch=watch or Watch())
     point = Point(aligned_starts(data, forward))
     return with_noise_of(bare, point), point
 
@@ -243,6 +247,18 @@ def with_noise_of(problem: Problem, point: Point) -> Problem:
         compression(run.time_s, used, parts) for run, used, parts in zip(problem.data, frames, noise, strict=True)
     )
     return replace(problem, compressions=compressions, noise=tuple(noise))
+
+
+def within_horizon(problem: Problem, point: Point, horizon_s: float) -> Problem:
+    """The problem of the first seconds of every run, with the noise that a point leaves there.
+
+    Later frames are not simulated: over a short horizon that was nearly all of the work.
+    """
+    short = replace(problem, horizon_s=horizon_s)
+    frames = [int(np.flatnonzero(short.counting_frames(run))[-1]) + 1 for run in range(len(problem.data))]
+    data = tuple(run.first(count) for run, count in zip(problem.data, frames, strict=True))
+    channels = tuple(item[:count] for item, count in zip(problem.channels, frames, strict=True))
+    return with_noise_of(replace(short, data=data, channels=channels, forward=problem.forward.of_frames(data)), point)
 
 
 def aligned_starts(data: Sequence[RunData], forward: Forward) -> Floats:

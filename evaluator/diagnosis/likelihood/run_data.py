@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -56,6 +56,11 @@ class RunData:
         """What the motors were told."""
         return self.log or constant(self.left_rpm, self.right_rpm, self.start_s, self.stop_s)
 
+    def first(self, frames: int) -> RunData:
+        """The run up to so many frames."""
+        systematic = {key: shift[:frames] for key, shift in self.systematic.items()}
+        return replace(self, time_s=self.time_s[:frames], marks_mm=self.marks_mm[:frames], systematic=systematic)
+
     @property
     def command(self) -> tuple[float, float]:
         """Left and right rpm."""
@@ -85,4 +90,8 @@ class Forward(Protocol):
 
     def marks(self, tasks: Sequence[Task]) -> list[Floats]:
         """Marks (n, 4) in mm at the frame times of each task's run; NaN where the simulation fails."""
+        ...
+
+    def of_frames(self, data: Sequence[RunData]) -> Forward:
+        """The simulator of the same runs, of which only these frames are asked for."""
         ...

@@ -60,11 +60,12 @@ class Simulated:
         terms: Mapping[str, Candidate],
         known: Mapping[str, float] | None = None,
         start_sigma_s: float = 0.0,
+        variants: dict[tuple[object, ...], Variant] | None = None,
     ) -> None:
         """robots: one per run, with the effects already in the model. terms: how to read the coordinates of a task.
 
         known: size of a deviation of 1 of each quantity of the laboratory that acts here (known_to.simulated_sigmas);
-        start_sigma_s: standard deviation of a run's start.
+        start_sigma_s: standard deviation of a run's start. variants: compiled before, of the same robots and terms.
         """
         self.known = dict(known or {})
         self.start_sigma_s = start_sigma_s
@@ -76,7 +77,11 @@ class Simulated:
         self._knots = [item.command.knots for item in told]
         self._from_rest = np.array([item.starts_at_rest for item in told], dtype=np.bool_)
         self._kinds = [self.robots.index(robot) for robot in self.robots]  # equal robots have equal variants
-        self._variants: dict[tuple[object, ...], Variant] = {}
+        self._variants = {} if variants is None else variants
+
+    def of_frames(self, data: Sequence[RunData]) -> Simulated:
+        """The same runs, of which only these frames are asked for; robots compiled for one serve the other."""
+        return Simulated(self.robots, data, self._terms, self.known, self.start_sigma_s, self._variants)
 
     def marks(self, tasks: Sequence[Task]) -> list[Floats]:
         """Marks (n, 4) of every task at the frame times of its run; NaN where the simulation fails.

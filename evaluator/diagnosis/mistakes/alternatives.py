@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.correction import Correction
 from evaluator.diagnosis.mistakes.recognised import Kind
 from evaluator.interchange.commands import Told
 from simulator.command import Command
@@ -58,6 +59,21 @@ def alternatives(
         *_other_commands(run, data),
         *(_offsets(run) if run.log is not None else ()),
     ]
+
+
+def correction_to(way: Alternative, stated: Alternative) -> Correction | None:
+    """What makes the files say that a run came about in this way; None where nothing in them does."""
+    if way.kind == "marks-swapped":
+        return Correction(marks_exchanged=True)
+    if way.kind == "mirrored":
+        return Correction(marks_times=(-1.0, 1.0))
+    if way.kind == "wrong-rate":
+        return Correction(seconds_times=float(way.run.time_s[-1] / stated.run.time_s[-1]))
+    if way.run.log is not None:
+        return Correction(log=way.run.log)
+    if stated.run.log is None and way.kind in ("reversed", "sides-swapped", "wrong-command"):
+        return Correction(command=way.run.command)
+    return None
 
 
 def thinned(run: RunData) -> RunData:

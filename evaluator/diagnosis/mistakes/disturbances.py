@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.correction import Correction
 from evaluator.diagnosis.mistakes.motion import WINDOW_S, Motion, jump, leap_in_gap, leap_over, motion_of, onset_s
 from evaluator.diagnosis.mistakes.phases import phases_of
 from evaluator.diagnosis.mistakes.recognised import Found
@@ -55,7 +56,9 @@ def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
             remedy = f"they seem to be in {unit}: " + (
                 "place them with a camera" if unit == "px" else "convert them to mm"
             )
-            found.append(Found(run.id, "wrong-unit", words, remedy))
+            factor = None if unit == "px" else 1 / UNITS[unit]
+            correction = None if factor is None else Correction(marks_times=(factor, factor))
+            found.append(Found(run.id, "wrong-unit", words, remedy, correction=correction))
         else:
             remedy = "is it the file of this robot? Measure its marks"
             found.append(Found(run.id, "wrong-robot", words, remedy))
@@ -87,7 +90,8 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
             begins = starts[run_id] + value - usual
             way = "later" if value > usual else "earlier"
             seen = f"motion begins at about {begins:.2f} s, {abs(value - usual):.2f} s {way} than start_s says"
-            found.append(Found(run_id, "late-start", seen, f"set start_s = {begins:.2f}"))
+            correction = Correction(later_s=value - usual)
+            found.append(Found(run_id, "late-start", seen, f"set start_s = {begins:.2f}", correction=correction))
     return found
 
 

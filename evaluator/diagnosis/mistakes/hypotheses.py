@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from evaluator.diagnosis.likelihood.features import rms_apart
 from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
-from evaluator.diagnosis.mistakes.alternatives import Alternative, alternatives, thinned
+from evaluator.diagnosis.mistakes.alternatives import Alternative, alternatives, correction_to, thinned
 from evaluator.diagnosis.mistakes.recognised import Found, Kind
 from simulator.robot import Robot
 
@@ -146,7 +146,8 @@ def _judged(item: Judgement, usual: set[Kind], least_share: float = MISFIT_SHARE
     others = tuple(other for other in near if other != kind)
     words = ", or ".join(near[one][1].words for one in (kind, *others))
     seen = f"{words} ({best:.2g} mm from its marks; as the file says, {stated:.2g} mm)"
-    return Found(ways[0].run.id, kind, seen, "; or ".join(REMEDIES[one] for one in (kind, *others)), others)
+    remedy = "; or ".join(REMEDIES[one] for one in (kind, *others))
+    return Found(ways[0].run.id, kind, seen, remedy, others, correction_to(near[kind][1], ways[0]))
 
 
 REMEDIES: dict[Kind, str] = {

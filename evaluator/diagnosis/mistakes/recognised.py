@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
+
+from evaluator.diagnosis.mistakes.correction import Correction
 
 Kind = Literal[
     "reversed",
@@ -46,7 +48,8 @@ MOST = 0.8  # of the runs: what concerns so many is a habit of the session, said
 class Found:
     """A mistake in one run: what is seen, as the end of a sentence that begins with the run, and the remedy.
 
-    equivalent: other kinds that this run alone cannot be told from.
+    equivalent: other kinds that this run alone cannot be told from. correction: what puts its files right, if anything
+    does.
     """
 
     run: str
@@ -54,13 +57,15 @@ class Found:
     seen: str
     remedy: str
     equivalent: tuple[Kind, ...] = ()
+    correction: Correction | None = None
 
 
 @dataclass(frozen=True)
 class Mistake:
     """A mistake of one run or of many; everywhere: of all runs, or nearly all.
 
-    equivalent_kinds: what the runs could as well be, as far as their motion tells.
+    equivalent_kinds: what the runs could as well be, as far as their motion tells. corrections: what puts the files of
+    a run right, for those where something does.
     """
 
     runs: tuple[str, ...]
@@ -68,6 +73,7 @@ class Mistake:
     sentence: str
     everywhere: bool = False
     equivalent_kinds: tuple[Kind, ...] = ()
+    corrections: Mapping[str, Correction] = field(default_factory=dict)
 
 
 def mistakes_of(found: Sequence[Found], runs: int, showing: Mapping[Kind, int] | None = None) -> list[Mistake]:
@@ -90,10 +96,18 @@ def mistakes_of(found: Sequence[Found], runs: int, showing: Mapping[Kind, int] |
             sentence = f"{everyone}: {of_kind[0].seen} (as in {of_kind[0].run}); {of_kind[0].remedy}"
             concerned = tuple(item.run for item in of_kind)
             alike = tuple(k for k in ORDER if all(k in item.equivalent for item in of_kind))
-            result.append(Mistake(concerned, kind, sentence, everywhere=True, equivalent_kinds=alike))
+            result.append(Mistake(concerned, kind, sentence, True, alike, _corrections(of_kind)))
             continue
         result += [
-            Mistake((item.run,), kind, f"{item.run}: {item.seen}; {item.remedy}", equivalent_kinds=item.equivalent)
+            Mistake(
+                *((item.run,), kind, f"{item.run}: {item.seen}; {item.remedy}"),
+                equivalent_kinds=item.equivalent,
+                corrections=_corrections([item]),
+            )
             for item in of_kind
         ]
     return result
+
+
+def _corrections(found: Sequence[Found]) -> dict[str, Correction]:
+    return {item.run: item.correction for item in found if item.correction is not None}

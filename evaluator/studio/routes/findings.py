@@ -17,12 +17,14 @@ from evaluator.workflow import (
     effects_of,
     new_experiment,
     new_table,
+    out_folder,
     read_experiment,
     results_view,
     robot_file,
     robot_sliders,
     sandbox_motions,
     with_effects,
+    write_mended,
     write_robot,
 )
 
@@ -37,6 +39,7 @@ def routes(studio: Studio) -> list[Route]:
         Route(one + "/diagnosis", endpoint(studio, diagnosis)),
         Route(one + "/robot", endpoint(studio, add_effect), methods=["POST"]),
         Route(one + "/mend", endpoint(studio, mend), methods=["POST"]),
+        Route(one + "/mended", endpoint(studio, write_mended_copy), methods=["POST"]),
         Route(one + "/next", endpoint(studio, write_next), methods=["POST"]),
         Route("/api/sandbox", endpoint(studio, sliders)),
         Route("/api/sandbox", endpoint(studio, motions), methods=["POST"]),
@@ -111,6 +114,17 @@ def mend(studio: Studio, asked: Asked) -> Json:
         raise InputError("these runs are not in the experiment any more")
     studio.history.record(path, lambda: edit_experiment(path, table.version, edits))
     return {"changed": len(edits) // 2}
+
+
+def write_mended_copy(studio: Studio, asked: Asked) -> Json:
+    """Write the experiment with all mistakes of its runs put right, as a file of its own beside it."""
+    path = studio.folder.path(asked.path["id"])
+    mended = write_mended(path, out_folder(path))
+    if mended is None:
+        raise InputError("no run shows a mistake any more; diagnose again")
+    target = studio.folder.inside(mended.path)
+    shown = {"id": studio.folder.id_of(target), "path": studio.folder.relative(target)}
+    return {**shown, "changes": list(mended.changes)}
 
 
 def write_next(studio: Studio, asked: Asked) -> Json:

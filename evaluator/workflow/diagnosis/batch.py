@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from calibration.errors import CalibrationError
+from evaluator.diagnosis.inference.watch import USUAL_SECONDS
 from evaluator.errors import InputError
 from evaluator.progress import Progress, no_progress
 from evaluator.workflow.execution.answers import answers_of
@@ -18,11 +19,12 @@ from simulator.errors import SimulationError
 
 @dataclass(frozen=True)
 class Order:
-    """An experiment to diagnose, the folder of its results, and in how many processes to track."""
+    """An experiment to diagnose, the folder of its results, in how many processes to track, and how long to search."""
 
     experiment: Path
     out: Path
     trackers: int
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -42,17 +44,19 @@ def diagnose_each(
     *,
     workers: int | None = None,
     dask: str | None = None,
+    seconds: float = USUAL_SECONDS,
     progress: Progress = no_progress,
 ) -> list[Answer]:
     """Diagnose experiments into folders of their own below out; an answer for each, in their order.
 
-    The diagnoses do not depend on workers or dask. An experiment that cannot be used does not stop the others.
+    seconds: of one core, after which the search of an experiment is stopped. The diagnoses do not depend on workers or
+    dask. An experiment that cannot be used does not stop the others.
     """
     experiments = tuple(dict.fromkeys(experiments))
     count = workers or available_cores()
     trackers = max(count // len(experiments), 1) if dask is None else 1
     folders = folders_of(experiments, out)
-    orders = [Order(path.resolve(), folders[path].resolve(), trackers) for path in experiments]
+    orders = [Order(path.resolve(), folders[path].resolve(), trackers, seconds) for path in experiments]
     found: dict[int, Answer] = {}
 
     def told() -> None:
@@ -83,7 +87,7 @@ def _diagnosed(order: Order) -> Answer:
     from evaluator.workflow.diagnosis.experiment import diagnose_experiment
 
     try:
-        found, content = diagnose_experiment(order.experiment, order.out, workers=order.trackers)
+        found, content = diagnose_experiment(order.experiment, order.out, workers=order.trackers, seconds=order.seconds)
     except (InputError, CalibrationError, SimulationError) as error:
         return Answer(order.experiment, order.out, fault=str(error))
     except OSError as error:

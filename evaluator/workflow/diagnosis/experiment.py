@@ -12,6 +12,7 @@ from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.diagnosis import diagnose as diagnose_session
 from evaluator.diagnosis.experiment import Session, session_of
 from evaluator.diagnosis.inference.fit_cache import Ends
+from evaluator.diagnosis.inference.watch import USUAL_SECONDS
 from evaluator.diagnosis.output.diagnosis_json import disagreement, record
 from evaluator.diagnosis.output.own_effect import own_effect
 from evaluator.diagnosis.output.robot_file import robot_text
@@ -71,15 +72,19 @@ def diagnose(
     workers: int | None = None,
     dask: str | None = None,
     effects: Sequence[Path] = (),
+    seconds: float = USUAL_SECONDS,
     progress: Progress = no_progress,
 ) -> DiagnosisResult:
     """Name the missing effect that makes model and data disagree; see `diagnose_experiment`.
 
     effects: files of the user's own effects besides those in the folder `effects` beside the experiment; Python files
-    among them are run. Cancelled by its progress, it keeps the fits made so far and goes on with them the next time.
+    among them are run. seconds: of one core, after which the search is stopped. Cancelled by its progress, or stopped,
+    it keeps the fits made so far and goes on with them the next time.
     """
     path, folder = Path(experiment), Path(out)
-    found, content = diagnose_experiment(path, folder, progress, workers=workers, dask=dask, effects=effects)
+    found, content = diagnose_experiment(
+        path, folder, progress, workers=workers, dask=dask, effects=effects, seconds=seconds
+    )
     return DiagnosisResult(path, folder, content, anew=found is not None)
 
 
@@ -91,11 +96,13 @@ def diagnose_experiment(
     workers: int | None = None,
     dask: str | None = None,
     effects: Sequence[Path] = (),
+    seconds: float = USUAL_SECONDS,
 ) -> tuple[Diagnosis | None, dict[str, Any]]:
     """Diagnose an experiment and write the results below out.
 
     workers: processes that track recordings, by default one per core; dask: address of a scheduler whose workers track
-    instead. The results depend on neither. Gives the diagnosis, None where inputs and code are those of the one that is
+    instead. The results depend on neither. A search that was stopped is no answer to keep: the next call goes on with
+    its fits. Gives the diagnosis, None where inputs and code are those of the one that is
     there, and the content of diagnosis.json.
     Raises InputError where the experiment, a robot or all recordings cannot be used.
     """
@@ -110,14 +117,16 @@ def diagnose_experiment(
         # that meet after every batch save a tenth on an idle machine, but cost half as much processor time again, and
         # on a busy one the diagnosis took three times as long. Other cores have other experiments.
         with one_core():
-            found = diagnose_session(session, progress, Ends(outputs.diagnosis_fits, key))
+            found = diagnose_session(session, progress, Ends(outputs.diagnosis_fits, key), seconds=seconds)
     except FloatingPointError as error:
         raise InputError(f"{path}: {error}; are the robot file and the command of that run right?") from error
     content = record(found)
     if own:
         content["own_effects"] = {effect: str(file_of(effect) or "installed") for effect in own}
-    keep(outputs, key, _written(found, content, experiment, outputs))
-    outputs.diagnosis_fits.unlink(missing_ok=True)
+    files = _written(found, content, experiment, outputs)
+    if not found.stopped:
+        keep(outputs, key, files)
+        outputs.diagnosis_fits.unlink(missing_ok=True)
     return found, content
 
 

@@ -123,6 +123,10 @@ def test_an_interrupted_diagnosis_goes_on_where_it_stopped_and_ends_with_the_sam
 
     monkeypatch.setattr(Ends, "__setitem__", counted)
     outputs = Outputs(experiment.parent / "out")
+    stopped = diagnose_experiment(experiment, outputs.folder, seconds=0.5)[1]
+    assert stopped["verdict"] == "insufficient"
+    assert "the search was stopped after 0.5 s of computing" in stopped["reason"]
+    assert outputs.diagnosis_fits.exists()
     with pytest.raises(KeyboardInterrupt):
         diagnose_experiment(experiment, outputs.folder, until_pairs)
     with outputs.diagnosis_fits.open("a", encoding="utf-8") as file:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evaluator.diagnosis.likelihood.noise import Noise, fit_noise, spectrum
+from evaluator.diagnosis.likelihood.noise import Noise, _whittle, fit_noise, spectrum
 
 
 def _correlated(rng: np.random.Generator, count: int, sigma_mm: float, decay: float) -> np.ndarray:
@@ -48,3 +48,21 @@ def test_covariance_is_positive_and_has_the_variance_on_its_diagonal() -> None:
     covariance = noise.covariance(np.sort(np.random.default_rng(1).uniform(0, 3, 80)))
     assert np.linalg.eigvalsh(covariance).min() > 0
     assert np.allclose(np.diag(covariance), noise.sigma_mm**2)
+
+
+def test_products_with_the_covariance_are_those_of_its_matrix() -> None:
+    rng = np.random.default_rng(4)
+    time = np.sort(rng.uniform(0, 10, 200))
+    columns = rng.normal(size=(200, 5))
+    for noise in (Noise(0.001, 0.003, 0.1), Noise(0.002, 0.001, 0.02, drift_mm=0.004, drift_s=8.0)):
+        np.testing.assert_allclose(noise.times(time, columns), noise.covariance(time) @ columns, rtol=1e-9, atol=1e-16)
+
+
+def test_the_slopes_of_the_likelihood_of_a_noise_are_its_derivatives() -> None:
+    rng = np.random.default_rng(5)
+    frequency = np.linspace(0.7, 28.0, 40)
+    known = (frequency, rng.gamma(2.0, 2e-6, 40), 1 / 60, 11.0)
+    for free in (np.array([-12.0, -13.0, 0.4]), np.array([-11.0, -9.0, 2.5])):
+        steps = 1e-5 * np.eye(3)
+        differences = [(_whittle(free + h, *known)[0] - _whittle(free - h, *known)[0]) / 2e-5 for h in steps]
+        np.testing.assert_allclose(_whittle(free, *known)[1], differences, rtol=1e-5, atol=1e-5)

@@ -120,6 +120,11 @@ def test_a_reversed_command_is_mended(studio: Serving) -> None:
     assert studio.refused(f"{path}/mend", {"mistake": "pushed", "runs": ["r02"]})[0] == 400
 
 
+def test_a_mended_copy_is_not_written_where_no_run_shows_a_mistake(studio: Serving) -> None:
+    status, sentence = studio.refused(f"{path_of(studio)}/mended", {})
+    assert (status, "no run shows a mistake" in sentence) == (400, True)
+
+
 def test_the_next_experiment_is_written_out(studio: Serving) -> None:
     made = studio.post(f"{path_of(studio)}/next", {})
     rows = studio.get(f"/api/experiments/{made['id']}")["rows"]

@@ -51,9 +51,11 @@ function screen(found, id, signal, load) {
 function mistakes(content, id, load) {
   if (!content.mistakes.length) return null;
   const mend = (one) => () => post(`/api/experiments/${id}/mend`, { mistake: one.kind, runs: one.runs }).then(() => { say("The commands are changed; analyse again.", true); load(); }).catch(say);
+  const copy = () => post(`/api/experiments/${id}/mended`).then((made) => { say(`Written to ${made.path}: ${made.changes.join("; ")}.`, true); location.hash = `#/x/${made.id}/runs`; }).catch(say);
   return h("section", { class: "card warned" }, h("h2", {}, "Mistakes of the experiment"),
     content.mistakes.map((one) => h("div", { class: "row end" }, h("p", {}, one.sentence),
-      MENDED[one.kind] ? h("button", { onclick: mend(one) }, MENDED[one.kind]) : h("a", { class: "button", href: `#/x/${id}/runs/${encodeURIComponent(one.runs[0])}` }, "See the run"))));
+      MENDED[one.kind] ? h("button", { onclick: mend(one) }, MENDED[one.kind]) : h("a", { class: "button", href: `#/x/${id}/runs/${encodeURIComponent(one.runs[0])}` }, "See the run"))),
+    h("div", { class: "row end" }, h("p", {}, "Or all of them at once, in a copy; runs that nothing puts right are left out."), h("button", { onclick: copy }, "Write a mended experiment")));
 }
 
 function effect_card(effect) {

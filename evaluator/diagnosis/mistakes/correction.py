@@ -1,0 +1,24 @@
+"""What puts a mistake right in the files of a run: another command, another start, marks or seconds read otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from evaluator.interchange.commands import Told
+
+
+@dataclass(frozen=True)
+class Correction:
+    """Changes to what the files say of a run; nothing is changed that is not given.
+
+    command: left and right rpm instead of its command; log: instead of its log, in the time of the recording. later_s:
+    added to start_s. seconds_times: factor of its times. marks_exchanged: the first mark is the second. marks_times:
+    factors of the x and y of its marks.
+    """
+
+    command: tuple[float, float] | None = None
+    log: Told | None = None
+    later_s: float = 0.0
+    seconds_times: float = 1.0
+    marks_exchanged: bool = False
+    marks_times: tuple[float, float] = (1.0, 1.0)

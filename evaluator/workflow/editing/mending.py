@@ -1,0 +1,146 @@
+"""The experiment file with its mistakes put right: a new file beside the old one, never instead of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from evaluator.errors import InputError
+from evaluator.files import read_with, write_table, write_text
+from evaluator.marks import read_marks
+from evaluator.robot_geometry import reference_pair
+from evaluator.settings import load_experiment
+from evaluator.workflow.editing.documents import read_document
+from evaluator.workflow.results.outputs import Outputs
+from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
+from simulator.robot import load_robot
+
+if TYPE_CHECKING:
+    from evaluator.diagnosis.mistakes.correction import Correction
+
+LEFT_OUT = "is left out: nothing in its files puts it right"
+
+
+@dataclass(frozen=True)
+class Mended:
+    """The file that was written, and what was changed, a sentence for each run."""
+
+    path: Path
+    changes: tuple[str, ...]
+
+
+def write_mended(path: Path, out: Path | None = None) -> Mended | None:
+    """Write NAME-mended.toml beside an experiment.toml, with all mistakes of its runs put right; None without any.
+
+    Runs that nothing in their files can put right (held, pushed, unlike the robot) are left out. Marks that were read
+    wrongly are written anew, NAME-mended-RUN.csv; comments of the experiment stay. out: folder in which an analysis
+    left the marks of videos. Raises InputError where such a file is there already or no run would be left.
+    """
+    experiment = read_with(load_experiment, path)
+    tracked = {run.id: Outputs(out).marks(run.id) for run in experiment.run if run.video is not None} if out else {}
+    marks = {**given_marks(experiment), **{run: file for run, file in tracked.items() if file.is_file()}}
+    wrong = {run: item for item in mistakes_of_marks(experiment, marks) for run in item.runs}
+    if not wrong:
+        return None
+    target = path.with_name(f"{path.stem}-mended.toml")
+    if target.exists():
+        raise InputError(f"{target}: is there already; rename or remove it, and write the mended experiment again")
+    document, _ = read_document(path)
+    rows: Any = document["run"]
+    robots = {run.id: Path(run.robot or experiment.robot) for run in experiment.run}
+    given = {run.id for run in experiment.run if run.marks is not None}
+    files: dict[Path, pd.DataFrame] = {}
+    changes = []
+    for number in reversed(range(len(rows))):
+        run = str(rows[number]["id"])
+        if run not in wrong:
+            continue
+        correction = wrong[run].corrections.get(run)
+        if correction is None or (_of_marks(correction) and run not in given):
+            del rows[number]
+            changes.append(f"{run} {LEFT_OUT}")
+            continue
+        table = read_with(read_marks, marks[run]) if _of_marks(correction) else None
+        pair = reference_pair(load_robot(robots[run])) or ()
+        changes.append(f"{run}: {'; '.join(_apply(correction, rows[number], target, files, table, pair))}")
+    if not len(rows):
+        raise InputError(f"{path}: no run would be left: {wrong[next(iter(wrong))].sentence}")
+    for file, content in files.items():
+        write_table(content, file)
+    write_text(target, document.as_string())
+    return Mended(target, tuple(reversed(changes)))
+
+
+def _of_marks(correction: Correction) -> bool:
+    """Whether a correction changes the marks, not what was commanded."""
+    changed = correction.marks_exchanged or correction.marks_times != (1.0, 1.0)
+    return changed or correction.seconds_times != 1.0
+
+
+def _apply(
+    correction: Correction,
+    row: Any,
+    target: Path,
+    files: dict[Path, pd.DataFrame],
+    table: pd.DataFrame | None,
+    pair: tuple[str, ...],
+) -> list[str]:
+    """Put a run right in its row of the file; files takes what is to be written beside. Gives what was changed."""
+    said = []
+    if correction.command is not None:
+        row["left_rpm"], row["right_rpm"] = correction.command
+        said.append(f"left_rpm = {correction.command[0]:g}, right_rpm = {correction.command[1]:g}")
+    if correction.log is not None:
+        file = target.with_name(f"{target.stem}-{row['id']}-commands.csv")
+        files[file] = pd.DataFrame(correction.log.command.knots, columns=["time_s", "left_rpm", "right_rpm"])
+        for key in ("left_rpm", "right_rpm", "stop_s", "start_s"):
+            row.pop(key, None)
+        row["commands"] = file.name
+        said.append(f"commands = {file.name}, in the time of the recording")
+    if correction.later_s:
+        row["start_s"] = round(float(row.get("start_s", 0.0)) + correction.later_s, 3)
+        said.append(f"start_s = {row['start_s']:g}")
+    if table is not None:
+        file = target.with_name(f"{target.stem}-{row['id']}.csv")
+        files[file] = mended_marks(table, correction, pair)
+        row["marks"] = file.name
+        said.append(f"marks = {file.name}, {_words(correction)}")
+    return said
+
+
+def _words(correction: Correction) -> str:
+    """What was done to the marks of a run."""
+    if correction.marks_exchanged:
+        return "its two marks exchanged"
+    if correction.seconds_times != 1.0:
+        return f"its seconds times {correction.seconds_times:.4g}"
+    if min(correction.marks_times) < 0:
+        return "mirrored in x"
+    return f"its lengths times {correction.marks_times[0]:g}"
+
+
+def mended_marks(table: pd.DataFrame, correction: Correction, pair: tuple[str, ...]) -> pd.DataFrame:
+    """A table of marks with a correction made; pair: names of the two marks that tell the pose."""
+    changed = table.assign(time_s=table["time_s"] * correction.seconds_times)
+    factors: Mapping[str, float] = dict(zip("xy", correction.marks_times, strict=True))
+    for name in changed.columns:
+        axis = next((axis for axis in "xy" if name.endswith((f"_{axis}_mm", f"_{axis}_sigma_mm"))), None)
+        if axis is not None:
+            factor = factors[axis]
+            changed[name] *= np.abs(factor) if name.endswith("_sigma_mm") else factor
+    if correction.marks_exchanged:
+        first, second = pair
+        other = {f"{a}_": f"{b}_" for a, b in ((first, second), (second, first))}
+        names = {
+            name: new + name.removeprefix(old)
+            for name in changed.columns
+            for old, new in other.items()
+            if name.startswith(old)
+        }
+        changed = changed.rename(columns=names)
+    return changed

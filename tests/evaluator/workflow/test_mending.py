@@ -1,0 +1,85 @@
+"""An experiment whose mistakes are put right on request shows none; the old file stays as it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from evaluator.cli.new import check
+from evaluator.errors import InputError
+from evaluator.settings import load_experiment
+from evaluator.workflow.editing.mending import write_mended
+from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
+from tests.evaluator.diagnosis.hidden import COMMANDS, write_hidden
+
+EXCHANGED = {"green_x_mm": "yellow_x_mm", "green_y_mm": "yellow_y_mm"}
+EXCHANGED |= {new: old for old, new in EXCHANGED.items()}
+
+
+def mistakes(path: Path) -> dict[str, str]:
+    experiment = load_experiment(path)
+    return {run: item.kind for item in mistakes_of_marks(experiment, given_marks(experiment)) for run in item.runs}
+
+
+def rewrite(path: Path, old: str, new: str) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+
+
+def spoilt(folder: Path) -> Path:
+    """An experiment with one mistake each in seven of its sixteen runs."""
+    path = write_hidden(folder, {}, commands=COMMANDS * 2, seconds=4.0)
+    rewrite(path, 'id = "r4"\nleft_rpm = -33.3', 'id = "r4"  # the second gear\nleft_rpm = 33.3')
+    rewrite(path, "right_rpm = -14.4", "right_rpm = 14.4")
+    rewrite(path, 'id = "r6"\nleft_rpm = 60.0\nright_rpm = 40.0', 'id = "r6"\nleft_rpm = 40.0\nright_rpm = 60.0')
+    rewrite(
+        path,
+        'id = "r10"\nleft_rpm = 33.3\nright_rpm = 14.4\nstart_s = 0.3',
+        'id = "r10"\nleft_rpm = 33.3\nright_rpm = 14.4\nstart_s = 0.05',
+    )
+    tables = {run: pd.read_csv(folder / f"{run}.csv") for run in ("r2", "r3", "r5", "r15")}
+    tables["r2"] = tables["r2"].rename(columns=EXCHANGED)
+    tables["r3"][["green_x_mm", "yellow_x_mm"]] *= -1
+    tables["r5"].iloc[:, 1:] /= 25.4
+    tables["r15"].iloc[:, 1:] = tables["r15"].iloc[0, 1:]
+    for run, table in tables.items():
+        table.to_csv(folder / f"{run}.csv", index=False)
+    return path
+
+
+def test_a_mended_experiment_shows_no_mistake_and_keeps_its_comments(tmp_path: Path) -> None:
+    path = spoilt(tmp_path)
+    found = mistakes(path)
+    assert found == {
+        "r2": "marks-swapped",
+        "r3": "mirrored",
+        "r4": "reversed",
+        "r5": "wrong-unit",
+        "r6": "sides-swapped",
+        "r10": "late-start",
+        "r15": "stuck",
+    }
+    before = path.read_bytes()
+    told = CliRunner().invoke(check, [str(path), "--write-mended"], standalone_mode=False)
+    mended = path.with_name("experiment-mended.toml")
+    assert path.read_bytes() == before
+    assert mistakes(mended) == {}
+    assert "# the second gear" in mended.read_text(encoding="utf-8")
+    assert "r15 is left out" in told.stderr
+    runs = {run.id: run for run in load_experiment(mended).run}
+    assert set(runs) == {run.id for run in load_experiment(path).run} - {"r15"}
+    assert (runs["r4"].left_rpm, runs["r4"].right_rpm) == (-33.3, -14.4)
+    assert runs["r10"].start_s == pytest.approx(0.3, abs=0.02)
+
+
+def test_a_mended_experiment_that_is_there_is_not_written_over(tmp_path: Path) -> None:
+    path = write_hidden(tmp_path, {})
+    assert write_mended(path) is None
+    rewrite(path, "left_rpm = 33.3\nright_rpm = 14.4", "left_rpm = -33.3\nright_rpm = -14.4")
+    assert write_mended(path) is not None
+    with pytest.raises(InputError, match="is there already"):
+        write_mended(path)
