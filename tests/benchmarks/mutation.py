@@ -194,7 +194,7 @@ def main() -> int:
             return 2
         limit_s = said.limit_s or 3 * (time.monotonic() - began) + 10
         survived = []
-        for mutant in chosen:
+        for number, mutant in enumerate(chosen, 1):
             file = folder / mutant.path
             shutil.copy2(file, original := Path(name) / "original.py")
             file.write_text(mutant.text, encoding="utf-8")
@@ -202,7 +202,7 @@ def main() -> int:
             shutil.copy2(original, file)  # with its time: a kernel is compiled anew where a source is younger
             if passed:
                 survived.append(mutant)
-                print(f"survived  {mutant.path}:{mutant.line}  {mutant.change}", flush=True)
+                print(f"survived  {number}/{len(chosen)}  {mutant.path}:{mutant.line}  {mutant.change}", flush=True)
     share = 1 - len(survived) / len(chosen)
     print(f"{len(chosen)} of {len(everything)} mutants (seed {said.seed}): {100 * share:.0f} % noticed")
     return 0 if share >= said.wanted else 1

@@ -190,6 +190,11 @@ def test_row_sets_measured_beside_simulated_with_the_difference_of_the_simulated
     assert (row["steady_radius_low_mm"], row["steady_radius_high_mm"]) == (7.8, 8.3)
     assert all((row[name], row[f"simulated_{name}"]) == (6.0, 7.0) for name in ALIKE)
     assert (row["gap_rms_mm"], row["gap_end_mm"]) == pytest.approx((5.0, 5.0))
+    # Speeds of the marks follow the speed of the robot, each column beside its simulated one, and none is there twice.
+    beside = [name for name in row if name in ALIKE]
+    assert beside == [*BESIDE[:2], "green_speed_mm_s", "front_speed_mm_s", *BESIDE[2:]]
+    names = list(row)
+    assert all(names[names.index(name) + 1] == f"simulated_{name}" for name in beside)
 
 
 @pytest.mark.parametrize(("curvature", "straight"), [(0.9e-6, True), (-0.9e-6, True), (1.1e-6, False)])

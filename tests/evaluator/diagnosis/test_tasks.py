@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.candidates.coordinates import named_terms
+from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.likelihood.problem import aligned_starts
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated, varied_robot
+from evaluator.interchange.commands import Told
 from simulator.command import Command
 from simulator.effects.entry import EffectEntry
 from simulator.observation import marks_of_run
 from simulator.robot import Robot, load_robot
 from simulator.run import State
-from simulator.simulation import simulate
+from simulator.simulation import moving_state, simulate
 
 BARREL = load_robot("barrel")
 TIME = np.arange(60) / 30
@@ -170,6 +172,70 @@ def test_tasks_of_many_runs_keep_their_order() -> None:
     np.testing.assert_allclose(marks[1], expected(), atol=2e-4)
     np.testing.assert_allclose(marks[0], expected(rpm=(20.0, RIGHT), time=TIME[:40]), atol=2e-4)
     np.testing.assert_allclose(marks[2], expected(rpm=(22.0, RIGHT), time=TIME[:40]), atol=2e-4)
+
+
+def test_each_task_is_seen_as_its_own_terms_and_run_say() -> None:
+    """Of three tasks the middle one has its marks elsewhere and a drift that counts its run: the others do not."""
+    early = replace(RUN, order=0, systematic={})
+    simulated = Simulated([BARREL] * 2, [RUN, early], named_terms(20.0, (30.0, 60.0)), KNOWN, SIGMA_S)
+    moved = task(terms={"mark-offset": (0.2, -0.1, 3.0)})
+    drifting = {"speed-drift": (0.02,)}
+    plain, elsewhere, again = simulated.marks([task(), moved, task({4: 0.05})])
+    np.testing.assert_allclose(plain, expected(), atol=2e-4)
+    agree(elsewhere, expected(with_effect("mark-offset", x_mm=0.2, y_mm=-0.1, angle_deg=3.0)))
+    agree(again, expected(rpm=(1.05 * LEFT, RIGHT)))
+    fourth, first = simulated.marks([task(terms=drifting), replace(task(terms=drifting), run=1)])
+    agree(fourth, expected(with_effect("speed-drift", per_run=0.02)))
+    np.testing.assert_allclose(first, expected(), atol=2e-4)  # nothing has drifted yet
+
+
+def free_form(channel: str, basis: str, coefficient: float) -> EffectEntry:
+    return EffectEntry.model_validate(
+        {"id": "free-form", "channel": channel, "basis": basis, "coefficient": coefficient}
+    )
+
+
+@pytest.mark.parametrize(
+    ("term", "parts"),
+    [
+        ("free:moment.one", [("moment", "one", 900.0)]),
+        ("free:camera_x.time+camera_y.time", [("camera_x", "time", 0.3), ("camera_y", "time", -0.2)]),
+        ("free:left_drive.right_command+right_drive.left_command", [("left_drive", "right_command", 0.1)]),
+    ],
+)
+def test_terms_without_a_name_are_those_of_a_robot_file(term: str, parts: list[tuple[str, str, float]]) -> None:
+    values = [part[2] for part in parts] + [0.0] * (2 - len(parts) if "+" in term else 0)
+    robot = BARREL.model_copy(update={"effect": tuple(free_form(*part) for part in parts)})
+    (marks,) = Simulated([BARREL], [RUN], free_terms()).marks([task(terms={term: tuple(values)})])
+    agree(marks, expected(robot))
+
+
+def test_without_a_sigma_of_the_start_no_run_has_a_start_of_its_own() -> None:
+    (marks,) = Simulated([BARREL], [RUN], {}).marks([task({6: 50.0})])
+    np.testing.assert_allclose(marks, expected(), atol=2e-4)
+
+
+def test_a_recording_that_begins_late_is_simulated_from_the_start_of_the_motors() -> None:
+    late = replace(RUN, time_s=TIME + 1.0, systematic={})
+    (marks,) = Simulated([BARREL], [late], {}).marks([task()])
+    whole = expected(time=np.concatenate([[START_S], TIME + 1.0]))
+    np.testing.assert_allclose(marks, whole[1:], atol=2e-4)
+    assert np.abs(whole[1] - whole[0]).max() > 0.3  # it has moved by its first frame
+
+
+def test_a_run_that_does_not_start_at_rest_has_the_velocity_of_its_command_at_its_first_frame() -> None:
+    """Of a robot that slides for a fifth of a second until it has gathered speed."""
+    slip = BARREL.slip.model_copy(update={"longitudinal_friction": 1e-3, "lateral_friction": 2e-3})
+    body, magnets = BARREL.body.model_copy(update={"mass_g": 50.0}), type(BARREL.magnetic_attraction)()
+    slippery = BARREL.model_copy(update={"slip": slip, "body": body, "magnetic_attraction": magnets})
+    command = Command.always(LEFT, RIGHT)
+    moving = replace(RUN, log=Told(command, starts_at_rest=False), start_s=0.0, systematic={})
+    resting = replace(moving, log=Told(command))
+    simulated = Simulated([slippery] * 2, [moving, resting], {})
+    of_moving, of_resting = simulated.marks([task(), replace(task(), run=1)])
+    start = moving_state(slippery, command, State(*POSE), -1e-3)
+    run = simulate(slippery, command, np.concatenate([[-1e-3], TIME]), start, run_index=3)
+    agree(of_moving, marks_of_run(slippery, run).to_numpy()[1:, 1:], of_resting)
 
 
 def test_starts_are_aligned_with_the_first_part_of_every_run() -> None:

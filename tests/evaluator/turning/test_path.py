@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluator.turning.path import PointPath, _along, _distance, _first_guess, _noise, _spread, measure_path
+from evaluator.turning.path import PointPath, _along, _circle, _distance, _first_guess, _noise, _spread, measure_path
 
 FRAME_S = 1 / 50
 
@@ -62,6 +62,17 @@ def test_places_that_jump_are_set_aside() -> None:
     time, places = on_circle(5.0, 300, 300, 0.01)
     places[100:104] += 1.0
     assert measure_path(time, places).radius == pytest.approx(5.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(("sigmas", "counts"), [(9.0, False), (4.5, True)])
+def test_places_beyond_six_sigmas_are_no_part_of_the_circle(sigmas: float, counts: bool) -> None:
+    time, places = on_circle(5.0, 200, 300, 0.01)
+    jumping = np.arange(300) % 60 == 30
+    exact = on_circle(5.0, 200, 300)[1]
+    outward = (exact - [3.0, -2.0]) / 5.0
+    places[jumping] = exact[jumping] + 0.01 * sigmas * outward[jumping]
+    with_all, without = _circle(time, places)[0].value, _circle(time[~jumping], places[~jumping])[0].value
+    assert (abs(with_all / without - 1) > 1e-5) == counts
 
 
 def test_radius_that_changes_is_said_to_vary_with_its_size() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,8 +10,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from evaluator.turning import sustained
 from evaluator.turning.motion.curvature import Curvature
-from evaluator.turning.motion.fit import fit_turn, part, scaled_poses
+from evaluator.turning.motion.fit import fit_turn, fit_turns, part, scaled_poses
 from evaluator.turning.sustained import (
     QUARTER_TURN_RAD,
     Sustained,
@@ -200,3 +202,24 @@ def test_frames_that_jump_in_a_piece_are_no_part_of_the_tightest_window() -> Non
     steady = np.ones(len(pose), dtype=bool)
     found = sustained_turn(time, scaled, [~steady, steady, ~steady], fit_turn(time, part(scaled, steady)))
     assert found.tightest.value == pytest.approx(0.25, rel=4e-3)
+
+
+@pytest.mark.parametrize(("aside", "looked_at"), [(0.05, False), (0.15, True)])
+def test_frames_set_aside_by_the_fit_to_the_whole_are_in_no_piece_unless_they_are_a_tenth_of_all(
+    monkeypatch: pytest.MonkeyPatch, aside: float, looked_at: bool
+) -> None:
+    pose = winding_poses(np.full(400, 0.2), 0.04)
+    scaled = scaled_poses(pose, np.tile(np.diag([1e-6, 1e-6, 2.5e-7]), (len(pose), 1, 1)))
+    time, steady = np.arange(len(pose)) / 50, np.ones(len(pose), dtype=bool)
+    used = np.arange(len(pose)) >= aside * len(pose)
+    whole = replace(fit_turn(time, part(scaled, steady)), used=used)
+    pieces: list[np.ndarray] = []
+
+    def noted(time_s: np.ndarray, poses: Any, windows: list[np.ndarray], **said: Any) -> Any:
+        pieces.extend(windows)
+        return fit_turns(time_s, poses, windows, **said)
+
+    monkeypatch.setattr(sustained, "fit_turns", noted)
+    sustained_turn(time, scaled, [~steady, steady, ~steady], whole)
+    assert np.any(pieces, axis=0)[~used].any() == looked_at
+    assert np.any(pieces, axis=0)[used].all()

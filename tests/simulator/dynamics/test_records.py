@@ -162,7 +162,7 @@ def test_layout_tells_driven_from_rolling_wheels_and_both_from_balls() -> None:
     assert layout.rectangle is None
 
 
-SQUARE = np.array([[5.0, 2.0], [5.0, -2.0], [1.0, 2.0], [1.0, -2.0]])
+SQUARE = np.array([[5.0, 4.0], [5.0, 1.0], [1.0, 4.0], [1.0, 1.0]])
 
 
 @pytest.mark.parametrize(
@@ -170,9 +170,9 @@ SQUARE = np.array([[5.0, 2.0], [5.0, -2.0], [1.0, 2.0], [1.0, -2.0]])
     [
         (SQUARE, True),
         (SQUARE[:3], False),
-        (np.vstack([SQUARE[:3], [[1.0, -2.1]]]), False),
+        (np.vstack([SQUARE[:3], [[1.0, 0.9]]]), False),
         (np.array([[0.0, 2.0], [0.0, -2.0], [0.0, 1.0], [0.0, -1.0]]), False),
-        (np.vstack([SQUARE, [[3.0, 0.0]]]), False),
+        (np.vstack([SQUARE, [[3.0, 2.0]]]), False),
     ],
 )
 def test_rectangle_is_four_corners_along_the_axes_and_nothing_else(places: np.ndarray, found: bool) -> None:
@@ -180,7 +180,7 @@ def test_rectangle_is_four_corners_along_the_axes_and_nothing_else(places: np.nd
     if found:
         rectangle = Rectangle.of(places)
         assert rectangle is not None
-        assert (rectangle.middle, rectangle.sides) == ((3.0, 0.0), (4.0, 4.0))
+        assert (rectangle.middle, rectangle.sides) == ((3.0, 2.5), (4.0, 3.0))
         assert rectangle.corners == ((1, 1), (1, -1), (-1, 1), (-1, -1))
 
 
