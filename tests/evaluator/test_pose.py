@@ -78,7 +78,7 @@ def test_systematic_part_is_the_change_of_pose_with_the_camera(frames: int) -> N
     np.testing.assert_allclose(shift * np.sign(found[-1]) * np.sign(shift[-1]), found, atol=2e-3 * np.abs(shift).max())
 
 
-def test_marks_seen_in_pictures_share_an_error_fixed_to_the_body() -> None:
+def test_marks_seen_in_images_share_an_error_fixed_to_the_body() -> None:
     camera = camera_above(size_px=(640, 480), focal_px=2000, distance_mm=150)
     marks = marks_of(np.tile([1.0, 2.0, np.pi / 2], (50, 1)), 0.01, np.random.default_rng(6))
     for name in ("green", "yellow"):
