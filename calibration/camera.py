@@ -94,7 +94,7 @@ class Camera:
         width, height = self.size_px
         middle = np.array([(width - 1) / 2, (height - 1) / 2]) if middle_px is None else np.asarray(middle_px)
         ends = middle + CHORD * min(width, height) * np.array([[-1, 0], [1, 0], [0, -1], [0, 1]])
-        placed, sensitivity = self.plate_from_picture(ends, height_mm), self.plate_sensitivity(ends, height_mm)
+        placed, sensitivity = self.plate_from_image(ends, height_mm), self.plate_sensitivity(ends, height_mm)
         total, slope = 0.0, np.zeros(len(PARAMETERS))
         for a, b in ((0, 1), (2, 3)):
             chord = placed[b] - placed[a]
@@ -108,12 +108,12 @@ class Camera:
         exact = self.covariance - np.outer(self.pitch_error, self.pitch_error)
         return replace(self, covariance=exact, pitch_error=np.zeros(len(PARAMETERS)))
 
-    def picture_from_plate(self, points_mm: ArrayLike) -> Array:
+    def image_from_plate(self, points_mm: ArrayLike) -> Array:
         """Project points (..., 3) of the plate frame, mm; returns (..., 2) px, NaN behind the camera."""
         points = np.asarray(points_mm, dtype=float)
         return project(points.reshape(-1, 3), self.parameters, self.lens)[0].reshape(*points.shape[:-1], 2)
 
-    def plate_from_picture(self, points_px: ArrayLike, height_mm: float) -> Array:
+    def plate_from_image(self, points_px: ArrayLike, height_mm: float) -> Array:
         """Place image points (..., 2) px on the plane height_mm above the plate; returns (..., 2) mm.
 
         NaN where the line of sight misses the plane or the lens model has no inverse.
@@ -133,14 +133,14 @@ class Camera:
         return np.asarray(placed.reshape(*points.shape[:-1], 2))
 
     def plate_jacobian(self, points_px: ArrayLike, height_mm: float) -> Array:
-        """Derivative of `plate_from_picture` by the image point: (..., 2, 2), mm per px."""
+        """Derivative of `plate_from_image` by the image point: (..., 2, 2), mm per px."""
         points = np.asarray(points_px, dtype=float)
         by_point, _ = self._at(points.reshape(-1, 2), height_mm)
         identity = np.broadcast_to(np.eye(2), by_point.shape)
         return solve_2x2(by_point, identity).reshape(*points.shape[:-1], 2, 2)
 
     def plate_sensitivity(self, points_px: ArrayLike, height_mm: float) -> Array:
-        """Derivative of `plate_from_picture` by the parameters: (..., 2, 16).
+        """Derivative of `plate_from_image` by the parameters: (..., 2, 16).
 
         With `covariance` it gives the systematic covariance between any points, J C Jᵀ: errors that no more frames
         would average away. From the implicit function: the image point stays, so dX/dθ = -(du/dX)⁻¹ du/dθ.
@@ -156,7 +156,7 @@ class Camera:
 
     def _at(self, points_px: Array, height_mm: float) -> tuple[Array, Array]:
         """Derivatives of the projection by plate x, y (n, 2, 2) and by the parameters (n, 2, 16) at image points."""
-        placed = self.plate_from_picture(points_px, height_mm)
+        placed = self.plate_from_image(points_px, height_mm)
         on_plane = np.column_stack([placed, np.full(len(placed), height_mm)])
         _, by_point, by_parameter = project(on_plane, self.parameters, self.lens)
         return by_point[:, :, :2], by_parameter

@@ -38,7 +38,7 @@ class Poses:
 
     time_s, x_mm, y_mm, heading_rad: (n,). covariance: (n, 3, 3) of (x, y, heading), what is random from frame to frame.
     systematic: (n, 3, k), shift of every pose by one standard deviation of each of k independent errors common to all
-    frames: of the camera, and of the marks' centres where they come from pictures; None without a camera. spacing_mm:
+    frames: of the camera, and of the marks' centres where they come from images; None without a camera. spacing_mm:
     (n,) measured distance of the two marks that are farthest apart. Of a robot with a single mark x_mm and y_mm are
     the places of that mark and no frame has a heading.
     """

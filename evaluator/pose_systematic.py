@@ -22,11 +22,11 @@ SUPPORTS = 120  # points where the camera's sensitivity is computed; a lens is s
 # is 0.10 to 0.15 of the single-frame error; 0.0016 px without loss.
 COMMON_SHARE = 0.12
 COMMON_PX = 0.0015
-# The same fixed to the picture, measured over 29 rendered H.264 clips of robots that turn at 1 to 3 mm/s for 3 to 9
+# The same fixed to the image, measured over 29 rendered H.264 clips of robots that turn at 1 to 3 mm/s for 3 to 9
 # s: less what noise leaves in it the mean error of a mark is 0.20 of the single-frame error. Where the robot turned
-# by more than 0.6 turns, which tells the two apart, it is 0.18 in the picture and 0.14 on the body, each with some of
+# by more than 0.6 turns, which tells the two apart, it is 0.18 in the image and 0.14 on the body, each with some of
 # the other.
-PICTURE_SHARE = 0.17
+IMAGE_SHARE = 0.17
 
 
 def systematic_shifts(
@@ -41,7 +41,7 @@ def systematic_shifts(
     """Shifts (n, 3, k) of the poses by one standard deviation of each of k independent errors common to all frames.
 
     points_mm: of every mark, (n, 2) each. jacobian: (n, m, 3, 2), derivative of the pose by each mark, 0 by one that
-    is not seen. covariances: (n, m, 2, 2) of the marks, mm². Marks without picture columns have errors of the camera
+    is not seen. covariances: (n, m, 2, 2) of the marks, mm². Marks without image columns have errors of the camera
     alone.
     """
     by_camera = np.nan_to_num(camera_shifts(marks, points_mm, height_mm, camera))
@@ -52,8 +52,8 @@ def systematic_shifts(
     common = common_error_mm(marks, points_mm, covariances)
     seen = sum(np.isfinite(place).all(axis=1).astype(int) for place in points_mm.values())
     single = _single_error_mm(covariances[np.asarray(seen) >= 2])
-    in_picture = PICTURE_SHARE * single * np.concatenate([jacobian[:, k] for k in range(count)], axis=2)
-    return np.concatenate([result, _fixed_to_body(jacobian, heading_rad, common), in_picture], axis=2)
+    in_image = IMAGE_SHARE * single * np.concatenate([jacobian[:, k] for k in range(count)], axis=2)
+    return np.concatenate([result, _fixed_to_body(jacobian, heading_rad, common), in_image], axis=2)
 
 
 def camera_shifts(marks: pd.DataFrame, points_mm: dict[str, Array], height_mm: float, camera: Camera) -> Array:
@@ -66,7 +66,7 @@ def camera_shifts(marks: pd.DataFrame, points_mm: dict[str, Array], height_mm: f
         [
             _smoothly(
                 lambda at: camera.plate_sensitivity(at, height_mm) @ errors,
-                _picture_points(marks, name, points_mm[name], height_mm, camera),
+                _image_points(marks, name, points_mm[name], height_mm, camera),
             )
             for name in points_mm
         ],
@@ -80,8 +80,8 @@ def common_error_mm(marks: pd.DataFrame, points_mm: dict[str, Array], covariance
     covariances: (n, m, 2, 2) of the marks, mm². The scale comes from the first two marks.
     """
     first, second = list(points_mm)[:2]
-    picture = marks[[*columns_of([first], "px"), *columns_of([second], "px")]].to_numpy(float)
-    apart_px = np.hypot(*(picture[:, :2] - picture[:, 2:]).T)
+    image = marks[[*columns_of([first], "px"), *columns_of([second], "px")]].to_numpy(float)
+    apart_px = np.hypot(*(image[:, :2] - image[:, 2:]).T)
     apart_mm = np.hypot(*(points_mm[first] - points_mm[second]).T)
     there = np.isfinite(apart_mm) & np.isfinite(apart_px)
     if not there.any():
@@ -112,15 +112,15 @@ def _independent_errors(camera: Camera) -> Array:
     return np.asarray(unit[:, None] * vectors[:, kept] * np.sqrt(values[kept]))
 
 
-def _picture_points(marks: pd.DataFrame, name: str, points: Array, height: float, camera: Camera) -> Array:
+def _image_points(marks: pd.DataFrame, name: str, points: Array, height: float, camera: Camera) -> Array:
     columns = [f"{name}_x_px", f"{name}_y_px"]
     if all(column in marks for column in columns):
         return np.where(np.isfinite(points), marks[columns].to_numpy(float), np.nan)
-    return camera.picture_from_plate(np.column_stack([points, np.full(len(points), height)]))
+    return camera.image_from_plate(np.column_stack([points, np.full(len(points), height)]))
 
 
 def _smoothly(function: Callable[[Array], Array], places: Array) -> Array:
-    """Values (n, …) of a costly smooth function of picture points (n, 2): computed at SUPPORTS of them, then a cubic.
+    """Values (n, …) of a costly smooth function of image points (n, 2): computed at SUPPORTS of them, then a cubic.
 
     Places without a point are NaN.
     """

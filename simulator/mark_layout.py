@@ -88,7 +88,7 @@ class Marks(BaseModel):
         return {key.removesuffix("_mm"): place for key, place in (self.__pydantic_extra__ or {}).items()}
 
     def each(self) -> tuple[Mark, ...]:
-        """The same marks one by one."""
+        """Every mark with its place, diameter and height."""
         return tuple(
             Mark(name=name, x_mm=x, y_mm=y, diameter_mm=self.diameter_mm, height_mm=self.height_mm)
             for name, (x, y) in self.places_mm.items()

@@ -147,8 +147,8 @@ def check_camera(
     significant = max(pose_sigma, lens_sigma) > ALARM_SIGMA
     # a changed lens falsifies lengths by more than the changed pose shows
     matters = not abs(length_change) < SCALE_TOLERANCE or lens_sigma > ALARM_SIGMA
-    middle = camera.plate_from_picture(np.array(camera.size_px) / 2, gauge.dots.height_mm)
-    now = moved.plate_from_picture(np.array(camera.size_px) / 2, gauge.dots.height_mm)
+    middle = camera.plate_from_image(np.array(camera.size_px) / 2, gauge.dots.height_mm)
+    now = moved.plate_from_image(np.array(camera.size_px) / 2, gauge.dots.height_mm)
     return Check(
         outcome="holds" if not significant else "no longer holds" if matters else "changed",
         pose_sigma=pose_sigma,
@@ -250,7 +250,7 @@ def _length_change(now: Camera, before: Camera, height_mm: float) -> float:
     ends = middle[..., None, :] + arm * np.array([[-1, 0], [1, 0], [0, -1], [0, 1]])
     lengths = []
     for camera in (before, now):
-        placed = camera.plate_from_picture(ends, height_mm)
+        placed = camera.plate_from_image(ends, height_mm)
         lengths.append(np.hypot(*np.moveaxis(placed[..., 1::2, :] - placed[..., ::2, :], -1, 0)))
     change = (lengths[1] / lengths[0] - 1).ravel()
     change = change[np.isfinite(change)]

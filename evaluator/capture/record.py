@@ -82,18 +82,18 @@ class _Under:
     def take(self, arrival: Arrival) -> tuple[int | None, ...]:
         """Note the frames of an arrival; their times in microseconds."""
         times = []
-        for picture in arrival.frames:
-            stamp = None if picture.pts is None or picture.time_base is None else float(picture.pts * picture.time_base)
+        for image in arrival.frames:
+            stamp = None if image.pts is None or image.time_base is None else float(image.pts * image.time_base)
             time_us = self.clock.add(stamp, arrival.arrived_s)
             times.append(time_us)
             if time_us is not None:
-                self._look(picture, time_us)
+                self._look(image, time_us)
         return tuple(times)
 
-    def _look(self, picture: Any, time_us: int) -> None:
-        if self.layout is None or not self.layout.fits(picture):
-            self.layout = Layout.of(picture)
-        self.latest = self.layout.frame(picture, len(self.clock.times_s) - 1, time_us, TICK, None)
+    def _look(self, image: Any, time_us: int) -> None:
+        if self.layout is None or not self.layout.fits(image):
+            self.layout = Layout.of(image)
+        self.latest = self.layout.frame(image, len(self.clock.times_s) - 1, time_us, TICK, None)
         if self.start.light is not None:
             self.brightness.append(self.start.light.brightness(self.latest))
 

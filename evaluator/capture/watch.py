@@ -29,11 +29,11 @@ def watch_marks(settings: Path | None = None, image: Path | None = None) -> Call
             return "grey frames: no colour to tell marks by"
         seen, _ = find_marks(frame, used, names)
         if image is not None:
-            picture = np.ascontiguousarray(frame.to_rgb())
+            shown = np.ascontiguousarray(frame.to_rgb())
             for mark in seen.values():
                 center = (round(mark.center_px[0]), round(mark.center_px[1]))
-                cv2.circle(picture, center, round(2 * mark.radius_px + 3), CIRCLE, 2, cv2.LINE_AA)
-            write_image(picture, image)
+                cv2.circle(shown, center, round(2 * mark.radius_px + 3), CIRCLE, 2, cv2.LINE_AA)
+            write_image(shown, image)
         missing = [name for name in names if name not in seen]
         return f"no {' and no '.join(missing)} mark" if missing else f"{' and '.join(names)} seen"
 

@@ -6,12 +6,11 @@ import json
 import math
 import sys
 from collections.abc import Hashable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from evaluator.cli.options import batch_options
+from evaluator.cli.options import BatchOptions, batch_options
 from evaluator.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -29,16 +28,7 @@ others); 2 the input cannot be used at all."""
 
 @click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope analyze experiment.toml -o out/")
 @batch_options
-def analyze(
-    experiment: Path,
-    out: Path,
-    workers: int | None,
-    dask: str | None,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
-    dry_run: bool,
-) -> int:
+def analyze(options: BatchOptions) -> int:
     """Track, reconstruct and fit every run of an experiment.
 
     Writes turning.csv (a row per run), pooled.csv (a row per command, its repetitions pooled), directions.csv (backward
@@ -50,65 +40,54 @@ def analyze(
     OSP Tracker, DeepLabCut, SLEAP and movement are read as well; [tracks] of experiment.toml says what their marks are
     called, unit and frame rate.
     """
-    if dry_run:
-        return print_plan(experiment, out, simulate=False)
-    found = run_analysis(experiment, out, simulate=False, workers=workers, dask=dask, quiet=quiet)
-    if as_json:
+    if options.dry_run:
+        return print_plan(options, simulate=False)
+    found = run_analysis(options, simulate=False)
+    if options.as_json:
         print_json(found.turning)
-    elif not quiet:
-        click.echo(turning_text(found, verbose=verbose))
+    elif not options.quiet:
+        click.echo(turning_text(found, verbose=options.verbose))
         click.echo(f"\n{found.outputs.turning}")
     return status_of(found)
 
 
 @click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope compare experiment.toml -o out/")
 @batch_options
-def compare(
-    experiment: Path,
-    out: Path,
-    workers: int | None,
-    dask: str | None,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool,
-    dry_run: bool,
-) -> int:
+def compare(options: BatchOptions) -> int:
     """Set every run beside its simulated counterpart.
 
     Writes comparison.csv (a row per run) and simulated/RUN.csv beside what `turnscope analyze` writes, which is made
     or reused. The counterpart has the same command, starts from the measured pose and is read by the same estimator.
     """
-    if dry_run:
-        return print_plan(experiment, out, simulate=True)
-    found = run_analysis(experiment, out, simulate=True, workers=workers, dask=dask, quiet=quiet)
+    if options.dry_run:
+        return print_plan(options, simulate=True)
+    found = run_analysis(options, simulate=True)
     assert found.comparison is not None
-    if as_json:
+    if options.as_json:
         print_json(found.comparison)
-    elif not quiet:
-        click.echo(comparison_text(found, verbose=verbose))
+    elif not options.quiet:
+        click.echo(comparison_text(found, verbose=options.verbose))
         click.echo(f"\n{found.outputs.comparison}")
     return status_of(found)
 
 
-def run_analysis(
-    experiment: Path, out: Path, *, simulate: bool, workers: int | None, quiet: bool, dask: str | None = None
-) -> Analysis:
+def run_analysis(options: BatchOptions, *, simulate: bool) -> Analysis:
     """Analyse with a progress bar, and say on standard error why runs are missing."""
     from evaluator.workflow import analyze as analyze_experiment
 
-    with progress_bar("runs", quiet=quiet) as progress:
+    with progress_bar("runs", quiet=options.quiet) as progress:
         found = analyze_experiment(
-            experiment,
-            out,
+            options.experiment,
+            options.out,
             simulate=simulate,
-            workers=workers,
-            dask=dask,
+            workers=options.workers,
+            dask=options.dask,
             progress=progress,
             command_line=sys.argv[1:],
         )
     for run, fault in found.faults.items():
         click.echo(f"{run}: {fault}", err=True)
-    if not quiet:
+    if not options.quiet:
         for note, runs in runs_by_note(found.notes).items():
             named = ", ".join(runs[:MOST_NAMED]) + (f", … ({len(runs)} runs)" if len(runs) > MOST_NAMED else "")
             click.echo(f"note: {named}: {note}", err=True)
@@ -129,12 +108,12 @@ def status_of(found: Analysis) -> int:
     return SOME_FAILED if found.faults else 0
 
 
-def print_plan(experiment: Path, out: Path, *, simulate: bool) -> int:
+def print_plan(options: BatchOptions, *, simulate: bool) -> int:
     """Say what an analysis would compute."""
     from evaluator.wording import counted
     from evaluator.workflow import pending
 
-    steps = pending(experiment, out, simulate=simulate)
+    steps = pending(options.experiment, options.out, simulate=simulate)
     for run, stages in steps.items():
         click.echo(f"{run}: {', '.join(stages) if stages else 'up to date'}")
     count = sum(1 for stages in steps.values() if stages)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from evaluator.cli.options import PATH, quiet_option, workers_option
+from evaluator.cli.options import PATH, BatchOptions, quiet_option, workers_option
 from evaluator.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def demo(out: Path, puzzle: bool, workers: int | None, quiet: bool) -> int:
     residual = f"{len(found.views)} images, residual {found.rms_px:.3f} px RMS"
     say(f"  {residual}; {samples.calibrated.verdict.summary}")
     say("Runs: tracked, fitted, simulated …")
-    measured = run_analysis(samples.experiment, out / "results", simulate=True, workers=workers, quiet=quiet)
+    measured = run_analysis(BatchOptions(samples.experiment, out / "results", workers, quiet=quiet), simulate=True)
     say(_indented(comparison_text(measured, verbose=False)))
     write_report(measured)
     reports = [measured]
@@ -78,7 +78,7 @@ def _solve_puzzle(experiment: Path, out: Path, workers: int | None, *, quiet: bo
 
     if not quiet:
         click.echo("Puzzle: a robot with something that its model does not know, in a laboratory that is not tidy.")
-    measured = run_analysis(experiment, out, simulate=True, workers=workers, quiet=quiet)
+    measured = run_analysis(BatchOptions(experiment, out, workers, quiet=quiet), simulate=True)
     with progress_bar("diagnosis", quiet=quiet) as progress:
         found = diagnose(experiment, out, workers=workers, progress=progress)
     if not quiet:

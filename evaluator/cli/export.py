@@ -7,7 +7,14 @@ from pathlib import Path
 import click
 
 from evaluator.cli.analyze import STATUS_NOTE, print_plan, run_analysis, status_of
-from evaluator.cli.options import dry_run_option, experiment_argument, out_option, quiet_option, workers_option
+from evaluator.cli.options import (
+    BatchOptions,
+    dry_run_option,
+    experiment_argument,
+    out_option,
+    quiet_option,
+    workers_option,
+)
 
 
 @click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope export experiment.toml -o out/")
@@ -23,8 +30,8 @@ def export(experiment: Path, out: Path, workers: int | None, quiet: bool, dry_ru
     What is not up to date is computed first.
     """
     if dry_run:
-        return print_plan(experiment, out, simulate=True)
-    found = run_analysis(experiment, out, simulate=True, workers=workers, quiet=quiet)
+        return print_plan(BatchOptions(experiment, out), simulate=True)
+    found = run_analysis(BatchOptions(experiment, out, workers, quiet=quiet), simulate=True)
     from evaluator.workflow import export as write_all
 
     for path in write_all(found):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import click
-
-Command = TypeVar("Command", bound=Callable[..., Any])
 
 PATH: click.Path = click.Path(path_type=Path)
 
@@ -49,9 +49,29 @@ def say_mended(experiment: Path, out: Path | None = None) -> None:
     click.echo(str(mended.path), err=True)
 
 
-def batch_options(command: Command) -> Command:
-    """Add the options of every command that works through the runs of an experiment."""
+@dataclass(frozen=True)
+class BatchOptions:
+    """What the user said to a command that works through the runs of an experiment."""
+
+    experiment: Path
+    out: Path
+    workers: int | None = None
+    dask: str | None = None
+    as_json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+    dry_run: bool = False
+
+
+def batch_options(command: Callable[[BatchOptions], int]) -> Callable[..., int]:
+    """Add the options of every command that works through the runs of an experiment; it is given them as one value."""
+
+    @wraps(command)
+    def with_options(**given: Any) -> int:
+        return command(BatchOptions(**given))
+
     options = (out_option, workers_option, dask_option, json_option, quiet_option, verbose_option, dry_run_option)
+    found: Callable[..., int] = with_options
     for option in reversed((experiment_argument, *options)):
-        command = option(command)
-    return command
+        found = option(found)
+    return found

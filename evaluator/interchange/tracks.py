@@ -1,7 +1,7 @@
 """Tracks of other programs as marks: OSP Tracker, DeepLabCut, SLEAP, movement.
 
 Which program wrote a file is seen in the file. What no file says (which of its points are the marks, its unit of
-length, the frame rate) stands in [tracks] of experiment.toml. Lengths become mm in the plate frame; picture points (px,
+length, the frame rate) stands in [tracks] of experiment.toml. Lengths become mm in the plate frame; image points (px,
 y down, centre of the top left pixel at 0, 0) are placed on the plane of the marks by the camera.
 """
 
@@ -223,11 +223,11 @@ def _marks_table(
     for mark, place in points.items():
         if unit == "px":
             if camera is None:
-                raise InputError(f'{path}: holds picture points; say camera = "camera.json", or unit in [tracks]')
+                raise InputError(f'{path}: holds image points; say camera = "camera.json", or unit in [tracks]')
             table[[f"{mark}_x_px", f"{mark}_y_px"]] = place
             seen = np.isfinite(place).all(axis=1)
             placed = np.full_like(place, np.nan)
-            placed[seen] = camera.plate_from_picture(place[seen], height_mm)
+            placed[seen] = camera.plate_from_image(place[seen], height_mm)
         else:
             placed = place * MM_PER[unit]
         table[[f"{mark}_x_mm", f"{mark}_y_mm"]] = placed

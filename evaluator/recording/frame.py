@@ -76,8 +76,8 @@ class Frame:
         zero = scale * np.array([black, 128.0, 128.0])[: len(planes)]
         to_rgb = to_rgb * 255.0 / ((white - black) * scale)
         rgb = cv2.transform(cv2.merge(planes), np.column_stack([to_rgb, -to_rgb @ zero]))
-        picture = np.clip(np.rint(rgb), 0, 255).astype(np.uint8)
-        return np.repeat(picture, self.row_step, axis=0) if self.row_step > 1 else picture
+        image = np.clip(np.rint(rgb), 0, 255).astype(np.uint8)
+        return np.repeat(image, self.row_step, axis=0) if self.row_step > 1 else image
 
     def _upsampled(self, plane: Plane) -> NDArray[np.float32]:
         rows, columns = self.luma.shape

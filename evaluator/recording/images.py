@@ -18,7 +18,7 @@ from evaluator.recording.timing import TimingReport, summarise
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm")
 
 
-def pictures_in(folder: Path) -> list[Path]:
+def images_in(folder: Path) -> list[Path]:
     """Images of a folder, frame 2 before frame 10."""
     found = [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.is_file()]
     return sorted(found, key=lambda path: [int(part) if part.isdigit() else part for part in _parts(path.name)])
@@ -34,7 +34,7 @@ class ImageSequence:
     def __init__(self, folder: Path, rate_hz: Fraction) -> None:
         """folder: holds the images. Raises InputError where it holds none."""
         self.name = str(folder)
-        self._paths = pictures_in(folder)
+        self._paths = images_in(folder)
         if not self._paths:
             raise InputError(f"{folder}: holds no images ({', '.join(SUFFIXES)})")
         self.nominal_rate: Fraction | None = rate_hz
@@ -50,10 +50,10 @@ class ImageSequence:
         self._duplicates, self._done = [], 0
         before: Plane | None = None
         for index, path in enumerate(self._paths):
-            picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-            if picture is None:
+            image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+            if image is None:
                 raise InputError(f"{path}: not an image that can be read")
-            luma, u, v, depth = _planes(picture, path)
+            luma, u, v, depth = _planes(image, path)
             if before is not None and luma.shape != before.shape:
                 height, width = before.shape
                 raise InputError(
@@ -71,17 +71,17 @@ class ImageSequence:
         return summarise(range(self._done), self.tick, self._duplicates, [])
 
 
-def _planes(picture: NDArray[np.generic], path: Path) -> tuple[Plane, Plane | None, Plane | None, int]:
+def _planes(image: NDArray[np.generic], path: Path) -> tuple[Plane, Plane | None, Plane | None, int]:
     """Luma and colour planes (BT.601, full range) of a grey, BGR or BGRA image of 8 or 16 bits."""
-    if picture.dtype not in (np.uint8, np.uint16):
+    if image.dtype not in (np.uint8, np.uint16):
         raise InputError(
-            f"{path}: its samples are {picture.dtype}, whose range is not known; save it with 8 or 16 bits a sample"
+            f"{path}: its samples are {image.dtype}, whose range is not known; save it with 8 or 16 bits a sample"
         )
-    depth = 8 if picture.dtype == np.uint8 else 16
+    depth = 8 if image.dtype == np.uint8 else 16
     kind = np.uint8 if depth == 8 else np.uint16
-    if picture.ndim == 2:
-        return picture.astype(kind), None, None, depth
-    blue, green, red = (picture[..., k].astype(np.float32) for k in range(3))
+    if image.ndim == 2:
+        return image.astype(kind), None, None, depth
+    blue, green, red = (image[..., k].astype(np.float32) for k in range(3))
     luma = 0.299 * red + 0.587 * green + 0.114 * blue
     middle, top = 2.0 ** (depth - 1), 2.0**depth - 1
     u, v = middle + (blue - luma) / 1.772, middle + (red - luma) / 1.402

@@ -36,10 +36,10 @@ class Layout:
     shapes: tuple[tuple[int, int], ...]
 
     @classmethod
-    def of(cls, picture: Any) -> Self:
+    def of(cls, image: Any) -> Self:
         """Work out the layout of a decoded frame."""
-        name = picture.format.name
-        depth = picture.format.components[0].bits
+        name = image.format.name
+        depth = image.format.components[0].bits
         base = name.split("p1")[0] + "p" if depth > 8 else name
         grey = name.startswith(("gray", "mono"))
         target = None
@@ -47,30 +47,30 @@ class Layout:
             # RGB, palettes, packed and big-endian formats: full range and no subsampling, so that nothing is lost.
             target = ("gray16le" if depth > 8 else "gray") if grey else ("yuv444p16le" if depth > 8 else "yuvj444p")
             depth = 16 if depth > 8 else 8
-        full = target is not None or grey or name.startswith("yuvj") or picture.color_range == 2
-        matrix = "bt709" if picture.colorspace == 1 and target is None else "bt601"
-        turns = round(picture.rotation / 90) % 4
-        planes = (picture if target is None else picture.reformat(format=target)).planes
+        full = target is not None or grey or name.startswith("yuvj") or image.color_range == 2
+        matrix = "bt709" if image.colorspace == 1 and target is None else "bt601"
+        turns = round(image.rotation / 90) % 4
+        planes = (image if target is None else image.reformat(format=target)).planes
         shapes = tuple((plane.height, plane.width) for plane in planes)
-        return cls(name, picture.width, picture.height, target, depth, turns, full, matrix, shapes)
+        return cls(name, image.width, image.height, target, depth, turns, full, matrix, shapes)
 
-    def fits(self, picture: Any) -> bool:
+    def fits(self, image: Any) -> bool:
         """Whether a frame is laid out like the one this was made from."""
-        return bool(picture.width == self.width and picture.height == self.height and picture.format.name == self.name)
+        return bool(image.width == self.width and image.height == self.height and image.format.name == self.name)
 
-    def frame(self, picture: Any, index: int, ticks: int, tick: Fraction, before: Frame | None) -> Frame:
+    def frame(self, image: Any, index: int, ticks: int, tick: Fraction, before: Frame | None) -> Frame:
         """Take a frame's planes as views, upright, without copying where the format allows.
 
         before: the frame before, to tell a repeated frame.
         """
-        kind = KINDS.get(picture.pict_type, "")
+        kind = KINDS.get(image.pict_type, "")
         if self.target is not None:
-            picture = picture.reformat(format=self.target, dst_color_range="JPEG")
-        planes = [self._view(plane, shape) for plane, shape in zip(picture.planes, self.shapes, strict=True)]
+            image = image.reformat(format=self.target, dst_color_range="JPEG")
+        planes = [self._view(plane, shape) for plane, shape in zip(image.planes, self.shapes, strict=True)]
         u, v = (planes[1], planes[2]) if len(planes) >= 3 else (None, None)
         repeated = before is not None and _same(before.luma, planes[0])
         return Frame(
-            index, ticks, tick, planes[0], u, v, self.depth, self.full_range, self.matrix, 0, 1, kind, repeated, picture
+            index, ticks, tick, planes[0], u, v, self.depth, self.full_range, self.matrix, 0, 1, kind, repeated, image
         )  # fmt: skip
 
     def _view(self, plane: Any, shape: tuple[int, int]) -> Plane:

@@ -96,7 +96,7 @@ def decoded(
             decoder.stop()
 
 
-def glanced(packets: Iterator[Any], count: int) -> tuple[list[Any], Iterator[Any]]:
+def first_packets(packets: Iterator[Any], count: int) -> tuple[list[Any], Iterator[Any]]:
     """Give the first packets, and all of them; what reading raises is raised after those that were read before."""
     first = list[Any]()
     try:

@@ -74,15 +74,15 @@ class Frames:
 
     def image(self, index: int) -> Image:
         """Frame number index, (height, width, 3) BGR, upright. Raises InputError where there is none."""
-        picture = self._picture(index)
-        return self._source.to_image(picture)
+        image = self._image(index)
+        return self._source.to_image(image)
 
     def frame(self, index: int) -> Frame:
         """Frame number index as iterating gives it. Raises InputError where there is none."""
-        picture = self._picture(index)
-        return self._source.to_frame(picture, index)
+        image = self._image(index)
+        return self._source.to_frame(image, index)
 
-    def _picture(self, index: int) -> Any:
+    def _image(self, index: int) -> Any:
         count = len(self.contents.time_s)
         if not 0 <= index < count:
             raise InputError(f"{self._path.name}: there is no frame {index}; it has {count}")
@@ -94,14 +94,14 @@ class Frames:
                 self._source = _Sequential(self._path, self._rate)
                 self._cache.clear()
                 self._bytes = 0
-                return self._picture(min(index, len(self.contents.time_s) - 1))
+                return self._image(min(index, len(self.contents.time_s) - 1))
         self._cache.move_to_end(index)
         return self._cache[index]
 
     def _decode(self, index: int) -> None:
-        for number, picture in self._source.until(index):
+        for number, image in self._source.until(index):
             if number not in self._cache:
-                self._cache[number] = picture
+                self._cache[number] = image
                 self._bytes += self._source.frame_bytes
             while self._bytes > CACHE_BYTES and len(self._cache) > 1:
                 self._cache.popitem(last=False)
@@ -114,8 +114,8 @@ class _Seeking:
     def __init__(self, path: Path, rate_hz: float | None) -> None:
         self._path = path
         self._container: Any = None
-        self._pictures: Iterator[Any] = iter(())
-        self._next = -1  # number of the frame that comes next from _pictures
+        self._images: Iterator[Any] = iter(())
+        self._next = -1  # number of the frame that comes next from _images
         if path.is_dir() or not _frames_are_whole(path, rate_hz):
             raise CannotSeekError
         self._open()
@@ -146,18 +146,18 @@ class _Seeking:
         self._origin = origin = self._ticks[0] if self._container.format.name in STREAMED else 0
         tick = self._stream.time_base
         times = tuple((t - origin) * tick.numerator / tick.denominator for t in self._ticks)
-        picture = self._first()
-        self._turns = round(picture.rotation / 90) % 4
-        self.frame_bytes = picture.width * picture.height * 3 // 2
-        size = (picture.height, picture.width) if self._turns % 2 else (picture.width, picture.height)
+        image = self._first()
+        self._turns = round(image.rotation / 90) % 4
+        self.frame_bytes = image.width * image.height * 3 // 2
+        size = (image.height, image.width) if self._turns % 2 else (image.width, image.height)
         self.contents = Contents(times, tuple(number for number, _ in keys), size)
 
     def _first(self) -> Any:
         self._container.seek(self._seek_to[0], stream=self._stream)
-        picture = next(iter(self._container.decode(self._stream)), None)
-        if picture is None or picture.pts != self._ticks[0]:
+        image = next(iter(self._container.decode(self._stream)), None)
+        if image is None or image.pts != self._ticks[0]:
             raise CannotSeekError
-        return picture
+        return image
 
     def close(self) -> None:
         if self._container is not None:
@@ -172,13 +172,13 @@ class _Seeking:
         ):
             self._seek(first)
         while True:
-            picture = next(self._pictures, None)
-            number = None if picture is None else self._numbers.get(picture.pts)
-            if picture is None or picture.is_corrupt or number != self._next:
+            image = next(self._images, None)
+            number = None if image is None else self._numbers.get(image.pts)
+            if image is None or image.is_corrupt or number != self._next:
                 self._next = -1
                 raise CannotSeekError
             self._next += 1
-            yield number, picture
+            yield number, image
             if number == index:
                 return
 
@@ -190,23 +190,23 @@ class _Seeking:
                 self._container.seek(self._seek_to[number], stream=self._stream)
                 decoded = self._container.decode(self._stream)
                 # Frames shown before the key frame lean on what was skipped.
-                self._pictures = (p for p in decoded if p.pts is None or p.pts >= self._ticks[number])
-                head = next(self._pictures, None)
+                self._images = (p for p in decoded if p.pts is None or p.pts >= self._ticks[number])
+                head = next(self._images, None)
             except (av.error.FFmpegError, OSError) as error:
                 raise CannotSeekError from error
             if head is not None and head.pts == self._ticks[number] and head.key_frame:
-                self._pictures = _before(head, self._pictures)
+                self._images = _before(head, self._images)
                 self._next = number
                 return
         raise CannotSeekError
 
-    def to_image(self, picture: Any) -> Image:
-        image: Image = picture.to_ndarray(format="bgr24")
-        return np.ascontiguousarray(np.rot90(image, self._turns)) if self._turns else image
+    def to_image(self, image: Any) -> Image:
+        bgr: Image = image.to_ndarray(format="bgr24")
+        return np.ascontiguousarray(np.rot90(bgr, self._turns)) if self._turns else bgr
 
-    def to_frame(self, picture: Any, index: int) -> Frame:
-        layout = Layout.of(picture)
-        return layout.frame(picture, index, self._ticks[index] - self._origin, self._stream.time_base, None)
+    def to_frame(self, image: Any, index: int) -> Frame:
+        layout = Layout.of(image)
+        return layout.frame(image, index, self._ticks[index] - self._origin, self._stream.time_base, None)
 
 
 class _Sequential:
@@ -239,12 +239,12 @@ class _Sequential:
                 return
         raise InputError("the recording ends earlier than it did when it was opened; open it again")
 
-    def to_image(self, picture: Any) -> Image:
-        return np.asarray(cv2.cvtColor(picture.to_rgb(), cv2.COLOR_RGB2BGR), np.uint8)
+    def to_image(self, image: Any) -> Image:
+        return np.asarray(cv2.cvtColor(image.to_rgb(), cv2.COLOR_RGB2BGR), np.uint8)
 
-    def to_frame(self, picture: Any, index: int) -> Frame:
+    def to_frame(self, image: Any, index: int) -> Frame:
         del index
-        frame: Frame = picture
+        frame: Frame = image
         return frame
 
 

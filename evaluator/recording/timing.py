@@ -50,12 +50,12 @@ def in_order(timed: Iterable[tuple[Any, int | None]]) -> Iterator[tuple[Any, int
     codec has B-frames, the times made up for them are not always in that order.
     """
     held: tuple[Any, int | None] | None = None
-    for picture, ticks in timed:
+    for image, ticks in timed:
         if held is not None:
             if ticks is not None and held[1] is not None and ticks < held[1]:
                 held, ticks = (held[0], ticks), held[1]  # noqa: PLW2901
             yield held
-        held = picture, ticks
+        held = image, ticks
     if held is not None:
         yield held
 

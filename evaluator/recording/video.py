@@ -15,7 +15,7 @@ from evaluator.recording.fields import Fields, field_order, fields_of
 from evaluator.recording.frame import Frame
 from evaluator.recording.groups import LONGEST, Groups
 from evaluator.recording.layout import Layout
-from evaluator.recording.parallel import decoded, decoders_for, glanced, groups_for, threads_for
+from evaluator.recording.parallel import decoded, decoders_for, first_packets, groups_for, threads_for
 from evaluator.recording.timing import TimingReport, clock_runs, in_order, summarise
 from evaluator.wording import counted, verb
 
@@ -23,7 +23,7 @@ from evaluator.wording import counted, verb
 # memory (their luma), for they are held: cameras that do not say that they weave fields have small ones.
 PROBED, HELD_BYTES = 120, 100_000_000
 SLOWEST_PROGRESSIVE = 31  # interlaced cameras give 25 or 29.97 frames a second; faster ones are not looked at
-GLANCED = 8  # packets whose times tell whether the clock of a file runs at all
+FIRST_PACKETS = 8  # packets whose times tell whether the clock of a file runs at all
 STREAMED = ("mpegts", "mpeg")  # containers whose clock starts anywhere: their times count from the first frame
 
 
@@ -95,17 +95,17 @@ class Recording:
     def __iter__(self) -> Iterator[Frame]:
         """Decode; each frame's planes are views that live as long as the frame."""
         self._reset()
-        order, pictures = self.fields, self._pictures()
+        order, images = self.fields, self._images()
         if order == "auto":
-            order, pictures = self._field_order(pictures)
+            order, images = self._field_order(images)
         if order == "none":
-            for frame in pictures:
+            for frame in images:
                 self._count(frame)
                 yield frame
             return
         self._notes.append(f"interlaced, {order} field first: every field is a frame of its own")
         ticks = self._interval_ticks()
-        for frame in pictures:
+        for frame in images:
             for field in fields_of(frame, order, ticks, len(self._ticks)):
                 self._count(field)
                 yield field
@@ -116,26 +116,26 @@ class Recording:
         if frame.repeated:
             self._duplicates.append(frame.index)
 
-    def _pictures(self) -> Iterator[Frame]:
+    def _images(self) -> Iterator[Frame]:
         """Every frame of the recording, not yet taken apart into fields."""
         container, self._opened = self._opened or self._open(), None
         with ExitStack() as opened:
             opened.enter_context(container)
-            first, pictures = self._under_way(container, opened)
+            first, images = self._under_way(container, opened)
             runs = clock_runs(first)
             layout: Layout | None = None
             origin = None if container.format.name in STREAMED or self.live else 0
             frame: Frame | None = None
-            timed = ((picture, self._ticks_of(picture, k, runs=runs)) for k, picture in enumerate(pictures))
+            timed = ((image, self._ticks_of(image, k, runs=runs)) for k, image in enumerate(images))
             index, last = 0, None
-            for picture, ticks in timed if self.live else in_order(timed):
+            for image, ticks in timed if self.live else in_order(timed):
                 if ticks is None or (last is not None and ticks <= last):
                     self._standing += 1
                     continue
                 last, origin = ticks, ticks if origin is None else origin
-                if layout is None or not layout.fits(picture):
-                    layout = Layout.of(picture)
-                frame = layout.frame(picture, index, ticks - origin, self.tick, frame)
+                if layout is None or not layout.fits(image):
+                    layout = Layout.of(image)
+                frame = layout.frame(image, index, ticks - origin, self.tick, frame)
                 index += 1
                 yield frame
         self._finish(index)
@@ -149,24 +149,24 @@ class Recording:
             stream.codec_context.thread_count = threads
             return [], self._decoded(container.demux(stream), [stream], None)
         groups = groups_for(stream, threads)
-        first, packets = glanced(container.demux(stream), GLANCED if groups is None else LONGEST + 1)
+        first, packets = first_packets(container.demux(stream), FIRST_PACKETS if groups is None else LONGEST + 1)
         if groups is not None and not groups.several(first):
             groups = None
         stream.codec_context.thread_count = threads_for(stream, threads, groups)
         again = range(1, decoders_for(stream, threads, groups))
         return first, self._decoded(packets, [stream, *(self._again(opened) for _ in again)], groups)
 
-    def _field_order(self, pictures: Iterator[Frame]) -> tuple[Literal["none", "top", "bottom"], Iterator[Frame]]:
+    def _field_order(self, images: Iterator[Frame]) -> tuple[Literal["none", "top", "bottom"], Iterator[Frame]]:
         """Whether the recording is interlaced: what the file says, else what the frames show; gives all of them."""
         if self.live:
-            return "none", pictures
+            return "none", images
         said, rate = self._said_order(), self.nominal_rate
         if said == "none" and (rate is None or rate > SLOWEST_PROGRESSIVE):
-            return "none", pictures
+            return "none", images
         seen = deque[Frame]()
 
         def first() -> Iterator[Frame]:
-            for frame in pictures:
+            for frame in images:
                 seen.append(frame)
                 yield frame
                 if len(seen) == PROBED or len(seen) * frame.luma.nbytes > HELD_BYTES:
@@ -175,7 +175,7 @@ class Recording:
         def every() -> Iterator[Frame]:
             while seen:
                 yield seen.popleft()
-            yield from pictures
+            yield from images
 
         return field_order(first()) or said, every()
 
@@ -206,23 +206,23 @@ class Recording:
                 self._notes.append(f"the recording cannot be read beyond frame {given} ({_reason(error)})")
                 return
             try:
-                pictures = result()
+                images = result()
             except (av.error.FFmpegError, OSError) as error:
                 note = f"damaged data near frame {given} ({_reason(error)})"
                 if not self._notes:
                     self._notes.append(note)
                 continue
-            for picture in pictures:
-                if not picture.is_corrupt:
+            for image in images:
+                if not image.is_corrupt:
                     given += 1
-                    yield picture
+                    yield image
                 elif not self._notes:
                     self._notes.append(f"damaged frames are left out, the first near frame {given}")
 
-    def _ticks_of(self, picture: Any, count: int, *, runs: bool) -> int | None:
+    def _ticks_of(self, image: Any, count: int, *, runs: bool) -> int | None:
         """Presentation time of a frame in ticks, None where it has none; runs: whether the recording's clock does."""
         if count == 0:
-            self._counted = not runs or picture.pts is None
+            self._counted = not runs or image.pts is None
             rate = self._rate or self.nominal_rate
             if self._counted and not rate:
                 raise InputError(f"{self.name}: has neither presentation times nor a frame rate; say its rate")
@@ -231,7 +231,7 @@ class Recording:
                 self.tick = 1 / rate
             elif self._rate:
                 self._notes.append(f"{float(self._rate):g}/s was said, but the recording has times: those are used")
-        return count if self._counted else picture.pts
+        return count if self._counted else image.pts
 
     def _finish(self, count: int) -> None:
         if count == 0:

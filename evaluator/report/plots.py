@@ -50,7 +50,7 @@ def plot_camera(camera: Camera, axes: Axes | None = None, *, height_mm: float = 
     width, height = camera.size_px
     across, down = np.linspace(0, width - 1, GRID), np.linspace(0, height - 1, GRID)
     image = np.stack(np.meshgrid(across, down), axis=-1)
-    plane = camera.plate_from_picture(image.reshape(-1, 2), height_mm).reshape(GRID, GRID, -1)
+    plane = camera.plate_from_image(image.reshape(-1, 2), height_mm).reshape(GRID, GRID, -1)
     for lines in (plane, plane.swapaxes(0, 1)):
         for line in lines:
             axes.plot(line[:, 0], line[:, 1], color=MEASURED.color, lw=0.7)

@@ -30,7 +30,7 @@ def turn_drawing(tracked: Tracked) -> Drawing | None:
 
     def in_frame(x_mm: ArrayLike, y_mm: ArrayLike) -> np.ndarray:
         x, y = np.broadcast_arrays(np.asarray(x_mm, float), np.asarray(y_mm, float))
-        return camera.picture_from_plate(np.stack([x, y, np.full_like(x, height_mm)], axis=-1))
+        return camera.image_from_plate(np.stack([x, y, np.full_like(x, height_mm)], axis=-1))
 
     circle, caption = np.empty((0, 2)), ""
     if np.isfinite([turning.radius_mm, turning.center_x_mm, turning.center_y_mm]).all():
@@ -55,9 +55,9 @@ def plate_axes(camera: Camera, height_mm: float) -> np.ndarray:
     """A place in the lower left of the image, and the tips of the plate's x and y from there, (3, 2) px."""
     rows = camera.size_px[1]
     corner = np.array([MARGIN * rows, (1 - MARGIN) * rows])
-    x, y = camera.plate_from_picture(corner, height_mm)
+    x, y = camera.plate_from_image(corner, height_mm)
     step = 1.0  # mm: small beside all that is seen
-    near = camera.picture_from_plate(np.array([[x + step, y, height_mm], [x, y + step, height_mm]])) - corner
+    near = camera.image_from_plate(np.array([[x + step, y, height_mm], [x, y + step, height_mm]])) - corner
     tips = corner + AXES * rows * near / np.hypot(*near.T)[:, None]
     seen = np.vstack([corner, tips])
     return seen if np.isfinite(seen).all() else np.empty((0, 2))

@@ -22,7 +22,7 @@ def place_on_plate(table: pd.DataFrame, camera: Camera, height_mm: float) -> pd.
         points = table[[f"{name}_x_px", f"{name}_y_px"]].to_numpy(float)
         seen = np.isfinite(points).all(axis=1)
         plate, covariance = np.full_like(points, np.nan), np.full((len(points), 2, 2), np.nan)
-        plate[seen] = camera.plate_from_picture(points[seen], height_mm)
+        plate[seen] = camera.plate_from_image(points[seen], height_mm)
         jacobian = camera.plate_jacobian(points[seen], height_mm)
         sigma = table.loc[seen, [f"{name}_x_sigma_px", f"{name}_y_sigma_px"]].to_numpy(float)
         both = table.loc[seen, f"{name}_xy_cov_px2"].to_numpy(float)

@@ -162,6 +162,6 @@ def _at_height(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera, heig
     """The marks placed on a plane of another height."""
     result = marks.copy()
     for name in geometry.seen_in(marks).names:
-        points = camera.plate_from_picture(marks[[f"{name}_x_px", f"{name}_y_px"]].to_numpy(float), height_mm)
+        points = camera.plate_from_image(marks[[f"{name}_x_px", f"{name}_y_px"]].to_numpy(float), height_mm)
         result[[f"{name}_x_mm", f"{name}_y_mm"]] = points
     return result

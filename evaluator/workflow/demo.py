@@ -7,7 +7,7 @@ from pathlib import Path
 
 from evaluator.progress import Progress, no_progress
 from evaluator.workflow.calibration import Calibrated, calibrate
-from evaluator.workflow.execution.precompile import compile_ahead
+from evaluator.workflow.execution.precompile import precompile
 from evaluator.workflow.samples import copy_samples
 
 
@@ -26,7 +26,7 @@ def prepare_samples(folder: Path | str, progress: Progress = no_progress) -> Sam
     What the analysis needs is compiled meanwhile, where it is not yet. Raises InputError where there are no samples.
     """
     experiment = copy_samples(Path(folder))
-    compile_ahead(experiment.parent / "turn-33-5.mp4")
+    precompile(experiment.parent / "turn-33-5.mp4")
     images = sorted(experiment.parent.glob("gauge-*.png"))
     found = calibrate(images, experiment.parent / "gauge.toml", progress=progress)
     found.save(experiment.parent / "camera.json")

@@ -46,7 +46,7 @@ def body_forces(u: float, v: float, r: float, place: Any, rest: float, model: An
 
 @compiled(inline="always")
 def loads(u: float, v: float, r: float, place: Any, rest: float, model: Any) -> Triple:
-    """The same, and the inertia of the turning frame: all that the wheels have to balance."""
+    """Forces of body terms and the inertia of the turning frame: all that the wheels have to balance."""
     along, across, moment = 0.0, 0.0, 0.0
     if model.body_terms > 0:
         along, across, moment = body_forces(u, v, r, place, rest, model)
@@ -60,7 +60,7 @@ def loads(u: float, v: float, r: float, place: Any, rest: float, model: Any) -> 
 
 @compiled(inline="always")
 def loads_slopes(u: float, v: float, r: float, place: Any, rest: float, model: Any) -> tuple[Triple, Square]:
-    """The same, and their derivatives by u, v and r."""
+    """Loads that the wheels have to balance, and their derivatives by u, v and r."""
     here, mass, ahead, aside = loads(u, v, r, place, rest, model), model.mass, model.gravity_x, model.gravity_y
     if model.body_feels == 1:
         return here, (

@@ -114,7 +114,7 @@ def touch(u: float, v: float, r: float, drive: Any, place: Any, rest: float, mod
 
 @compiled()
 def touch_changed(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
-    """The same for wheels that added physics changes."""
+    """Bring the contacts to a velocity, a drive and a place where effects change the wheels."""
     _touch_all(u, v, r, drive, place, rest, model, contacts)
     if model.compliance == 0.0:
         return
@@ -165,7 +165,7 @@ def friction(u: float, v: float, r: float, contacts: Any, rest: float, model: An
 
 @compiled(forceinline=True, fastmath=VECTORS)
 def friction_slopes(u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> tuple[Triple, Square]:
-    """The same, and its derivatives by u, v and r; the contacts are held, but speeds may droop."""
+    """Friction of all wheels, and its derivatives by u, v and r; the contacts are held, but speeds may droop."""
     along, across, moment = 0.0, 0.0, 0.0
     along_u, along_v, along_r, across_u, across_v, across_r = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     moment_u, moment_v, moment_r = 0.0, 0.0, 0.0

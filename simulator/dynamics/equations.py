@@ -70,7 +70,7 @@ def slopes(
 def _differenced(
     u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any, out: Any
 ) -> None:
-    """The same by differences, where what acts on the wheels depends on the velocity in more ways than slip."""
+    """Accelerations and their derivatives by differences, where wheels feel the velocity in more ways than slip."""
     step = VELOCITY_STEP
     held = accelerations(u, v, r, drive, place, rest, model, contacts)
     by_u = accelerations(u + step, v, r, drive, place, rest, model, contacts)

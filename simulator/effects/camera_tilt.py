@@ -15,7 +15,7 @@ def _view(view: View, values: Values) -> None:
 
 EFFECT = Effect(
     id="camera-tilt",
-    name="scale changes across the picture",
+    name="scale changes across the image",
     sentence="Measured coordinates are the true ones (x, y) times 1 + t + perspective · t²/(1 − t), "
     "t = per_mm_x·x + per_mm_y·y, in the plate frame: perspective is 1 for a camera that is tilted, 0 for a scale that "
     "changes evenly.",

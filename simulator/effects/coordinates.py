@@ -88,7 +88,7 @@ def plain(effect_id: str, parameters: Sequence[Parameter]) -> Candidate:
 def polar(effect_id: str, size: Parameter, angle: Parameter) -> Candidate:
     """An effect of a size and a direction, fitted in components; the size bounds each, the angle repeats by its period.
 
-    The direction, in degrees, is told from 0 to its period.
+    The direction, in degrees, lies between 0 and its period.
     """
     if angle.period is None:
         raise ValueError(f"{effect_id}: {angle.name} has no period, so it is no direction")

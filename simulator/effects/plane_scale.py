@@ -18,7 +18,7 @@ EFFECT = Effect(
     law="(x, y) measured = factor · (x, y)",
     source="pinhole camera: a plane nearer by dh at the distance h is seen larger by h/(h − dh); or a gauge whose "
     "pitch is not the stated one",
-    limits="The same factor all over the picture and in both directions; about the origin of the plate frame.",
+    limits="The same factor all over the image and in both directions; about the origin of the plate frame.",
     kind="observation",
     parameters=(Parameter("factor", "", 1.0, 0.005, 0.5, 2.0, at_least=0.01),),
     view=_view,

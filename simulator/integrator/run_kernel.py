@@ -105,7 +105,7 @@ def _through(
     most_steps: int,
     holder: Any,
 ) -> tuple[int, int, float]:
-    """The same, segment by segment; holder (1,): the record of the run, which its array keeps."""
+    """Integrate a run segment by segment; holder (1,): the record of the run, which its array keeps alive."""
     work = holder[0]
     for item in range(3):
         work.pose[item], work.y[3 + item] = state[item], state[3 + item]

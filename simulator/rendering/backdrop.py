@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
 from simulator.rendering.plane import NOWHERE_MM, PlaneMap
-from simulator.rendering.scene import CommonScene
+from simulator.rendering.scene import SceneBase
 from simulator.rendering.tables import Glare, Lighting, Optics, Plate, Wire
 
 Image32 = NDArray[np.float32]
@@ -36,7 +36,7 @@ class Overlay:
         return np.asarray(scene_light * self.transmission[..., None] + self.veil, dtype=np.float32)
 
 
-def overlay(scene: CommonScene, size_px: tuple[int, int]) -> Overlay:
+def overlay(scene: SceneBase, size_px: tuple[int, int]) -> Overlay:
     """Build the overlay of a scene."""
     covered, wires = _wires(scene.wire, scene.optics.blur_px, size_px)
     lit = _light_field(scene.optics, scene.lighting, size_px)

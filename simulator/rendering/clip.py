@@ -214,7 +214,7 @@ def truth_of(stage: Stage) -> pd.DataFrame:
 
 def _project(stage: Stage, points_mm: Array, mark: Mark) -> Array:
     height = np.full((*points_mm.shape[:-1], 1), mark.height_mm)
-    return stage.camera.picture_from_plate(np.concatenate([points_mm, height], axis=-1))
+    return stage.camera.image_from_plate(np.concatenate([points_mm, height], axis=-1))
 
 
 def _visible(stage: Stage, center_mm: Array, mark: Mark) -> Array:

@@ -65,7 +65,7 @@ def render_gauge_image(
     """Draw a gauge from Python: (h, w, 3) numbers; fields of scene.toml go by keyword (seed, optics, sensor, …).
 
     rotation_rad, translation_mm: (3,) take gauge to plate coordinates; by default the gauge lies flat in the middle
-    of the plate, its dots at gauge.dots.height_mm. Truth is in `gauge_truth` or `camera.picture_from_plate`.
+    of the plate, its dots at gauge.dots.height_mm. Truth is in `gauge_truth` or `camera.image_from_plate`.
     """
     whole = GaugeScene.model_validate({"format": 1, "kind": "gauge", "gauge": Path("given"), **scene})
     rotation = tuple(np.asarray(rotation_rad, dtype=float).tolist())
@@ -100,7 +100,7 @@ def gauge_truth(
     flat = positions.reshape(-1, 2)
     on_gauge = np.column_stack([flat, np.zeros(len(flat))])
     on_plate = on_gauge @ cv2.Rodrigues(np.array(pose.rotation_rad))[0].T + np.array(pose.translation_mm)
-    at_px = camera.picture_from_plate(on_plate)
+    at_px = camera.image_from_plate(on_plate)
     size = np.array(camera.size_px)
     there = np.array([(int(c), int(r)) not in absent for c, r in zip(column.flat, row.flat, strict=True)])
     visible = ((at_px > -0.5) & (at_px < size - 0.5)).all(axis=1) & there
@@ -143,7 +143,7 @@ def _sheet(scene: GaugeScene, gauge: Gauge, camera: Camera, kernel: Kernel, ligh
     reach = np.abs(gauge.positions_mm()).max(axis=(0, 1)) + gauge.dots.diameter_mm / 2 + scene.margin_mm
     corners = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * reach
     edge = np.concatenate([corners + k / 16 * (np.roll(corners, -1, axis=0) - corners) for k in range(16)])
-    edge_px = camera.picture_from_plate(np.column_stack([edge, np.zeros(len(edge))]))
+    edge_px = camera.image_from_plate(np.column_stack([edge, np.zeros(len(edge))]))
     box = box_about(edge_px, kernel.margin + 2, camera.size_px)
     if box is None:
         raise SimulationError("the gauge is not in the image; move it, or the camera")

@@ -129,7 +129,7 @@ class RobotLook:
             [corners + share * (np.roll(corners, -1, axis=0) - corners) for share in (0, 0.25, 0.5, 0.75)]
         )
         top, bottom = (
-            camera.picture_from_plate(np.column_stack([edge, np.full(len(edge), height)]))
+            camera.image_from_plate(np.column_stack([edge, np.full(len(edge), height)]))
             for height in (body.height_mm, CLEARANCE_MM)
         )
         if not np.isfinite([top, bottom]).all():

@@ -28,7 +28,7 @@ class PlaneMap:
     def image_from_plane(self, points_mm: ArrayLike) -> Array:
         """Project points (..., 2) of the plane; returns (..., 2) px, NaN behind the camera."""
         points = np.asarray(points_mm, dtype=float)
-        return self.camera.picture_from_plate(
+        return self.camera.image_from_plate(
             np.concatenate([points, np.full((*points.shape[:-1], 1), self.height_mm)], axis=-1)
         )
 
@@ -59,13 +59,13 @@ def _points_seen(camera: Camera, height_mm: float, columns: Array, rows: Array) 
     """Plane points of a grid of image points, and whether the camera truly sees them there."""
     pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
     with np.errstate(all="ignore"):
-        points = camera.plate_from_picture(pixels, height_mm)
-        back = camera.picture_from_plate(np.concatenate([points, np.full((*points.shape[:-1], 1), height_mm)], axis=-1))
+        points = camera.plate_from_image(pixels, height_mm)
+        back = camera.image_from_plate(np.concatenate([points, np.full((*points.shape[:-1], 1), height_mm)], axis=-1))
         return points, np.abs(back - pixels).max(axis=-1) < 1e-3
 
 
 def camera_from(camera: Camera, rotation_rad: ArrayLike, translation_mm: ArrayLike) -> Camera:
-    """The same camera described from another frame, whose pose on the plate is given.
+    """A camera described in another frame, whose pose on the plate is given.
 
     rotation_rad: (3,) rotation vector and translation_mm: (3,) that take points of that frame to the plate frame.
     """

@@ -38,7 +38,7 @@ from simulator.rendering.tables import (
 )
 
 
-class CommonScene(Table):
+class SceneBase(Table):
     """What every scene has."""
 
     format: Literal[1]
@@ -57,7 +57,7 @@ class CommonScene(Table):
     wire: tuple[Wire, ...] = ()
 
 
-class Scene(CommonScene):
+class Scene(SceneBase):
     """A run of the robot under the camera."""
 
     kind: Literal["run"] = "run"
@@ -91,7 +91,7 @@ class Missing(Table):
     row: int = Field(ge=0)
 
 
-class GaugeScene(CommonScene):
+class GaugeScene(SceneBase):
     """A dot gauge under the camera: its middle at x, y and height_mm above the plate, turned, then tilted.
 
     Tilt leans the gauge's normal toward tilt_azimuth_deg of the plate frame; the gauge's own dots.height_mm is added
@@ -160,7 +160,7 @@ def _content(path: Path) -> dict[str, Any]:
     return below
 
 
-def _absolute(path: Path, scene: CommonScene) -> dict[str, Any]:
+def _absolute(path: Path, scene: SceneBase) -> dict[str, Any]:
     """Paths that every scene may name, made absolute."""
     folder = Path(path).resolve().parent
     changes: dict[str, Any] = {

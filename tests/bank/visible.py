@@ -50,6 +50,6 @@ def visible_sigmas(diagnosis: Diagnosis, shifts: Sequence[Floats], others: Colle
 
 
 def sigmas_beyond_named(diagnosis: Diagnosis, shifts: Sequence[Floats]) -> float:
-    """The same with the likeliest named effects free: what physics without a name does that these cannot imitate."""
+    """How many sigmas the shifts stand out with the likeliest named effects free: what these cannot imitate."""
     named = [ids for ids in diagnosis.standing.sets if not any(map(is_free, ids))] if diagnosis.standing else []
     return min((visible_sigmas(diagnosis, shifts, ids) for ids in named[:LIKELIEST]), default=float("nan"))

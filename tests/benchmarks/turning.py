@@ -100,7 +100,7 @@ def best_possible(kind: Kind) -> float:
     # At the point between the marks, position and scaled heading carry sigma / sqrt(2) each.
     design = fit.motion.design[fit.used] / (kind.sigma_um / 1000 / np.sqrt(2))
     block = Block(poses.time_s[there][fit.used] * 60, pose[fit.used, 2], np.zeros((int(fit.used.sum()), 2)), design)
-    model = NoiseModel(kind.correlation, 0.0, in_picture=True)
+    model = NoiseModel(kind.correlation, 0.0, in_image=True)
     moments, _ = whitened_moments(
         np.diff(block.time), np.diff(block.heading_rad), np.ascontiguousarray(design), model.correlation, 0.0
     )

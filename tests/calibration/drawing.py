@@ -70,7 +70,7 @@ def draw_gauge(
 
 
 def posed(camera: Camera, rotation: Array, translation_mm: Array) -> Camera:
-    """The same camera with the plate frame carried by a motion: points p of the new frame lie at R p + t of the old."""
+    """A camera with the plate frame carried by a motion: points p of the new frame lie at R p + t of the old."""
     old = cv2.Rodrigues(camera.parameters[:3])[0]
     parameters = camera.parameters.copy()
     parameters[:3] = cv2.Rodrigues(old @ rotation)[0][:, 0]
@@ -98,7 +98,7 @@ def disc_coverage(camera: Camera, centers_mm: Array, radii_mm: Array, vertices: 
     # a polygon of the disc's own area
     grow = np.sqrt(2 * np.pi / (vertices * np.sin(2 * np.pi / vertices)))
     circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
-    rims = camera.picture_from_plate(centers_mm[:, None, :] + grow * radii_mm[:, None, None] * circle)
+    rims = camera.image_from_plate(centers_mm[:, None, :] + grow * radii_mm[:, None, None] * circle)
     rims = rims[np.isfinite(rims).all(axis=(1, 2))] + 0.5
     margin = 2
     sum_ = np.zeros((height + 2 * margin, width + 2 * margin))

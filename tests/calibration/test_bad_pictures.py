@@ -62,7 +62,7 @@ def test_marks_that_are_not_discs_are_told(corners: int, said: str) -> None:
     angle = (np.arange(corners) + 0.5) * 2 * np.pi / corners
     rim = 0.65 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     for x, y in GAUGE.positions_mm().reshape(-1, 2):
-        at = CAMERA.picture_from_plate(rim + np.array([x, y, 0.0]))
+        at = CAMERA.image_from_plate(rim + np.array([x, y, 0.0]))
         cv2.fillPoly(picture, [np.rint(16 * (4 * at + 1.5)).astype(np.int32)], 255, shift=4)
     dark = cv2.GaussianBlur(cv2.resize(picture, (480, 360), interpolation=cv2.INTER_AREA), (0, 0), 0.8)
     with pytest.raises(CalibrationError, match=said):

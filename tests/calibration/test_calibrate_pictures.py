@@ -40,7 +40,7 @@ def calibrated() -> Calibration:
 
 def test_points_at_mark_height_are_placed_within_the_stated_uncertainty(calibrated: Calibration) -> None:
     points = np.stack(np.meshgrid(np.linspace(20, 380, 5), np.linspace(20, 280, 4)), axis=-1)
-    error = calibrated.camera.plate_from_picture(points, 6.5) - CAMERA.plate_from_picture(points, 6.5)
+    error = calibrated.camera.plate_from_image(points, 6.5) - CAMERA.plate_from_image(points, 6.5)
     sigma = np.sqrt(np.einsum("...ii->...i", calibrated.camera.plate_covariance(points, 6.5)))
     assert np.abs(error).max() < 0.004
     assert np.sqrt(np.mean((error / sigma) ** 2)) < 2.5
@@ -86,7 +86,7 @@ def test_derivatives_of_the_projection_agree_with_differences(lens: LensModel, b
     camera = replace(CAMERA, parameters=parameters, lens=lens)
     points = np.column_stack([np.random.default_rng(2).uniform(-12, 12, (20, 2)), np.full(20, 6.5)])
     seen, _, by_parameter = project(points, parameters, lens)
-    assert np.allclose(camera.plate_from_picture(seen, 6.5), points[:, :2], atol=1e-10)
+    assert np.allclose(camera.plate_from_image(seen, 6.5), points[:, :2], atol=1e-10)
     for index in range(len(PARAMETERS)):
         step = np.zeros(len(PARAMETERS))
         step[index] = 1e-6

@@ -24,7 +24,7 @@ def test_distortion_is_drawn_so_much_longer_that_it_is_seen() -> None:
 def test_axes_drawn_point_where_a_step_along_x_and_y_leads(turn_deg: float) -> None:
     camera = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=120, turn_deg=turn_deg, center_mm=(1.0, 2.0))
     (x_from, x_to), (y_from, y_to) = plate_axes_px(camera)
-    placed = camera.plate_from_picture(np.array([x_from, x_to, y_to]), 0.0)
+    placed = camera.plate_from_image(np.array([x_from, x_to, y_to]), 0.0)
     assert np.allclose(placed[0], 0.0, atol=1e-6)
     assert placed[1][0] > 1
     assert placed[2][1] > 1

@@ -43,7 +43,7 @@ def matched(picture: np.ndarray) -> tuple[Dots, Match, np.ndarray]:
 def within(left: float, bottom: float, right: float, top: float) -> np.ndarray:
     """Pixels that show a rectangle of the plate, mm."""
     corners = [(left, bottom, 0.0), (right, bottom, 0.0), (right, top, 0.0), (left, top, 0.0)]
-    rim = np.rint(CAMERA.picture_from_plate(corners) * 16).astype(np.int32)
+    rim = np.rint(CAMERA.image_from_plate(corners) * 16).astype(np.int32)
     return cv2.fillPoly(np.zeros(CAMERA.size_px[::-1], np.uint8), [rim], 1, shift=4) > 0
 
 
@@ -121,7 +121,7 @@ def test_large_discs_between_the_dots_do_not_shift_the_array() -> None:
 
 def test_faint_images_that_continue_the_array_are_not_taken_for_it() -> None:
     dots = detect_dots(drawn(), "black", "white")
-    top = dots.centers_px[:, 1] < CAMERA.picture_from_plate([0.0, 10.5, 0.0])[1] - 12
+    top = dots.centers_px[:, 1] < CAMERA.image_from_plate([0.0, 10.5, 0.0])[1] - 12
     faint = replace(dots, contrast=np.where(top, 0.1, 1.0) * dots.contrast)
     assert len(assign_grid(dots)) == 117
     assert len(assign_grid(faint)) == 117 - top.sum()

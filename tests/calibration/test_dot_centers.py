@@ -26,7 +26,7 @@ def _against_truth(camera: Camera, gauge: Gauge, dots: Dots) -> tuple[np.ndarray
     points = np.column_stack([plane, np.zeros(len(plane))])
     predicted = fitted_centers(points, gauge.diameters_mm().ravel() / 2, camera.parameters, camera.lens)
     own = np.hypot(*(dots.centers_px[:, None] - predicted).transpose(2, 0, 1)).argmin(axis=1)
-    return dots.centers_px - predicted[own], dots.centers_px - camera.picture_from_plate(points)[own]
+    return dots.centers_px - predicted[own], dots.centers_px - camera.image_from_plate(points)[own]
 
 
 def test_ellipse_centre_of_a_circle_under_perspective_is_the_closed_form() -> None:
@@ -43,7 +43,7 @@ def test_ellipse_centre_of_a_circle_under_perspective_is_the_closed_form() -> No
         dual = homography @ move @ np.diag([radius**2, radius**2, -1.0]) @ move.T @ homography.T
         wanted = dual[:2, 2] / dual[2, 2]
         found = fitted_centers(np.array([[x, y, 0.0]]), np.array([radius]), camera.parameters, camera.lens)[0]
-        offset = np.hypot(*(wanted - camera.picture_from_plate([x, y, 0.0])))
+        offset = np.hypot(*(wanted - camera.image_from_plate([x, y, 0.0])))
         assert np.hypot(*(found - wanted)) < 1e-3 * offset + 1e-6
 
 
@@ -119,7 +119,7 @@ def test_missing_dots_and_distractors_leave_the_rest_in_place(polarity: tuple[st
     match = match_gauge(dots, assign_grid(dots), gauge)
     assert len(match) == 82
     plane = gauge.positions_mm()[match.row, match.column]
-    truth = camera.picture_from_plate(np.column_stack([plane, np.zeros(82)]))
+    truth = camera.image_from_plate(np.column_stack([plane, np.zeros(82)]))
     error = np.abs(dots.centers_px[match.dot] - truth)
     # the third distractor touches a dot, which states a doubt of its own and will not be used
     used = useful(dots.covariance_px2[match.dot])
@@ -150,7 +150,7 @@ def test_fiducials_fix_origin_and_direction_at_any_turn_and_out_of_view(turn: fl
     assert len(match) > 50
     assert match.certain
     plane = gauge.positions_mm()[match.row, match.column]
-    truth = camera.picture_from_plate(np.column_stack([plane, np.zeros(len(plane))]))
+    truth = camera.image_from_plate(np.column_stack([plane, np.zeros(len(plane))]))
     assert np.abs(dots.centers_px[match.dot] - truth).max() < 0.3
 
 
@@ -160,7 +160,7 @@ def test_staggered_array_seen_in_part_keeps_its_rows() -> None:
     dots = detect_dots(draw_gauge(camera, gauge, rng=np.random.default_rng(0), snr=40))
     match = match_gauge(dots, assign_grid(dots), gauge)
     plane = gauge.positions_mm()[match.row, match.column]
-    truth = camera.picture_from_plate(np.column_stack([plane, np.zeros(len(plane))]))
+    truth = camera.image_from_plate(np.column_stack([plane, np.zeros(len(plane))]))
     shift = dots.centers_px[match.dot] - truth
     # without fiducials a partial view leaves whole pitches open, the same for every dot
     assert np.abs(shift - np.median(shift, axis=0)).max() < 0.5

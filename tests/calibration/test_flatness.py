@@ -38,7 +38,7 @@ def test_bend_is_measured_and_the_camera_freed_of_it(bent: Calibration) -> None:
     assert shape.low_mm < np.ptp(FACE_MM) < shape.high_mm
     assert shape.high_mm - shape.low_mm < 0.05 * np.ptp(FACE_MM)
     points = np.stack(np.meshgrid(np.linspace(20, 380, 5), np.linspace(20, 280, 4)), axis=-1)
-    error = bent.camera.plate_from_picture(points, 6.5) - CAMERA.plate_from_picture(points, 6.5)
+    error = bent.camera.plate_from_image(points, 6.5) - CAMERA.plate_from_image(points, 6.5)
     assert np.sqrt(np.mean(error**2)) < 0.002  # 0.005 where the gauge is taken as flat
 
 

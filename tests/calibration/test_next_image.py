@@ -1,4 +1,4 @@
-"""What an image gives, and the next one to take: foretold from a solved calibration, against solving again."""
+"""What an image gives, and the next one to take: predicted from a solved calibration, against solving again."""
 
 from __future__ import annotations
 

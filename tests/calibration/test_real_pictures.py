@@ -52,7 +52,7 @@ def test_lines_of_the_dense_array_become_straight() -> None:
     assert len(found.views[0]) > 0.9 * len(match)
     assert found.rms_px < 0.03  # of the dots kept
     seen = found.sightings[0].dots.centers_px[match.dot]
-    on_plate = found.camera.plate_from_picture(seen, 0.0)
+    on_plate = found.camera.plate_from_image(seen, 0.0)
     off_mm = on_plate - gauge.positions_mm()[match.row, match.column]
     assert np.sqrt((off_mm**2).mean()) * 26.7 < 0.3  # of all that were given a place, at 26.7 px a pitch
 

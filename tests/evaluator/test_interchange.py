@@ -79,7 +79,7 @@ def test_deeplabcut_points_are_placed_by_the_camera_and_unlikely_ones_are_missin
     points = {}
     for mark, name in zip(MARKS, ("left_led", "right_led"), strict=True):
         place = truth[[f"{mark}_x_mm", f"{mark}_y_mm"]].to_numpy()
-        points[name] = camera.picture_from_plate(np.column_stack([place, np.full(len(place), height)]))
+        points[name] = camera.image_from_plate(np.column_stack([place, np.full(len(place), height)]))
     likelihood = np.full(len(truth), 0.99)
     likelihood[5] = 0.1
     path = tmp_path / "r01DLC.csv"

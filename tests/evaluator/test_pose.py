@@ -72,18 +72,18 @@ def test_systematic_part_is_the_change_of_pose_with_the_camera(frames: int) -> N
     for name in ("green", "yellow"):
         points = np.column_stack([marks[[f"{name}_x_mm", f"{name}_y_mm"]], np.full(len(marks), 6.5)])
         columns = [f"{name}_x_mm", f"{name}_y_mm"]
-        marks[columns] = moved.plate_from_picture(camera.picture_from_plate(points), 6.5)
+        marks[columns] = moved.plate_from_image(camera.image_from_plate(points), 6.5)
     other = poses_from_marks(marks, GEOMETRY)
     shift, found = other.x_mm - poses.x_mm, poses.systematic[:, 0, 0]
     np.testing.assert_allclose(shift * np.sign(found[-1]) * np.sign(shift[-1]), found, atol=2e-3 * np.abs(shift).max())
 
 
-def test_marks_seen_in_pictures_share_an_error_fixed_to_the_body() -> None:
+def test_marks_seen_in_images_share_an_error_fixed_to_the_body() -> None:
     camera = camera_above(size_px=(640, 480), focal_px=2000, distance_mm=150)
     marks = marks_of(np.tile([1.0, 2.0, np.pi / 2], (50, 1)), 0.01, np.random.default_rng(6))
     for name in ("green", "yellow"):
         places = np.column_stack([marks[[f"{name}_x_mm", f"{name}_y_mm"]], np.full(len(marks), 6.5)])
-        marks[f"{name}_x_px"], marks[f"{name}_y_px"] = camera.picture_from_plate(places).T
+        marks[f"{name}_x_px"], marks[f"{name}_y_px"] = camera.image_from_plate(places).T
     poses = poses_from_marks(marks, GEOMETRY, camera)
     assert poses.systematic is not None
     forward, left = poses.systematic[:, 1, 0], poses.systematic[:, 0, 1]  # of the green mark; the robot faces plate +y

@@ -15,7 +15,7 @@ import pytest
 from evaluator.errors import InputError
 from evaluator.recording import open_recording
 from evaluator.recording.groups import groups_of
-from evaluator.recording.parallel import glanced
+from evaluator.recording.parallel import first_packets
 from tests.evaluator.tracking.synthetic import draw, turning_marks, write_video
 
 
@@ -268,7 +268,7 @@ def test_a_glance_at_packets_loses_none_and_raises_what_reading_raises_in_its_pl
         raise OSError("torn off")
 
     for count in (0, 2, 8):
-        first, packets = glanced(read(), count)
+        first, packets = first_packets(read(), count)
         assert first == list(range(min(count, 3)))
         assert [next(packets) for _ in range(3)] == [0, 1, 2]
         with pytest.raises(OSError, match="torn off"):

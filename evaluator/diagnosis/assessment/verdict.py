@@ -67,15 +67,15 @@ def decide(search: Search, table: Standing, families: int, named: Set) -> tuple[
     for ids in free:
         without = frozenset(effect for effect in ids if not is_free(effect))
         if table.of(ids) > score(search, without, families) and all(
-            _foretells(search, ids, other) for other in {named, likeliest}
+            _predicts(search, ids, other) for other in {named, likeliest}
         ):
-            return ids, "unknown", "a free-form term foretells commands left out better than any named effect"
+            return ids, "unknown", "a free-form term predicts commands left out better than any named effect"
     if named:
         return named, "effect", "each effect pays for itself, and nothing is left that a free-form term could explain"
     return named, "none", "the model explains the data within noise and tolerances"
 
 
-def _foretells(search: Search, ids: Set, other: Set) -> bool:
+def _predicts(search: Search, ids: Set, other: Set) -> bool:
     """Whether a set predicts commands left out better than another, beyond chance."""
     gain, error = advantage(search.fits[ids], search.fits[other], search.problem.data, search.tolerance)
     return gain > FORETOLD and gain > FORETOLD_SIGMA * error

@@ -132,7 +132,7 @@ def from_rival(problem: Problem, placed: Point, rival: Rival) -> Information:
 
 
 def from_chosen(search: Search, chosen: Fit, problem: Problem, placed: Point, rival: Rival) -> Information:
-    """The same seen from the chosen model: what of its own effects the rival's cannot imitate in a linear view.
+    """Information about a rival, linearized at the chosen model: what of its response the rival cannot imitate.
 
     Where a rival predicts a jump to another steady state, the view from its fit alone is too hopeful.
     """

@@ -84,7 +84,7 @@ class Fit:
         return bool(np.any(np.abs(own) > MOST_SCATTER))
 
     def counting(self, parameters: int) -> Fit:
-        """The same with so many more parameters counted against it: those that were chosen, not fitted."""
+        """The fit with its evidence lowered for parameters that were chosen among alternatives, not fitted (BIC)."""
         less = 0.5 * parameters * float(np.log(len(self.runs)))
         return replace(self, posterior=replace(self.posterior, log_evidence=self.posterior.log_evidence - less))
 

@@ -59,8 +59,8 @@ def _fit_whole_changes(search: Search, nominal: Point) -> None:
     There the data want the whole change or none. The null has bent friction, gains and poses to what it cannot
     do, a robot that stands still where it should move, and from there no whole change looks right.
     """
-    leaping = [term for term in search.terms.values() if term.stepwise]
-    view = screen(search, nominal, (), leaping)
+    stepwise = [term for term in search.terms.values() if term.stepwise]
+    view = screen(search, nominal, (), stepwise)
     for effect, extra in _ordered(view, view.offers)[:WHOLE_CHANGES_REFITTED]:
         fit_set(
             search, frozenset([effect]), {effect: view.start_of((effect, extra))}, replace(search.null, point=nominal)

@@ -1,8 +1,9 @@
 """Slow errors of tracking, from the one thing that no motion of the robot can change: the distance of its marks.
 
-A codec that keeps its mistakes, or brush marks of the plate beside a mark, move it by some hundredths of a pixel for
-seconds on end. Fast modes do not show that, and in the path of the robot it cannot be told from motion; in the distance
-of the marks it can. What scale and keystone of a camera would do to the distance, the same in all runs, is left aside.
+A codec that repeats its errors, or brush marks of the plate beside a mark, move the mark by some hundredths of a pixel
+for seconds. Fast modes do not show this, and in the path of the robot it cannot be distinguished from motion; in the
+distance between the marks it can. What scale and keystone of a camera do to the distance, equal in all runs, is left
+out.
 """
 
 from __future__ import annotations

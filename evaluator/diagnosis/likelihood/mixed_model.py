@@ -53,7 +53,7 @@ class Reduced:
     size: NDArray[np.int64]  # (n,) features left per run
 
     def of_columns(self, keep: NDArray[np.bool_], fixed: Floats) -> Reduced:
-        """The same with only some common parameters free; the others stand at the values of fixed (p,)."""
+        """Statistics of the common parameters that are kept, given the values fixed (p,) of the others."""
         return Reduced(
             self.s - 2 * self.g @ fixed + np.einsum("p,npq,q->n", fixed, self.G, fixed),
             (self.g - self.G @ fixed)[:, keep],
@@ -189,7 +189,7 @@ def solve_at(reduced: Reduced, prior_precision: Floats, tau: Floats) -> Floats:
 
 
 def solve_within(reduced: Reduced, prior_precision: Floats, tau: Floats, low: Floats, high: Floats) -> Floats:
-    """The same with every parameter between its bounds (p,). Source: Stark & Parker (1995), Comput. Stat. 10, 129."""
+    """Most probable common parameters (p,) within bounds (p,). Source: Stark & Parker (1995), Comput. Stat. 10, 129."""
     free = solve_at(reduced, prior_precision, tau)
     if ((free >= low) & (free <= high)).all():
         return free

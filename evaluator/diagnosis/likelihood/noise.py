@@ -59,7 +59,7 @@ class Noise:
         return float(np.hypot(np.hypot(self.white_mm, self.slow_mm), self.drift_mm))
 
     def scaled(self, factor: float) -> Noise:
-        """The same correlation with all amplitudes multiplied by factor."""
+        """Noise with all amplitudes multiplied by factor, its correlation times unchanged."""
         return Noise(self.white_mm * factor, self.slow_mm * factor, self.correlation_s)
 
 

@@ -142,7 +142,7 @@ class Problem:
         return [item for item in found if item is not None]
 
     def attempted(self, point: Point, columns: Sequence[Column], runs: Sequence[int]) -> list[Linearized | None]:
-        """The same, with None for runs that cannot be simulated."""
+        """Response and derivatives of the runs at a point; None for runs that cannot be simulated there."""
         result: list[Linearized | None] = []
         at_once = max(1, TASKS_AT_ONCE // (len(columns) + OWN + 1))
         points, bases = _points(point, columns)

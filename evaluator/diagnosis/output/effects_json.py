@@ -24,7 +24,7 @@ DRAW_SEED = 20120612  # intervals of directions and anchors are read from draws;
 
 
 def told(diagnosis: Diagnosis, effect: str) -> Json:
-    """One effect of the chosen set: id, name, sizes with intervals, what it cannot be told from, probability."""
+    """One effect of the chosen set: id, name, sizes with intervals, effects that it may be instead, probability."""
     return _effect(diagnosis, effect)
 
 

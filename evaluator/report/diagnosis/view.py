@@ -10,7 +10,7 @@ import pandas as pd
 
 from evaluator.diagnosis.assessment.disagreement import COLUMNS, QUANTITIES
 from evaluator.settings import Experiment
-from evaluator.workflow.diagnosis.validity import kept_diagnosis
+from evaluator.workflow.diagnosis.validity import earlier_diagnosis
 from evaluator.workflow.results.outputs import Outputs
 
 
@@ -25,7 +25,7 @@ class DiagnosisView:
 
 def known_diagnosis(experiment: Experiment, outputs: Outputs) -> DiagnosisView | None:
     """The diagnosis in an output folder; None where none was made."""
-    kept = kept_diagnosis(experiment, outputs)
+    kept = earlier_diagnosis(experiment, outputs)
     if kept is None:
         return None
     return DiagnosisView(kept.content, _pieces(outputs.disagreement), kept.outdated)

@@ -80,13 +80,13 @@ def plate_axes_px(camera: Camera, height_mm: float = 0.0) -> NDArray[np.float64]
     They start at the origin where it is well in view, else at the middle of the image, and are a seventh of it long.
     """
     size = np.array(camera.size_px, dtype=float)
-    start = camera.picture_from_plate([0.0, 0.0, height_mm])
+    start = camera.image_from_plate([0.0, 0.0, height_mm])
     inside = np.isfinite(start).all() and (start > 0.15 * size).all() and (start < 0.85 * size).all()
-    at = np.zeros(2) if inside else camera.plate_from_picture(size / 2, height_mm)
-    side = camera.plate_from_picture(size / 2 + [size.min() / 7, 0], height_mm)
-    length = float(np.hypot(*(side - camera.plate_from_picture(size / 2, height_mm))))
+    at = np.zeros(2) if inside else camera.plate_from_image(size / 2, height_mm)
+    side = camera.plate_from_image(size / 2 + [size.min() / 7, 0], height_mm)
+    length = float(np.hypot(*(side - camera.plate_from_image(size / 2, height_mm))))
     ends = at + np.array([[[0.0, 0.0], [length, 0.0]], [[0.0, 0.0], [0.0, length]]])
-    return camera.picture_from_plate(np.concatenate([ends, np.full((2, 2, 1), height_mm)], axis=2))
+    return camera.image_from_plate(np.concatenate([ends, np.full((2, 2, 1), height_mm)], axis=2))
 
 
 def _draw_plate_axes(axes: Axes, camera: Camera) -> None:

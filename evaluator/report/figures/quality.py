@@ -69,7 +69,7 @@ def camera_uncertainty(camera: Camera, height_mm: float) -> Figure:
     sensitivity = camera.plate_sensitivity(pixel, height_mm)
     covariance = sensitivity @ camera.covariance @ np.swapaxes(sensitivity, -1, -2)
     sigma_um = 1000 * np.sqrt(np.trace(covariance, axis1=-2, axis2=-1) / 2)
-    place = camera.plate_from_picture(pixel, height_mm)
+    place = camera.plate_from_image(pixel, height_mm)
     with drawing("camera-uncertainty") as canvas:
         (axes,) = canvas.axes
         lines = axes.contour(place[..., 0], place[..., 1], sigma_um, 7, colors=[BLUE], linewidths=1.0)

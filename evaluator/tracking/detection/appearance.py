@@ -125,5 +125,5 @@ def _thinned(patch: Patch) -> Patch:
 
 
 def with_disc(look: Appearance, disc: Disc) -> Appearance:
-    """The same mark with a better known shape."""
+    """The appearance of a mark whose shape is now known better; its area is at least 0.8 of the disc's."""
     return replace(look, disc=disc, area_px2=max(look.area_px2, 0.8 * np.pi * disc.radius_px**2))

@@ -20,7 +20,7 @@ from evaluator.tracking.detection.selection import Candidate, choose
 from evaluator.tracking.settings import Box, MarkSettings, TrackingSettings
 
 Array = NDArray[np.float64]
-LEAST_AREA_PX2 = 6.0  # a mark of 1.4 px radius: below that no shape can be told from noise
+LEAST_AREA_PX2 = 6.0  # a mark of 1.4 px radius: below that no shape can be distinguished from noise
 LEVELS = 5  # doublings of the least chroma: from the faintest tint to the strongest colour that 8 bits hold
 SAME = 1.25  # blobs of two levels are one where their radii differ by less, and their centres by half a radius
 # Share of the plate's tint that the lamp has, degrees by which hues lie beyond their usual ranges, and the log odds

@@ -59,7 +59,7 @@ class Follower(Motion):
         self._fitted, self._start = self._result.tolist(), np.zeros(4)
         self.seen, self.views = 0, list[Patch]()
         self.light, self.rim = LightNotes(), Rim()
-        self.glimpse: tuple[Point | None, float] = None, 0.0  # where and when it was seen last but not measured
+        self.last_sighting: tuple[Point | None, float] = None, 0.0  # where and when it was seen last but not measured
         self._usual = np.zeros(5)
         self._usual[fast_path.U_SCATTER] = (fast_path.DISTURBED - 1.0) / fast_path.ODD  # the largest that is believed
         self.take_look(self.look)
@@ -112,8 +112,8 @@ class Follower(Motion):
                 max(light, 1.0),
             )
         velocities = [(0.0, 0.0)] if guide == (0.0, 0.0) else [guide, (0.0, 0.0)]
-        # Seen in the frame before, though not measured: a jump of speed smears a mark as nothing foretold.
-        for where, when in ((self.position, self.time_s), self.glimpse):
+        # Seen in the frame before, though not measured: a jump of speed smears a mark as nothing predicted.
+        for where, when in ((self.position, self.time_s), self.last_sighting):
             lapse = frame.time_s - when
             if where is not None and 0 < lapse < LATELY * interval_s:
                 velocities.insert(0, ((place[0] - where[0]) / lapse, (place[1] - where[1]) / lapse))

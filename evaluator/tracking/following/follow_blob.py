@@ -61,7 +61,7 @@ class BlobFollower(Motion):
     time_s: float = 0.0
     missed: int = 0
     seen: int = 0
-    glimpse: tuple[Point | None, float] = (None, 0.0)
+    last_sighting: tuple[Point | None, float] = (None, 0.0)
     long_px: float = 0.0  # half the longest axis
     blob: Blob | None = field(default=None)  # as it was seen last
     unsteady: float = 1e-6  # variance of the logarithm of the area

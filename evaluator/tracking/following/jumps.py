@@ -20,7 +20,7 @@ AROUND = 10  # steps on either side that tell how fast a mark is there
 # A step longer than this many of the usual ones and this share of the mark's radius is a jump: what stands for two
 # frames and catches up takes three steps at once.
 FASTER, SHARE, LEAST_PX = 1.8, 0.35, 1.5
-STILL, MOVING_PX = 0.25, 0.5  # of the usual step: standing; a usual step that standing can be told from
+STILL, MOVING_PX = 0.25, 0.5  # of the usual step: standing; a usual step that standing can be distinguished from
 # Frames that a jump must be worth: a robot that was carried elsewhere is followed there, a residue of half a second is
 # not. Where some pieces move, those that stand count a third, all together up to half a jump: residue stands.
 JUMP, STANDING = 15.0, 1.0 / 3.0

@@ -17,7 +17,8 @@ class Motion:
     """Place and speed of one mark.
 
     position, velocity: px and px/s at time_s (the mean since the frame before), None while never seen. missed: frames
-    since it was measured. seen: frames in which it was. glimpse: where and when it was seen last but not measured.
+    since it was measured. seen: frames in which it was. last_sighting: place and time of the last frame in
+    which it was seen but not measured.
     """
 
     position: Point | None
@@ -25,7 +26,7 @@ class Motion:
     time_s: float
     missed: int
     seen: int
-    glimpse: tuple[Point | None, float]
+    last_sighting: tuple[Point | None, float]
 
     def predicted(self, time_s: float) -> Point | None:
         """Where the mark should be at a time, at constant velocity."""

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 AROUND = 5  # frames to either side that the usual step is taken from
-MOVING_PX = 0.5  # a usual step from which standing still is told from the codec's own errors
+MOVING_PX = 0.5  # a usual step from which standing still is distinguished from the codec's own errors
 STILL = 0.25  # of the usual step: what a mark may seem to move by while it is shown again
 AGAIN = 0.35  # relative difference between the step after and what was to be made up for
 LONGEST = 5  # frames repeated in a row
 
 
-def repeated_pictures(marks_px: list[Array]) -> list[NDArray[np.bool_]]:
+def repeated_frames(marks_px: list[Array]) -> list[NDArray[np.bool_]]:
     """Per mark the frames in which it moves, but all marks that move are seen to stand still and then to catch up.
 
     marks_px: (n, 2) each, NaN where absent. A mark at rest is where it is seen, shown again or not.

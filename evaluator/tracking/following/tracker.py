@@ -64,9 +64,9 @@ class Tracker:
         The first LEARNING_FRAMES frames with a mark are held back until its shape is learnt from them.
         """
         self._source = getattr(recording, "name", self._source)
-        pictures = iter(recording)
+        images = iter(recording)
         held: list[tuple[Frame, list[Sighting]]] = []
-        for frame in pictures:
+        for frame in images:
             sightings = self.step(frame)
             if not self.followers:
                 yield frame, sightings
@@ -79,7 +79,7 @@ class Tracker:
         for frame, sightings in held:
             yield frame, [self._again(name, frame, one) for name, one in zip(self.names, sightings, strict=True)]
         held.clear()
-        for frame in pictures:
+        for frame in images:
             yield frame, self.step(frame)
 
     def step(self, frame: Frame) -> list[Sighting]:
@@ -205,7 +205,7 @@ class Tracker:
             if one.status == OK:
                 return one
         if places:
-            follower.glimpse = places[0][:2], frame.time_s
+            follower.last_sighting = places[0][:2], frame.time_s
         return miss
 
     def _note_distance(self, sightings: list[Sighting]) -> None:

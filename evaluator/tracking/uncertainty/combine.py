@@ -12,7 +12,7 @@ from evaluator.tracking.following.background import background, strangers
 from evaluator.tracking.following.follow import Follower
 from evaluator.tracking.following.follow_blob import BlobFollower
 from evaluator.tracking.following.jumps import off_course
-from evaluator.tracking.following.repeated_frames import repeated_pictures
+from evaluator.tracking.following.repeated_frames import repeated_frames
 from evaluator.tracking.observation import ALONE, BACKGROUND, OFF_COURSE, REPEATED, STRANGER, WRONG_DISTANCE
 from evaluator.tracking.uncertainty.codec import hidden_variance, steady_times
 from evaluator.tracking.uncertainty.exposure import exposed
@@ -41,7 +41,7 @@ def refine(
     status: per mark, of every frame. body: marks that sit on one; others may move apart.
     """
     kind, times, time_s = np.array(list(kinds), dtype=str), time_s, steady_times(time_s)
-    again = repeated_pictures([values[:, :2] for values in numbers.values()])
+    again = repeated_frames([values[:, :2] for values in numbers.values()])
     for name, shown in zip(numbers, again, strict=True):
         _take_out(numbers[name], status[name], shown, REPEATED)
     _take_out_impossible(time_s, numbers, status, followers, body)

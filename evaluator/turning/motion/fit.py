@@ -61,7 +61,7 @@ class TurnFit:
         return np.stack([twist[:, 0] - yaw * arm[1], twist[:, 1] + yaw * arm[0], yaw], axis=1)
 
     def body_twist(self, place_mm: Array) -> Array:
-        """The same at the estimate, (3,)."""
+        """Velocity (v_x, v_y) and yaw rate of a body point per path parameter, (3,), at the estimated motion."""
         return np.asarray(self.body_twists(self.averaged.mean()[None], place_mm)[0])
 
     def centers_mm(self, steps: Array) -> Array:

@@ -1,6 +1,6 @@
 """Generalised least squares with noise that is correlated in time, honest where few independent values are left.
 
-What the noise is like (its correlation from frame to frame, how much of it is white, whether it is fixed to the picture
+What the noise is like (its correlation from frame to frame, how much of it is white, whether it is fixed to the image
 or to the body) is not known. The estimate is therefore averaged over these, weighted by their restricted likelihood
 (Harville 1977, doi:10.1080/01621459.1977.10480998); that widens intervals the way Student's t does for an unknown
 scale. The prior is flat in the logarithm of the correlation time, which has no preferred unit.
@@ -20,14 +20,15 @@ Array = NDArray[np.float64]
 
 # Fisher's z of the correlation between successive frames; the variance of a mean goes with exp(2 z), so a step of 0.15
 # resolves a standard error to 8 % at worst, and the average over neighbours to far less. z = 3.3 is a correlation
-# time of 370 frames: slower noise cannot be told from a change of the parameters in a run of a few hundred frames.
+# time of 370 frames: slower noise cannot be distinguished from a change of the parameters in a run of a few
+# hundred frames.
 CORRELATIONS = np.tanh(np.arange(-0.3, 3.31, 0.15))
 # White share of the variance, and the probability given to it beforehand: one process is the rule.
 WHITE_SHARES = {0.0: 0.8, 0.5: 0.1, 0.85: 0.1}
 # Slow noise shows only when the run holds some of its correlation times, more of them under white noise; slower than
 # that it is the same thing as other parameters: systematic, like the camera's own errors, which are propagated apart.
 SEEN_CORRELATION_TIMES = {0.0: 4.0, 0.5: 10.0, 0.85: 10.0}
-# Noise fixed to the picture turns against the body. Within a quarter of this angle, the longest correlation time that
+# Noise fixed to the image turns against the body. Within a quarter of this angle, the longest correlation time that
 # shows, cos(2 / 4) = 0.88: shorter arcs cannot tell.
 TURN_THAT_TELLS_RAD = 2.0
 NEGLIGIBLE = 1e-4  # weight below which a component of the mixture cannot move a 95 % bound
@@ -35,21 +36,21 @@ NEGLIGIBLE = 1e-4  # weight below which a component of the mixture cannot move a
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """One noise model: correlation per frame interval, white share of the variance, turning with the picture or not."""
+    """One noise model: correlation per frame interval, white share of the variance, turning with the image or not."""
 
     correlation: float
     white_share: float
-    in_picture: bool
+    in_image: bool
 
 
 def noise_models(turned_rad: float, duration: float) -> tuple[NoiseModel, ...]:
     """All noise models that data of this heading range and duration, in frame intervals, can tell apart."""
-    models = [NoiseModel(0.0, 0.0, in_picture=False)]
-    for in_picture in (False, True) if turned_rad > TURN_THAT_TELLS_RAD else (False,):
+    models = [NoiseModel(0.0, 0.0, in_image=False)]
+    for in_image in (False, True) if turned_rad > TURN_THAT_TELLS_RAD else (False,):
         for share, times in SEEN_CORRELATION_TIMES.items():
             # A correlation under 0.2 beneath as much white noise is white for every purpose.
             seen = (np.exp(-times / duration) >= CORRELATIONS) & (abs(CORRELATIONS) > (0.2 if share else 1e-9))
-            models += [NoiseModel(float(r), share, in_picture) for r in CORRELATIONS[seen]]
+            models += [NoiseModel(float(r), share, in_image) for r in CORRELATIONS[seen]]
     return tuple(models)
 
 
@@ -175,14 +176,14 @@ def _moments(time: Array, heading_rad: Array, data: Array, models: tuple[NoiseMo
     still = np.zeros_like(turns)
     data = np.ascontiguousarray(data)
     results = [
-        whitened_moments(steps, turns if m.in_picture else still, data, m.correlation, m.white_share) for m in models
+        whitened_moments(steps, turns if m.in_image else still, data, m.correlation, m.white_share) for m in models
     ]
     return np.array([moments for moments, _ in results]), np.array([log for _, log in results])
 
 
 def _log_prior(models: tuple[NoiseModel, ...]) -> Array:
-    """Equal shares for noise in the picture and on the body, WHITE_SHARES, and flat in Fisher's z within."""
-    keys = [(m.white_share, m.in_picture) for m in models]
+    """Equal shares for noise in the image and on the body, WHITE_SHARES, and flat in Fisher's z within."""
+    keys = [(m.white_share, m.in_image) for m in models]
     return np.array([np.log(WHITE_SHARES[key[0]] / keys.count(key)) for key in keys])
 
 

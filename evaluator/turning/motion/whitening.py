@@ -1,7 +1,7 @@
 """Whitening of noise that is correlated in time, in one pass: a Kalman filter as compiled kernel.
 
 Noise model: a stationary process that forgets by a factor per frame interval (Ornstein and Uhlenbeck 1930), plus a
-white share. Tracking errors are fixed to the picture, and a turning body sees them turn: the process may therefore
+white share. Tracking errors are fixed to the image, and a turning body sees them turn: the process may therefore
 rotate with the heading, of which each channel shows one component. Gaps need no filling. Cost: linear in frames and
 columns.
 """

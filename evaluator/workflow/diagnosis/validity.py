@@ -49,7 +49,7 @@ class Kept:
     outdated: bool
 
 
-def kept_diagnosis(experiment: Experiment, outputs: Outputs) -> Kept | None:
+def earlier_diagnosis(experiment: Experiment, outputs: Outputs) -> Kept | None:
     """What is known of an earlier diagnosis; None where there is none.
 
     A diagnosis.json without a record, from another program, counts as up to date: nothing is known against it.

@@ -15,7 +15,7 @@ from pathlib import Path
 FRAMES = 60  # of a recording, enough for every kernel of the tracker
 
 
-def compile_ahead(video: Path) -> None:
+def precompile(video: Path) -> None:
     """Start processes that compile what an analysis needs, unless it is on disk; they end with this one at the latest.
 
     video: a recording that the tracker is tried on. Whoever needs a kernel of the simulator earlier waits for it.

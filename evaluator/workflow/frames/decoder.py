@@ -121,7 +121,7 @@ def _serve(pipe: Connection) -> None:
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt from the terminal is for the studio
     opened: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
-    _import_ahead()
+    _preimport()
     while True:
         try:
             question = pipe.recv()
@@ -136,7 +136,7 @@ def _serve(pipe: Connection) -> None:
         pipe.send(answer)
 
 
-def _import_ahead() -> None:
+def _preimport() -> None:
     import evaluator.recording.seek  # noqa: F401 - so that the first frame does not wait for it
 
 

@@ -93,7 +93,7 @@ def _pose_columns(table: pd.DataFrame, camera: Camera | None, height_mm: float) 
     if camera is not None:
         nose = x + NOSE_MM * np.cos(heading), y + NOSE_MM * np.sin(heading)
         for name, (at_x, at_y) in {"center": (x, y), "nose": nose}.items():
-            px = camera.picture_from_plate(np.stack([at_x, at_y, np.full_like(at_x, height_mm)], axis=-1))
+            px = camera.image_from_plate(np.stack([at_x, at_y, np.full_like(at_x, height_mm)], axis=-1))
             found[f"{name}_x_px"], found[f"{name}_y_px"] = px[:, 0], px[:, 1]
     return found
 

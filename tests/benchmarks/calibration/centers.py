@@ -54,7 +54,7 @@ def _center_errors(tilt: float, k1: float, seed: int, snr: float) -> tuple[Array
     own, center = own[near], dots.centers_px[near]
     stated = np.sqrt(np.einsum("nii->ni", dots.covariance_px2[near]))
     bound = _bound(dots.shape[near], blur, 30.0)
-    return center - predicted[own], bound, stated, center - camera.picture_from_plate(points)[own]
+    return center - predicted[own], bound, stated, center - camera.image_from_plate(points)[own]
 
 
 def _bound(shape: Array, blur_px: float, snr: float) -> Array:

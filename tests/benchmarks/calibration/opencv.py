@@ -1,4 +1,4 @@
-"""The same pictures through OpenCV and through ours."""
+"""Calibration of one set of images by OpenCV and by turnscope."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.calibration.drawing import draw_gauge, random_poses
 @click.command()
 @click.option("--sets", default=4)
 def opencv(sets: int) -> None:
-    """The same pictures through findCirclesGrid + calibrateCamera, and through ours."""
+    """One set of images through findCirclesGrid and calibrateCamera, and through turnscope."""
     print("  set                    |  OpenCV solved  plane um   time s |  ours solved  plane um   time s")
     for label, snr, shift in (
         ("clean, all in view", np.inf, 0.0),

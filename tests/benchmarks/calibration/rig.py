@@ -45,10 +45,10 @@ class Errors:
 
 def errors(truth: Camera, found: Camera, height_mm: float = MARK_HEIGHT_MM) -> Errors:
     points = field_points(truth.size_px)
-    true = truth.plate_from_picture(points, height_mm)
+    true = truth.plate_from_image(points, height_mm)
     seen = np.isfinite(true).all(axis=1)
     points, true = points[seen], true[seen]
-    error = found.plate_from_picture(points, height_mm) - true
+    error = found.plate_from_image(points, height_mm) - true
     sensitivity = found.plate_sensitivity(points, height_mm)
     sigma = np.sqrt(np.einsum("nij,jk,nik->ni", sensitivity, found.covariance, sensitivity))
     # least-squares scale of the found points against the true ones

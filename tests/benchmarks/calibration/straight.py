@@ -28,9 +28,9 @@ def straight(picture: Path, columns: int, rows: int) -> None:
     match, view = found.sightings[0].match, found.views[0]
     centers = found.sightings[0].dots.centers_px[match.dot]
     site = match.row * columns + match.column
-    pitch_px = 1 / float(np.median(nearest(found.camera.plate_from_picture(centers, 0.0), 1)[0]))
+    pitch_px = 1 / float(np.median(nearest(found.camera.plate_from_image(centers, 0.0), 1)[0]))
     pitch_px *= float(np.median(nearest(centers, 1)[0]))
-    corrected = found.camera.plate_from_picture(centers, 0.0) * pitch_px
+    corrected = found.camera.plate_from_image(centers, 0.0) * pitch_px
     kept = np.isin(site, view.site)
     print(
         f"{len(centers)} dots, {int(kept.sum())} kept; lens {found.camera.lens} with {', '.join(found.fit.state.free)}"

@@ -70,7 +70,7 @@ def clip(
 
 
 def lengthen(path: Path, repeat: int) -> Path:
-    """The same packets over and over: a long recording without encoding one."""
+    """Repeat the packets of a clip: a long recording without encoding one."""
     longer = path.with_stem(path.stem + "-long")
     with av.open(str(path)) as source, av.open(str(longer), "w") as target:
         stream = source.streams.video[0]

@@ -41,7 +41,7 @@ def _misplaced(table: pd.DataFrame, camera: Camera) -> pd.DataFrame:
     for mark in ("green", "yellow"):
         names = [f"{mark}_x_mm", f"{mark}_y_mm"]
         points = np.column_stack([table[names].to_numpy(), np.full(len(table), HEIGHT_MM)])
-        placed[names] = wrong.plate_from_picture(camera.picture_from_plate(points), HEIGHT_MM)
+        placed[names] = wrong.plate_from_image(camera.image_from_plate(points), HEIGHT_MM)
     return placed
 
 

@@ -42,7 +42,7 @@ def test_what_speaks_for_named_effects_and_what_against_them(
 ) -> None:
     module = "evaluator.diagnosis.assessment.verdict"
     monkeypatch.setattr(f"{module}.score", lambda _, ids, __: scores.get(ids, -np.inf))
-    monkeypatch.setattr(f"{module}._foretells", lambda _, ids, __: ids == BESIDE)
+    monkeypatch.setattr(f"{module}._predicts", lambda _, ids, __: ids == BESIDE)
     order = sorted(scores, key=lambda ids: -scores[ids])
     search, table = cast("Search", None), Standing(tuple(order), np.array([scores[ids] for ids in order]))
     assert decide(search, table, 95, best_named(search, table, 95))[:2] == (chosen, verdict)

@@ -71,7 +71,7 @@ def test_a_free_term_that_pays_and_has_a_fifth_of_the_probability_casts_doubt(
 ) -> None:
     """Odds of one to four are 1.386 below the named effect."""
     search, table = ranked(monkeypatch, {A: 10.0, FREE: rival, NONE: 0.0})
-    monkeypatch.setattr(verdict, "_foretells", lambda *_: False)
+    monkeypatch.setattr(verdict, "_predicts", lambda *_: False)
     assert decide(search, table, 95, A)[1] == answer
     shares = table.share_of([FREE], [A, FREE, NONE])
     assert (shares > 0.2) == (answer == "unknown")
@@ -80,20 +80,20 @@ def test_a_free_term_that_pays_and_has_a_fifth_of_the_probability_casts_doubt(
 @pytest.mark.parametrize(
     ("gain", "error", "better"), [(4.1, 2.0, True), (3.9, 0.1, False), (6.0, 3.1, False), (6.0, 2.9, True)]
 )
-def test_a_set_foretells_by_four_and_by_two_standard_errors(
+def test_a_set_predicts_by_four_and_by_two_standard_errors(
     gain: float, error: float, better: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(verdict, "advantage", lambda *_: (gain, error))
     search: Any = SimpleNamespace(fits={A: 1, FREE: 2}, problem=SimpleNamespace(data=()), tolerance={})
-    assert verdict._foretells(search, FREE, A) == better
+    assert verdict._predicts(search, FREE, A) == better
 
 
 @pytest.mark.parametrize(("free", "answer"), [(0.5, "unknown"), (-0.5, "none")])
-def test_a_free_term_that_foretells_must_also_be_more_probable_than_nothing(
+def test_a_free_term_that_predicts_must_also_be_more_probable_than_nothing(
     free: float, answer: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     search, table = ranked(monkeypatch, {FREE: free, NONE: 0.0})
-    monkeypatch.setattr(verdict, "_foretells", lambda *_: True)
+    monkeypatch.setattr(verdict, "_predicts", lambda *_: True)
     found = decide(search, table, 95, NONE)
     assert found[1] == answer
     assert found[0] == (FREE if answer == "unknown" else NONE)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evaluator.tracking.following.pair import Body
-from evaluator.tracking.following.repeated_frames import repeated_pictures
+from evaluator.tracking.following.repeated_frames import repeated_frames
 from evaluator.tracking.uncertainty.codec import hidden_variance, steady_times
 from tests.evaluator.tracking.synthetic import turning_marks
 
@@ -58,12 +58,12 @@ def test_a_picture_stored_again_is_told_from_a_rest() -> None:
     moving = course()
     moving[100:102] = moving[99] + 0.02
     rest = np.full((FRAMES, 2), 50.0)
-    again, still = repeated_pictures([moving, rest])
+    again, still = repeated_frames([moving, rest])
     assert set(np.flatnonzero(again)) == {100, 101}
     assert not still.any()
     stopped = course()
     stopped[200:] = stopped[200]
-    assert not repeated_pictures([stopped])[0].any()
+    assert not repeated_frames([stopped])[0].any()
 
 
 def test_places_of_a_lost_mark_are_those_at_the_distance_of_its_partner() -> None:

@@ -27,7 +27,7 @@ def straight_poses(length_mm: float, frames: int) -> Array:
 
 
 def resting(poses: Array, before: int = 0, after: int = 0) -> Array:
-    """The same poses with frames of rest before and after."""
+    """Poses with frames of rest before and after."""
     return np.concatenate([np.repeat(poses[:1], before, axis=0), poses, np.repeat(poses[-1:], after, axis=0)])
 
 

@@ -119,7 +119,7 @@ def test_camera_error_moves_the_radius_as_far_as_the_systematic_part_says() -> N
         for mark in ("green", "yellow"):
             columns = [f"{mark}_x_mm", f"{mark}_y_mm"]
             places = np.column_stack([marks[columns], np.full(len(marks), 6.5)])
-            moved[columns] = Camera(exact.size_px, changed).plate_from_picture(camera.picture_from_plate(places), 6.5)
+            moved[columns] = Camera(exact.size_px, changed).plate_from_image(camera.image_from_plate(places), 6.5)
         shifts.append(measure_turning(poses_from_marks(moved, GEOMETRY)).radius_mm - turning.radius_mm)
     assert turning.radius_systematic_mm == pytest.approx(np.linalg.norm(shifts), rel=0.03)
     assert turning.radius_high_mm - turning.radius_low_mm == pytest.approx(

@@ -52,10 +52,10 @@ def test_average_over_models_is_that_of_dense_restricted_likelihoods() -> None:
     time, heading = np.arange(60.0), np.linspace(0, 3, 60)
     design, value = rng.normal(size=(60, 1, 2)), np.cumsum(rng.normal(size=(60, 1)), axis=0)
     found = averaged_least_squares(Block(time, heading, value, design))
-    kinds = [(model.white_share, model.in_picture) for model in found.models]
+    kinds = [(model.white_share, model.in_image) for model in found.models]
     logs, estimates, scales = [], [], []
     for model, kind in zip(found.models, kinds, strict=True):
-        covariance = dense(time, heading if model.in_picture else 0 * heading, model.correlation, model.white_share)
+        covariance = dense(time, heading if model.in_image else 0 * heading, model.correlation, model.white_share)
         inverse = np.linalg.inv(covariance)
         normal = design[:, 0].T @ inverse @ design[:, 0]
         estimate = np.linalg.solve(normal, design[:, 0].T @ inverse @ value[:, 0])
@@ -75,9 +75,7 @@ def test_average_over_models_is_that_of_dense_restricted_likelihoods() -> None:
 
 def test_quantiles_of_a_single_model_are_those_of_student() -> None:
     scale = np.array([[2.0, 0.3], [0.3, 1.0]])
-    one = Averaged(
-        (NoiseModel(0, 0, in_picture=False),), np.ones(1), np.array([[1.0, 2.0]]), scale[None], np.ones(1), 4
-    )
+    one = Averaged((NoiseModel(0, 0, in_image=False),), np.ones(1), np.array([[1.0, 2.0]]), scale[None], np.ones(1), 4)
     way = np.array([1.0, -2.0])
     reach = stats.t.ppf(0.975, 4) * np.sqrt(way @ scale @ way)
     assert one.quantiles(way, (0.025, 0.975)) == pytest.approx((-3 - reach, -3 + reach))
@@ -118,19 +116,19 @@ def test_more_parameters_than_data_are_refused() -> None:
 
 
 def test_models_of_noise_are_those_that_the_run_is_long_enough_and_turns_enough_to_show() -> None:
-    assert noise_models(0.0, 1.0) == (NoiseModel(0.0, 0.0, in_picture=False), *noise_models(0.0, 1.0)[1:])
+    assert noise_models(0.0, 1.0) == (NoiseModel(0.0, 0.0, in_image=False), *noise_models(0.0, 1.0)[1:])
     short, long = (max(m.correlation for m in noise_models(0.0, frames)) for frames in (40, 4000))
     assert short == max(CORRELATIONS[np.exp(-4 / 40) >= CORRELATIONS])  # four correlation times fit into the run
     assert long == CORRELATIONS[-1]
     noisy = [m.correlation for m in noise_models(0.0, 100.0) if m.white_share == 0.5]
     assert max(noisy) == max(CORRELATIONS[np.exp(-10 / 100) >= CORRELATIONS])  # ten, under white noise
     assert min(abs(np.array(noisy))) > 0.2
-    assert not any(m.in_picture for m in noise_models(1.9, 100.0))
-    assert any(m.in_picture for m in noise_models(2.1, 100.0))
+    assert not any(m.in_image for m in noise_models(1.9, 100.0))
+    assert any(m.in_image for m in noise_models(2.1, 100.0))
 
 
 def test_mixture_of_models_has_the_mean_spread_and_quantiles_of_a_mixture() -> None:
-    models = (NoiseModel(0.0, 0.0, in_picture=False), NoiseModel(0.8, 0.5, in_picture=False))
+    models = (NoiseModel(0.0, 0.0, in_image=False), NoiseModel(0.8, 0.5, in_image=False))
     mixed = Averaged(
         models, np.array([0.25, 0.75]), np.array([[0.0], [4.0]]), np.array([[[1.0]], [[4.0]]]), np.ones(2), 10.0
     )

@@ -71,7 +71,7 @@ def fit_with(
 ) -> TurnFit:
     scaled, way = exact((0.9, 0.1, 0.3), 20.0)
     motion = linearised(scaled, START, way, np.linspace(0, 20, 40), LENGTH_MM)
-    model = NoiseModel(0.0, 0.0, in_picture=False)
+    model = NoiseModel(0.0, 0.0, in_image=False)
     averaged = Averaged((model,), np.ones(1), step[None], covariance[None], np.ones(1), 30.0)
     return TurnFit(motion, np.array(offset_mm), np.ones(40, dtype=bool), averaged, 1.0, systematic, np.zeros(2))
 

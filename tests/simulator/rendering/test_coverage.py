@@ -21,11 +21,11 @@ def brute_force(camera: Camera, center_mm: tuple[float, float], radius_mm: float
     """
     parts, margin = 80, int(np.ceil(5 * blur_px + 1))
     at = (np.arange((size + 2 * margin) * parts) + 0.5) / parts - margin - 0.5
-    middle = camera.picture_from_plate(np.array([*center_mm, 6.5]))
+    middle = camera.image_from_plate(np.array([*center_mm, 6.5]))
     offset = np.floor(middle - size / 2)
     coarse = np.arange(-margin - 1, size + margin + 1, 1 / 3)
     columns, rows = np.meshgrid(coarse + offset[0], coarse + offset[1])
-    points = camera.plate_from_picture(np.stack([columns, rows], axis=-1), 6.5)
+    points = camera.plate_from_image(np.stack([columns, rows], axis=-1), 6.5)
     x, y = (RectBivariateSpline(coarse, coarse, points[..., k])(at, at) - center_mm[k] for k in range(2))
     inside = (x**2 + y**2 < radius_mm**2).astype(np.float32)
     reach = (np.arange((2 * margin + 1) * parts) + 0.5) / parts - margin - 0.5
@@ -41,7 +41,7 @@ def brute_force(camera: Camera, center_mm: tuple[float, float], radius_mm: float
 def analytic(camera: Camera, center_mm: tuple[float, float], radius_mm: float, blur_px: float, size: int) -> Array:
     kernel = blur_kernel(blur_px)
     plane = plane_map(camera, 6.5, kernel.margin + 2)
-    left, top = np.floor(camera.picture_from_plate(np.array([*center_mm, 6.5])) - size / 2).astype(int)
+    left, top = np.floor(camera.image_from_plate(np.array([*center_mm, 6.5])) - size / 2).astype(int)
     out = np.zeros((size, size))
     box = (int(left), int(top), int(left) + size, int(top) + size)
     disc = (*center_mm, radius_mm, 0.0)

@@ -68,7 +68,7 @@ def test_missing_dot_is_not_drawn_and_not_visible(tmp_path: Path) -> None:
     del tmp_path
     missing = [{"column": 2, "row": 1}]
     whole, holed = (render_gauge_image(CAMERA, gauge(), missing=m, **QUIET) for m in ([], missing))
-    x, y = CAMERA.picture_from_plate([*gauge().positions_mm()[1, 2], 0.0])
+    x, y = CAMERA.image_from_plate([*gauge().positions_mm()[1, 2], 0.0])
     changed = np.abs(whole.astype(float) - holed).max(axis=-1)
     rows, columns = np.nonzero(changed > 300)
     assert np.hypot(columns - x, rows - y).max() < 7

@@ -40,5 +40,5 @@ def test_camera_seen_from_a_tilted_gauge_gives_the_same_pixels() -> None:
 
     points = np.random.default_rng(2).uniform(-8, 8, (20, 3))
     on_plate = points @ cv2.Rodrigues(rotation)[0].T + translation
-    seen = camera_from(camera, rotation, translation).picture_from_plate(points)
-    assert seen == pytest.approx(camera.picture_from_plate(on_plate), abs=1e-9)
+    seen = camera_from(camera, rotation, translation).image_from_plate(points)
+    assert seen == pytest.approx(camera.image_from_plate(on_plate), abs=1e-9)

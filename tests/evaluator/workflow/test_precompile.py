@@ -23,5 +23,5 @@ def test_trying_tracker_and_simulator_leaves_their_kernels_ready() -> None:
 def test_no_process_is_started_where_kernels_are_kept() -> None:
     precompile.simulate_run()
     before = set(multiprocessing.active_children())
-    precompile.compile_ahead(VIDEO)
+    precompile.precompile(VIDEO)
     assert set(multiprocessing.active_children()) <= before
