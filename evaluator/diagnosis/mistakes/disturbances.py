@@ -25,6 +25,7 @@ LATE_S = 0.1  # beyond what anyone misses a start by, counting frames
 STANDS_SHARE = 0.05  # of the way that the wheels would roll without slip
 HELD_SHARE, PUSHED_SHARE = 0.4, 1.6  # of the usual speed of the run: no effect of physics changes it so for a moment
 HELD_S = 0.25  # a disturbance lasts longer than a window of the velocity
+BRIEF_S = 0.5  # a robot goes a millimetre or two: no force on the plate comes and goes within that
 SETTLED_S = 0.5  # after the start: motors have come up
 
 
@@ -191,22 +192,22 @@ def _disturbance(run: RunData) -> Found | None:
         return Found(run.id, "stuck", seen, "look at the recording: does it snag?")
     odd = (speed > PUSHED_SHARE * size) | (np.abs(motion.across - np.median(motion.across)) > 0.6 * size)
     odd |= np.abs(motion.yaw - turning) > 0.6 * max(abs(turning), size)
-    pushed = _longest(odd & _unlike(motion), motion) or _brief_push(run, odd & _unlike(motion), motion)
+    pushed = _longest(odd & _unlike(motion), motion) or _brief_push(run, motion)
     if pushed is not None:
         seen = f"moves unlike the rest of the run from {pushed[0]:.2f} to {pushed[1]:.2f} s"
         return Found(run.id, "pushed", seen, "look at the recording: was it pushed or pulled?")
     return None
 
 
-def _brief_push(run: RunData, odd: np.ndarray, motion: Motion) -> tuple[float, float] | None:
-    """Begin and end, s, of a stretch shorter than HELD_S over which a run was carried off its way.
+def _brief_push(run: RunData, motion: Motion) -> tuple[float, float] | None:
+    """Begin and end, s, of a moment over which a run was carried or turned off its way.
 
     A mark mistaken in a frame makes a velocity odd too, but the robot is where it would have been afterwards.
     """
     span = _span(run)
-    for begin, end in _stretches(odd, motion):
+    for begin, end in _stretches(_unlike(motion), motion):
         stretch = begin - WINDOW_S / 2, end + WINDOW_S / 2  # frames of the windows whose velocity is odd
-        if leap_over(run, stretch, span) > 0:
+        if end - begin < BRIEF_S and leap_over(run, stretch, span) > 0:
             return stretch
     return None
 

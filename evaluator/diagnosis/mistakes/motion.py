@@ -154,9 +154,10 @@ def leap_in_gap(run: RunData, between: tuple[float, float]) -> tuple[float, floa
 
 
 def leap_over(run: RunData, stretch: tuple[float, float], between: tuple[float, float]) -> float:
-    """How far, mm, a run is carried off its way over a stretch of time, s; 0 where chance explains it.
+    """How far, mm, a mark of a run is carried off its way over a stretch of time, s; 0 where chance explains it.
 
-    between: the time, s, over which its motors hold one command.
+    between: the time, s, over which its motors hold one command. A turn by hand carries a mark by its angle times
+    half of the distance of the marks.
 
     Before and after, the robot moves at a velocity in its own frame; half of the stretch at the one, half at the other
     takes it along arcs from the last pose before to the first after. What is missing to that, beyond what chance and
@@ -171,11 +172,22 @@ def leap_over(run: RunData, stretch: tuple[float, float], between: tuple[float, 
     views = [_moving_at(time[p], middle[p], heading[p], at) for p, at in zip((before, after), ends, strict=True)]
     half = float(ends[1] - ends[0]) / 2
     met = [_carried(pose, velocity, way) for (pose, velocity, _), way in zip(views, (half, -half), strict=True)]
-    missing = float(np.hypot(*(met[1] - met[0])[:2]))
-    unlike = float(np.hypot(*(views[1][1] - views[0][1])[:2])) * half  # speeds that differ, held for half the stretch
+    arm = _arm_mm(run)
+    missing = _carried_mark(met[1] - met[0], arm)
+    unlike = _carried_mark(views[1][1] - views[0][1], arm) * half  # speeds that differ, held for half the stretch
     spans = [float(np.ptp(time[part])) for part in (before, after)]
     chance = GAP_SIGMAS * max(view[2] for view in views) * (1 + 2 * half / max(*spans, 1e-9))
     return missing if missing > max(chance + unlike, LEAST_LEAP_MM) else 0.0
+
+
+def _arm_mm(run: RunData) -> float:
+    """From the middle of the marks to one of them, mm."""
+    return float(np.nanmedian(np.hypot(*(run.marks_mm[:, :2] - run.marks_mm[:, 2:]).T))) / 2
+
+
+def _carried_mark(change: Floats, arm_mm: float) -> float:
+    """How far a change of pose or velocity (3,) carries a mark, mm (or mm/s), by its shift and by its turn at most."""
+    return float(np.hypot(*change[:2]) + arm_mm * abs(change[2]))
 
 
 def _moving_at(time_s: Floats, middle: Floats, heading: Floats, at_s: float) -> tuple[Floats, Floats, float]:

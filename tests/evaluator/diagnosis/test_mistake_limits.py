@@ -199,6 +199,19 @@ def test_push_of_a_fifth_of_a_second_is_seen_by_how_far_it_carries(pushed_mm: fl
     assert kinds(disturbed_runs(session(pushed), [ROBOT] * 8)) == ([("r0", kind)] if kind else [])
 
 
+def test_turn_by_hand_is_a_push_though_the_robot_is_where_it_was() -> None:
+    run = driven()
+    angle = np.radians(12) * np.clip((run.time_s - 1.5) / 0.3, 0, 1)
+    turn = np.exp(1j * angle)[:, None]
+    places = run.marks_mm[:, ::2] + 1j * run.marks_mm[:, 1::2]
+    middle = places.mean(axis=1, keepdims=True)
+    turned = middle + turn * (places - middle)
+    way = np.concatenate([[0], np.cumsum(np.diff(middle[:, 0]) * turn[:-1, 0])])[:, None]  # on along the new heading
+    turned += middle[:1] + way - middle
+    marks = np.stack([turned.real, turned.imag], axis=2).reshape(-1, 4)
+    assert kinds(disturbed_runs(session(replace(run, marks_mm=marks)), [ROBOT] * 8)) == [("r0", "pushed")]
+
+
 def test_marks_mistaken_in_a_few_frames_are_no_push() -> None:
     run = driven()
     marks = run.marks_mm.copy()
