@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from evaluator.diagnosis.assessment.adequacy import Adequacy, adequacy
 from evaluator.diagnosis.assessment.cross_validation import Constancy, constancy
 from evaluator.diagnosis.assessment.disagreement import Dependence, dependences, pieces
-from evaluator.diagnosis.assessment.gap import Gap, noise_floor, predicted_gaps, run_gaps
+from evaluator.diagnosis.assessment.gap import Gap, grown_gap, noise_floor, predicted_gaps, run_gaps
 from evaluator.diagnosis.assessment.knowledge import Knowledge, knowledge
 from evaluator.diagnosis.assessment.model_comparison import (
     Set,
@@ -23,6 +23,8 @@ from evaluator.diagnosis.assessment.model_comparison import (
     separations,
 )
 from evaluator.diagnosis.assessment.relevance import Changes, changes
+from evaluator.diagnosis.assessment.session_as_found import later_started, with_session
+from evaluator.diagnosis.assessment.sole_run import sole_misfit, sole_run
 from evaluator.diagnosis.assessment.verdict import Verdict, decide, doubts
 from evaluator.diagnosis.design.next_runs import NextRuns, best_next_runs
 from evaluator.diagnosis.experiment import Session, held_out_runs, shortcomings
@@ -33,6 +35,9 @@ from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.inference.watch import SearchStoppedError, Watch
 from evaluator.diagnosis.likelihood.problem import Point, Problem
 from evaluator.diagnosis.likelihood.random_effects import place_runs, place_starts
+from evaluator.diagnosis.likelihood.run_data import is_shared
+from evaluator.diagnosis.likelihood.simulation import varied_robot
+from evaluator.diagnosis.mistakes.outlying import has_kin, outlying_run
 from evaluator.diagnosis.output.effect_tables import corrected_robot
 from evaluator.diagnosis.search_runs import (
     challenge_with_free_terms,
@@ -51,6 +56,7 @@ Floats = NDArray[np.float64]
 # One run in eight may be astray (dust, a snagged tether, the edge between two steady states) and is named.
 MISSED = 2.5
 ASTRAY_SHARE = 0.125
+RUNS_TO_AN_OUTLYING_ONE = 10  # runs of a session for each that may be set aside: one in twenty goes wrong
 
 
 @dataclass(frozen=True)
@@ -94,15 +100,63 @@ class Diagnosis:
 def diagnose(session: Session, progress: Progress, ends: Ends | None = None, *, seconds: float = math.inf) -> Diagnosis:
     """Find out what is missing in the model of these runs.
 
-    ends: of the fits made before an interruption. seconds: of one core, after which the search is stopped and the
+    ends: of the fits made before an interruption. seconds: of one core, after which a search is stopped and the
     verdict is that the data have not decided yet.
+
+    What rests on one run alone is a matter of that run: it is set aside and named, and the others are diagnosed again.
     """
+    found = _diagnosed(session, Watch(progress, seconds), ends)
+    for _ in range(max(len(session.data) // RUNS_TO_AN_OUTLYING_ONE, 1)):
+        suspect = _sole_run_of(found)
+        if suspect is None:
+            break
+        run, others = found.session.data[suspect], (*found.session.data[:suspect], *found.session.data[suspect + 1 :])
+        if not has_kin(run, others):  # it may be the only one in which an effect can show
+            tail = f"all of it rests on {run.id}, the only run with these wheel speeds: repeat that run"
+            return replace(found, reason=f"{found.reason}; {tail}")
+        again = _without(found, suspect, Watch(progress, seconds), ends)
+        if again is None:
+            break
+        found = again
+    return found
+
+
+def _without(found: Diagnosis, suspect: int, progress: Watch, ends: Ends | None) -> Diagnosis | None:
+    """The diagnosis of all runs but one; None where these others do not need fewer effects to be explained."""
+    data, robots = found.session.data, found.session.robots
+    others = [number for number in range(len(data)) if number != suspect]
+    rest = replace(
+        found.session, data=tuple(data[number] for number in others), robots=tuple(robots[number] for number in others)
+    )
+    if shortcomings(rest.data):
+        return None
+    again = _diagnosed(rest, progress, ends)
+    if again.verdict not in ("none", "effect") or not (found.verdict == "unknown" or again.chosen < found.chosen):
+        return None
+    nominal = {key: value for key, value in again.fit.point.nominal.items() if not is_shared(key)}
+    mistake = outlying_run(data[suspect], rest.data, varied_robot(robots[suspect], nominal))
+    return replace(again, session=replace(rest, mistakes=(*rest.mistakes, mistake)))
+
+
+def _sole_run_of(found: Diagnosis) -> int | None:
+    """The run on which an effect, named or not, rests alone, or but for which the model leaves no more than noise."""
+    if found.search is None or found.terms is None or found.verdict not in ("effect", "unknown"):
+        return None
+    sole = sole_run(found.search, found.chosen, sum(map(is_free, found.terms)))
+    if sole is not None:
+        return sole.run
+    doubted = found.verdict == "unknown" and found.leftover is not None
+    return sole_misfit(found.leftover, found.fit.runs) if doubted and found.leftover is not None else None
+
+
+def _diagnosed(session: Session, progress: Watch, ends: Ends | None) -> Diagnosis:
+    """The diagnosis of the runs of a session, as they are."""
     reasons = shortcomings(session.data)
     if reasons:
         reasons = [item.sentence for item in session.mistakes if item.everywhere] + reasons
         return Diagnosis("insufficient", "; ".join(reasons), session)
     try:
-        return _searched(session, Watch(progress, seconds), ends)
+        return _searched(session, progress, ends)
     except SearchStoppedError as stopped:
         return Diagnosis("insufficient", str(stopped), session, stopped=True)
 
@@ -173,9 +227,14 @@ def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
     before = place_starts(problem, Point(after.own) if follows else nominal, runs)
     seen = pieces(problem, before)
     assert found.terms is not None
-    corrected = tuple(corrected_robot(robot, found.terms, gap_fit.point) for robot in found.session.robots)
+    terms, session = found.terms, found.session
     predicted = [
-        predicted_gaps(found.session.data, robots, found.session.robots) for robots in (found.session.robots, corrected)
+        predicted_gaps(
+            later_started(session.data, session.known, gap_fit.point),
+            [with_session(robot, session.known, gap_fit.point) for robot in robots],
+            session.robots,
+        )
+        for robots in (session.robots, [corrected_robot(robot, terms, gap_fit.point) for robot in session.robots])
     ]
     found = replace(
         found,
@@ -186,6 +245,9 @@ def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
         astray=astray,
         follows=follows,
     )
+    assert found.gap is not None
+    if found.verdict == "effect" and follows and (grown := grown_gap(found.gap)):
+        return replace(found, verdict="unknown", reason=grown)
     if found.verdict == "unknown" or follows:
         return found
     reason = "neither the nominal model nor any effect that could be fitted follows the marks"

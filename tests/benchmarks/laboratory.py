@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,9 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from tests.benchmarks.laboratory_table import line, table
 from tests.laboratory import mess, odd, outside
+from tests.laboratory.disagreement import Item, disagreements
 from tests.laboratory.experiment import EFFECTS, draw, write
 
 ROOT = Path(__file__).parents[2]
@@ -128,7 +131,15 @@ def diagnosed(key: str, chosen: argparse.Namespace, folder: Path) -> dict[str, A
     seconds = time.perf_counter() - began
     path = out / "diagnosis.json"
     answer = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    return {**scored(drawn.truth, answer), "runs": drawn.session.runs, "seconds": seconds, "message": message}
+    where_true = [] if kind == "odd" or not answer else disagreements(drawn.session, np.random.default_rng(digest[0]))
+    found = {"where": counted(where_true, answer.get("disagrees", []))}
+    return {**scored(drawn.truth, answer), **found, "runs": drawn.session.runs, "seconds": seconds, "message": message}
+
+
+def counted(true: Sequence[Item], said: Sequence[dict[str, Any]]) -> list[int]:
+    """Phases of runs and quantities that disagree: rightly said, said without reason, not said."""
+    known, named = set(true), {(item["run"], item["phase"], item["quantity"]) for item in said}
+    return [len(known & named), len(named - known), len(known - named)]
 
 
 def scored(truth: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
@@ -150,7 +161,12 @@ def scored(truth: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
     mistakes = answer.get("mistakes", [])
     gap = answer.get("gap") or {}
     wanted = truth["odd"] or {"runs": [], "kinds": []}
-    hit = [m for m in mistakes if set(m["runs"]) & set(wanted["runs"]) and m["kind"] in wanted["kinds"]]
+    hit = [
+        m
+        for m in mistakes
+        if set(m["runs"]) & set(wanted["runs"])
+        and {m["kind"], *m.get("equivalent_kinds", [])} & set(wanted["kinds"])  # or what it is said to be alike
+    ]
     pinned = {run for m in hit for run in m["runs"]}
     return {
         "truth": truth,
@@ -166,121 +182,6 @@ def scored(truth: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
         "gap": {key: (gap.get(key) or {}).get("held_out") for key in ("before", "after")},
         "noise_floor": gap.get("noise_floor"),
     }
-
-
-def line(row: dict[str, Any]) -> str:
-    """One experiment, as it is done."""
-    sizes = {
-        effect: {name: float(f"{value:.3g}") for name, value in values.items()}
-        for effect, values in row["truth"]["effects"].items()
-    }
-    extra = f" {json.dumps(sizes)}" if sizes else ""
-    said = {name: {p: float(f"{v:.6g}") for p, v in values.items()} for name, values in row["said"].items()}
-    named = f" {json.dumps(said)}" if said else ""
-    return f"{row['key']:42} {row['verdict']}{named} {row['seconds']:.0f} s{extra} {row['message']}".rstrip()
-
-
-def share(hits: int, count: int) -> str:
-    """A share with its 95 % interval."""
-    if not count:
-        return "-"
-    interval = stats.binomtest(hits, count).proportion_ci()
-    return f"{hits}/{count} = {hits / count:.0%} ({interval.low:.0%} to {interval.high:.0%})"
-
-
-def table(rows: list[dict[str, Any]]) -> str:
-    """All figures beside their thresholds."""
-    parts = {
-        kind: [r for r in rows if r["truth"]["kind"] == kind] for kind in ("mess", "odd", "single", "pair", "outside")
-    }
-    lines = ["", *_messes(parts["mess"]), "", *_odds(parts["odd"]), ""]
-    for kind, wanted in (("single", "95 %"), ("pair", "85 %")):
-        part = parts[kind]
-        matter = [r for r in part if all(size["matters"] for size in r["truth"]["sizes"].values())]
-        lines.append(
-            f"{kind}s named, or a stated equivalent  {share(sum(r['right'] for r in part), len(part))}  [{wanted}]"
-        )
-        lines.append(f"  of those larger than the mess     {share(sum(r['right'] for r in matter), len(matter))}")
-        lines += [f"  missed: {_truth(r)} -> {r['verdict']} {r['named']}" for r in part if not r["right"]]
-    part = parts["outside"]
-    lines.append(
-        f"outside physics called unknown       {share(sum(r['verdict'] == 'unknown' for r in part), len(part))}  [90 %]"
-    )
-    lines.append(f"outside physics misnamed             {share(sum(bool(r['named']) for r in part), len(part))}  [2 %]")
-    lines += [f"  {r['truth']['name']} -> {r['verdict']} {r['named']}" for r in part if r["verdict"] != "unknown"]
-    return "\n".join([*lines, "", *_ranks(rows), *_gaps(rows), *_times(rows)])
-
-
-def _truth(row: dict[str, Any]) -> str:
-    return " + ".join(row["truth"]["effects"])
-
-
-def _messes(part: list[dict[str, Any]]) -> list[str]:
-    lies = [r for r in part if r["named"]]
-    lines = [f"untidy laboratories, an effect named (lie)   {share(len(lies), len(part))}  [none]"]
-    for name in dict.fromkeys(r["truth"]["name"] for r in part):
-        mine = [r for r in part if r["truth"]["name"] == name]
-        grain = mess.NAMESAKES.get(name, set())
-        told = [" + ".join(n + ("*" if n in grain else "") for n in r["named"]) for r in mine if r["named"]]
-        verdicts = {v: sum(r["verdict"] == v for r in mine) for v in dict.fromkeys(r["verdict"] for r in mine)}
-        said = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
-        lines.append(f"  {name:32} {said:28} {'; '.join(told)}")
-    wrong = sum(bool(r["false_mistakes"]) for r in part)
-    return [
-        *lines,
-        "  * the effect says what was untidy",
-        f"runs called mistaken without reason  {share(wrong, len(part))}",
-    ]
-
-
-def _odds(part: list[dict[str, Any]]) -> list[str]:
-    lines = [f"odd run named, with its kind         {share(sum(r['odd_named'] for r in part), len(part))}  [95 %]"]
-    for r in part:
-        found = "named" if r["odd_named"] else "not named"
-        lines.append(f"  {r['truth']['name']:18} {found:10} {r['verdict']} {r['named']} {r['message'][:110]}")
-    return [
-        *lines,
-        f"  an effect named beside it         {share(sum(bool(r['named']) for r in part), len(part))}  [none]",
-    ]
-
-
-def _ranks(rows: list[dict[str, Any]]) -> list[str]:
-    ranks = [(name, rank) for r in rows for name, rank in r["ranks"]]
-    inside = [value for r in rows for value in r["covered"]]
-    lines = [f"95 % intervals that cover            {share(sum(inside), len(inside))}"]
-    if len(ranks) >= 5:
-        test = stats.kstest([rank for _, rank in ranks], "uniform")
-        lines.append(f"ranks of all parameters uniform      p = {test.pvalue:.3g} ({len(ranks)} ranks)  [p > 0.05]")
-    for name in dict.fromkeys(name for name, _ in ranks):
-        mine = [rank for other, rank in ranks if other == name]
-        if len(mine) >= 5:
-            lines.append(f"  {name:40} p = {stats.kstest(mine, 'uniform').pvalue:.3g} ({len(mine)})")
-    return lines
-
-
-def _gaps(rows: list[dict[str, Any]]) -> list[str]:
-    gaps = [(r["gap"]["before"], r["gap"]["after"], r["noise_floor"]) for r in rows if r["right"]]
-    gaps = [gap for gap in gaps if None not in gap]
-    if not gaps:
-        return ["gap of held-out runs, where right: -"]
-    before, after, floor = np.median(gaps, axis=0)
-    return [
-        f"gap of held-out runs, where right    {before:.4f} -> {after:.4f} mm, noise floor {floor:.4f} mm (medians)"
-    ]
-
-
-def _times(rows: list[dict[str, Any]]) -> list[str]:
-    if not rows:
-        return ["nothing was diagnosed"]
-    seconds, scaled = [r["seconds"] for r in rows], [r["seconds"] * 24 / r["runs"] for r in rows]
-    failed = sum(r["verdict"] == "no answer" for r in rows)
-    return [
-        (
-            f"seconds per experiment               median {np.median(seconds):.0f}, worst {max(seconds):.0f}; "
-            f"scaled to 24 runs {np.median(scaled):.0f} and {max(scaled):.0f}  [10 and 60]"
-        ),
-        f"no answer                            {share(failed, len(rows))}",
-    ]
 
 
 if __name__ == "__main__":

@@ -145,9 +145,14 @@ def _run_name(run: int) -> str:
 
 
 def _run_for(name: str, session: Session, rng: np.random.Generator) -> int:
-    """A run in which the mistake shows: one that turns, where sides or a mirror image are concerned."""
+    """A run in which the mistake shows: one that turns, where sides or a mirror image are concerned.
+
+    A late start shows where the recording begins before the motors: later frames hold the same motion at other places.
+    """
     turning = np.abs(np.abs(session.said_rpm[0]) - np.abs(session.said_rpm[1])) > 4
     fits = turning if name in {"sides-swapped", "mirrored", "wrong-command"} else np.ones(session.runs, dtype=bool)
+    if name == "late-start":
+        fits = session.begin_s < session.start_s
     return int(rng.choice(np.flatnonzero(fits)))
 
 

@@ -118,7 +118,7 @@ def recorded(session: Session, rng: np.random.Generator) -> list[tuple[Array, Ar
     """Times and marks of every run as they stand in the files; a missing mark is NaN."""
     result = []
     for run, (exact, marks) in enumerate(true_marks(session)):
-        seen = marks + _noise(session.noise, marks.shape, rng)
+        seen = marks + noise_of(session.noise, marks.shape, rng)
         kept = _losses(session.noise, exact, seen, rng)
         rounded = np.round(exact / session.noise.round_s) * session.noise.round_s
         change = session.after.get(run, _unchanged)
@@ -141,7 +141,8 @@ def _pushed(pose: Array, since: Array, push: Push) -> Array:
     return np.stack([x, y, pose[2] + push.turn_rad * share])
 
 
-def _noise(noise: Noise, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+def noise_of(noise: Noise, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+    """What the tracking adds to coordinates (rows, frames), without outliers."""
     if noise.heavy_tailed:
         white = rng.standard_t(3, shape) * noise.white_mm / np.sqrt(3)  # variance of t with 3 dof: 3
     else:

@@ -6,7 +6,8 @@ scatter. Before: the robot file as it is, for the same friction, gains and start
 suits it best. The floor is what tracking noise alone leaves, and never less than two programs of the same model differ
 by.
 Predicted: the RMS distance of the robot's centre where a robot file is simulated from the start pose alone, as
-`turnscope compare` does it; nothing of the run is fitted.
+`turnscope compare` does it; nothing of the run is fitted. What the fitted runs say of the session as a whole (start of
+motion, clock, scale, level, places of the marks; session_as_found) holds in it, before and after alike.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy import stats
 
 from evaluator.comparison import simulated_poses, trajectory_gap
 from evaluator.diagnosis.likelihood.features import MODEL_FLOOR_MM
@@ -30,6 +32,9 @@ from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
 
+GROWN = 0.025  # probability, by chance, of so many runs with a larger gap: one side of a 95 % interval of the median
+CHANGED_FLOORS = 0.5  # of the noise floor: what is relevant of a path by default
+
 
 @dataclass(frozen=True)
 class Gap:
@@ -40,6 +45,28 @@ class Gap:
     floor_mm: Floats
     predicted_before_mm: Floats
     predicted_after_mm: Floats
+
+
+def grown_gap(gap: Gap) -> str:
+    """Why a gap speaks against what was added to the model; empty where neither gap does.
+
+    Refitted, the RMS over all runs must shrink: the fit had the freedom to. Predicted, an error of the start heading
+    grows with the way, is the same before and after, and may rule the RMS over runs. So what is asked is the typical
+    run: of the runs whose gap changes by more than half the noise floor, no more may grow than chance allows if growing
+    and shrinking were as likely (sign test).
+    """
+    everything = range(len(gap.after_mm))
+    before, after = rms(gap.before_mm, everything), rms(gap.after_mm, everything)
+    if not after < before:
+        return f"the gap after refitting does not shrink ({before:.3g} to {after:.3g} mm)"
+    change = gap.predicted_after_mm - gap.predicted_before_mm
+    change = change[np.abs(change) > CHANGED_FLOORS * gap.floor_mm]  # not a number, not simulated, is no change
+    larger = int(np.count_nonzero(change > 0))
+    if larger and stats.binomtest(larger, len(change), 0.5, alternative="greater").pvalue < GROWN:
+        return (
+            f"the gap predicted from the start pose alone grows in {larger} of {len(change)} runs in which it changes"
+        )
+    return ""
 
 
 def predicted_gaps(data: Sequence[RunData], robots: Sequence[Robot], measured_by: Sequence[Robot]) -> Floats:

@@ -36,9 +36,14 @@ FORETOLD, FORETOLD_SIGMA = 4.0, 2.0
 NOT_CHANCE = 1e-3
 
 
+def least_gain(ids: Set) -> float:
+    """Log odds that each effect of a set must earn."""
+    return KEEP[min(len(ids), LARGEST_SET - 1) if any(map(is_free, ids)) else len(ids)]
+
+
 def pays(search: Search, table: Standing, families: int, ids: Set) -> bool:
     """Whether each effect of a set pays for itself, and all together, so that the set may be an answer."""
-    least = KEEP[min(len(ids), LARGEST_SET - 1) if any(map(is_free, ids)) else len(ids)]
+    least = least_gain(ids)
     # two effects that undo each other cost much to part, and may together gain nothing over none
     together = not ids or table.of(ids) - score(search, frozenset(), families) > KEEP[1]
     return together and all(table.of(ids) - score(search, ids - {effect}, families) > least for effect in ids)

@@ -134,6 +134,11 @@ def with_shifts(data: Sequence[RunData], robots: Sequence[Robot], found: Sequenc
     return tuple(result)
 
 
+def mark_shifts(robot: Robot, found: Mapping[str, float]) -> tuple[float, ...]:
+    """Shifts of the two marks, x, y of the first and of the second, mm in the body frame, among found quantities."""
+    return tuple(found.get(key, 0.0) for key, _, _ in _mark_keys(robot))
+
+
 def _mark_keys(robot: Robot) -> list[tuple[str, str, str]]:
     return [(f"{mark}_{axis}_mm", mark, axis) for mark in reference_pair(robot) or () for axis in "xy"]
 

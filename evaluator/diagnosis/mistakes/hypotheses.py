@@ -81,6 +81,19 @@ def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found
     return found
 
 
+def reading_of(run: RunData, others: Sequence[RunData], robot: Robot) -> Found | None:
+    """The mistake that a run fits which is known to disagree with a robot that all others agree with, if any."""
+    thin = thinned(run)
+    (judgement,) = _judgements([alternatives(thin, [thin, *others], None, SAME_INTERVAL)], [robot])
+    return _judged(judgement, {"wrong-rate"}, least_share=0.0)
+
+
+def kin(run: RunData) -> tuple[tuple[float, float], ...]:
+    """The wheel speeds of a run, slower first, whichever side and way they turn, in the order of its commands."""
+    stretches = run.told.driven
+    return tuple((min(pair), max(pair)) for pair in ((abs(s.left_rpm), abs(s.right_rpm)) for s in stretches))
+
+
 def _judgements(ways: Sequence[list[Alternative]], robots: Sequence[Robot]) -> list[Judgement]:
     """Simulate every way of every run at once."""
     flat = [way.run for of_run in ways for way in of_run]
@@ -90,15 +103,9 @@ def _judgements(ways: Sequence[list[Alternative]], robots: Sequence[Robot]) -> l
     for of_run in ways:
         parts = [_misfit(way.run.marks_mm, predicted[k + i]) for i, way in enumerate(of_run)]
         run = of_run[0].run
-        judgements.append(Judgement(of_run, np.array(parts), _extent(predicted[k], run.marks_mm), _kin(run)))
+        judgements.append(Judgement(of_run, np.array(parts), _extent(predicted[k], run.marks_mm), kin(run)))
         k += len(of_run)
     return judgements
-
-
-def _kin(run: RunData) -> tuple[tuple[float, float], ...]:
-    """The wheel speeds of a run, slower first, whichever side and way they turn, in the order of its commands."""
-    stretches = run.told.driven
-    return tuple((*sorted((abs(s.left_rpm), abs(s.right_rpm))),) for s in stretches)  # type: ignore[misc]
 
 
 def _least_share(of: Judgement, every: Sequence[Judgement]) -> float:
@@ -129,7 +136,7 @@ def _judged(item: Judgement, usual: set[Kind], least_share: float = MISFIT_SHARE
         return None
     # at the frame intervals of all other runs, one run alone has no other rate
     refused = [way.kind == "wrong-rate" and not way.own and "wrong-rate" not in usual for way in ways]
-    if item.share < MISFIT_SHARE:
+    if 0 < least_share <= item.share < MISFIT_SHARE:
         refused = [way.kind not in SAME_SPEEDS for way in ways]
     misfits = np.where(refused, np.inf, misfits)
     if not np.isfinite(misfits[1:]).any():

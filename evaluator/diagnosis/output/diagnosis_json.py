@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.assessment.disagreement import QUANTITIES, pieces
+from evaluator.diagnosis.assessment.disagreeing_runs import NAMES, RunDisagreement, disagreeing_runs
+from evaluator.diagnosis.assessment.disagreement import QUANTITIES, UNITS, pieces
 from evaluator.diagnosis.assessment.gap import rms
 from evaluator.diagnosis.assessment.model_comparison import Set
 from evaluator.diagnosis.design.next_runs import MOST_RUNS
@@ -48,10 +51,13 @@ def record(diagnosis: Diagnosis) -> Json:
             "negligible": [],
             "known_to": [],
             "where": [],
+            "disagrees": [],
             "rivals": [],
             "next_experiment": None,
             "skipped_runs": dict(diagnosis.session.skipped),
         }
+    table = disagreement(diagnosis)
+    apart = [] if table is None or table.empty else disagreeing_runs(table)
     return found | {
         "effects": effects(diagnosis),
         "negligible": [
@@ -73,17 +79,8 @@ def record(diagnosis: Diagnosis) -> Json:
         ],
         "findings": [item.sentence for item in diagnosis.known if item.is_finding],
         "gap": _gap(diagnosis),
-        "where": [
-            {
-                "quantity": item.quantity,
-                "by": item.by,
-                "depends_on": item.by,
-                "parity": item.parity or None,
-                "sigmas": rounded(item.sigmas),
-                "sentence": item.sentence,
-            }
-            for item in diagnosis.where
-        ],
+        "where": _where(diagnosis, apart),
+        "disagrees": [{**asdict(item), "size": rounded(item.size), "sigmas": rounded(item.sigmas)} for item in apart],
         "rivals": _rivals(diagnosis),
         "next_experiment": _next(diagnosis),
         "constancy": {item.halves: rounded(item.probability) for item in diagnosis.constancy},
@@ -93,6 +90,24 @@ def record(diagnosis: Diagnosis) -> Json:
         "shared_errors_sigmas": _shared(diagnosis),
         "skipped_runs": dict(diagnosis.session.skipped),
     }
+
+
+def _where(diagnosis: Diagnosis, apart: Sequence[RunDisagreement]) -> list[Json]:
+    """What the disagreement depends on; runs: those that disagree in this quantity."""
+    return [
+        {
+            "quantity": NAMES[item.quantity],
+            "by": item.by,
+            "depends_on": item.by,
+            "parity": item.parity or None,
+            "runs": list(dict.fromkeys(each.run for each in apart if each.quantity == NAMES[item.quantity])),
+            "size": rounded(math.hypot(*(size for size, _, _ in item.sizes))),
+            "unit": UNITS[item.quantity],
+            "sigmas": rounded(item.sigmas),
+            "sentence": item.sentence,
+        }
+        for item in diagnosis.where
+    ]
 
 
 def disagreement(diagnosis: Diagnosis) -> pd.DataFrame | None:

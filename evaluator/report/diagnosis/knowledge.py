@@ -61,7 +61,10 @@ def predicted_sentence(content: Json) -> str:
     parts = [text for text in (change("fit", "the runs that were fitted"), change("held_out", "held-out runs")) if text]
     if not parts:
         return ""
-    return f"Predicted from the start pose alone, with nothing of a run fitted, it is {' and '.join(parts)}."
+    meaning = (
+        "with nothing of a run fitted, and start, clock, scale, level and marks as the fitted runs have them in common"
+    )
+    return f"Predicted from the start pose alone ({meaning}), it is {' and '.join(parts)}."
 
 
 def knowledge_section(content: Json) -> Section | None:

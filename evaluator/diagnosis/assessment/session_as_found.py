@@ -1,0 +1,84 @@
+"""Robot and commands with what the fitted runs say of the whole session, for a prediction from the start pose alone.
+
+What a laboratory knows only to within a tolerance (start of motion, clock, scale, level, wheels, places of the marks)
+is one value for all runs. It is fitted on the fitted runs and holds for those kept aside as it is, like an effect.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from evaluator.diagnosis.likelihood.known_to import (
+    CLOCK,
+    GRAVITY,
+    LEVEL,
+    RADIUS_DIFFERENCE,
+    SCALE,
+    START,
+    Quantity,
+    mark_shifts,
+)
+from evaluator.diagnosis.likelihood.problem import Point
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.robot_geometry import reference_line, reference_places
+from simulator.effects.entry import EffectEntry
+from simulator.robot import Robot
+
+
+def later_started(data: Sequence[RunData], known: Sequence[Quantity], point: Point) -> tuple[RunData, ...]:
+    """The runs with their commands as much later as the motion of all of them is found to start."""
+    late_s = _found(known, point).get(START, 0.0)
+    if not late_s:
+        return tuple(data)
+    result = []
+    for run in data:
+        told = replace(run.told, command=run.told.command.retimed(later_s=late_s))
+        result.append(replace(run, start_s=run.start_s + late_s, log=told))
+    return tuple(result)
+
+
+def with_session(robot: Robot, known: Sequence[Quantity], point: Point) -> Robot:
+    """The robot with the quantities of the session at a fitted point, each as the effect that does the same."""
+    found = _found(known, point)
+    added: dict[str, dict[str, float]] = {}
+    if CLOCK in found:
+        added["time-base"] = {"factor": 1 + found[CLOCK]}
+    if SCALE in found:
+        added["plane-scale"] = {"factor": 1 + found[SCALE]}
+    if RADIUS_DIFFERENCE in found:
+        half = found[RADIUS_DIFFERENCE] / 2
+        added["drive-speed-mismatch"] = {"left_over_right": (1 + half) / (1 - half)}
+    x, y = (found.get(key, 0.0) for key in LEVEL)
+    if x or y:
+        added["plate-tilt"] = {"angle_deg": math.hypot(x, y), "azimuth_deg": math.degrees(math.atan2(y, x))}
+    x, y = (found.get(key, 0.0) for key in GRAVITY)
+    if x or y:
+        added["mass-offset"] = {"x_mm": x, "y_mm": y}
+    if moved := _moved_marks(robot, found):
+        added["mark-offset"] = moved
+    entries = tuple(EffectEntry.model_validate({"id": name, **values}) for name, values in added.items())
+    return robot.model_copy(update={"effect": (*robot.effect, *entries)})
+
+
+def _found(known: Sequence[Quantity], point: Point) -> dict[str, float]:
+    """Quantities, in their units, that a point moves."""
+    return {item.key: value * item.per_unit for item in known if (value := point.nominal.get(item.key, 0.0))}
+
+
+def _moved_marks(robot: Robot, found: dict[str, float]) -> dict[str, float]:
+    """Shifts of the two marks as one turn about the robot's centre and one shift; empty where they have none.
+
+    What is left, a change of their distance, moves neither the midpoint nor the direction.
+    """
+    shifts = mark_shifts(robot, found)
+    if not any(shifts):
+        return {}
+    first, second = (complex(*shifts[k : k + 2]) for k in (0, 2))
+    line = complex(*map(float, reference_line(robot)))
+    angle = cmath.phase((line + first - second) / line)
+    places = [complex(*map(float, place)) for place in reference_places(robot)]
+    moved = (first + second) / 2 - (cmath.exp(1j * angle) - 1) * sum(places) / len(places)
+    return {"x_mm": moved.real, "y_mm": moved.imag, "angle_deg": math.degrees(angle)}

@@ -1,0 +1,87 @@
+"""Whether what was found rests on one run alone: that is a matter of this run, not of the robot.
+
+Physics of a robot shows in every run that it acts on, more or less. One run that was mixed up, pushed or driven on
+another plate can bring more evidence than all others together, and a set of effects may imitate it. So the evidence of
+each effect is counted again with each run left out: common parameters and scatter from the others, in the linear views
+of the fits, which are there already.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.assessment.adequacy import Adequacy
+from evaluator.diagnosis.assessment.model_comparison import Set, score
+from evaluator.diagnosis.assessment.verdict import EXCESS, KEEP, least_gain
+from evaluator.diagnosis.inference.fit import Fit, prior_precision
+from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.likelihood.mixed_model import MixedModel, Reduced
+
+Floats = NDArray[np.float64]
+
+# Runs that are left out in turn: those in which the two models differ most in what they leave over. The one on which
+# all rests is the first of them, but for what common parameters make of it.
+TRIED = 3
+
+
+@dataclass(frozen=True)
+class SoleRun:
+    """A run (its number in the session) without which effects would not have been named."""
+
+    run: int
+    gain: float  # log odds of the effects from all runs
+    without: float  # and from all but this
+
+
+def sole_run(search: Search, ids: Set, families: int) -> SoleRun | None:
+    """The run on which a set of effects, or one of them, rests alone; None where there is no such run.
+
+    Without the run the odds are less than an effect must earn, and the run by itself brings as much: a weak effect,
+    which needs all its runs, is not owed to the one that shows it best.
+    """
+    full = search.fits[ids]
+    least = least_gain(ids)
+    found: list[SoleRun] = []
+    for rest in dict.fromkeys([frozenset[str](), *(ids - {effect} for effect in sorted(ids))]):
+        less = search.fits.get(rest)
+        if rest == ids or less is None or less.runs != full.runs:
+            continue
+        gain = score(search, ids, families) - score(search, rest, families)
+        whole = _evidence(search, full) - _evidence(search, less)
+        for k in np.argsort(_misfits(full) - _misfits(less))[:TRIED]:
+            brought = whole - (_evidence(search, full, int(k)) - _evidence(search, less, int(k)))
+            if gain - brought < least and brought > KEEP[1]:
+                found.append(SoleRun(full.runs[int(k)], gain, gain - brought))
+    return min(found, key=lambda item: item.without - item.gain, default=None)
+
+
+def sole_misfit(left: Adequacy, runs: tuple[int, ...]) -> int | None:
+    """The run but for which a model leaves no more than noise; None where no run is left over, or more than one."""
+    worst = int(np.argmax(left.by_run))
+    others = np.delete(left.by_run, worst)
+    return runs[worst] if left.excess > EXCESS >= float(others.mean()) else None
+
+
+def _evidence(search: Search, fit: Fit, but: int | None = None) -> float:
+    """Log evidence of a fitted model in its linear view, from all its runs but one."""
+    reduced = fit.reduced if but is None else _without(fit.reduced, but)
+    model = MixedModel(reduced, prior_precision(fit.columns, search.tolerance))
+    return model.posterior(range(len(fit.columns))).log_evidence
+
+
+def _without(reduced: Reduced, k: int) -> Reduced:
+    """The inner products of all runs but one."""
+    return Reduced(*(np.delete(getattr(reduced, item.name), k, axis=0) for item in fields(reduced)))
+
+
+def _misfits(fit: Fit) -> Floats:
+    """What a fit leaves over of each run, -2 log, with its own friction, gains and start within the scatter, (n,)."""
+    reduced, tau = fit.reduced, fit.posterior.scatter
+    theta = np.array([fit.point.value(column) for column in fit.columns])
+    square = reduced.s - 2 * reduced.g @ theta + np.einsum("p,npq,q->n", theta, reduced.G, theta)
+    slope = reduced.c - reduced.C @ theta
+    own = np.linalg.inv(reduced.A + np.diag(tau**-2.0))
+    return np.asarray(square - np.einsum("ni,nij,nj->n", slope, own, slope))
