@@ -238,7 +238,9 @@ def plan(
     Straight runs and turns to both sides, forward and backward, alternate, commands repeat once all were driven, and
     each run starts at the place and heading that tell most about all effects at once; it stays on the plate. Make them
     in this order. Then every effect at a modest size: by how many sigmas it would show, under a usual tracking noise
-    and run-to-run scatter, and by how many it would differ from the effect that is nearest to it.
+    and run-to-run scatter, and by how many it would differ from the effect that is nearest to it. What a laboratory
+    knows only to within a tolerance (start of motion, marks, wheels, level) can stand for an effect; where it hides
+    one, the last columns say what to measure better, and what the same runs would then show.
 
     With --circular-test: turns of both sides and directions at three speeds or more (--rpm), at constant commands
     (--ratio) or a constant radius (--radius), each repeated, with the circles that the model predicts.
@@ -304,8 +306,16 @@ def _plan_text(plan: Plan) -> str:
     ]  # fmt: skip
     effects = [
         [item.effect, f"{item.parameter} = {item.size:.3g}", f"{item.sigmas:.0f}", item.nearest,
-         f"{item.apart_sigmas:.1f}"]
+         f"{item.apart_sigmas:.1f}", item.measure, f"{item.measured_sigmas:.0f}" if item.measure else ""]
         for item in plan.effects
     ]  # fmt: skip
-    titles = ["effect", "of this size", "shows, sigmas", "nearest other", "apart from it, sigmas"]
+    titles = [
+        "effect",
+        "of this size",
+        "shows, sigmas",
+        "nearest other",
+        "apart from it, sigmas",
+        "to see it better, measure",
+        "then, sigmas",
+    ]
     return true_minus(f"{text_table(head, rows)}\n\n{text_table(titles, effects)}")

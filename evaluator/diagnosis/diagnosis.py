@@ -196,7 +196,7 @@ def _searched(session: Session, progress: Watch, ends: Ends | None) -> Diagnosis
         separation=apart,
         leftover=left,
         terms=terms,
-        next_runs=best_next_runs(everything, chosen, table, apart),
+        next_runs=best_next_runs(everything, chosen, table, apart, session.known),
         constancy=tuple(constant),
         changes=done,
         negligible=negligible,

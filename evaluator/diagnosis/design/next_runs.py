@@ -29,6 +29,7 @@ from evaluator.diagnosis.design.candidate_runs import (
 from evaluator.diagnosis.inference.fit import Fit, model_columns, prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.features import channels_of, compression
+from evaluator.diagnosis.likelihood.known_to import Quantity, simulated_sigmas, with_shifts
 from evaluator.diagnosis.likelihood.mixed_model import at_scatter, reduce_runs
 from evaluator.diagnosis.likelihood.noise import Noise
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
@@ -56,23 +57,30 @@ def hypothetical(
     orders: Sequence[int],
     point: Point,
     like: Forward | None = None,
+    known: Sequence[Quantity] = (),
+    start_sigma_s: float = 0.0,
 ) -> tuple[Problem, Point]:
     """A problem of runs that were not made; their measured marks are what the point predicts.
 
-    orders: the place of each run in its session. like: of the session whose laboratory makes them too, and knows start,
-    clock, wheels and level no better.
+    orders: the place of each run in its session. known, start_sigma_s: what the laboratory that makes them knows to
+    within a tolerance, and how well it knows the start of each run. like: of a session of the same laboratory, instead
+    of start_sigma_s.
     """
     times = [np.arange(0.0, item.duration_s + REST_S, 1 / RATE_HZ) for item in runs]
     data = tuple(
         RunData(f"c{number}", *item.command, REST_S, None, time, np.zeros((len(time), 4)), order)
         for number, (item, time, order) in enumerate(zip(runs, times, orders, strict=True))
     )
-    known = (like.known, like.start_sigma_s) if isinstance(like, Simulated) else ()
-    forward = Simulated((robot,) * len(data), data, terms, *known)
+    same = (like.known, like.start_sigma_s) if isinstance(like, Simulated) else (simulated_sigmas(known), start_sigma_s)
+    forward = Simulated((robot,) * len(data), data, terms, *same)
     own = np.zeros((len(data), OWN_NUMBERS))
     own[:, :3] = [(item.x_mm, item.y_mm, np.radians(item.heading_deg)) for item in runs]
     placed_at = replace(point, own=own)
     marks = forward.marks([placed_at.task(run) for run in range(len(data))])
+    data = with_shifts(
+        [replace(run, marks_mm=item) for run, item in zip(data, marks, strict=True)], forward.robots, known
+    )
+    forward = forward.of_frames(data)
     channels = tuple(channels_of(item) for item in marks)
     half = float(np.nanmedian([np.nanmedian(item[:, 3]) for item in channels])) / 2
     distinct = {len(time): time for time in times}
@@ -180,9 +188,16 @@ class NextRuns:
 
 
 def best_next_runs(
-    search: Search, chosen: Set, table: Standing, apart: Mapping[str, Mapping[str, float]]
+    search: Search,
+    chosen: Set,
+    table: Standing,
+    apart: Mapping[str, Mapping[str, float]],
+    known: Sequence[Quantity] = (),
 ) -> NextRuns | None:
-    """What to run next; None where no rival is left that is worth a run."""
+    """What to run next; None where no rival is left that is worth a run.
+
+    known: what the laboratory knows to within a tolerance; further runs of it know that no better.
+    """
     rivals = _rivals(search, chosen, table, apart)
     data, robot = search.problem.data, search.problem.forward.robots[0]
     room = Room.of_marks([run.marks_mm for run in data])
@@ -196,7 +211,7 @@ def best_next_runs(
         orders = [len(data)] * len(options)
         fit, noise = search.fits[chosen], search.problem.noise[0]
         forward = search.problem.forward
-        problem, at = hypothetical(robot, dict(search.terms), noise, options, orders, fit.point, forward)
+        problem, at = hypothetical(robot, dict(search.terms), noise, options, orders, fit.point, forward, known)
         views = {name: [from_rival(problem, at, rival)] for name, rival in rivals.items()}
         for name, rival in rivals.items():
             if not any(search.terms[effect].starts for effect in chosen ^ rival.fit.terms):

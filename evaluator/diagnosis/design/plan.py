@@ -2,7 +2,8 @@
 
 Runs go round a fixed order of straight runs and turns, forward and backward, left and right, so that any first few of
 them are balanced; speeds alternate, commands repeat once all have been driven. Start heading and place of each are
-those that tell most about all effects at once (D-optimal), given the runs before it.
+those that tell most about all effects at once, given the runs before it (D_s-optimal: what is known to within a
+tolerance is free). Source: Atkinson & Donev (1992), Optimum Experimental Designs, chapter 10.
 """
 
 from __future__ import annotations
@@ -17,11 +18,13 @@ from numpy.typing import NDArray
 from evaluator.diagnosis.design.candidate_runs import CORNERS, HEADINGS_DEG, MIDDLE, CandidateRun, Room, placed
 from evaluator.diagnosis.design.next_runs import hypothetical
 from evaluator.diagnosis.inference.fit import prior_precision
+from evaluator.diagnosis.likelihood.known_to import FRAMES_COMMON, FRAMES_PER_RUN, Quantity, quantities
 from evaluator.diagnosis.likelihood.mixed_model import at_scatter, reduce_runs
 from evaluator.diagnosis.likelihood.noise import Noise
 from evaluator.diagnosis.likelihood.problem import Column, Point
 from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS
 from evaluator.errors import InputError
+from evaluator.settings import KnownTo
 from simulator.effects.coordinates import Candidate
 from simulator.robot import Robot
 
@@ -34,12 +37,18 @@ USUAL_NOISE = (Noise(0.001, 0.003, 0.08),) * 4
 ROUND = ((1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1))  # direction, side
 TURN_SHARES = (0.43, 0.7)  # speed of the inner wheel, tight and wide, alternating with the speed
 SIZE_STEPS = 10.0  # a modest size of an effect, in its visible steps
+FRAME_S = 1 / 60  # of the camera that will see the runs: the start of motion is known in its frames
+HIDDEN = 1.1  # times as visible: what measuring a quantity must give to be proposed
 PLACES_OF_ATTRACTION = slice(0, 8, 2)
 
 
 @dataclass(frozen=True)
 class Expected:
-    """What an experiment would show of one parameter of an effect of a given size: sigmas, and from what is nearest."""
+    """What an experiment would show of one parameter of an effect of a given size: sigmas, and from what is nearest.
+
+    measure: which quantity of the laboratory, known to within a tolerance, hides most of it; measured_sigmas: what the
+    same runs would show if that were known exactly. Empty where no such quantity hides a tenth.
+    """
 
     effect: str
     parameter: str
@@ -47,6 +56,8 @@ class Expected:
     sigmas: float
     nearest: str
     apart_sigmas: float
+    measure: str = ""
+    measured_sigmas: float | None = None
 
 
 def plan_runs(
@@ -65,9 +76,11 @@ def plan_runs(
             f"a plate of {2 * room.half_mm[0]:g} by {2 * room.half_mm[1]:g} mm has no room for a run; "
             "give the size of the plate, or slower wheels"
         )
-    information, _ = _information(robot, terms, options, [0] * len(options))
+    known, tolerance = _laboratory(robot)
+    hidden = [Column(key) for key, value in tolerance.items() if value > 0]
+    information, columns = _information(robot, terms, options, [0] * len(options), hidden, known)
     # measured in stated sizes; nothing is known before but that effects are not many times as large
-    scale = np.array([_size(column) for column in _columns(terms)])
+    scale = np.array([tolerance[c.key] if c.term is None else _size(c) for c in columns])
     information = information * np.outer(scale, scale)
     total, chosen, driven = np.eye(len(scale)), list[int](), Counter[tuple[float, float]]()
     for number in range(count):
@@ -75,7 +88,9 @@ def plan_runs(
         fewest = min((driven[command] for command in able), default=0)
         fresh = {command for command in able if driven[command] == fewest}
         inside = [i for i, option in enumerate(options) if option.command in fresh] or list(range(len(options)))
-        gains = np.linalg.slogdet(total[None] + information[inside])[1]
+        told = total[None] + information[inside]
+        # about effects, whatever else the runs tell: those that differ from what is known to a tolerance only
+        gains = np.linalg.slogdet(told)[1] - np.linalg.slogdet(told[:, : len(hidden), : len(hidden)])[1]
         best = inside[int(np.argmax(gains))]
         chosen.append(best)
         driven[options[best].command] += 1
@@ -100,9 +115,11 @@ def _commands(levels_rpm: Sequence[float], direction: int, side: int) -> list[tu
 
 def expected(robot: Robot, terms: Mapping[str, Candidate], runs: Sequence[CandidateRun]) -> list[Expected]:
     """What these runs would show of every effect at a modest size, its least visible parameter."""
-    nominal_columns = [Column(key) for key, tolerance in robot.tolerance.items() if tolerance > 0]
-    information, columns = _information(robot, terms, runs, range(len(runs)), nominal_columns)
-    total = information.sum(axis=0) + np.diag(prior_precision(columns, robot.tolerance))
+    known, tolerance = _laboratory(robot)
+    names = {key: key for key in robot.tolerance} | {item.key: item.name for item in known}
+    nominal_columns = [Column(key) for key, value in tolerance.items() if value > 0]
+    information, columns = _information(robot, terms, runs, range(len(runs)), nominal_columns, known)
+    total = information.sum(axis=0) + np.diag(prior_precision(columns, tolerance))
     nominal = [i for i, column in enumerate(columns) if column.term is None]
     groups: dict[str, list[list[int]]] = {}
     for i, column in enumerate(columns):
@@ -125,10 +142,23 @@ def expected(robot: Robot, terms: Mapping[str, Candidate], runs: Sequence[Candid
             nearest = min(apart)
             seen = size * _left_over(total, i, nominal)
             name, value = _stated(columns[i], size)
-            shown.append(Expected(effect, name, value, seen, nearest[1], nearest[0]))
+            freed = [
+                (size * _left_over(total, i, [other for other in nominal if other != hider]), names[columns[hider].key])
+                for hider in nominal
+            ]
+            gained, what = max(freed, default=(0.0, ""))
+            hides = (what, gained) if gained > HIDDEN * seen else ("", None)
+            shown.append(Expected(effect, name, value, seen, nearest[1], nearest[0], *hides))
         alone = [item for item in shown if item.sigmas > 0] or shown  # some only say of which kind another one is
         found.append(min(alone, key=lambda item: item.sigmas))
     return found
+
+
+def _laboratory(robot: Robot) -> tuple[tuple[Quantity, ...], dict[str, float]]:
+    """What an ordinary laboratory knows to within a tolerance, and all tolerances of a fit by key."""
+    usual = KnownTo(start_common_s=FRAMES_COMMON * FRAME_S, start_per_run_s=FRAMES_PER_RUN * FRAME_S)
+    known = quantities(usual, robot, [])
+    return known, {**robot.tolerance, **{item.key: item.tolerance for item in known}}
 
 
 def _size(column: Column) -> float:
@@ -173,10 +203,13 @@ def _information(
     runs: Sequence[CandidateRun],
     orders: Sequence[int],
     nominal: Sequence[Column] = (),
+    known: Sequence[Quantity] = (),
 ) -> tuple[Floats, list[Column]]:
     """Information (n, p, p) of each run about all columns, start poses and run-to-run scatter free."""
     columns = [*nominal, *_columns(terms)]
-    problem, at = hypothetical(robot, dict(terms), USUAL_NOISE, runs, orders, Point(np.zeros((len(runs), OWN_NUMBERS))))
+    point = Point(np.zeros((len(runs), OWN_NUMBERS)))
+    per_run_s = FRAMES_PER_RUN * FRAME_S
+    problem, at = hypothetical(robot, dict(terms), USUAL_NOISE, runs, orders, point, None, known, per_run_s)
     found = problem.attempted(at, columns, range(len(runs)))
     able = [number for number, item in enumerate(found) if item is not None]
     information = np.zeros((len(runs), len(columns), len(columns)))  # what cannot be simulated tells nothing

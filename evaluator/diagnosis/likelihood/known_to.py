@@ -60,9 +60,8 @@ class Quantity:
 
 def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Quantity, ...]:
     """All that is known to within a tolerance and is not in the robot's [tolerance]; what is exact is left out."""
-    frame_s = frame_interval_s(data)
     geometry = robot.known_to
-    common_s = FRAMES_COMMON * frame_s if known.start_common_s is None else known.start_common_s
+    common_s = FRAMES_COMMON * frame_interval_s(data) if known.start_common_s is None else known.start_common_s
     level, place, gravity = geometry.plate_level_deg, geometry.mark_position_mm, geometry.center_of_gravity_mm
     found = [
         _shared(START, "start of motion, all runs", "s", common_s),
