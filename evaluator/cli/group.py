@@ -32,6 +32,7 @@ COMMANDS = {
     "effects": ("effects", "List the effects that can be simulated and found, or describe one."),
     "slip-bench": ("slip_bench", "Turn bench torques into forces and a fitted slip law."),
     "paper": ("paper", "Recompute every published figure and number."),
+    "selftest": ("selftest", "Try on this machine what this version claims."),
     "render": ("render", "Draw the video a rig's camera would see, with exact truth."),
     "new": ("new", "Lay out a fresh experiment."),
     "check": ("new", "Validate all files of an experiment."),

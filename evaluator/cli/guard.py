@@ -17,7 +17,7 @@ from pathlib import Path
 
 CHILD = "TURNSCOPE_CHILD"  # set in the environment of the child, so that it works itself
 READING = frozenset(
-    "demo calibrate check-camera dots track turning analyze compare report export diagnose check".split()  # noqa: SIM905
+    "demo calibrate check-camera dots track turning analyze compare report export diagnose check selftest".split()  # noqa: SIM905
 )
 ONCE_S = 1.0  # a terminal interrupts parent and child, and the parent passes it on: within so long that is one
 WATCHED_S = 0.5  # how often a child looks whether its parent is still there

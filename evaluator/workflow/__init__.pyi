@@ -45,6 +45,8 @@ from .rendering import render_scene as render_scene
 from .rendering import render_scenes as render_scenes
 from .results.outputs import Outputs as Outputs
 from .runs.budget import budget_of as budget_of
+from .selftest.run import SelfTest as SelfTest
+from .selftest.run import self_test as self_test
 from .simulation import export_robot as export_robot
 from .simulation import simulate as simulate
 from .simulation import steady_turns as steady_turns

@@ -8,7 +8,7 @@ import pytest
 from simulator.command import Command
 from simulator.effects.entry import EffectEntry
 from simulator.robot import load_robot
-from simulator.simulation import simulate
+from simulator.simulation import simulate, simulate_batch
 from tests.simulator.random_runs import ALLOWED_MM, ALLOWED_SHARE, disagreement_mm, drawn
 
 # Runs that were off by 0.05 to 5.6 mm at the default tolerance and did not say so, by seed and number.
@@ -30,6 +30,23 @@ def test_compliant_column_robot_on_a_ramp_is_followed(begin_s: float) -> None:
     usual, finer = simulate(robot, ramp, times), simulate(robot, ramp, times, tolerance_mm=1e-9)
     assert usual.is_converged
     assert np.hypot(usual.x_mm - finer.x_mm, usual.y_mm - finer.y_mm).max() < 2e-3
+
+
+@pytest.mark.parametrize(("seed", "number"), [*ONCE_WRONG, (3, 0), (3, 1)])
+def test_a_checked_batch_says_of_a_run_what_simulate_says_of_it(seed: int, number: int) -> None:
+    run = drawn(np.random.default_rng([seed, number]))
+    alone = simulate(run.robot, run.command, run.times_s)
+    among = simulate_batch([run.robot], [run.command], run.times_s, check=True)
+    assert among.is_converged[0] == alone.is_converged
+    np.testing.assert_allclose(among.unsettled_mm[0], alone.unsettled_mm, rtol=1e-6)
+    np.testing.assert_allclose(among.states[0, :, 0], alone.x_mm, atol=1e-6)
+
+
+def test_a_batch_that_is_not_checked_says_nothing_of_convergence() -> None:
+    command = Command.constant(33.3, 14.4)
+    assert not simulate_batch([load_robot("barrel")], [command], [0.0, 0.5]).is_converged.any()
+    checked = simulate_batch([load_robot("barrel")], [command] * 3, [0.0, 0.5], check=True)
+    assert checked.is_converged.all()
 
 
 def test_a_plain_turn_is_converged() -> None:

@@ -20,7 +20,7 @@ SUMS = {"contract", "arcp", "nsz", "reassoc"}
 AREA, CENTER_X, CENTER_Y, STRENGTH, CLIPPED = range(5)
 
 
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy", fastmath=SUMS)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=SUMS)
 def color_window(u, v, cell, x, y, half, color, found):
     """Weigh the pixels of a colour in a square window around (x, y); fills found.
 

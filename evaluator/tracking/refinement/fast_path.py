@@ -1,4 +1,4 @@
-"""Compiled: what is done with a mark in every frame in which nothing is unusual, in one piece.
+"""What is done with a mark in every frame in which nothing is unusual.
 
 A glance looks for the mark's colour where it should be, fits its disc there, and says whether anything is unusual;
 `follow` then looks closer. Afterwards what is usual follows what was seen.
@@ -10,10 +10,15 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from evaluator.tracking.detection.color_kernels import AREA, CENTER_X, CENTER_Y, STRENGTH, color_window
+from evaluator.tracking.detection.color_kernels import STRENGTH, color_window
 from evaluator.tracking.refinement.kernels import AMPLITUDE, BASE, INSIDE, PIXELS, RESIDUAL, USED, X, Y, fit_disc
+
+Array = NDArray[np.float64]
+Plane = NDArray[np.unsignedinteger]
 
 # What a glance says: too little of the colour is there; something is unusual; all is well.
 TOO_LITTLE, UNUSUAL, WELL = range(3)
@@ -37,41 +42,42 @@ NOISE_RANGE = 30.0  # least and most noise of a recording, compressed or not, in
 PER_MEDIAN = 1.4826  # sigma over median deviation
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def glance(luma, u, v, row_origin, row_step, cell, x, y, reach, path_x, path_y, color, usual, disc, table, noise, start,
-           found, result):  # fmt: skip
+def glance(
+    luma: Plane, u: Plane | None, v: Plane | None, row_origin: float, row_step: float, cell: Array, x: float, y: float,
+    reach: float, path_x: float, path_y: float, color: Array, usual: Array, disc: Array, table: NDArray[np.float32],
+    noise: Array, start: Array, found: Array, result: Array,
+) -> int:  # fmt: skip
     """Look for a mark within reach of (x, y), px, and fit its disc there.
 
     cell, color, found: of `color_window`. path_x, path_y: px that it moves while the shutter is open. usual: see the
     names at the top. disc, table, noise, start, result: of `fit_disc`; start and disc's smear are filled here.
     """
-    radius = disc[0]
+    radius, (amplitude, base, scatter, _, usual_area) = disc.item(0), usual.tolist()
     color_window(u, v, cell, x, y, radius + reach, color, found)
-    if found[AREA] < FEW * usual[U_AREA]:
+    area, seen_x, seen_y, _, _ = found.tolist()
+    if area < FEW * usual_area:
         return TOO_LITTLE
-    seen_x, seen_y = found[CENTER_X], found[CENTER_Y]
-    crowded = found[AREA] > MANY * usual[U_AREA]
+    crowded = area > MANY * usual_area
     # The colour's centre is good to a chroma sample, the prediction usually to a tenth: take it unless they differ.
     near = crowded or abs(seen_x - x) + abs(seen_y - y) < 0.4 * radius + 1.0
-    start[0], start[1] = (x, y) if near else (seen_x, seen_y)
-    start[2], start[3] = usual[U_AMPLITUDE], usual[U_BASE]
+    start[:] = (x, y, amplitude, base) if near else (seen_x, seen_y, amplitude, base)
     smear(disc, path_x, path_y)
     fit_disc(luma, row_origin, row_step, start, None, disc, table, noise, result)
+    fit = result.tolist()
     slack = 0.5 * radius + 1.0
-    plain = result[RESIDUAL] <= min(DISTURBED, 1.0 + SUSPECT * usual[U_SCATTER])
-    there = abs(result[X] - x) <= reach + slack and abs(result[Y] - y) <= reach + slack
-    beside = crowded or abs(result[X] - seen_x) + abs(result[Y] - seen_y) > slack
-    brightness = result[AMPLITUDE] / usual[U_AMPLITUDE]
-    whole = result[INSIDE] >= LEAST_INSIDE and result[USED] >= LEAST_USED
+    plain = fit[RESIDUAL] <= min(DISTURBED, 1.0 + SUSPECT * scatter)
+    there = abs(fit[X] - x) <= reach + slack and abs(fit[Y] - y) <= reach + slack
+    beside = crowded or abs(fit[X] - seen_x) + abs(fit[Y] - seen_y) > slack
+    brightness = fit[AMPLITUDE] / amplitude if amplitude else math.nan
+    whole = fit[INSIDE] >= LEAST_INSIDE and fit[USED] >= LEAST_USED
     if plain and there and whole and not beside and 1.0 / PLAUSIBLE < brightness < PLAUSIBLE:
         return WELL
     return UNUSUAL
 
 
-@njit(cache=True, nogil=True, forceinline=True)
-def smear(disc, path_x, path_y):
+def smear(disc: Array, path_x: float, path_y: float) -> None:
     """Smear the disc as its motion does. Beyond a diameter it is a wrong velocity sooner than a fast mark."""
-    keep = min(1.0, 2.0 * disc[0] / (math.sqrt(path_x * path_x + path_y * path_y) + 1e-9))
+    keep = min(1.0, 2.0 * disc.item(0) / (math.sqrt(path_x * path_x + path_y * path_y) + 1e-9))
     disc[5], disc[6] = path_x * keep, path_y * keep
 
 
@@ -97,7 +103,7 @@ def settle(usual, noise, color, found, result):
     color[4] += follow_rate(strength / color[4]) * (strength - color[4])
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(cache=True, nogil=True, inline="always")
 def follow_rate(ratio):
     """Share of a new value in what is usual, from its ratio to it."""
     return 0.1 if 1.0 / BRIGHTER < ratio < BRIGHTER else 1.0

@@ -3,11 +3,14 @@
 Image coordinates, px. Luma row j lies at y = row_origin + row_step·j. Numbers only in and
 out; the meaning is in disc.py and follow.py.
 
-What a kernel calls is compiled into it (forceinline): several copies of a function, each optimised within another
-caller, sum in another order, and which of them runs depends on what was compiled and what came from numba's cache.
+What a kernel calls becomes part of it (inline="always" before it is compiled, forceinline for the loop over the pixels,
+which is optimised by itself first): several copies of a function, each optimised within another caller, sum in another
+order, and which of them runs depends on what was compiled and what came from numba's cache. Arrays to work in come from
+the caller, and loops stand where numpy has a word for them: each np.zeros, slice and sum in a kernel takes numba about
+as long as the loop around it.
 """
 # mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
-# ruff: noqa: ANN001, ANN201 - numba infers the types
+# ruff: noqa: ANN001, ANN201, ANN202 - numba infers the types
 
 from __future__ import annotations
 
@@ -15,12 +18,17 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from evaluator.tracking.refinement.motion_blur import mean_over, path_of
 
 # Places of the numbers that `fit_disc` gives.
 X, Y, AMPLITUDE, BASE, VAR_X, VAR_Y, COV_XY, RESIDUAL, USED, INSIDE, PIXELS, SLOPE_X, SLOPE_Y = range(13)
 RESULTS = 13
+UNKNOWNS = 6  # centre, amplitude, base, two slopes
+WORK_ROWS = UNKNOWNS + 3  # normal equations, and state, right hand side and step under them
+
+Array = NDArray[np.float64]
 
 single = np.float32
 # Liberties of floating point that let sums of a row be taken several pixels at once; NaN stays what it is.
@@ -28,8 +36,10 @@ SUMS = {"contract", "arcp", "nsz", "reassoc"}
 LANES = 8  # pixels that processors of today take at once
 
 
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def fit_disc(luma, row_origin, row_step, start, slopes, disc, table, noise, result):
+def fit_disc(
+    luma: NDArray[np.unsignedinteger], row_origin: float, row_step: float, start: Array, slopes: Array | None,
+    disc: Array, table: NDArray[np.float32], noise: Array, result: Array,
+) -> None:  # fmt: skip
     """Fit centre, amplitude and base of a blurred disc to the luma by iteratively reweighted least squares.
 
     start: x, y, amplitude, base. slopes: None for a level background; else those it may have (two), fitted as well.
@@ -37,18 +47,25 @@ def fit_disc(luma, row_origin, row_step, start, slopes, disc, table, noise, resu
     of the table per px². table: of the disc against the square of the radius, its profile and its slope over the
     radius. noise: variance, softness of the outlier weights in sigmas. result: see the names at the top.
     """
+    path, work = path_of(disc), np.zeros((WORK_ROWS, UNKNOWNS))
+    _fit_disc(luma, row_origin, row_step, start, slopes, disc, table, path, noise, result, work)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fit_disc(luma, row_origin, row_step, start, slopes, disc, table, path, noise, result, work):
+    """Do what `fit_disc` does; path: of `path_of`, or None. work: (WORK_ROWS, UNKNOWNS), zeros."""
     size = 4 if slopes is None else 6
-    state, sums = np.zeros(6), np.empty(3)
-    state[:4] = start
-    normal, right, move = np.empty((size, size)), np.empty(size), np.empty(size)
-    reach, path = disc[4] / math.sqrt(1.0 - math.sqrt(disc[2] * disc[2] + disc[3] * disc[3])), path_of(disc)
+    normal, state, right, move = work, work[UNKNOWNS], work[UNKNOWNS + 1], work[UNKNOWNS + 2]
+    for m in range(4):
+        state[m] = start[m]
+    squares = weight = count = 0.0
+    reach = disc[4] / math.sqrt(1.0 - math.sqrt(disc[2] * disc[2] + disc[3] * disc[3]))
     for _ in range(12):
         window = window_around(luma, row_origin, row_step, state, reach)
-        if len(path) > 0:
-            accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, path, noise, normal, right, sums)
-        else:
-            accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, None, noise, normal, right, sums)
-        if sums[2] < 6.0 or not solve(normal, right, move):
+        squares, weight, count = accumulate(
+            luma, row_origin, row_step, state, slopes, window, disc, table, path, noise, normal, right
+        )
+        if count < 6.0 or not solve(normal, right, move, size):
             result[X] = result[Y] = result[RESIDUAL] = np.nan
             return
         # A step beyond the blurred edge leaves the range in which the slope means anything.
@@ -61,15 +78,16 @@ def fit_disc(luma, row_origin, row_step, start, slopes, disc, table, noise, resu
         # The next step would be shorter by the error of the slope across this one, 1/20 or less.
         if length < 0.02:
             break
-    invert_leading(normal, result)
-    result[X : BASE + 1], result[SLOPE_X], result[SLOPE_Y] = state[:4], state[4], state[5]
-    result[RESIDUAL] = sums[0] / max(sums[1] - size, 1.0)
-    result[USED] = sums[1] / max(sums[2], 1.0)
-    result[INSIDE] = sums[2] / max(surroundings(luma, row_origin, row_step, state, reach, disc), sums[2])
-    result[PIXELS] = sums[2]
+    invert_leading(normal, size, right, result)
+    result[X], result[Y], result[AMPLITUDE], result[BASE] = state[0], state[1], state[2], state[3]
+    result[SLOPE_X], result[SLOPE_Y] = state[4], state[5]
+    result[RESIDUAL] = squares / max(weight - size, 1.0)
+    result[USED] = weight / max(count, 1.0)
+    result[INSIDE] = count / max(surroundings(luma, row_origin, row_step, state, reach, disc), count)
+    result[PIXELS] = count
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(cache=True, nogil=True, inline="always")
 def window_around(luma, row_origin, row_step, state, reach):
     """Rows and columns (first, and one beyond the last) of the frame within reach of a centre, in whole lanes."""
     rows, columns = luma.shape
@@ -82,12 +100,12 @@ def window_around(luma, row_origin, row_step, state, reach):
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy", fastmath=SUMS)
-def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, path, noise, normal, right, sums):  # noqa: PLR0915 - one loop
+def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, path, noise, normal, right):  # noqa: PLR0915 - one loop
     """Fill the upper triangle of the normal equations of `fit_disc` at a state, from the pixels in a window.
 
-    path: of `smear.path_of`, or None where nothing smears: a loop of its own is made of that, for nearly all frames.
-    sums: weighted squares, sum of outlier weights, pixels used. In one piece, in single precision and without branches
-    within a row, so that several pixels are taken at once: 1e-7 of the sums is below all else.
+    path: of `path_of`, or None where nothing smears: a loop of its own is made of that, for nearly all frames.
+    Returns weighted squares, sum of outlier weights, pixels used. In one piece, in single precision and without
+    branches within a row, so that several pixels are taken at once: 1e-7 of the sums is below all else.
     """
     top, bottom, first, last = window
     x, y, amplitude, base = state[0], state[1], single(state[2]), single(state[3])
@@ -142,12 +160,15 @@ def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, p
         normal[0, 4], normal[1, 4], normal[2, 4], normal[3, 4], normal[4, 4] = xs, ys, ps, bs, ss
         normal[0, 5], normal[1, 5], normal[2, 5], normal[3, 5], normal[4, 5] = xt, yt, pt, bt, st
         normal[5, 5], right[4], right[5] = tt, rs, rt
-    normal *= certain
-    right *= certain
-    sums[0], sums[1], sums[2] = certain * squares, bb, count
+    size = 4 if slopes is None else 6
+    for m in range(size):
+        right[m] *= certain
+        for n in range(m, size):
+            normal[m, n] *= certain
+    return float(certain * squares), float(bb), float(count)
 
 
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def surroundings(luma, row_origin, row_step, state, reach, disc):
     """Count the pixels that `accumulate` would use if the frame had no border; 0 where it is not near."""
     (rows, columns), x, y = luma.shape, state[0], state[1]
@@ -167,10 +188,9 @@ def surroundings(luma, row_origin, row_step, state, reach, disc):
     return count
 
 
-@njit(cache=True, nogil=True, forceinline=True)
-def solve(normal, right, move):
-    """Solve the symmetric system by Cholesky in place of normal's lower triangle; False where singular."""
-    size = len(right)
+@njit(cache=True, nogil=True, inline="always")
+def solve(normal, right, move, size):
+    """Solve the symmetric system of a size by Cholesky in place of normal's lower triangle; False where singular."""
     for i in range(size):
         for j in range(i + 1):
             total = normal[j, i]
@@ -195,28 +215,39 @@ def solve(normal, right, move):
     return True
 
 
-@njit(cache=True, nogil=True, forceinline=True)
-def invert_leading(lower, result):
-    """Covariance of the first two unknowns from the Cholesky factor."""
-    size = len(lower)
-    columns = np.zeros((2, size))
-    for c in range(2):
-        for i in range(size):
-            total = 1.0 if i == c else 0.0
-            for k in range(i):
-                total -= lower[i, k] * columns[c, k]
-            columns[c, i] = total / lower[i, i]
-    result[VAR_X] = np.sum(columns[0] * columns[0])
-    result[VAR_Y] = np.sum(columns[1] * columns[1])
-    result[COV_XY] = np.sum(columns[0] * columns[1])
+@njit(cache=True, nogil=True, inline="always")
+def invert_leading(lower, size, column, result):
+    """Covariance of the first two unknowns from the Cholesky factor; column: to work in."""
+    var_x = var_y = cov = 0.0
+    for i in range(size):
+        total = 1.0 if i == 0 else 0.0
+        for k in range(i):
+            total -= lower[i, k] * column[k]
+        column[i] = total / lower[i, i]
+        var_x += column[i] * column[i]
+    # The column of the second unknown is zero in its first row; the first one is still needed for the covariance.
+    for i in range(1, size):
+        total = 1.0 if i == 1 else 0.0
+        for k in range(1, i):
+            total -= lower[i, k] * lower[0, k]
+        lower[0, i] = total / lower[i, i]
+        var_y += lower[0, i] * lower[0, i]
+        cov += column[i] * lower[0, i]
+    result[VAR_X], result[VAR_Y], result[COV_XY] = var_x, var_y, cov
+
+
+def interior_slope(
+    luma: NDArray[np.unsignedinteger], row_origin: float, row_step: float, x: float, y: float, radius: float,
+    slope: Array,
+) -> None:  # fmt: skip
+    """Fit a plane to the luma within a radius of (x, y); fills slope with its slopes along x and y, levels a px."""
+    _interior_slope(luma, row_origin, row_step, float(x), float(y), radius, slope, np.zeros((5, 3)))
 
 
 @njit(cache=True, nogil=True)
-def interior_slope(luma, row_origin, row_step, x, y, radius, slope):
-    """Fit a plane to the luma within a radius of (x, y); fills slope with its slopes along x and y, levels a px."""
+def _interior_slope(luma, row_origin, row_step, x, y, radius, slope, work):
     rows, columns = luma.shape
-    normal, right, move = np.zeros((4, 4)), np.zeros(4), np.zeros(4)
-    normal[3, 3] = 1.0
+    normal, right, move = work, work[3], work[4]
     for j in range(
         math.ceil((y - radius - row_origin) / row_step), math.floor((y + radius - row_origin) / row_step) + 1
     ):
@@ -235,7 +266,7 @@ def interior_slope(luma, row_origin, row_step, x, y, radius, slope):
             right[0] += value
             right[1] += dx * value
             right[2] += dy * value
-    if normal[0, 0] < 12.0 or not solve(normal, right, move):
+    if normal[0, 0] < 12.0 or not solve(normal, right, move, 3):
         slope[0] = slope[1] = np.nan
         return
     slope[0], slope[1] = move[1], move[2]

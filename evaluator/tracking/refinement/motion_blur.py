@@ -6,7 +6,7 @@ equal parts of the path: of parts no longer than two blurs the sum is exact to 0
 length (0.7 % with three, 0.04 % with one).
 """
 # mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
-# ruff: noqa: ANN001, ANN201 - numba infers the types
+# ruff: noqa: ANN001, ANN201, ANN202 - numba infers the types
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 PART = 2.0  # blurs
 GAUSS = 0.5 / math.sqrt(3.0)  # of a part: from its middle to its two points
@@ -22,24 +23,32 @@ GAUSS = 0.5 / math.sqrt(3.0)  # of a part: from its middle to its two points
 SHORT = 0.5
 
 
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def path_of(disc):
+def path_of(disc: NDArray[np.float64]) -> NDArray[np.float32] | None:
     """Points of a disc's path: displacement from its middle along x and y, px, and what a slant makes of it; (n, 4).
 
-    disc: as `kernels.fit_disc` takes it. No points where it moves so little that it is not smeared.
+    disc: as `kernels.fit_disc` takes it. None where it moves so little that it is not smeared: kernels are compiled for
+    smeared discs only where there is one.
     """
-    blur, e1, e2, along_x, along_y = disc[1], disc[2], disc[3], disc[5], disc[6]
+    _, blur, _, _, _, along_x, along_y, _ = disc.tolist()
     length2 = along_x * along_x + along_y * along_y
-    parts = math.ceil(math.sqrt(length2) / (PART * blur)) if length2 > SHORT * blur * blur else 0
-    path = np.empty((2 * parts, 4), np.float32)
+    if not length2 > SHORT * blur * blur:
+        return None
+    path = np.empty((2 * math.ceil(math.sqrt(length2) / (PART * blur)), 4), np.float32)
+    _fill_path(disc, path)
+    return path
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fill_path(disc, path):
+    e1, e2, along_x, along_y = disc[2], disc[3], disc[5], disc[6]
+    parts = len(path) // 2
     for n in range(2 * parts):
         t = ((n // 2) + 0.5 + (GAUSS if n & 1 else -GAUSS)) / parts - 0.5
         x, y = t * along_x, t * along_y
         path[n, 0], path[n, 1], path[n, 2], path[n, 3] = x, y, (1.0 + e1) * x + e2 * y, e2 * x + (1.0 - e1) * y
-    return path
 
 
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def mean_over(path, table, per_px2, dx, dy, outward_x, outward_y):
     """Profile of a smeared disc at (dx, dy) px from its middle, and its slopes along x and y over minus one.
 

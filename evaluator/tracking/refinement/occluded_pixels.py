@@ -3,15 +3,20 @@
 Planes of a window: the mark's profile, its slopes along x and y, what the luma leaves of it, and the mean of that.
 """
 # mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
-# ruff: noqa: ANN001, ANN201 - numba infers the types
+# ruff: noqa: ANN001, ANN201, ANN202 - numba infers the types
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from evaluator.tracking.refinement.motion_blur import mean_over, path_of
+from evaluator.tracking.refinement.motion_blur import mean_over
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 # Sigmas of the mean of 3 × 3 pixels beyond which something covers them: 1 % of the clear pixels are lost.
 BEYOND = 3.0
@@ -26,11 +31,13 @@ MOST = 2.0
 PROFILE, ALONG_X, ALONG_Y, LEFT, MEAN, WORK = range(6)  # planes of a window
 
 
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def model(luma, place, state, disc, table, planes, used):
-    """Fill profile, slopes and residual of the pixels of a window at a state, as `kernels.accumulate` has them."""
-    top_y, row_step, left = place
-    e1, e2, amplitude, outer2, path = disc[2], disc[3], state[2], disc[4] * disc[4], path_of(disc)
+@njit(cache=True, nogil=True, error_model="numpy")
+def model(luma, top_y, row_step, left, state, disc, table, path, planes, used):
+    """Fill profile, slopes and residual of the pixels of a window at a state, as `kernels.accumulate` has them.
+
+    top_y: y of the window's first row; left: its first column; path: of `motion_blur.path_of`, or None.
+    """
+    e1, e2, amplitude, outer2 = disc[2], disc[3], state[2], disc[4] * disc[4]
     for j in range(luma.shape[0]):
         dy = top_y + row_step * j - state[1]
         for i in range(luma.shape[1]):
@@ -38,7 +45,7 @@ def model(luma, place, state, disc, table, planes, used):
             outward_x, outward_y = (1.0 + e1) * dx + e2 * dy, e2 * dx + (1.0 - e1) * dy
             square = outward_x * dx + outward_y * dy
             used[j, i] = square <= outer2
-            if len(path) > 0:
+            if path is not None:
                 p, pull_x, pull_y = mean_over(path, table, disc[7], dx, dy, outward_x, outward_y)
             else:
                 k = min(int(square * disc[7] + 0.5), len(table) - 1)
@@ -46,25 +53,35 @@ def model(luma, place, state, disc, table, planes, used):
             planes[PROFILE, j, i] = p
             planes[ALONG_X, j, i], planes[ALONG_Y, j, i] = -amplitude * pull_x, -amplitude * pull_y
             planes[LEFT, j, i] = luma[j, i] - state[3] - amplitude * p - state[4] * dx - state[5] * dy
-    smooth(planes[LEFT], planes[WORK], planes[MEAN])
+    smooth(planes)
 
 
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def smooth(plane, work, mean):
-    """Mean over 3 × 3 pixels; a window's border repeats itself."""
-    tall, wide = plane.shape
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
+def smooth(planes):
+    """Fill the mean over 3 × 3 pixels of what is left; a window's border repeats itself."""
+    _, tall, wide = planes.shape
     for j in range(tall):
         for i in range(wide):
-            work[j, i] = plane[j, max(i - 1, 0)] + plane[j, i] + plane[j, min(i + 1, wide - 1)]
+            before, after = max(i - 1, 0), min(i + 1, wide - 1)
+            planes[WORK, j, i] = planes[LEFT, j, before] + planes[LEFT, j, i] + planes[LEFT, j, after]
     for j in range(tall):
         above, below = max(j - 1, 0), min(j + 1, tall - 1)
         for i in range(wide):
-            mean[j, i] = (work[above, i] + work[j, i] + work[below, i]) * (1.0 / 9.0)
+            three = planes[WORK, above, i] + planes[WORK, j, i] + planes[WORK, below, i]
+            planes[MEAN, j, i] = three * (1.0 / 9.0)
 
 
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def stands_out(planes, used, amplitude, noise, core):
+def stands_out(planes: Array, used: Mask, amplitude: float, noise: float, core: tuple[float, float]) -> bool:
     """Whether anything across the mark is beyond doubt, and more than a small shift explains."""
+    most = _excess(planes, used)
+    return bool(
+        most > core[1] * abs(amplitude) and most > core[0] * trimmed(planes, LEFT, used, 2.0 * math.sqrt(noise))
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _excess(planes, used):
+    """Most that a mean of 3 × 3 residuals is beyond what a small shift explains."""
     most = 0.0
     for j in range(used.shape[0]):
         for i in range(used.shape[1]):
@@ -72,17 +89,17 @@ def stands_out(planes, used, amplitude, noise, core):
             if used[j, i] and mean > most:
                 steep = math.sqrt(planes[ALONG_X, j, i] ** 2 + planes[ALONG_Y, j, i] ** 2)
                 most = max(most, mean - CORE_OFF_PX * steep)
-    return most > core[1] * abs(amplitude) and most > core[0] * trimmed(planes[LEFT], used, 2.0 * math.sqrt(noise))
+    return most
 
 
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def trimmed(plane, used, scale):
-    """Sigma of the values used, without those far off; scale: more than it is."""
+@njit(cache=True, nogil=True, error_model="numpy")
+def trimmed(planes, plane, used, scale):
+    """Sigma of the values used of a plane, without those far off; scale: more than it is."""
     for _ in range(3):
         most, total, count = (2.5 * scale) ** 2, 0.0, 1
         for j in range(used.shape[0]):
             for i in range(used.shape[1]):
-                square = plane[j, i] * plane[j, i]
+                square = planes[plane, j, i] * planes[plane, j, i]
                 if used[j, i] and square < most:
                     total += square
                     count += 1
@@ -90,26 +107,29 @@ def trimmed(plane, used, scale):
     return scale
 
 
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def scale_of(planes, used, noise):
+def scale_of(planes: Array, used: Mask, noise: float) -> float:
     """Sigma of the mean of 3 × 3 residuals, without those far off: what the frame's own errors have in common."""
     least = math.sqrt(noise) / 3.0
-    return min(max(trimmed(planes[MEAN], used, 6.0 * least), least), MOST * least)
+    return float(min(max(trimmed(planes, MEAN, used, 6.0 * least), least), MOST * least))
 
 
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def cover(planes, used, scale, off_px, covered):
+@njit(cache=True, nogil=True, error_model="numpy")
+def cover(planes, used, scale, off_px, covered):  # noqa: C901 - one loop
     """Mark the pixels that are covered, and those beside them; returns the share of the information they have."""
     tall, wide = used.shape
-    covered[:, :] = False
     total = lost = 0.0
+    for j in range(tall):
+        for i in range(wide):
+            covered[j, i] = False
     for j in range(tall):
         for i in range(wide):
             excess = abs(planes[MEAN, j, i]) - BEYOND * scale
             if used[j, i] and excess > 0.0:
                 steep2 = planes[ALONG_X, j, i] ** 2 + planes[ALONG_Y, j, i] ** 2
                 if excess * excess > off_px * off_px * steep2:
-                    covered[max(j - 1, 0) : j + 2, max(i - 1, 0) : i + 2] = True
+                    for k in range(max(j - 1, 0), min(j + 2, tall)):
+                        for m in range(max(i - 1, 0), min(i + 2, wide)):
+                            covered[k, m] = True
     for j in range(tall):
         for i in range(wide):
             if used[j, i]:

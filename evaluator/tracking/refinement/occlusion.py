@@ -16,12 +16,14 @@ within a part have in common.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from evaluator.tracking.refinement.kernels import (
+    AMPLITUDE,
     BASE,
     COV_XY,
     INSIDE,
@@ -37,6 +39,7 @@ from evaluator.tracking.refinement.kernels import (
     invert_leading,
     solve,
 )
+from evaluator.tracking.refinement.motion_blur import path_of
 from evaluator.tracking.refinement.occluded_pixels import (
     ALONG_X,
     ALONG_Y,
@@ -51,7 +54,7 @@ from evaluator.tracking.refinement.occluded_pixels import (
 Array = NDArray[np.float64]
 
 # px by which the mark may be off while it is fitted; the last one is about what the edge of a real mark is untrue by.
-OFF_PX = np.array([0.4, 0.3, 0.2, 0.15, 0.1, 0.05, 0.05])
+OFF_PX = (0.4, 0.3, 0.2, 0.15, 0.1, 0.05, 0.05)
 # Share of a mark's information on its centre that what covers it takes, from which the fit without is taken. By chance
 # and by the blocks of a codec it takes less.
 NOTABLE = 0.03
@@ -92,49 +95,92 @@ def fit_uncovered(
     return seeming, share
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _fit_window(luma, place, fitted, disc, table, noise, result, covered, core, least):
-    """Do what `fit_uncovered` does, in a window; place: y of its first row, step of its rows, its first column."""
+def _fit_window(
+    luma: Array, place: tuple[float, float, int], fitted: Array, disc: Array, table: NDArray[np.float32], noise: Array,
+    result: Array, covered: NDArray[np.bool_], core: tuple[float, float], least: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Do what `fit_uncovered` does, in a window; place: y of its first row, step of its rows, its first column.
+
+    Its kernels are compiled one by one, most of them only where something stands out: in one piece they took a third of
+    all that the tracker compiles.
+    """
     state = np.zeros(6)
-    state[: BASE + 1], state[4], state[5] = fitted[: BASE + 1], fitted[SLOPE_X], fitted[SLOPE_Y]
-    planes, used = np.zeros((6, *luma.shape)), np.zeros(luma.shape, np.bool_)
-    normal, move, products, pulls = np.zeros((6, 6)), np.zeros(6), np.zeros((PARTS, 6, 6)), np.zeros((PARTS, 6))
-    size, level_x, level_y = 4, fitted[X], fitted[Y]
-    seeming = share = scale = weight = squares = count = 0.0
-    for step in range(-1, len(OFF_PX)):
-        model(luma, place, state, disc, table, planes, used)
-        if step < 0:
-            if not stands_out(planes, used, state[2], noise[0], core):
-                return 0.0, 0.0
-            scale = scale_of(planes, used, noise[0])
-        share = cover(planes, used, scale, OFF_PX[step], covered)
-        if step < 0:
-            seeming = share
-            if seeming < least:
-                return seeming, 0.0
-            continue
+    state[: BASE + 1], state[4:] = fitted[: BASE + 1], fitted[SLOPE_X : SLOPE_Y + 1]
+    planes, used, path = np.zeros((6, *luma.shape)), np.zeros(luma.shape, np.bool_), path_of(disc)
+    model(luma, *place, state, disc, table, path, planes, used)
+    if not stands_out(planes, used, fitted.item(AMPLITUDE), noise.item(0), core):
+        return 0.0, 0.0
+    scale = scale_of(planes, used, noise.item(0))
+    # As is seen before the first step, with the last of the shifts.
+    seeming = cover(planes, used, scale, OFF_PX[-1], covered)
+    if seeming < least:
+        return seeming, 0.0
+    parts = Parts(np.zeros((PARTS, 6, 6)), np.zeros((PARTS, 6)), np.zeros((6, 6)), np.zeros(6))
+    size, level_x, level_y, share = 4, fitted.item(X), fitted.item(Y), seeming
+    weight = squares = count = 0.0
+    for step, off_px in enumerate(OFF_PX):
+        model(luma, *place, state, disc, table, path, planes, used)
+        share = cover(planes, used, scale, off_px, covered)
         split = step == len(OFF_PX) - 1
-        weight, squares, count = _pull(planes, used, covered, state, noise, place, split, products, pulls)
+        weight, squares, count = _pull(
+            planes, used, covered, state, noise, *place, split, parts.products, parts.pulls, np.ones(6)
+        )
         for _ in range(2):
-            if weight < LEAST_PIXELS or not _step(products, pulls, np.int64(-1), size, normal, move):
+            if weight < LEAST_PIXELS or not parts.step(size):
                 return seeming, 1.0
-            if size == 6 or step != SLOPES_AT or not _slopes(products, pulls, normal, np.zeros(6)):
+            if size == 6 or step != SLOPES_AT or not parts.sloping():
                 break
-            size, level_x, level_y = 6, state[0] + move[0], state[1] + move[1]
-        length = math.sqrt(move[0] * move[0] + move[1] * move[1])
-        shorten = min(1.0, (0.35 * disc[0] + disc[1]) / max(length, 1e-12))
-        for m in range(size):
-            state[m] += move[m] * (shorten if m < 2 else 1.0)
-    invert_leading(normal[:size, :size], result)
+            size, level_x, level_y = 6, state.item(X) + parts.move.item(X), state.item(Y) + parts.move.item(Y)
+        length = math.sqrt(parts.move.item(X) ** 2 + parts.move.item(Y) ** 2)
+        shorten = min(1.0, (0.35 * disc.item(0) + disc.item(1)) / max(length, 1e-12))
+        state[:2] += shorten * parts.move[:2]
+        state[2:size] += parts.move[2:size]
+    invert_leading(parts.normal, size, np.zeros(6), result)
     residual = squares / max(weight - size, 1.0)
-    scatter = FEW_SQUARES * _jackknife(products, pulls, size, normal, move)
-    widen = max(scatter / (result[VAR_X] + result[VAR_Y]), residual, 1.0)
-    result[X : BASE + 1], result[SLOPE_X], result[SLOPE_Y] = state[: BASE + 1], state[4], state[5]
-    off_x, off_y = (BENT * (state[0] - level_x), BENT * (state[1] - level_y)) if size == 6 else (0.0, 0.0)
+    scatter = FEW_SQUARES * parts.jackknife(size)
+    widen = max(scatter / (result.item(VAR_X) + result.item(VAR_Y)), residual, 1.0)
+    result[X : BASE + 1], result[SLOPE_X : SLOPE_Y + 1] = state[: BASE + 1], state[4:]
+    off_x, off_y = (BENT * (state.item(X) - level_x), BENT * (state.item(Y) - level_y)) if size == 6 else (0.0, 0.0)
     result[VAR_X], result[VAR_Y] = widen * result[VAR_X] + off_x * off_x, widen * result[VAR_Y] + off_y * off_y
     result[COV_XY] = widen * result[COV_XY] + off_x * off_y
     result[RESIDUAL], result[USED], result[PIXELS], result[INSIDE] = residual, weight / count, weight, fitted[INSIDE]
     return seeming, share
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Normal equations of each part of the rim: products (PARTS, 6, 6) and right hand sides, pulls (PARTS, 6).
+
+    normal: (6, 6), sum of them, and its factor below; move: (6,), the step that they make.
+    """
+
+    products: Array
+    pulls: Array
+    normal: Array
+    move: Array
+
+    def step(self, size: int, without: int = -1) -> bool:
+        """Solve for the step of the first unknowns that all parts but one (-1: all) make; False where singular."""
+        return bool(_step(self.products, self.pulls, without, size, self.normal, self.move, np.empty(6)))
+
+    def sloping(self) -> bool:
+        """Whether the light behind the mark slopes: whether two more unknowns bring the squares down by SLOPING."""
+        trial, fall = replace(self, move=np.zeros(6)), 0.0
+        for size in (4, 6):
+            if not trial.step(size):
+                return False
+            fall = float(self.pulls.sum(axis=0)[:size] @ trial.move[:size]) - fall
+        return fall > SLOPING
+
+    def jackknife(self, size: int) -> float:
+        """Sum of the squares, px², of the steps that the centre makes as each part of the rim is left out."""
+        total = 0.0
+        for part in range(PARTS):
+            if self.products[part, 0, 0] + self.products[part, 1, 1] > 0.0:
+                if not self.step(size, part):
+                    return math.inf
+                total += self.move.item(X) ** 2 + self.move.item(Y) ** 2
+        return total
 
 
 def _window(
@@ -152,17 +198,23 @@ def _window(
     return top, bottom, left, max(min(math.floor(x + reach) + 1, columns - 1) + 1, left)
 
 
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def _pull(planes, used, covered, state, noise, place, split, products, pulls):
+@njit(cache=True, nogil=True, error_model="numpy")
+def _pull(planes, used, covered, state, noise, top_y, row_step, left, split, products, pulls, row):  # noqa: C901 - one loop
     """Fill the normal equations and their right hand side; returns weights, their squares and the pixels.
 
-    split: whether for every part of the rim by itself, rather than all for the first.
+    split: whether for every part of the rim by itself, rather than all for the first. row: ones, to work in.
     """
-    top_y, row_step, left = place
-    products[:], pulls[:] = 0.0, 0.0
-    weight = squares = count = 0.0
+    weight = squares = count = steepest = 0.0
+    for m in range(PARTS):
+        for n in range(6):
+            pulls[m, n] = 0.0
+            for k in range(6):
+                products[m, n, k] = 0.0
+    for j in range(used.shape[0]):
+        for i in range(used.shape[1]):
+            steepest = max(steepest, planes[ALONG_X, j, i] ** 2 + planes[ALONG_Y, j, i] ** 2)
     certain, softness = 1.0 / noise[0], 1.0 / (noise[0] * noise[1] * noise[1])
-    flat, part, row = FLAT * _steepest(planes), 0, np.ones(6)
+    flat, part = FLAT * steepest, 0
     for j in range(used.shape[0]):
         for i in range(used.shape[1]):
             if covered[j, i] or not used[j, i]:
@@ -186,24 +238,11 @@ def _pull(planes, used, covered, state, noise, place, split, products, pulls):
     return weight, squares, count
 
 
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def _steepest(planes):
-    """Square of the steepest slope in a window."""
-    most = 0.0
-    for j in range(planes.shape[1]):
-        for i in range(planes.shape[2]):
-            most = max(most, planes[ALONG_X, j, i] ** 2 + planes[ALONG_Y, j, i] ** 2)
-    return most
-
-
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def _step(products, pulls, without, size, normal, move):
-    """Solve for the step that all parts of the rim make but one (-1: all); False where singular. Fills normal, too.
-
-    without, size: np.int64, not literals, for each of which it would be compiled again.
-    """
-    right = np.zeros(size)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _step(products, pulls, without, size, normal, move, right):
+    """Solve for the step that all parts of the rim make but one (-1: all); False where singular. Fills normal, too."""
     for m in range(size):
+        right[m] = 0.0
         for n in range(m, size):
             normal[m, n] = 0.0
         for part in range(PARTS):
@@ -211,31 +250,4 @@ def _step(products, pulls, without, size, normal, move):
                 right[m] += pulls[part, m]
                 for n in range(m, size):
                     normal[m, n] += products[part, m, n]
-    return solve(normal[:size, :size], right, move[:size])
-
-
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def _slopes(products, pulls, normal, move):
-    """Whether the light behind the mark slopes: whether two more unknowns bring the squares down by SLOPING."""
-    fall = 0.0
-    for size in (4, 6):
-        if not _step(products, pulls, np.int64(-1), size, normal, move):
-            return False
-        squares = 0.0
-        for part in range(PARTS):
-            for m in range(size):
-                squares += pulls[part, m] * move[m]
-        fall = squares - fall
-    return fall > SLOPING
-
-
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def _jackknife(products, pulls, size, normal, move):
-    """Sum of the squares, px², of the steps that the centre makes as each part of the rim is left out."""
-    total = 0.0
-    for part in range(PARTS):
-        if products[part, 0, 0] + products[part, 1, 1] > 0.0:
-            if not _step(products, pulls, part, size, normal, move):
-                return np.inf
-            total += move[0] * move[0] + move[1] * move[1]
-    return total
+    return solve(normal, right, move, size)

@@ -14,8 +14,11 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from evaluator.tracking.refinement.motion_blur import mean_over, path_of
+
+Array = NDArray[np.float64]
 
 # Harmonics that are used. The second is that of perspective too; beyond the fifth a codec keeps little of a mark of
 # 5 px radius. All that a smear may differ from its model by is even, and shifts nothing: then the fourth is left out.
@@ -49,21 +52,29 @@ class Rim:
         self.extra_px2 = FEW_SQUARES * max(shown - own_px2, 0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def rim_power(luma, row_origin, row_step, result, disc, table, noise):  # noqa: ANN001, ANN201 - numba infers the types
+def rim_power(
+    luma: NDArray[np.unsignedinteger], row_origin: float, row_step: float, result: Array, disc: Array,
+    table: NDArray[np.float32], noise: Array,
+) -> float:  # fmt: skip
     """Mean square, px², of the rim's harmonics FIRST to LAST about a fitted disc; NaN without a rim.
 
     Arguments as of `kernels.fit_disc`, after the fit.
     """
+    sums = np.zeros((2, LAST + 1))
+    return float(_rim_power(luma, row_origin, row_step, result, disc, table, path_of(disc), noise, sums))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rim_power(luma, row_origin, row_step, result, disc, table, path, noise, sums):  # noqa: ANN001, ANN202 - numba infers the types
     rows, columns = luma.shape
     x, y, amplitude, base, tilt_x, tilt_y = result[0], result[1], result[2], result[3], result[11], result[12]
     radius, blur2, e1, e2, smear_x, smear_y = disc[0], disc[1] * disc[1], disc[2], disc[3], disc[5], disc[6]
     smear2 = smear_x * smear_x + smear_y * smear_y
-    path, edge = path_of(disc), 3.5 * math.sqrt(blur2 + smear2 / 12.0)
+    edge = 3.5 * math.sqrt(blur2 + smear2 / 12.0)
     inner2, outer2 = max(radius - edge, 0.5) ** 2, min(radius + edge, disc[4]) ** 2
     reach = math.sqrt(outer2 / (1.0 - math.sqrt(e1 * e1 + e2 * e2)))
     certain = 1.0 / (noise[0] * noise[1] * noise[1])
-    sums, total = np.zeros((2, LAST + 1)), 0.0
+    total = 0.0
     top, bottom = math.ceil((y - reach - row_origin) / row_step), math.floor((y + reach - row_origin) / row_step)
     for j in range(max(top, 0), min(bottom, rows - 1) + 1):
         dy = row_origin + row_step * j - y
@@ -74,7 +85,7 @@ def rim_power(luma, row_origin, row_step, result, disc, table, noise):  # noqa: 
                 continue
             length = math.sqrt(dx * dx + dy * dy)
             cos, sin = dx / length, dy / length
-            if len(path) > 0:
+            if path is not None:
                 outward_x, outward_y = (1.0 + e1) * dx + e2 * dy, e2 * dx + (1.0 - e1) * dy
                 p, pull_x, pull_y = mean_over(path, table, disc[7], dx, dy, outward_x, outward_y)
                 steep = -amplitude * (pull_x * cos + pull_y * sin)
@@ -95,7 +106,7 @@ def rim_power(luma, row_origin, row_step, result, disc, table, noise):  # noqa: 
     count = 0
     mean = 0.0
     for m in range(FIRST, LAST + 1):
-        if not (len(path) > 0 and m == SYMMETRIC):
+        if path is None or m != SYMMETRIC:
             mean += 2.0 * (sums[0, m] ** 2 + sums[1, m] ** 2) / (total * total)
             count += 1
     return mean / count

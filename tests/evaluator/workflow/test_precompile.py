@@ -16,7 +16,7 @@ VIDEO = Path(__file__).parents[3] / "sample_videos" / "turn-33-5.mp4"
 def test_trying_tracker_and_simulator_leaves_their_kernels_ready() -> None:
     precompile.measure_turn(VIDEO)
     precompile.simulate_run()
-    for kernel in (kernels.fit_disc, integrate_run, integrate_some):
+    for kernel in (kernels._fit_disc, integrate_run, integrate_some):
         assert kernel.signatures  # type: ignore[attr-defined, unused-ignore]
 
 
