@@ -29,7 +29,7 @@ MOST_CALLS = 400  # far more than a small batch makes
 
 def small_batch(folder: Path) -> Path:
     """Two short runs."""
-    runs = [(f"r0{k}", 14.4, 33.3, circling_marks(5.0 + k, seconds=1.5, seed=k)) for k in range(2)]
+    runs = [(f"r0{k}", 14.4, 33.3, circling_marks(5.0 + k, seconds=0.75, seed=k)) for k in range(2)]
     return write_experiment(folder, runs)
 
 
