@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import argparse
 import ast
-import copy
-import importlib
+import importlib.util
 import os
 import random
 import shutil
@@ -21,6 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -28,7 +28,10 @@ from typing import NoReturn
 
 ROOT = Path(__file__).parents[2]
 OURS = ("calibration", "simulator", "evaluator", "tests")
-LIBRARIES = ("numpy", "scipy.optimize", "scipy.stats", "pandas", "numba", "cv2", "pydantic", "pytest")
+LIBRARIES = (
+    *("numpy", "scipy.optimize", "scipy.stats", "scipy.signal", "pandas", "numba", "cv2", "pydantic", "pytest"),
+    "hypothesis",
+)
 PAIRS = (
     *((ast.Lt, ast.GtE), (ast.LtE, ast.Gt), (ast.Gt, ast.LtE), (ast.GtE, ast.Lt), (ast.Eq, ast.NotEq)),
     *((ast.NotEq, ast.Eq), (ast.Add, ast.Sub), (ast.Sub, ast.Add), (ast.Mult, ast.Div), (ast.Div, ast.Mult)),
@@ -40,26 +43,29 @@ Change = tuple[str, Callable[[], None]]
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change: file, line, what it is, and the text of the changed file."""
+    """One change: file, line, what it is; number of the node in the file, and of the change among the node's."""
 
     path: Path
     line: int
     change: str
-    text: str
+    node: int
+    number: int
+
+    def text(self) -> str:
+        """The text of the changed file."""
+        tree = ast.parse((ROOT / self.path).read_text(encoding="utf-8"))
+        target = next(node for index, node in enumerate(ast.walk(tree)) if index == self.node)
+        _changes(target)[self.number][1]()
+        return ast.unparse(ast.fix_missing_locations(tree))
 
 
 def mutants(path: Path) -> Iterator[Mutant]:
     """All changes of a file; text, docstrings and type annotations are left alone."""
     tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
-    nodes = [node for top in tree.body for node in _code(top)]
     indices = {id(node): index for index, node in enumerate(ast.walk(tree))}
-    for node in nodes:
-        for number in range(len(_changes(copy.deepcopy(node)))):
-            changed = copy.deepcopy(tree)
-            target = next(other for index, other in enumerate(ast.walk(changed)) if index == indices[id(node)])
-            name, apply = _changes(target)[number]
-            apply()
-            yield Mutant(path, getattr(node, "lineno", 0), name, ast.unparse(ast.fix_missing_locations(changed)))
+    for node in (node for top in tree.body for node in _code(top)):
+        for number, (change, _) in enumerate(_changes(node)):
+            yield Mutant(path, getattr(node, "lineno", 0), change, indices[id(node)], number)
 
 
 def _code(node: ast.AST) -> Iterator[ast.AST]:
@@ -122,17 +128,56 @@ def _assigned_before(owner: ast.AST, item: ast.Assign) -> bool:
 def prepare(*, jit: bool) -> None:
     """Import what is not ours, once: every run of the tests is a fork of this process, and starts at once."""
     os.environ |= {"PYTHONDONTWRITEBYTECODE": "1", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
     if not jit:
         os.environ["NUMBA_DISABLE_JIT"] = "1"
     for name in LIBRARIES:
         importlib.import_module(name)
 
 
-def suite_passes(folder: Path, tests: list[str], limit_s: float, *, quiet: bool = True) -> bool | None:
-    """Run tests in a copy; None where they took longer than the limit."""
+def preload(folder: Path, tests: list[str]) -> None:
+    """Import what the tests import of a copy, once: a run of the tests imports anew what depends on a change."""
+    os.chdir(folder)
+    os.environ["PYTHONPATH"] = str(folder)
+    sys.path.insert(0, str(folder))
+    for name in [name for name in sys.modules if name.partition(".")[0] in OURS]:
+        del sys.modules[name]
+    files = [file for test in tests for file in ([Path(test)] if test.endswith(".py") else Path(test).rglob("*.py"))]
+    for name in sorted({name for file in files for name in _imported(file)}):
+        if name.partition(".")[0] in OURS and importlib.util.find_spec(name.partition(".")[0]):
+            with suppress(ImportError):  # what a module holds, not a module
+                importlib.import_module(name)
+
+
+def _imported(file: Path) -> set[str]:
+    """Names of modules that a file imports anywhere, and of what it imports of them."""
+    found = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return found
+
+
+def dependents(path: Path) -> frozenset[str]:
+    """Loaded modules of ours that import a file, directly or not, and the file itself; all that is of the tests."""
+    ours = {name: module for name, module in sys.modules.items() if name.partition(".")[0] in OURS}
+    uses = {name: _imported(Path(module.__file__)) for name, module in ours.items() if module.__file__}
+    found = {".".join(path.with_suffix("").parts).removesuffix(".__init__")}
+    found |= {name for name in ours if name.startswith("tests")}
+    while more := {name for name, used in uses.items() if name not in found and used & found}:
+        found |= more
+    return frozenset(found)
+
+
+def suite_passes(
+    tests: list[str], limit_s: float, changed: frozenset[str] = frozenset(), *, quiet: bool = True
+) -> bool | None:
+    """Run tests in a process of its own, changed modules imported anew; None where it took longer than the limit."""
     child = os.fork()
     if child == 0:
-        _run_and_leave(folder, tests, quiet=quiet)
+        _run_and_leave(tests, changed, quiet=quiet)
     ends = time.monotonic() + limit_s
     while time.monotonic() < ends:
         done, status = os.waitpid(child, os.WNOHANG)
@@ -144,23 +189,20 @@ def suite_passes(folder: Path, tests: list[str], limit_s: float, *, quiet: bool 
     return None
 
 
-def _run_and_leave(folder: Path, tests: list[str], *, quiet: bool) -> NoReturn:
-    """In a process of its own: let the copy be the project, run its tests, and exit with their status."""
+def _run_and_leave(tests: list[str], changed: frozenset[str], *, quiet: bool) -> NoReturn:
+    """In a process of its own: run the tests and exit with their status."""
     status = 1
     try:
         os.setsid()
-        os.chdir(folder)
         if quiet:
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, 1)
             os.dup2(nowhere, 2)
-        os.environ["PYTHONPATH"] = str(folder)
-        sys.path.insert(0, str(folder))
-        for name in [name for name in sys.modules if name.partition(".")[0] in OURS]:
+        for name in changed & set(sys.modules):
             del sys.modules[name]
         import pytest
 
-        status = int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests]))
+        status = int(pytest.main(["-q", "-x", "--assert=plain", "-p", "no:cacheprovider", *tests]))
     finally:
         sys.stdout.flush()
         os._exit(status)
@@ -188,8 +230,9 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "project"
         shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(".*", "out"))  # compiled kernels come along
+        preload(folder, said.tests)
         began = time.monotonic()
-        if not suite_passes(folder, said.tests, 3600, quiet=False):
+        if not suite_passes(said.tests, 3600, frozenset().union(*map(dependents, paths)), quiet=False):
             print("the tests do not pass on the unchanged code")
             return 2
         limit_s = said.limit_s or 3 * (time.monotonic() - began) + 10
@@ -197,8 +240,8 @@ def main() -> int:
         for number, mutant in enumerate(chosen, 1):
             file = folder / mutant.path
             shutil.copy2(file, original := Path(name) / "original.py")
-            file.write_text(mutant.text, encoding="utf-8")
-            passed = suite_passes(folder, said.tests, limit_s)
+            file.write_text(mutant.text(), encoding="utf-8")
+            passed = suite_passes(said.tests, limit_s, dependents(mutant.path))
             shutil.copy2(original, file)  # with its time: a kernel is compiled anew where a source is younger
             if passed:
                 survived.append(mutant)

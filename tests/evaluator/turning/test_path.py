@@ -53,6 +53,15 @@ def test_line_has_a_speed_and_no_radius() -> None:
     assert path.summary("mm") == path.status
 
 
+@pytest.mark.parametrize("unit", [1e-5, 1e4])
+def test_a_path_is_the_same_in_any_unit_of_length(unit: float) -> None:
+    time, places = on_circle(5.0, 300, sigma=0.01)
+    one, other = measure_path(time, places), measure_path(time, unit * places)
+    for name in ("radius", "low", "high", "speed", "scatter"):
+        assert getattr(other, name) == pytest.approx(unit * getattr(one, name), rel=1e-6), name
+    assert other.turned_deg == pytest.approx(one.turned_deg, rel=1e-6)
+
+
 @pytest.mark.parametrize(("turned_deg", "straight"), [(0.95, True), (1.05, False)])
 def test_an_arc_of_less_than_a_degree_is_straight(turned_deg: float, straight: bool) -> None:
     assert measure_path(*on_circle(500.0, turned_deg)).status.startswith("straight") == straight

@@ -223,3 +223,12 @@ def test_frames_set_aside_by_the_fit_to_the_whole_are_in_no_piece_unless_they_ar
     sustained_turn(time, scaled, [~steady, steady, ~steady], whole)
     assert np.any(pieces, axis=0)[~used].any() == looked_at
     assert np.any(pieces, axis=0)[used].all()
+
+
+def test_tightest_quarter_turn_is_found_where_it_lies_between_two_coarse_steps() -> None:
+    """One of 0.25 after two and a quarter of 0.2: half steps hold three quarters of it, 0.2375 in the mean."""
+    quarter = np.pi / 2 / 0.2 / 0.04
+    before, after = np.full(round(2.25 * quarter), 0.2), np.full(round(2.75 * quarter), 0.2)
+    time, found = measured(np.concatenate([before, np.full(round(0.8 * quarter), 0.25), after]))
+    assert found.tightest.value > 0.245
+    assert found.from_s == pytest.approx(time[len(before)], abs=0.15 * quarter / 50)

@@ -96,16 +96,17 @@ def test_command_on_the_edge_of_the_dead_band_moves_and_below_it_does_not() -> N
     assert driven(model_of(dead_band=5.0), 0.0, 1.0, np.array([0.5]), knots)[0, :2].tolist() == [5.0, 0.0]
 
 
-def test_ramp_is_silent_exactly_while_it_is_in_the_dead_band() -> None:
-    """From -20 to 20 rpm within 4 s, within ±5 from 1.5 to 2.5 s."""
+@pytest.mark.parametrize("dead_band", [5.0, 0.5])
+def test_ramp_is_silent_exactly_while_it_is_in_the_dead_band(dead_band: float) -> None:
+    """From -20 to 20 rpm within 4 s, 10 rpm a second: silent for a tenth of a second on either side per rpm."""
     knots = np.array([[0.0, -20.0, 20.0], [4.0, 20.0, -20.0]])
-    times = np.array([0.5, 1.499, 1.501, 2.499, 2.501, 3.5, 5.0])
-    found = driven(model_of(dead_band=5.0), 0.0, 6.0, times, knots)
-    assert found[:, 0] == pytest.approx([-15, -5.01, 0, 0, 5.01, 15, 20])
+    into, out = 2.0 - 0.1 * dead_band, 2.0 + 0.1 * dead_band
+    times = np.array([0.5, into - 1e-3, into + 1e-3, out - 1e-3, out + 1e-3, 3.5, 5.0])
+    found = driven(model_of(dead_band=dead_band), 0.0, 6.0, times, knots)
+    assert found[:, 0] == pytest.approx([-15, -dead_band - 0.01, 0, 0, dead_band + 0.01, 15, 20])
     assert found[:, 1] == pytest.approx(-found[:, 0])
-    # Angles: 1.5 s at -12.5 rpm in the mean on the way down, the same on the way up.
-    assert found[3, 2] == pytest.approx(-PER_RPM * 1.5 * 12.5)
-    assert found[6, 2] == pytest.approx(PER_RPM * 20)
+    assert found[3, 2] == pytest.approx(-PER_RPM * into * (20 + dead_band) / 2)  # the mean of the way down
+    assert found[6, 2] == pytest.approx(PER_RPM * 20)  # up as far as down, and a second at 20 rpm
 
 
 def test_lag_closes_the_gap_exponentially_and_is_over_after_36_time_constants() -> None:

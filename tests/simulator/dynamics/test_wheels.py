@@ -13,6 +13,7 @@ from simulator.dynamics.model import compile_robot
 from simulator.dynamics.terms import Term
 from simulator.robot import Robot, load_robot
 from tests.simulator.effect_probe import affected
+from tests.simulator.layouts import pair, robot_with
 from tests.simulator.plain import plain
 from tests.simulator.reference import plain_rates
 
@@ -167,8 +168,8 @@ COMPLIANT: dict[str, dict[str, float]] = {**EFFECTS, "axle-compliance": {"deg_pe
 MOVING = [(1.2, 0.1, -0.3), (-0.8, -0.2, 0.25), (0.3, 0.4, 0.1)]
 
 
-def with_all(effects: dict[str, dict[str, float]]) -> Robot:
-    robot = barrel()
+def with_all(effects: dict[str, dict[str, float]], robot: Robot | None = None) -> Robot:
+    robot = robot or barrel()
     for id_, values in effects.items():
         robot = affected(robot, id_, **values)
     return robot
@@ -214,15 +215,17 @@ def test_responses_of_a_wheel_are_the_derivatives_of_its_force(velocity: Vector)
         assert here[columns] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(slope).max())
 
 
+@pytest.mark.parametrize("all_driven", [False, True])
 @pytest.mark.parametrize("effects", [EFFECTS, COMPLIANT, {"mass-offset": EFFECTS["mass-offset"]}])
 @pytest.mark.parametrize("velocity", MOVING)
 def test_slopes_are_the_derivatives_of_the_accelerations(
-    velocity: Vector, effects: dict[str, dict[str, float]]
+    velocity: Vector, effects: dict[str, dict[str, float]], all_driven: bool
 ) -> None:
     """Within what the compiled ones are held to, of effects that act at once."""
     if effects is COMPLIANT:  # differences take the place of slopes where terms feel the velocity: rolling drag does
         effects = {name: values for name, values in COMPLIANT.items() if name != "rolling-drag"}
-    model, contacts = touched(with_all(effects), velocity=velocity, rpm=(40.0, 25.0))
+    robot = with_all(effects, robot_with([*pair(2.0), *pair(-2.0)]) if all_driven else None)
+    model, contacts = touched(robot, velocity=velocity, rpm=(40.0, 25.0))
     drive, place, step, out = (40.0, 25.0, 0.0, 0.0), (3.0, -2.0, 0.8, 0.6, 1.0), 1e-6, np.zeros((4, 3))
     equations = plain("equations")
     equations.slopes(*velocity, drive, place, REST, model, contacts, out)
@@ -235,6 +238,20 @@ def test_slopes_are_the_derivatives_of_the_accelerations(
     ]
     differences = np.array([np.subtract(*sides[2 * column : 2 * column + 2]) / (2 * step) for column in range(3)]).T
     assert np.abs(out[1:] - differences).max() < 1e-4 * np.abs(differences).max()
+
+
+@pytest.mark.parametrize("velocity", MOVING)
+def test_accelerations_are_all_forces_over_the_mass_wherever_the_centre_of_gravity_is(velocity: Vector) -> None:
+    """Newton for the centre of gravity, Euler about the robot's centre: the mass matrix times the accelerations."""
+    robot = with_all(EFFECTS)
+    model, contacts = touched(robot, velocity=velocity, rpm=(40.0, 25.0))
+    place = 0.0, 0.0, 1.0, 0.0, 1.0
+    found = plain("equations").accelerations(*velocity, (40.0, 25.0, 0.0, 0.0), place, REST, model, contacts)
+    mass, x, y = robot.body.mass_g, 0.3, -0.2
+    about = robot.yaw_inertia_g_mm2 + mass * (x * x + y * y)
+    matrix = np.array([[mass, 0.0, -mass * y], [0.0, mass, mass * x], [-mass * y, mass * x, about]])
+    loads = np.array(plain("body").loads(*velocity, place, REST, model))
+    assert matrix @ found == pytest.approx(forces_of(model, contacts, velocity) + loads, rel=1e-9)
 
 
 @pytest.mark.parametrize("offset", [{}, {"mass-offset": EFFECTS["mass-offset"]}])

@@ -89,6 +89,9 @@ def test_propagated_uncertainty_is_the_scatter_of_repeated_measurements() -> Non
         ratio = scatter.std(axis=0)[known] / repeats[0].loc[known, column]
         assert abs(np.mean(ratio) - 1) < 0.02  # 400 repeats of 119 rows: 0.3 %
         assert np.abs(ratio - 1).max() < 0.15  # 400 repeats of one row: 3.5 %
+    for name in ("longitudinal", "lateral"):  # of the force over the normal force too
+        stated = repeats[0][f"{name}_force_sigma_mN"] / repeats[0][f"{name}_sigma"]
+        assert stated[known].to_numpy() == pytest.approx(np.full(known.sum(), 2000.0))
     covariance = np.mean((along - along.mean(0)) * (across - across.mean(0)), axis=0)[known]
     stated = repeats[0].loc[known, "force_covariance_mN2"]
     assert np.abs(covariance - stated).max() < 0.25 * np.abs(stated).max()

@@ -1,0 +1,314 @@
+"""What a recording shows of its motion, without a model: speeds, starts, jumps, gaps and spacing, in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.alternatives import OFFSETS_S, alternatives, thinned
+from evaluator.diagnosis.mistakes.hypotheses import _extent, _kin, _misfit
+from evaluator.diagnosis.mistakes.motion import (
+    _carried,
+    _moving_at,
+    jump,
+    leap_in_gap,
+    midpoint_and_heading,
+    motion_of,
+    onset_s,
+)
+from evaluator.diagnosis.mistakes.phases import phases_of
+from evaluator.diagnosis.mistakes.spacing import by_keystone, spacing
+from evaluator.interchange.commands import Told
+from simulator.command import Command
+
+RATE = 60
+NOISE_MM = 1e-4
+
+
+def moving(time: np.ndarray, speed: float = 2.0, yaw: float = 0.8, heading: float = 0.4) -> np.ndarray:
+    """Marks 2 mm to the left and right of a robot on a circle from (3, -2), (n, 4)."""
+    turned = heading + yaw * time
+    chord = speed * time * np.sinc(yaw * time / 2 / np.pi)
+    way = heading + yaw * time / 2
+    middle = np.column_stack([3 + chord * np.cos(way), -2 + chord * np.sin(way)])
+    left = 2 * np.column_stack([-np.sin(turned), np.cos(turned)])
+    return np.concatenate([middle + left, middle - left], axis=1)
+
+
+def recorded(marks: np.ndarray, time: np.ndarray | None = None, noise_mm: float = NOISE_MM) -> RunData:
+    time = np.arange(len(marks)) / RATE if time is None else time
+    noisy = marks + noise_mm * np.random.default_rng(0).normal(size=marks.shape)
+    return RunData("r", 30.0, 20.0, 0.0, None, time, noisy, 0)
+
+
+TIME = np.arange(180) / RATE
+
+
+@pytest.mark.parametrize("yaw", [0.8, -2.5, 0.0])
+def test_velocity_is_that_of_the_robot_in_its_own_frame(yaw: float) -> None:
+    motion = motion_of(recorded(moving(TIME, 2.0, yaw, heading=3.0)))
+    assert motion is not None
+    np.testing.assert_allclose(motion.along, 2.0, rtol=0.02)
+    np.testing.assert_allclose(motion.across, 0.0, atol=0.02)
+    np.testing.assert_allclose(motion.yaw, yaw, atol=0.01)
+    assert np.diff(motion.time_s) == pytest.approx(np.full(len(motion.time_s) - 1, 0.075))
+    part = motion_of(recorded(moving(TIME)), (1.0, 2.0))
+    assert part is not None
+    assert (part.time_s[0], part.time_s[-1]) == pytest.approx((1.075, 1.9), abs=0.03)
+
+
+def test_marks_that_slide_sideways_move_across_to_the_left() -> None:
+    marks = moving(TIME, 0.0, 0.0, heading=0.3) + np.tile(TIME[:, None] * [-np.sin(0.3), np.cos(0.3)], 2)
+    motion = motion_of(recorded(marks))
+    assert motion is not None
+    np.testing.assert_allclose(motion.across, 1.0, rtol=0.01)
+    np.testing.assert_allclose(motion.along, 0.0, atol=0.01)
+
+
+def test_recordings_of_few_frames_have_no_motion() -> None:
+    assert motion_of(recorded(moving(TIME[:15]))) is None
+    slow = np.arange(20) / 10  # one or two frames to a window of 0.15 s
+    assert motion_of(recorded(moving(slow), slow)) is None
+
+
+def test_heading_is_that_of_the_robot_whatever_line_its_marks_are_on() -> None:
+    run = recorded(moving(TIME))
+    time, middle, heading = midpoint_and_heading(run)
+    np.testing.assert_allclose(heading, 0.4 + 0.8 * TIME, atol=1e-3)
+    np.testing.assert_allclose(middle[0], [3.0, -2.0], atol=1e-3)
+    assert len(time) == 180
+    holed = run.marks_mm.copy()
+    holed[5, 3] = np.nan
+    ahead = replace(run, marks_mm=holed, line_rad=0.0)
+    assert len(midpoint_and_heading(ahead)[0]) == 179
+    np.testing.assert_allclose(midpoint_and_heading(ahead)[2][0], 0.4 + np.pi / 2, atol=1e-3)
+
+
+def started(begins_s: float, noise_mm: float = NOISE_MM, speed: float = 2.0) -> RunData:
+    return recorded(moving(np.maximum(TIME - begins_s, 0.0), speed, 0.2), noise_mm=noise_mm)
+
+
+@pytest.mark.parametrize("begins_s", [0.3, 1.0, 2.0])
+@pytest.mark.parametrize("noise_mm", [1e-4, 0.01])
+def test_motion_begins_where_its_distance_from_rest_is_extrapolated_to(begins_s: float, noise_mm: float) -> None:
+    assert onset_s(started(begins_s, noise_mm)) == pytest.approx(begins_s, abs=0.004 + noise_mm)
+
+
+def test_a_robot_that_never_moves_or_moves_from_the_first_frame_has_no_onset() -> None:
+    assert onset_s(started(9.0, 0.01)) is None
+    assert onset_s(started(-1.0)) is None
+    assert onset_s(started(0.05)) is None
+    for speed, moves in ((0.005, False), (0.012, True)):  # 10 and 24 µm within 2 s
+        noted = recorded(moving(np.maximum(TIME - 1.0, 0.0), speed, 0.0))
+        assert (onset_s(noted) is not None) == moves
+
+
+def test_one_frame_beside_its_place_is_no_onset() -> None:
+    run = started(1.0)
+    marks = run.marks_mm.copy()
+    marks[20] += 0.5
+    assert onset_s(replace(run, marks_mm=marks)) == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("size_mm", [0.5, 3.0])
+def test_jump_has_its_moment_and_its_size_less_what_the_robot_moved(size_mm: float) -> None:
+    run = recorded(moving(TIME, 2.0, 0.2))
+    marks = run.marks_mm.copy()
+    marks[100:] += np.tile([0.6 * size_mm, -0.8 * size_mm], 2)
+    found = jump(replace(run, marks_mm=marks))
+    assert found is not None
+    assert found == pytest.approx((99.5 / RATE, size_mm), rel=2e-2)
+
+
+def test_the_larger_of_two_jumps_is_told_and_motion_is_none() -> None:
+    run = recorded(moving(TIME, 2.0, 0.2))
+    marks = run.marks_mm.copy()
+    marks[60:] += 0.5
+    marks[120:, [0, 2]] += 2.0
+    found = jump(replace(run, marks_mm=marks))
+    assert found is not None
+    assert found[0] == pytest.approx(119.5 / RATE)
+    assert jump(run) is None
+    assert jump(recorded(np.tile([1.0, 2.0, 1.0, -2.0], (180, 1)))) is None
+    assert jump(replace(run, time_s=TIME[:23], marks_mm=marks[:23])) is None
+
+
+def with_gap(push: tuple[float, float], begin: int = 80, end: int = 104, yaw: float = 0.8) -> RunData:
+    """Without frames begin to end, over which the robot is pushed as well."""
+    marks = moving(TIME, 2.0, yaw)
+    marks[end:] += np.tile(push, 2)
+    keep = (np.arange(180) < begin) | (np.arange(180) >= end)
+    return recorded(marks[keep], TIME[keep], noise_mm=2e-3)
+
+
+@pytest.mark.parametrize("yaw", [0.8, -1.5])
+def test_a_push_within_a_gap_is_what_no_arc_makes(yaw: float) -> None:
+    found = leap_in_gap(with_gap((0.6, -0.8), yaw=yaw), (0.0, 3.0))
+    assert found is not None
+    assert found == pytest.approx((79 / RATE, 104 / RATE, 1.0), rel=0.05)
+    assert leap_in_gap(with_gap((0.0, 0.0), yaw=yaw), (0.0, 3.0)) is None
+    assert leap_in_gap(with_gap((0.11, -0.15)), (0.0, 3.0)) is None  # less than 0.2 mm
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "between", "seen"),
+    [
+        (80, 84, (0.0, 3.0), False),  # 0.08 s: no hand is faster
+        (80, 87, (0.0, 3.0), True),
+        (60, 118, (0.0, 3.0), True),
+        (60, 122, (0.0, 3.0), False),  # beyond a second anything may happen
+        (80, 104, (1.2, 3.0), False),  # a start is no push
+        (80, 104, (0.0, 1.9), False),
+        (80, 104, (1.0, 2.1), True),
+    ],
+)
+def test_gaps_count_that_a_hand_can_use_within_one_command(
+    begin: int, end: int, between: tuple[float, float], seen: bool
+) -> None:
+    assert (leap_in_gap(with_gap((2.4, -3.2), begin, end), between) is not None) == seen
+
+
+@pytest.mark.parametrize("yaw", [0.9, -0.9, 0.0])
+def test_a_pose_is_carried_along_its_arc(yaw: float) -> None:
+    marks = moving(np.array([0.0, 1.7]), 2.0, yaw)
+    middle = (marks[1, :2] + marks[1, 2:]) / 2
+    ahead = _carried(np.array([3.0, -2.0, 0.4]), np.array([2.0, 0.0, yaw]), 1.7)
+    np.testing.assert_allclose(ahead, [*middle, 0.4 + 1.7 * yaw], atol=1e-12)
+    np.testing.assert_allclose(_carried(ahead, np.array([2.0, 0.0, yaw]), -1.7), [3.0, -2.0, 0.4], atol=1e-12)
+    np.testing.assert_allclose(
+        _carried(np.zeros(3), np.array([0.0, 2.0, 0.0]), 1.0), [0.0, 2.0, 0.0]
+    )  # across is to the left
+
+
+def test_pose_and_velocity_at_a_moment_are_those_of_the_arc_and_scatter_is_that_of_a_frame() -> None:
+    time = TIME[:15]
+    run = recorded(moving(time, 2.0, 0.8), time, noise_mm=5e-3)
+    _, middle, heading = midpoint_and_heading(run)
+    pose, velocity, scatter = _moving_at(time, middle, heading, 0.25)
+    exact = moving(np.array([0.25]), 2.0, 0.8)[0]
+    np.testing.assert_allclose(pose, [*((exact[:2] + exact[2:]) / 2), 0.4 + 0.2], atol=0.01)
+    np.testing.assert_allclose(velocity, [2.0, 0.0, 0.8], atol=0.06)
+    assert scatter == pytest.approx(5e-3 / np.sqrt(2), rel=0.4)  # the middle of two marks
+
+
+def test_spacing_is_the_distance_over_the_stated_one_and_a_keystone_stretches_by_the_place() -> None:
+    marks = moving(TIME)
+    item = spacing(marks, 3.2)
+    assert len(item.ratio) == 40
+    np.testing.assert_allclose(item.ratio, 4.0 / 3.2)
+    keystone = np.array([2e-4, -1e-4])
+    bent = marks.copy()
+    for mark in (slice(0, 2), slice(2, 4)):
+        bent[:, mark] *= 1 + (marks[:, mark] @ keystone)[:, None]
+    predicted = item.stretch_mm @ keystone
+    np.testing.assert_allclose(spacing(bent, 3.2).ratio / item.ratio - 1, predicted, atol=1e-5)
+    assert np.abs(predicted).max() > 5e-4
+
+
+def test_keystone_is_learned_from_four_other_runs_one_of_which_may_be_of_another_robot() -> None:
+    keystone = np.array([2e-3, -1e-3])
+    runs = [spacing(moving(TIME, 2.0, 0.4, heading=number) + number, 4.0) for number in range(6)]
+    seen = [replace(run, ratio=run.ratio + run.stretch_mm @ keystone) for run in runs]
+    seen[2] = replace(seen[2], ratio=1.4 * seen[2].ratio)
+    expected = float(np.median(runs[0].stretch_mm @ keystone))
+    assert abs(expected) > 2e-3
+    assert by_keystone(runs[0], seen[1:]) == pytest.approx(expected, rel=0.05)
+    assert by_keystone(runs[0], seen[1:4]) == 0.0
+
+
+LOG = Told(Command.steps([(0.0, 0.0, 0.0), (0.5, 30.0, 20.0), (1.5, 0.0, 0.0), (2.0, -20.0, 30.0)]), logged=True)
+
+
+def test_phases_of_a_log_are_its_commands_with_a_motor_on() -> None:
+    run = replace(recorded(moving(TIME)), log=LOG)
+    first, second = phases_of(run)
+    assert (first.command, first.start_s, first.stop_s, first.log) == ((30.0, 20.0), 0.5, 1.5, None)
+    assert (second.command, second.start_s, second.stop_s) == ((-20.0, 30.0), 2.0, None)
+    assert (first.time_s[0], first.time_s[-1]) == pytest.approx((0.5, 1.5))
+    assert len(first.marks_mm) == len(first.time_s) == 61
+    assert phases_of(replace(run, log=None))[0].log is None
+    late = replace(run, time_s=run.time_s[60:], marks_mm=run.marks_mm[60:])
+    assert phases_of(late)[0].start_s == 1.0
+    for unseen, phases in ((57, 2), (58, 1)):  # four of 61 frames are a phase
+        holed = run.marks_mm.copy()
+        holed[30 : 30 + unseen] = np.nan
+        assert len(phases_of(replace(run, marks_mm=holed))) == phases
+
+
+def test_runs_are_kin_whose_wheels_turn_alike_to_either_side_either_way() -> None:
+    run = recorded(moving(TIME))
+    assert _kin(run) == ((20.0, 30.0),)
+    assert _kin(replace(run, left_rpm=-20.0, right_rpm=30.0)) == ((20.0, 30.0),)
+    assert _kin(replace(run, log=LOG)) == ((20.0, 30.0), (20.0, 30.0))
+    assert _kin(replace(run, left_rpm=31.0)) != _kin(run)
+
+
+def test_misfit_is_what_no_rotation_and_shift_take_away_and_extent_the_larger_of_both_paths() -> None:
+    marks = moving(TIME)
+    turned = moving(TIME, heading=1.5) + 4.0
+    assert _misfit(marks, turned) == pytest.approx(0.0, abs=1e-9)
+    assert _misfit(marks, np.full_like(marks, np.nan)) != _misfit(marks, turned)
+    assert np.isnan(_misfit(marks, np.where(np.arange(180)[:, None] == 7, np.nan, marks)))
+    straight = moving(TIME, 2.0, 0.0)
+    spread = 2.0 * np.std(TIME)
+    assert _extent(straight, moving(TIME, 1.0, 0.0)) == pytest.approx(spread)
+    assert _extent(moving(TIME, 1.0, 0.0), straight) == pytest.approx(spread)
+
+
+def ways_of(run: RunData, *others: RunData, ratio: float | None = None) -> dict[str, list[RunData]]:
+    found: dict[str, list[RunData]] = {}
+    for way in alternatives(run, [run, *others], ratio, 0.04):
+        found.setdefault(str(way.kind), []).append(way.run)
+    return found
+
+
+def test_a_run_may_be_driven_the_other_way_round_exchanged_or_seen_in_a_mirror() -> None:
+    run = recorded(moving(TIME))
+    found = ways_of(run, replace(run, left_rpm=-30.0, right_rpm=-20.0), replace(run, left_rpm=60.0))
+    assert found["reversed"][0].command == (-30.0, -20.0)
+    assert found["sides-swapped"][0].command == (20.0, 30.0)
+    np.testing.assert_array_equal(found["marks-swapped"][0].marks_mm[:, :2], run.marks_mm[:, 2:])
+    np.testing.assert_array_equal(found["mirrored"][0].marks_mm, run.marks_mm * [-1, 1, -1, 1])
+    assert [other.command for other in found["wrong-command"]] == [(60.0, 20.0)]  # others are told by their kind
+    assert "late-start" not in found
+    assert "sides-swapped" not in ways_of(replace(run, left_rpm=20.0))
+    assert "reversed" not in ways_of(replace(run, left_rpm=0.0, right_rpm=0.0))
+
+
+def test_a_run_of_another_frame_interval_may_be_at_the_rate_that_this_says() -> None:
+    run = recorded(moving(TIME))
+    assert len(ways_of(run)["wrong-rate"]) == 12
+    (double,) = ways_of(run, ratio=2.06)["wrong-rate"]
+    np.testing.assert_allclose(double.time_s, run.time_s / 2)
+    assert "wrong-rate" not in ways_of(run, ratio=2.1)
+
+
+def test_a_log_may_be_reversed_exchanged_that_of_another_run_or_up_to_two_seconds_off() -> None:
+    run = replace(recorded(moving(TIME)), log=LOG, start_s=0.5)
+    other = replace(run, id="other", log=Told(Command.steps([(0.0, 10.0, 10.0)]), logged=True))
+    found = ways_of(run, other, replace(other, id="same as other"), replace(run, id="same"))
+    (backward,), (swapped,) = found["reversed"], found["sides-swapped"]
+    assert backward.log is not None
+    assert swapped.log is not None
+    assert backward.log.command.at(1.0) == pytest.approx((-30.0, -20.0))
+    assert swapped.log.command.at(1.0) == pytest.approx((20.0, 30.0))
+    assert [way.log for way in found["wrong-command"]] == [other.log]
+    shifted = {round(way.start_s - 0.5, 3): way for way in found["late-start"]}
+    assert sorted(shifted) == sorted(OFFSETS_S)
+    assert (min(OFFSETS_S), max(OFFSETS_S), len(OFFSETS_S)) == (-2.0, 2.0, 40)
+    later = shifted[0.3].log
+    assert later is not None
+    assert [float(later.command.at(at)[0]) for at in (0.75, 0.85)] == [0.0, 30.0]
+
+
+def test_thinned_runs_keep_eighty_seen_frames_from_first_to_last() -> None:
+    run = recorded(moving(TIME))
+    marks = run.marks_mm.copy()
+    marks[0] = np.nan
+    thin = thinned(replace(run, marks_mm=marks))
+    assert (len(thin.time_s), thin.time_s[0], thin.time_s[-1]) == (80, TIME[1], TIME[-1])
+    assert np.isfinite(thin.marks_mm).all()
+    assert len(thinned(replace(run, time_s=TIME[:50], marks_mm=marks[:50])).time_s) == 49
