@@ -241,4 +241,4 @@ def test_stop_for_good_is_a_stop_to_the_end_of_the_recording() -> None:
     run = driven()
     speed = np.where(run.time_s < 1.6, 1.5, 0.0)  # after a second: it stands longer than it drives
     (found,) = disturbed_runs(session(driven(speed=speed)), [ROBOT] * 8)
-    assert (found.kind, found.seen) == ("stuck", "stands still from 1.68 to 2.88 s with its motors on")
+    assert (found.kind, found.seen) == ("stuck", "stands still from 1.67 to 2.87 s with its motors on")
