@@ -1,8 +1,16 @@
 """Frames → sub-pixel centres of marks with their uncertainty."""
 
 from evaluator.tracking.corrections import correct, read_corrections
-from evaluator.tracking.placement import place_on_plate
+from evaluator.tracking.placement import AsCalibrated, place_on_plate
 from evaluator.tracking.settings import TrackingSettings, load_settings
 from evaluator.tracking.track import track
 
-__all__ = ["TrackingSettings", "correct", "load_settings", "place_on_plate", "read_corrections", "track"]
+__all__ = [
+    "AsCalibrated",
+    "TrackingSettings",
+    "correct",
+    "load_settings",
+    "place_on_plate",
+    "read_corrections",
+    "track",
+]

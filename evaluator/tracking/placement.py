@@ -2,10 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+
 import numpy as np
 import pandas as pd
 
 from calibration.camera import Camera
+from evaluator.errors import InputError
+from evaluator.recording import Frame
+
+
+class AsCalibrated:
+    """A recording whose frames must have the size of the images that its camera was calibrated with."""
+
+    def __init__(self, recording: Iterable[Frame], camera: Camera) -> None:
+        """Look at nothing yet; iteration raises InputError at a frame of another size."""
+        self._recording, self._camera = recording, camera
+        self.name = str(getattr(recording, "name", "the recording"))
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Pass the frames on."""
+        for frame in self._recording:
+            if frame.size_px != self._camera.size_px:
+                raise InputError(f"{self.name}: {_of_another_size(frame.size_px, self._camera.size_px)}")
+            yield frame
+
+
+def _of_another_size(frame_px: tuple[int, int], camera_px: tuple[int, int]) -> str:
+    """What is wrong, and what to do."""
+    found = f"frames of {frame_px[0]}×{frame_px[1]} px, but the camera was calibrated with images of "
+    found += f"{camera_px[0]}×{camera_px[1]} px"
+    if frame_px == camera_px[::-1]:
+        return f"{found}; the recording is turned by 90 degrees: calibrate with images that are turned alike"
+    return f"{found}; calibrate in the camera mode of the recording"
 
 
 def place_on_plate(table: pd.DataFrame, camera: Camera, height_mm: float) -> pd.DataFrame:

@@ -17,7 +17,15 @@ from evaluator.marks import write_marks
 from evaluator.progress import Progress, no_progress
 from evaluator.recording import Source, open_recording
 from evaluator.robot_geometry import RobotGeometry, read_geometry, sought
-from evaluator.tracking import TrackingSettings, correct, load_settings, place_on_plate, read_corrections, track
+from evaluator.tracking import (
+    AsCalibrated,
+    TrackingSettings,
+    correct,
+    load_settings,
+    place_on_plate,
+    read_corrections,
+    track,
+)
 from evaluator.wording import counted
 
 Fields = Literal["auto", "none", "top", "bottom"]
@@ -79,7 +87,8 @@ def track_recording(
     geometry = read_geometry(Path(robot))
     wanted = sought(geometry, wanted)
     recording = open_recording(video, rate_hz=rate_hz, fields=fields)
-    marks = track(recording, wanted, progress)
+    frames = recording if seen_by is None else AsCalibrated(recording, seen_by)
+    marks = track(frames, wanted, progress)
     if by_hand is not None:
         marks = correct(marks, by_hand, str(corrections))
     looked_at(recording, marks, wanted)

@@ -26,7 +26,7 @@ from evaluator.pose import NO_HEADING, Poses, poses_from_marks
 from evaluator.progress import Progress, no_progress
 from evaluator.recording import TimingReport, open_recording
 from evaluator.robot_geometry import RobotGeometry, mark_geometry, marks_height_mm, robot_shape, sought
-from evaluator.tracking import correct, load_settings, place_on_plate, read_corrections, track
+from evaluator.tracking import AsCalibrated, correct, load_settings, place_on_plate, read_corrections, track
 from evaluator.turning import Turning
 from evaluator.wording import counted
 from evaluator.workflow.results.outputs import Outputs
@@ -110,7 +110,7 @@ class _Stages:
         recording = Glimpsed(open_recording(self.run.video, rate_hz=self.run.rate_hz, threads=1))
         said = read_with(load_settings, self.job.tracking) if self.job.tracking else None
         settings = sought(RobotGeometry(self.job.robot.layout), said)
-        table = track(recording, settings, self.progress)
+        table = track(AsCalibrated(recording, self.camera), settings, self.progress)
         by_hand: list[str] = []
         if self.run.corrections is not None:
             corrections = read_corrections(self.run.corrections)

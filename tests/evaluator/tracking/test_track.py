@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from calibration.camera import camera_above
+from evaluator.errors import InputError
 from evaluator.recording import open_recording
-from evaluator.tracking import TrackingSettings, load_settings, place_on_plate, track
+from evaluator.tracking import AsCalibrated, TrackingSettings, load_settings, place_on_plate, track
 from tests.evaluator.tracking.synthetic import draw, turning_marks, write_video
 
 REAL = Path(__file__).parents[4] / "shared" / "real"
@@ -83,3 +84,14 @@ def test_nothing_is_found_where_there_is_nothing(tmp_path: Path) -> None:
     table = track(open_recording(video), TrackingSettings())
     assert (table["green_status"] == "not seen").all()
     assert table["green_x_px"].isna().all()
+
+
+@pytest.mark.parametrize(("calibrated_px", "said"), [(SIZE[::-1], "turned by 90 degrees"), ((640, 480), "camera mode")])
+def test_frames_of_another_size_than_the_calibration_are_refused(
+    turning: tuple[Path, dict[str, np.ndarray]], calibrated_px: tuple[int, int], said: str
+) -> None:
+    camera = camera_above(size_px=calibrated_px, focal_px=12.0 * 143.5, distance_mm=150.0)
+    with pytest.raises(InputError, match=said):
+        track(AsCalibrated(open_recording(turning[0]), camera))
+    as_calibrated = camera_above(size_px=SIZE, focal_px=12.0 * 143.5, distance_mm=150.0)
+    assert next(iter(AsCalibrated(open_recording(turning[0]), as_calibrated))).size_px == SIZE
