@@ -42,6 +42,7 @@ def write_selftest(found: SelfTest, path: Path) -> None:
     """Write the page."""
     reasons = dict.fromkeys(f"{outcome.claim.stage}: {outcome.reason}" for outcome in found.outcomes if outcome.reason)
     times = [(stage, f"{seconds:.1f} s") for stage, seconds in found.seconds.items()]
+    rows = tuple(outcome_rows(found))
     why = [(outcome.claim.what, outcome.claim.why) for outcome in found.outcomes]
     page = Page(
         kind="self-test",
@@ -49,7 +50,7 @@ def write_selftest(found: SelfTest, path: Path) -> None:
         facts=(f"turnscope {found.machine['turnscope']}", found.machine["system"], f"seed {found.seed}"),
         summary=(sentence_of(found), *reasons),
         sections=(
-            Section("claims", "Claims", tables=(Table("Measured on this machine.", HEAD, tuple(outcome_rows(found))),)),
+            Section("claims", "Claims", tables=(Table("Measured here.", HEAD, rows, words=True),)),
             Section(
                 "machine",
                 "Machine",
