@@ -43,7 +43,9 @@ Examples:
 @click.option("--overlay", type=PATH, help="Video to write with all that was measured drawn on it.")
 @click.option("--sheet", type=PATH, help="PNG to write with the frames to look at twice.")
 @click.option(
-    "--explain", type=PATH, help="PNG to write with what the search saw: colors, blobs, and why each was refused."
+    "--explain",
+    type=PATH,
+    help="PNG to write with what the search saw: colors, lights, tags, and why each was refused.",
 )
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
 def track(

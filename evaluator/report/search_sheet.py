@@ -1,4 +1,4 @@
-"""A sheet that shows what the search for marks saw: frames, masks of the colours, and why each blob was refused."""
+"""A sheet that shows what the search for marks saw: frames, masks beside them, and why each thing was refused."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from evaluator.files import written_whole
 from evaluator.recording import Frame
 from evaluator.report.overlay import INK, WARNING, color_of
-from evaluator.tracking.detection.explain import Explained, Seen, explain
+from evaluator.tracking.detection.explain import Seen, explain
+from evaluator.tracking.luma_marks.explain import SeenInLuma, Thing, explain_luma
 from evaluator.tracking.settings import TrackingSettings
 
 Image = NDArray[np.uint8]
@@ -25,7 +26,7 @@ DARK, CHOSEN = 3, (120, 255, 140)  # by what the mask darkens the frame; colour 
 
 
 def write_search_sheet(recording: Iterable[Frame], table: pd.DataFrame, settings: TrackingSettings, path: Path) -> None:
-    """Write a PNG: a row for every mark in some frames, the frame with numbered blobs beside the mask of the colour.
+    """Write a PNG: a row for every mark in some frames, numbered blobs beside the mask of what is sought.
 
     table: of `track`, for what became of the marks in these frames.
     """
@@ -35,7 +36,7 @@ def write_search_sheet(recording: Iterable[Frame], table: pd.DataFrame, settings
         _panel(frame, seen, table, wanted[frame.index])
         for frame in recording
         if frame.index in wanted
-        for seen in explain(frame, settings)
+        for seen in (*map(_in_words, explain(frame, settings)), *explain_luma(frame, settings))
     ]
     if not panels:
         return
@@ -43,7 +44,24 @@ def write_search_sheet(recording: Iterable[Frame], table: pd.DataFrame, settings
         cv2.imwrite(str(temporary), cv2.cvtColor(np.vstack(panels), cv2.COLOR_RGB2BGR))
 
 
-def _panel(frame: Frame, seen: Seen, table: pd.DataFrame, row: int) -> Image:
+def _in_words(seen: Seen) -> SeenInLuma:
+    """What was seen of a colour, in the form of what is seen in luma."""
+    low, high = seen.hue_range_deg
+    sought = f"sought: hue {low:.0f} to {high:.0f} deg, chroma above {seen.floor:.0f}; right: what has it"
+    things = tuple(
+        Thing(
+            one.blob.center_px,
+            one.blob.radius_px,
+            f"hue {one.hue_deg:.0f} deg, chroma {one.blob.chroma:.0f}",
+            one.verdict,
+            one.chosen,
+        )
+        for one in seen.blobs
+    )
+    return SeenInLuma(seen.mark, seen.mask, seen.cell_px, seen.origin_px, sought, things)
+
+
+def _panel(frame: Frame, seen: SeenInLuma, table: pd.DataFrame, row: int) -> Image:
     image = frame.to_rgb()
     scale = WIDTH / image.shape[1]
     size = WIDTH, round(image.shape[0] * scale)
@@ -59,34 +77,31 @@ def _panel(frame: Frame, seen: Seen, table: pd.DataFrame, row: int) -> Image:
     mask = cv2.warpAffine(seen.mask.astype(np.uint8), to_cell, size, flags=flags) > 0
     masked = shown // DARK
     masked[mask] = color_of(seen.mark)
-    for number, one in enumerate(seen.blobs, start=1):
+    for number, one in enumerate(seen.things, start=1):
         for canvas in (shown, masked):
             _circle(canvas, one, number, scale)
     status = table[f"{seen.mark}_status"].iloc[row]
     title = f"frame {int(table['frame'].iloc[row])}, {table['time_s'].iloc[row]:.3f} s, mark {seen.mark}: {status}"
-    lines = [(title, INK)]
-    low, high = seen.hue_range_deg
-    lines.append((f"sought: hue {low:.0f} to {high:.0f} deg, chroma above {seen.floor:.0f}; right: what has it", INK))
-    lines += [(_line(number, one), CHOSEN if one.chosen else WARNING) for number, one in enumerate(seen.blobs, start=1)]
-    if not seen.blobs:
-        lines.append(("nothing in this frame is colourful", WARNING))
+    lines = [(title, INK), (seen.sought, INK)]
+    lines += [
+        (_line(number, one), CHOSEN if one.chosen else WARNING) for number, one in enumerate(seen.things, start=1)
+    ]
+    if not seen.things:
+        lines.append(("nothing of the kind is in this frame", WARNING))
     text = np.zeros(((len(lines) + 1) * LINE, 2 * WIDTH, 3), np.uint8)
     for k, (line, ink) in enumerate(lines, start=1):
         cv2.putText(text, line, (8, k * LINE), cv2.FONT_HERSHEY_SIMPLEX, 0.45, ink, 1, cv2.LINE_AA)
     return np.vstack([np.hstack([shown, masked]), text])
 
 
-def _line(number: int, one: Explained) -> str:
-    x, y = one.blob.center_px
-    return (
-        f"{number}: at {x:.0f}, {y:.0f} px, {2 * one.blob.radius_px:.0f} px across, hue {one.hue_deg:.0f} deg, "
-        f"chroma {one.blob.chroma:.0f}: {one.verdict}"
-    )
+def _line(number: int, one: Thing) -> str:
+    x, y = one.center_px
+    return f"{number}: at {x:.0f}, {y:.0f} px, {2 * one.radius_px:.0f} px across, {one.what}: {one.verdict}"
 
 
-def _circle(canvas: Image, one: Explained, number: int, scale: float) -> None:
-    x, y = (round(scale * at) for at in one.blob.center_px)
-    radius = max(round(1.5 * scale * one.blob.radius_px), 6)
+def _circle(canvas: Image, one: Thing, number: int, scale: float) -> None:
+    x, y = (round(scale * at) for at in one.center_px)
+    radius = max(round(1.5 * scale * one.radius_px), 6)
     color = CHOSEN if one.chosen else WARNING
     cv2.circle(canvas, (x, y), radius, color, 1, cv2.LINE_AA)
     cv2.putText(canvas, str(number), (x + radius, y - radius), cv2.FONT_HERSHEY_SIMPLEX, 0.5, color, 1, cv2.LINE_AA)

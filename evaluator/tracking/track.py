@@ -58,7 +58,8 @@ def track(
     progress("tracking", len(times), len(times))
     time_s = np.array(times)
     numbers = {name: np.array(values).reshape(-1, 5) for name, values in measured.items()}
-    refine(time_s, kinds, numbers, status, tracker.followers, wanted.rigid)
+    corners = {name: parts[1:] for name, parts in watched.parts.items()}
+    refine(time_s, kinds, numbers, status, tracker.followers, wanted.rigid, corners)
     return to_table(frames, time_s, numbers, status)
 
 

@@ -61,7 +61,7 @@ class LightFinder:
 
     def look(self, frame: Frame) -> dict[str, Sighting]:
         """Measure every light in the next frame; px of the full frame."""
-        blobs = [blob for blob in _blobs(frame) if _allowed(blob.place, frame, self._settings)]
+        blobs = [blob for blob in bright_blobs(frame).blobs if allowed(blob.place, frame, self._settings)]
         if not self._lights:
             self._decide(blobs, frame)
             if not self._lights:
@@ -141,8 +141,34 @@ def _moved_on(light: _Blob, blob: _Blob) -> _Blob:
     return blob
 
 
-def _blobs(frame: Frame) -> list[_Blob]:
-    """Bright compact blobs of a frame, in px of its luma."""
+@dataclass(frozen=True)
+class BrightBlobs:
+    """Bright compact blobs of a frame, in px of its luma.
+
+    level: luma above which a pixel is bright; mask: where. refused: boxes (left, top, width, height) and areas of what
+    is bright but no light, by `shape_fault`.
+    """
+
+    blobs: list[_Blob]
+    level: float
+    mask: NDArray[np.uint8]
+    refused: list[tuple[int, int, int, int, int]]
+
+
+def shape_fault(box: tuple[int, int, int, int, int], size: int) -> str:
+    """Why a bright blob is no light, by its box and area; empty if it may be one. size: pixels of the frame."""
+    _, _, wide, high, area = box
+    if area < LEAST_AREA:
+        return f"too small: {area} px, at least {LEAST_AREA} are needed"
+    if area > LARGEST_SHARE * size:
+        return f"too large: {100 * area / size:.0f} % of the frame"
+    if max(wide, high) > STRIPE * min(wide, high):
+        return f"a stripe: {wide} by {high} px"
+    return ""
+
+
+def bright_blobs(frame: Frame) -> BrightBlobs:
+    """Blobs brighter than half-way to the brightest, and than the noise of the background."""
     luma = frame.luma
     sample = luma[::7, ::5].astype(float)
     base = float(np.median(sample))
@@ -150,13 +176,14 @@ def _blobs(frame: Frame) -> list[_Blob]:
     level = base + max(NOISES * noise, HALF * (float(luma.max()) - base))
     mask = (luma > level).astype(np.uint8)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
-    found = []
+    found, refused = [], []
     for label in range(1, count):
         left, top, wide, high, area = (int(value) for value in stats[label])
-        if area < LEAST_AREA or area > LARGEST_SHARE * luma.size or max(wide, high) > STRIPE * min(wide, high):
+        if shape_fault((left, top, wide, high, area), luma.size):
+            refused.append((left, top, wide, high, area))
             continue
         found.append(_weighed(luma, np.asarray(labels, np.int32), label, (left, top, wide, high), base, noise))
-    return found
+    return BrightBlobs(found, level, mask, refused)
 
 
 def _weighed(
@@ -193,7 +220,8 @@ def _sighting(blob: _Blob, frame: Frame) -> Sighting:
     return Sighting(x, frame.row_origin + frame.row_step * y, var_x, frame.row_step**2 * var_y, 0.0, OK)
 
 
-def _allowed(place: tuple[float, float], frame: Frame, settings: TrackingSettings) -> bool:
+def allowed(place: tuple[float, float], frame: Frame, settings: TrackingSettings) -> bool:
+    """Whether the settings let a light be sought at a place, px of the luma."""
     within = settings.region_px is None or _inside(place, settings.region_px, frame)
     return within and not any(_inside(place, box, frame) for box in settings.mask_px)
 

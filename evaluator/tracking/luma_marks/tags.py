@@ -27,6 +27,10 @@ FAMILIES = {
     "apriltag": ("APRILTAG_36H11", "APRILTAG_25H9", "APRILTAG_16H5", "APRILTAG_36H10"),
 }
 SIZES = (50, 100, 250, 1000)
+# px of a side: the smallest tag has six cells across, and a cell of less than two samples is not there in the image.
+# A tag that is followed keeps more than half of its side from one frame to the next.
+LEAST_SIDE_PX, SHRUNK = 12.0, 0.5
+SLANTING = 2.0**0.5  # OpenCV counts the pixels of an outline: a slanting side has fewer than it is long
 
 
 def tag_names(name: str) -> list[str]:
@@ -39,15 +43,17 @@ class TagFinder:
 
     def __init__(self, marks: dict[str, MarkSettings]) -> None:
         """marks: those of kind aruco and apriltag, by name. Raises InputError for one without a number."""
-        self._numbers = {name: _number(name, mark) for name, mark in marks.items()}
-        self._ways = {name: _detectors(name, mark, self._numbers[name]) for name, mark in marks.items()}
+        self._numbers = {name: number_of(name, mark) for name, mark in marks.items()}
+        self._ways = {
+            name: tuple(_detector(one) for one in dictionaries(name, mark, self._numbers[name]))
+            for name, mark in marks.items()
+        }
         self._last: dict[str, Array] = {}
         self.names = [part for name in marks for part in tag_names(name)]
 
     def look(self, frame: Frame) -> dict[str, Sighting]:
         """Measure every tag in the next frame; px of the full frame."""
-        luma: Image = frame.luma if frame.depth == 8 else np.asarray(frame.luma >> (frame.depth - 8))
-        luma = np.ascontiguousarray(luma, np.uint8)
+        luma = luma_of_8_bits(frame)
         found: dict[str, Sighting] = {}
         seen: dict[int, dict[int, Array]] = {}  # tags of the whole frame, by detector
         for name in self._ways:
@@ -66,7 +72,9 @@ class TagFinder:
         low = np.maximum(np.floor(last.min(axis=0) - AROUND * side), 0).astype(int)
         high = np.ceil(last.max(axis=0) + AROUND * side).astype(int) + 1
         part = luma[low[1] : high[1], low[0] : high[0]]
-        corners = _detected(self._ways[name][0], part).get(self._numbers[name]) if min(part.shape) > 8 else None
+        least = max(SHRUNK * side / SLANTING, LEAST_SIDE_PX)  # side: of the diagonal
+        numbers = _detected(self._ways[name][0], part, least) if min(part.shape) > 8 else {}
+        corners = numbers.get(self._numbers[name])
         return None if corners is None else corners + low
 
     def _anywhere(self, name: str, luma: Image, seen: dict[int, dict[int, Array]]) -> Array | None:
@@ -99,7 +107,14 @@ class TagFinder:
         }
 
 
-def _number(name: str, mark: MarkSettings) -> int:
+def luma_of_8_bits(frame: Frame) -> Image:
+    """Luma as OpenCV's detectors take it."""
+    luma: Image = frame.luma if frame.depth == 8 else np.asarray(frame.luma >> (frame.depth - 8))
+    return np.ascontiguousarray(luma, np.uint8)
+
+
+def number_of(name: str, mark: MarkSettings) -> int:
+    """Return the number of a tag. Raises InputError for a tag without one."""
     if mark.id is not None:
         return mark.id
     found = re.search(r"\d+$", name)
@@ -108,22 +123,22 @@ def _number(name: str, mark: MarkSettings) -> int:
     return int(found[0])
 
 
-def _detectors(name: str, mark: MarkSettings, number: int) -> tuple[cv2.aruco.ArucoDetector, ...]:
-    """Ways to read a tag, the likeliest first. Raises InputError for a dictionary that there is not."""
+def dictionaries(name: str, mark: MarkSettings, number: int) -> tuple[str, ...]:
+    """Dictionaries that may hold a tag, the likeliest first. Raises InputError for one that there is not."""
     if mark.dictionary is not None:
         wanted = f"DICT_{mark.dictionary.upper().removeprefix('DICT_')}"
         known = [item for item in dir(cv2.aruco) if item.startswith("DICT_")]
         exact = next((item for item in known if item.upper() == wanted), None)
         if exact is None:
             raise InputError(f"mark {name}: dictionary {mark.dictionary} is none of OpenCV's: {_listed(known)}")
-        return (_detector(exact),)
+        return (exact,)
     chosen = []
     for family in FAMILIES[mark.kind]:
         size = next((size for size in SIZES if number < size), None)
         dictionary = f"DICT_{family}_{size}" if "X" in family else f"DICT_{family}"
         exact = next((item for item in dir(cv2.aruco) if item.upper() == dictionary), None)
         if exact is not None and number < len(_dictionary(exact).bytesList):
-            chosen.append(_detector(exact))
+            chosen.append(exact)
     if not chosen:
         raise InputError(f"mark {name}: no dictionary holds a tag {number}; is its id right?")
     return tuple(chosen)
@@ -138,19 +153,35 @@ def _dictionary(name: str) -> cv2.aruco.Dictionary:
 
 
 def _detector(name: str) -> cv2.aruco.ArucoDetector:
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.minMarkerPerimeterRate = 0.01  # a tag on a small robot is a few percent of the frame
-    return cv2.aruco.ArucoDetector(_dictionary(name), parameters)
+    return cv2.aruco.ArucoDetector(_dictionary(name), cv2.aruco.DetectorParameters())
 
 
-def _detected(detector: cv2.aruco.ArucoDetector, luma: Image) -> dict[int, Array]:
+def outlines(
+    dictionary: str, luma: Image, least_side_px: float = LEAST_SIDE_PX
+) -> tuple[list[tuple[int, Array]], list[Array]]:
+    """Tags of a dictionary in an image as number and corners (4, 2), and corners of squares that are none of them."""
+    return _outlines(_detector(dictionary), luma, least_side_px)
+
+
+def _outlines(
+    detector: cv2.aruco.ArucoDetector, luma: Image, least_side_px: float
+) -> tuple[list[tuple[int, Array]], list[Array]]:
+    # Every outline is read as a tag: without a limit in px, the grain of a floor costs more than all the rest.
+    parameters = detector.getDetectorParameters()
+    parameters.minMarkerPerimeterRate = 4 * least_side_px / SLANTING / max(luma.shape)
+    detector.setDetectorParameters(parameters)
+    corners, numbers, refused = detector.detectMarkers(np.ascontiguousarray(luma))
+    placed = [points.reshape(CORNERS, 2).astype(float) for points in corners]
+    found = list(zip([] if numbers is None else [int(one) for one in numbers.ravel()], placed, strict=True))
+    return found, [points.reshape(CORNERS, 2).astype(float) for points in refused]
+
+
+def _detected(detector: cv2.aruco.ArucoDetector, luma: Image, least_side_px: float = LEAST_SIDE_PX) -> dict[int, Array]:
     """Corners (4, 2) of the tags in an image by their number; of one number the largest."""
-    corners, numbers, _ = detector.detectMarkers(np.ascontiguousarray(luma))
     found: dict[int, Array] = {}
-    for points, number in zip(corners, [] if numbers is None else numbers.ravel(), strict=False):
-        place = points.reshape(CORNERS, 2).astype(float)
-        if int(number) not in found or _size(place) > _size(found[int(number)]):
-            found[int(number)] = place
+    for number, place in _outlines(detector, luma, least_side_px)[0]:
+        if number not in found or _size(place) > _size(found[number]):
+            found[number] = place
     return found
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from evaluator.tracking.uncertainty.codec import hidden_variance, steady_times
 from evaluator.tracking.uncertainty.exposure import exposed
 from evaluator.tracking.uncertainty.outline import widen_by_outline
 from evaluator.tracking.uncertainty.rigid_pair import Distance, wrong_ends
+from evaluator.tracking.uncertainty.tag_shape import widen_by_shape
 
 Array = NDArray[np.float64]
 
@@ -34,17 +36,20 @@ def refine(
     status: dict[str, list[str]],
     followers: dict[str, Follower | BlobFollower],
     body: Sequence[str] = (),
+    tags: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> None:
     """Correct centres, complete variances and take out marks at a wrong distance, in place.
 
     kinds: of the frames. numbers: per mark (n, 5) of x, y, their variances and covariance, px and px², NaN if absent.
-    status: per mark, of every frame. body: marks that sit on one; others may move apart.
+    status: per mark, of every frame. body: marks that sit on one; others may move apart. tags: the corners of each.
     """
     kind, times, time_s = np.array(list(kinds), dtype=str), time_s, steady_times(time_s)
     again = repeated_pictures([values[:, :2] for values in numbers.values()])
     for name, shown in zip(numbers, again, strict=True):
         _take_out(numbers[name], status[name], shown, REPEATED)
     _take_out_impossible(time_s, numbers, status, followers, body)
+    for center, corners in tags.items():
+        widen_by_shape(numbers, corners, center)
     for name, values in numbers.items():
         follower = followers.get(name)
         if not np.isfinite(values[:, 0]).any():
@@ -65,7 +70,12 @@ def refine(
         values[:, :2] -= shift
         values[:, 2:4] += variance
         values[:, 2:4] += hidden_variance(time_s, values[:, :2], values[:, 2:4].mean(axis=1), kind)[:, None]
-    for first, second in combinations([name for name in numbers if name in body], 2):
+    _hold_together(time_s, numbers, status, [name for name in numbers if name in body])
+
+
+def _hold_together(time_s: Array, numbers: dict[str, Array], status: dict[str, list[str]], body: Sequence[str]) -> None:
+    """Widen what the distances of the marks of a body say is uncertain, and take out wrong ends, in place."""
+    for first, second in combinations(body, 2):
         one, other = numbers[first], numbers[second]
         distance = Distance(one[:, :2], other[:, :2])
         ratio = distance.ratio(distance.variance(one[:, 2:], other[:, 2:]))

@@ -8,10 +8,12 @@ import pytest
 from click.testing import CliRunner
 
 from evaluator.cli.track import track
-from evaluator.recording import open_recording
+from evaluator.recording import Frame, open_recording
 from evaluator.tracking import TrackingSettings
 from evaluator.tracking import track as track_recording
 from evaluator.tracking.detection.explain import explain
+from evaluator.tracking.luma_marks.explain import explain_luma
+from tests.evaluator.tracking.drawn_tags import tag_clip
 from tests.evaluator.tracking.plain_video import Clip, ellipse, finished, paint, texture
 
 BLUE, SAND, LAMP = (50, 90, 200), (200, 160, 48), (150.0, 110.0, 70.0)
@@ -58,6 +60,7 @@ def test_the_command_draws_what_the_search_saw_and_points_to_it(tmp_path: Path) 
     shown = CliRunner().invoke(track, [str(video), "-o", str(tmp_path / "m.csv"), "-q", "--explain", str(sheet)])
     assert f"see {sheet}" in str(shown.exception)
     image = cv2.imread(str(sheet))
+    assert image is not None
     assert image.shape[1] == 1240
     assert len(image) > 8 * 300  # four frames, two marks
 
@@ -69,3 +72,54 @@ def test_a_colour_read_off_the_image_is_found_under_a_tinted_lamp(tmp_path: Path
     error = table[["car_x_px", "car_y_px"]].to_numpy() - clip.truth["car"]
     assert (table["car_status"][2:] == "ok").all()
     assert np.abs(error[2:]).max() < 0.3
+
+
+@pytest.mark.parametrize(
+    ("said", "reason"),
+    [
+        ({"kind": "aruco", "id": 7}, "chosen"),
+        ({"kind": "aruco", "id": 3}, "not number 3: say id = 7"),
+        ({"kind": "apriltag", "id": 7}, 'say kind = "aruco", dictionary = "4x4_1000"'),
+    ],
+)
+def test_each_tag_is_told_why_it_is_not_the_mark(tmp_path: Path, said: dict[str, object], reason: str) -> None:
+    clip = tag_clip(np.random.default_rng(3), "aruco", frames=2)
+    (frame, _) = open_recording(clip.write(tmp_path))
+    (seen,) = explain_luma(frame, TrackingSettings.model_validate({"mark": {"tag": said}}))
+    first = seen.things[0]
+    assert np.hypot(*np.subtract(first.center_px, clip.truth["tag_7"][0])) < 2
+    assert reason in first.verdict
+    assert first.chosen == (reason == "chosen")
+
+
+def lamps(folder: Path, places: tuple[tuple[int, int, int], ...]) -> Frame:
+    """A frame with lights of given diameters on a dark floor."""
+    canvas = texture(np.random.default_rng(2), strength=3.0) * 0.3
+    for x, y, size in places:
+        paint(canvas, ellipse(size, size), (x, y), 0.0, (250, 250, 250))
+    clip = Clip([finished(np.random.default_rng(4), canvas)] * 2, {}, 4.0)
+    return next(iter(open_recording(clip.write(folder))))
+
+
+@pytest.mark.parametrize(
+    ("third", "reason"),
+    [((160, 60, 3), "too weak"), ((160, 60, 8), "one of 3 where 2 are sought"), ((160, 60, 90), "too large")],
+)
+def test_each_light_is_told_why_it_is_not_the_mark(tmp_path: Path, third: tuple[int, int, int], reason: str) -> None:
+    frame = lamps(tmp_path, ((80, 120, 8), (240, 120, 8), third))
+    seen = explain_luma(frame, TrackingSettings.model_validate({"mark": {n: {"kind": "light"} for n in "ab"}}))
+    assert [one.mark for one in seen] == ["a", "b"]
+    (verdict,) = [one.verdict for one in seen[0].things if np.hypot(*np.subtract(one.center_px, third[:2])) < 3]
+    assert reason in verdict
+    assert sum(one.chosen for one in seen[0].things) == (0 if "one of 3" in reason else 2)
+
+
+def test_the_command_draws_what_the_search_for_tags_saw(tmp_path: Path) -> None:
+    clip = tag_clip(np.random.default_rng(3), "aruco", frames=6)
+    (tmp_path / "t.toml").write_text('[mark.tag_3]\nkind = "aruco"\n', encoding="utf-8")
+    sheet, said = tmp_path / "search.png", ["-q", "--settings", str(tmp_path / "t.toml"), "-o", str(tmp_path / "m.csv")]
+    told = CliRunner().invoke(track, [str(clip.write(tmp_path)), "--explain", str(sheet), *said])
+    assert "no mark was found" in str(told.exception)
+    image = cv2.imread(str(sheet))
+    assert image is not None
+    assert image.shape[1] == 1240
