@@ -199,6 +199,9 @@ def _run_and_leave(tests: list[str], changed: frozenset[str], *, quiet: bool) ->
             os.dup2(nowhere, 1)
             os.dup2(nowhere, 2)
         for name in changed & set(sys.modules):
+            package, _, last = name.rpartition(".")
+            if package in sys.modules:  # `from package import module` takes what the package holds
+                vars(sys.modules[package]).pop(last, None)
             del sys.modules[name]
         import pytest
 

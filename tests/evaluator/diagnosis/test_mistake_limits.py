@@ -106,6 +106,13 @@ def test_a_run_is_held_that_stops_for_a_quarter_of_a_second(seconds: float, shar
     assert (("r0", "stuck") in kinds(disturbed_runs([driven(0, speed=speed)], [ROBOT]))) == stuck
 
 
+@pytest.mark.parametrize("usual", [-1.5, 0.6])
+def test_a_slow_run_and_one_backward_are_held_too(usual: float) -> None:
+    time = np.arange(180) / 60
+    run = driven(0, speed=np.where((time > 1.5) & (time < 2.1), 0.0, usual))
+    assert kinds(disturbed_runs([run], [ROBOT])) == [("r0", "stuck")]
+
+
 @pytest.mark.parametrize(("share", "pushed"), [(1.4, False), (1.8, True)])
 def test_a_run_is_pushed_that_is_faster_by_more_than_half_for_a_moment(share: float, pushed: bool) -> None:
     time = np.arange(180) / 60

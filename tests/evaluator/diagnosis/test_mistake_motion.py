@@ -278,6 +278,16 @@ def test_a_run_may_be_driven_the_other_way_round_exchanged_or_seen_in_a_mirror()
     assert "reversed" not in ways_of(replace(run, left_rpm=0.0, right_rpm=0.0))
 
 
+@pytest.mark.parametrize(
+    ("stated", "true"), [(24, 30), (24, 60), (25, 30), (25, 60), (30, 60), (25, 50), (60, 120), (30, 120), (60, 240)]
+)
+def test_a_run_may_have_been_taken_at_another_usual_rate_than_its_file_says(stated: int, true: int) -> None:
+    frames = np.arange(90)
+    for one, other in ((stated, true), (true, stated)):
+        ways = ways_of(recorded(moving(frames / true), frames / one))["wrong-rate"]
+        assert any(np.allclose(way.time_s, frames / other) for way in ways)
+
+
 def test_a_run_of_another_frame_interval_may_be_at_the_rate_that_this_says() -> None:
     run = recorded(moving(TIME))
     assert len(ways_of(run)["wrong-rate"]) == 12

@@ -62,6 +62,14 @@ def test_a_path_is_the_same_in_any_unit_of_length(unit: float) -> None:
     assert other.turned_deg == pytest.approx(one.turned_deg, rel=1e-6)
 
 
+def test_a_path_at_a_tenth_of_the_frame_rate_differs_in_its_speed_alone() -> None:
+    """Noise is correlated from frame to frame, whatever their interval."""
+    time, places = on_circle(5.0, 300, sigma=0.01)
+    one, other = measure_path(time, places), measure_path(10 * time, places)
+    assert other.speed == pytest.approx(one.speed / 10, rel=1e-6)
+    assert (other.radius, other.low, other.high) == pytest.approx((one.radius, one.low, one.high), rel=1e-6)
+
+
 @pytest.mark.parametrize(("turned_deg", "straight"), [(0.95, True), (1.05, False)])
 def test_an_arc_of_less_than_a_degree_is_straight(turned_deg: float, straight: bool) -> None:
     assert measure_path(*on_circle(500.0, turned_deg)).status.startswith("straight") == straight
