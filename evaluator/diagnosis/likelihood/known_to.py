@@ -37,6 +37,9 @@ CALLIPERS_MM = 0.005  # one standard deviation of a length, of what is read to 0
 RADIUS_SHARE = 0.005  # of a wheel's radius: half of that of a diameter of a millimetre
 MASS_SHARE = 0.02
 ATTRACTION_SHARE = 0.05  # pull-off forces repeat to some per cent
+# Computers that log commands and poses keep one clock to some hundredths of a second, however seldom a sensor measures.
+# A tenth of a second, the interval of a lidar, would hide motors that follow late.
+STAMPED_S = 0.02
 FRAMES_COMMON, FRAMES_PER_RUN = 1.0, 0.5  # knowledge of the start where experiment.toml says nothing, in frames
 
 
@@ -63,7 +66,8 @@ class Quantity:
 def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Quantity, ...]:
     """All that is known to within a tolerance and is not in the robot's [tolerance]; what is exact is left out."""
     geometry = robot.known_to
-    common_s = FRAMES_COMMON * frame_interval_s(data) if known.start_common_s is None else known.start_common_s
+    usual_s = min(frame_interval_s(data), _stamped_s(data))
+    common_s = FRAMES_COMMON * usual_s if known.start_common_s is None else known.start_common_s
     length = size_of(robot).length
     level, callipers = geometry.plate_level_deg, length * CALLIPERS_MM
     stated_as = geometry.model_fields_set  # the defaults are those of a robot of the paper's size
@@ -117,7 +121,13 @@ def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Q
 
 def start_per_run_s(known: KnownTo, data: Sequence[RunData]) -> float:
     """Standard deviation of the start of single runs, s: half a frame where experiment.toml says nothing."""
-    return FRAMES_PER_RUN * frame_interval_s(data) if known.start_per_run_s is None else known.start_per_run_s
+    usual_s = FRAMES_PER_RUN * min(frame_interval_s(data), _stamped_s(data))
+    return usual_s if known.start_per_run_s is None else known.start_per_run_s
+
+
+def _stamped_s(data: Sequence[RunData]) -> float:
+    """How well the clocks of commands and poses agree where both are logs of computers; elsewhere frames decide."""
+    return STAMPED_S if all(run.log is not None and run.from_poses for run in data) else np.inf
 
 
 def frame_interval_s(data: Sequence[RunData]) -> float:

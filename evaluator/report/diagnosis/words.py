@@ -214,8 +214,10 @@ def signed_percent(share: float | None) -> str:
 
 
 def micrometres(length_mm: float | None) -> str:
-    """A length in µm."""
-    return UNKNOWN if length_mm is None else f"{1000 * length_mm:.3g} µm"
+    """A length in µm; from ten millimetres on, which only large robots miss, in mm."""
+    if length_mm is None:
+        return UNKNOWN
+    return f"{length_mm:.3g} mm" if length_mm >= 10 else f"{1000 * length_mm:.3g} µm"
 
 
 def as_sentence(text: str) -> str:

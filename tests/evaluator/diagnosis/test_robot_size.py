@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from evaluator.diagnosis.assessment.verdict import material_gain
 from evaluator.diagnosis.candidates.coordinates import named_terms, size_of
 from evaluator.diagnosis.candidates.free_form import free_terms
+from evaluator.diagnosis.design.candidate_runs import commands_at
+from evaluator.diagnosis.inference.fit import Fit, _short_of
 from evaluator.diagnosis.likelihood.discrepancy import left_over, with_discrepancy
 from evaluator.diagnosis.likelihood.features import channels_of
-from evaluator.diagnosis.likelihood.known_to import quantities
+from evaluator.diagnosis.likelihood.known_to import quantities, start_per_run_s
+from evaluator.diagnosis.likelihood.mixed_model import Posterior
 from evaluator.diagnosis.likelihood.noise import Noise
 from evaluator.diagnosis.likelihood.problem import build_problem, with_noise_of
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated, varied_robot
+from evaluator.diagnosis.output.effect_tables import effect_tables
 from evaluator.diagnosis.output.robot_file import with_values_of_each
 from evaluator.interchange.commands import constant
+from evaluator.report.diagnosis.words import in_words, parameter
 from evaluator.robot_geometry import reference_places
 from evaluator.settings import KnownTo
 from simulator.effects.parameter import PAPER_SIZE, Size
@@ -148,3 +157,56 @@ def test_a_length_of_a_wheel_list_that_moved_is_written_in_the_unit_of_the_file(
     assert written.count("# 0.165 before") == 4
     inline = text[: text.index("[[wheel]]")] + 'wheel = [{name = "a", radius_m = 0.1}]\n'
     assert with_values_of_each(inline, "wheel", "radius_mm", 1.01, "before") == inline
+
+
+def test_a_gain_that_is_alike_on_both_sides_acts_on_both_and_is_said_and_kept_as_one_number() -> None:
+    both = "free:left_drive.left_command=right_drive.right_command+left_drive.right_command=right_drive.left_command"
+    term = free_terms()[both]
+    assert term.size == 2
+    acting = [(item.channel, item.basis, value) for item, value in term.acting((-0.2, 0.5))]
+    assert acting == [
+        ("left_drive", "left_command", -0.2),
+        ("right_drive", "right_command", -0.2),
+        ("left_drive", "right_command", 0.5),
+        ("right_drive", "left_command", 0.5),
+    ]
+    assert len(term.kernel_terms((-0.2, 0.5))) == 4
+    assert "proportional to their own command and proportional to the command of the other side" in term.describe()
+    assert parameter(list(term.physical((-0.2, 0.5)))[1]) == ("proportional to the command of the other side", "")
+    tables = tomllib.loads("\n".join(effect_tables({both: term}, {both: (-0.2, 0.5)})))["effect"]
+    assert [table["coefficient"] for table in tables] == [-0.2, -0.2, 0.5, 0.5]
+    assert in_words(f"without {both} the runs").count("proportional") == 2
+
+
+def test_on_ground_a_term_without_a_name_is_an_answer_only_where_it_lessens_what_is_left() -> None:
+    assert material_gain(24) == pytest.approx(16.1, abs=0.1)  # a fifth less, in three modes of every run
+    assert material_gain(48) == pytest.approx(2 * material_gain(24))
+
+
+def test_of_a_log_in_which_no_command_returns_few_levels_are_proposed_again() -> None:
+    levels = sorted({max(abs(left), abs(right)) for left, right in commands_at(list(np.linspace(5.0, 80.0, 40)))})
+    assert len(levels) == 8
+    assert (levels[0], levels[-1]) == (5.0, 80.0)
+
+
+def test_logs_of_computers_know_the_start_better_than_a_sensor_that_seldom_measures() -> None:
+    robot = load_robot(LARGE)
+    logged = runs_of(robot, 1, 0.0)
+    by_frame = [replace(run, log=None) for run in logged]
+    starts = [{item.key: item.sigma for item in quantities(KnownTo(), robot, data)} for data in (logged, by_frame)]
+    assert [item["start_common_s"] for item in starts] == pytest.approx([0.02, 0.1])
+    assert [start_per_run_s(KnownTo(), data) for data in (logged, by_frame)] == pytest.approx([0.01, 0.05])
+    assert start_per_run_s(KnownTo(start_per_run_s=0.3), logged) == 0.3
+
+
+def test_a_fit_on_ground_that_stops_early_is_the_less_probable_for_it_and_on_a_plate_no_evidence() -> None:
+    fit: Any = Fit(frozenset(), cast("Any", None), (), POSTERIOR, cast("Any", None), (), converged=False, runs=())
+    ground, plate = SimpleNamespace(length=100.0), SimpleNamespace(length=1.0)
+    stopped = _short_of(fit, 6.0, cast("Any", ground))
+    assert stopped.converged
+    assert stopped.posterior.log_evidence == pytest.approx(POSTERIOR.log_evidence - 3.0)
+    assert not _short_of(fit, 6.0, cast("Any", plate)).converged
+    assert not _short_of(fit, 400.0, cast("Any", ground)).converged
+
+
+POSTERIOR = Posterior(-50.0, np.zeros(0), np.zeros((0, 0)), np.zeros(4), 100.0, 0)
