@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInf
 from pydantic_core import PydanticKnownError
 
 from evaluator.errors import InputError
+from evaluator.interchange.bags import Topics
 from evaluator.interchange.tracks import Tracks
 from simulator.mark_layout import Mark, Marks, checked_layout
 from simulator.robot import Robot, shipped_robot_text, shipped_robots
@@ -40,7 +41,7 @@ class Run(Table):
     """One recorded run: what was commanded and where its video, marks or poses are."""
 
     id: Annotated[str, Field(max_length=80), AfterValidator(_names_files)]
-    commands: Path | None = None  # a log instead of one constant command
+    commands: Path | None = None  # a log, or a recording of ROS, instead of one constant command
     left_rpm: Annotated[Finite | None, Field(validate_default=True)] = None
     right_rpm: Annotated[Finite | None, Field(validate_default=True)] = None
     start_s: Finite = 0.0  # motors on; with a log: when its clock reads 0, in the time of the recording
@@ -54,6 +55,7 @@ class Run(Table):
     group: str = ""  # wheel type, operator, …: runs of one group are drawn as one series
     robot: str | None = None  # where it differs from the experiment's
     camera: Path | None = None
+    topics: Topics | None = None  # of a recording of ROS, where they differ from the experiment's [commands]
     notes: str = ""
 
     @field_validator("left_rpm", "right_rpm")
@@ -90,10 +92,10 @@ class Run(Table):
         if self.poses is not None:  # a clock that counts from 1970: times of a recording begin at nought
             from evaluator.interchange.poses import clock_zero_s
 
-            zero_s = clock_zero_s(self.poses)
+            zero_s = clock_zero_s(self.poses, self.topics)
             begin_s, stop_s = begin_s - zero_s, None if stop_s is None else stop_s - zero_s
         if self.commands is not None:
-            return from_log(self.commands, begin_s, starts_at_rest=rests)
+            return from_log(self.commands, begin_s, starts_at_rest=rests, topics=self.topics)
         assert self.left_rpm is not None  # held by the model of the file
         assert self.right_rpm is not None
         return constant(self.left_rpm, self.right_rpm, begin_s, stop_s, starts_at_rest=rests)
@@ -128,6 +130,7 @@ class Experiment(Table):
     camera: Path | None = None
     tracking: Path | None = None  # tracking.toml: colours, mark size, region of interest, masks
     tracks: Tracks | None = None  # how marks files of other programs are read
+    commands: Topics = Topics()  # how recordings of ROS are read
     run: tuple[Run, ...] = ()
     known_to: KnownTo = KnownTo()
     relevant: Relevant = Relevant()
@@ -175,6 +178,7 @@ def load_experiment(path: Path) -> Experiment:
                 "commands": absolute(run.commands),
                 "corrections": absolute(run.corrections),
                 "camera": absolute(run.camera or raw.camera),
+                "topics": run.topics or raw.commands,
                 "robot": robot(run.robot or raw.robot),
             }
         )

@@ -114,14 +114,18 @@ class Command:
         where the robot does not start at rest, do what the first row says.
         """
         time, left, right = _columns_of_log(path)
-        values = np.column_stack([left, right])
-        # A log that repeats a value many times a second has one change, not many.
-        changes = np.r_[True, (np.diff(values, axis=0) != 0).any(axis=1)]
-        rows = [(float(t), float(l), float(r)) for t, (l, r) in zip(time[changes], values[changes], strict=True)]
         try:
-            found = cls.steps(rows)
+            return cls.held_samples(time, np.column_stack([left, right]), starts_at_rest=starts_at_rest)
         except SimulationError as error:
             raise SimulationError(f"{path}: {error}") from error
+
+    @classmethod
+    def held_samples(cls, time_s: Array, sides_rpm: Array, *, starts_at_rest: bool = True) -> Command:
+        """The command of samples (n,), (n, 2) left and right, each held until the next; before the first as in held."""
+        # A log that repeats a value many times a second has one change, not many.
+        changes = np.r_[True, (np.diff(sides_rpm, axis=0) != 0).any(axis=1)]
+        rows = zip(time_s[changes], sides_rpm[changes], strict=True)
+        found = cls.steps((float(time), float(left), float(right)) for time, (left, right) in rows)
         # The first knot of steps says that the motors are off until the first row.
         return found if starts_at_rest else cls(found.time_s[1:], found.left_rpm[1:], found.right_rpm[1:])
 

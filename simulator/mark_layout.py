@@ -7,6 +7,7 @@ only, with a key NAME_mm = [x, y] for each.
 from __future__ import annotations
 
 import difflib
+import math
 import tomllib
 from functools import cache
 from importlib.resources import files
@@ -120,16 +121,31 @@ def _unknown(key: str, known: list[str]) -> str:
 
 
 def with_default_places(content: Any) -> Any:
-    """A robot file that says no mark, with those of the robot of the paper (its robot file is shipped)."""
+    """A robot file that says no mark, with those of the robot of the paper (its robot file is shipped).
+
+    They stand in proportion to the length of the body: a robot of a metre that is given by poses needs marks that show
+    its heading as well as its place.
+    """
     if not isinstance(content, dict) or content.get("mark"):
         return content
     said = content.get("marks", {})
     if not isinstance(said, dict) or any(key not in Marks.model_fields for key in in_mm(said)):
         return content
-    return {**content, "marks": {**_paper_places(), **said}}
+    paper = _paper_robot()
+    places = {key: value for key, value in paper["marks"].items() if key not in Marks.model_fields}
+    ratio = _length_mm(content.get("body"), paper["body"]["length_mm"]) / paper["body"]["length_mm"]
+    sized = {key: [ratio * x, ratio * y] for key, (x, y) in places.items()}
+    return {**content, "marks": {**sized, **said}}
+
+
+def _length_mm(body: Any, otherwise_mm: float) -> float:
+    """Length of a body as it is written; of one that does not say it, or not as a length, another."""
+    length = in_mm(body).get("length_mm") if isinstance(body, dict) else None
+    if isinstance(length, int | float) and not isinstance(length, bool) and 0 < length < math.inf:
+        return float(length)
+    return otherwise_mm
 
 
 @cache
-def _paper_places() -> dict[str, list[float]]:
-    text = files("simulator").joinpath("robots", "barrel.toml").read_text(encoding="utf-8")
-    return {key: value for key, value in tomllib.loads(text)["marks"].items() if key not in Marks.model_fields}
+def _paper_robot() -> dict[str, Any]:
+    return tomllib.loads(files("simulator").joinpath("robots", "barrel.toml").read_text(encoding="utf-8"))

@@ -25,7 +25,7 @@ from evaluator.diagnosis.assessment.model_comparison import (
 from evaluator.diagnosis.assessment.relevance import Changes, changes
 from evaluator.diagnosis.assessment.session_as_found import later_started, with_session
 from evaluator.diagnosis.assessment.sole_run import sole_misfit, sole_run
-from evaluator.diagnosis.assessment.verdict import Verdict, decide, doubts
+from evaluator.diagnosis.assessment.verdict import Verdict, decide, doubts, material_gain
 from evaluator.diagnosis.design.next_runs import NextRuns, best_next_runs
 from evaluator.diagnosis.experiment import Session, held_out_runs, shortcomings
 from evaluator.diagnosis.inference.fit import Fit
@@ -168,7 +168,8 @@ def _searched(session: Session, progress: Watch, ends: Ends | None) -> Diagnosis
     free = {effect: term for effect, term in terms.items() if is_free(effect)}
     challenge_with_free_terms(everything, free, progress)
     table, best_named = rank_named(everything, len(free))
-    chosen, verdict, reason = decide(everything, table, len(free), best_named)
+    least_material = material_gain(len(everything.runs)) if everything.problem.length > 1 else -math.inf
+    chosen, verdict, reason = decide(everything, table, len(free), best_named, least_material)
     done = {effect: changes(everything.problem, everything.fits[chosen], effect) for effect in chosen}
     negligible: Set = frozenset()
     if verdict == "effect" and not any(item.matter(session.relevant) for item in done.values()):
@@ -176,7 +177,10 @@ def _searched(session: Session, progress: Watch, ends: Ends | None) -> Diagnosis
         reason = f"what is missing ({', '.join(sorted(chosen))}) does less than is stated as relevant"
     left = adequacy(everything.fits[chosen], session.data)
     constant = constancy(everything.fits[best_named], session.data, everything.tolerance)
-    if verdict != "unknown" and (reserve := doubts(left, constant)):
+    reserve = "" if verdict == "unknown" else doubts(left, constant)
+    if reserve and verdict == "effect" and everything.problem.length > 1:  # ground leaves more than any model says
+        reason = f"{reason}; {reserve}"
+    elif reserve:
         verdict, reason = "unknown", reserve
         chosen = next((ids for ids in table.sets if any(is_free(effect) for effect in ids)), chosen)
     progress("where and what next", 0.95)

@@ -14,7 +14,7 @@ from evaluator.diagnosis.assessment.model_comparison import (
     standing,
 )
 from evaluator.diagnosis.assessment.verdict import best_named
-from evaluator.diagnosis.candidates.coordinates import named_terms
+from evaluator.diagnosis.candidates.coordinates import named_terms, size_of
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.experiment import Session, held_out_runs
 from evaluator.diagnosis.inference.fit import Fit, fit_model
@@ -62,9 +62,10 @@ def search_named(session: Session, progress: Watch, ends: Ends | None) -> tuple[
     """The search over named effects without the runs held out, the nominal point, and all terms by id."""
     data = session.data
     given = {entry.id for entry in session.robots[0].effect}
-    every = named_terms(_reach(session), _levels(session), session.own)
+    size = size_of(session.robots[0])
+    every = named_terms(_reach(session), _levels(session), session.own, size)
     named = {effect: term for effect, term in every.items() if effect not in given}
-    terms: dict[str, Candidate] = {**named, **free_terms()}
+    terms: dict[str, Candidate] = {**named, **free_terms(size)}
     progress("noise", 0.0)
     forward = Simulated(session.robots, data, terms, simulated_sigmas(session.known), session.start_sigma_s)
     problem, start = build_problem(data, forward, ends, progress)
@@ -172,8 +173,13 @@ def challenge_with_free_terms(search: Search, free: Mapping[str, Candidate], pro
     progress("free-form terms", 0.85)
     ranked = sorted(search.fits, key=lambda ids: -search.fits[ids].posterior.log_evidence)
     top = search.fits[ranked[0]].posterior.log_evidence
-    for ids in dict.fromkeys([frozenset[str](), ranked[0]]):
-        fit = search.fits[ids]
+    beside = [frozenset[str](), ranked[0]]
+    if search.problem.length > 1:  # on open ground a named effect may stand in for what has no name, beside a true one
+        beside += [frozenset([effect]) for effect in sorted(ranked[0])]
+    for ids in dict.fromkeys(beside):
+        fit = search.fits.get(ids) or fit_set(search, ids, {}, search.null)
+        if fit is None:
+            continue
         inside = [effect for effect in sorted(ids) if not search.terms[effect].stepwise]
         view = screen(search, fit.point, inside, free.values())
         base = view.evidence()

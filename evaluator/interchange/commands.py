@@ -8,7 +8,8 @@ from pathlib import Path
 
 from evaluator.errors import InputError
 from evaluator.files import read_with
-from simulator.command import Command, Stretch
+from evaluator.interchange.bags import Topics, is_bag, read_commands
+from simulator.command import RPM_PER_RAD_S, Command, Stretch
 from simulator.errors import SimulationError
 
 
@@ -59,10 +60,16 @@ def constant(
     return Told(Command.always(left_rpm, right_rpm, stop_s), starts_at_rest=False)
 
 
-def from_log(path: Path, zero_s: float = 0.0, *, starts_at_rest: bool = True) -> Told:
-    """The commands of a log whose clock reads 0 at zero_s of the recording. Raises InputError that names the file."""
+def from_log(path: Path, zero_s: float = 0.0, *, starts_at_rest: bool = True, topics: Topics | None = None) -> Told:
+    """The commands of a log or a bag whose clock reads 0 at zero_s of the recording.
+
+    topics: of a bag. Raises InputError that names the file.
+    """
 
     def read(file: Path) -> Command:
+        if is_bag(file):
+            time_s, sides_rad_s = read_commands(file, topics or Topics())
+            return Command.held_samples(time_s, RPM_PER_RAD_S * sides_rad_s, starts_at_rest=starts_at_rest)
         return Command.held(file, starts_at_rest=starts_at_rest)
 
     try:

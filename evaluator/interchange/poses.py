@@ -2,7 +2,7 @@
 
 A CSV with `time_s`, x, y and heading (units by suffix: `x_mm` or `x_m`, `heading_deg` or `heading_rad`; standard
 uncertainties `x_sigma_mm`, `heading_sigma_rad`, …, and `xy_cov_mm2` where they are known), a trajectory in TUM's format
-(`timestamp x y z qx qy qz qw`, m) or the ground truth of EuRoC (ns, m): what evo reads.
+(`timestamp x y z qx qy qz qw`, m) or the ground truth of EuRoC (ns, m): what evo reads; or a recording of ROS (bags).
 
 A sensor that is sampled faster than it measures repeats its last value. Such a file is recognised by values that
 repeat in the midst of motion; every repeat is dropped, and a value counts at the time at which it first appears.
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from calibration.frames import plate_from_body
 from evaluator.errors import InputError
 from evaluator.files import read_with
+from evaluator.interchange.bags import Topics, is_bag, read_trajectory
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import check_marks
 from evaluator.pose import OK, Poses, unwrapped_across_gaps
@@ -66,13 +67,15 @@ class PoseTable:
         return said
 
 
-def read_poses(path: Path) -> PoseTable:
-    """Read poses of any known format. Raises InputError that names the line or the column."""
-    return read_with(_read, path)
+def read_poses(path: Path, topics: Topics | None = None) -> PoseTable:
+    """Read poses of any known format; topics: of a bag. Raises InputError that names the line or the column."""
+    return read_with(lambda file: _read(file, topics or Topics()), path)
 
 
 def holds_poses(path: Path) -> bool:
     """Whether a file holds poses, by its first lines; a file that cannot be read holds none."""
+    if is_bag(path):
+        return True
     try:
         with Path(path).open(encoding="utf-8-sig") as file:
             first = next((line for line in file if line.strip() and not line.lstrip().startswith("#")), "")
@@ -83,13 +86,13 @@ def holds_poses(path: Path) -> bool:
     return table or _is_numbers(first, None, TUM_COLUMNS) or _is_numbers(first, ",", TUM_COLUMNS)
 
 
-def clock_zero_s(path: Path) -> float:
+def clock_zero_s(path: Path, topics: Topics | None = None) -> float:
     """Reading of the clock of a file of poses at time 0 of its recording. Raises InputError."""
-    return read_poses(path).zero_s
+    return read_poses(path, topics).zero_s
 
 
-def _read(path: Path) -> PoseTable:
-    raw = _columns(path)
+def _read(path: Path, topics: Topics) -> PoseTable:
+    raw = _of_bag(path, topics) if is_bag(path) else _columns(path)
     zero_s = _zero_s(raw["time_s"].to_numpy(float))
     raw["time_s"] -= zero_s
     check_marks(raw.rename(columns={"x_mm": "center_x_mm", "y_mm": "center_y_mm"}), path)
@@ -132,6 +135,21 @@ def _columns(path: Path) -> pd.DataFrame:
     if said and _is_numbers(said[0], ",", TUM_COLUMNS):  # EuRoC: ns, x, y, z, qw, qx, qy, qz and what follows
         return _from_quaternions(_numbers(path, said, ","), S_PER_NS, (5, 6, 7, 4))
     return _from_csv(path)
+
+
+def _of_bag(path: Path, topics: Topics) -> pd.DataFrame:
+    time_s, pose, covariance = read_trajectory(path, topics)
+    found = {
+        "time_s": time_s,
+        "x_mm": MM_PER["m"] * pose[:, 0],
+        "y_mm": MM_PER["m"] * pose[:, 1],
+        "heading_deg": np.degrees(pose[:, 2]),
+    }
+    sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    if (sigma > 0).all():  # where some are not known, none counts: the poses show their noise
+        found |= {"x_sigma_mm": MM_PER["m"] * sigma[:, 0], "y_sigma_mm": MM_PER["m"] * sigma[:, 1]}
+        found |= {"heading_sigma_deg": np.degrees(sigma[:, 2]), "xy_cov_mm2": MM_PER["m"] ** 2 * covariance[:, 0, 1]}
+    return pd.DataFrame(found)
 
 
 def _is_numbers(line: str, delimiter: str | None, least: int) -> bool:

@@ -36,12 +36,27 @@ def check_experiment(path: Path) -> Check:
         faults.append(str(error))
     faults += _faults_of_named_files(path)
     runs = experiment.run if experiment else ()
+    faults += [fault for run in runs for fault in _faults_of_bags(run)]
     faults += [fault for run in runs if (fault := _outside(run))]
     mistakes: tuple[str, ...] = ()
     if experiment is not None and not faults:
         found = mistakes_of_marks(experiment, given_marks(experiment))
         mistakes = tuple(item.sentence for item in found)
     return Check(tuple(dict.fromkeys(faults)), len(runs), sum(run.video is not None for run in runs), mistakes)
+
+
+def _faults_of_bags(run: Run) -> Iterator[str]:
+    """Faults of recordings of ROS, which only the run with its topics can read."""
+    from evaluator.interchange.bags import is_bag
+    from evaluator.interchange.poses import read_poses
+
+    try:
+        if run.poses is not None and is_bag(run.poses):
+            read_poses(run.poses, run.topics)
+        if run.commands is not None and is_bag(run.commands):
+            run.told()
+    except InputError as error:
+        yield str(error)
 
 
 def _outside(run: Run) -> str | None:
@@ -148,17 +163,21 @@ def _marks_of_robot(folder: Path, content: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _poses(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+    from evaluator.interchange.bags import is_bag
     from evaluator.interchange.poses import read_poses
 
     del experiment
-    yield from _fault(read_poses, folder / name)
+    if not is_bag(folder / name):  # of a recording of ROS, the topics of its run are needed: read with the run
+        yield from _fault(read_poses, folder / name)
 
 
 def _commands(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+    from evaluator.interchange.bags import is_bag
     from evaluator.interchange.commands import from_log
 
     del experiment
-    yield from _fault(from_log, folder / name)
+    if not is_bag(folder / name):
+        yield from _fault(from_log, folder / name)
 
 
 def _fault(load: Callable[[Path], Any], path: Path) -> Iterator[str]:

@@ -12,7 +12,7 @@ from math import inf
 
 import numpy as np
 
-from simulator.effects.parameter import Parameter
+from simulator.effects.parameter import PAPER_SIZE, Parameter, Size
 
 Parameters = dict[str, float]
 
@@ -32,11 +32,13 @@ class Coordinate:
 class Scene:
     """What coordinates may depend on of the runs that are fitted.
 
-    reach_mm: how far from the origin of the plate the robot moved; command_levels_rpm: the different |rpm| commanded.
+    reach_mm: how far from the origin of the plate the robot moved; command_levels_rpm: the different |rpm| commanded;
+    size: of the robot.
     """
 
     reach_mm: float
     command_levels_rpm: tuple[float, ...]
+    size: Size = PAPER_SIZE
 
 
 @dataclass(frozen=True)

@@ -67,4 +67,6 @@ class Effect:
 
     def candidate(self, scene: Scene) -> Candidate:
         """The effect in the coordinates in which it is fitted to the runs of a scene."""
-        return self.fitted(scene) if self.fitted else plain(self.id, self.parameters)
+        if self.fitted:
+            return self.fitted(scene)
+        return plain(self.id, tuple(parameter.sized(scene.size) for parameter in self.parameters))

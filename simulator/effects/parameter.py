@@ -2,38 +2,60 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of parameters: how names of parameters end in it (of gradients: begin), and how it is shown to people."""
+    """A unit of parameters: how names of parameters end in it (of gradients: begin), and how it is shown to people.
+
+    length, force: powers of length and of force in it.
+    """
 
     ending: str
     shown: str
+    length: int = 0
+    force: int = 0
 
 
 # By the unit that a parameter declares. The longer endings stand before those that they end in.
 UNITS = {
-    "rpm/(µN·mm)": Unit("rpm_per_uN_mm", "rpm/(µN·mm)"),
-    "deg/mN": Unit("deg_per_mN", "°/mN"),
-    "mN·s/mm": Unit("mN_s_mm", "mN·s/mm"),
-    "µN·mm·s": Unit("uN_mm_s", "µN·mm·s"),
-    "mN/mm": Unit("mN_mm", "mN/mm"),
+    "rpm/(µN·mm)": Unit("rpm_per_uN_mm", "rpm/(µN·mm)", -1, -1),
+    "deg/mN": Unit("deg_per_mN", "°/mN", 0, -1),
+    "mN·s/mm": Unit("mN_s_mm", "mN·s/mm", -1, 1),
+    "µN·mm·s": Unit("uN_mm_s", "µN·mm·s", 1, 1),
+    "mN/mm": Unit("mN_mm", "mN/mm", -1, 1),
     "1/run": Unit("per_run", "per run"),
-    "1/mm": Unit("per_mm", "per mm"),
+    "1/mm": Unit("per_mm", "per mm", -1),
     "deg/s": Unit("deg_s", "°/s"),
-    "mm/s": Unit("mm_s", "mm/s"),
+    "mm/s": Unit("mm_s", "mm/s", 1),
     "deg": Unit("deg", "°"),
-    "mm": Unit("mm", "mm"),
-    "mN": Unit("mN", "mN"),
+    "mm": Unit("mm", "mm", 1),
+    "mN": Unit("mN", "mN", 0, 1),
     "rpm": Unit("rpm", "rpm"),
     "s": Unit("s", "s"),
     "": Unit("", ""),
 }
 
 
+@dataclass(frozen=True)
+class Size:
+    """How large a robot is beside the paper's: ratios of length and of the load on its wheels.
+
+    Steps and bounds of parameters are stated for the paper's robot; of another they are as many times as large. Times,
+    angles and rotational frequencies are alike: a robot of a metre moves as many of its lengths in a second.
+    """
+
+    length: float = 1.0
+    force: float = 1.0
+
+    def of(self, unit: str) -> float:
+        """How many times as large a quantity with this unit, a key of UNITS, is on the robot."""
+        return float(self.length ** UNITS[unit].length * self.force ** UNITS[unit].force)
+
+
+PAPER_SIZE = Size()
 SHOWN_STEPS = 20  # a step shows in the marks; so many show in a small drawing
 
 
@@ -61,3 +83,11 @@ class Parameter:
     def shown_value(self) -> float:
         """The value at which the catalogue draws the effect."""
         return self.absent + SHOWN_STEPS * self.step if self.shown is None else self.shown
+
+    def sized(self, size: Size) -> Parameter:
+        """The parameter with the step and the bounds of a fit to a robot of another size."""
+        factor = size.of(self.unit)
+        if factor == 1.0:
+            return self
+        low, high = ((bound - self.absent) * factor + self.absent for bound in (self.low, self.high))
+        return replace(self, step=self.step * factor, low=low, high=high)

@@ -27,8 +27,8 @@ def _act(draft: Draft, values: Values) -> None:
 def _fitted(scene: Scene) -> Candidate:
     """The parameters, from sixteen places in and around the area that the runs cover: without a force, none is felt."""
     far = FARTHEST_REACHES * scene.reach_mm
-    place = tuple(Coordinate(item.name, item.absent, item.step, -far, far) for item in PLACE)
-    coordinates = (coordinate(FORCE), *place, coordinate(EXPONENT))
+    place = tuple(Coordinate(item.name, item.absent, item.sized(scene.size).step, -far, far) for item in PLACE)
+    coordinates = (coordinate(FORCE.sized(scene.size)), *place, coordinate(EXPONENT))
 
     def physical(values: tuple[float, ...]) -> Parameters:
         return {item.name: float(value) for item, value in zip(coordinates, values, strict=True)}

@@ -26,15 +26,16 @@ def _act(draft: Draft, values: Values) -> None:
 
 def _fitted(scene: Scene) -> Candidate:
     """Stiffness and the pull at the origin: linear in the force, where the anchor of no stiffness is undefined."""
-    del scene
+    size = scene.size
+    softest_mN_mm = SOFTEST_MN_MM * size.of(STIFFNESS.unit)
 
     def physical(values: tuple[float, ...]) -> Parameters:
         stiffness, pull_x, pull_y = values
-        softest = max(stiffness, SOFTEST_MN_MM)
+        softest = max(stiffness, softest_mN_mm)
         return {"stiffness_mN_mm": softest, "anchor_x_mm": pull_x / softest, "anchor_y_mm": pull_y / softest}
 
-    pulls = tuple(Coordinate(name, 0.0, PULL_STEP_MN) for name in ("pull_x", "pull_y"))
-    return Candidate("tether-spring", (coordinate(STIFFNESS), *pulls), physical)
+    pulls = tuple(Coordinate(name, 0.0, PULL_STEP_MN * size.of("mN")) for name in ("pull_x", "pull_y"))
+    return Candidate("tether-spring", (coordinate(STIFFNESS.sized(size)), *pulls), physical)
 
 
 EFFECT = Effect(

@@ -1,6 +1,6 @@
 """How far predictions from commands are off after one window (2 s), on steps of a driven robot kept aside.
 
-    python -m tests.benchmarks.husky FOLDER [--robot robot.toml] [--diagnose WINDOWS]
+    python -m tests.benchmarks.husky FOLDER [--robot robot.toml] [--diagnose STEPS]
 
 FOLDER: see tests/driven_robot/drive.py. robot.toml: in SI units if you like; that of a Clearpath Husky without it.
 Encoders, where there are any, check what was found and are never an input.
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -17,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.workflow.results.outputs import Outputs
 from simulator.robot import Robot, load_robot
 from tests.driven_robot.corrected import MM_PER_M, Corrected, Model, bands, fit, mixed
 from tests.driven_robot.drive import Drive, command_of, load, write_experiment
@@ -39,7 +41,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--robot", type=Path, default=Path(__file__).parents[1] / "driven_robot" / "husky.toml")
-    parser.add_argument("--diagnose", type=int, default=0, metavar="WINDOWS", help="diagnose so many windows, too")
+    parser.add_argument("--diagnose", type=int, default=0, metavar="STEPS", help="diagnose so many steps, too")
     given = parser.parse_args()
     drive, robot = load(given.folder), load_robot(given.robot)
     windows = np.arange(len(drive))
@@ -140,16 +142,33 @@ def response(drive: Drive) -> Array:
 
 
 def diagnose_some(drive: Drive, fitted: NDArray[np.int64], robot: Path, count: int) -> None:
-    """What `turnscope diagnose` finds in some windows, from commands and poses alone."""
+    """What `turnscope diagnose` finds in whole steps, from commands and poses alone.
+
+    A form without a name that it offers as an own effect is taken, and the steps are diagnosed again.
+    """
     from evaluator.workflow.diagnosis.experiment import diagnose_experiment
 
-    chosen = fitted[np.unique(np.linspace(0, len(fitted) - 1, count).astype(int))]
+    steps = np.unique(drive.step[fitted])
+    steps = steps[np.unique(np.linspace(0, len(steps) - 1, count).astype(int))]
+    windows = np.flatnonzero(np.isin(drive.step, steps))
     with tempfile.TemporaryDirectory() as name:
-        path = write_experiment(drive, chosen, robot, Path(name))
-        content = diagnose_experiment(path, Path(name) / "out", workers=1)[1]
-    kept = ("verdict", "reason", "effects", "gap", "mistakes")
-    print(f"\nturnscope diagnose, {len(chosen)} windows:")
-    print(json.dumps({key: content[key] for key in kept if key in content}, indent=1))
+        path, out = write_experiment(drive, windows, robot, Path(name)), Path(name) / "out"
+        tell_diagnosis(f"{len(windows)} windows of {len(steps)} steps", diagnose_experiment(path, out, workers=1)[1])
+        offered = Outputs(out).own_effect
+        if offered.is_file():
+            (Path(name) / "effects").mkdir()
+            shutil.copy(offered, Path(name) / "effects")
+            tell_diagnosis("the same with the form that it offers", diagnose_experiment(path, out, workers=1)[1])
+
+
+def tell_diagnosis(what: str, content: Mapping[str, object]) -> None:
+    """The verdict, the effects with their sizes, and the gap."""
+    kept = ("verdict", "reason", "effects", "gap", "mistakes", "skipped_runs")
+    shown = {key: content[key] for key in kept if key in content}
+    if isinstance(shown.get("gap"), dict):
+        shown["gap"] = {key: value for key, value in shown["gap"].items() if key != "by_run"}
+    print(f"\nturnscope diagnose, {what}:")
+    print(json.dumps(shown, indent=1, ensure_ascii=False))
 
 
 if __name__ == "__main__":

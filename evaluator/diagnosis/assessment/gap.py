@@ -97,7 +97,7 @@ def run_gaps(problem: Problem, placed: Point, runs: Sequence[int]) -> Floats:
 def noise_floor(problem: Problem, runs: Sequence[int]) -> Floats:
     """RMS distance of the midpoint that tracking noise and the precision of the model alone make, by run, mm."""
     noise = np.array([[part.sigma_mm for part in problem.noise[run][:2]] for run in runs])
-    return np.asarray(np.sqrt(np.sum(noise**2, axis=1) + MODEL_FLOOR_MM**2))
+    return np.asarray(np.sqrt(np.sum(noise**2, axis=1) + (problem.length * MODEL_FLOOR_MM) ** 2))
 
 
 def rms(values: Floats, runs: Sequence[int]) -> float:

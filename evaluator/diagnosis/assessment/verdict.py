@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Literal
 
@@ -36,6 +37,17 @@ FORETOLD, FORETOLD_SIGMA = 4.0, 2.0
 NOT_CHANCE = 1e-3
 
 
+# On open ground what the best model leaves is the noise, and a hundred families that each follow some of it pay by the
+# measure above. There a term without a name is an answer only where it lessens the left-overs of the runs by this share
+# (RMS): less is within what ground does anyway. A run of a few seconds has about so many slow modes that could tell.
+MATERIAL, SLOW_MODES = 0.2, 3
+
+
+def material_gain(runs: int) -> float:
+    """Log evidence that free-form terms must bring beside what they stand with, on open ground."""
+    return -SLOW_MODES * runs * math.log(1 - MATERIAL)
+
+
 def least_gain(ids: Set) -> float:
     """Log odds that each effect of a set must earn."""
     return KEEP[min(len(ids), LARGEST_SET - 1) if any(map(is_free, ids)) else len(ids)]
@@ -55,25 +67,32 @@ def best_named(search: Search, table: Standing, families: int) -> Set:
     return next(ids for ids in named if pays(search, table, families, ids))
 
 
-def decide(search: Search, table: Standing, families: int, named: Set) -> tuple[Set, Verdict, str]:
+def decide(
+    search: Search, table: Standing, families: int, named: Set, least_material: float = -math.inf
+) -> tuple[Set, Verdict, str]:
     """Verdict between the best named set and everything free-form.
 
     Several effects of which one does not pay speak for nothing: three that were refused for imitating what has no name
     do not support two of them, and a term without a name that gains little beside named ones casts no doubt on these.
+    least_material: see material_gain.
     """
-    free = [ids for ids in table.sets if any(map(is_free, ids))]
+
+    def named_of(ids: Set) -> Set:
+        return frozenset(effect for effect in ids if not is_free(effect))
+
+    def gain(ids: Set) -> float:
+        return table.of(ids) - score(search, named_of(ids), families)
+
+    free = [ids for ids in table.sets if ids != named_of(ids) and gain(ids) > least_material]
     answers = [ids for ids in table.sets if len(ids) == 1 or pays(search, table, families, ids)]
     likely = [ids for ids in answers if ids in free]
     doubted = bool(likely) and table.share_of(likely, answers) > DOUBT
     if doubted and pays(search, table, families, likely[0]):
         return likely[0], "unknown", "a free-form term explains the runs as well as the named effects, or better"
     # also better than named effects that do not pay for themselves: chance that looks like one looks like both
-    likeliest = next(ids for ids in table.sets if ids not in free)
+    likeliest = next(ids for ids in table.sets if not any(map(is_free, ids)))
     for ids in free:
-        without = frozenset(effect for effect in ids if not is_free(effect))
-        if table.of(ids) > score(search, without, families) and all(
-            _predicts(search, ids, other) for other in {named, likeliest}
-        ):
+        if gain(ids) > 0 and all(_predicts(search, ids, other) for other in {named, likeliest}):
             return ids, "unknown", "a free-form term predicts commands left out better than any named effect"
     if named:
         return named, "effect", "each effect pays for itself, and nothing is left that a free-form term could explain"

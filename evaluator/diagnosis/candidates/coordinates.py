@@ -3,20 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+import numpy as np
+
+from simulator.dynamics.scale import USUAL_DISTANCE_MM, time_unit_s
+from simulator.dynamics.terms import UN_PER_MN
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.coordinates import Candidate, Scene
+from simulator.effects.parameter import PAPER_SIZE, Size
 from simulator.own_effects.files import BUILT_IN
+from simulator.robot import Robot
+
+USUAL_LOAD_MN = 53.9  # on the wheels of the paper's barrel robot: 4.9 mN of weight, 49 mN of attraction
+
+
+def size_of(robot: Robot) -> Size:
+    """How large a robot is beside the paper's; of one in whose units the kernels need not change, the paper's."""
+    places = robot.wheel_positions_mm()
+    if time_unit_s(places) == 1.0:
+        return PAPER_SIZE
+    off = places - places.mean(axis=0)
+    load_mN = robot.weight_uN / UN_PER_MN + sum(wheel.attraction_mN for wheel in robot.all_wheels)
+    return Size(float(np.sqrt(np.mean(np.sum(off**2, axis=1)))) / USUAL_DISTANCE_MM, load_mN / USUAL_LOAD_MN)
 
 
 def named_terms(
-    reach_mm: float, command_levels_rpm: tuple[float, ...], own: Sequence[str] = ()
+    reach_mm: float, command_levels_rpm: tuple[float, ...], own: Sequence[str] = (), size: Size = PAPER_SIZE
 ) -> dict[str, Candidate]:
     """All effects of the catalogue as candidates, by id, and those of the user's own.
 
     reach_mm: how far from the origin the robot moved, for the places an attraction may sit. command_levels_rpm: the
-    different |rpm| that were commanded; a dead band can only lie between them.
+    different |rpm| that were commanded; a dead band can only lie between them. size: of the robot; who writes an own
+    effect states its steps and bounds for it.
     """
-    scene = Scene(reach_mm, command_levels_rpm)
-    ids = [*(effect for effect in EFFECTS if effect in BUILT_IN), *own]
-    return {effect: EFFECTS[effect].candidate(scene) for effect in ids}
+    scene = Scene(reach_mm, command_levels_rpm, size)
+    as_stated = replace(scene, size=PAPER_SIZE)
+    built_in = {effect: EFFECTS[effect].candidate(scene) for effect in EFFECTS if effect in BUILT_IN}
+    return built_in | {effect: EFFECTS[effect].candidate(as_stated) for effect in own}

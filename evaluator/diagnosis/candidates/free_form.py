@@ -13,15 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator.dynamics.terms import BASES, CHANNELS
+from simulator.dynamics.scale import DIMENSIONS
+from simulator.dynamics.terms import BASES, CHANNELS, X_CUBED, Y_CUBED
 from simulator.dynamics.terms import Term as KernelTerm
 from simulator.effects.coordinates import Candidate, Coordinate, Parameters
 from simulator.effects.free_form import scale_of_channel
+from simulator.effects.parameter import PAPER_SIZE, Size
 
 Floats = NDArray[np.float64]
 
 PREFIX = "free:"
-# A visible but linear size of every channel in its file unit, for a basis of size one.
+# A visible but linear size of every channel in its file unit, for a basis of size one and a robot of the paper's size.
 CHANNEL_STEP = {
     "force_forward": 0.02,
     "force_left": 0.02,
@@ -94,7 +96,13 @@ BASIS_WORDS = {
     "left_command": ("proportional to the left command", "/rpm"),
     "right_command": ("proportional to the right command", "/rpm"),
 }
-# Sizes of the bases on this plate and at these speeds, by which steps are divided.
+OWN_COMMAND = ("left_drive", "left_command"), ("right_drive", "right_command")
+OTHER_COMMAND = ("left_drive", "right_command"), ("right_drive", "left_command")
+TWIN_WORDS = {
+    "left_drive.left_command=right_drive.right_command": "proportional to their own command",
+    "left_drive.right_command=right_drive.left_command": "proportional to the command of the other side",
+}
+# Sizes of the bases on a plate for the paper's robot and at its speeds, by which steps are divided.
 BASIS_SIZE = {
     "u": 3.0,
     "abs_u": 3.0,
@@ -114,11 +122,18 @@ BASIS_SIZE = {
 
 @dataclass(frozen=True)
 class Item:
-    """One coefficient of a family."""
+    """One coefficient of a family; twin: another place where the same coefficient acts."""
 
     channel: str
     basis: str
     pattern: str = "common"
+    twin: Item | None = None
+
+    @property
+    def name(self) -> str:
+        """The item in the grammar: channel.basis, the pattern where it is not common, = and its twin."""
+        own = f"{self.channel}.{self.basis}" + ("" if self.pattern == "common" else f".{self.pattern}")
+        return own if self.twin is None else f"{own}={self.twin.name}"
 
 
 @dataclass(frozen=True)
@@ -130,14 +145,26 @@ class FreeTerm(Candidate):
     def kernel_terms(self, values: Sequence[float]) -> list[KernelTerm]:
         """Terms of the kernel at these coefficients, in file units."""
         result = []
-        for item, value in zip(self.items, values, strict=True):
+        for item, value in self.acting(values):
             channel = CHANNELS[item.channel]
             size = float(value) * scale_of_channel(channel)
             result.append(KernelTerm(channel, BASES[item.basis], size, item.pattern))
         return result
 
+    def acting(self, values: Sequence[float]) -> list[tuple[Item, float]]:
+        """Every place where a coefficient acts, with its value."""
+        return [
+            (part, float(value))
+            for item, value in zip(self.items, values, strict=True)
+            for part in (item, item.twin)
+            if part is not None
+        ]
+
     def describe(self) -> str:
         """The family in plain words."""
+        if all(item.twin for item in self.items):
+            words = " and ".join(TWIN_WORDS[item.name] for item in self.items)
+            return f"a rotation of the wheels beside their command, alike on both sides, {words}"
         channels = {item.channel for item in self.items}
         if len(channels) == 1:
             words = " and ".join(dict.fromkeys(BASIS_WORDS[item.basis][0] for item in self.items))
@@ -152,14 +179,14 @@ class FreeTerm(Candidate):
         return f" ({', '.join(sorted(patterns))} wheels)" if patterns else ""
 
 
-def free_terms() -> dict[str, FreeTerm]:
-    """All families by id."""
-    return {term.id: term for term in map(_family, _families())}
+def free_terms(size: Size = PAPER_SIZE) -> dict[str, FreeTerm]:
+    """All families by id, with the steps and bounds of a robot of a size."""
+    return {term.id: term for term in (_family(items, size) for items in _families())}
 
 
-def _family(items: tuple[Item, ...]) -> FreeTerm:
-    names = [f"{i.channel}.{i.basis}" + ("" if i.pattern == "common" else f".{i.pattern}") for i in items]
-    coordinates = tuple(_coordinate(name, item) for name, item in zip(names, items, strict=True))
+def _family(items: tuple[Item, ...], size: Size) -> FreeTerm:
+    names = [item.name for item in items]
+    coordinates = tuple(_coordinate(name, item, size) for name, item in zip(names, items, strict=True))
 
     def physical(values: tuple[float, ...]) -> Parameters:
         return dict(zip(names, map(float, values), strict=True))
@@ -167,14 +194,24 @@ def _family(items: tuple[Item, ...]) -> FreeTerm:
     return FreeTerm(PREFIX + "+".join(names), coordinates, physical, items=items)
 
 
-def _coordinate(name: str, item: Item) -> Coordinate:
+def _coordinate(name: str, item: Item, size: Size) -> Coordinate:
     """A coefficient with its visible step, bounded so that friction, load and speed keep their sign."""
-    size = BASIS_SIZE.get(item.basis, 1.0)
-    most = 200 * CHANNEL_STEP[item.channel]
-    low, high = RELATIVE.get(item.channel, (-most, most))
+    basis = BASIS_SIZE.get(item.basis, 1.0) * size.length ** _length_power(item.basis)
+    step = CHANNEL_STEP[item.channel] * _times_as_large(item.channel, size)
+    low, high = RELATIVE.get(item.channel, (-200 * step, 200 * step))
     if item.basis != "one":  # may have either sign
         low, high = max(low, -high), min(high, -low)
-    return Coordinate(name, 0.0, CHANNEL_STEP[item.channel] / size, low / size, high / size)
+    return Coordinate(name, 0.0, step / basis, low / basis, high / basis)
+
+
+def _length_power(basis: str) -> int:
+    number = BASES[basis]
+    return 3 if number in (X_CUBED, Y_CUBED) else DIMENSIONS.get(number, (0, 0))[0]
+
+
+def _times_as_large(channel: str, size: Size) -> float:
+    unit = CHANNEL_WORDS[channel][1]
+    return size.force * size.length if unit == "µN·mm" else {"mN": size.force, "mm": size.length}.get(unit, 1.0)
 
 
 def _families() -> Iterator[tuple[Item, ...]]:
@@ -224,6 +261,11 @@ def _families() -> Iterator[tuple[Item, ...]]:
     # a drive that mixes its sides: gears that share a shaft, a mixer in the controller
     yield Item("left_drive", "right_command"), Item("right_drive", "left_command")
     yield tuple(Item(f"{a}_drive", f"{b}_command") for a in ("left", "right") for b in ("left", "right"))
+    # the same gains on both sides: of the common part of the commands 1 + own + other, of their difference 1 + own −
+    # other
+    own, other = (Item(*first, twin=Item(*second)) for first, second in (OWN_COMMAND, OTHER_COMMAND))
+    yield (other,)
+    yield own, other
     yield Item("camera_x", "time"), Item("camera_y", "time")  # an image that creeps
     yield Item("camera_x", "x"), Item("camera_x", "y")  # unequal scales and a shear; the rest is a scale and a turn
     yield Item("camera_x", "x_r_squared"), Item("camera_y", "y_r_squared")  # what a lens leaves

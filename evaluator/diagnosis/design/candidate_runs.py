@@ -21,6 +21,7 @@ SHORTEST_S = 2.0
 STEPS_PER_S = 10  # of the path that must have room
 REST_S = 0.5
 HEADINGS_DEG = tuple(range(0, 360, 45))
+MOST_LEVELS = 8  # one more than the speeds of the paper's straight runs
 SHARES = (1.0, 0.7, 0.4)  # of the faster wheel's speed: straight, a wide turn, a tight turn
 PIVOTS = (0.0, -1.0)  # about the wheel that stands still, and on the spot
 # Middle and corners of the room that a run leaves free, as shares of its half widths.
@@ -70,11 +71,15 @@ class Room:
 def commands_at(levels_rpm: Sequence[float], *, pivots: bool = False) -> list[tuple[float, float]]:
     """Straight runs and turns to both sides, forward and backward, at these levels, the highest and half of it.
 
+    Of a log in which hardly a command returns, MOST_LEVELS levels stand for all.
+
     pivots: also turns in which one wheel stands still or turns backward, for a rig whose wheels are driven apart.
     """
     top = max(levels_rpm)
     shares = SHARES + PIVOTS if pivots else SHARES
     levels = sorted({round(level, 3) for level in (*levels_rpm, top, top / 2) if level > 0})
+    if len(levels) > MOST_LEVELS:
+        levels = [levels[k] for k in np.unique(np.linspace(0, len(levels) - 1, MOST_LEVELS).round().astype(int))]
     forward = {
         pair for level in levels for share in shares for pair in ((level, level * share), (level * share, level))
     }

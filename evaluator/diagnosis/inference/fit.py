@@ -37,6 +37,7 @@ SETTLED = 0.05
 # quantities known to a tolerance, some worth hundreds of sigmas together, 3.6 were promised where nothing was left to
 # gain. Decisions take seven and more.
 STALLED = 5.0
+MOST_SHORT = 40.0  # of -2 log density, on ground: a fit to which a view promises more is nowhere near its end
 # A promise that stays above this share of the one before, and is of friction or gains no run can have, is not kept.
 # In four experiments that nothing explains, 164 of 169 fits that stalled wanted such, and one of 63 that converged.
 NO_PROGRESS = 0.5
@@ -64,6 +65,9 @@ class Fit:
     converged: bool
     runs: tuple[int, ...]
     steps: int = 1  # that it took: linear views of all its runs
+    unkept: float = (
+        0.0  # of -2 log density: what the last view promised and no step kept; half is taken from the evidence
+    )
 
     @cached_property
     def excess(self) -> float:
@@ -135,13 +139,16 @@ def fit_model(
         except FloatingPointError:
             problem.ends[question] = None
             raise
-        problem.ends[question] = End(fit.point.own, fit.point.nominal, fit.point.terms, fit.converged, fit.steps)
+        problem.ends[question] = End(
+            fit.point.own, fit.point.nominal, fit.point.terms, fit.converged, fit.steps, fit.unkept
+        )
         return fit
     end = problem.ends[question]
     if end is None:
         raise FloatingPointError("a run cannot be simulated on the way of this fit")
     point = Point(end.own, end.nominal, end.terms)
-    return replace(_viewed(problem, point, columns, tolerance, chosen), converged=end.converged, steps=end.steps)
+    seen = replace(_viewed(problem, point, columns, tolerance, chosen), converged=end.converged, steps=end.steps)
+    return _with_unkept(seen, end.unkept)
 
 
 def _viewed(
@@ -200,17 +207,31 @@ def _fitted(
         if promise < SETTLED:
             return replace(fit, converged=True)
         if promise > NO_PROGRESS * before and np.any(np.abs(own) > MOST_SCATTER):
-            return fit
+            return _short_of(fit, promise, problem)
         lag = rival - fit.posterior.log_evidence
         if lag > max(LAGGING, CLOSING * lagged):
             return fit
         before, lagged = promise, lag
         moved = _line_search(problem, point, columns, theta, goal, runs, prior, scatter, now)
         if moved is None:
-            return replace(fit, converged=promise < STALLED)
+            return replace(fit, converged=True) if promise < STALLED else _short_of(fit, promise, problem)
         if step < MOST_STEPS - 1:
             point = moved
-    return fit
+    return _short_of(fit, promise, problem)
+
+
+def _short_of(fit: Fit, promise: float, problem: Problem) -> Fit:
+    """A fit that ended before nothing moved: not converged, but on ground, if little is left, the less probable for it.
+
+    There the runs disturb every step, and few fits settle. What a linear view promises and no step keeps is taken from
+    its evidence.
+    """
+    return fit if problem.length <= 1 or promise > MOST_SHORT else _with_unkept(replace(fit, converged=True), promise)
+
+
+def _with_unkept(fit: Fit, promise: float) -> Fit:
+    less = replace(fit.posterior, log_evidence=fit.posterior.log_evidence - promise / 2)
+    return replace(fit, posterior=less, unkept=promise)
 
 
 def _line_search(

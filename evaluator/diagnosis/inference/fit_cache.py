@@ -23,13 +23,14 @@ DIGITS = 9  # of the numbers of a question: processes that compile the kernels a
 
 @dataclass(frozen=True)
 class End:
-    """Where a fit ended, own (n, 7), nominal and terms as in Point, and in how many steps."""
+    """Where a fit ended, own (n, 7), nominal and terms as in Point, in how many steps, and what it had not kept."""
 
     own: NDArray[np.float64]
     nominal: Mapping[str, float]
     terms: Mapping[str, tuple[float, ...]]
     converged: bool
     steps: int = 1
+    unkept: float = 0.0
 
 
 class Ends:
@@ -86,11 +87,13 @@ def _rounded(value: Any) -> Any:
 
 
 def _content_of(end: End | None) -> list[Any] | None:
-    return None if end is None else [end.own.tolist(), dict(end.nominal), dict(end.terms), end.converged, end.steps]
+    if end is None:
+        return None
+    return [end.own.tolist(), dict(end.nominal), dict(end.terms), end.converged, end.steps, end.unkept]
 
 
 def _end_of(content: list[Any] | None) -> End | None:
     if content is None:
         return None
-    own, nominal, terms, converged, steps = content
-    return End(np.array(own), nominal, {key: tuple(values) for key, values in terms.items()}, converged, steps)
+    own, nominal, terms, converged, steps, unkept = content
+    return End(np.array(own), nominal, {key: tuple(values) for key, values in terms.items()}, converged, steps, unkept)

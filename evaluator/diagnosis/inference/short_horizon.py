@@ -7,7 +7,7 @@ there is a start for a longer horizon, up to the whole run.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -21,7 +21,8 @@ HORIZONS_S = (1.0, 2.5)
 RECALIBRATION_S = (1.0, 2.0, 4.0)  # doubled: the heading errs by little more than what the horizon before left
 # Misfit of the nominal model in one run, RMS, from which on the whole run is no place to begin: a linear view errs by
 # about the square of the angle, and of the misplacement over the ten to twenty millimetres that a run covers, which
-# is then many times the tracking noise. Below it the fits of development experiments converged from the nominal model.
+# is then many times the tracking noise (of the paper's robot; in proportion of others). Below it the fits of
+# development experiments converged from the nominal model.
 LARGE_TURN_RAD, LARGE_SHIFT_MM = 0.1, 1.0
 MOST_STEPS = 70  # of the fits of one horizon, as in a search: every single effect once, the promising ones in full
 CARRIED_ON = 4  # sets that go on to the next horizon
@@ -32,7 +33,13 @@ def is_large(problem: Problem, point: Point) -> bool:
     residuals = problem.residuals([point.task(run) for run in range(len(problem.data))])
     misfit = np.array([np.sqrt(np.nanmean(item**2, axis=0)) for item in residuals])
     turn, shift = misfit[:, 2] / problem.half_distance_mm, np.hypot(misfit[:, 0], misfit[:, 1])
-    return bool(np.any(turn > LARGE_TURN_RAD) or np.any(shift > LARGE_SHIFT_MM))
+    return bool(np.any(turn > LARGE_TURN_RAD) or np.any(shift > problem.length * LARGE_SHIFT_MM))
+
+
+def within(problem: Problem, horizons_s: Sequence[float]) -> list[float]:
+    """The horizons that leave something of the longest run out: beyond, they are the whole."""
+    longest_s = max(run.time_s[-1] - max(run.start_s, run.time_s[0]) for run in problem.data)
+    return [horizon_s for horizon_s in horizons_s if horizon_s < longest_s]
 
 
 def recalibrated(problem: Problem, start: Point, tolerance: Mapping[str, float]) -> Point:
@@ -41,7 +48,7 @@ def recalibrated(problem: Problem, start: Point, tolerance: Mapping[str, float])
     Where no fit of a horizon converges, what it came to is still nearer than the start.
     """
     point = start
-    for horizon_s in RECALIBRATION_S:
+    for horizon_s in within(problem, RECALIBRATION_S):
         short = within_horizon(problem, point, horizon_s)
         try:
             point = fit_model(short, point, [], tolerance, most_scatter=USUAL_SCATTER).point
@@ -54,7 +61,7 @@ def short_horizon_fits(whole: Search, start: Point, progress: Progress) -> list[
     """Fits of the sets that explain the first seconds of the runs best, the best first; start: nominal point."""
     best: list[Fit] = []
     point = start
-    for horizon_s in HORIZONS_S:
+    for horizon_s in within(whole.problem, HORIZONS_S):
         short = within_horizon(whole.problem, point, horizon_s)
         search = Search(short, whole.terms, whole.tolerance, whole.runs, most_steps=MOST_STEPS)
         run_search(search, start, start, progress, best)

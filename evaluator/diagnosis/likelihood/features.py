@@ -22,7 +22,8 @@ CHANNELS = ("midpoint_x", "midpoint_y", "direction", "distance")
 FASTEST_HZ = 3.0  # two wheel revolutions a second at 90 rpm, and a motor's lag of 50 ms, stay visible
 MOST_MODES = 72
 DISTANCE_MODES = 8  # the distance of the marks is constant but for the camera; it needs no more
-MODEL_FLOOR_MM = 3e-4  # two correct programs of the same model differ by this: steps, start transients, regularization
+# Two correct programs of the same model of the paper's robot differ by this: steps, start transients, regularization.
+MODEL_FLOOR_MM = 3e-4
 
 
 def channels_of(marks_mm: Floats) -> Floats:
@@ -64,8 +65,10 @@ class Compression:
         return np.concatenate(parts, axis=-1)
 
 
-def compression(time_s: Floats, used: NDArray[np.bool_], noise: tuple[Noise, ...]) -> Compression:
-    """Modes and whitening of one run. noise: one per channel of CHANNELS."""
+def compression(
+    time_s: Floats, used: NDArray[np.bool_], noise: tuple[Noise, ...], floor_mm: float = MODEL_FLOOR_MM
+) -> Compression:
+    """Modes and whitening of one run. noise: one per channel of CHANNELS. floor_mm: precision of the model."""
     seen = time_s[used]
     span = max(float(seen[-1] - seen[0]), 1e-9)
     count = int(np.clip(2 * span * FASTEST_HZ, 8, MOST_MODES))
@@ -82,7 +85,7 @@ def compression(time_s: Floats, used: NDArray[np.bool_], noise: tuple[Noise, ...
         normal = slow.T @ slow
         functional = np.linalg.solve(normal + 1e-6 * np.trace(normal) / len(normal) * np.eye(len(normal)), slow.T)
         covariance = functional @ part.times(seen, functional.T)
-        covariance[np.diag_indices(len(covariance))] += MODEL_FLOOR_MM**2 / (1.0 + np.arange(len(covariance)))
+        covariance[np.diag_indices(len(covariance))] += floor_mm**2 / (1.0 + np.arange(len(covariance)))
         parts.append(np.ascontiguousarray(solve_triangular(np.linalg.cholesky(covariance), functional, lower=True).T))
     return Compression(used, tuple(parts))
 

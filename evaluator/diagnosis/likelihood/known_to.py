@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.diagnosis.candidates.coordinates import size_of
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData
 from evaluator.robot_geometry import reference_line, reference_pair
 from evaluator.settings import KnownTo
@@ -31,10 +32,14 @@ GRAVITY = ("center_of_gravity_x_mm", "center_of_gravity_y_mm")
 SIMULATED = (START, CLOCK, RADIUS_DIFFERENCE, *LEVEL, *GRAVITY)
 SCALE = "plane_scale"
 # Knowledge of geometry where robot.toml says nothing: callipers read 0.01 mm, a machinist's level 0.3 degrees.
+# Of a robot of the paper's size; of one of a metre, that a tape measures, in proportion.
 CALLIPERS_MM = 0.005  # one standard deviation of a length, of what is read to 0.01 mm
 RADIUS_SHARE = 0.005  # of a wheel's radius: half of that of a diameter of a millimetre
 MASS_SHARE = 0.02
 ATTRACTION_SHARE = 0.05  # pull-off forces repeat to some per cent
+# Computers that log commands and poses keep one clock to some hundredths of a second, however seldom a sensor measures.
+# A tenth of a second, the interval of a lidar, would hide motors that follow late.
+STAMPED_S = 0.02
 FRAMES_COMMON, FRAMES_PER_RUN = 1.0, 0.5  # knowledge of the start where experiment.toml says nothing, in frames
 
 
@@ -61,8 +66,15 @@ class Quantity:
 def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Quantity, ...]:
     """All that is known to within a tolerance and is not in the robot's [tolerance]; what is exact is left out."""
     geometry = robot.known_to
-    common_s = FRAMES_COMMON * frame_interval_s(data) if known.start_common_s is None else known.start_common_s
-    level, place, gravity = geometry.plate_level_deg, geometry.mark_position_mm, geometry.center_of_gravity_mm
+    usual_s = min(frame_interval_s(data), _stamped_s(data))
+    common_s = FRAMES_COMMON * usual_s if known.start_common_s is None else known.start_common_s
+    length = size_of(robot).length
+    level, callipers = geometry.plate_level_deg, length * CALLIPERS_MM
+    stated_as = geometry.model_fields_set  # the defaults are those of a robot of the paper's size
+    place, gravity = (
+        getattr(geometry, name) * (1.0 if name in stated_as else length)
+        for name in ("mark_position_mm", "center_of_gravity_mm")
+    )
     found = [
         _shared(START, "start of motion, all runs", "s", common_s),
         _shared(CLOCK, "seconds of the recording", "1", known.time_base),
@@ -86,19 +98,22 @@ def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Q
     mass = robot.body.mass_g
     lengths: list[tuple[str, str, float, float | None]]
     lengths = [("body.mass_g", "mass", mass, MASS_SHARE * mass if geometry.mass_g is None else geometry.mass_g)]
-    if robot.wheels:  # a [[wheel]] list is taken as it is written
-        lengths[:0] = [
-            ("wheels.radius_mm", "radius of the wheels", radius, radius_sigma),
-            ("wheels.wheelbase_mm", "wheelbase", robot.wheels.wheelbase_mm, geometry.wheelbase_mm),
-            ("wheels.track_mm", "track", robot.wheels.track_mm, geometry.track_mm),
-        ]
+    wheelbase_mm, track_mm = (float(part) for part in np.ptp(robot.wheel_positions_mm(), axis=0))
+    keys = ("wheels.radius_mm", "wheels.wheelbase_mm", "wheels.track_mm")
+    if not robot.wheels:  # of a list the radii, or all x, or all y, in one ratio
+        keys = ("wheel.radius_mm", "wheel.x_mm", "wheel.y_mm")
+    lengths[:0] = [
+        (keys[0], "radius of the wheels", radius, radius_sigma),
+        (keys[1], "wheelbase", wheelbase_mm, geometry.wheelbase_mm),
+        (keys[2], "track", track_mm, geometry.track_mm),
+    ]
     attraction = robot.magnetic_attraction
     forces = (
         ("magnetic_attraction.driving_wheel_mN", "attraction of a driving wheel", attraction.driving_wheel_mN),
         ("magnetic_attraction.driven_wheel_mN", "attraction of a driven wheel", attraction.driven_wheel_mN),
     )
     for key, name, value, sigma in (*lengths, *((k, n, v, ATTRACTION_SHARE * v) for k, n, v in forces)):
-        stated = CALLIPERS_MM * 2 if sigma is None else sigma
+        stated = callipers * 2 if sigma is None else sigma
         if value and key not in robot.tolerance:
             found.append(Quantity(key, name, key.rpartition("_")[2], stated, value))
     return tuple(item for item in found if item.sigma > 0)
@@ -106,7 +121,13 @@ def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Q
 
 def start_per_run_s(known: KnownTo, data: Sequence[RunData]) -> float:
     """Standard deviation of the start of single runs, s: half a frame where experiment.toml says nothing."""
-    return FRAMES_PER_RUN * frame_interval_s(data) if known.start_per_run_s is None else known.start_per_run_s
+    usual_s = FRAMES_PER_RUN * min(frame_interval_s(data), _stamped_s(data))
+    return usual_s if known.start_per_run_s is None else known.start_per_run_s
+
+
+def _stamped_s(data: Sequence[RunData]) -> float:
+    """How well the clocks of commands and poses agree where both are logs of computers; elsewhere frames decide."""
+    return STAMPED_S if all(run.log is not None and run.from_poses for run in data) else np.inf
 
 
 def frame_interval_s(data: Sequence[RunData]) -> float:

@@ -13,10 +13,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.diagnosis.candidates.coordinates import size_of
 from evaluator.diagnosis.inference.fit_cache import Ends
 from evaluator.diagnosis.inference.watch import Watch
+from evaluator.diagnosis.likelihood.discrepancy import left_over, with_discrepancy
 from evaluator.diagnosis.likelihood.drift import with_drift
 from evaluator.diagnosis.likelihood.features import (
+    MODEL_FLOOR_MM,
     Compression,
     channel_noise,
     channel_residual,
@@ -31,9 +34,10 @@ from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
 
-# mm, mm, rad, relative, standard deviations of the start: far above rounding, far below curvature
+# mm, mm, rad, relative, standard deviations of the start: far above rounding, far below curvature; of the paper's robot
 OWN_STEPS = (1e-3, 1e-3, 1e-4, 1e-3, 2e-4, 2e-4, 0.1)
 OWN = len(OWN_STEPS)
+START_POSE = 3  # of them, the first: x, y, heading
 NOMINAL_STEP = 5e-4
 NOMINAL_STEPS = {"body": 5e-3}  # mass does little but to inertia
 SHARED_STEP = 0.05 * SHARED_UNIT  # a twentieth of a standard deviation
@@ -107,6 +111,7 @@ class Problem:
     compressions: tuple[Compression, ...]
     noise: tuple[tuple[Noise, ...], ...]
     half_distance_mm: float
+    length: float = 1.0  # of the robots over that of the paper's
     horizon_s: float = np.inf  # only frames up to so long after the start of the motors count
     ends: Ends = field(default_factory=Ends)  # of the fits made before
     watch: Watch = field(default_factory=Watch)  # looked at between the steps of a fit
@@ -115,6 +120,11 @@ class Problem:
     def fingerprint(self) -> str:
         """Hash of the measured marks."""
         return hashlib.sha256(b"".join(np.ascontiguousarray(item).data for item in self.channels)).hexdigest()
+
+    @property
+    def own_steps(self) -> Floats:
+        """Differences (7,) of a run's own numbers that make derivatives."""
+        return np.array(OWN_STEPS) * [self.length, self.length, 1.0, 1.0, 1.0, 1.0, 1.0]
 
     def counting_frames(self, run: int) -> NDArray[np.bool_]:
         """Frames (n,) of a run that count: both marks seen, within the horizon."""
@@ -149,11 +159,15 @@ class Problem:
         size = len(points) + len(OWN_STEPS)
         for first in range(0, len(runs), at_once):  # large batches keep all cores busy, small ones the memory
             group = runs[first : first + at_once]
-            residuals = self.residuals([task for run in group for task in _tasks(point, points, run)])
+            residuals = self.residuals([task for run in group for task in self._tasks(point, points, run)])
             for number, run in enumerate(group):
                 own = residuals[number * size : (number + 1) * size]
                 result.append(self._linearized(point, columns, run, own, bases))
         return result
+
+    def _tasks(self, point: Point, points: Sequence[Point], run: int) -> list[Task]:
+        """What to simulate for the derivatives of one run, those by its own numbers last."""
+        return [at.task(run) for at in points] + [point.task(run, step) for step in np.diag(self.own_steps)]
 
     def seen_again(self, point: Point, views: Sequence[Linearized], runs: Sequence[int]) -> list[Linearized | None]:
         """Views of runs without common columns at a point nearby: the response anew, the slopes as they were."""
@@ -188,7 +202,7 @@ class Problem:
             after = len(features) - OWN - len(columns) + i
             if sound[before] and sound[after]:  # a candidate that cannot be simulated offers nothing
                 common[:, i] = (features[before] - features[after]) / column.step
-        own = ((base - features[-OWN:]) / np.array(OWN_STEPS)[:, None]).T
+        own = ((base - features[-OWN:]) / self.own_steps[:, None]).T
         theta = np.array([0.0 if c.start is not None else point.value(c) for c in columns])
         response = base + common @ theta + own[:, 3:] @ point.own[run, 3:]
         return Linearized(response, common, own[:, :3], own[:, 3:])
@@ -205,11 +219,6 @@ def _points(point: Point, columns: Sequence[Column]) -> tuple[list[Point], dict[
     return points + [point.moved(column, column.step) for column in columns], bases
 
 
-def _tasks(point: Point, points: Sequence[Point], run: int) -> list[Task]:
-    """What to simulate for the derivatives of one run, those by its own numbers last."""
-    return [at.task(run) for at in points] + [point.task(run, step) for step in np.diag(OWN_STEPS)]
-
-
 def build_problem(
     data: Sequence[RunData], forward: Forward, ends: Ends | None = None, watch: Watch | None = None
 ) -> tuple[Problem, Point]:
@@ -219,7 +228,8 @@ def build_problem(
     """
     channels = tuple(channels_of(run.marks_mm) for run in data)
     half = float(np.nanmedian(np.concatenate([item[:, 3] for item in channels]))) / 2
-    bare = Problem(tuple(data), forward, channels, (), (), half, ends=ends or Ends(), watch=watch or Watch())
+    length = max(size_of(robot).length for robot in forward.robots)
+    bare = Problem(tuple(data), forward, channels, (), (), half, length, ends=ends or Ends(), watch=watch or Watch())
     point = Point(aligned_starts(data, forward))
     return with_noise_of(bare, point), point
 
@@ -243,8 +253,11 @@ def with_noise_of(problem: Problem, point: Point) -> Problem:
         (*parts[:3], replace(parts[3], white_mm=NO_DISTANCE_MM)) if run.from_poses else parts
         for run, parts in zip(problem.data, noise, strict=True)
     ]
+    if problem.length > 1:
+        noise = with_discrepancy(noise, [run.time_s for run in problem.data], _left_over(problem, point))
     compressions = tuple(
-        compression(run.time_s, used, parts) for run, used, parts in zip(problem.data, frames, noise, strict=True)
+        compression(run.time_s, used, parts, problem.length * MODEL_FLOOR_MM)
+        for run, used, parts in zip(problem.data, frames, noise, strict=True)
     )
     return replace(problem, compressions=compressions, noise=tuple(noise))
 
@@ -259,6 +272,15 @@ def within_horizon(problem: Problem, point: Point, horizon_s: float) -> Problem:
     data = tuple(run.first(count) for run, count in zip(problem.data, frames, strict=True))
     channels = tuple(item[:count] for item, count in zip(problem.channels, frames, strict=True))
     return with_noise_of(replace(short, data=data, channels=channels, forward=problem.forward.of_frames(data)), point)
+
+
+def _left_over(problem: Problem, point: Point) -> Floats:
+    """What the common parameters of a point leave over in every run, (runs, 2) mm: see discrepancy.left_over."""
+    same = replace(point, own=point.own * (np.arange(OWN) < START_POSE))
+    marks = problem.forward.marks([same.task(run) for run in range(len(problem.data))])
+    pairs = zip(problem.channels, marks, strict=True)
+    left = np.array([left_over(seen, channels_of(part), problem.half_distance_mm) for seen, part in pairs])
+    return np.where(np.isfinite(left), left, np.nanmax(left, axis=0))
 
 
 def aligned_starts(data: Sequence[RunData], forward: Forward) -> Floats:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel
 
 from evaluator.diagnosis.candidates.free_form import FreeTerm
 from evaluator.diagnosis.likelihood.known_to import CLOCK, GRAVITY, LEVEL, RADIUS_DIFFERENCE, SCALE, START
@@ -291,11 +292,17 @@ def _with_friction(models: NDArray[np.void], own: Floats) -> None:
 
 
 def varied_robot(robot: Robot, deviations: Mapping[str, float]) -> Robot:
-    """The robot with nominal values, by dotted key, multiplied by 1 + deviation."""
+    """The robot with nominal values, by dotted key, multiplied by 1 + deviation; of a [[wheel]] list, those of each."""
+
+    def scaled(part: BaseModel, name: str, factor: float) -> BaseModel:
+        return part.model_copy(update={name: getattr(part, name) * factor})
+
     for key, deviation in deviations.items():
         if deviation:
             table, name = key.split(".")
             part = getattr(robot, table)
-            changed = part.model_copy(update={name: getattr(part, name) * (1 + deviation)})
+            factor = 1 + deviation
+            each = isinstance(part, tuple)
+            changed = tuple(scaled(item, name, factor) for item in part) if each else scaled(part, name, factor)
             robot = robot.model_copy(update={table: changed})
     return robot

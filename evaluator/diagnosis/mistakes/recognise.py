@@ -4,20 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from evaluator.diagnosis.candidates.coordinates import size_of
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.copies import copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
 from evaluator.diagnosis.mistakes.hypotheses import misread_runs
-from evaluator.diagnosis.mistakes.recognised import Found, Mistake, mistakes_of
+from evaluator.diagnosis.mistakes.recognised import MOST, Found, Mistake, mistakes_of
+from simulator.effects.parameter import PAPER_SIZE
 from simulator.robot import Robot
 
 
 def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]:
     """Mistakes of the runs of a session, those of most runs together; at most one for each run.
 
-    robots: one per run, as their files say.
+    robots: one per run, as their files say. Of a robot of a metre only what concerns most runs is believed: ground
+    moves a single run as far from the model of the file as a mistake does.
     """
-    found = copies(data)
+    same = copies(data)
+    found = list(same)
     found += _of_the_rest(wrong_scale, data, robots, found)
     standing = standing_runs(data, robots)  # of a dead band: nothing tells what they were commanded
     moving = [(run, robot) for run, robot in zip(data, robots, strict=True) if run.id not in standing]
@@ -29,6 +33,9 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     found += _of_the_rest(disturbed_runs, data, robots, found)
     found += _of_the_rest(misread_runs, *read, found)
     found += _of_the_rest(late_starts, *read, found)
+    if any(size_of(robot) != PAPER_SIZE for robot in robots):
+        kinds = [item.kind for item in found]
+        found = [item for item in found if item in same or kinds.count(item.kind) >= MOST * len(data)]
     return mistakes_of(found, len(data), {"sides-swapped": turning})
 
 

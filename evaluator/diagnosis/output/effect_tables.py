@@ -48,7 +48,7 @@ def effect_tables(terms: Mapping[str, Candidate], fitted: Mapping[str, tuple[flo
 
 def _free_tables(term: FreeTerm, values: tuple[float, ...]) -> list[str]:
     lines = []
-    for item, value in zip(term.items, values, strict=True):
+    for item, value in term.acting(values):
         for pattern, share in PATTERN_SUMS.get(item.pattern, ((item.pattern, 1.0),)):
             lines += [
                 f"[[effect]]  # found by turnscope diagnose: {term.describe()}",

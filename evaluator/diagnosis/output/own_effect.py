@@ -18,19 +18,17 @@ def own_effect(found: Diagnosis, effect_id: str = ID) -> str | None:
     for term in terms:
         for item, coordinate, value in zip(term.items, term.coordinates, found.fit.point.terms[term.id], strict=True):
             wheels = "" if item.pattern == "common" else f"_{item.pattern}"
-            rows.append(
+            name = f"{item.channel}_by_{item.basis}{wheels}".replace("-", "_")
+            if item.twin:
+                name = "by_own_command" if item.channel[0] == item.basis[0] else "by_other_command"
+            bounds = float(coordinate.low), float(coordinate.high), float(coordinate.step)
+            rows += [
                 TermRow(
-                    item.channel,
-                    item.basis,
-                    f"{item.channel}_by_{item.basis}{wheels}".replace("-", "_"),
-                    item.pattern,
-                    _unit(item.channel, item.basis),
-                    float(coordinate.low),
-                    float(coordinate.high),
-                    float(coordinate.step),
-                    float(value),
+                    part.channel, part.basis, name, part.pattern, _unit(part.channel, part.basis), *bounds, float(value)
                 )
-            )
+                for part in (item, item.twin)
+                if part is not None
+            ]
     words = " and ".join(term.describe() for term in terms)
     return template(effect_id, rows, words, f"{words[:1].upper()}{words[1:]}.")
 

@@ -44,6 +44,32 @@ def with_value(text: str, table: str, name: str, value: float, remark: str) -> s
     return f"{text.rstrip()}\n\n[{table}]\n{line}\n"
 
 
+def with_values_of_each(text: str, table: str, name: str, factor: float, remark: str) -> str:
+    """The text with a number of every [[table]] multiplied by a factor, the former value and the remark in a comment.
+
+    A table that the file writes in another way than a key a line, below its header, stays as it is.
+    """
+    wanted = copy.deepcopy(tomllib.loads(text))
+    names = {name, *other_keys(name)}
+    header, begin = f"[[{table}]]", re.compile(r"^\s*\[")
+    key = re.compile(rf"^(\s*({'|'.join(map(re.escape, sorted(names)))})\s*=\s*)([-+\w.]+)")
+    inside, lines = False, []
+    for line in text.splitlines(keepends=True):
+        if begin.match(line):
+            inside = line.strip().startswith(header)
+        found = key.match(line) if inside else None
+        if found:
+            written, end = number(float(found[3]) * factor), line[found.end() :].rstrip()
+            joint = f"{end}; " if "#" in end else "  # "
+            line = f"{found[1]}{written}{joint}{found[3]} {remark}\n"  # noqa: PLW2901  # the line as it is to be written
+        lines.append(line)
+    for item in wanted.get(table, []):
+        for there in names & set(item):
+            item[there] = float(number(item[there] * factor))
+    changed = "".join(lines)
+    return changed if _parsed(changed) == wanted else text
+
+
 def number(value: float) -> str:
     """A float as TOML writes it."""
     text = f"{value:.8g}"

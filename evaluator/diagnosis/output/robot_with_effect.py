@@ -8,7 +8,7 @@ from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.likelihood.run_data import is_shared
 from evaluator.diagnosis.likelihood.simulation import varied_robot
 from evaluator.diagnosis.output.effect_tables import effect_tables
-from evaluator.diagnosis.output.robot_file import with_value
+from evaluator.diagnosis.output.robot_file import with_value, with_values_of_each
 from simulator.robot import Robot
 
 MOVED = "before turnscope diagnose, which moved it within its tolerance"
@@ -24,7 +24,11 @@ def robot_with_effect(diagnosis: Diagnosis, text: str) -> str:
     for key, deviation in nominal.items():
         if round(deviation, DEVIATION_DIGITS):
             table, name = key.split(".")
-            text = with_value(text, table, name, getattr(getattr(moved, table), name), MOVED)
+            part = getattr(moved, table)
+            if isinstance(part, tuple):
+                text = with_values_of_each(text, table, name, 1 + deviation, MOVED)
+            else:
+                text = with_value(text, table, name, getattr(part, name), MOVED)
     parts = [text.rstrip("\n"), ""]
     fitted = {effect: diagnosis.fit.point.terms[effect] for effect in diagnosis.chosen}
     parts += effect_tables(diagnosis.terms, fitted)

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from evaluator.diagnosis.candidates.free_form import BASIS_WORDS, CHANNEL_WORDS, PREFIX, free_terms
+from evaluator.diagnosis.candidates.free_form import BASIS_WORDS, CHANNEL_WORDS, PREFIX, TWIN_WORDS, free_terms
 from evaluator.report.numbers import UNKNOWN, number, significant
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.parameter import UNITS, Unit
@@ -60,7 +60,10 @@ def _sizes(effect: Json) -> str:
 
 def parameter(name: str, effect_id: str = "") -> tuple[str, str]:
     """A parameter's name in words, and its unit: the declared one, else that in which the name ends."""
-    channel, *basis = name.split(".")
+    first, twin, _ = name.partition("=")
+    channel, *basis = first.split(".")
+    if twin:  # of a coefficient that acts on both sides
+        return TWIN_WORDS.get(name, name), ""
     if basis:  # of a free-form term: channel.basis or channel.basis.pattern
         shown = (CHANNEL_WORDS[channel][1] + BASIS_WORDS[basis[0]][1]) if channel in CHANNEL_WORDS else ""
         return " ".join(name.replace("_", " ").split(".")), "" if shown == "1" else shown
@@ -188,7 +191,7 @@ def gap_sentence(content: Json) -> str:
 
 def in_words(text: str) -> str:
     """A sentence with free-form terms in words."""
-    return re.sub(re.escape(PREFIX) + r"[\w.+-]+", lambda match: effect_words(match[0]), text)
+    return re.sub(re.escape(PREFIX) + r"[\w.+=-]+", lambda match: effect_words(match[0]), text)
 
 
 def value_text(value: float | None) -> str:
@@ -211,8 +214,10 @@ def signed_percent(share: float | None) -> str:
 
 
 def micrometres(length_mm: float | None) -> str:
-    """A length in µm."""
-    return UNKNOWN if length_mm is None else f"{1000 * length_mm:.3g} µm"
+    """A length in µm; from ten millimetres on, which only large robots miss, in mm."""
+    if length_mm is None:
+        return UNKNOWN
+    return f"{length_mm:.3g} mm" if length_mm >= 10 else f"{1000 * length_mm:.3g} µm"
 
 
 def as_sentence(text: str) -> str:

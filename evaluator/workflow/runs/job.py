@@ -72,12 +72,14 @@ class Job:
                 "tracking": file_hash(self.tracking) if self.tracking and self.run.video else None,
                 "corrections": file_hash(self.run.corrections) if self.run.corrections and self.run.video else None,
                 "tracks": self.tracks.model_dump() if self.tracks and self.run.marks else None,
+                "topics": self.run.topics.model_dump() if self.run.topics and self.run.poses else None,
                 "marks": [mark.model_dump() for mark in self.robot.layout],
             }
         )
         named = ("left_rpm", "right_rpm", "start_s", "stop_s", "starts_at_rest")
         command = {name: getattr(self.run, name) for name in named}
         command["commands"] = file_hash(self.run.commands) if self.run.commands else None
+        command["topics"] = self.run.topics.model_dump() if self.run.topics and self.run.commands else None
         turn = key_of({"track": track, "command": command, **_shape_of(self.robot)})
         simulate = key_of({"turn": turn, "robot": self.robot.model_dump(mode="json"), "order": self.order})
         return {"track": track, "turn": turn, "simulate": simulate}

@@ -101,7 +101,7 @@ class _Stages:
             write_marks(read_any_marks(self.run.marks, self.job.tracks, self.camera, height_mm, names), path)
             return [path], {}
         if self.run.poses is not None:
-            found = read_poses(self.run.poses)
+            found = read_poses(self.run.poses, self.run.topics)
             write_marks(with_marks(found.table, mark_geometry(self.job.robot)), path)
             return [path], {"notes": found.notes()}
         assert self.run.video is not None  # one of the three, says the model of the file

@@ -1,0 +1,183 @@
+"""Recordings of ROS: commands and poses from topics of an MCAP file, a rosbag2 folder or a rosbag1 file.
+
+    [commands]                        # of experiment.toml, or one [run.topics] for a run by itself
+    topic = "/cmd_vel"                # what the motors were told
+    wheel_radius_m = 0.165            # of a velocity command: what the robot's controller takes the wheels to be
+    track_m = 0.555
+    poses_topic = "/odom"             # where the robot was
+
+A command is a velocity (geometry_msgs Twist or TwistStamped), the joint velocities of the wheels (sensor_msgs
+JointState: left_joint and right_joint name theirs, or lists of them, of which the mean counts), or two numbers, left
+and right, in rad/s (std_msgs Float32MultiArray or Float64MultiArray). Poses are nav_msgs Odometry, geometry_msgs
+PoseStamped or PoseWithCovarianceStamped. The time of a message is that of its header, where that has one, else
+that at which it was recorded. It needs rosbags (pip install 'turnscope[ros]').
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from evaluator.errors import InputError
+
+Array = NDArray[np.float64]
+S_PER_NS = 1e-9
+BAGS = (".mcap", ".bag", ".db3")
+METADATA = "metadata.yaml"  # of a rosbag2 folder
+Joints = str | tuple[str, ...]
+Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class Topics(BaseModel):
+    """Which topics of a bag say the commands and the poses, and how a velocity becomes wheel speeds."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    topic: str | None = None
+    wheel_radius_m: Length | None = None
+    track_m: Length | None = None
+    left_joint: Joints | None = None
+    right_joint: Joints | None = None
+    poses_topic: str | None = None
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path is that of a recording of ROS, by its ending; a folder, by what it holds."""
+    return path.suffix.lower() in BAGS or (path / METADATA).is_file()
+
+
+def read_commands(path: Path, topics: Topics) -> tuple[Array, Array]:
+    """Times (n,), s, and what the left and the right wheels were told (n, 2), rad/s, by the clock of the bag.
+
+    Raises InputError for a topic that is not there, or of which the wheels' speeds cannot be told.
+    """
+    rows = []
+    for kind, at_s, message in _messages(path, topics.topic, COMMANDS, "topic"):
+        rows.append((at_s, *COMMANDS[kind](message, topics, f"{path}: {topics.topic}")))
+    found = np.array(sorted(rows, key=lambda row: row[0]), dtype=float)
+    return found[:, 0], found[:, 1:]
+
+
+def read_trajectory(path: Path, topics: Topics) -> tuple[Array, Array, Array]:
+    """Times (n,), s, poses (n, 3), m, m and rad, and their covariances (n, 3, 3); NaN where the bag states none.
+
+    Heading: of the body's x axis over the plane of x and y. Raises InputError as read_commands does.
+    """
+    rows = [
+        (at_s, *_pose(POSES[kind](message)))
+        for kind, at_s, message in _messages(path, topics.poses_topic, POSES, "poses_topic")
+    ]
+    rows.sort(key=lambda row: row[0])
+    return (np.array([row[0] for row in rows]), np.array([row[1] for row in rows]), np.array([row[2] for row in rows]))
+
+
+def _messages(path: Path, topic: str | None, known: dict[str, Any], key: str) -> Iterator[tuple[str, float, Any]]:
+    """Kind, time and content of every message of a topic. Raises InputError where there are none."""
+    try:
+        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise InputError(f"{path}: reading it needs rosbags; pip install 'turnscope[ros]'") from error
+    if not path.exists():
+        raise InputError(f"{path}: no such file")
+    count = 0
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+            kinds = {item.topic: item.msgtype.rpartition("/")[2] for item in reader.connections}
+            chosen = _chosen(path, topic, kinds, known, key)
+            connections = [item for item in reader.connections if item.topic == chosen]
+            for connection, recorded_ns, raw in reader.messages(connections=connections):
+                message = reader.deserialize(raw, connection.msgtype)
+                count += 1
+                yield kinds[chosen], _time_s(message, recorded_ns), message
+    except InputError:
+        raise
+    except (AnyReaderError, OSError, ValueError, KeyError, AssertionError) as error:
+        raise InputError(f"{path}: not a recording of ROS that can be read ({str(error).strip()})") from error
+    if not count:
+        raise InputError(f"{path}: topic {chosen} holds no message")
+
+
+def _chosen(path: Path, topic: str | None, kinds: dict[str, str], known: dict[str, Any], key: str) -> str:
+    """The topic that is stated, or the only one of a kind that is known. Raises InputError."""
+    able = [name for name, kind in kinds.items() if kind in known]
+    listed = ", ".join(f"{name} ({kinds[name]})" for name in sorted(able)) or "none"
+    if topic is None:
+        if len(able) == 1:
+            return able[0]
+        raise InputError(f"{path}: say [commands] {key} in experiment.toml; topics that fit: {listed}")
+    if topic not in kinds:
+        raise InputError(f"{path}: there is no topic {topic} ([commands] {key}); topics that fit: {listed}")
+    if topic not in able:
+        raise InputError(
+            f"{path}: topic {topic} holds {kinds[topic]}; [commands] {key} needs {', '.join(known)} (found: {listed})"
+        )
+    return topic
+
+
+def _time_s(message: Any, recorded_ns: int) -> float:
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    if stamp is not None and (stamp.sec or stamp.nanosec):
+        return float(stamp.sec) + S_PER_NS * float(stamp.nanosec)
+    return S_PER_NS * recorded_ns
+
+
+def _of_velocity(twist: Any, topics: Topics, where: str) -> tuple[float, float]:
+    if topics.wheel_radius_m is None or topics.track_m is None:
+        raise InputError(
+            f"{where} holds velocities; say wheel_radius_m and track_m of the robot's controller in [commands]"
+        )
+    ahead, turn = float(twist.linear.x), float(twist.angular.z) * topics.track_m / 2
+    return (ahead - turn) / topics.wheel_radius_m, (ahead + turn) / topics.wheel_radius_m
+
+
+def _of_joints(state: Any, topics: Topics, where: str) -> tuple[float, float]:
+    speeds = dict(zip(state.name, state.velocity, strict=False))
+
+    def side(key: str, joints: Joints | None) -> float:
+        names = (joints,) if isinstance(joints, str) else joints or ()
+        missing = [name for name in names if name not in speeds]
+        if missing or not names:
+            said = f"there is no velocity of {', '.join(missing)}" if missing else f"say {key} in [commands]"
+            raise InputError(f"{where}: {said}; its joints are {', '.join(state.name)}")
+        return float(np.mean([speeds[name] for name in names]))
+
+    return side("left_joint", topics.left_joint), side("right_joint", topics.right_joint)
+
+
+def _of_numbers(array: Any, topics: Topics, where: str) -> tuple[float, float]:
+    del topics
+    if len(array.data) != 2:
+        raise InputError(f"{where} holds {len(array.data)} numbers; two are needed, left and right in rad/s")
+    return float(array.data[0]), float(array.data[1])
+
+
+def _pose(stated: Any) -> tuple[Array, Array]:
+    """Pose (3,) and covariance (3, 3) of a PoseWithCovariance, or of a Pose, which states none."""
+    pose = getattr(stated, "pose", stated)
+    at, q = pose.position, pose.orientation
+    heading = np.arctan2(2 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2)
+    covariance = np.full((3, 3), np.nan)
+    full = np.array(getattr(stated, "covariance", ()), dtype=float).reshape(-1)
+    if len(full) == 36 and full[0] > 0:  # zeros, or -1 first: not known, say the definitions of these messages
+        covariance = full.reshape(6, 6)[np.ix_((0, 1, 5), (0, 1, 5))]
+    return np.array([at.x, at.y, heading], dtype=float), covariance
+
+
+COMMANDS: dict[str, Callable[[Any, Topics, str], tuple[float, float]]] = {
+    "Twist": _of_velocity,
+    "TwistStamped": lambda message, topics, where: _of_velocity(message.twist, topics, where),
+    "JointState": _of_joints,
+    "Float32MultiArray": _of_numbers,
+    "Float64MultiArray": _of_numbers,
+}
+POSES: dict[str, Callable[[Any], Any]] = {
+    "Odometry": lambda message: message.pose,
+    "PoseWithCovarianceStamped": lambda message: message.pose,
+    "PoseStamped": lambda message: message.pose,
+}

@@ -1,0 +1,212 @@
+"""A robot of a metre is diagnosed as a microrobot is: steps, bounds and tolerances follow its size; ground is noise."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.assessment.verdict import material_gain
+from evaluator.diagnosis.candidates.coordinates import named_terms, size_of
+from evaluator.diagnosis.candidates.free_form import free_terms
+from evaluator.diagnosis.design.candidate_runs import commands_at
+from evaluator.diagnosis.inference.fit import Fit, _short_of
+from evaluator.diagnosis.likelihood.discrepancy import left_over, with_discrepancy
+from evaluator.diagnosis.likelihood.features import channels_of
+from evaluator.diagnosis.likelihood.known_to import quantities, start_per_run_s
+from evaluator.diagnosis.likelihood.mixed_model import Posterior
+from evaluator.diagnosis.likelihood.noise import Noise
+from evaluator.diagnosis.likelihood.problem import build_problem, with_noise_of
+from evaluator.diagnosis.likelihood.run_data import RunData, Task
+from evaluator.diagnosis.likelihood.simulation import Simulated, varied_robot
+from evaluator.diagnosis.output.effect_tables import effect_tables
+from evaluator.diagnosis.output.robot_file import with_values_of_each
+from evaluator.interchange.commands import constant
+from evaluator.report.diagnosis.words import in_words, parameter
+from evaluator.robot_geometry import reference_places
+from evaluator.settings import KnownTo
+from simulator.effects.parameter import PAPER_SIZE, Size
+from simulator.robot import Robot, load_robot, shipped_robots
+
+LARGE = Path(__file__).parents[2] / "driven_robot" / "husky.toml"
+
+
+def runs_of(robot: Robot, seed: int, scatter: float) -> list[RunData]:
+    """Windows of a moving robot by its own model, each wheel side off by chance: as ground makes it."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 2.0, 0.1)
+    places = np.array(reference_places(robot))
+    runs = []
+    for number, (left, right) in enumerate([(40.0, 20.0), (20.0, 40.0), (-30.0, -50.0), (50.0, 45.0)] * 2):
+        blank = np.tile(places.ravel(), (len(time), 1))
+        told = constant(left, right, 0.0, None, starts_at_rest=False)
+        run = RunData(f"r{number}", left, right, 0.0, None, time, blank, number, log=told, from_poses=True)
+        off = tuple(scatter * rng.normal(size=2))
+        own = (0.0, 0.0, 0.3 * number, 0.0, *off, 0.0)
+        marks = Simulated([robot], [run], {}).marks([Task(0, own)])[0]
+        runs.append(
+            RunData(*(getattr(run, n) for n in FIELDS), marks_mm=marks, order=number, log=told, from_poses=True)
+        )
+    return runs
+
+
+FIELDS = ("id", "left_rpm", "right_rpm", "start_s", "stop_s", "time_s")
+
+
+@pytest.mark.parametrize("name", [name for name in shipped_robots() if name != "four_driven"])  # that is of 50 kg
+def test_shipped_robots_keep_the_steps_that_were_chosen_for_them(name: str) -> None:
+    assert size_of(load_robot(name)) == PAPER_SIZE
+
+
+def test_steps_and_bounds_have_the_dimension_of_their_unit() -> None:
+    size = Size(length=100.0, force=1e4)
+    usual, large = (named_terms(20.0, (30.0,), size=item) for item in (PAPER_SIZE, size))
+    ratios = {
+        "tether-pull": 1e4,
+        "mass-offset": 100.0,
+        "viscous-drag": 100.0,
+        "friction-gradient": 0.01,
+        "wheel-toe": 1,
+    }
+    for effect, ratio in ratios.items():
+        before, after = usual[effect].coordinates[0], large[effect].coordinates[0]
+        assert after.step == pytest.approx(ratio * before.step)
+        assert (after.low, after.high) == pytest.approx((ratio * before.low, ratio * before.high))
+    free = [items["free:moment.u"].coordinates[0].step for items in (free_terms(), free_terms(size))]
+    assert free[1] == pytest.approx(free[0] * 100.0 * 1e4 / 100.0)  # a moment, per speed
+
+
+def test_the_centre_of_gravity_of_a_large_robot_may_move_within_its_wheels_and_no_farther() -> None:
+    robot = load_robot(LARGE)
+    terms = named_terms(3000.0, (30.0,), size=size_of(robot))
+    reach = terms["mass-offset"].coordinates[0].high
+    assert 0.8 * 256 < reach < 256  # half the wheelbase
+
+
+def test_tolerances_that_no_file_states_are_those_of_a_tape_on_a_robot_of_a_metre() -> None:
+    robot = load_robot(LARGE)
+    data = runs_of(robot, 1, 0.0)
+    sigma = {item.key: item.sigma for item in quantities(KnownTo(), robot, data)}
+    assert 5 < sigma["center_of_gravity_x_mm"] < 30
+    stated = robot.model_copy(update={"known_to": type(robot.known_to)(center_of_gravity_mm=2.0)})
+    assert {item.key: item.sigma for item in quantities(KnownTo(), stated, data)}["center_of_gravity_x_mm"] == 2.0
+
+
+def test_marks_that_no_file_places_show_the_heading_of_a_robot_of_any_size() -> None:
+    (x0, y0), (x1, y1) = reference_places(load_robot(LARGE))
+    assert np.hypot(x0 - x1, y0 - y1) == pytest.approx(3.66 * 990 / 5)
+
+
+def test_runs_that_the_ground_disturbs_leave_noise_of_the_size_of_the_disturbance() -> None:
+    robot = load_robot(LARGE)
+    sizes = []
+    for scatter in (0.0, 0.1):
+        data = runs_of(robot, 5, scatter)
+        forward = Simulated([robot] * len(data), data, {})
+        problem, start = build_problem(data, forward)
+        found = with_noise_of(problem, start).noise
+        sizes.append(np.median([parts[0].sigma_mm for parts in found]))
+    assert sizes[0] < 1.0
+    assert 10 < sizes[1] < 100  # a tenth of about half a metre in each run, the start pose at its best
+
+
+def test_left_overs_do_not_depend_on_where_and_how_a_run_is_laid() -> None:
+    rng = np.random.default_rng(2)
+    marks = rng.normal(0, 300, (20, 2)).cumsum(axis=0)
+    both = np.hstack([marks, marks + np.array([300.0, 100.0])])
+    off = both + rng.normal(0, 5, both.shape)
+    turned = (both.reshape(-1, 2) @ np.array([[0.0, 1.0], [-1.0, 0.0]]) + [7e3, -2e3]).reshape(-1, 4)
+    first, second = (left_over(channels_of(off), channels_of(part), 150.0) for part in (both, turned))
+    assert first == pytest.approx(second, rel=1e-6)
+    assert 2.0 < first[0] < 6.0
+
+
+def test_a_run_that_went_astray_counts_less_and_does_not_change_the_others() -> None:
+    noise = [(Noise(1.0, 0.0, 0.1),) * 4] * 5
+    times = [np.array([0.0, 2.0])] * 5
+    left = np.full((5, 2), 30.0)
+    usual = with_discrepancy(noise, times, left)
+    left[4] = 600.0
+    astray = with_discrepancy(noise, times, left)
+    assert astray[0][0].sigma_mm == pytest.approx(usual[0][0].sigma_mm)
+    assert astray[4][0].sigma_mm > 2 * usual[4][0].sigma_mm
+    assert astray[0][3] == noise[0][3]  # the distance of the marks is not of the ground
+
+
+def test_lengths_of_a_wheel_list_are_known_to_a_tolerance_and_move_in_one_ratio() -> None:
+    robot = load_robot(LARGE)
+    found = {item.key: item for item in quantities(KnownTo(), robot, runs_of(robot, 1, 0.0))}
+    assert found["wheel.radius_mm"].per_unit == pytest.approx(165.0)
+    assert found["wheel.x_mm"].per_unit == pytest.approx(512.0)
+    assert found["wheel.y_mm"].per_unit == pytest.approx(555.0)
+    moved = varied_robot(robot, {"wheel.y_mm": 0.01})
+    assert moved.wheel_positions_mm()[:, 1] == pytest.approx(1.01 * robot.wheel_positions_mm()[:, 1])
+    assert moved.wheel_positions_mm()[:, 0] == pytest.approx(robot.wheel_positions_mm()[:, 0])
+
+
+def test_a_length_of_a_wheel_list_that_moved_is_written_in_the_unit_of_the_file() -> None:
+    text = LARGE.read_text(encoding="utf-8")
+    written = with_values_of_each(text, "wheel", "radius_mm", 1.01, "before")
+    radii = [wheel["radius_m"] for wheel in tomllib.loads(written)["wheel"]]
+    assert radii == pytest.approx([0.16665] * 4)
+    assert written.count("# 0.165 before") == 4
+    inline = text[: text.index("[[wheel]]")] + 'wheel = [{name = "a", radius_m = 0.1}]\n'
+    assert with_values_of_each(inline, "wheel", "radius_mm", 1.01, "before") == inline
+
+
+def test_a_gain_that_is_alike_on_both_sides_acts_on_both_and_is_said_and_kept_as_one_number() -> None:
+    both = "free:left_drive.left_command=right_drive.right_command+left_drive.right_command=right_drive.left_command"
+    term = free_terms()[both]
+    assert term.size == 2
+    acting = [(item.channel, item.basis, value) for item, value in term.acting((-0.2, 0.5))]
+    assert acting == [
+        ("left_drive", "left_command", -0.2),
+        ("right_drive", "right_command", -0.2),
+        ("left_drive", "right_command", 0.5),
+        ("right_drive", "left_command", 0.5),
+    ]
+    assert len(term.kernel_terms((-0.2, 0.5))) == 4
+    assert "proportional to their own command and proportional to the command of the other side" in term.describe()
+    assert parameter(list(term.physical((-0.2, 0.5)))[1]) == ("proportional to the command of the other side", "")
+    tables = tomllib.loads("\n".join(effect_tables({both: term}, {both: (-0.2, 0.5)})))["effect"]
+    assert [table["coefficient"] for table in tables] == [-0.2, -0.2, 0.5, 0.5]
+    assert in_words(f"without {both} the runs").count("proportional") == 2
+
+
+def test_on_ground_a_term_without_a_name_is_an_answer_only_where_it_lessens_what_is_left() -> None:
+    assert material_gain(24) == pytest.approx(16.1, abs=0.1)  # a fifth less, in three modes of every run
+    assert material_gain(48) == pytest.approx(2 * material_gain(24))
+
+
+def test_of_a_log_in_which_no_command_returns_few_levels_are_proposed_again() -> None:
+    levels = sorted({max(abs(left), abs(right)) for left, right in commands_at(list(np.linspace(5.0, 80.0, 40)))})
+    assert len(levels) == 8
+    assert (levels[0], levels[-1]) == (5.0, 80.0)
+
+
+def test_logs_of_computers_know_the_start_better_than_a_sensor_that_seldom_measures() -> None:
+    robot = load_robot(LARGE)
+    logged = runs_of(robot, 1, 0.0)
+    by_frame = [replace(run, log=None) for run in logged]
+    starts = [{item.key: item.sigma for item in quantities(KnownTo(), robot, data)} for data in (logged, by_frame)]
+    assert [item["start_common_s"] for item in starts] == pytest.approx([0.02, 0.1])
+    assert [start_per_run_s(KnownTo(), data) for data in (logged, by_frame)] == pytest.approx([0.01, 0.05])
+    assert start_per_run_s(KnownTo(start_per_run_s=0.3), logged) == 0.3
+
+
+def test_a_fit_on_ground_that_stops_early_is_the_less_probable_for_it_and_on_a_plate_no_evidence() -> None:
+    fit: Any = Fit(frozenset(), cast("Any", None), (), POSTERIOR, cast("Any", None), (), converged=False, runs=())
+    ground, plate = SimpleNamespace(length=100.0), SimpleNamespace(length=1.0)
+    stopped = _short_of(fit, 6.0, cast("Any", ground))
+    assert stopped.converged
+    assert stopped.posterior.log_evidence == pytest.approx(POSTERIOR.log_evidence - 3.0)
+    assert not _short_of(fit, 6.0, cast("Any", plate)).converged
+    assert not _short_of(fit, 400.0, cast("Any", ground)).converged
+
+
+POSTERIOR = Posterior(-50.0, np.zeros(0), np.zeros((0, 0)), np.zeros(4), 100.0, 0)

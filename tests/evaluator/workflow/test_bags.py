@@ -1,0 +1,199 @@
+"""Runs given as recordings of ROS, written by rosbags itself: topics, units, clocks, covariances, faults."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+rosbags = pytest.importorskip("rosbags", reason="needs rosbags: pip install 'turnscope[ros]'")
+
+from rosbags.rosbag1 import Writer as WriterOfRos1  # noqa: E402
+from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: E402
+from rosbags.typesys import Stores, get_typestore  # noqa: E402
+
+from evaluator.errors import InputError  # noqa: E402
+from evaluator.interchange.bags import Topics, read_commands, read_trajectory  # noqa: E402
+from evaluator.interchange.commands import from_log  # noqa: E402
+from evaluator.interchange.poses import poses_of, read_poses  # noqa: E402
+from evaluator.workflow import analyze, check_experiment  # noqa: E402
+from simulator.command import Command  # noqa: E402
+from simulator.robot import load_robot  # noqa: E402
+from simulator.run import State  # noqa: E402
+from simulator.simulation import simulate  # noqa: E402
+
+EPOCH_S = 1_764_000_000
+NS = 1_000_000_000
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+TYPES = STORE.types
+Send = Callable[[str, float, Any], None]
+
+
+@contextmanager
+def bag(path: Path, storage: StoragePlugin = StoragePlugin.MCAP) -> Iterator[Send]:
+    """Give a function that writes a message to a topic at a time after EPOCH_S."""
+    with Writer(path, version=9, storage_plugin=storage) as writer:
+        connections: dict[str, Any] = {}
+
+        def send(topic: str, at_s: float, message: Any) -> None:
+            kind = message.__msgtype__
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
+            stamp_ns = EPOCH_S * NS + round(at_s * NS)
+            writer.write(connections[topic], stamp_ns, STORE.serialize_cdr(message, kind))
+
+        yield send
+
+
+def header(at_s: float) -> Any:
+    whole = int(np.floor(at_s))
+    time = TYPES["builtin_interfaces/msg/Time"](sec=EPOCH_S + whole, nanosec=round((at_s - whole) * NS))
+    return TYPES["std_msgs/msg/Header"](stamp=time, frame_id="map")
+
+
+def vector(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Any:
+    return TYPES["geometry_msgs/msg/Vector3"](x=x, y=y, z=z)
+
+
+def twist(ahead: float, turn: float) -> Any:
+    return TYPES["geometry_msgs/msg/Twist"](linear=vector(ahead), angular=vector(z=turn))
+
+
+def joints(names: list[str], speeds: list[float]) -> Any:
+    kind = TYPES["sensor_msgs/msg/JointState"]
+    empty = np.zeros(0)
+    return kind(header=header(0.0), name=names, position=empty, velocity=np.array(speeds), effort=empty)
+
+
+def numbers(*values: float) -> Any:
+    layout = TYPES["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    return TYPES["std_msgs/msg/Float64MultiArray"](layout=layout, data=np.array(values))
+
+
+def odometry(at_s: float, x: float, y: float, heading: float, covariance: np.ndarray | None = None) -> Any:
+    turned = TYPES["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=np.sin(heading / 2), w=np.cos(heading / 2))
+    pose = TYPES["geometry_msgs/msg/Pose"](TYPES["geometry_msgs/msg/Point"](x=x, y=y, z=0.0), turned)
+    full = np.zeros(36) if covariance is None else covariance.ravel()
+    return TYPES["nav_msgs/msg/Odometry"](
+        header=header(at_s),
+        child_frame_id="base_link",
+        pose=TYPES["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=full),
+        twist=TYPES["geometry_msgs/msg/TwistWithCovariance"](twist=twist(0.0, 0.0), covariance=np.zeros(36)),
+    )
+
+
+def drive_in_bag(folder: Path, late_s: float) -> Path:
+    """An experiment of one bag: two phases of the paper's robot; its motion late_s later than its commands say."""
+    command = Command.steps([(0.5, 33.3, 14.4), (4.0, -20.0, -33.3), (8.0, 0.0, 0.0)])
+    times = np.arange(540) / 60
+    run = simulate(load_robot("barrel"), command, times, State(5.0, -3.0, 3.0))
+    noise = np.random.default_rng(3).normal(0, 1, (len(times), 3)) * [4e-6, 4e-6, 0.002]
+    with bag(folder / "run") as send:
+        for at, left, right in ((0.5, 33.3, 14.4), (2.0, 33.3, 14.4), (4.0, -20.0, -33.3), (8.0, 0.0, 0.0)):
+            send("/wheels", at, numbers(left * np.pi / 30, right * np.pi / 30))
+        for at, x, y, heading, off in zip(times, run.x_mm, run.y_mm, run.heading_rad, noise, strict=True):
+            pose = np.array([x / 1000, y / 1000, heading]) + off
+            send("/odom", at, odometry(at + late_s, *map(float, pose)))
+    path = folder / "experiment.toml"
+    path.write_text(
+        'format = 1\nname = "bag"\nrobot = "barrel"\n[commands]\ntopic = "/wheels"\nposes_topic = "/odom"\n'
+        '[[run]]\nid = "r01"\ncommands = "run/run.mcap"\nposes = "run"\n'
+    )
+    return path
+
+
+def test_phases_of_a_bag_are_measured_and_the_offset_of_its_clocks_is_found_to_a_millisecond(tmp_path: Path) -> None:
+    late_s = 0.137
+    path = drive_in_bag(tmp_path, late_s)
+    assert check_experiment(path).faults == ()
+    found = analyze(path, tmp_path / "out", simulate=True, workers=1)
+    assert found.faults == {}
+    rows = found.turning.to_dict("records")
+    assert [(round(row["left_rpm"], 6), round(row["right_rpm"], 6)) for row in rows] == [(33.3, 14.4), (-20.0, -33.3)]
+    for row in rows:
+        assert row["late_low_s"] < late_s < row["late_high_s"]
+        assert row["late_s"] == pytest.approx(late_s, abs=1e-3)
+    assert found.comparison is not None
+    assert found.comparison["gap_rms_mm"].max() < 2.0  # the simulation starts late_s early
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_a_velocity_becomes_wheel_speeds_by_the_lengths_of_the_controller(
+    tmp_path: Path, storage: StoragePlugin
+) -> None:
+    with bag(tmp_path / "run", storage) as send:
+        send("/cmd_vel", 0.25, twist(0.5, 0.0))
+        send("/cmd_vel", 1.25, twist(0.0, 1.0))
+    lengths = Topics(wheel_radius_m=0.1, track_m=0.4)
+    times, sides = read_commands(tmp_path / "run", lengths)
+    assert times - EPOCH_S == pytest.approx([0.25, 1.25], abs=1e-6)
+    assert sides == pytest.approx(np.array([[5.0, 5.0], [-2.0, 2.0]]))
+    told = from_log(tmp_path / "run", -EPOCH_S, topics=lengths)
+    assert told.main(1.3, 2.0) == pytest.approx((-2.0 * 30 / np.pi, 2.0 * 30 / np.pi))
+    with pytest.raises(InputError, match="say wheel_radius_m and track_m"):
+        from_log(tmp_path / "run")
+
+
+def test_joints_of_a_side_count_by_their_mean_and_one_that_is_missing_is_named(tmp_path: Path) -> None:
+    names = ["front_left", "rear_left", "right"]
+    with bag(tmp_path / "run") as send:
+        send("/joints", 0.0, joints(names, [1.0, 3.0, 5.0]))
+    both = Topics(left_joint=("front_left", "rear_left"), right_joint="right")
+    assert read_commands(tmp_path / "run", both)[1].tolist() == [[2.0, 5.0]]
+    with pytest.raises(InputError, match="no velocity of left; its joints are front_left, rear_left, right"):
+        read_commands(tmp_path / "run", Topics(left_joint="left", right_joint="right"))
+
+
+def test_covariances_of_odometry_are_used_where_they_are_stated(tmp_path: Path) -> None:
+    stated = np.diag([4e-4, 9e-4, 1.0, 1.0, 1.0, 1e-4])
+    stated[0, 1] = stated[1, 0] = 1e-4
+    for name, covariance in (("with", stated), ("without", None)):
+        with bag(tmp_path / name) as send:
+            for step in range(20):
+                send("/odom", step / 10, odometry(step / 10, step / 100, 0.0, 1.0, covariance))
+    found = read_poses(tmp_path / "with")
+    assert found.noise_stated
+    assert found.zero_s == EPOCH_S
+    wanted = [[400.0, 100.0, 0.0], [100.0, 900.0, 0.0], [0.0, 0.0, 1e-4]]
+    assert poses_of(found.table).covariance[0] == pytest.approx(np.array(wanted))
+    assert not read_poses(tmp_path / "without").noise_stated
+    assert np.isnan(read_trajectory(tmp_path / "without", Topics())[2]).all()
+
+
+def test_topics_that_fit_are_listed_where_the_file_does_not_say_which(tmp_path: Path) -> None:
+    with bag(tmp_path / "run") as send:
+        send("/a", 0.0, numbers(1.0, 2.0))
+        send("/b", 0.0, numbers(1.0, 2.0))
+        send("/odom", 0.0, odometry(0.0, 0.0, 0.0, 0.0))
+    fit = r"/a \(Float64MultiArray\), /b \(Float64MultiArray\)"
+    with pytest.raises(InputError, match=rf"say \[commands\] topic in experiment.toml; topics that fit: {fit}"):
+        read_commands(tmp_path / "run", Topics())
+    with pytest.raises(InputError, match=r"there is no topic /c"):
+        read_commands(tmp_path / "run", Topics(topic="/c"))
+    with pytest.raises(InputError, match="topic /odom holds Odometry"):
+        read_commands(tmp_path / "run", Topics(topic="/odom"))
+    assert read_commands(tmp_path / "run", Topics(topic="/b"))[1].tolist() == [[1.0, 2.0]]
+
+
+def test_a_bag_of_ros_1_is_read_alike(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    kind = "geometry_msgs/msg/Twist"
+    with WriterOfRos1(tmp_path / "run.bag") as writer:
+        connection = writer.add_connection("/cmd_vel", kind, typestore=store)
+        three = store.types["geometry_msgs/msg/Vector3"]
+        message = store.types[kind](linear=three(x=0.5, y=0.0, z=0.0), angular=three(x=0.0, y=0.0, z=0.0))
+        writer.write(connection, EPOCH_S * NS, store.serialize_ros1(message, kind))
+    found = read_commands(tmp_path / "run.bag", Topics(wheel_radius_m=0.1, track_m=0.4))
+    assert found[1].tolist() == [[5.0, 5.0]]
+
+
+def test_a_file_that_is_no_recording_is_named_in_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "run.mcap").write_bytes(b"no recording")
+    with pytest.raises(InputError, match=r"run\.mcap: not a recording of ROS that can be read"):
+        read_commands(tmp_path / "run.mcap", Topics())
+    with pytest.raises(InputError, match="no such file"):
+        read_commands(tmp_path / "none.mcap", Topics())
