@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.assignment.completion import DARKER, WIDER
 from calibration.assignment.lattice import Lattice, assign_grid, rows_and_columns
 from calibration.detection.dots import Dots, detect_dots, every_dot
 
 # An array of at least so many dots, most of those found, is not improved by a slower search.
 CONVINCING, MOST = 25, 0.6
 WHOLE = 12  # dots: so many that fill whole rows and columns need no slower search either
+# An array of fewer dots than this that has holes is looked for again: its dots are large, and an uneven light (a shadow
+# across the sheet) or perspective takes some of them out of the one window that shows most. That costs half a second.
+SMALL = 150
 # Dots of one array differ by less in diameter, perspective and fiducials included; specks between them by more.
 SIZE_CLASS = 4.0
 
@@ -28,7 +32,7 @@ def find_array(
     if _convinces(*best):
         return best
     for found in every_dot(image, color, background):
-        for some in _size_classes(found):
+        for some in (*_size_classes(found), *_alike(found, *best)):
             lattice = assign_grid(some)
             if _weight(some, lattice) > _weight(*best) * (1 + 1e-9):
                 best = some, lattice
@@ -37,12 +41,15 @@ def find_array(
 
 def _convinces(dots: Dots, lattice: Lattice) -> bool:
     """Whether a slower search is not worth its time."""
-    if len(lattice) >= CONVINCING and len(lattice) >= MOST * len(dots):
+    if len(lattice) >= SMALL and len(lattice) >= MOST * len(dots):
         return True
-    if len(lattice) < WHOLE or _weight(dots, lattice) < MOST * float(dots.diameter_px.sum()):
+    if len(lattice) < WHOLE:
         return False
     columns, rows = rows_and_columns(lattice)[1].max(axis=0) + 1
-    return bool(len(lattice) == columns * rows)
+    if len(lattice) < columns * rows:
+        return False
+    many = len(lattice) >= CONVINCING and len(lattice) >= MOST * len(dots)
+    return many or _weight(dots, lattice) >= MOST * float(dots.diameter_px.sum())
 
 
 def _size_classes(dots: Dots) -> list[Dots]:
@@ -56,6 +63,19 @@ def _size_classes(dots: Dots) -> list[Dots]:
         if SIZE_CLASS * low >= largest:
             return classes
         low *= SIZE_CLASS**0.5
+
+
+def _alike(found: Dots, dots: Dots, lattice: Lattice) -> list[Dots]:
+    """The dots found that look like those of an array, which specks beside it then cannot keep from growing."""
+    if not len(lattice):
+        return []
+    keep = np.ones(len(found), dtype=bool)
+    for look, of_array, slack in (
+        (found.diameter_px, dots.diameter_px[lattice.dot], WIDER),
+        (found.contrast, dots.contrast[lattice.dot], DARKER),
+    ):
+        keep &= (look > of_array.min() / slack) & (look < of_array.max() * slack)
+    return [found.take(keep)]
 
 
 def _weight(dots: Dots, lattice: Lattice) -> float:

@@ -17,6 +17,7 @@ from calibration.errors import CalibrationError
 
 Plane = NDArray[np.float32]
 SMALLEST_PX = 12  # along either side: four dots of three pixels
+HEIF = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"mif1", b"msf1")  # brands of ISO/IEC 23008-12 files
 # The names gauge.toml may use beside "#rrggbb"; sRGB, as browsers define them.
 COLORS = {
     "black": "#000000", "white": "#ffffff", "gray": "#808080", "grey": "#808080", "red": "#ff0000",
@@ -36,7 +37,7 @@ def read_image(path: Path) -> NDArray[np.generic]:
     raw = np.fromfile(path, dtype=np.uint8)
     image = None if raw.size == 0 else cv2.imdecode(raw, cv2.IMREAD_UNCHANGED)
     if image is None:
-        raise CalibrationError(f"{path}: not an image that can be read; PNG, TIFF and JPEG are known to work")
+        raise CalibrationError(f"{path}: {_why_unreadable(raw[:16].tobytes())}")
     if min(image.shape[:2]) < SMALLEST_PX:
         raise CalibrationError(f"{path}: {image.shape[1]}×{image.shape[0]} pixels, too small to hold a dot array")
     if not np.isfinite(image).all():
@@ -46,6 +47,15 @@ def read_image(path: Path) -> NDArray[np.generic]:
     elif image.ndim == 3 and image.shape[2] == 4:
         image = image[:, :, :3]
     return np.ascontiguousarray(image)
+
+
+def _why_unreadable(start: bytes) -> str:
+    """Why a file is no image, by its first 16 bytes, and what to do."""
+    if start[4:8] == b"ftyp" and start[8:12] in HEIF:
+        return "a HEIC photograph, which cannot be read; save it as JPEG or PNG, or let the phone take JPEG"
+    if start[:3] == b"\xff\xd8\xff" or start[:8] == b"\x89PNG\r\n\x1a\n":
+        return "an image that is damaged or cut off; copy it again"
+    return "not an image that can be read; PNG, TIFF and JPEG are known to work"
 
 
 def color_bgr(name: str) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from calibration.assessment.quality import assess
 from calibration.camera import camera_above
+from calibration.detection.image import read_image
 from calibration.errors import CalibrationError
 from calibration.estimation.calibrate import calibrate
 from calibration.gauge.geometry import Gauge
@@ -129,3 +130,20 @@ def test_failed_calibration_leaves_no_file(tmp_path: Path) -> None:
     run = CliRunner().invoke(command, [str(picture), "--gauge", str(gauge), "-o", str(out)])
     assert isinstance(run.exception, CalibrationError)
     assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"\0\0\0\x18ftypheic\0\0\0\0mif1heic" + bytes(400), "HEIC photograph.*save it as JPEG or PNG"),
+        (b"\xff\xd8\xff\xe0\0\x10JFIF\0" + bytes(40), "damaged or cut off"),
+        (b"hello, this is no image", "not an image that can be read"),
+    ],
+)
+def test_a_file_that_is_no_image_is_told_apart_from_one_that_is_damaged(
+    tmp_path: Path, content: bytes, said: str
+) -> None:
+    path = tmp_path / "photograph.jpg"
+    path.write_bytes(content)
+    with pytest.raises(CalibrationError, match=said):
+        read_image(path)

@@ -64,4 +64,4 @@ def _mean_square(parts: Array, usual: Array) -> float:
         sigma = 1.4826 * np.median(np.abs(left[kept]), axis=0)
         kept = np.asarray((np.abs(left) <= CLIPPED * sigma + 1e-9).all(axis=1))
     square = float(np.sum(left[kept] ** 2))
-    return square / max(int(kept.sum()) - usual.shape[1], 1)
+    return square / max(int(np.count_nonzero(kept)) - int(usual.shape[1]), 1)

@@ -51,13 +51,13 @@ def grids(
     for name in () if photographs else kind or KINDS:
         _row(name, list(grid_images(name, count, seed)), each)
     for name, *told in photographs or (() if kind else REAL_SETS):
-        images = _photographs(REAL / name, *told)
+        images = photographs_of(REAL / name, *told)
         if images:
             _row(Path(name).name[-16:], images, each)
 
 
 def _row(name: str, images: list[GridImage], each: bool) -> None:
-    finders: tuple[Callable[[GridImage], Array | None], ...] = (_opencv, _opencv_tuned, _dots, _calibrate)
+    finders: tuple[Callable[[GridImage], Array | None], ...] = (opencv_grid, opencv_tuned, found_dots, calibrated_dots)
     cells, seconds = [], 0.0
     for finder in finders:
         found = wrong = 0
@@ -70,13 +70,13 @@ def _row(name: str, images: list[GridImage], each: bool) -> None:
             wrong += centers is not None and not good
             if good:
                 errors.append(error)
-            elif each and finder in {_dots, _calibrate}:
+            elif each and finder in {found_dots, calibrated_dots}:
                 print(
                     f"    {name} {number} {image.kind} {finder.__name__}: {'none' if centers is None else len(centers)}"
                 )
         seconds = time.perf_counter() - start
-        tail = f" {np.median(errors):6.3f}" if finder in {_opencv_tuned, _calibrate} and errors else ""
-        cells.append(f"{found:4d} {wrong:4d}{tail}".ljust(16 if finder in {_opencv_tuned, _calibrate} else 9))
+        tail = f" {np.median(errors):6.3f}" if finder in {opencv_tuned, calibrated_dots} and errors else ""
+        cells.append(f"{found:4d} {wrong:4d}{tail}".ljust(16 if finder in {opencv_tuned, calibrated_dots} else 9))
     print(f"{name:16s} {len(images):6d} | {' | '.join(cells)} | {seconds / len(images):.2f}", flush=True)
 
 
@@ -95,7 +95,7 @@ def _judged(centers: Array | None, image: GridImage) -> tuple[bool, float]:
     return bool(whole), float(np.sqrt(np.mean(off**2)))
 
 
-def _opencv(image: GridImage, parameters: cv2.SimpleBlobDetector_Params | None = None) -> Array | None:
+def opencv_grid(image: GridImage, parameters: cv2.SimpleBlobDetector_Params | None = None) -> Array | None:
     shown = image.image if image.image.ndim == 2 else cv2.cvtColor(image.image, cv2.COLOR_BGR2GRAY)
     shown = 255 - shown if image.bright else shown
     if image.layout == "hexagonal":
@@ -109,19 +109,19 @@ def _opencv(image: GridImage, parameters: cv2.SimpleBlobDetector_Params | None =
     return None
 
 
-def _opencv_tuned(image: GridImage) -> Array | None:
+def opencv_tuned(image: GridImage) -> Array | None:
     """With the range of areas that fits the image."""
     parameters = cv2.SimpleBlobDetector_Params()
     parameters.minArea, parameters.maxArea = 20.0, 0.2 * image.image.shape[0] * image.image.shape[1]
-    return _opencv(image, parameters)
+    return opencv_grid(image, parameters)
 
 
-def _dots(image: GridImage) -> Array | None:
+def found_dots(image: GridImage) -> Array | None:
     dots, lattice = find_array(image.image)
     return dots.centers_px[lattice.dot] if len(lattice) else None
 
 
-def _calibrate(image: GridImage) -> Array | None:
+def calibrated_dots(image: GridImage) -> Array | None:
     try:
         found = sight(image.image, gauge_of(image), "image")
     except CalibrationError:
@@ -140,7 +140,7 @@ def gauge_of(image: GridImage) -> Gauge:
     return Gauge.model_validate({"format": 1, "name": "grid", "dots": dots})
 
 
-def _photographs(
+def photographs_of(
     folder: Path, layout: Layout, columns: int, rows: int, diameter: float, bright: bool
 ) -> list[GridImage]:
     """Photographs of others; where their dots lie is not known, how many there are is."""
