@@ -59,7 +59,7 @@ Examples:
 @click.option(
     "--seconds",
     type=click.FloatRange(min=0, min_open=True),
-    default=60.0,
+    default=180.0,
     show_default=True,
     help="Stop a search after so many seconds of one core; the next call goes on from there. inf: never.",
 )

@@ -101,16 +101,16 @@ def _ball(path: Path) -> None:
 def _threshold(path: Path, name: str, region_px: Box) -> Array:
     """Centroid of the largest blob within the hues of a name in a region, (n, 2); NaN without one of 20 px²."""
     low, high = HUES[name]
+    left, top, right, bottom = (round(min(edge, 1e6)) for edge in region_px)
     places = []
     with av.open(str(path)) as container:
         for frame in container.decode(video=0):
-            hsv = cv2.cvtColor(frame.to_ndarray(format="rgb24"), cv2.COLOR_RGB2HSV_FULL).astype(float)
-            y, x = np.mgrid[: hsv.shape[0], : hsv.shape[1]]
-            inside = (x >= region_px[0]) & (x <= region_px[2]) & (y >= region_px[1]) & (y <= region_px[3])
-            hue = np.mod(hsv[..., 0] * 360 / 256 - low, 360) < np.mod(high - low, 360)
-            mask = (inside & hue & (hsv[..., 1] > 80) & (hsv[..., 2] > 80)).astype(np.uint8)
+            shown = frame.to_ndarray(format="rgb24")[top : bottom + 1, left : right + 1]
+            hsv = cv2.cvtColor(np.ascontiguousarray(shown), cv2.COLOR_RGB2HSV_FULL)
+            turned = (hsv[..., 0].astype(np.int16) * 360 // 256 - round(low)) % 360
+            mask = ((turned < (high - low) % 360) & (hsv[..., 1] > 80) & (hsv[..., 2] > 80)).astype(np.uint8)
             count, _, stats, centers = cv2.connectedComponentsWithStats(mask, connectivity=8)
             best = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])) if count > 1 else 0
             good = best and stats[best, cv2.CC_STAT_AREA] >= 20
-            places.append(tuple(centers[best]) if good else (np.nan, np.nan))
+            places.append(tuple(centers[best] + (left, top)) if good else (np.nan, np.nan))
     return np.array(places)
