@@ -7,8 +7,8 @@ from time import thread_time
 
 from evaluator.progress import Progress, no_progress
 
-# Seconds of one core after which a search ends with what it has. Of the experiments of the second world the slowest took
-# 114 s on a busy machine: a search that goes on for longer than that and half as much again is lost.
+# Seconds of one core after which a search ends. Of the experiments of the second world the slowest took 114 s on a busy
+# machine: one that goes on for half as long again is lost.
 USUAL_SECONDS = 180.0
 
 

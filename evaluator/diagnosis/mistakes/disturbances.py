@@ -17,7 +17,9 @@ from simulator.robot import Robot
 
 # Marks are placed to some hundredths of a millimetre of their few, 1 to 2 %: three standard deviations.
 SPACING_SHARE = 0.06
-ALONE_SHARE = 0.15  # of one run among others that are right: keystone stretches a run at the rim by some per cent
+# Of one run among others that are right: four standard deviations, as any of two dozen may stand out. What a keystone
+# that the others show adds at its place is taken off before.
+ALONE_SHARE = 0.08
 UNITS = {"m": 1e-3, "cm": 0.1, "inch": 1 / 25.4, "µm": 1e3}
 UNIT_SHARE = 0.06  # how near to such a ratio the distance of the marks must be
 PX_RATIO = 3.0  # marks so many times too far apart, and of no length unit, are pixels
