@@ -93,6 +93,8 @@ def test_a_run_stands_that_covers_less_than_a_twentieth_of_what_its_wheels_roll(
 
 def test_a_run_that_stands_is_stuck_unless_all_slower_ones_stand_too() -> None:
     still = driven(0, speed=0.0)
+    (found,) = disturbed_runs(session(still), [ROBOT] * 8)
+    assert found.seen == "hardly moves, though runs of slower wheels do"  # all of it, not from some time on
     slower = replace(driven(1, speed=0.0), left_rpm=10.0, right_rpm=10.0)
     assert ("r0", "stuck") in kinds(disturbed_runs(session(still), [ROBOT] * 8))
     faster = [replace(driven(number), left_rpm=60.0, right_rpm=60.0) for number in range(2, 6)]
@@ -118,6 +120,20 @@ def test_a_run_that_stops_early_for_good_is_stuck_though_it_stands_for_most_of_i
     found = disturbed_runs([driven(0, speed=np.where(time > 1.7, 0.0, 1.5))], [ROBOT])
     assert kinds(found) == [("r0", "stuck")]
     assert "stands still from 1.7" in found[0].seen
+
+
+def test_a_held_run_is_told_from_when_to_when_it_stands() -> None:
+    time = np.arange(180) / 60
+    (found,) = disturbed_runs([driven(0, speed=np.where((time > 1.5) & (time < 2.1), 0.0, 1.5))], [ROBOT])
+    begin, end = found.seen.removeprefix("stands still from ").removesuffix(" s with its motors on").split(" to ")
+    assert (float(begin), float(end)) == pytest.approx((1.55, 2.05), abs=0.08)  # windows of 0.15 s that stand
+
+
+@pytest.mark.parametrize(("stop_s", "judged"), [(1.95, False), (2.3, True)])
+def test_a_motion_is_judged_that_lasts_a_second_after_its_motors_have_come_up(stop_s: float, judged: bool) -> None:
+    time = np.arange(180) / 60
+    run = replace(driven(0, speed=np.where((time > 1.2) & (time < 1.6), 6.0, 1.5)), stop_s=stop_s)
+    assert (("r0", "pushed") in kinds(disturbed_runs([run], [ROBOT]))) == judged
 
 
 @pytest.mark.parametrize(("share", "pushed"), [(1.4, False), (1.8, True)])

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.likelihood.run_data import RunData, Task
+from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.mistakes.alternatives import OFFSETS_S, alternatives, thinned
-from evaluator.diagnosis.mistakes.hypotheses import _extent, _kin, _misfit
+from evaluator.diagnosis.mistakes.hypotheses import _extent, _kin, _misfit, misread_runs
 from evaluator.diagnosis.mistakes.motion import (
     _carried,
     _moving_at,
@@ -23,6 +24,7 @@ from evaluator.diagnosis.mistakes.phases import phases_of
 from evaluator.diagnosis.mistakes.spacing import by_keystone, spacing
 from evaluator.interchange.commands import Told
 from simulator.command import Command
+from simulator.robot import load_robot
 
 RATE = 60
 NOISE_MM = 1e-4
@@ -322,3 +324,24 @@ def test_thinned_runs_keep_eighty_seen_frames_from_first_to_last() -> None:
     assert (len(thin.time_s), thin.time_s[0], thin.time_s[-1]) == (80, TIME[1], TIME[-1])
     assert np.isfinite(thin.marks_mm).all()
     assert len(thinned(replace(run, time_s=TIME[:50], marks_mm=marks[:50])).time_s) == 49
+
+
+def test_runs_that_fit_another_reading_of_their_command_are_named_and_no_others() -> None:
+    """Of four simulated turns, the first is stated the other way round, and the third with its sides exchanged."""
+    robots = [load_robot("barrel")] * 4
+    blank = recorded(np.zeros((180, 4)))
+    commands = [(33.3, 14.4), (-33.3, -14.4), (30.0, 50.0), (60.0, 40.0)]
+    runs = [
+        replace(blank, id=f"r{number}", left_rpm=left, right_rpm=right, order=number)
+        for number, (left, right) in enumerate(commands)
+    ]
+    marks = Simulated(robots, runs, {}).marks([Task(number, (0.0,) * 7) for number in range(4)])
+    right = [replace(run, marks_mm=seen) for run, seen in zip(runs, marks, strict=True)]
+    assert misread_runs(right, robots) == []
+    wrong = [*right]
+    wrong[0] = replace(right[0], left_rpm=-33.3, right_rpm=-14.4)
+    wrong[2] = replace(right[2], left_rpm=50.0, right_rpm=30.0)
+    assert [(item.run, item.kind) for item in misread_runs(wrong, robots)] == [
+        ("r0", "reversed"),
+        ("r2", "sides-swapped"),
+    ]

@@ -112,6 +112,15 @@ def test_an_effect_seen_from_a_place_of_its_own_has_the_derivative_of_that_place
     assert problem.linearized(point, columns[1:2], [2])[0].response == pytest.approx(views[2].response)
 
 
+def test_starts_far_from_where_a_run_began_are_found_in_more_steps_than_one(built: tuple[Problem, Point]) -> None:
+    """Headings off by half a radian are beyond what one linear step makes good."""
+    problem, point = built
+    off = replace(point, own=np.array([[number, 2.0, 0.3 * number + 0.5, 0, 0, 0, 0] for number in range(3)]))
+    found, value = settled(problem, off, range(3), None)
+    np.testing.assert_allclose(found.own[:, :3], [[n, 2.0, 0.3 * n] for n in range(3)], atol=0.01)
+    assert value / sum(len(view.response) for view in problem.linearized(found, [])) < 1.5
+
+
 def test_batches_of_any_size_see_the_same(built: tuple[Problem, Point], monkeypatch: pytest.MonkeyPatch) -> None:
     problem, point = built
     columns = [pull(1.0), pull(2.0)]
