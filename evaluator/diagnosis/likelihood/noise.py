@@ -24,6 +24,7 @@ FEWEST_MODES = 24  # below this a spectrum of three parameters is not worth fitt
 USUAL_CORRELATION_S = 0.1
 CORRELATION_SPREAD = 1.0  # of its logarithm
 MEMORY = (-20.0, 6.0)  # of the logit of the correlation of neighbouring samples: none, to one that lasts 400 samples
+POWER_REACH = 40.0  # logarithm of a power over that of the fast modes: beyond, it is nothing, or all
 QUANTIZATION_MM = 1e-5  # marks files carry six decimals at most: noise below this is not noise of a camera
 
 
@@ -121,7 +122,8 @@ def fit_noise(spectra: list[Spectrum]) -> Noise:
     level = np.log(np.median(power) + QUANTIZATION_MM**2)
     starts = [np.array([level, level - 2.0 + lift, shape]) for lift in (0.0, 2.0) for shape in (0.4, 2.0)]
     known = (frequency, power, step_s, int(fast.sum()) / len(power))
-    bounds = [(None, None), (None, None), MEMORY]
+    reach = (float(level - POWER_REACH), float(level + POWER_REACH))
+    bounds = [reach, reach, MEMORY]
     fits = [
         minimize(_whittle, start, known, method="L-BFGS-B", jac=True, bounds=bounds, options={"ftol": 1e-12})
         for start in starts
