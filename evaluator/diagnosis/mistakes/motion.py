@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 WINDOW_S = 0.15  # of a velocity: nine frames at 60/s, shorter than any push by hand
 ONSET_SPAN_S = 0.4  # of motion from which the onset is extrapolated back: a chord is a path still
 ONSET_SIGMAS, ONSET_LEAST_MM = 6.0, 0.02  # beyond this much of the scatter at rest, and this distance: moving
+MOVING_FRAMES = 4
 FEWEST_AT_REST = 3
 SHORTEST_GAP_S, LONGEST_GAP_S = 0.1, 1.0  # without frames: no hand is faster; beyond, anything may happen
 AROUND_GAP = 15  # frames on either side: a quarter of a second
@@ -90,8 +91,9 @@ def onset_s(run: RunData) -> float | None:
     scatter = 1.4826 * max(float(np.median(np.abs(bends))) / 6**0.5, float(np.median(np.abs(off[:rest]))))
     away = np.maximum(np.hypot(off[:, 0], off[:, 1]), np.hypot(off[:, 2], off[:, 3]))
     least = ONSET_SIGMAS * scatter + ONSET_LEAST_MM
-    # two frames in a row: a single one may be noise
-    moving = np.flatnonzero((away[:-1] > least) & (away[1:] > least))
+    # some frames in a row: one or two may be noise, or marks mistaken one after the other
+    beyond = away > least
+    moving = np.flatnonzero(np.lib.stride_tricks.sliding_window_view(beyond, MOVING_FRAMES).all(axis=1))
     if not len(moving) or moving[0] < rest:
         return None
     first = int(moving[0])

@@ -1,0 +1,82 @@
+"""Evidence that one run brings alone is a matter of that run; evidence that many share is one of the robot."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.assessment.adequacy import Adequacy
+from evaluator.diagnosis.assessment.sole_run import SoleRun, sole_misfit, sole_run
+from evaluator.diagnosis.candidates.coordinates import named_terms
+from evaluator.diagnosis.inference.fit import Fit, prior_precision
+from evaluator.diagnosis.likelihood.mixed_model import Linearized, MixedModel, reduce_runs
+from evaluator.diagnosis.likelihood.problem import Column, Point
+from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS
+
+RUNS, FEATURES = 10, 60
+TERM = named_terms(50.0, (30.0,))["drive-speed-scale"]
+NOMINAL, EFFECT = Column("body.mass_g"), Column(TERM.id, 0, TERM)
+TOLERANCE = {"body.mass_g": 0.02}
+
+
+def search(sizes: list[float]) -> Any:
+    """Fits of no effect and of one, to runs in which it shows by so many sigmas each; every run has noise of 1."""
+    rng = np.random.default_rng(8)
+    linear = []
+    for size in sizes:
+        common = rng.normal(size=(FEATURES, 2)) / np.sqrt(FEATURES)
+        response = rng.normal(size=FEATURES) + size * common[:, 1]
+        own = rng.normal(size=(FEATURES, 7)) / np.sqrt(FEATURES)
+        linear.append(Linearized(response, common, own[:, :3], own[:, 3:]))
+    fits = {}
+    for columns in ((NOMINAL,), (NOMINAL, EFFECT)):
+        parts = [Linearized(r.response, r.common[:, : len(columns)], r.start, r.scatter) for r in linear]
+        reduced = reduce_runs(parts)
+        posterior = MixedModel(reduced, prior_precision(columns, TOLERANCE)).posterior(range(len(columns)))
+        terms = {c.key: (c.absent + m,) for c, m in zip(columns[1:], posterior.mean[1:], strict=True)}
+        point = Point(np.zeros((len(sizes), OWN_NUMBERS)), {}, terms)
+        runs = tuple(range(len(sizes)))
+        fits[frozenset(terms)] = Fit(
+            frozenset(terms), point, columns, posterior, reduced, tuple(parts), converged=True, runs=runs
+        )
+    return SimpleNamespace(
+        fits=fits, terms={TERM.id: TERM}, tolerance=TOLERANCE, evidence=lambda ids: fits[ids].posterior.log_evidence
+    )
+
+
+def found(sizes: list[float]) -> SoleRun | None:
+    return sole_run(search(sizes), frozenset([TERM.id]), 0)
+
+
+def test_an_effect_that_shows_in_one_run_alone_rests_on_that_run() -> None:
+    one = found([0.0] * 6 + [40.0] + [0.0] * 3)
+    assert one is not None
+    assert one.run == 6
+    assert one.without < 8.0 < one.gain
+
+
+@pytest.mark.parametrize("sizes", [[10.0] * RUNS, [40.0, 10.0, 10.0, 10.0, 10.0, 10.0, 10.0, 10.0, 10.0, 10.0]])
+def test_an_effect_that_shows_in_every_run_rests_on_none_of_them(sizes: list[float]) -> None:
+    assert found(sizes) is None
+
+
+def test_a_weak_effect_that_needs_all_its_runs_is_not_owed_to_the_best_of_them() -> None:
+    assert found([2.2] * RUNS) is None
+
+
+def test_no_effect_rests_on_no_run() -> None:
+    assert sole_run(search([0.0] * RUNS), frozenset(), 0) is None
+
+
+@pytest.mark.parametrize(
+    ("by_run", "suspect"),
+    [((1.0, 1.0, 5.0, 1.0), 7), ((1.0, 5.0, 5.0, 1.0), None), ((1.0, 1.05, 1.1, 1.0), None)],
+)
+def test_left_overs_of_one_run_alone_are_told_from_those_of_many(
+    by_run: tuple[float, ...], suspect: int | None
+) -> None:
+    left = Adequacy(float(np.mean(by_run)), 9.0, np.array(by_run), np.zeros((4, 4)), 1.0, "")
+    assert sole_misfit(left, (3, 5, 7, 9)) == suspect
