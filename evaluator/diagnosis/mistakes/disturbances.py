@@ -188,9 +188,11 @@ def _disturbance(run: RunData) -> Found | None:
     turning = float(np.median(motion.yaw))
     size = max(abs(usual), 0.5 * abs(turning))  # a turn on the spot has no speed of its own; half a mm of lever
     speed = np.hypot(motion.along, motion.across)
-    driving = float(np.quantile(speed, 0.75))  # of the run while it moves: it may stand for most of the time
-    held = _longest(speed < HELD_SHARE * driving, motion)
-    if held is not None and _is_stop(motion, held):
+    # a run that stops early stands for most of its time: what it did in either half is usual too
+    halves = np.array_split(motion.along, 2)
+    driven = max(abs(usual), *(abs(float(np.median(half))) for half in halves))
+    held = _longest(speed < HELD_SHARE * driven, motion)
+    if held is not None and driven > 0 and _is_stop(motion, held):
         seen = f"stands still from {held[0]:.2f} to {held[1]:.2f} s with its motors on"
         return Found(run.id, "stuck", seen, "look at the recording: does it snag?")
     odd = (speed > PUSHED_SHARE * size) | (np.abs(motion.across - np.median(motion.across)) > 0.6 * size)
