@@ -129,13 +129,6 @@ def test_a_held_run_is_told_from_when_to_when_it_stands() -> None:
     assert (float(begin), float(end)) == pytest.approx((1.55, 2.05), abs=0.08)  # windows of 0.15 s that stand
 
 
-@pytest.mark.parametrize(("stop_s", "judged"), [(1.95, False), (2.3, True)])
-def test_a_motion_is_judged_that_lasts_a_second_after_its_motors_have_come_up(stop_s: float, judged: bool) -> None:
-    time = np.arange(180) / 60
-    run = replace(driven(0, speed=np.where((time > 1.2) & (time < 1.6), 6.0, 1.5)), stop_s=stop_s)
-    assert (("r0", "pushed") in kinds(disturbed_runs([run], [ROBOT]))) == judged
-
-
 @pytest.mark.parametrize(("share", "pushed"), [(1.4, False), (1.8, True)])
 def test_a_run_is_pushed_that_is_faster_by_more_than_half_for_a_moment(share: float, pushed: bool) -> None:
     time = np.arange(180) / 60

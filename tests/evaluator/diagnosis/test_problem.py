@@ -14,6 +14,7 @@ from evaluator.diagnosis.likelihood.features import channels_of
 from evaluator.diagnosis.likelihood.problem import NO_DISTANCE_MM, Column, Point, Problem, build_problem
 from evaluator.diagnosis.likelihood.random_effects import MOST_SCATTER, _own_goal, settled
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
+from simulator.robot import load_robot
 from tests.evaluator.diagnosis.synthetic import linear_runs
 
 TIME = np.arange(120) / 30
@@ -30,7 +31,7 @@ def marks_at(x: np.ndarray, y: np.ndarray, heading: np.ndarray) -> np.ndarray:
 class Circle:
     """Robots that turn on a circle of 5 mm at 1 rad/s times their gain; the effect "pull" drags them by a·t²."""
 
-    robots = ()
+    robots = (load_robot("barrel"),)
 
     def __init__(self, data: tuple[RunData, ...]) -> None:
         self.data = data

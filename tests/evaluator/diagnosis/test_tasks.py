@@ -89,7 +89,9 @@ def test_own_friction_is_that_of_all_wheels_and_all_directions() -> None:
     )
     # Friction changes little of a steady turn, and only where the wheels slide far.
     agree(found(task({3: 0.3}), with_pull(BARREL)), expected(with_pull(stronger)), expected(with_pull(BARREL)))
-    assert np.isnan(found(task({3: -1.0}))).all()
+    without = found(task({3: -1.0}))
+    assert np.isnan(without).all()
+    assert without.shape == (60, 4)
 
 
 def with_pull(robot: Robot) -> Robot:

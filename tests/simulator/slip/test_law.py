@@ -7,6 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from simulator.robot import load_robot
+from simulator.slip.curves import normalized_forces, slip_curves
 from simulator.slip.law import REST_SPEED_MM_S
 from tests.simulator.plain import plain
 
@@ -54,6 +56,21 @@ def test_small_slips_are_opposed_in_proportion_to_both_stiffnesses() -> None:
     assert along == pytest.approx(-3 * 0.8 * 3.0 * 4.0 * 1.2, rel=1e-4)
 
 
+def test_a_wheel_that_rolls_true_has_no_friction() -> None:
+    assert force(2.0, 0.0, 0.0).tolist() == [0.0, 0.0]
+    slopes = plain("law").wheel_slopes(2.0, 0.0, 2.0, 1.0, *LAW, 0.0)
+    assert np.isfinite(slopes).all()
+    assert slopes[:2] == pytest.approx([0.0, 0.0])
+
+
+def test_curves_run_over_braking_slips_and_over_driving_ones_where_these_are_asked_for() -> None:
+    slip = load_robot("barrel").slip
+    for driving, lowest in ((False, 0.0), (True, -1.0)):
+        panel = slip_curves(slip, (0.0, 30.0), driving).query("panel == 'a'")
+        assert (panel["slip_ratio"].min(), panel["slip_ratio"].max()) == (lowest, 1.0)
+        assert np.diff(panel["slip_ratio"].unique()) == pytest.approx(0.01)
+
+
 def test_friction_shares_itself_out_by_the_components_of_the_slide() -> None:
     """At a slip angle of 30° and half slip: components cos 30°·0.8·0.5 and sin 30°, of one sigma."""
     slide, aside = 0.4 * math.sqrt(0.75), 0.5
@@ -65,6 +82,19 @@ def test_friction_shares_itself_out_by_the_components_of_the_slide() -> None:
     ]
     assert force(math.sqrt(3.0), 1.0, 0.5) == pytest.approx(expected, rel=1e-6)
     assert force(-math.sqrt(3.0), 1.0, 0.5) == pytest.approx(expected, rel=1e-6)
+
+
+def test_curves_of_the_bench_are_the_law_without_any_rounding_of_rest() -> None:
+    """Braking at half slip and 30°, both forces positive: sigma of 0.4·cos 30° and sin 30°, as above."""
+    slide, aside = 0.4 * math.sqrt(0.75), 0.5
+    sigma = math.hypot(slide, aside)
+    level = (1 - 0.25 * sigma) / sigma
+    expected = [
+        slide * level * 0.3 * math.sin(1.2 * math.atan(2.0 / 0.3 * sigma)),
+        aside * level * 0.5 * math.sin(0.9 * math.atan(2.0 / 0.5 * sigma)),
+    ]
+    parameters = [0.3, 0.5, 0.25, 1.2, 0.9, 1.6, 2.0]  # stiffness along 0.8 of that across
+    assert np.array(normalized_forces(parameters, 0.5, math.radians(30.0))) == pytest.approx(expected, rel=1e-9)
 
 
 def test_friction_falls_to_nothing_and_never_pushes() -> None:
