@@ -9,7 +9,7 @@ import pytest
 
 from evaluator.tracking.following.jumps import off_course
 from evaluator.tracking.following.pair import ENOUGH, Body
-from evaluator.tracking.following.repeated_frames import repeated_pictures
+from evaluator.tracking.following.repeated_frames import repeated_frames
 from evaluator.tracking.uncertainty.exposure import exposed
 from evaluator.tracking.uncertainty.rim import Rim
 
@@ -82,13 +82,13 @@ def shown_again(frames: range, step_px: float = 3.0, still_px: float = 0.0, late
 def test_a_frame_is_shown_again_in_which_a_mark_stands_and_then_makes_up_for_it(
     points: np.ndarray, found: list[int]
 ) -> None:
-    assert np.flatnonzero(repeated_pictures([points])[0]).tolist() == found
+    assert np.flatnonzero(repeated_frames([points])[0]).tolist() == found
 
 
 def test_all_marks_that_move_must_stand_for_a_frame_to_be_shown_again() -> None:
     stands, moves, rests = shown_again(range(20, 21)), shown_again(range(30, 31)), np.tile([3.0, 4.0], (40, 1))
-    assert not repeated_pictures([stands, moves])[0].any()
-    both, of_rest = repeated_pictures([stands, rests])
+    assert not repeated_frames([stands, moves])[0].any()
+    both, of_rest = repeated_frames([stands, rests])
     assert np.flatnonzero(both).tolist() == [20]
     assert not of_rest.any()
 
