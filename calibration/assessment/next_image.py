@@ -21,12 +21,14 @@ from calibration.estimation.bundle_adjustment import (
     POSE_COUNT,
     State,
     View,
+    add_prior,
     places_of_view,
     robust_scale,
     view_rows,
 )
 from calibration.estimation.calibrate import Calibration
-from calibration.estimation.flatness import face_terms
+from calibration.estimation.flatness import coefficient_sigma, face_terms
+from calibration.estimation.initial_values import rough_prior
 from calibration.lens import undistort
 
 Array = NDArray[np.float64]
@@ -138,6 +140,13 @@ class Information:
             weight = HUBER / np.maximum(np.hypot(white[:, 0], white[:, 1]) / scale, HUBER)
             flat = rows.reshape(-1, rows.shape[-1])
             self._parts.append((rows * weight[:, None, None]).reshape(flat.shape).T @ flat)
+        prior = replace(
+            rough_prior(found.camera.size_px), distance_mm=found.distance_mm, face_mm=coefficient_sigma(found.gauge)
+        )
+        # what the images leave open is known so little that the weights must be those of the parts to the last digit
+        self._prior = np.zeros_like(fit.normal)
+        add_prior(self._prior, np.zeros(len(fit.normal)), fit.state, prior)
+        self._prior *= scale**2
         relative = _relative_sensitivity(found.camera, height_mm, MAP)
         relative = relative[np.isfinite(relative).all(axis=(1, 2))]
         joint = [*(POSE_COUNT + fit.state.free_index), *range(*POSE.indices(len(PARAMETERS)))]
@@ -146,28 +155,29 @@ class Information:
             :, :, joint
         ]
         self._square = np.einsum("nij,nik->jk", by_joint, by_joint) / (2 * max(len(relative), 1))
-        self._plate = self._without_poses(fit.normal)
+        self._plate = self._of_images(range(len(found.views)))
 
     def place_sigma_mm(self, more: Array | None = None, *, without: int | None = None) -> float:
         """RMS uncertainty of places, mm, 1 sigma: with more information (shared, shared) or without one image."""
         fit, normal = self._found.fit, self._plate
         if without is not None:
-            keep = np.delete(
-                np.arange(len(fit.normal)), fit.state.shared + POSE_COUNT * without + np.arange(POSE_COUNT)
-            )
-            fewer = fit.normal.copy()
-            place = places_of_view(fit.state, without)
-            fewer[np.ix_(place, place)] -= self._parts[without]
-            normal = self._without_poses(fewer[np.ix_(keep, keep)])
+            normal = self._of_images([k for k in range(len(self._parts)) if k != without])
         if more is not None:
             normal = normal.copy()
             normal[: len(more), : len(more)] += more
-        covariance = np.linalg.inv(normal) * max(fit.variance, 1.0)
-        return float(np.sqrt(max(np.sum(self._square * covariance), 0.0)))
+        root = 1 / np.sqrt(np.diag(normal))  # millimetres, radians and pixels differ by ten powers of ten
+        covariance = np.linalg.inv(normal * root[:, None] * root) * max(fit.variance, 1.0)
+        return float(np.sqrt(max(np.sum(self._square * root[:, None] * root * covariance), 0.0)))
 
-    def _without_poses(self, normal: Array) -> Array:
-        """The normal matrix of what all images share and of the plate's pose, the other poses eliminated."""
-        count = self._found.fit.state.shared + POSE_COUNT
+    def _of_images(self, images: Sequence[int]) -> Array:
+        """The normal matrix of what some images share and of the plate's pose, the other poses eliminated."""
+        state = self._found.fit.state
+        whole = self._prior.copy()
+        for k in images:
+            place = places_of_view(state, k)
+            whole[np.ix_(place, place)] += self._parts[k]
+        kept = np.concatenate([np.arange(state.shared), *(places_of_view(state, k)[state.shared :] for k in images)])
+        normal, count = whole[np.ix_(kept, kept)], state.shared + POSE_COUNT
         rest = normal[count:, count:]
         cross = normal[:count, count:]
         return np.asarray(normal[:count, :count] - cross @ np.linalg.solve(rest, cross.T)) if len(rest) else normal

@@ -272,11 +272,11 @@ def _normal(views: list[View], state: State, prior: Prior, scale: float) -> _Nor
         gradient[place] += weighted.T @ white.ravel()
         whitened.append(white)
         residuals.append(residual)
-    cost += _add_prior(matrix, gradient, state, prior)
+    cost += add_prior(matrix, gradient, state, prior)
     return _Normal(matrix, gradient, cost, whitened, residuals)
 
 
-def _add_prior(matrix: Array, gradient: Array, state: State, prior: Prior) -> float:
+def add_prior(matrix: Array, gradient: Array, state: State, prior: Prior) -> float:
     """Add the priors to a normal matrix and gradient in place; returns their cost."""
     free, count = state.free_index, len(state.free)
     difference, weight = prior.mean[free] - state.lens[free], prior.sigma[free] ** -2

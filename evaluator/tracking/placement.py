@@ -19,6 +19,7 @@ class AsCalibrated:
         """Look at nothing yet; iteration raises InputError at a frame of another size."""
         self._recording, self._camera = recording, camera
         self.name = str(getattr(recording, "name", "the recording"))
+        self.expected_frames = int(getattr(recording, "expected_frames", 0))
 
     def __iter__(self) -> Iterator[Frame]:
         """Pass the frames on."""

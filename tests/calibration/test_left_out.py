@@ -48,7 +48,11 @@ def test_bad_images_are_left_out_and_named_with_the_reason(folder: Path) -> None
     output, error = run(folder, "g0.png", "cut.png", "g1.png", "white.png", "g2.png", "large.png", "g3.png")
     assert error is None, output
     assert output.startswith("4 images, 192 dots")
-    for said in ("cut.png: not a", "white.png: 0 dots of color black", "large.png: 640×480 pixels, but"):
+    for said in (
+        "cut.png: an image that is damaged",
+        "white.png: 0 dots of color black",
+        "large.png: 640×480 pixels, but",
+    ):
         assert said in output
 
 

@@ -66,8 +66,9 @@ class Quantity:
 def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Quantity, ...]:
     """All that is known to within a tolerance and is not in the robot's [tolerance]; what is exact is left out."""
     geometry = robot.known_to
-    usual_s = min(frame_interval_s(data), _stamped_s(data))
-    common_s = FRAMES_COMMON * usual_s if known.start_common_s is None else known.start_common_s
+    common_s = known.start_common_s
+    if common_s is None:
+        common_s = FRAMES_COMMON * min(frame_interval_s(data), _stamped_s(data))
     length = size_of(robot).length
     level, callipers = geometry.plate_level_deg, length * CALLIPERS_MM
     stated_as = geometry.model_fields_set  # the defaults are those of a robot of the paper's size

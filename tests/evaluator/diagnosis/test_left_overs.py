@@ -124,7 +124,7 @@ def test_gap_of_a_run_is_the_rms_distance_of_its_midpoint() -> None:
 
 def test_floor_is_the_noise_of_both_coordinates_and_the_precision_of_the_model() -> None:
     noise = (Noise(0.003, 0.0, 0.1), Noise(0.004, 0.0, 0.1), Noise(9.0, 0.0, 0.1), Noise(9.0, 0.0, 0.1))
-    problem: Any = SimpleNamespace(noise=[noise])
+    problem: Any = SimpleNamespace(noise=[noise], length=1.0)
     assert noise_floor(problem, [0]) == pytest.approx([np.sqrt(0.005**2 + MODEL_FLOOR_MM**2)])
 
 
@@ -149,6 +149,7 @@ def changed(present: np.ndarray, absent: np.ndarray, floor_mm: float = 0.005, **
     marks = {"effect": present, "": absent}
     noise = (Noise(floor_mm, 0.0, 0.1), Noise(0.0, 0.0, 0.1))
     problem: Any = SimpleNamespace(
+        length=1.0,
         data=[replace(data, **run)],
         noise=[noise],
         forward=SimpleNamespace(marks=lambda tasks: [marks[next(iter(task), "")] for task in tasks]),
