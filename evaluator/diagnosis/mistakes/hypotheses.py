@@ -78,7 +78,20 @@ def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found
     if sum(item.kind == "late-start" for item in found) > len(judgements) / 2:
         # what all logs have in common, a lag of the motors or of the clock, is the diagnosis's to find
         found = [item for item in found if item.kind != "late-start"]
-    return found
+    return _without_regimes(found, judgements)
+
+
+def _without_regimes(found: Sequence[Found], judgements: Sequence[Judgement]) -> list[Found]:
+    """What was found, but for wrong commands of all runs of some wheel speeds: a wheel that sticks makes these.
+
+    A command is mixed up in a run, not in every run of the same speeds, forward, backward and with sides exchanged.
+    """
+    mixed_up = {item.run for item in found if item.kind == "wrong-command"}
+    regimes: dict[tuple[tuple[float, float], ...], set[str]] = {}
+    for judgement in judgements:
+        regimes.setdefault(judgement.kin, set()).add(judgement.ways[0].run.id)
+    physical = set().union(*(runs for runs in regimes.values() if len(runs) > 1 and runs <= mixed_up))
+    return [item for item in found if item.kind != "wrong-command" or item.run not in physical]
 
 
 def reading_of(run: RunData, others: Sequence[RunData], robot: Robot) -> Found | None:

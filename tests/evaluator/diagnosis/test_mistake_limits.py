@@ -11,7 +11,7 @@ from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.alternatives import Alternative
 from evaluator.diagnosis.mistakes.copies import copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
-from evaluator.diagnosis.mistakes.hypotheses import Judgement, _judged, _least_share, _usual_kinds
+from evaluator.diagnosis.mistakes.hypotheses import Judgement, _judged, _least_share, _usual_kinds, _without_regimes
 from evaluator.diagnosis.mistakes.recognised import Found, mistakes_of
 from simulator.robot import load_robot
 
@@ -265,3 +265,15 @@ def test_stop_for_good_is_a_stop_to_the_end_of_the_recording() -> None:
     speed = np.where(run.time_s < 1.6, 1.5, 0.0)  # after a second: it stands longer than it drives
     (found,) = disturbed_runs(session(driven(speed=speed)), [ROBOT] * 8)
     assert (found.kind, found.seen) == ("stuck", "stands still from 1.67 to 2.87 s with its motors on")
+
+
+def test_commands_that_all_runs_of_a_speed_seem_to_have_mixed_up_are_physics() -> None:
+    def misread(*runs: int) -> list[Found]:
+        return [Found(f"r{k}", "wrong-command", "moves as if", "look up") for k in runs]
+
+    speeds = [((5.0, 33.0),), ((5.0, 33.0),), ((14.0, 33.0),), ((14.0, 33.0),), ((36.0, 60.0),)]
+    seen = [Judgement([Alternative(None, driven(k))], np.array([1.0]), 10.0, kin) for k, kin in enumerate(speeds)]
+    assert _without_regimes(misread(0, 1, 2), seen) == misread(2)  # r3 turns as r2 should
+    assert _without_regimes(misread(4), seen) == misread(4)  # nothing to compare it with
+    swapped = Found("r0", "sides-swapped", "turns", "exchange")
+    assert _without_regimes([swapped, *misread(1)], seen) == [swapped, *misread(1)]
