@@ -103,13 +103,13 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
 
 def _plates(count: int) -> list[np.ndarray]:
     random = np.random.default_rng(3)
-    return [random.normal(90, 3, (120, 160)).clip(0, 255).astype(np.uint8) for _ in range(count)]
+    return [random.normal(90, 3, (480, 640)).clip(0, 255).astype(np.uint8) for _ in range(count)]
 
 
 def _write_video(target: Path, pictures: list[np.ndarray], pixels: str) -> None:
     with av.open(str(target), "w") as video:
         stream = video.add_stream("libx264", rate=60)
-        stream.width, stream.height, stream.pix_fmt = 160, 120, pixels
+        stream.width, stream.height, stream.pix_fmt = 640, 480, pixels
         for picture in pictures:
             for packet in stream.encode(av.VideoFrame.from_ndarray(picture, format="gray")):
                 video.mux(packet)
