@@ -139,7 +139,7 @@ def _entries() -> Iterator[Entry]:
         "tracking.toml", ("track", "clip.mp4", "--settings", "tracking.toml", "-o", f"{OUT}/m.csv", "-q"), OF_TOML
     )
     yield Entry(
-        "camera.json", ("track", "clip.mp4", "--camera", "camera.json", "-o", f"{OUT}/m.csv", "-q"), (JSON, BYTES)
+        "camera.json", ("track", "wide.mp4", "--camera", "camera.json", "-o", f"{OUT}/m.csv", "-q"), (JSON, BYTES)
     )
     yield Entry("corrections.csv", ("track", "clip.mp4", "--corrections", "corrections.csv", "-o", f"{OUT}/m.csv"),
                 OF_TABLE)  # fmt: skip
@@ -209,6 +209,10 @@ def _videos(folder: Path) -> None:
         ("clip.ts", "mpeg2video", "yuv420p"), ("clip.mov", "mpeg4", "yuv420p"), ("clip.gif", "gif", "rgb8"),
     ):  # fmt: skip
         write_video(folder / name, frames, codec=codec, pixels=pixels, rate=Fraction(50))
+    wide = [draw(rng, (240, 180), {name: tuple(at[k]) for name, at in truth.items()}, 3.5, 0.7, 2.0) for k in range(10)]
+    write_video(
+        folder / "wide.mp4", wide, codec="libx264", pixels="yuv420p", rate=Fraction(50)
+    )  # as camera.json has it
     far = [0, 1, 2, 3, 5_000_000, 5_000_001, 5_000_002, 5_000_003, 5_000_004, 5_000_005]
     write_video(folder / "times.mkv", frames, codec="libx264", pixels="yuv420p", pts=far)
     (folder / "images").mkdir()
