@@ -24,7 +24,7 @@ from evaluator.cli.options import PATH, quiet_option
 )
 @quiet_option
 def selftest(out: Path, seed: int, quiet: bool) -> int:
-    """Try on this machine what this version claims, in under two minutes.
+    """Try on this machine what this version claims.
 
     Renders gauge images and a turn, solves the camera, tracks, fits, simulates, and has a hidden effect named in runs
     that start late and of which one has its sides exchanged. Compares each figure with what this version claims, and

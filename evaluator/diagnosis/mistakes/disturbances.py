@@ -197,20 +197,21 @@ def _disturbance(run: RunData) -> Found | None:
         return Found(run.id, "stuck", seen, "look at the recording: does it snag?")
     odd = (speed > PUSHED_SHARE * size) | (np.abs(motion.across - np.median(motion.across)) > 0.6 * size)
     odd |= np.abs(motion.yaw - turning) > 0.6 * max(abs(turning), size)
-    pushed = _longest(odd & _unlike(motion), motion) or _brief_push(run, motion)
+    unlike = _unlike(motion)
+    pushed = _longest(odd & unlike, motion) or _brief_push(run, unlike, motion)
     if pushed is not None:
         seen = f"moves unlike the rest of the run from {pushed[0]:.2f} to {pushed[1]:.2f} s"
         return Found(run.id, "pushed", seen, "look at the recording: was it pushed or pulled?")
     return None
 
 
-def _brief_push(run: RunData, motion: Motion) -> tuple[float, float] | None:
+def _brief_push(run: RunData, unlike: np.ndarray, motion: Motion) -> tuple[float, float] | None:
     """Begin and end, s, of a moment over which a run was carried or turned off its way.
 
     A mark mistaken in a frame makes a velocity odd too, but the robot is where it would have been afterwards.
     """
     span = _span(run)
-    for begin, end in _stretches(_unlike(motion), motion):
+    for begin, end in _stretches(unlike, motion):
         stretch = begin - WINDOW_S / 2, end + WINDOW_S / 2  # frames of the windows whose velocity is odd
         if end - begin < BRIEF_S and leap_over(run, stretch, span) > 0:
             return stretch
