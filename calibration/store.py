@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PositiveInt, ValidationError
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, PositiveInt, ValidationError
 
 from calibration.assessment.verdict import Verdict
 from calibration.camera import PARAMETERS, Camera
@@ -77,7 +77,8 @@ class CameraFile(Table):
     covariance: tuple[tuple[float, ...], ...]
     gauge: Gauge
     variance: float = Field(description="of unit weight: scatter of the residuals over the stated uncertainty, squared")
-    pictures: tuple[StoredImage, ...]
+    # Files written before November 2026 call them "pictures".
+    images: tuple[StoredImage, ...] = Field(validation_alias=AliasChoices("images", "pictures"))
     rms_px: float
     verdict: Verdict
     flatness: StoredFlatness | None = None
@@ -118,7 +119,7 @@ def camera_to_json(calibration: Calibration, verdict: Verdict | None = None, adv
         covariance=tuple(tuple(row) for row in camera.covariance.tolist()),
         gauge=calibration.gauge,
         variance=calibration.fit.variance,
-        pictures=tuple(
+        images=tuple(
             StoredImage(
                 name=sighting.name,
                 dots=len(view),

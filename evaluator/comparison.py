@@ -90,7 +90,7 @@ def start_pose(poses: Poses, start_s: float, *, at_rest: bool = True) -> tuple[f
         chosen, powers = resting, (0, 0, 0)
     else:
         first = time[known][0]
-        chosen = known & (time >= first) & (time <= first + START_SPAN_S)
+        chosen = known & (time <= first + START_SPAN_S)
         if np.count_nonzero(chosen) < LEAST_POSES:  # of a slow sensor, as many as a parabola with some freedom needs
             chosen = known & (np.cumsum(known) <= LEAST_POSES)
         few = np.count_nonzero(chosen) < LEAST_POSES

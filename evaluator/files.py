@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import os
 import tempfile
 import tomllib
@@ -51,6 +52,12 @@ def write_text(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all."""
+    with written_whole(path) as temporary:
+        temporary.write_bytes(content)
+
+
 def write_table(table: pd.DataFrame, path: Path) -> None:
     """Write a table as CSV, whole or not at all: nine significant digits, NaN as an empty cell."""
     with written_whole(path) as temporary:
@@ -84,6 +91,21 @@ def write_image(image: NDArray[np.generic], path: Path) -> None:
     stored = image[..., ::-1] if image.ndim == 3 else image  # OpenCV writes blue, green, red
     with written_whole(path) as temporary:
         cv2.imwrite(str(temporary), np.ascontiguousarray(stored))
+
+
+def plain(value: Any) -> Any:
+    """A value that strict JSON can hold: what is not a finite number becomes null."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    return str(value)
 
 
 def read_with(load: Callable[[Path], Value], path: Path) -> Value:

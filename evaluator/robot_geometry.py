@@ -90,8 +90,13 @@ def _shape_of_list(said: MeasuredRobot) -> RobotShape | None:
         length,
         width,
         tuple(wheel.name for wheel in wheels),
-        tuple(wheel.driven_by for wheel in wheels),
+        tuple(_rolls(wheel) for wheel in wheels),
     )
+
+
+def _rolls(wheel: Wheel) -> str:
+    """What turns a wheel, as RobotShape.driven_by says it."""
+    return wheel.driven_by if wheel.grips else "caster"
 
 
 def _length(table: dict[str, Any], name: str) -> float:
@@ -198,5 +203,5 @@ def robot_shape(robot: Robot | MeasuredRobot) -> RobotShape | None:
         length_mm=robot.body.length_mm,
         width_mm=robot.body.width_mm,
         wheel_names=robot.wheel_names,
-        driven_by=tuple(wheel.driven_by for wheel in robot.all_wheels),
+        driven_by=tuple(map(_rolls, robot.all_wheels)),
     )

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
 
 def counted(count: int, noun: str) -> str:
     """Give a number with its noun: "1 frame", "2 frames"."""
@@ -11,3 +15,21 @@ def counted(count: int, noun: str) -> str:
 def verb(count: int, one: str, several: str) -> str:
     """Give the form of a verb that agrees with a number."""
     return one if count == 1 else several
+
+
+def with_bounds(value: float, low: float, high: float) -> tuple[str, str, str]:
+    """Give a value and its 95 % bounds with as many decimals as their distance bears, never as powers.
+
+    A quarter of the distance is about the standard uncertainty: the last decimal is its first figure. Three figures
+    where there is no distance.
+    """
+    if not 0 < high - low < math.inf:
+        return f"{value:.3g}", f"{low:.3g}", f"{high:.3g}"
+    decimals = max(0, -math.floor(math.log10((high - low) / 4)))
+    best, least, most = (f"{round(item, decimals) + 0.0:.{decimals}f}" for item in (value, low, high))
+    return best, least, most
+
+
+def power_of_ten(exponent: float) -> str:
+    """Write a factor that is too large for digits: "10⁶⁰⁸"."""
+    return f"10{f'{exponent:.0f}'.translate(SUPERSCRIPTS)}"

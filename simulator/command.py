@@ -174,7 +174,11 @@ def _columns_of_log(path: str | Path) -> tuple[Array, Array, Array]:
     import pandas as pd
 
     try:
-        table = pd.read_csv(path, skipinitialspace=True)
+        with Path(path).open(encoding="utf-8", errors="replace") as lines:
+            first = lines.readline(4096)
+        semicolons = first.count(";") > first.count(",")  # they come with decimal commas
+        sep, decimal = (";", ",") if semicolons else (",", ".")
+        table = pd.read_csv(path, skipinitialspace=True, sep=sep, decimal=decimal)
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
         raise SimulationError(f"{path}: not a CSV table ({str(error).strip()})") from error
     factors, names = [1.0], ["time_s"]

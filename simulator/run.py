@@ -53,7 +53,8 @@ class Run:
     are worked out when they are first asked for, by wheels_of; NaN where a motion is given without it. amplification:
     by how much a small disturbance of the velocity grows at most between two breaks of the command, while the robot
     passes balances that are unstable; 1 where a motion is given without it. unsettled_mm: how far apart this solution
-    and one with larger errors of a step are, where that is more than such errors add up to; 0 where they agree.
+    and one with larger errors of a step, or with speeds that are as well known, are, where that is more than such
+    errors add up to; 0 where they agree.
     """
 
     time_s: Array
@@ -103,7 +104,7 @@ class Run:
 
     @property
     def is_converged(self) -> bool:
-        """Whether smaller errors of a step lead to the same run."""
+        """Whether smaller errors of a step, and speeds as well known, lead to the same run."""
         return self.unsettled_mm == 0.0
 
     @cached_property

@@ -18,6 +18,7 @@ from simulator.dynamics.model import compile_robot, room_for
 from simulator.dynamics.record import model_type
 from simulator.errors import SimulationError
 from simulator.integrator.batch import TOLERANCE_MM, integrate_many
+from simulator.integrator.convergence import CHECKS, MOST_CHECK_STEPS, commands_beside, settled_mm, unsettled_mm
 from simulator.integrator.run_kernel import DONE, MOST_STEPS, integrate_run
 from simulator.nominal_robot import WHEELS
 from simulator.robot import Robot
@@ -30,11 +31,6 @@ LARGEST_LOGARITHM = 700.0  # of a double
 # Slip settles within milliseconds on a robot of a gram, and within some tenths of a second on one of 50 kg; what the
 # motors have left of an earlier command is known in closed form.
 RUN_IN_S = 1.0
-# A run is worked out again with so many times smaller local errors, and once more where the two disagree.
-CHECKS, MOST_CHECK_STEPS = (100.0, 1000.0), 10 * MOST_STEPS
-# They agree within a fiftieth of what cameras tell of a robot as small as the paper's, in proportion for others, and
-# half of the share of the way that `simulate` states.
-SETTLED_MM, SETTLED_SHARE = 1e-3, 5e-4
 
 
 def simulate(
@@ -51,25 +47,27 @@ def simulate(
     number of the run within its session, from 0. tolerance_mm: local error of a step of a robot as small as the
     paper's; of others, in proportion to their size (simulator.dynamics.scale). A robot that added forces drag away over
     sliding wheels does not forget errors of its velocity, and is off by up to 1e-3 of its way. Where the smallest
-    disturbance decides which turn is taken, the Run says so (is_by_chance); so it does where smaller errors of a step
-    lead elsewhere (is_converged). Raises SimulationError for times that do not increase or are not finite, and where
-    the motion cannot be followed.
+    disturbance decides which turn is taken, the Run says so (is_by_chance); so it does where smaller errors of a step,
+    or speeds that are as well known, lead elsewhere (is_converged). Raises SimulationError for times that do not
+    increase or are not finite, and where the motion cannot be followed.
     """
     times = _checked_times(times_s)
     model: Any = (compile_robot(robot, run_index) if isinstance(robot, Robot) else robot)[0]
     problem = (model, command.knots, (start or State()).to_array(), times)
     states, grown = _followed(problem, tolerance_mm, MOST_STEPS)
-    unsettled_mm = 0.0
+    apart_mm = 0.0
     for finer in CHECKS:
         try:
             closer, closer_grown = _followed(problem, tolerance_mm / finer, MOST_CHECK_STEPS)
         except SimulationError:
-            unsettled_mm = math.inf
+            apart_mm = math.inf
             break
-        unsettled_mm = _unsettled_mm(states, closer, SETTLED_MM * float(model["time_unit"]) ** 2)
-        if unsettled_mm == 0.0:
+        apart_mm = unsettled_mm(states, closer, settled_mm(model))
+        if apart_mm == 0.0:
             break
         states, grown = closer, closer_grown
+    if apart_mm == 0.0:
+        apart_mm = _beside_mm(problem, states, tolerance_mm)
     states.setflags(write=False)
     x, y, heading, u, v, yaw_rate = states.T
     return Run(
@@ -77,7 +75,7 @@ def simulate(
         lambda: wheel_states(model, command.knots, times, states),
         math.exp(min(grown, LARGEST_LOGARITHM)),
         robot.wheel_names if isinstance(robot, Robot) else _names(int(model["wheels"])),
-        unsettled_mm,
+        apart_mm,
     )
 
 
@@ -96,12 +94,21 @@ def _followed(problem: tuple[Any, Array, Array, Array], tolerance_mm: float, mos
     return states, grown
 
 
-def _unsettled_mm(usual: Array, finer: Array, settled_mm: float) -> float:
-    """How far two solutions of a run are apart at most, mm; 0 where no more than local errors add up to."""
-    apart = np.hypot(*(usual - finer)[:, :2].T)
-    way = np.hypot(*np.diff(finer[:, :2], axis=0).T).sum()
-    largest = float(apart.max())
-    return largest if largest > settled_mm + SETTLED_SHARE * way else 0.0
+def _beside_mm(problem: tuple[Any, Array, Array, Array], usual: Array, tolerance_mm: float) -> float:
+    """How far runs whose speeds are as well known as those given lead from the usual one, mm; 0 where nowhere."""
+    model, knots, start, times = problem
+    found = 0.0
+    for finer in (1.0, CHECKS[0]):  # a run beside it may be off by its own steps
+        near = [(model, changed, start, times) for changed in commands_beside(knots)]
+        try:
+            beside = [_followed(each, tolerance_mm / finer, MOST_CHECK_STEPS)[0] for each in near]
+        except SimulationError:
+            found = math.inf
+            continue
+        found = unsettled_mm(np.mean(beside, axis=0), usual, settled_mm(model))
+        if found == 0.0:
+            break
+    return found
 
 
 def moving_state(robot: Robot, command: Command, pose: State, at_s: float, run_index: int = 0) -> State:
@@ -166,9 +173,10 @@ def simulate_batch(
 
     robots: Robots or records (n,) of one dtype; starts: (n, 6), (6,) or None for rest at the origin. summary: keep
     start and end only, so that memory does not grow with the number of times. check: whether to work all out again with
-    smaller local errors, and once more those that disagree, as `simulate` does; without it nothing is said of
-    convergence. Where only start and end are kept, these are compared, and the way is taken as their distance, so that
-    rather too many runs of a circle are said to be unsettled. A run that cannot be followed is NaN.
+    smaller local errors, once more those that disagree, and the others with speeds as well known, as `simulate` does;
+    without it nothing is said of convergence. Where only start and end are kept, these are compared, and the way is
+    taken as their distance, so that rather too many runs of a circle are said to be unsettled. A run that cannot be
+    followed is NaN.
     """
     times = _checked_times(times_s)
     kept = times[[0, -1]] if summary else times
@@ -188,10 +196,10 @@ def simulate_batch(
         kept,
     )
     states = batch.states(np.arange(runs), tolerance_mm, MOST_STEPS)
-    unsettled_mm = batch.settle(states, tolerance_mm) if check else np.full(runs, np.nan)
-    for array in (states, unsettled_mm):
+    apart_mm = batch.settle(states, tolerance_mm) if check else np.full(runs, np.nan)
+    for array in (states, apart_mm):
         array.setflags(write=False)
-    return Batch(kept, states, unsettled_mm)
+    return Batch(kept, states, apart_mm)
 
 
 @dataclass(frozen=True)
@@ -236,19 +244,30 @@ class _Problems:
 
         Where they disagree the closer solution takes the place of the usual one in states.
         """
-        settled_mm = SETTLED_MM * self.models["time_unit"][self.model] ** 2
+        allowed_mm = settled_mm(self.models)[self.model]
         found, which = np.zeros(len(states)), np.arange(len(states))
         for finer in CHECKS:
             closer = self.states(which, tolerance_mm / finer, MOST_CHECK_STEPS)
             for run, other in zip(which, closer, strict=True):
-                followed = np.isfinite(states[run]).all() and np.isfinite(other).all()
-                found[run] = _unsettled_mm(states[run], other, settled_mm[run]) if followed else math.inf
+                found[run] = _apart_mm(states[run], other, allowed_mm[run])
             again = np.isfinite(found[which]) & (found[which] > 0.0)
             which = which[again]
             if not len(which):
                 break
             states[which] = closer[again]
+        which = np.flatnonzero(found == 0.0)
+        for finer in (1.0, CHECKS[0]):
+            near = [replace(self, knots=knots) for knots in commands_beside(self.knots)]
+            both = [each.states(which, tolerance_mm / finer, MOST_CHECK_STEPS) for each in near]
+            for run, other in zip(which, np.mean(both, axis=0), strict=True):
+                found[run] = _apart_mm(other, states[run], allowed_mm[run])
+            which = which[found[which] > 0.0]
         return found
+
+
+def _apart_mm(usual: Array, other: Array, allowed_mm: float) -> float:
+    followed = np.isfinite(usual).all() and np.isfinite(other).all()
+    return unsettled_mm(usual, other, allowed_mm) if followed else math.inf
 
 
 def _records(robots: Sequence[Robot]) -> NDArray[np.void]:

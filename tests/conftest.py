@@ -1,17 +1,35 @@
-"""How pytest -n shares the tests out among its workers."""
+"""How pytest -n shares the tests out among its workers, and what no test leaves behind."""
 
 from __future__ import annotations
 
+import os
+import sys
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import pytest
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from xdist.remote import Producer
     from xdist.scheduler import Scheduling
 
+# Threads that share a small matrix wait for each other, busily, and the cores belong to the workers of pytest -n: fits
+# of noise took 1.5 times the processor time. Read by libraries that are still to be loaded, and by processes of tests.
+for _name in ("OPENBLAS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
 # On a fresh clone two workers then begin by compiling different kernels: of the tracker, and of the simulator.
 FIRST = ("tests/evaluator/tracking/test_track.py", "tests/simulator/test_integration.py")
+
+
+def pytest_configure() -> None:
+    """Keep libraries that a plugin has loaded already to one thread, too."""
+    if "numpy" in sys.modules and find_spec("threadpoolctl"):
+        from threadpoolctl import threadpool_limits
+
+        threadpool_limits(int(os.environ["OPENBLAS_NUM_THREADS"]), user_api="blas")
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -28,3 +46,11 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Schedul
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the tests that compile the most first."""
     items.sort(key=lambda item: not item.nodeid.startswith(FIRST))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _own_effects_forgotten() -> Iterator[None]:
+    """Own effects are known to the whole process: tests of other files must not meet them."""
+    yield
+    if files := sys.modules.get("simulator.own_effects.files"):
+        files.forget_own()

@@ -15,7 +15,7 @@ NAMES = {
     *("SIGALRM", "SIGKILL", "SIGHUP", "SIGUSR1", "SIGUSR2", "alarm", "setitimer", "sigwaitinfo"),
 }
 # Where the operating system is dealt with; each asks first whether it has what is used.
-KEEPERS = {"evaluator/workflow/execution/machine.py", "simulator/compilation.py"}
+KEEPERS = {"evaluator/workflow/execution/machine.py", "calibration/compilation/cache.py"}
 
 HIDDEN = f"""
 import importlib.abc, os, signal, sys

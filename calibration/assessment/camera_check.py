@@ -101,7 +101,7 @@ def _sigmas(value: float) -> str:
 def _signed(value: float) -> str:
     """A change with its sign and three decimals; what rounds to nothing has none."""
     text = f"{value:+.3f}"
-    return "0.000" if float(text) == 0 else text
+    return "0.000" if float(text) == 0 else text.replace("-", "−")
 
 
 def check_camera(

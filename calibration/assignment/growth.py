@@ -9,8 +9,9 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from calibration.compilation import compiled
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -73,7 +74,7 @@ def bucket(points: Array, size: float) -> tuple[Integers, Integers, Array]:
     return cells, following, origin
 
 
-@njit(cache=True)
+@compiled()
 def _nearest(points, odd, x, y, reach, cells, following, size, origin):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Index of the dot nearest to (x, y) within reach, -1 for none; an odd one must be nearer."""
     left, right = int((x - reach - origin[0]) // size), int((x + reach - origin[0]) // size)
@@ -92,7 +93,7 @@ def _nearest(points, odd, x, y, reach, cells, following, size, origin):  # type:
     return found
 
 
-@njit(cache=True)
+@compiled()
 def _local_basis(points, grid, odd, a, b, here, basis):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Basis at a dot: mean of the arms to its assigned neighbours, else what it inherited."""
     for axis in range(2):
@@ -109,7 +110,7 @@ def _local_basis(points, grid, odd, a, b, here, basis):  # type: ignore[no-untyp
             basis[2 * axis + k] = (points[after, k] - points[before, k]) / steps
 
 
-@njit(cache=True)
+@compiled()
 def grow(points, seed, basis, odd, taken, cells, following, size, origin):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Indices (n, 2) of the dots reached from a seed; dots not reached, or taken before, hold -1 in `member` (n,).
 

@@ -189,6 +189,18 @@ def rows_and_columns(lattice: Lattice) -> tuple[str, Integers]:
     return layout, np.stack([column, down - down.min()], 1)
 
 
+def array_size(lattice: Lattice, points_px: Array) -> tuple[str, int, int]:
+    """Layout, and how many dots the array has across and down as the image shows it.
+
+    points_px: (m, 2) places of the lattice's dots. The rows of a staggered array are those that are shifted.
+    """
+    layout, index = rows_and_columns(lattice)
+    columns, rows = (int(count) for count in index.max(axis=0) + 1)
+    step, *_ = np.linalg.lstsq(np.c_[index, np.ones(len(index))], points_px, rcond=None)
+    upright = abs(step[0, 1]) > abs(step[0, 0])  # what was counted as a column runs down the image
+    return (layout, rows, columns) if layout == "square" and upright else (layout, columns, rows)
+
+
 def places_without_dot(dots: Dots, lattice: Lattice) -> tuple[Integers, Array]:
     """Lattice places next to dots seen, well inside the image, that hold no dot: (k, 2), and their light (k,).
 

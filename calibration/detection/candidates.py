@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from calibration.compilation import compiled
 
 Array = NDArray[np.float64]
 Plane = NDArray[np.float32]
@@ -47,7 +48,7 @@ class Candidates:
         return Candidates(self.center_px[index], self.moments_px2[index], self.area_px[index])
 
 
-@njit(cache=True)
+@compiled()
 def _sums(labels, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Area, first and second moments of each region about the corner of the image: (count, 6), region 0 left out."""
     sums = np.zeros((count, 6))

@@ -18,8 +18,9 @@ from concurrent.futures import ThreadPoolExecutor
 from math import pi, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from calibration.compilation import compiled
 
 Array = NDArray[np.float64]
 PARAMETERS = 10  # cx, cy, A11, A12, A22, s, b, a, gx, gy
@@ -32,11 +33,8 @@ RESTS_PX, RESTS_SHARE = 5e-3, 0.03
 
 MOST_PIXELS = 500  # along a side of the square around a dot: its derivatives take 28 MB
 
-# Divisions as numpy has them: a check of each divisor would keep the compiler from taking several pixels at once.
-compiled = njit(cache=True, fastmath=True, error_model="numpy")
 
-
-@compiled
+@compiled(fastmath=True)
 def _density(t):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Normal density for 0 ≤ t ≤ 4 to 4e-7 of itself: exp(x) = exp(x/32)³², which runs on several pixels at once."""
     x = -0.5 / 32.0 * t * t
@@ -46,14 +44,14 @@ def _density(t):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     return e * ROOT_TWO_PI
 
 
-@compiled
+@compiled(fastmath=True)
 def _tail(t, density):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Φ(-t) for t ≥ 0 from the normal density at t to 8e-8 (Abramowitz and Stegun 26.2.17), with no second exp."""
     k = 1.0 / (1.0 + 0.2316419 * t)
     return density * k * (0.319381530 + k * (-0.356563782 + k * (1.781477937 + k * (-1.821255978 + k * 1.330274429))))
 
 
-@compiled
+@compiled(fastmath=True)
 def collect_pixels(plane, start, reach, longest, pixels):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Collect x, y and value of the pixels within reach of the start ellipse in (3, m) work space; returns their count.
 
@@ -75,7 +73,7 @@ def collect_pixels(plane, start, reach, longest, pixels):  # type: ignore[no-unt
     return count
 
 
-@compiled
+@compiled(fastmath=True)
 def derivatives(pixels, count, p, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Fill rows (11, pixels) with the ten derivatives of the model at the pixels, and the residual.
 
@@ -108,7 +106,7 @@ def derivatives(pixels, count, p, rows):  # type: ignore[no-untyped-def]  # noqa
         rows[10, k] = pixels[2, k] - light * level
 
 
-@compiled
+@compiled(fastmath=True)
 def _accumulate(pixels, count, p, rows, N, rhs):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Normal equations over the pixels; returns the sum of squares. rows: (11, pixels) work space."""
     derivatives(pixels, count, p, rows)
@@ -128,7 +126,7 @@ def _accumulate(pixels, count, p, rows, N, rhs):  # type: ignore[no-untyped-def]
     return value
 
 
-@compiled
+@compiled(fastmath=True)
 def _factor(N, damping, scale, L):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Cholesky factor of the scaled, damped normal matrix; False where it is not positive."""
     n = N.shape[0]
@@ -150,7 +148,7 @@ def _factor(N, damping, scale, L):  # type: ignore[no-untyped-def]  # noqa: ANN0
     return True
 
 
-@compiled
+@compiled(fastmath=True)
 def _solve(L, scale, rhs, x):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     n = L.shape[0]
     for i in range(n):
@@ -167,7 +165,7 @@ def _solve(L, scale, rhs, x):  # type: ignore[no-untyped-def]  # noqa: ANN001, A
         x[i] *= scale[i]
 
 
-@compiled
+@compiled(fastmath=True)
 def _center_covariance(L, scale, variance, rhs, step, cov):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Covariance (2, 2) of the first two parameters from the factor of the normal matrix; rhs, step: work space."""
     for k in range(2):
@@ -179,7 +177,7 @@ def _center_covariance(L, scale, variance, rhs, step, cov):  # type: ignore[no-u
         cov[1, k] = step[1]
 
 
-@compiled
+@compiled(fastmath=True)
 def _moved(p, step, rhs, trial):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Set the trial a step away; returns by how much the sum of squares falls if the problem is linear."""
     gain = 0.0
@@ -189,14 +187,14 @@ def _moved(p, step, rhs, trial):  # type: ignore[no-untyped-def]  # noqa: ANN001
     return gain
 
 
-@compiled
+@compiled(fastmath=True)
 def _is_disc(trial, start, longest):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Whether a trial is still an ellipse with an edge, near where it started."""
     ellipse = trial[5] > 0.15 and trial[2] > 0 and trial[2] * trial[4] > trial[3] * trial[3]
     return ellipse and abs(trial[0] - start[0]) < longest and abs(trial[1] - start[1]) < longest
 
 
-@compiled
+@compiled(fastmath=True)
 def _rests(p, step):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Whether a step is so short that it is the last."""
     return (
@@ -206,7 +204,7 @@ def _rests(p, step):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     )
 
 
-@compiled
+@compiled(fastmath=True)
 def _fit_one(plane, start, reach, p, cov):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Fit one dot in place; returns the residual standard deviation, NaN where the fit failed."""
     N, L, work = np.empty((10, 10)), np.zeros((10, 10)), np.empty((4, 10))
@@ -250,7 +248,7 @@ def _fit_one(plane, start, reach, p, cov):  # type: ignore[no-untyped-def]  # no
     return sqrt(variance)
 
 
-@njit(cache=True)  # not with fastmath, which takes it that nothing is NaN
+@compiled()  # not with fastmath, which takes it that nothing is NaN
 def _fits_in(shape, start, reach):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Whether a start is an ellipse no larger than the image; a degenerate one would claim all memory there is."""
     determinant = start[2] * start[4] - start[3] * start[3]
@@ -261,7 +259,7 @@ def _fits_in(shape, start, reach):  # type: ignore[no-untyped-def]  # noqa: ANN0
     return inside and sqrt(max(start[2], start[4]) / determinant) + reach < size
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _fit_some(plane, starts, reach, first, last, fitted, covariance, noise):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Fit the dots from first to before last into the arrays handed in."""
     for i in range(first, last):

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.errors import CalibrationError
+from calibration.image_file import read_pixels
 
 Plane = NDArray[np.float32]
 SMALLEST_PX = 12  # along either side: four dots of three pixels
@@ -27,17 +28,17 @@ COLORS = {
 
 
 def read_image(path: Path) -> NDArray[np.generic]:
-    """Read an image file as it is: (height, width) or (height, width, 3) BGR, 8 or 16 bit.
+    """Read an image file as the sensor saw it: (height, width) or (height, width, 3) BGR, 8 or 16 bit.
 
     Raises CalibrationError for a file that is missing or not an image.
     """
     path = Path(path)
     if not path.is_file():
         raise CalibrationError(f"{path}: no such file")
-    raw = np.fromfile(path, dtype=np.uint8)
-    image = None if raw.size == 0 else cv2.imdecode(raw, cv2.IMREAD_UNCHANGED)
+    image = read_pixels(path)
     if image is None:
-        raise CalibrationError(f"{path}: {_why_unreadable(raw[:16].tobytes())}")
+        with path.open("rb") as file:
+            raise CalibrationError(f"{path}: {_why_unreadable(file.read(16))}")
     if min(image.shape[:2]) < SMALLEST_PX:
         raise CalibrationError(f"{path}: {image.shape[1]}×{image.shape[0]} pixels, too small to hold a dot array")
     if not np.isfinite(image).all():

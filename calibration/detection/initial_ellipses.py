@@ -9,10 +9,11 @@ from __future__ import annotations
 from math import ceil, cos, pi, sin, sqrt
 
 import numpy as np
-from numba import njit
+
+from calibration.compilation import compiled
 
 
-@njit(cache=True)
+@compiled()
 def start_values(plane, centers, moments, gap):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Start parameters (n, 10) of fit_dots, the reach (n,) in px, and whether the blob survives (n,).
 
@@ -33,13 +34,13 @@ def start_values(plane, centers, moments, gap):  # type: ignore[no-untyped-def] 
     return starts, reach, good
 
 
-@njit(cache=True)
+@compiled()
 def _longest(xx, xy, yy):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Root of the larger eigenvalue."""
     return sqrt(0.5 * (xx + yy + sqrt((xx - yy) ** 2 + 4.0 * xy * xy)))
 
 
-@njit(cache=True)
+@compiled()
 def _ring(plane, cx, cy, radius):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Median of 16 pixels on a circle, those outside the image left out."""
     values = np.empty(16)
@@ -56,7 +57,7 @@ def _ring(plane, cx, cy, radius):  # type: ignore[no-untyped-def]  # noqa: ANN00
     return 0.5 * (values[(count - 1) // 2] + values[count // 2]) if count >= 6 else np.nan
 
 
-@njit(cache=True)
+@compiled()
 def _one(plane, center, moment, gap, start):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     cx, cy = center
     longest = 2.0 * _longest(moment[0], moment[1], moment[2])

@@ -9,9 +9,9 @@ the residuals of some dots; what the fit itself takes out of white residuals, th
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from calibration.compilation import compiled
 from calibration.detection.ellipse_fit import MOST_PIXELS, collect_pixels, derivatives
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ def correlation_factors(plane: NDArray[np.float32], fitted: Array, reach: Array,
     return np.asarray(np.sqrt(np.maximum((correlation * influence).sum(axis=(1, 2)), 1.0)))
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True)
 def _autocorrelations(plane, fitted, reach, noise):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Autocorrelations by lag: of residuals (n, 7, 7), what the fit takes out (7, 7), influence on it (2, 7, 7)."""
     n, size = len(fitted), 2 * REACH + 1
@@ -71,7 +71,7 @@ def _autocorrelations(plane, fitted, reach, noise):  # type: ignore[no-untyped-d
     return residual, own / shapes, influence / shapes
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True)
 def _lags(pixels, values, box):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Sums (m, 7, 7) over the pixels of each row of values (m, n) times itself at a lag; box: size that holds all."""
     found = np.zeros((len(values), 2 * REACH + 1, 2 * REACH + 1))

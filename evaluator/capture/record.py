@@ -134,7 +134,8 @@ def record_camera(
         raise InputError(f"{source}: gave not a single frame")
     result = _captured(path, under, moment())
     if path is not None:
-        content = {"format": 1, "source": str(source), "video": path.name, **asdict(result.clock)}
+        clock = {"times_from": result.clock.source, **asdict(result.clock)}
+        content = {"format": 1, "video": path.name, **clock, "source": str(source)}
         if math.isfinite(result.start_s):
             content |= {"start_s": result.start_s, "start_sigma_s": result.start_sigma_s}
         write_text(path.with_suffix(".capture.json"), json.dumps(content, indent=1) + "\n")

@@ -21,9 +21,8 @@ if TYPE_CHECKING:
 MOST_NAMED = 6  # runs in a remark that many share
 SOME_FAILED = 1  # exit status: results for the good runs, a reason for each of the others
 
-STATUS_NOTE = """\b
-Exit status: 0 every run was analysed; 1 some could not be (a reason for each on standard error, results for the
-others); 2 the input cannot be used at all."""
+STATUS_NOTE = """Exit status: 0 every run was analysed; 1 some could not be (a reason for each on standard error,
+results for the others); 2 the input cannot be used at all."""
 
 
 @click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope analyze experiment.toml -o out/")
@@ -56,7 +55,7 @@ def analyze(options: BatchOptions) -> int:
 def compare(options: BatchOptions) -> int:
     """Set every run beside its simulated counterpart.
 
-    Writes comparison.csv (a row per run) and simulated/RUN.csv beside what `turnscope analyze` writes, which is made
+    Writes comparison.csv (a row per run) and simulated/RUN.csv beside what turnscope analyze writes, which is made
     or reused. The counterpart has the same command, starts from the measured pose and is read by the same estimator.
     """
     if options.dry_run:

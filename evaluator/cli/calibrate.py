@@ -90,7 +90,7 @@ def dots(image_files: tuple[Path, ...], annotate: Path | None) -> None:
     import numpy as np
 
     from calibration.assignment.array_in_image import find_array
-    from calibration.assignment.lattice import rows_and_columns
+    from calibration.assignment.lattice import array_size
     from calibration.detection.image import read_image
 
     for path in image_files:
@@ -99,8 +99,7 @@ def dots(image_files: tuple[Path, ...], annotate: Path | None) -> None:
         if not len(lattice):
             click.echo(f"{path}: {len(found)} dots found, 0 assigned: they form no regular array")
             continue
-        layout, index = rows_and_columns(lattice)
-        columns, rows = index.max(axis=0) + 1
+        layout, columns, rows = array_size(lattice, found.centers_px[lattice.dot])
         sigma = float(np.sqrt(np.trace(found.covariance_px2[lattice.dot], axis1=1, axis2=2) / 2).mean())
         click.echo(
             f"{path}: {len(found)} dots found, {len(lattice)} assigned to a {layout} array of {columns} × {rows}, "
@@ -109,7 +108,9 @@ def dots(image_files: tuple[Path, ...], annotate: Path | None) -> None:
         if annotate is not None:
             from evaluator.report.pages.calibration import write_annotated
 
-            write_annotated(image, found, lattice, annotate / f"{path.stem}-dots.png")
+            target = annotate / f"{path.stem}-dots.png"
+            write_annotated(image, found, lattice, target)
+            click.echo(f"written: {target}")
 
 
 @click.command(epilog="\b\nExample:\n  turnscope check-camera camera.json today.png")
@@ -153,6 +154,8 @@ def check_camera(
         f"{image_file}: {found.dots} dots, residual {found.rms_px:.3f} px RMS, gauge moved {found.shift_mm:.2f} mm"
     )
     click.echo(found.summary)
+    if annotate is not None:
+        click.echo(f"written: {annotate}")
     if stored.verdict.level != "sound":
         click.echo(f"note: the calibration itself is {stored.verdict.summary}")
     context.exit(1 if found.outcome == "no longer holds" else 0)

@@ -42,9 +42,10 @@ def circular_test(
 ) -> int:
     """Evaluate a steady-state circular test (ISO 4138, SAE J266): understeer gradient with its 95 % interval.
 
-    Of an experiment, every turn is measured as `analyze` does and set beside the simulated robot; circular_test.csv
-    and circular_test.json are written to DIR. Runs of one command at three speeds or more make a series, by side and
-    direction; what is left, runs of one radius. With --robot nothing is read or written: the model alone is evaluated.
+    Of an experiment, every turn is measured as turnscope analyze does and set beside the simulated robot;
+    circular_test.csv and circular_test.json are written to DIR. Runs of one command at three speeds or more make a
+    series, by side and direction; what is left, runs of one radius. With --robot nothing is read or written: the model
+    alone is evaluated.
     """
     from evaluator.cli.progress import progress_bar
     from evaluator.errors import InputError

@@ -24,8 +24,8 @@ WIDTH = 100  # of the lines of a list, in a terminal that is as wide
 @click.argument("effect_id", required=False, metavar="[ID | new ID]")
 @click.argument("new_id", required=False, metavar="")
 @click.option("--effect", "files", type=PATH, multiple=True, metavar="FILE", help="Also an own effect, .toml or .py.")
-@click.option("-o", "--out", type=PATH, metavar="FILE", help="Where `new` writes; default effects/ID.toml.")
-@click.option("--python", is_flag=True, help="Let `new` write a Python file, ID.py.")
+@click.option("-o", "--out", type=PATH, metavar="FILE", help="Where effects new writes; default effects/ID.toml.")
+@click.option("--python", is_flag=True, help="Let effects new write a Python file, ID.py.")
 @click.option("--html", type=PATH, metavar="FILE", help="Write the whole catalogue as a page with drawings.")
 @json_option
 def effects(
@@ -40,7 +40,7 @@ def effects(
     """List the effects that can be simulated and found, or describe one: its law, parameters, source and limits.
 
     Effects of your own are listed too: those of the folder effects/ here, of installed packages (entry points
-    turnscope.effects), and those named by --effect. `new ID` writes a commented file to begin with.
+    turnscope.effects), and those named by --effect. turnscope effects new ID writes a commented file to begin with.
     """
     from evaluator.errors import InputError
     from evaluator.files import read_with
@@ -51,7 +51,7 @@ def effects(
         _write_new(new_id, out, python=python)
         return
     if new_id is not None or out is not None or python:
-        raise InputError("only `turnscope effects new ID` takes a second ID, -o FILE or --python")
+        raise InputError("only turnscope effects new ID takes a second ID, -o FILE or --python")
     load_installed()
     load_beside(Path())
     for file in files:

@@ -97,7 +97,9 @@ def record(
         import json
         from dataclasses import asdict
 
-        click.echo(json.dumps(asdict(found), indent=1, default=str))
+        from evaluator.files import plain
+
+        click.echo(json.dumps(plain(asdict(found)), indent=1))
     elif not quiet:
         for sentence in found.sentences():
             click.echo(sentence)

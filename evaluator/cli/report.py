@@ -15,7 +15,7 @@ from evaluator.cli.options import BatchOptions, batch_options
 def report(options: BatchOptions) -> int:
     """Make the report of an experiment, computing what it needs.
 
-    Everything is computed that is not up to date (see `turnscope compare`); the report is one HTML file that can be
+    Everything is computed that is not up to date (see turnscope compare); the report is one HTML file that can be
     mailed, printed and read on a phone.
     """
     if options.dry_run:

@@ -66,7 +66,7 @@ def simulate(
         )
     if not run.is_converged:
         click.echo(
-            f"note: the run is known to no better than {run.unsettled_mm:.2g} mm: finer steps lead elsewhere; are the "
-            "effects of a sensible size?",
+            f"note: the run is known to no better than {run.unsettled_mm:.2g} mm: finer steps, or speeds that "
+            "differ by a ten-thousandth, lead elsewhere; are the effects of a sensible size?",
             err=True,
         )

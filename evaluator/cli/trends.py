@@ -19,7 +19,7 @@ from evaluator.cli.options import PATH, json_option, quiet_option
 def trends(folders: tuple[Path, ...], out: Path, as_json: bool, quiet: bool) -> None:
     """Set several sessions of one robot side by side: what changed, when, and by how much.
 
-    FOLDERs are output folders of `turnscope analyze` or `report`; where `turnscope diagnose` wrote to one, the sizes of
+    FOLDERs are output folders of turnscope analyze or report; where turnscope diagnose wrote to one, the sizes of
     the effects that it named are followed too. Sessions are ordered by date = 2026-03-12 of their experiment.toml, and
     without dates as they are given. Writes the page, and beside it its numbers as CSV.
     """

@@ -45,7 +45,6 @@ Examples:
   turnscope turning one_mark.csv
   turnscope turning px.csv --scale-px 102 40 902 44 --length-mm 50
 
-\b
 A marks CSV has time_s and NAME_x_mm, NAME_y_mm (or _px) of every mark; files of OSP Tracker, DeepLabCut, SLEAP and
 movement are read too, and poses (time_s, x_mm, y_mm, heading_deg, or a TUM trajectory). robot.toml needs no more than
 [marks]. Exit status: 2 where a table cannot be measured.""",
@@ -91,6 +90,7 @@ def turning(
     The radius is that of the robot's centre, the smallest that is sustained for a quarter turn, with its 95 % interval.
     """
     from evaluator.errors import InputError
+    from evaluator.report.numbers import true_minus
     from evaluator.workflow.turning_tables import Request, Ruler, measure_table, together
 
     if (scale_px is None) != (length_mm is None):
@@ -115,17 +115,22 @@ def turning(
             continue
         _say(path, found[-1])
     if len(found) > 1 and (said := together([one.row for one in found])):
-        click.echo(said)
+        click.echo(true_minus(said))
     if output is not None and found:
         _write(output, [one.row for one in found])
-    if phases is not None:
-        _write(phases, [row for one in found for row in one.phases])
+    rows = [row for one in found for row in one.phases]
+    if phases is not None and rows:
+        _write(phases, rows)
+    elif phases is not None and found:
+        click.echo(f"{phases}: not written: phases are told from a heading, which one mark or none in --robot lacks")
     return BAD_INPUT if faults else 0
 
 
 def _say(path: Path, found: MeasuredTable) -> None:
+    from evaluator.report.numbers import true_minus
+
     for number, line in enumerate(found.lines):
-        click.echo(f"{path}: {line}" if number == 0 else f"  {line}")
+        click.echo(f"{path}: {true_minus(line)}" if number == 0 else f"  {true_minus(line)}")
 
 
 def _write(output: Path, rows: Sequence[dict[str, Any]]) -> None:

@@ -3,46 +3,54 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.assessment.adequacy import Adequacy, adequacy
-from evaluator.diagnosis.assessment.cross_validation import Constancy, constancy
-from evaluator.diagnosis.assessment.disagreement import Dependence, dependences, pieces
-from evaluator.diagnosis.assessment.gap import Gap, grown_gap, noise_floor, predicted_gaps, run_gaps
-from evaluator.diagnosis.assessment.knowledge import Knowledge, knowledge
+from evaluator.diagnosis.answer import answer, too_few_runs
+from evaluator.diagnosis.assessment.adequacy import Adequacy
+from evaluator.diagnosis.assessment.cross_validation import Constancy
+from evaluator.diagnosis.assessment.disagreement import (
+    Dependence,
+    dependences,
+    every_dependence,
+    most_telling,
+    pieces,
+)
+from evaluator.diagnosis.assessment.gap import Gap, grown_gap, noise_floor, not_shrunk, predicted_gaps, run_gaps
+from evaluator.diagnosis.assessment.knowledge import Knowledge, Together, as_taken
 from evaluator.diagnosis.assessment.model_comparison import (
     Set,
     Standing,
+    confirmation,
     is_free,
-    predictive_score,
     separations,
 )
-from evaluator.diagnosis.assessment.relevance import Changes, changes
+from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.diagnosis.assessment.session_as_found import later_started, with_session
 from evaluator.diagnosis.assessment.sole_run import sole_misfit, sole_run
-from evaluator.diagnosis.assessment.verdict import Verdict, decide, doubts, material_gain
+from evaluator.diagnosis.assessment.sufficiency import most_odd
+from evaluator.diagnosis.assessment.unexplained import unexplained
+from evaluator.diagnosis.assessment.verdict import Verdict
 from evaluator.diagnosis.design.next_runs import NextRuns, best_next_runs
 from evaluator.diagnosis.experiment import Session, held_out_runs, shortcomings
 from evaluator.diagnosis.inference.fit import Fit
-from evaluator.diagnosis.inference.fit_cache import Ends
-from evaluator.diagnosis.inference.profile_likelihood import Ridge, ridge_of
+from evaluator.diagnosis.inference.fit_cache import FitCache
+from evaluator.diagnosis.inference.profile_likelihood import Profile, profile_of
 from evaluator.diagnosis.inference.search import Search
-from evaluator.diagnosis.inference.watch import SearchStoppedError, Watch
+from evaluator.diagnosis.inference.watch import Cores, SearchStoppedError, Watch
 from evaluator.diagnosis.likelihood.problem import Point, Problem
 from evaluator.diagnosis.likelihood.random_effects import place_runs, place_starts
 from evaluator.diagnosis.likelihood.run_data import is_shared
-from evaluator.diagnosis.likelihood.simulation import varied_robot
+from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.diagnosis.mistakes.outlying import has_kin, outlying_run
 from evaluator.diagnosis.output.effect_tables import corrected_robot
 from evaluator.diagnosis.search_runs import (
     challenge_with_free_terms,
     fit_on_all_runs,
-    rank_named,
     refit_without_held_out,
     search_named,
 )
@@ -53,9 +61,8 @@ Floats = NDArray[np.float64]
 
 # Whatever the evidences say, a model that misses the marks of a run by so many times the noise floor does not follow
 # it. Where the verdict was right the gap lay between 0.9 and 1.12 floors; fits that had not settled left 50 and more.
-# One run in eight may be astray (dust, a snagged tether, the edge between two steady states) and is named.
+# Some runs may be outlying (dust, a snagged tether, the edge between two steady states): they are named.
 MISSED = 2.5
-ASTRAY_SHARE = 0.125
 RUNS_TO_AN_OUTLYING_ONE = 10  # runs of a session for each that may be set aside: one in twenty goes wrong
 
 
@@ -73,7 +80,9 @@ class Diagnosis:
     standing: Standing | None = None
     chosen: Set = frozenset()
     named: Set = frozenset()  # the best set of named effects
-    ridges: Mapping[str, Ridge] = field(default_factory=dict)  # of chosen effects, where the linear view is not enough
+    profiles: Mapping[str, Profile] = field(
+        default_factory=dict
+    )  # of chosen effects, where the linear view is not enough
     separation: Mapping[str, Mapping[str, float]] | None = None
     leftover: Adequacy | None = None
     gap: Gap | None = None
@@ -81,13 +90,16 @@ class Diagnosis:
     terms: Mapping[str, Candidate] | None = None
     pieces: pd.DataFrame | None = None
     where: tuple[Dependence, ...] = ()
+    pieces_after: pd.DataFrame | None = None  # of what the chosen model, fitted on all runs, leaves over
+    left: tuple[Dependence, ...] = ()  # all that was asked of that, significant or not
     next_runs: NextRuns | None = None
-    astray: tuple[int, ...] = ()  # runs that the chosen model does not follow
+    outlying: tuple[int, ...] = ()  # runs that the chosen model does not follow
     follows: bool = True  # whether the chosen model follows nearly all runs
     constancy: tuple[Constancy, ...] = ()  # of the best named effects
     changes: Mapping[str, Changes] = field(default_factory=dict)  # what each detected effect does
     negligible: Set = frozenset()  # detected effects that do less than matters
     known: tuple[Knowledge, ...] = ()  # where the data want what is known to a tolerance
+    known_together: Together | None = None  # all of it at once
     stopped: bool = False  # whether its time was over before it came to an end
 
     @property
@@ -96,16 +108,29 @@ class Diagnosis:
         assert self.search is not None
         return self.search.fits[self.chosen]
 
+    @property
+    def summary(self) -> str:
+        """The verdict in a few words."""
+        return f"{self.verdict} ({', '.join(sorted(self.chosen))})" if self.chosen else self.verdict
 
-def diagnose(session: Session, progress: Progress, ends: Ends | None = None, *, seconds: float = math.inf) -> Diagnosis:
+
+def diagnose(
+    session: Session, progress: Progress, fits: FitCache | None = None, *, seconds: float = math.inf, cores: int = 1
+) -> Diagnosis:
     """Find out what is missing in the model of these runs.
 
-    ends: of the fits made before an interruption. seconds: of one core, after which a search is stopped and the
-    verdict is that the data have not decided yet.
+    fits: the fits made before an interruption. seconds: of processor time, after which a search is stopped and the
+    verdict is that the data have not decided yet. cores: to simulate on; the diagnosis does not depend on them.
 
     What rests on one run alone is a matter of that run: it is set aside and named, and the others are diagnosed again.
     """
-    found = _diagnosed(session, Watch(progress, seconds), ends)
+    with Cores(cores) as each:
+        return _on_all_but_sole_runs(session, Watch(progress, seconds, each), fits)
+
+
+def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None) -> Diagnosis:
+    """The diagnosis that does not rest on one run alone."""
+    found = _diagnosed(session, watch, fits)
     for _ in range(max(len(session.data) // RUNS_TO_AN_OUTLYING_ONE, 1)):
         suspect = _sole_run_of(found)
         if suspect is None:
@@ -114,15 +139,18 @@ def diagnose(session: Session, progress: Progress, ends: Ends | None = None, *, 
         if not has_kin(run, others):  # it may be the only one in which an effect can show
             tail = f"all of it rests on {run.id}, the only run with these wheel speeds: repeat that run"
             return replace(found, reason=f"{found.reason}; {tail}")
-        again = _without(found, suspect, Watch(progress, seconds), ends)
+        again = _without(found, suspect, watch, fits)
         if again is None:
             break
         found = again
     return found
 
 
-def _without(found: Diagnosis, suspect: int, progress: Watch, ends: Ends | None) -> Diagnosis | None:
-    """The diagnosis of all runs but one; None where these others do not need fewer effects to be explained."""
+def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None) -> Diagnosis | None:
+    """The diagnosis of all runs but one; None where these others do not need fewer effects to be explained.
+
+    Where time is over before they are diagnosed, nothing has been decided.
+    """
     data, robots = found.session.data, found.session.robots
     others = [number for number in range(len(data)) if number != suspect]
     rest = replace(
@@ -130,7 +158,10 @@ def _without(found: Diagnosis, suspect: int, progress: Watch, ends: Ends | None)
     )
     if shortcomings(rest.data):
         return None
-    again = _diagnosed(rest, progress, ends)
+    again = _diagnosed(rest, watch, fits)
+    if again.stopped:
+        tail = f"all that was found with {data[suspect].id}, {found.summary}, rests on this run alone"
+        return Diagnosis("insufficient", f"{again.reason}; {tail}", found.session, stopped=True)
     if again.verdict not in ("none", "effect") or not (found.verdict == "unknown" or again.chosen < found.chosen):
         return None
     nominal = {key: value for key, value in again.fit.point.nominal.items() if not is_shared(key)}
@@ -149,71 +180,57 @@ def _sole_run_of(found: Diagnosis) -> int | None:
     return sole_misfit(found.leftover, found.fit.runs) if doubted and found.leftover is not None else None
 
 
-def _diagnosed(session: Session, progress: Watch, ends: Ends | None) -> Diagnosis:
+def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diagnosis:
     """The diagnosis of the runs of a session, as they are."""
     reasons = shortcomings(session.data)
     if reasons:
         reasons = [item.sentence for item in session.mistakes if item.everywhere] + reasons
         return Diagnosis("insufficient", "; ".join(reasons), session)
     try:
-        return _searched(session, progress, ends)
+        return _searched(session, progress, fits)
     except SearchStoppedError as stopped:
         return Diagnosis("insufficient", str(stopped), session, stopped=True)
 
 
-def _searched(session: Session, progress: Watch, ends: Ends | None) -> Diagnosis:
+def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagnosis:
     """The diagnosis of runs that may decide."""
-    part, start, terms = search_named(session, progress, ends)
+    part, start, terms = search_named(session, progress, fits)
     everything = fit_on_all_runs(part, terms)
     free = {effect: term for effect, term in terms.items() if is_free(effect)}
     challenge_with_free_terms(everything, free, progress)
-    table, best_named = rank_named(everything, len(free))
-    least_material = material_gain(len(everything.runs)) if everything.problem.length > 1 else -math.inf
-    chosen, verdict, reason = decide(everything, table, len(free), best_named, least_material)
-    done = {effect: changes(everything.problem, everything.fits[chosen], effect) for effect in chosen}
-    negligible: Set = frozenset()
-    if verdict == "effect" and not any(item.matter(session.relevant) for item in done.values()):
-        negligible, verdict = chosen, "none"
-        reason = f"what is missing ({', '.join(sorted(chosen))}) does less than is stated as relevant"
-    left = adequacy(everything.fits[chosen], session.data)
-    constant = constancy(everything.fits[best_named], session.data, everything.tolerance)
-    reserve = "" if verdict == "unknown" else doubts(left, constant)
-    if reserve and verdict == "effect" and everything.problem.length > 1:  # ground leaves more than any model says
-        reason = f"{reason}; {reserve}"
-    elif reserve:
-        verdict, reason = "unknown", reserve
-        chosen = next((ids for ids in table.sets if any(is_free(effect) for effect in ids)), chosen)
+    said = answer(everything, session, free)
     progress("where and what next", 0.95)
-    apart = separations(everything, best_named) if verdict == "effect" else {}
+    apart = separations(everything, said.named) if said.verdict == "effect" else {}
     found = Diagnosis(
-        verdict=verdict,
-        reason=reason,
+        verdict=said.verdict,
+        reason=said.reason,
         session=session,
         held_out=held_out_runs(session.data),
         problem=part.problem,
         search=everything,
         fit_search=part,
-        standing=table,
-        chosen=chosen,
-        named=best_named,
-        ridges=_ridges(everything, chosen) if verdict == "effect" else {},
+        standing=said.standing,
+        chosen=said.chosen,
+        named=said.named,
+        profiles=_profiles(everything, said.chosen) if said.verdict == "effect" else {},
         separation=apart,
-        leftover=left,
+        leftover=said.leftover,
         terms=terms,
-        next_runs=best_next_runs(everything, chosen, table, apart, session.known),
-        constancy=tuple(constant),
-        changes=done,
-        negligible=negligible,
-        known=knowledge(session.known, everything.fits[chosen]),
+        next_runs=best_next_runs(everything, said.chosen, said.standing, apart, session.known),
+        constancy=said.constancy,
+        changes=said.changes,
+        negligible=said.negligible,
+        known=said.known,
+        known_together=said.known_together,
     )
     return _looked_at_again(found, start)
 
 
-def _ridges(search: Search, ids: Set) -> dict[str, Ridge]:
-    """Ridges of the effects of a fitted set, where they are bent."""
+def _profiles(search: Search, ids: Set) -> dict[str, Profile]:
+    """Profiles of the effects of a fitted set whose posterior is not normal."""
     smooth = [effect for effect in sorted(ids) if not search.terms[effect].stepwise]
-    found = {effect: ridge_of(search, search.fits[ids], search.terms[effect]) for effect in smooth}
-    return {effect: ridge for effect, ridge in found.items() if ridge is not None}
+    found = {effect: profile_of(search, search.fits[ids], search.terms[effect]) for effect in smooth}
+    return {effect: profile for effect, profile in found.items() if profile is not None}
 
 
 def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
@@ -225,42 +242,61 @@ def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
     gap_fit = part.fits.get(chosen) or refit_without_held_out(part, everything, chosen)
     after = place_runs(problem, replace(gap_fit.point, own=fit.point.own), runs, fit.posterior.scatter)
     after_mm, floor_mm = run_gaps(problem, after, runs), noise_floor(problem, runs)
-    astray = tuple(int(run) for run in np.flatnonzero(after_mm > MISSED * floor_mm))
-    follows = len(astray) <= ASTRAY_SHARE * len(runs)
+    outlying = tuple(int(run) for run in np.flatnonzero(after_mm > MISSED * floor_mm))
+    follows = len(outlying) <= most_odd(len(runs))
     # what a model that does not follow the marks says of each run's friction and gains is worth nothing
     before = place_starts(problem, Point(after.own) if follows else nominal, runs)
     seen = pieces(problem, before)
+    seen_after = pieces(problem, place_runs(problem, fit.point, runs, fit.posterior.scatter))
     assert found.terms is not None
     terms, session = found.terms, found.session
-    predicted = [
+    (before_mm, lost_before), (predicted_mm, lost_after) = (
         predicted_gaps(
             later_started(session.data, session.known, gap_fit.point),
             [with_session(robot, session.known, gap_fit.point) for robot in robots],
             session.robots,
         )
         for robots in (session.robots, [corrected_robot(robot, terms, gap_fit.point) for robot in session.robots])
-    ]
+    )
+    lost = lost_before | lost_after
+    gap = Gap(run_gaps(problem, before, runs), after_mm, floor_mm, before_mm, predicted_mm, lost)
     found = replace(
         found,
-        gap=Gap(run_gaps(problem, before, runs), after_mm, floor_mm, predicted[0], predicted[1]),
-        confirmation=_confirmation(part, gap_fit, found.held_out) if found.held_out and chosen else float("nan"),
+        gap=gap.answered(added=bool(chosen)),
+        confirmation=confirmation(part, gap_fit, found.held_out) if found.held_out and chosen else float("nan"),
         pieces=seen,
-        where=tuple(dependences(seen)),
-        astray=astray,
+        where=tuple((most_telling if found.verdict in ("effect", "unknown") else dependences)(seen)),
+        pieces_after=seen_after,
+        left=tuple(every_dependence(seen_after)),
+        outlying=outlying,
         follows=follows,
+        # what a model that does not follow the marks says of the laboratory is worth nothing either
+        known=found.known if follows else tuple(map(as_taken, session.known)),
+        known_together=found.known_together if follows else None,
     )
+    return _doubted(found, nominal)
+
+
+def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
+    """The diagnosis, or what speaks against it: what is missed, a gap that grew, marks that are not followed."""
     assert found.gap is not None
-    if found.verdict == "effect" and follows and (grown := grown_gap(found.gap)):
-        return replace(found, verdict="unknown", reason=grown)
-    if found.verdict == "unknown" or follows:
+    assert found.search is not None
+    if found.verdict == "unknown" and found.chosen and (reason := not_shrunk(found.gap)):
+        # a term without a name that does not carry over to runs held out says nothing of what is missing
+        return _looked_at_again(replace(found, chosen=frozenset(), reason=f"{found.reason}; {reason} with it"), nominal)
+    if found.verdict in ("unknown", "insufficient"):
         return found
-    reason = "neither the nominal model nor any effect that could be fitted follows the marks"
-    return replace(found, verdict="unknown", reason=reason)
-
-
-def _confirmation(part: Search, fit: Fit, held_out: Sequence[int]) -> float:
-    """Gain in log density of the runs held out over the null; NaN where the null cannot even be simulated there."""
-    try:
-        return predictive_score(part, fit, held_out) - predictive_score(part, part.null, held_out)
-    except FloatingPointError:
-        return float("nan")
+    reason = "" if found.follows else "neither the nominal model nor any effect that could be fitted follows the marks"
+    if not found.follows:
+        return replace(found, verdict="unknown", reason=reason)
+    if found.verdict == "none" and not found.negligible:
+        missed = unexplained(found.left, found.search.problem, found.session.relevant.path_noise_floors)
+        reason = (
+            f"adjusted within all tolerances, the model still misses something: {missed.sentence}" if missed else ""
+        )
+    elif found.verdict == "effect":
+        reason = grown_gap(found.gap)
+    if reason and (few := too_few_runs(found.search, frozenset(), found.session)):
+        plain = replace(found, verdict="insufficient", reason=f"{reason}; {few}", chosen=frozenset(), profiles={})
+        return _looked_at_again(plain, nominal)
+    return replace(found, verdict="unknown", reason=reason) if reason else found

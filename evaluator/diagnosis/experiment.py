@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.store import load_camera
-from evaluator.diagnosis.likelihood.known_to import Quantity, quantities, start_per_run_s, with_shifts
+from evaluator.diagnosis.likelihood.known_to import LEVEL, Quantity, quantities, start_per_run_s
+from evaluator.diagnosis.likelihood.noise.outliers import without_outliers
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData
 from evaluator.diagnosis.likelihood.shared_errors import Sighting, shared_errors
 from evaluator.diagnosis.mistakes.recognise import recognise
@@ -20,17 +21,15 @@ from evaluator.files import read_with
 from evaluator.marks import columns_of, read_marks
 from evaluator.robot_geometry import marks_height_mm, reference_line, reference_marks, reference_pair
 from evaluator.settings import Experiment, KnownTo, Relevant, Run
+from evaluator.wording import counted
 from simulator.robot import Robot, load_robot
 
 Floats = NDArray[np.float64]
 
 FEWEST_FRAMES = 12  # fewer leave nothing once a start pose is fitted
 FEWEST_RUNS = 4
-AROUND = 13  # frames, six before and six after: of the six pairs two may hold a jump
-OUTLIER_STEPS = 2.5  # and so many frames' motion: where motion begins, the middle of pairs is off by 1.75 of them
-OUTLIER_SIGMAS = 9.0  # a bend of the path at the start is less; tails of ordinary noise beyond add nothing to a fit
-LEAST_SIGMA_MM = 5e-4  # marks without noise, from another program, bend by as much
 FEWEST_COMMANDS = 2
+ONE_PLACE = 1e-6  # of the distance of the marks: a rounding in the file, far below what any sensor repeats
 
 
 @dataclass(frozen=True)
@@ -50,13 +49,26 @@ class Session:
     own: tuple[str, ...] = ()  # ids of the user's own effects, tried like those of the catalogue
 
     @property
+    def one_frame(self) -> bool:
+        """Whether the runs share a frame: not where the poses of each begin at the origin of its own.
+
+        No measurement finds the robot in one place to a millionth of its size run after run.
+        """
+        starts = np.array([run.marks_mm[0] for run in self.data if run.from_poses])
+        if len(starts) < max(len(self.data), 2):
+            return True
+        apart = np.hypot(*(starts[0, :2] - starts[0, 2:]))
+        return bool(np.ptp(starts, axis=0).max() > ONE_PLACE * apart)
+
+    @property
     def tolerance(self) -> dict[str, float]:
         """1-sigma tolerances of what may move: nominal values, errors that runs share, what is known to a tolerance."""
         if not self.robots:
             return {}
         stated = {key: value for key, value in self.robots[0].tolerance.items() if value > 0}
         shared = {key: SHARED_UNIT for run in self.data for key in run.systematic}
-        return stated | shared | {item.key: item.tolerance for item in self.known}
+        known = (item for item in self.known if self.one_frame or item.key not in LEVEL)  # level is of one plate
+        return stated | shared | {item.key: item.tolerance for item in known}
 
 
 def without_mistakes(session: Session) -> Session:
@@ -73,8 +85,7 @@ def with_knowledge(session: Session, known: KnownTo) -> Session:
     if not session.data:
         return session
     found = quantities(known, session.robots[0], session.data)
-    data = with_shifts(session.data, session.robots, found)
-    return replace(session, data=data, known=found, start_sigma_s=start_per_run_s(known, session.data))
+    return replace(session, known=found, start_sigma_s=start_per_run_s(known, session.data))
 
 
 def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mapping[str, Path] | None = None) -> Session:
@@ -107,7 +118,8 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
             skipped[run.id] = f"both marks are seen in {both.sum()} frames; at least {FEWEST_FRAMES} are needed"
             continue
         inside = slice(int(np.flatnonzero(both)[0]), int(np.flatnonzero(both)[-1]) + 1)
-        values = without_outliers(values[inside])
+        values = values[inside]
+        values[:, 1:] = without_outliers(values[:, 1:])
         try:
             shown = _run_data(run, order, values[:, 0], values[:, 1:])
         except InputError as error:
@@ -147,32 +159,6 @@ def _run_data(run: Run, order: int, time_s: Floats, marks_mm: Floats) -> RunData
     return RunData(*known, log=None if single else told, from_poses=run.poses is not None)
 
 
-def without_outliers(values: Floats) -> Floats:
-    """Time and marks (n, 5) with marks that jump from their neighbours and back set to NaN: a tracker was mistaken.
-
-    A coordinate is an outlier where it lies farther from what the frames around it say (the median of the middles of
-    pairs) than OUTLIER_SIGMAS robust standard deviations of this distance and OUTLIER_STEPS of the robot's motion from
-    frame to frame: no robot leaves its path for a frame or two.
-    """
-    cleaned = values.copy()
-    for mark in (slice(1, 3), slice(3, 5)):
-        seen = np.flatnonzero(np.isfinite(values[:, mark]).all(axis=1))
-        points = values[seen, mark]
-        if len(points) < AROUND:
-            continue
-        half, count = AROUND // 2, len(points)
-        # Halfway between frames as far before as after: of a straight path, whatever its speed, the place itself. The
-        # path is continued oddly beyond its ends.
-        longer = np.pad(points, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
-        pairs = [(longer[half - j :][:count] + longer[half + j :][:count]) / 2 for j in range(1, half + 1)]
-        off = points - np.median(pairs, axis=0)
-        sigma = 1.4826 * np.median(np.abs(off - np.median(off, axis=0)), axis=0) + LEAST_SIGMA_MM
-        step = np.percentile(np.abs(np.diff(points, axis=0)), 95, axis=0)
-        limit = np.maximum(OUTLIER_SIGMAS * sigma, OUTLIER_STEPS * step)
-        cleaned[seen[(np.abs(off) > limit).any(axis=1)], mark] = np.nan
-    return cleaned
-
-
 def _check_tolerances(robots: Sequence[Robot]) -> None:
     for robot in robots:
         if robot.tolerance != robots[0].tolerance:
@@ -189,7 +175,7 @@ def shortcomings(data: Sequence[RunData]) -> list[str]:
     reasons = []
     moving = [run for run in data if run.left_rpm or run.right_rpm]
     if len(moving) < FEWEST_RUNS:
-        reasons.append(f"{len(moving)} usable runs with motors on; at least {FEWEST_RUNS} are needed")
+        reasons.append(f"{counted(len(moving), 'usable run')} with motors on; at least {FEWEST_RUNS} are needed")
     commands = {run.command for run in moving}
     if moving and len(commands) < FEWEST_COMMANDS:
         reasons.append(f"all runs have the same command, {moving[0].left_rpm:g} / {moving[0].right_rpm:g} rpm")
@@ -205,7 +191,7 @@ def runs_by_command(data: Sequence[RunData]) -> dict[tuple[float, float], list[i
 
 
 def held_out_runs(data: Sequence[RunData]) -> tuple[int, ...]:
-    """Whole runs to keep aside: about a sixth, chosen by their commands alone, before anything is fitted.
+    """Whole runs to hold out: about a sixth, chosen by their commands alone, before anything is fitted.
 
     First all runs of one command (a speed, a side or a direction that is then not fitted), where others still cover its
     direction; then single repeats of other commands, spread over the session.

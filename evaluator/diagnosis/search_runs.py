@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from evaluator.diagnosis.assessment.knowledge import knowledge
 from evaluator.diagnosis.assessment.model_comparison import (
     Set,
     Standing,
+    is_free,
+    score,
     separations,
     standing,
 )
-from evaluator.diagnosis.assessment.verdict import best_named
+from evaluator.diagnosis.assessment.verdict import KEEP, best_named
 from evaluator.diagnosis.candidates.coordinates import named_terms, size_of
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.experiment import Session, held_out_runs
 from evaluator.diagnosis.inference.fit import Fit, fit_model
-from evaluator.diagnosis.inference.fit_cache import Ends
+from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import LARGEST_SET, Search, fit_set
 from evaluator.diagnosis.inference.short_horizon import is_large, recalibrated, short_horizon_fits
-from evaluator.diagnosis.inference.strategy import HOPELESS, run_search
+from evaluator.diagnosis.inference.strategy import BEAM, HOPELESS, extend, run_search
 from evaluator.diagnosis.inference.watch import Watch
-from evaluator.diagnosis.likelihood.known_to import simulated_sigmas
-from evaluator.diagnosis.likelihood.problem import Column, Point, Problem, build_problem, with_noise_of
+from evaluator.diagnosis.likelihood.known_to import Quantity, predicted_sigmas
+from evaluator.diagnosis.likelihood.preparation import build_problem, with_noise_of
+from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.diagnosis.likelihood.random_effects import place_runs
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.progress import Progress
@@ -58,17 +62,20 @@ def rank_named(search: Search, families: int) -> tuple[Standing, Set]:
     return table, best
 
 
-def search_named(session: Session, progress: Watch, ends: Ends | None) -> tuple[Search, Point, dict[str, Candidate]]:
+def search_named(
+    session: Session, progress: Watch, fits: FitCache | None
+) -> tuple[Search, Point, dict[str, Candidate]]:
     """The search over named effects without the runs held out, the nominal point, and all terms by id."""
     data = session.data
     given = {entry.id for entry in session.robots[0].effect}
     size = size_of(session.robots[0])
-    every = named_terms(_reach(session), _levels(session), session.own, size)
+    frame = session.one_frame
+    every = named_terms(_reach(session), _levels(session), session.own, size, one_frame=frame)
     named = {effect: term for effect, term in every.items() if effect not in given}
-    terms: dict[str, Candidate] = {**named, **free_terms(size)}
+    terms: dict[str, Candidate] = {**named, **free_terms(size, one_frame=frame)}
     progress("noise", 0.0)
-    forward = Simulated(session.robots, data, terms, simulated_sigmas(session.known), session.start_sigma_s)
-    problem, start = build_problem(data, forward, ends, progress)
+    forward = Simulated(session.robots, data, terms, predicted_sigmas(session.known), session.start_sigma_s)
+    problem, start = build_problem(data, forward, fits, progress)
     tolerance = told_of(problem, start, session.tolerance)
     aside = held_out_runs(data)
     part = Search(problem, named, tolerance, tuple(run for run in range(len(data)) if run not in aside))
@@ -131,10 +138,14 @@ def _with_settled_noise(part: Search, nominal: Point, progress: Progress) -> Sea
 
 
 def _swap(part: Search) -> None:
-    """Fit what could stand for an effect of the best set: a linear view overlooks what sticks."""
+    """Fit what could stand for an effect of the best set: a linear view overlooks what sticks.
+
+    Effects without a derivative are left out: nothing here says where they begin, and the search tries them whole.
+    """
     best = part.ranked()[0]
     for effect, others in (separations(part, best, 0) if best else {}).items():
-        near = sorted((sigmas, other) for other, sigmas in others.items() if other and sigmas < SWAP_SIGMAS)
+        smooth = {other: sigmas for other, sigmas in others.items() if other and not part.terms[other].stepwise}
+        near = sorted((sigmas, other) for other, sigmas in smooth.items() if sigmas < SWAP_SIGMAS)
         for _, other in near[:SWAPS]:
             ids = best - {effect} | {other}
             if ids not in part.fits and ids not in part.failed and not part.exhausted:
@@ -177,7 +188,7 @@ def challenge_with_free_terms(search: Search, free: Mapping[str, Candidate], pro
     if search.problem.length > 1:  # on open ground a named effect may stand in for what has no name, beside a true one
         beside += [frozenset([effect]) for effect in sorted(ranked[0])]
     for ids in dict.fromkeys(beside):
-        fit = search.fits.get(ids) or fit_set(search, ids, {}, search.null)
+        fit = search.fits.get(ids) or fit_set(search, ids, {}, search.null) or search.reached(ids)
         if fit is None:
             continue
         inside = [effect for effect in sorted(ids) if not search.terms[effect].stepwise]
@@ -191,3 +202,50 @@ def challenge_with_free_terms(search: Search, free: Mapping[str, Candidate], pro
             found = fit_set(search, ids | {effect}, {effect: view.start_of((effect, extra))}, fit, search.explained)
             near = found is not None and found.posterior.log_evidence > top - HOPELESS
             hopeless = 0 if near else hopeless + 1
+    if search.problem.length > 1:
+        name_beside_free_terms(search)
+
+
+def name_beside_free_terms(search: Search) -> None:
+    """Fit named effects beside the leading free-form terms.
+
+    On open ground what has no name may be most of the misfit, as where a drive mixes its sides. Until it is in the
+    model, an effect beside it, such as motors that follow late, is lost in what is left over.
+    """
+    named = {effect for effect in search.terms if not is_free(effect)}
+    for size in range(1, LARGEST_SET):
+        leading = [ids for ids in search.ranked() if len(ids) == size and any(map(is_free, ids))][: BEAM[size - 1]]
+        for ids in leading:
+            extend(search, ids, named)
+    for ids in [ids for ids in search.ranked()[:RIVALS_KEPT] if len(ids) > 1]:  # for the drop-one tests
+        for rest in [ids - {effect} for effect in sorted(ids)]:
+            if rest not in search.fits:
+                fit_set(search, rest, {}, search.fits[ids])
+
+
+def name_what_is_off(search: Search, ids: Set, known: Sequence[Quantity], families: int) -> Set:
+    """A fitted set with the effects that do what it wants of known quantities beyond three of their tolerances.
+
+    A wheel that is 3 % smaller than its pair, where callipers measure to half a per cent, is a mismatch of the drive,
+    not a measurement of the wheel. Such an effect must pay as a second one does. Short of that, what is off stays a
+    finding: a laboratory that measured a mark worse than it said is untidy, and no physics. Not on open ground, whose
+    left-overs are no noise and move such quantities.
+    """
+    if search.problem.length > 1:
+        return ids
+    while len(ids) < LARGEST_SET:
+        off = [item for item in knowledge(known, search.fits[ids]) if item.is_finding]
+        names = [item.alike for item in sorted(off, key=lambda item: -abs(item.found) / item.quantity.sigma)]
+        larger = [ids | {name} for name in names if name is not None and name in search.terms and name not in ids]
+        better = (more for more in larger if _pays_for_itself(search, more, ids, families))
+        more = next(better, None)
+        if more is None:
+            break
+        ids = more
+    return ids
+
+
+def _pays_for_itself(search: Search, more: Set, ids: Set, families: int) -> bool:
+    """Whether a set can be fitted, from where one within it stands, and earns what a second effect must."""
+    found = search.fits.get(more) or fit_set(search, more, {}, search.fits[ids], search.explained)
+    return found is not None and score(search, more, families) > score(search, ids, families) + KEEP[2]

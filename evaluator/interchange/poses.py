@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from calibration.frames import plate_from_body
 from evaluator.errors import InputError
-from evaluator.files import read_with
+from evaluator.files import csv_dialect, read_with
 from evaluator.interchange.bags import Topics, is_bag, read_trajectory
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import check_marks
@@ -81,7 +81,7 @@ def holds_poses(path: Path) -> bool:
             first = next((line for line in file if line.strip() and not line.lstrip().startswith("#")), "")
     except (OSError, UnicodeDecodeError):
         return False
-    cells = {cell.strip() for cell in first.split(",")}
+    cells = {cell.strip() for cell in first.replace(";", ",").split(",")}
     table = "time_s" in cells and any({f"x_{unit}", f"y_{unit}"} <= cells for unit in MM_PER)
     return table or _is_numbers(first, None, TUM_COLUMNS) or _is_numbers(first, ",", TUM_COLUMNS)
 
@@ -185,7 +185,7 @@ def _from_quaternions(rows: Array, seconds: float, order: tuple[int, int, int, i
 
 def _from_csv(path: Path) -> pd.DataFrame:
     try:
-        table = pd.read_csv(path, skipinitialspace=True)
+        table = pd.read_csv(path, skipinitialspace=True, **csv_dialect(path))
     except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
         raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
     if "time_s" not in table:

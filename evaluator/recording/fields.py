@@ -73,7 +73,7 @@ def field_order(frames: Iterable[Frame]) -> Literal["none", "top", "bottom"] | N
             break
     if moved_pixels < ENOUGH:
         return None
-    if torn < TORN * smooth:
+    if torn <= TORN * smooth:  # equal where whole frames change their brightness: both are nothing
         return "none"
     return "top" if top_first < bottom_first else "bottom"
 

@@ -17,7 +17,7 @@ Plane = NDArray[np.unsignedinteger]
 
 @dataclass(slots=True)  # not frozen: one is made for every frame, and that takes four times as long then
 class Frame:
-    """A frame (or a field of one) as the viewer sees it: rotation is already applied to the planes.
+    """A frame (or a field of one) as the sensor saw it, whatever rotation the file asks of viewers.
 
     index: counts the frames of the recording from 0. ticks, tick: presentation time in ticks of the clock,
     and the tick in s. luma: (rows, columns) of 8 or 16 bit samples; row j lies at y = row_origin + row_step·j px of the
@@ -57,6 +57,15 @@ class Frame:
     def size_px(self) -> tuple[int, int]:
         """(width, height) of the full frame; a field's height is doubled."""
         return self.luma.shape[1], self.luma.shape[0] * self.row_step
+
+    @property
+    def colourless(self) -> bool:
+        """Whether the frame is grey all over, stored with colour or without: within two levels of 8 bits."""
+        within, middle = 2 << (self.depth - 8), 1 << (self.depth - 1)
+        return all(
+            plane is None or (int(plane.min()) >= middle - within and int(plane.max()) <= middle + within)
+            for plane in (self.u, self.v)
+        )
 
     def to_rgb(self) -> NDArray[np.uint8]:
         """Convert to (height, width, 3) RGB of 8 bits; a field's lines are doubled. For frames people look at."""

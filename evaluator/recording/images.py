@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.image_file import read_pixels
 from evaluator.errors import InputError
 from evaluator.recording.frame import Frame, Plane
 from evaluator.recording.timing import TimingReport, summarise
@@ -50,7 +50,7 @@ class ImageSequence:
         self._duplicates, self._done = [], 0
         before: Plane | None = None
         for index, path in enumerate(self._paths):
-            image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+            image = read_pixels(path)
             if image is None:
                 raise InputError(f"{path}: not an image that can be read")
             luma, u, v, depth = _planes(image, path)

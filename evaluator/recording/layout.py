@@ -21,8 +21,7 @@ class Layout:
     """What `frame` needs to know of all frames alike.
 
     name, width, height: of the decoder's frames. target: format to convert to first, where the planes cannot be used
-    as they are. depth: bits of a sample after that. turns: quarter turns that make the frame upright. shapes: of its
-    planes before that, (rows, columns).
+    as they are. depth: bits of a sample after that. shapes: of its planes, (rows, columns).
     """
 
     name: str
@@ -30,7 +29,6 @@ class Layout:
     height: int
     target: str | None
     depth: int
-    turns: int
     full_range: bool
     matrix: str
     shapes: tuple[tuple[int, int], ...]
@@ -49,17 +47,16 @@ class Layout:
             depth = 16 if depth > 8 else 8
         full = target is not None or grey or name.startswith("yuvj") or image.color_range == 2
         matrix = "bt709" if image.colorspace == 1 and target is None else "bt601"
-        turns = round(image.rotation / 90) % 4
         planes = (image if target is None else image.reformat(format=target)).planes
         shapes = tuple((plane.height, plane.width) for plane in planes)
-        return cls(name, image.width, image.height, target, depth, turns, full, matrix, shapes)
+        return cls(name, image.width, image.height, target, depth, full, matrix, shapes)
 
     def fits(self, image: Any) -> bool:
         """Whether a frame is laid out like the one this was made from."""
         return bool(image.width == self.width and image.height == self.height and image.format.name == self.name)
 
     def frame(self, image: Any, index: int, ticks: int, tick: Fraction, before: Frame | None) -> Frame:
-        """Take a frame's planes as views, upright, without copying where the format allows.
+        """Take a frame's planes as views, without copying where the format allows.
 
         before: the frame before, to tell a repeated frame.
         """
@@ -75,8 +72,7 @@ class Layout:
 
     def _view(self, plane: Any, shape: tuple[int, int]) -> Plane:
         kind, size = (np.uint16, 2) if self.depth > 8 else (np.uint8, 1)
-        view: Plane = np.ndarray(shape, kind, plane, 0, (plane.line_size, size))
-        return np.rot90(view, self.turns) if self.turns else view
+        return np.ndarray(shape, kind, plane, 0, (plane.line_size, size))
 
 
 def _same(one: Plane, other: Plane) -> bool:

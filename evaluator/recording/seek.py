@@ -73,7 +73,7 @@ class Frames:
         self._cache.clear()
 
     def image(self, index: int) -> Image:
-        """Frame number index, (height, width, 3) BGR, upright. Raises InputError where there is none."""
+        """Frame number index, (height, width, 3) BGR. Raises InputError where there is none."""
         image = self._image(index)
         return self._source.to_image(image)
 
@@ -115,7 +115,7 @@ class _Seeking:
         self._path = path
         self._container: Any = None
         self._images: Iterator[Any] = iter(())
-        self._next = -1  # number of the frame that comes next from _images
+        self._next = -1  # number of the frame that comes next from _images; -1: none
         if path.is_dir() or not _frames_are_whole(path, rate_hz):
             raise CannotSeekError
         self._open()
@@ -147,10 +147,8 @@ class _Seeking:
         tick = self._stream.time_base
         times = tuple((t - origin) * tick.numerator / tick.denominator for t in self._ticks)
         image = self._first()
-        self._turns = round(image.rotation / 90) % 4
         self.frame_bytes = image.width * image.height * 3 // 2
-        size = (image.height, image.width) if self._turns % 2 else (image.width, image.height)
-        self.contents = Contents(times, tuple(number for number, _ in keys), size)
+        self.contents = Contents(times, tuple(number for number, _ in keys), (image.width, image.height))
 
     def _first(self) -> Any:
         self._container.seek(self._seek_to[0], stream=self._stream)
@@ -167,9 +165,8 @@ class _Seeking:
         """Decode up to a frame, from where decoding stands or from the key frame before; gives all on the way."""
         keys = self.contents.key_frames
         first = bisect_right(keys, index) - 1
-        if not (
-            self._next <= index < self._next + AHEAD and (self._next >= keys[first] or index - self._next < AHEAD // 4)
-        ):
+        ahead = index - self._next
+        if self._next < 0 or not (0 <= ahead < AHEAD and (self._next >= keys[first] or ahead < AHEAD // 4)):
             self._seek(first)
         while True:
             image = next(self._images, None)
@@ -202,7 +199,7 @@ class _Seeking:
 
     def to_image(self, image: Any) -> Image:
         bgr: Image = image.to_ndarray(format="bgr24")
-        return np.ascontiguousarray(np.rot90(bgr, self._turns)) if self._turns else bgr
+        return bgr
 
     def to_frame(self, image: Any, index: int) -> Frame:
         layout = Layout.of(image)

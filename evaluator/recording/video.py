@@ -133,6 +133,8 @@ class Recording:
                     self._standing += 1
                     continue
                 last, origin = ticks, ticks if origin is None else origin
+                if layout is None:
+                    self._notes.extend(_asked_of_viewers(image))
                 if layout is None or not layout.fits(image):
                     layout = Layout.of(image)
                 frame = layout.frame(image, index, ticks - origin, self.tick, frame)
@@ -257,6 +259,12 @@ class Recording:
 
 def _reason(error: BaseException) -> str:
     return str(getattr(error, "strerror", None) or error).split(":")[0].strip().lower()
+
+
+def _asked_of_viewers(image: Any) -> list[str]:
+    """What a viewer does with the frames and this package does not: their pixels are those of the sensor."""
+    turn = abs(round(image.rotation))
+    return [f"players turn this video by {turn}°; it is measured as the sensor saw it, unturned"] if turn else []
 
 
 def _video_of(container: Any) -> Any:

@@ -210,7 +210,7 @@ def _tile(frame: Frame, table: pd.DataFrame, name: str) -> Image:
     if np.isfinite(points[row]).all():
         _cross(tile, np.full(2, side * zoom / 2), color_of(name), 14, 1)
     _write(tile, f"frame {frame.index}: {table['time_s'].iloc[row]:.3f} s", (6, 16), 0.9, INK)
-    _write(tile, f"{name}:", (6, side * zoom - 22), 0.9, WARNING)
+    _write(tile, f"{name}:", (6, side * zoom - 27), 0.9, WARNING)
     _write(tile, why_doubtful(table, name, row), (6, side * zoom - 8), 0.9, WARNING)
     tile[:, -1], tile[-1] = 60, 60
     return tile

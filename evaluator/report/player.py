@@ -24,7 +24,7 @@ POINT_BUDGET = 20_000  # points of all runs together, each some 60 characters
 def player_data(runs: Sequence[RunView], robot: Robot) -> str:
     """JSON that page.js reads; safe inside a script element."""
     points = max(40, min(240, POINT_BUDGET // max(1, len(runs))))
-    pictures = _fitted([run.pictures for run in runs])
+    thumbnails = _fitted([run.thumbnails for run in runs])
     content = {
         "robot": {
             "length": robot.body.length_mm,
@@ -35,12 +35,12 @@ def player_data(runs: Sequence[RunView], robot: Robot) -> str:
             ],
         },
         "lines": [{"color": line.color, "width": line.width, "dash": line.dash} for line in legend_of(runs)],
-        "runs": [_run(run, points, chosen) for run, chosen in zip(runs, pictures, strict=True)],
+        "runs": [_run(run, points, chosen) for run, chosen in zip(runs, thumbnails, strict=True)],
     }
     return json.dumps(content, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
 
 
-def _run(run: RunView, points: int, pictures: list[tuple[float, str]]) -> dict[str, Any]:
+def _run(run: RunView, points: int, thumbnails: list[tuple[float, str]]) -> dict[str, Any]:
     marks, poses, simulated = (thinned(table, points) for table in (run.marks, run.poses, run.simulated))
     circle = [run.value(name) for name in ("center_x_mm", "center_y_mm", "radius_mm")]
     radius = f"radius {significant(run.value('radius_mm'))} mm" if run.turns else str(run.turning["radius_status"])
@@ -55,7 +55,7 @@ def _run(run: RunView, points: int, pictures: list[tuple[float, str]]) -> dict[s
         "sx": _rounded(simulated["x_mm"], 2),
         "sy": _rounded(simulated["y_mm"], 2),
         "circle": [round(value, 3) for value in circle] if np.isfinite(circle).all() else None,
-        "pictures": pictures,
+        "thumbnails": thumbnails,
     }
 
 
@@ -63,15 +63,15 @@ def _rounded(values: pd.Series[float], digits: int) -> list[float | None]:
     return [round(float(value), digits) if np.isfinite(value) else None for value in values]
 
 
-def _fitted(pictures: Sequence[list[dict[str, Any]]]) -> list[list[tuple[float, str]]]:
+def _fitted(thumbnails: Sequence[list[dict[str, Any]]]) -> list[list[tuple[float, str]]]:
     """As many and as large frames per run as the budget allows: fewer before smaller."""
-    total = sum(len(item["jpeg"]) * 3 // 4 for chosen in pictures for item in chosen)
+    total = sum(len(item["jpeg"]) * 3 // 4 for chosen in thumbnails for item in chosen)
     every, scale = 1, 1.0
     for every, scale in ((1, 1.0), (2, 1.0), (2, 0.75), (3, 0.75), (3, 0.5), (6, 0.5)):
         if total / every * scale**1.6 <= IMAGE_BUDGET_BYTES:  # bytes grow a little slower than the area
             break
     return [
-        [(round(item["time_s"], 3), _scaled(item["jpeg"], scale)) for item in chosen[::every]] for chosen in pictures
+        [(round(item["time_s"], 3), _scaled(item["jpeg"], scale)) for item in chosen[::every]] for chosen in thumbnails
     ]
 
 

@@ -110,13 +110,13 @@ class RunView:
         return table[table["time_s"].between(begin - slack, end + slack)].reset_index(drop=True)
 
     @cached_property
-    def pictures(self) -> list[dict[str, Any]]:
+    def thumbnails(self) -> list[dict[str, Any]]:
         """Small frames of the video (time_s, jpeg as base64), none for a run given as marks."""
-        path = self.outputs.pictures(self.run)
+        path = self.outputs.thumbnails(self.run)
         if not path.is_file():
             return []
-        pictures: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
-        return pictures
+        thumbnails: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
+        return thumbnails
 
 
 def views_of(analysis: Analysis) -> list[RunView]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from collections.abc import Set as AbstractSet
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,7 @@ def sections(
     turning = [run for run in right if run.turns]
     there = [
         *diagnosis_sections(diagnosis),
-        _figures("trajectories-section", "Trajectories", trajectories(runs)),
+        _figures("trajectories-section", "Trajectories", trajectories(right)),
         _figures(
             "radius",
             "How tightly it turns",
@@ -66,7 +67,7 @@ def sections(
         _quality(runs, analysis.notes),
         _budget(turning, analysis),
         *(_calibration(path, robot) for path in cameras),
-        _run_table(runs),
+        _run_table(runs, analysis.set_aside),
     ]
     return tuple(section for section in there if section is not None)
 
@@ -155,8 +156,7 @@ def _calibration(path: Path, robot: Robot) -> Section:
     stored = read_with(load_camera_file, path)
     text = (stored.verdict.summary, *stored.verdict.reasons, *stored.verdict.notes, *stored.verdict.next_steps)
     rows = tuple(
-        (Path(image.name).name, f"{image.dots}", f"{image.left_out}", f"{image.rms_px:.4f}")
-        for image in stored.pictures
+        (Path(image.name).name, f"{image.dots}", f"{image.left_out}", f"{image.rms_px:.4f}") for image in stored.images
     )
     table = Table("Gauge images.", ("image", "dots used", "left out", "residual, px RMS"), rows)
     camera = stored.camera()
@@ -175,9 +175,9 @@ def _mark_sigma_um(run: RunView, mark: str) -> float:
     return 1000 * float(np.nanmedian(run.marks[names].to_numpy()))
 
 
-def _run_table(runs: Sequence[RunView]) -> Section:
+def _run_table(runs: Sequence[RunView], set_aside: AbstractSet[str]) -> Section:
     columns: dict[str, Callable[[RunView], str]] = {
-        "run": lambda run: run.id,
+        "run": lambda run: f"{run.id} (set aside)" if run.id in set_aside else run.id,
         "left / right, rpm": lambda run: command_text(run.left_rpm, run.right_rpm),
         "radius, mm": lambda run: number(run.value("radius_mm"), 3) if run.turns else UNKNOWN,
         "95 %, mm": lambda run: (

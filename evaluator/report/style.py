@@ -18,6 +18,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure as Canvas
+from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 INK, SOFT, FAINT, PAPER = "#1b1f24", "#626a73", "#d9dde2", "#fefefe"
@@ -187,7 +188,38 @@ def drawing(
         axes = canvas.subplots(rows, columns, squeeze=False)
         result = Drawing(canvas, list(axes.flat))
         yield result
+        _break_cut_labels(canvas)
         result.svg = _themed_svg(canvas)
+
+
+def _break_cut_labels(canvas: Canvas) -> None:
+    """Break titles and axis labels that would leave the canvas in two; the layout is found here, once where it can."""
+    canvas.draw_without_rendering()
+    cut = [text for text in _labels(canvas) if _leaves(text, canvas)]
+    for text in cut:
+        lines = text.get_text().split("\n")
+        longest = max(lines, key=len)
+        spaces = [place for place, letter in enumerate(longest) if letter == " "]
+        if spaces:
+            middle = min(spaces, key=lambda place: abs(2 * place - len(longest)))
+            lines[lines.index(longest)] = f"{longest[:middle]}\n{longest[middle + 1 :]}"
+            text.set_text("\n".join(lines))
+    if not cut:
+        canvas.set_layout_engine("none")  # else it would be found again while the drawing is written
+
+
+def _labels(canvas: Canvas) -> list[Text]:
+    """Titles and axis labels, those that say something."""
+    found: list[Text] = []
+    for axes in canvas.axes:
+        titles = [item for item in axes.get_children() if isinstance(item, Text) and item not in axes.texts]
+        found += [*titles, axes.xaxis.label, axes.yaxis.label]
+    return [text for text in found if text.get_text()]
+
+
+def _leaves(text: Text, canvas: Canvas) -> bool:
+    box, edge = text.get_window_extent(), canvas.bbox
+    return bool(box.x0 < edge.x0 or box.x1 > edge.x1 or box.y0 < edge.y0 or box.y1 > edge.y1)
 
 
 def _themed_svg(canvas: Canvas) -> str:

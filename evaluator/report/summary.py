@@ -12,7 +12,8 @@ import pandas as pd
 from evaluator.report.diagnosis.words import as_sentence, gap_sentence, verdict_sentence
 from evaluator.report.numbers import number, significant, true_minus
 from evaluator.report.runs import RunView, column
-from evaluator.turning.pooling import Z_975, pooled
+from evaluator.turning.motion.curvature import Z_975
+from evaluator.turning.pooling import pooled
 from evaluator.workflow import Analysis
 from evaluator.workflow.runs.job import SPACING_PERCENT
 
@@ -47,7 +48,7 @@ def mistakes_first(analysis: Analysis) -> list[str]:
     sentences = [as_sentence(item.sentence) for item in analysis.mistakes]
     if analysis.set_aside:
         runs = ", ".join(run.id for run in analysis.experiment.run if run.id in analysis.set_aside)
-        sentences.append(f"Set aside until that is mended, and in none of the numbers that follow: {runs}.")
+        sentences.append(f"Set aside until that is mended, and left out of every result that follows: {runs}.")
     return sentences
 
 

@@ -18,8 +18,11 @@ from evaluator.report.diagnosis.words import (
     gap_sentence,
     in_words,
     next_runs_sentence,
+    not_tried_sentence,
+    rivals_sentence,
     separations_sentence,
     verdict_sentence,
+    where_sentences,
 )
 from evaluator.report.numbers import true_minus
 
@@ -29,7 +32,8 @@ SENTENCES = 4  # about where the disagreement is; all are in diagnosis.json
 def verdict_lines(content: dict[str, Any]) -> list[str]:
     """The content of diagnosis.json in a few lines."""
     lines = [*mistake_sentences(content), verdict_sentence(content), as_sentence(in_words(content["reason"]))]
-    lines += [*finding_sentences(content), negligible_sentence(content)]
+    said = content["verdict"] == "none"  # in the sentence of the verdict
+    lines += [*([] if said else finding_sentences(content)), negligible_sentence(content)]
     for effect in content["effects"]:
         lines.append(f"{effect['id']}, probability {effect['probability']:.3f}:")
         for name, value in effect["parameters"].items():
@@ -39,6 +43,11 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
     lines += [gap_sentence(content), predicted_sentence(content), preferred_sentence(content)]
     if content.get("runs_not_followed") and closes(content):
         lines.append(f"Not followed, look at these recordings first: {', '.join(content['runs_not_followed'])}.")
-    lines += [as_sentence(item["sentence"]) for item in content["where"][:SENTENCES]]
-    lines += [next_runs_sentence(content), separations_sentence(content)]
+    lines += where_sentences(content, SENTENCES)
+    lines += [
+        rivals_sentence(content),
+        not_tried_sentence(content),
+        next_runs_sentence(content),
+        separations_sentence(content),
+    ]
     return [line for line in lines if line]

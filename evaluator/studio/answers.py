@@ -13,10 +13,11 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from evaluator.errors import InputError
+from evaluator.files import plain
 from evaluator.studio.folder import Folder
 from evaluator.studio.history import History
 from evaluator.studio.jobs import Jobs
-from evaluator.workflow import ChangedMeanwhileError, Decoder
+from evaluator.workflow import ChangedMeanwhileError, Decoder, LiveCamera
 
 Json = dict[str, Any]
 
@@ -29,6 +30,7 @@ class Studio:
     jobs: Jobs
     decoder: Decoder
     history: History
+    live: LiveCamera
 
 
 @dataclass(frozen=True)
@@ -104,27 +106,12 @@ def _answered(studio: Studio, work: Work, asked: Asked) -> Response:
 
         traceback.print_exc()
         return _refused(f"unexpected {type(error).__name__}: {error}; please report this", 500)
-    return found if isinstance(found, Response) else JSONResponse(_plain(found))
+    return found if isinstance(found, Response) else JSONResponse(plain(found))
 
 
 def _without_root(studio: Studio, sentence: str) -> str:
     """Paths as the folder has them: shorter, and the same on every machine."""
     return sentence.replace(f"{studio.folder.root}/", "")
-
-
-def _plain(value: Any) -> Any:
-    """A value that strict JSON can hold: what is not a finite number becomes null."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if value is None or isinstance(value, str | bool | int | float):
-        return value
-    return str(value)
 
 
 def _refused(sentence: str, status: int) -> Response:

@@ -18,9 +18,9 @@ from evaluator.studio.answers import Studio
 from evaluator.studio.folder import Folder
 from evaluator.studio.history import History
 from evaluator.studio.jobs import Jobs
-from evaluator.studio.routes import findings, home, rig, runs
+from evaluator.studio.routes import findings, home, live, own_effects, rig, runs, undo
 from evaluator.studio.security import Guard, Secrets
-from evaluator.workflow import Decoder
+from evaluator.workflow import Decoder, LiveCamera
 
 STATIC = Path(str(files("evaluator.studio") / "static"))
 
@@ -28,7 +28,7 @@ STATIC = Path(str(files("evaluator.studio") / "static"))
 def application(root: Path, port: int, secrets: Secrets) -> Guard:
     """The studio of a folder, as an ASGI application. Raises OSError where there is no such folder."""
     folder = Folder(root)
-    studio = Studio(folder, Jobs(folder), Decoder(), History())
+    studio = Studio(folder, Jobs(folder), Decoder(), History(), LiveCamera())
 
     @asynccontextmanager
     async def living(_: Starlette) -> AsyncIterator[None]:
@@ -37,6 +37,7 @@ def application(root: Path, port: int, secrets: Secrets) -> Guard:
         yield
         studio.jobs.close()
         studio.decoder.close()
+        studio.live.close()
 
     routes = [
         Route("/", _page),
@@ -44,7 +45,10 @@ def application(root: Path, port: int, secrets: Secrets) -> Guard:
         *home.routes(studio),
         *runs.routes(studio),
         *findings.routes(studio),
+        *own_effects.routes(studio),
         *rig.routes(studio),
+        *live.routes(studio),
+        *undo.routes(studio),
     ]
     app = Starlette(routes=routes, lifespan=living, exception_handlers={404: _nothing, 405: _nothing})
     return Guard(app, port, secrets)

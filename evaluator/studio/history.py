@@ -1,58 +1,114 @@
-"""Undo and redo of what the studio wrote, file by file, as long as nobody else has written since."""
+"""Undo and redo of what the studio wrote, as long as nobody else has written since.
+
+A change may touch several files (a robot and the experiment that names it): it is undone as one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
-from typing import Literal
+from typing import Any, Literal
 
 from evaluator.errors import InputError
-from evaluator.workflow import replace_text, version_of
+from evaluator.files import write_bytes
+from evaluator.workflow import ChangedMeanwhileError
 
-MOST_STEPS = 200  # of one file
+MOST_BYTES = 200_000_000  # of texts and images remembered: the oldest changes go first
+Touches = Callable[[Path], bool]
 
 
-@dataclass
-class _Steps:
-    """Texts to go back to and forward to."""
+@dataclass(frozen=True)
+class _Change:
+    """What a change was, in words, and what its files held before and after it; None where there was no file."""
 
-    undo: list[str] = field(default_factory=list)
-    redo: list[str] = field(default_factory=list)
+    number: int
+    words: str
+    before: dict[Path, bytes | None]
+    after: dict[Path, bytes | None]
+
+    @property
+    def size(self) -> int:
+        return sum(len(content or b"") for content in (*self.before.values(), *self.after.values()))
 
 
 class History:
-    """The texts that files had before the studio changed them."""
+    """What files held before the studio changed them."""
 
     def __init__(self) -> None:
         """Nothing was changed yet."""
-        self._steps: dict[Path, _Steps] = {}
+        self._count = 0
+        self._done: list[_Change] = []
+        self._undone: list[_Change] = []
         self._lock = Lock()
 
-    def record(self, path: Path, change: Callable[[], object]) -> None:
-        """Make a change, and remember what was there before it."""
+    def record(self, files: Sequence[Path], words: str, change: Callable[[], object]) -> None:
+        """Make a change to some files, and remember what they held before; words: "the colours of the marks"."""
         with self._lock:
-            before = path.read_text(encoding="utf-8")
+            before = {path: _content(path) for path in files}
             change()
-            steps = self._steps.setdefault(path, _Steps())
-            steps.undo = [*steps.undo, before][-MOST_STEPS:]
-            steps.redo = []
+            self._note(words, before)
 
-    def step(self, path: Path, version: str, way: Literal["undo", "redo"]) -> None:
-        """Go one step back or forward. Raises ChangedMeanwhileError, and InputError where there is no step."""
+    def watch(self, files: Sequence[Path], words: str) -> Callable[[], None]:
+        """Remember what some files hold now; what is given is to be called after somebody, a job say, changed them."""
+        before = {path: _content(path) for path in files}
+
+        def changed() -> None:
+            with self._lock:
+                self._note(words, before)
+
+        return changed
+
+    def _note(self, words: str, before: dict[Path, bytes | None]) -> None:
+        after = {path: _content(path) for path in before}
+        if after == before:
+            return
+        self._count += 1
+        self._done.append(_Change(self._count, words, before, after))
+        self._undone = [other for other in self._undone if not before.keys() & other.before.keys()]
+        while len(self._done) > 1 and sum(one.size for one in self._done) > MOST_BYTES:
+            del self._done[0]
+
+    def step(self, touches: Touches, way: Literal["undo", "redo"], number: int) -> str:
+        """Take the last change back, or make it again, that touched files of a kind; gives what it was, in words.
+
+        number: of the change that is meant, as `next_steps` gave it. Raises ChangedMeanwhileError where that is not the
+        last one any more or somebody else has written since, InputError where there is no change.
+        """
         with self._lock:
-            steps = self._steps.setdefault(path, _Steps())
-            source, target = (steps.undo, steps.redo) if way == "undo" else (steps.redo, steps.undo)
-            if not source:
+            source, target = (self._done, self._undone) if way == "undo" else (self._undone, self._done)
+            found = _last(source, touches)
+            if found is None:
                 raise InputError(f"there is nothing to {way}")
-            before = path.read_text(encoding="utf-8")
-            if version_of(path) == version:
-                target.append(before)
-            replace_text(path, version, source[-1])
-            source.pop()
+            if found.number != number:
+                raise ChangedMeanwhileError(f"something was changed meanwhile, in another tab: look before you {way}")
+            there, wanted = (found.after, found.before) if way == "undo" else (found.before, found.after)
+            for path, content in there.items():
+                if _content(path) != content:
+                    raise ChangedMeanwhileError(
+                        f"{path.name} was changed since, on another screen or by another program; to {way} this "
+                        "would lose that change"
+                    )
+            for path, content in wanted.items():
+                path.unlink(missing_ok=True) if content is None else write_bytes(path, content)
+            source.remove(found)
+            target.append(found)
+            return found.words
 
-    def count(self, path: Path) -> dict[str, int]:
-        """How many steps there are each way."""
-        steps = self._steps.get(path, _Steps())
-        return {"undo": len(steps.undo), "redo": len(steps.redo)}
+    def next_steps(self, touches: Touches) -> dict[str, Any]:
+        """Number and words of what would be undone and redone; None where there is nothing."""
+        with self._lock:
+            found = {"undo": _last(self._done, touches), "redo": _last(self._undone, touches)}
+        return {way: change and {"number": change.number, "words": change.words} for way, change in found.items()}
+
+
+def _last(changes: list[_Change], touches: Touches) -> _Change | None:
+    return next((one for one in reversed(changes) if any(map(touches, one.before))), None)
+
+
+def _content(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        return None

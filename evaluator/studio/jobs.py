@@ -10,6 +10,7 @@ import json
 import multiprocessing
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -53,6 +54,7 @@ class Jobs:
         self._folder = folder
         self._jobs: dict[int, Job] = {}
         self._orders: dict[int, dict[str, Any]] = {}
+        self._done: dict[int, Callable[[], object]] = {}
         self._changed = threading.Condition()
         self._next, self._closing, self.version = 1, False, 0
         self._thread = threading.Thread(target=self._work, name="jobs", daemon=True)
@@ -70,8 +72,14 @@ class Jobs:
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return  # nothing was under way
 
-    def add(self, kind: str, target: Path, options: dict[str, Any] | None = None) -> int:
-        """Ask for work on a file or folder; what waits or runs already is not asked for twice."""
+    def add(
+        self,
+        kind: str,
+        target: Path,
+        options: dict[str, Any] | None = None,
+        done: Callable[[], object] | None = None,
+    ) -> int:
+        """Ask for work on a file or folder; what waits or runs already is not asked twice. done: called after."""
         relative = self._folder.relative(target)
         with self._changed:
             for job in self._jobs.values():
@@ -81,6 +89,8 @@ class Jobs:
             self._next += 1
             self._jobs[job.number] = job
             self._orders[job.number] = {"kind": kind, "target": relative, "options": options or {}}
+            if done is not None:
+                self._done[job.number] = done
             for number in [n for n, j in self._jobs.items() if j.state in ENDED][:-MOST_KEPT]:
                 del self._jobs[number]
             self._tell()
@@ -180,6 +190,9 @@ class Jobs:
                 job.state = job.state or "cancelled"
                 job.summary, job.sentence = (value, "") if kind == "done" else ({}, str(value or ""))
                 job.share = 1.0 if kind == "done" else job.share
+                done = self._done.pop(job.number, None)
+                if kind == "done" and done is not None:
+                    done()
             if not self._closing:
                 self._tell()
 

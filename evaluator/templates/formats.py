@@ -199,11 +199,11 @@ def _toml(value: Any) -> str:
 
 def _effects() -> str:
     """Ids and parameters of [[effect]]."""
-    from simulator.effects.catalogue import EFFECTS
+    from simulator.effects.catalogue import BUILT_IN
 
     rows = [
         f"| `{effect.id}` | {', '.join(f'`{item.name}` ({item.absent:g})' for item in effect.parameters)} |"
-        for effect in EFFECTS.values()
+        for effect in BUILT_IN.values()
     ]
     head = "### Ids of `[[effect]]`\n\nIn brackets: the value at which an effect vanishes, and the default."
     return f"{head} `turnscope effects` draws each.\n\n| id | parameters |\n|---|---|\n" + "\n".join(rows)
@@ -213,7 +213,9 @@ def _turning() -> str:
     """Columns of turning.csv."""
     from evaluator.turning import Turning
 
-    columns = ", ".join(f"`{item.name}`" for item in dataclasses.fields(Turning) if item.name != "phases")
+    elsewhere = "phases", "other_wheels"  # a table of its own, columns by the names of the wheels
+    names = [item.name for item in dataclasses.fields(Turning) if item.name not in elsewhere]
+    columns = ", ".join(f"`{name}`" for name in names)
     return f"## turning.csv\n\nA row per run. {_prose(Turning)}\n\nColumns: `run`, `left_rpm`, `right_rpm`, {columns}."
 
 

@@ -34,7 +34,10 @@ def _of_another_size(frame_px: tuple[int, int], camera_px: tuple[int, int]) -> s
     found = f"frames of {frame_px[0]}×{frame_px[1]} px, but the camera was calibrated with images of "
     found += f"{camera_px[0]}×{camera_px[1]} px"
     if frame_px == camera_px[::-1]:
-        return f"{found}; the recording is turned by 90 degrees: calibrate with images that are turned alike"
+        return (
+            f"{found}; a program turned the one or the other by 90 degrees (orientation tags are not obeyed, neither of"
+            " images nor of videos): use the files as the camera wrote them"
+        )
     return f"{found}; calibrate in the camera mode of the recording"
 
 

@@ -14,9 +14,9 @@ import pandas as pd
 
 from evaluator.errors import InputError
 from evaluator.trends.changes import Level
+from evaluator.turning.motion.curvature import Z_975
 from evaluator.turning.pooling import Pooled, pooled
 
-Z_975 = 1.96
 UNITS = {"radius": "mm", "speed": "mm/s"}
 
 

@@ -1,7 +1,10 @@
-"""From poses to turning: steady turn, smallest sustained radius, speeds, each with an interval that holds."""
+"""From poses to turning: steady turn, smallest sustained radius, speeds, each with an interval that holds.
 
-from evaluator.turning.measure import measure_turning
-from evaluator.turning.quantities import RobotShape
-from evaluator.turning.result import Turning
+What stands in `__init__.pyi` is imported when it is first used: who needs the shape of a robot alone pays for no fit.
+"""
 
-__all__ = ["RobotShape", "Turning", "measure_turning"]
+from __future__ import annotations
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -17,6 +17,7 @@ from evaluator.turning.motion.fit import COVERED, FEWEST_FRAMES
 from evaluator.turning.motion.least_squares import Block, averaged_least_squares
 from evaluator.turning.phases import find_phases
 from evaluator.turning.status import LEAST_CERTAIN, LEAST_TURN_DEG, VARIES_SHARE
+from evaluator.wording import with_bounds
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -42,12 +43,15 @@ class PointPath:
     scatter: float = NAN
 
     def summary(self, unit: str) -> str:
-        """One line for people."""
+        """One line for people; unit: of the places."""
         if not np.isfinite(self.radius):
-            return self.status
+            if not np.isfinite(self.speed):
+                return self.status
+            return f"{self.status} 1/{unit}; {self.scatter:.2g} {unit} RMS from its line, at {self.speed:.3g} {unit}/s"
         said = "" if self.status == "ok" else f"{self.status}; "
+        radius, low, high = with_bounds(self.radius, self.low, self.high)
         return (
-            f"{said}path radius {self.radius:.4g} {unit}, 95 % from {self.low:.4g} to {self.high:.4g};"
+            f"{said}path radius {radius} {unit}, 95 % from {low} to {high};"
             f" {self.turned_deg:.0f} degrees at {self.speed:.3g} {unit}/s"
         )
 
@@ -78,7 +82,8 @@ def measure_path(
     found = PointPath("ok", speed=speed, turned_deg=turned, scatter=float(np.sqrt(np.mean(residual**2))))
     nearest = min(abs(curvature.low), abs(curvature.high))
     if curvature.straight or nearest < LEAST_CERTAIN * abs(curvature.value) or turned < LEAST_TURN_DEG:
-        reason = f"straight: curvature {curvature.value:.3g}, 95 % from {curvature.low:.3g} to {curvature.high:.3g}"
+        value, least, most = with_bounds(curvature.value, curvature.low, curvature.high)
+        reason = f"straight: curvature {value}, 95 % from {least} to {most}"
         return PointPath(reason, speed=speed, turned_deg=turned, scatter=found.scatter)
     spread = _spread(time, place)
     status = (

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from evaluator.turning.motion.curvature import Z_975
+
 Array = NDArray[np.float64]
 NAN = float("nan")
-Z_975 = 1.96
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,12 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 NAN = float("nan")
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
-WITH_SLIP_RATIO = WHEELS[:2]
+# Slips that every robot of four wheels in two axles has a column for; of other wheels they follow as further columns.
+USUAL_SLIPS = (
+    "body_slip_angle_deg",
+    *(f"{name}_slip_angle_deg" for name in WHEELS),
+    *(f"{name}_slip_ratio" for name in WHEELS[:2]),
+)
 # Spectral arc length: published settings of the band and of the amplitude below which the spectrum is noise.
 SMOOTHNESS_BAND_HZ = 10.0
 SMOOTHNESS_AMPLITUDE = 0.05
@@ -27,7 +32,8 @@ SMOOTHNESS_AMPLITUDE = 0.05
 class RobotShape:
     """Outline and wheels in the body frame: wheel_positions_mm in the order of wheel_names, body of length by width.
 
-    driven_by: "left", "right" or "none" of each wheel; wheel_radius_mm: of the driving wheels.
+    driven_by: "left", "right" or "none" of each wheel, "caster" of what rolls any way; wheel_radius_mm: of the driving
+    wheels.
     """
 
     wheel_positions_mm: tuple[tuple[float, float], ...]
@@ -89,10 +95,12 @@ def body_quantities(
         result["wall_to_wall_radius_mm"] = float(np.linalg.norm(shape.corners_mm() - rotation, axis=1).max())
     names = list(_slips(twist, shape, rpm))
     values = with_sigmas(lambda moved: np.array(list(_slips(moved, shape, rpm).values())), fit, rate)
+    others: dict[str, float] = {}
     for name, slip, sigma in zip(names, *values, strict=True):
         stem = name.removesuffix("_deg")
-        result |= {name: float(slip), f"{stem}_sigma{'_deg' if stem != name else ''}": float(sigma)}
-    return result
+        row = result if name in USUAL_SLIPS else others
+        row |= {name: float(slip), f"{stem}_sigma{'_deg' if stem != name else ''}": float(sigma)}
+    return result | {"other_wheels": others}
 
 
 def with_sigmas(quantities: Callable[[Array], Array], fit: TurnFit, rate: Rate) -> tuple[Array, Array]:
@@ -119,22 +127,19 @@ def with_sigmas(quantities: Callable[[Array], Array], fit: TurnFit, rate: Rate) 
 
 
 def _slips(twist: Array, shape: RobotShape | None, rpm: tuple[float | None, float | None]) -> dict[str, float]:
-    """Slip angles of body and wheels and slip ratios of the driving wheels, for the velocity of the centre.
-
-    Of wheels, those that have columns in turning.csv: WHEELS, and of slip ratios those of the front pair.
-    """
+    """Slip angles of body and wheels and slip ratios of the driving wheels, for the velocity of the centre."""
     result = {"body_slip_angle_deg": slip_angle_deg(twist)}
     commanded = {"left": rpm[0], "right": rpm[1]}
     for name, place, side in (
         zip(shape.wheel_names, shape.wheel_positions_mm, shape.driven_by, strict=True) if shape else ()
     ):
-        if name not in WHEELS:
+        if side == "caster":
             continue
         assert shape is not None  # there would be no wheel
         velocity = _velocity(twist, np.array(place))
         result[f"{name}_slip_angle_deg"] = slip_angle_deg(velocity)
         speed = commanded.get(side)  # the rotation of a wheel that rolls freely is not known
-        if speed is not None and name in WITH_SLIP_RATIO:
+        if speed is not None:
             surface = speed * 2 * np.pi / 60 * shape.wheel_radius_mm
             larger = max(abs(velocity[0]), abs(surface))
             result[f"{name}_slip_ratio"] = float((velocity[0] - surface) / larger) if larger else NAN

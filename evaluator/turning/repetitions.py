@@ -11,7 +11,8 @@ from typing import Any, cast
 import numpy as np
 import pandas as pd
 
-from evaluator.turning.pooling import Z_975, Pooled, difference, pooled
+from evaluator.turning.motion.curvature import Z_975
+from evaluator.turning.pooling import Pooled, difference, pooled
 
 ISO_4138_REPETITIONS = 3
 # Repetitions of a command scatter by some percent (friction, grain, dirt). Radii of which one is half as large again as

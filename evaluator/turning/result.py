@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 
+from evaluator.turning.motion.curvature import Z_975
 from evaluator.turning.path import PointPath
 from evaluator.turning.phase_table import Phase
 
 NAN = float("nan")
-Z_975 = 1.96
 OF_MARKS = {"mark_speeds_mm_s": "_speed_mm_s", "mark_radii_mm": "_radius_mm"}  # what follows a mark's name in the row
 
 
@@ -29,7 +29,8 @@ class Turning:
     turns, noise taken off. rotation_x_mm, rotation_y_mm: the same centre in the body frame. Radii of the marks, the
     outermost wheel and the outermost corner (wall to wall) as in SAE J695. Slips as in the model: ratio
     (u - r·phi')/max(|u|, |r·phi'|), angle atan2(v, |u|); their sigmas hold noise and camera, not what the marks' places
-    in robot.toml or the commanded rpm are off by.
+    in robot.toml or the commanded rpm are off by. other_wheels: the same, by column, of wheels besides the four usual
+    ones, and slip ratios of rear wheels that are driven.
     phases: the motions that the run is made of, in time; a run that is several motions has no radius and no speed.
     paths: of a robot with a single mark, the path of that mark: radius, bounds and speed are its own, not the centre's.
     Quality: path_efficiency, speed_ripple, smoothness (quantities.py).
@@ -78,6 +79,7 @@ class Turning:
     rear_left_slip_angle_sigma_deg: float = NAN
     rear_right_slip_angle_deg: float = NAN
     rear_right_slip_angle_sigma_deg: float = NAN
+    other_wheels: Mapping[str, float] = field(default_factory=dict)
     path_efficiency: float = NAN
     speed_ripple: float = NAN
     smoothness: float = NAN
@@ -96,7 +98,9 @@ class Turning:
     paths: Mapping[str, PointPath] = field(default_factory=dict)
 
     def __getattr__(self, name: str) -> float:
-        """Columns of the marks by their names in turning.csv, NAME_speed_mm_s and NAME_radius_mm."""
+        """Columns of marks and of further wheels by their names in turning.csv, as NAME_speed_mm_s, NAME_radius_mm."""
+        if name in self.__dict__.get("other_wheels", {}):
+            return float(self.__dict__["other_wheels"][name])
         for kept, ending in OF_MARKS.items():
             found = self.__dict__.get(kept, {})
             if name.endswith(ending) and name.removesuffix(ending) in found:
@@ -160,6 +164,8 @@ class Turning:
             value = getattr(self, item.name)
             if item.name in OF_MARKS:
                 row |= {f"{mark}{OF_MARKS[item.name]}": number for mark, number in value.items()}
+            elif item.name == "other_wheels":
+                row |= value
             elif item.name == "paths":
                 for mark, path in value.items():
                     row |= {f"{mark}_radius_low_mm": path.low, f"{mark}_radius_high_mm": path.high}

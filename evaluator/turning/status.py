@@ -6,7 +6,9 @@ import numpy as np
 
 from evaluator.pose import Poses
 from evaluator.turning.motion.fit import TurnFit
+from evaluator.turning.phases import STEADY_SHARE
 from evaluator.turning.sustained import Sustained
+from evaluator.wording import with_bounds
 
 OK = "ok"
 # Marks are put on a robot to some hundredths of a millimetre, a few percent of their distance at worst. Lengths that
@@ -18,7 +20,7 @@ PX_FAR = 50.0  # coordinates of an image reach farther than this and are not neg
 # uncertainties, and a straight run passes for a turn once in 16,000, not once in 20.
 LEAST_CERTAIN = 0.5
 LEAST_TURN_DEG = 1.0  # less turn is straight to the eye, and no calibration is good enough to call it an arc
-VARIES_SHARE = 0.05  # of the mean curvature: a standard deviation beyond is more than a steady turn has (phases.py)
+VARIES_SHARE = STEADY_SHARE  # of the mean curvature: a standard deviation beyond is more than a steady turn has
 
 
 def spacing_fault(poses: Poses) -> str:
@@ -44,10 +46,8 @@ def spacing_fault(poses: Poses) -> str:
 def straightness(fit: TurnFit) -> str:
     """Why a run has no radius; "" where it has one. On the spot it has one, of zero."""
     curvature, length = fit.curvature(), fit.motion.length_mm
-    text = (
-        f"straight: curvature {1000 * curvature.value:.3g} 1/m,"
-        f" 95 % from {1000 * curvature.low:.3g} to {1000 * curvature.high:.3g} 1/m"
-    )
+    value, low, high = with_bounds(1000 * curvature.value, 1000 * curvature.low, 1000 * curvature.high)
+    text = f"straight: curvature {value} 1/m, 95 % from {low} to {high} 1/m"
     nearest = min(abs(curvature.low), abs(curvature.high))
     if curvature.straight or np.arctan(length * nearest) < LEAST_CERTAIN * np.arctan(length * abs(curvature.value)):
         return text

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from evaluator.turning.motion.curvature import COVERED_SIGMAS, Curvature
+from evaluator.turning.motion.curvature import Z_975, Curvature
 from evaluator.turning.motion.fit import FEWEST_FRAMES, Scaled, TurnFit, fit_turns
 from evaluator.turning.pooling import cochran, paule_mandel
 
@@ -211,7 +211,7 @@ def _with_change(fit: TurnFit) -> Curvature:
     """Mean curvature of a window, its bounds widened by what its change inside the window makes unsure."""
     circle = fit.curvature()
     uneven = SECOND_ORDER * float(fit.change_rad @ fit.change_rad) / max(fit.motion.turn_rad, 1e-9) ** 2
-    return circle.with_systematic(uneven * abs(circle.value) / COVERED_SIGMAS)
+    return circle.with_systematic(uneven * abs(circle.value) / Z_975)
 
 
 def _wander(fits: list[TurnFit]) -> float:
@@ -240,4 +240,4 @@ def _shrunk(one: Curvature, center: Curvature, between: float) -> Curvature:
     keep = between**2 / (between**2 + _known_to(one) ** 2)
     value = center.value + keep * (one.value - center.value)
     sigma = float(np.sqrt(keep * _known_to(one) ** 2 + ((1 - keep) * center.sigma) ** 2))
-    return Curvature(value, value - 1.96 * sigma, value + 1.96 * sigma, sigma)
+    return Curvature(value, value - Z_975 * sigma, value + Z_975 * sigma, sigma)

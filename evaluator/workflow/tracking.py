@@ -58,6 +58,14 @@ def not_looked_at(recording: Source, marks: pd.DataFrame, settings: TrackingSett
     del recording, marks, settings
 
 
+def _colourless(recording: Source) -> bool:
+    """Whether the first frame is grey; of a stream that cannot be read again nothing is known."""
+    if getattr(recording, "live", False):
+        return False
+    first = next(iter(recording), None)
+    return first is not None and first.colourless
+
+
 def track_recording(
     video: Path | str,
     output: Path | str | None = None,
@@ -93,9 +101,14 @@ def track_recording(
         marks = correct(marks, by_hand, str(corrections))
     looked_at(recording, marks, wanted)
     if not any(marks[f"{name}_x_px"].notna().any() for name in wanted.mark):
+        missed = f"{video}: no mark was found in any of {counted(len(marks), 'frame')}"
+        if any(mark.kind == "color" for mark in wanted.mark.values()) and _colourless(recording):
+            raise InputError(
+                f"{missed}: it has no colour, and coloured marks cannot be told apart in it; record in colour, or let"
+                ' the robot carry lights or tags (kind = "light", "aruco" or "apriltag")'
+            )
         raise InputError(
-            f"{video}: no mark was found in any of {counted(len(marks), 'frame')}; "
-            f"{where_to_look}, and say their color, diameter_px and region_px in a tracking.toml (--settings)"
+            f"{missed}; {where_to_look}, and say their color, diameter_px and region_px in a tracking.toml (--settings)"
         )
     if seen_by is not None:
         marks = place_on_plate(marks, seen_by, geometry.height_mm if height_mm is None else height_mm)

@@ -23,6 +23,7 @@ from evaluator.turning.path import PointPath, measure_path
 from evaluator.turning.phase_table import several_motions
 from evaluator.turning.pooling import pooled
 from evaluator.turning.repetitions import disagreement
+from evaluator.wording import with_bounds
 
 if TYPE_CHECKING:
     from calibration.camera import Camera
@@ -154,8 +155,8 @@ def _measured(
 def _phase_line(phase: dict[str, Any]) -> str:
     radius = ""
     if np.isfinite(phase["radius_mm"]):
-        low, high = phase["radius_low_mm"], phase["radius_high_mm"]
-        radius = f", radius {phase['radius_mm']:.4g} mm, 95 % from {low:.4g} to {high:.4g}"
+        value, low, high = with_bounds(*(phase[name] for name in ("radius_mm", "radius_low_mm", "radius_high_mm")))
+        radius = f", radius {value} mm, 95 % from {low} to {high}"
     speed = f", {phase['speed_mm_s']:.3g} mm/s" if np.isfinite(phase["speed_mm_s"]) else ""
     when = f"{phase['start_s']:.2f} to {phase['stop_s']:.2f} s"
     return f"{when}: {phase['kind']}{radius}, {phase['turned_deg']:.0f} degrees{speed}"

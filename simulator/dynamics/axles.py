@@ -13,7 +13,7 @@ from typing import Any
 from simulator.compilation import compiled, counter
 from simulator.dynamics.body import Square, Triple, loads
 from simulator.dynamics.wheel import GIVEN, wheel_response
-from simulator.slip.law import VECTORS
+from simulator.slip.magic_formula import VECTORS
 
 LEAST_DESCENT = 0.5  # of Newton's method, where an axle would turn into its own force
 
@@ -49,7 +49,7 @@ def _axle(
     )
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
 def _lack(axle: int, forward: float, pressed: float, contacts: Any, model: Any) -> tuple[float, float, float]:
     """Angle that an axle lacks, and how much of it comes of the force it is pressed with, and of that forward."""
     given = 0.0
@@ -60,15 +60,15 @@ def _lack(axle: int, forward: float, pressed: float, contacts: Any, model: Any) 
     return by_pressed * pressed + by_forward * forward - given, by_pressed, by_forward
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
 def _balance(front: Any, rear: Any, body: Triple, contacts: Any, model: Any) -> Any:
     """What both axles lack; the derivatives of that by the forces; minus those by the angles, (2, 2) in a row."""
     ahead, behind = model.axle_x[0], model.axle_x[1]
     per_length = 1.0 / (ahead - behind)
     twist = body[2] + front[0][2] + rear[0][2]
     on_front, on_rear = per_length * (behind * body[1] - twist), per_length * (twist - ahead * body[1])
-    front_lacks, front_pressed, front_forward = _lack(0, front[0][0], on_front, contacts, model)
-    rear_lacks, rear_pressed, rear_forward = _lack(1, rear[0][0], on_rear, contacts, model)
+    front_lacks, front_pressed, front_forward = _lack(counter(0), front[0][0], on_front, contacts, model)
+    rear_lacks, rear_pressed, rear_forward = _lack(counter(1), rear[0][0], on_rear, contacts, model)
     turned = (
         1.0
         + per_length * front_pressed * front[4][2]
@@ -103,14 +103,14 @@ def give_way(u: float, v: float, r: float, place: Any, rest: float, model: Any, 
     return change
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
 def _together(front: Triple, rear: Triple, model: Any) -> Triple:
     """Forces on both axles as forces and moment on the robot."""
     moment = model.axle_x[0] * front[1] + model.axle_x[1] * rear[1] + front[2] + rear[2]
     return front[0] + rear[0], front[1] + rear[1], moment
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
 def _yielding(held: Any, body: Triple, by: Any, turned: Any, response: Any, model: Any) -> Triple:
     """Derivative of the friction by a velocity, from those with axles held and of the body by it, and by the angles."""
     front, rear = held

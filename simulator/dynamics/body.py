@@ -44,7 +44,7 @@ def body_forces(u: float, v: float, r: float, place: Any, rest: float, model: An
     return along, across, moment
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
 def loads(u: float, v: float, r: float, place: Any, rest: float, model: Any) -> Triple:
     """Forces of body terms and the inertia of the turning frame: all that the wheels have to balance."""
     along, across, moment = 0.0, 0.0, 0.0
@@ -58,7 +58,7 @@ def loads(u: float, v: float, r: float, place: Any, rest: float, model: Any) -> 
     )
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
 def loads_slopes(u: float, v: float, r: float, place: Any, rest: float, model: Any) -> tuple[Triple, Square]:
     """Loads that the wheels have to balance, and their derivatives by u, v and r."""
     here, mass, ahead, aside = loads(u, v, r, place, rest, model), model.mass, model.gravity_x, model.gravity_y

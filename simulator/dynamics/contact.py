@@ -38,13 +38,14 @@ from simulator.dynamics.wheel import (
     drooping_speed,
     wheel_response,
 )
-from simulator.slip.law import VECTORS, slip_ratio, wheel_force
+from simulator.slip.law import slip_ratio, wheel_force
+from simulator.slip.magic_formula import VECTORS
 
 GIVEN_RAD, MOST_PASSES = 1e-8, 40  # after a step of Newton's method as small as this, rounding alone is left
 LEAST_FACTOR = 0.02  # a term may weaken load, friction or stiffness of a wheel to 2 %, never reverse it
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
 def _touch_one(
     wheel: int, u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any
 ) -> None:
@@ -102,7 +103,7 @@ def _touch_one(
     contacts[DRAG_FORCE, wheel], contacts[DROOP, wheel] = drag, droop
 
 
-@compiled(inline="always")  # a call that hands an array on costs a count of its users, as long as this takes
+@compiled(forceinline=True)  # a call that hands an array on costs a count of its users, as long as this takes
 def touch(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
     """Bring the contacts to a velocity, a drive and a place."""
     if model.general == 0:

@@ -16,7 +16,7 @@ from simulator.dynamics.body import VELOCITY_STEP, Triple, loads, loads_slopes
 from simulator.dynamics.contact import friction, friction_slopes, touch
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
 def forces(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> Triple:
     """Forces and moment on the robot, the inertia of the turning frame among them."""
     touch(u, v, r, drive, place, rest, model, contacts)
@@ -25,7 +25,7 @@ def forces(u: float, v: float, r: float, drive: Any, place: Any, rest: float, mo
     return along + more[0], across + more[1], moment + more[2]
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
 def accelerated(along: float, across: float, moment: float, model: Any) -> Triple:
     """Accelerations that forces and a moment give."""
     inverse = model.inverse_mass
@@ -36,7 +36,7 @@ def accelerated(along: float, across: float, moment: float, model: Any) -> Tripl
     )
 
 
-@compiled()
+@compiled(shared=True)
 def accelerations(
     u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any
 ) -> Triple:
@@ -45,7 +45,7 @@ def accelerations(
     return accelerated(along, across, moment, model)
 
 
-@compiled()
+@compiled(shared=True)
 def slopes(
     u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any, out: Any
 ) -> None:

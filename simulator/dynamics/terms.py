@@ -80,6 +80,15 @@ BASES = {
     "abs_right_command": ABS_RIGHT_COMMAND,
 }
 
+# Of what is fixed to the plate: where on it the robot is, or which way it looks or slides.
+_PLATE_CHANNELS = frozenset({FORCE_PLATE_X, FORCE_PLATE_Y, CAMERA_X, CAMERA_Y})
+_PLATE_BASES = frozenset({COS, SIN, COS2, SIN2, X, Y, TOWARD_X, TOWARD_Y, SLIDE_COS2, SLIDE_SIN2, X_CUBED, Y_CUBED})
+
+
+def is_of_plate(channel: int, basis: int) -> bool:
+    """Whether a term acts by the place or the direction of the robot on the plate."""
+    return channel in _PLATE_CHANNELS or basis in _PLATE_BASES
+
 
 class Place(Protocol):
     """What a pattern asks of a wheel: its centre in the body frame, mm, and which command drives it."""
@@ -164,6 +173,11 @@ class Term:
     def acts_on_drive(self) -> bool:
         """Whether the term adds to what the driving wheels are commanded."""
         return self.channel in (LEFT_DRIVE, RIGHT_DRIVE)
+
+    @property
+    def depends_on_place(self) -> bool:
+        """Whether the term changes with the place on the plate, whatever the heading."""
+        return self.basis in (X, Y, TOWARD_X, TOWARD_Y, X_CUBED, Y_CUBED)
 
     @property
     def depends_on_velocity(self) -> bool:

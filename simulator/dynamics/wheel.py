@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from simulator.compilation import compiled
-from simulator.slip.law import VECTORS, wheel_slopes
+from simulator.slip.law import wheel_slopes
+from simulator.slip.magic_formula import VECTORS
 
 SURFACE, COS_STEER, SIN_STEER, GRIP_X, GRIP_Y, STEEP_X, STEEP_Y, DRAG_FORCE, DROOP, GIVEN, ROWS = range(11)
 
@@ -33,7 +34,7 @@ def reset_contacts(contacts: Any) -> None:
             contacts[row, wheel] = 1.0
 
 
-@compiled(inline="always", fastmath=VECTORS)
+@compiled(forceinline=True, fastmath=VECTORS)
 def law_slopes(u: float, v: float, surface: float, wheel: int, scaled: Any, rest: float, model: Any) -> Any:
     """Friction along and across one wheel, then its derivatives; see simulator.slip.law.wheel_slopes."""
     return wheel_slopes(
@@ -53,7 +54,7 @@ def law_slopes(u: float, v: float, surface: float, wheel: int, scaled: Any, rest
     )
 
 
-@compiled(inline="always", fastmath=VECTORS)
+@compiled(forceinline=True, fastmath=VECTORS)
 def wheel_response(wheel: int, u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> Any:
     """Force on a wheel and its derivatives at a velocity of the robot; callers pay for those that they use.
 

@@ -26,6 +26,7 @@ EFFECT = Effect(
     limits="The origin of the plate frame keeps its place and scale. Where t stays below some per cent, perspective "
     "shows in no measurement: it is of second order.",
     kind="observation",
+    of_plate=True,
     parameters=(
         Parameter("per_mm_x", "1/mm", 0.0, 1e-4, -0.02, 0.02, shown=0.01),
         Parameter("per_mm_y", "1/mm", 0.0, 1e-4, -0.02, 0.02, shown=0.01),

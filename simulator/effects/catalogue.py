@@ -1,12 +1,17 @@
-"""All effects by id: every module of this folder that declares an EFFECT. A new effect is its file and nothing else."""
+"""All effects by id: every module of this folder that declares an EFFECT, and those of a user's own.
+
+A new effect of the catalogue is its file and nothing else.
+"""
 
 from __future__ import annotations
 
 import difflib
 import math
 import pkgutil
-from collections.abc import Iterator, Sequence
+from collections import ChainMap
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
+from types import MappingProxyType
 
 import simulator.effects
 from simulator.effects import free_form
@@ -22,7 +27,9 @@ def _declared() -> Iterator[Effect]:
             yield effect
 
 
-EFFECTS: dict[str, Effect] = {effect.id: effect for effect in _declared()}
+BUILT_IN: Mapping[str, Effect] = MappingProxyType({effect.id: effect for effect in _declared()})
+OWN: dict[str, Effect] = {}  # read from files or installed packages in this process: simulator.own_effects
+EFFECTS: Mapping[str, Effect] = ChainMap(OWN, dict(BUILT_IN))
 
 
 def effect_values(entry: EffectEntry) -> dict[str, float]:
@@ -49,8 +56,8 @@ def _faults(entry: EffectEntry) -> Iterator[str]:
         return
     if entry.id not in EFFECTS:
         near = nearest_effect(entry.id)
-        own = f"an effect of your own is read from effects/{entry.id}.toml beside the robot file or the experiment"
-        yield f"unknown effect {entry.id}; " + (f"did you mean {near}?" if near else own)
+        own = f"an effect of your own is read from effects/{entry.id}.toml beside the robot file"
+        yield f"unknown effect {entry.id}; " + (f"did you mean {near}? " if near else "") + own
         return
     parameters = {parameter.name: parameter for parameter in EFFECTS[entry.id].parameters}
     if not given:

@@ -5,10 +5,13 @@ from __future__ import annotations
 from simulator.effects.coordinates import Candidate, Coordinate, Parameters, Scene
 from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
-from simulator.effects.parameter import Parameter
+from simulator.effects.parameter import PAPER_SIZE, Parameter
 
 DEAD_TIME = Parameter("dead_time_s", "s", 0.0, 0.01, 0.0, 2.0, at_least=0.0, shown=0.5)
 TIME_CONSTANT = Parameter("time_constant_s", "s", 0.0, 0.01, 0.0, 2.0, at_least=0.0, shown=0.5)
+# Delay, s, and share from which a fit to a robot of a metre begins: drives of such size follow within some hundredths
+# of a second (servo drives) to half a second (speed controllers that ramp).
+DELAYS = ((0.05, 0.5), (0.3, 0.5))
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -19,16 +22,17 @@ def _act(draft: Draft, values: Values) -> None:
 def _fitted(scene: Scene) -> Candidate:
     """Delay and share: wheels follow late by the sum of both times; which of them it is shows in the constant's square.
 
-    (In the two times themselves every fit without a time constant is a stationary point.)
+    (In the two times themselves every fit without a time constant is a stationary point.) On a robot of a metre half a
+    second of delay turns and shifts what follows by so much that the view from no delay at all does not show it.
     """
-    del scene
 
     def physical(values: tuple[float, ...]) -> Parameters:
         delay, share = values
         return {"dead_time_s": delay * (1 - share**0.5), "time_constant_s": delay * share**0.5}
 
     delay = Coordinate("delay_s", 0.0, DEAD_TIME.step, DEAD_TIME.low, DEAD_TIME.high)
-    return Candidate("command-lag", (delay, Coordinate("share", 0.0, 0.1, 0.0, 1.0)), physical)
+    starts = () if scene.size == PAPER_SIZE else DELAYS
+    return Candidate("command-lag", (delay, Coordinate("share", 0.0, 0.1, 0.0, 1.0)), physical, starts)
 
 
 EFFECT = Effect(

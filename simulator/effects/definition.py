@@ -40,6 +40,7 @@ class Effect:
     formula; source: where the law is from; limits: where it stops being true.
     kind: "dynamics" and "command" act on the Draft of a robot; "observation" acts on the View of its marks.
     varies_by_run: acts differently in each run of a session, by its number.
+    of_plate: acts by the place or the direction of the robot on the plate, so that only runs in one frame can show it.
     fitted: the coordinates of a fit; without it, the parameters themselves.
     """
 
@@ -54,6 +55,7 @@ class Effect:
     act: Callable[[Draft, Values], None] | None = None
     view: Callable[[View, Values], None] | None = None
     varies_by_run: bool = False
+    of_plate: bool = False
     fitted: Callable[[Scene], Candidate] | None = None
     single_cause: SingleCause | None = None
 

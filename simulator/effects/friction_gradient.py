@@ -24,6 +24,7 @@ EFFECT = Effect(
     limits="Nothing smaller than the plate: a stain or a scratch is no gradient. Never below 2 % of the nominal "
     "friction. The stiffness for small slip stays.",
     kind="dynamics",
+    of_plate=True,
     parameters=(
         Parameter("per_mm_x", "1/mm", 0.0, 1e-3, -0.05, 0.05, shown=-0.05),
         Parameter("per_mm_y", "1/mm", 0.0, 1e-3, -0.05, 0.05, shown=0.05),

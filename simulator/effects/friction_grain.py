@@ -32,6 +32,7 @@ EFFECT = Effect(
     limits="Friction still opposes the sliding velocity; on a real grain it turns a little toward the easy direction. "
     "A driven wheel rolls freely and slides along its axle only. The stiffness for small slip stays.",
     kind="dynamics",
+    of_plate=True,
     parameters=(AMPLITUDE, DIRECTION),
     act=_act,
     fitted=lambda _: polar("friction-grain", AMPLITUDE, DIRECTION),

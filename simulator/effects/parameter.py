@@ -56,6 +56,10 @@ class Size:
 
 
 PAPER_SIZE = Size()
+# Metres of a lidar, of motion capture or of satellites hold to some per cent: a factor beyond a tenth is a wrong unit.
+# Quartz holds seconds to 1e-4: beyond a per cent a recording was played at another rate. Of a gauge laid on a plate and
+# of a frame rate anything may be stated.
+OF_METRES, OF_SECONDS = (0.9, 1.1), (0.99, 1.01)
 SHOWN_STEPS = 20  # a step shows in the marks; so many show in a small drawing
 
 
@@ -66,7 +70,8 @@ class Parameter:
     unit: a key of UNITS; absent: the value at which the effect vanishes, and which holds where an entry does not give
     the parameter; step: a small change that shows in the marks, for differences and scaling; low, high: bounds of a
     fit; at_least: values below make no sense and are refused; period: of an angle, in its unit, else None; shown: value
-    at which the catalogue draws the effect, without it SHOWN_STEPS steps from absent.
+    at which the catalogue draws the effect, without it SHOWN_STEPS steps from absent; on_ground: bounds of a fit to a
+    robot of another size than the paper's, where they are not in proportion.
     """
 
     name: str
@@ -78,6 +83,7 @@ class Parameter:
     at_least: float = -inf
     period: float | None = None
     shown: float | None = None
+    on_ground: tuple[float, float] | None = None
 
     @property
     def shown_value(self) -> float:
@@ -86,6 +92,8 @@ class Parameter:
 
     def sized(self, size: Size) -> Parameter:
         """The parameter with the step and the bounds of a fit to a robot of another size."""
+        if self.on_ground and size != PAPER_SIZE:
+            return replace(self, low=self.on_ground[0], high=self.on_ground[1])
         factor = size.of(self.unit)
         if factor == 1.0:
             return self

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from simulator.effects.definition import Effect, Values
-from simulator.effects.parameter import Parameter
+from simulator.effects.parameter import OF_METRES, Parameter
 from simulator.effects.view import View
 
 
@@ -20,6 +20,6 @@ EFFECT = Effect(
     "pitch is not the stated one",
     limits="The same factor all over the image and in both directions; about the origin of the plate frame.",
     kind="observation",
-    parameters=(Parameter("factor", "", 1.0, 0.005, 0.5, 2.0, at_least=0.01),),
+    parameters=(Parameter("factor", "", 1.0, 0.005, 0.5, 2.0, at_least=0.01, on_ground=OF_METRES),),
     view=_view,
 )

@@ -40,6 +40,7 @@ EFFECT = Effect(
     "and the height of the centre of gravity over the wheelbase shifts some of it downhill; beside the magnetic "
     "attraction both are small.",
     kind="dynamics",
+    of_plate=True,
     parameters=(ANGLE, AZIMUTH),
     act=_act,
     fitted=lambda _: polar("plate-tilt", ANGLE, AZIMUTH),

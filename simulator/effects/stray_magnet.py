@@ -54,6 +54,7 @@ EFFECT = Effect(
     "itself. Force and exponent are hard to tell apart where all runs keep one distance, and both from plate-tilt "
     "where the point is farther away than the robot moves.",
     kind="dynamics",
+    of_plate=True,
     parameters=(FORCE, *PLACE, EXPONENT),
     act=_act,
     fitted=_fitted,

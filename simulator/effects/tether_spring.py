@@ -48,6 +48,7 @@ EFFECT = Effect(
     limits="No slack and no natural length: a straight wire with a free length pulls only beyond it. It acts at the "
     "robot's centre: no moment. Weight and bending of the wire are left out.",
     kind="dynamics",
+    of_plate=True,
     parameters=(STIFFNESS, *ANCHOR),
     act=_act,
     fitted=_fitted,

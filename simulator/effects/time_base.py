@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from simulator.effects.definition import Effect, Values
-from simulator.effects.parameter import Parameter
+from simulator.effects.parameter import OF_SECONDS, Parameter
 from simulator.effects.view import View
 
 
@@ -19,6 +19,6 @@ EFFECT = Effect(
     source="a frame rate that is not the stated one: factor = true rate / stated rate",
     limits="One factor for all runs: dropped frames and a drifting clock are not this.",
     kind="observation",
-    parameters=(Parameter("factor", "", 1.0, 0.005, 0.5, 2.0, at_least=0.01),),
+    parameters=(Parameter("factor", "", 1.0, 0.005, 0.5, 2.0, at_least=0.01, on_ground=OF_SECONDS),),
     view=_view,
 )

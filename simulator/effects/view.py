@@ -30,6 +30,16 @@ class View:
     time_factor: float = 1.0
     errors: tuple[Term, ...] = ()
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether nothing but the scale acts on what is seen."""
+        return self.keystone_per_mm == (0.0, 0.0) and not self.errors
+
+    @property
+    def bends_with_place(self) -> bool:
+        """Whether a path is seen in another shape elsewhere on the plate; an error linear in place shifts it only."""
+        return self.keystone_per_mm != (0.0, 0.0) or any(term.basis in (X_CUBED, Y_CUBED) for term in self.errors)
+
     def marks(
         self, x_mm: ArrayLike, y_mm: ArrayLike, heading_rad: ArrayLike, time_s: ArrayLike = 0.0
     ) -> tuple[Array, ...]:

@@ -35,7 +35,7 @@ DONE, FAILED = 0, 1
 ROSENBROCK, STICKING = 0, -1
 
 
-@compiled()
+@compiled(shared=True)
 def integrate_run(
     model: Any,
     knots: Any,
@@ -60,14 +60,17 @@ def integrate_run(
     if unit == 1.0:
         segments = command_segments(knots, times[0], times[-1], model)
         return _through(model, segments, state, times, out, tolerance, plan, replay, most_steps, holder)
-    inside = times * (1.0 / unit)
+    inside = np.empty(len(times))  # by hand: arithmetic of whole arrays brings the text of its errors to compile
+    for row in range(len(times)):
+        inside[row] = times[row] / unit
     segments = command_segments(_scaled_knots(knots, unit), inside[0], inside[-1], model)
-    _scale_rows(state.reshape(1, 6), 1.0 / unit)
-    plan[:, 1] *= 1.0 / unit  # units are powers of two: this is undone without a trace
+    _scale_row(state, 1.0 / unit)
+    _scale_steps(plan, 1.0 / unit)  # units are powers of two: this is undone without a trace
     done, used, grown = _through(model, segments, state, inside, out, tolerance, plan, replay, most_steps, holder)
-    plan[:, 1] *= unit
-    _scale_rows(state.reshape(1, 6), unit)
-    _scale_rows(out, unit)
+    _scale_steps(plan, unit)
+    _scale_row(state, unit)
+    for row in range(len(out)):
+        _scale_row(out[row], unit)
     return done, used, grown
 
 
@@ -82,14 +85,20 @@ def _scaled_knots(knots: Any, unit: float) -> Any:
 
 
 @compiled()
-def _scale_rows(states: Any, unit: float) -> None:
-    """States (n, 6) times the units of a robot with this unit of time; its unit of length is the square of it."""
-    for row in range(len(states)):
-        states[row, 0] *= unit * unit
-        states[row, 1] *= unit * unit
-        states[row, 3] *= unit
-        states[row, 4] *= unit
-        states[row, 5] /= unit
+def _scale_row(state: Any, unit: float) -> None:
+    """A state (6) times the units of a robot with this unit of time; its unit of length is the square of it."""
+    state[0] *= unit * unit
+    state[1] *= unit * unit
+    state[3] *= unit
+    state[4] *= unit
+    state[5] /= unit
+
+
+@compiled()
+def _scale_steps(plan: Any, unit: float) -> None:
+    """Lengths of the steps of a plan (m, 3) times a unit."""
+    for row in range(len(plan)):
+        plan[row, 1] *= unit
 
 
 @compiled()

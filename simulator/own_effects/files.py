@@ -31,8 +31,8 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from simulator.dynamics.terms import BASES, CHANNELS, Term
-from simulator.effects.catalogue import EFFECTS
+from simulator.dynamics.terms import BASES, CHANNELS, Term, is_of_plate
+from simulator.effects.catalogue import BUILT_IN, OWN
 from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
 from simulator.effects.free_form import faults as faults_of_term
@@ -43,7 +43,6 @@ from simulator.errors import SimulationError
 
 FOLDER = "effects"  # beside an experiment or a robot file
 GROUP = "turnscope.effects"
-BUILT_IN = frozenset(EFFECTS)
 ID_FORM = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 _KEYS = ("format", "id", "name", "sentence", "law", "source", "limits", "term")
 _TERM_KEYS = ("channel", "depends_on", "pattern", "coefficient", "times", "unit", "low", "high", "step", "shown")
@@ -59,7 +58,7 @@ def load_own(path: Path) -> Effect:
     effect = _from_python(path) if path.suffix == ".py" else _from_toml(path)
     if effect.id in BUILT_IN:
         raise SimulationError(f"{path}: id {effect.id} is an effect of the catalogue; choose another id")
-    EFFECTS[effect.id] = effect
+    OWN[effect.id] = effect
     _sources[effect.id] = path
     return effect
 
@@ -78,9 +77,15 @@ def load_installed() -> tuple[str, ...]:
             raise SimulationError(f"entry point {point.name} of {GROUP} is no Effect; it is a {type(effect).__name__}")
         if effect.id in BUILT_IN:
             raise SimulationError(f"entry point {point.name} of {GROUP}: {effect.id} is an effect of the catalogue")
-        EFFECTS[effect.id] = effect
+        OWN[effect.id] = effect
         found.append(effect.id)
     return tuple(found)
+
+
+def forget_own() -> None:
+    """Forget every own effect that this process has read."""
+    OWN.clear()
+    _sources.clear()
 
 
 def is_built_in(effect: str) -> bool:
@@ -113,10 +118,14 @@ def _from_toml(path: Path) -> Effect:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SimulationError(f"{path}: not valid TOML ({error})") from error
-    faults = list(_faults(content))
-    if faults:
+    if faults := faults_of_content(content):
         raise SimulationError(f"{path}: {'; '.join(faults)}")
     return effect_of(content)
+
+
+def faults_of_content(content: Mapping[str, Any]) -> list[str]:
+    """What is wrong with the content of an effect's file, a phrase each."""
+    return list(_faults(content))
 
 
 def effect_of(content: Mapping[str, Any]) -> Effect:
@@ -144,6 +153,7 @@ def effect_of(content: Mapping[str, Any]) -> Effect:
         parameters=tuple(parameters[name] for name in dict.fromkeys(row["coefficient"] for row in rows)),
         act=act if felt else None,
         view=view if seen else None,
+        of_plate=any(is_of_plate(CHANNELS[row["channel"]], BASES[row["depends_on"]]) for row in rows),
     )
 
 

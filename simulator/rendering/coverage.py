@@ -12,8 +12,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from simulator.compilation import compiled
 
 Array = NDArray[np.float64]
 
@@ -50,12 +51,12 @@ def blur_kernel(blur_px: float) -> Kernel:
     return Kernel(blur_px, parts, margin, weights / weights.sum())
 
 
-@njit(cache=True)
+@compiled()
 def _ramp(x: float) -> float:
     return 0.5 * x * x if x > 0 else 0.0
 
 
-@njit(cache=True)
+@compiled()
 def square_share(distance: float, a: float, b: float) -> float:
     """Share of a square on the inner side of a straight edge.
 
@@ -74,7 +75,7 @@ def square_share(distance: float, a: float, b: float) -> float:
     return min(max(total / (4 * a * b), 0.0), 1.0)
 
 
-@njit(cache=True, fastmath=True)
+@compiled(fastmath=True)
 def _split_pixel(
     map_x: Array, map_y: Array, row: int, column: int, disc: tuple[float, float, float, float], parts: int, out: Array
 ) -> None:
@@ -122,7 +123,7 @@ def _split_pixel(
             out[i, j] = share * (1.0 - shading * inside * inside)
 
 
-@njit(cache=True, fastmath=True)
+@compiled(fastmath=True)
 def _add_filtered(fine: Array, parts: int, weights: Array, share: float, out: Array) -> None:
     """Filter parts of pixels along both axes and add the result, times share, to the pixels of out."""
     tall, wide = out.shape
@@ -146,7 +147,7 @@ def _add_filtered(fine: Array, parts: int, weights: Array, share: float, out: Ar
             out[row, column] += total
 
 
-@njit(cache=True, fastmath=True)
+@compiled(fastmath=True)
 def add_disc(
     map_x: Array,
     map_y: Array,
@@ -183,7 +184,7 @@ def add_disc(
     _add_filtered(fine, parts, weights, share, out)
 
 
-@njit(cache=True)
+@compiled()
 def _edges(corners_px: Array) -> Array:
     """Edges of a clockwise polygon, (n, 3): edge · (column, row, 1) is the distance inside of it, px."""
     edges = np.empty((len(corners_px), 3))
@@ -198,7 +199,7 @@ def _edges(corners_px: Array) -> Array:
     return edges[:count]
 
 
-@njit(cache=True)
+@compiled()
 def _span(edges: Array, row: float, depth: float, first: float, last: float) -> tuple[float, float]:
     """Columns of a row, between first and last, that lie at least depth inside every edge; empty if last < first."""
     for k in range(len(edges)):
@@ -212,7 +213,7 @@ def _span(edges: Array, row: float, depth: float, first: float, last: float) -> 
     return first, last
 
 
-@njit(cache=True)
+@compiled()
 def add_polygon(corners_px: Array, blur_px: float, box: tuple[int, int, int, int], share: float, out: Array) -> None:
     """Add a convex polygon's blurred coverage times share to out.
 

@@ -7,10 +7,10 @@ be drawn in any order.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from simulator.compilation import compiled
 from simulator.rendering.tables import Sensor
 
 # Normal quantiles at the middles of 65,536 equal shares: a 16-bit random number looks its value up (±4.2 sigma).
@@ -18,7 +18,7 @@ NORMAL = ndtri((np.arange(65536) + 0.5) / 65536).astype(np.float32)
 LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)  # a grey sensor's answer to red, green and blue
 
 
-@njit(cache=True)
+@compiled()
 def _scrambled(state: np.uint64) -> np.uint64:
     """One output of SplitMix64 (Steele, Lea and Flood 2014)."""
     state = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -26,7 +26,7 @@ def _scrambled(state: np.uint64) -> np.uint64:
     return state ^ (state >> np.uint64(31))
 
 
-@njit(cache=True, fastmath=True)
+@compiled(fastmath=True)
 def expose(
     light: NDArray[np.float32],
     level: float,

@@ -11,23 +11,19 @@ from __future__ import annotations
 import math
 
 from simulator.compilation import compiled
-from simulator.slip.magic_formula import bend, bend_and_cosine
+from simulator.slip.magic_formula import VECTORS, bend, bend_and_cosine
 
-# Four wheels are worked out as one vector: no branches, and sums in any order. What sums so is compiled into its
-# callers (forceinline): a copy of its own is optimised once where it was just compiled, twice where it was read from
-# disk, and then sums in another order.
-VECTORS = {"contract", "reassoc", "nsz"}
 LEAST_SQUARE = 1e-200  # keeps sigma from 0, where sin(a·atan(b·sigma))/sigma is its limit a·b to rounding
 REST_SPEED_MM_S = 1e-4  # far below the slowest speed in use (0.16 mm/s at 3 rpm); tests show that results hold
 
 
-@compiled(inline="always")
+@compiled(forceinline=True, fastmath=VECTORS)
 def slip_ratio(u: float, surface_speed: float, rest_speed: float) -> float:
     """Slip ratio s of Eq. (3): (u - r·phi') over the larger of |u| and |r·phi'|; mm/s."""
     return (u - surface_speed) / max(math.sqrt(u * u + rest_speed * rest_speed), abs(surface_speed))
 
 
-@compiled(inline="always", fastmath=VECTORS)
+@compiled(forceinline=True, fastmath=VECTORS)
 def wheel_force(
     u: float,
     v: float,
@@ -57,7 +53,7 @@ def wheel_force(
     return -slide * level * grip_x * along, -aside * level * grip_y * across
 
 
-@compiled(inline="always", fastmath=VECTORS)
+@compiled(forceinline=True, fastmath=VECTORS)
 def wheel_slopes(
     u: float,
     v: float,
@@ -103,7 +99,7 @@ def wheel_slopes(
     )
 
 
-@compiled(inline="always", fastmath=VECTORS)
+@compiled(forceinline=True, fastmath=VECTORS)
 def _secant(
     sigma: float, per_sigma: float, grip: float, steep: float, shape: float, decrease: float
 ) -> tuple[float, float]:

@@ -26,7 +26,7 @@ KINDS: dict[str, tuple[int, float, float]] = {
     "motors fading within a run": (7, 0.004, 0.015),  # 1/s
     "slower backward": (8, 0.02, 0.08),  # relative
     "torque growing with speed": (9, 50.0, 250.0),  # µN·mm/(mm/s)
-    "picture creeping": (10, 0.01, 0.05),  # mm/s
+    "image creeping": (10, 0.01, 0.05),  # mm/s
     "cubic drag sideways": (11, 5.0, 40.0),  # mN/(mm/s)³
 }
 Array = NDArray[np.float64]

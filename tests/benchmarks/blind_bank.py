@@ -183,7 +183,7 @@ def table(rows: list[dict[str, Any]]) -> str:
             f"  5 sigmas beyond named: unknown {verdicts(beyond, 'unknown')}",
             f"  5 sigmas beyond named: misnamed {verdicts(beyond, 'effect')}",
             f"95 % intervals that cover       {_share(sum(inside), len(inside))}",
-            f"gap kept aside / noise floor    {np.median(gaps):.3f}, 90 % {np.quantile(gaps, 0.9):.3f}" if gaps else "",
+            f"gap held out   / noise floor    {np.median(gaps):.3f}, 90 % {np.quantile(gaps, 0.9):.3f}" if gaps else "",
             f"proposed runs, right before     {_share(sum(map(_right, asked)), len(asked))}" if asked else "",
             f"  right once they were made     {_share(sum(_right(row['next']) for row in asked), len(asked))}",
             f"  ambiguity resolved            {_share(sum(map(_resolved, asked)), len(asked))}",

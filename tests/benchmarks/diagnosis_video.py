@@ -1,6 +1,6 @@
 """Effects hidden in rendered videos: `python -m tests.benchmarks.diagnosis_video --seed 1 --keep FOLDER`.
 
-Every experiment has its own camera (lens distortion, tilt), calibrated on its own rendered gauge pictures, 18 clips in
+Every experiment has its own camera (lens distortion, tilt), calibrated on its own rendered gauge images, 18 clips in
 H.264 with run-to-run scatter of friction and wheel gains, and one effect of a family of its own, or none. It is
 diagnosed as a lab would, through its experiment.toml with videos; the label stays outside its folder and is opened by
 the scorer only. Sizes are drawn from the seed, in the upper two thirds of what the blind bank draws. Some two minutes
@@ -45,7 +45,7 @@ KINDS = (
 CLIPS, SECONDS, FRAMES_PER_S, START_S = 18, 5.5, 30, 0.5
 PERIODS_DEG = {"azimuth_deg": 360.0, "phase_deg": 360.0, "direction_deg": 180.0}
 LEAST_SIZE = 1 / 3
-MARGIN_MM = 4.0  # of the marks' path to the edge of the picture
+MARGIN_MM = 4.0  # of the marks' path to the edge of the image
 FRICTION_SCATTER, GAIN_SCATTER = (0.005, 0.02), (0.001, 0.004)
 
 
@@ -85,7 +85,7 @@ def draw(rng: np.random.Generator, kind: str, rig: CameraTable) -> dict[str, Any
 
 
 def _room(rig: CameraTable, rpm: tuple[float, float], heading: float) -> tuple[Array, Array]:
-    """Half of the room (x, y) within which a run may start so that it stays in the picture, and its middle."""
+    """Half of the room (x, y) within which a run may start so that it stays in the image, and its middle."""
     nominal = load_robot("barrel")
     moments = np.linspace(0, SECONDS, 30)
     marks = seen(nominal, Command.constant(*rpm, START_S), moments, (0.0, 0.0, heading), 0)[:, 1:].reshape(-1, 2)
@@ -105,10 +105,10 @@ def write(folder: Path, hidden: Path, kind: str, seed: int, number: int) -> dict
     hidden.mkdir(parents=True, exist_ok=True)
     if not (folder / "camera.json").is_file():
         gauge = load_gauge(GAUGE)
-        pictures = gauge_images(rig, gauge, rng, sensor)
-        for index, picture in enumerate(pictures):
-            cv2.imwrite(str(folder / f"gauge-{index}.png"), picture)
-        (folder / "camera.json").write_text(camera_to_json(calibrate(pictures, gauge)), encoding="utf-8")
+        images = gauge_images(rig, gauge, rng, sensor)
+        for index, image in enumerate(images):
+            cv2.imwrite(str(folder / f"gauge-{index}.png"), image)
+        (folder / "camera.json").write_text(camera_to_json(calibrate(images, gauge)), encoding="utf-8")
     (folder / "robot.toml").write_text(robot_text(), encoding="utf-8")
     runs = ['format = 1\nname = "videos"\nrobot = "robot.toml"\ncamera = "camera.json"\n']
     for index, clip in enumerate(label["clips"]):

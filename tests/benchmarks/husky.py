@@ -1,4 +1,4 @@
-"""How far predictions from commands are off after one window (2 s), on steps of a driven robot kept aside.
+"""How far predictions from commands are off after one window (2 s) of a driven robot, on steps that were not fitted.
 
     python -m tests.benchmarks.husky FOLDER [--robot robot.toml] [--diagnose STEPS]
 
@@ -13,6 +13,7 @@ import json
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +21,8 @@ from numpy.typing import NDArray
 
 from evaluator.workflow.results.outputs import Outputs
 from simulator.robot import Robot, load_robot
-from tests.driven_robot.corrected import MM_PER_M, Corrected, Model, bands, fit, mixed
-from tests.driven_robot.drive import Drive, command_of, load, write_experiment
+from tests.driven_robot.corrected import MM_PER_M, Corrected, Model, mixed
+from tests.driven_robot.drive import FOLDS, Drive, command_of, load, write_experiment
 from tests.driven_robot.peers import (
     best_yaw_factor,
     differential,
@@ -29,6 +30,7 @@ from tests.driven_robot.peers import (
     with_process,
     wrapped,
 )
+from tests.driven_robot.predicted import Predicted, predicted
 
 Array = NDArray[np.float64]
 SETTLED_S = 2.0  # after a change of command: motors have come up
@@ -41,58 +43,66 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--robot", type=Path, default=Path(__file__).parents[1] / "driven_robot" / "husky.toml")
-    parser.add_argument("--diagnose", type=int, default=0, metavar="STEPS", help="diagnose so many steps, too")
+    parser.add_argument("--diagnose", type=int, default=0, metavar="STEPS", help="only diagnose so many steps")
+    parser.add_argument("--folds", type=int, default=FOLDS, help="predict only so many of the folds")
     given = parser.parse_args()
     drive, robot = load(given.folder), load_robot(given.robot)
-    windows = np.arange(len(drive))
-    fitted, aside = windows[~drive.aside], windows[drive.aside]
-    print(f"{len(drive)} windows of {drive.time_s[-1]:g} s, {len(aside)} of them kept aside, by steps")
-    model = Model(robot, drive)
-    found = fit(model, fitted)
-    poses = model.poses(found.values, windows)[:, -1]
-    print(f"\n{'error at the end of a window kept aside':42s}     position, m       heading, rad")
+    if given.diagnose:
+        diagnose_some(drive, given.robot, given.diagnose)
+        return
+    print(
+        f"{len(drive)} windows of {drive.time_s[-1]:g} s in {FOLDS} folds of whole steps, each predicted by the others"
+    )
+    model, told = Model(robot, drive), drive.fold < given.folds
+    last: dict[str, Array] = {}
+    held = np.zeros((len(drive), 3))
+    for fold in range(given.folds):
+        aside = drive.fold == fold
+        found = predicted(model, ~aside)
+        print(f"fold {fold + 1}: what physics leaves depends on {found.depends_on}")
+        for name, predict in predictions(drive, robot, found, ~aside).items():
+            last.setdefault(name, np.full((len(drive), 3), np.nan))[aside] = predict()[aside]
+        off = found.pose - drive.pose[:, -1]
+        off[:, 2] = wrapped(off[:, 2])
+        held[aside] = (np.abs(off) <= found.half_width)[aside]
+    print(f"\n{'error at the end of a window':42s}     position, m       heading, rad")
     print(f"{'':42s}   median    90 %    median    90 %")
-    for name, predict in predictions(drive, robot, poses).items():
-        place, turn = errors(predict(), drive, aside)
+    for name, pose in last.items():
+        place, turn = (part[told] for part in errors(pose, drive))
         cells = [float(np.quantile(part, share)) for part in (place, turn) for share in (0.5, 0.9)]
         print(f"{name:42s} {cells[0]:8.3f} {cells[1]:7.3f}  {cells[2]:8.3f} {cells[3]:7.3f}")
-    tell_bands(found, poses, drive, aside)
-    tell_numbers(found)
+    x, y, heading = 100 * held[told].mean(axis=0)
+    print(f"\n95 % bands of turnscope hold x of {x:.0f} %, y of {y:.0f} %, heading of {heading:.0f} %")
+    tell_numbers(found.corrected)
     if np.isfinite(drive.encoder_rad_s).any():
-        tell_encoders(found, drive)
-    if given.diagnose:
-        diagnose_some(drive, fitted, given.robot, given.diagnose)
+        tell_encoders(found.corrected, drive)
 
 
-def predictions(drive: Drive, robot: Robot, poses: Array) -> Mapping[str, Callable[[], Array]]:
-    """Last poses (n, 3) of every window by every way of predicting, by name; poses: those of the corrected model."""
+def predictions(
+    drive: Drive, robot: Robot, found: Predicted, fitted: NDArray[np.bool_]
+) -> Mapping[str, Callable[[], Array]]:
+    """Last poses (n, 3) of every window by every way of predicting, by name; found: those of the corrected model."""
     wheels = robot.wheel_positions_mm()
     radius, track = robot.driving_radius_mm / MM_PER_M, float(np.ptp(wheels[:, 1])) / MM_PER_M
-    fitted = ~drive.aside
     centres = rotation_centres(drive, radius, track, fitted)
-    return {
+    found_by: dict[str, Callable[[], Array]] = {
         "ideal differential drive": lambda: differential(drive, radius, track),
         "with the best constant yaw factor": lambda: best_yaw_factor(drive, radius, track, fitted),
         "instantaneous centres of rotation": lambda: centres,
         "Gaussian process on what they leave": lambda: with_process(centres, drive, fitted),
-        "turnscope, corrected": lambda: poses,
-        "Gaussian process on what that leaves": lambda: with_process(poses, drive, fitted),
-        "(measured wheel speeds, yaw × 0.44)": lambda: differential(drive, radius, track, 0.44, encoders=True),
+        "turnscope, physics alone": lambda: found.by_physics,
+        "turnscope, corrected": lambda: found.pose,
     }
+    if np.isfinite(drive.encoder_rad_s).any():
+        by_encoders = differential(drive, radius, track, 0.44, encoders=True)
+        found_by["(measured wheel speeds, yaw × 0.44)"] = lambda: by_encoders
+    return found_by
 
 
-def errors(poses: Array, drive: Drive, windows: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Distance (k,), m, and difference of heading (k,), rad, from the measured last pose."""
-    off = (poses - drive.pose[:, -1])[windows]
+def errors(poses: Array, drive: Drive) -> tuple[Array, Array]:
+    """Distance (n,), m, and difference of heading (n,), rad, from the measured last pose."""
+    off = poses - drive.pose[:, -1]
     return np.hypot(off[:, 0], off[:, 1]), np.abs(wrapped(off[:, 2]))
-
-
-def tell_bands(found: Corrected, poses: Array, drive: Drive, aside: NDArray[np.int64]) -> None:
-    """How many of the windows kept aside lie within the 95 % bands."""
-    off = np.abs(poses - drive.pose[:, -1])
-    off[:, 2] = np.abs(wrapped(off[:, 2]))
-    held = 100 * (off <= bands(found, poses))[aside].mean(axis=0)
-    print(f"\n95 % bands of turnscope hold x of {held[0]:.0f} %, y of {held[1]:.0f} %, heading of {held[2]:.0f} %")
 
 
 def tell_numbers(found: Corrected) -> None:
@@ -141,24 +151,26 @@ def response(drive: Drive) -> Array:
     return np.asarray(np.median(curves, axis=0))
 
 
-def diagnose_some(drive: Drive, fitted: NDArray[np.int64], robot: Path, count: int) -> None:
+def diagnose_some(drive: Drive, robot: Path, count: int) -> None:
     """What `turnscope diagnose` finds in whole steps, from commands and poses alone.
 
     A form without a name that it offers as an own effect is taken, and the steps are diagnosed again.
     """
     from evaluator.workflow.diagnosis.experiment import diagnose_experiment
 
-    steps = np.unique(drive.step[fitted])
+    steps = np.unique(drive.step)
     steps = steps[np.unique(np.linspace(0, len(steps) - 1, count).astype(int))]
     windows = np.flatnonzero(np.isin(drive.step, steps))
     with tempfile.TemporaryDirectory() as name:
         path, out = write_experiment(drive, windows, robot, Path(name)), Path(name) / "out"
-        tell_diagnosis(f"{len(windows)} windows of {len(steps)} steps", diagnose_experiment(path, out, workers=1)[1])
+        tell_diagnosis(
+            f"{len(windows)} windows of {len(steps)} steps", diagnose_experiment(path, out, workers=1, seconds=inf)[1]
+        )
         offered = Outputs(out).own_effect
-        if offered.is_file():
-            (Path(name) / "effects").mkdir()
-            shutil.copy(offered, Path(name) / "effects")
-            tell_diagnosis("the same with the form that it offers", diagnose_experiment(path, out, workers=1)[1])
+        if offered.is_file():  # as `turnscope diagnose --effect own_effect.toml` does
+            own = shutil.copy(offered, Path(name))
+            content = diagnose_experiment(path, out, workers=1, effects=[Path(own)], seconds=inf)[1]
+            tell_diagnosis("the same with the form that it offers", content)
 
 
 def tell_diagnosis(what: str, content: Mapping[str, object]) -> None:

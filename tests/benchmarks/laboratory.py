@@ -100,11 +100,19 @@ def generator_digest() -> str:
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:8]
 
 
+def folder_of(key: str, chosen: argparse.Namespace, folder: Path) -> Path:
+    """Where an experiment is written; the name says nothing of what is hidden in it."""
+    return folder / "experiments" / _digest(key, chosen).hex()[:10]
+
+
+def _digest(key: str, chosen: argparse.Namespace) -> bytes:
+    return hashlib.sha256(f"{chosen.seed}/{key}".encode()).digest()
+
+
 def diagnosed(key: str, chosen: argparse.Namespace, folder: Path) -> dict[str, Any]:
     """Draw one experiment, write its files, diagnose them, score the answer."""
     kind, name, _ = key.split("/")
-    digest = hashlib.sha256(f"{chosen.seed}/{key}".encode()).digest()
-    where = folder / "experiments" / digest.hex()[:10]  # says nothing of what is hidden in it
+    digest, where = _digest(key, chosen), folder_of(key, chosen, folder)
     for attempt in range(5):
         shutil.rmtree(where, ignore_errors=True)
         rng = np.random.default_rng([*digest, *[attempt] * bool(attempt)])

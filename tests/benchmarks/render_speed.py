@@ -1,4 +1,4 @@
-"""Frames a CPU second: drawing, drawing and encoding; gauge pictures; marks by supersampling in NumPy.
+"""Frames a CPU second: drawing, drawing and encoding; gauge images; marks by supersampling in NumPy.
 
 Run: python -m tests.benchmarks.render_speed
 """
@@ -28,7 +28,7 @@ def scene(size_px: tuple[int, int], focal_px: float, codec: str, duration_s: flo
 
 
 def main() -> None:
-    """Print frames a second for two picture sizes and three codecs, and seconds for two gauge pictures."""
+    """Print frames a second for two image sizes and three codecs, and seconds for two gauge images."""
     list(islice(render_frames(scene((640, 480), 2300, "h264", 0.1)), 2))  # compile
     for size, focal in (((640, 480), 2300.0), ((1920, 1080), 5000.0)):
         frames = render_frames(scene(size, focal, "h264", 2.0))
@@ -51,10 +51,9 @@ def main() -> None:
         gauge = Gauge.model_validate({"format": 1, "name": "dots", "dots": content})
         above = camera_above(size_px=size, focal_px=focal, distance_mm=150, k1=-0.2, tilt_deg=2)
         begin = time.process_time()
-        picture = np.asarray(render_gauge_image(above, gauge))
+        image = np.asarray(render_gauge_image(above, gauge))
         print(
-            f"gauge of {columns * rows} dots, {picture.shape[1]} × {picture.shape[0]}: "
-            f"{time.process_time() - begin:.2f} s"
+            f"gauge of {columns * rows} dots, {image.shape[1]} × {image.shape[0]}: {time.process_time() - begin:.2f} s"
         )
 
 

@@ -1,6 +1,6 @@
 """Accuracy on the sample recordings, against their truth: `python tests/benchmarks/sample_accuracy.py`.
 
-Calibrates from the gauge pictures and analyses the clips with the command line, as a user does, in a temporary folder;
+Calibrates from the gauge images and analyses the clips with the command line, as a user does, in a temporary folder;
 then, and only then, reads the truth files. The true radius is path length over heading turned from 1 s after the start
 command on, when the transient of some 10 ms is long over.
 """

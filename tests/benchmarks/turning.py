@@ -196,7 +196,7 @@ def real_table(folder: Path) -> None:
             speed, radius = table["speed_mm_s"].to_numpy(), table["radius_mm"].to_numpy()
             limit = kinematic_limit(speed, radius, 540.0, np.random.default_rng(0), share)
             place = f"{limit.speed_mm_s:.0f} mm/s, 95 % from {limit.low_mm_s:.0f} to {limit.high_mm_s:.0f}"
-            print(f"  0.54 m + {100 * share:.0f} % is passed at {limit.reason or place}")
+            print(f"  0.54 m + {100 * share:.0f} %: {limit.reason or 'passed at ' + place}")
 
 
 def main() -> None:

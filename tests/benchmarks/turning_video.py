@@ -1,7 +1,7 @@
 """Coverage of turning radii measured from video: rigs drawn at random, each calibrated on its own rendered gauges.
 
 python -m tests.benchmarks.turning_video --rigs 100 --keep rigs.csv
-Every rig has its own camera, lens, light, gauge pictures and recorder; a circle of known radius is rendered, encoded,
+Every rig has its own camera, lens, light, gauge images and recorder; a circle of known radius is rendered, encoded,
 tracked with the camera that calibration gave, and measured. Some 6 s a rig. With --keep a study that was interrupted
 goes on where it was, and every rig's numbers stay for a closer look; `--summary` only sums them up.
 
@@ -62,19 +62,19 @@ def random_recorder(rng: np.random.Generator) -> dict[str, dict[str, Any]]:
 def gauge_images(
     rig: CameraTable, gauge: Gauge, rng: np.random.Generator, noise: dict[str, float]
 ) -> list[NDArray[np.uint8]]:
-    """One picture of the gauge on the plate and four at a tilt."""
-    pictures = []
+    """One image of the gauge on the plate and four at a tilt."""
+    images = []
     for number in range(5):
         tilt = 0.0 if number == 0 else np.radians(rng.uniform(8, 20))
         azimuth = np.pi / 2 * number + rng.uniform(-0.3, 0.3)
         rotation = tilt * np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
         height = 0.0 if number == 0 else 7.0
         seed = int(rng.integers(2**31))
-        picture = render_gauge_image(
+        image = render_gauge_image(
             rig.camera(), gauge, rotation_rad=rotation, translation_mm=(0.0, 0.0, height), seed=seed, sensor=noise
         )
-        pictures.append(np.asarray(picture, dtype=np.uint8))
-    return pictures
+        images.append(np.asarray(image, dtype=np.uint8))
+    return images
 
 
 def measured(gauge: Gauge, seed: int, number: int) -> dict[str, Any]:
@@ -121,7 +121,7 @@ def common_errors_px(table: pd.DataFrame, truth: pd.DataFrame) -> dict[str, floa
     """Mean error of each mark in px along the axes of the body, its scatter and what the tracker states for a frame."""
     found: dict[str, float] = {}
     heading = np.radians(truth["heading_deg"].to_numpy())
-    cos, sin = np.cos(heading), -np.sin(heading)  # picture rows run down
+    cos, sin = np.cos(heading), -np.sin(heading)  # image rows run down
     moving = truth["time_s"].to_numpy() > START_S
     for mark in ("green", "yellow"):
         dx, dy = (table[f"{mark}_{axis}_px"].to_numpy() - truth[f"{mark}_{axis}_px"].to_numpy() for axis in "xy")

@@ -1,7 +1,7 @@
-"""An oracle for the tests: gauge pictures whose pixels hold the exact area of each disc, from any camera model.
+"""An oracle for the tests: gauge images whose pixels hold the exact area of each disc, from any camera model.
 
 The rim of a disc is projected point by point and its polygon's area within every pixel summed exactly, so nothing in
-the picture depends on how the detector or the solver describe a dot.
+the image depends on how the detector or the solver describe a dot.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def draw_gauge(
 ) -> NDArray[np.generic]:
     """Draw the gauge lying in the plane z = height (default: its own) of the camera's plate frame.
 
-    snr: contrast over noise. light: relative change of illumination across the picture's width and height. missing:
+    snr: contrast over noise. light: relative change of illumination across the image's width and height. missing:
     flat indices of dots left out. face_mm: height of each dot (rows, columns) above the plane, of a bent gauge.
     """
     height = gauge.dots.height_mm if height_mm is None else height_mm
@@ -60,13 +60,13 @@ def draw_gauge(
     if blur_px > 0:
         coverage = cv2.GaussianBlur(coverage, (0, 0), blur_px, borderType=cv2.BORDER_REPLICATE)
     low, high = (white, black) if gauge.dots.color == "white" else (black, white)
-    picture = high + (low - high) * coverage
-    y, x = np.mgrid[: picture.shape[0], : picture.shape[1]]
-    slope_x, slope_y = light[0] / picture.shape[1], light[1] / picture.shape[0]
-    picture *= 1 + slope_x * (x - picture.shape[1] / 2) + slope_y * (y - picture.shape[0] / 2)
+    image = high + (low - high) * coverage
+    y, x = np.mgrid[: image.shape[0], : image.shape[1]]
+    slope_x, slope_y = light[0] / image.shape[1], light[1] / image.shape[0]
+    image *= 1 + slope_x * (x - image.shape[1] / 2) + slope_y * (y - image.shape[0] / 2)
     if rng is not None and np.isfinite(snr):
-        picture += rng.normal(0, abs(high - low) / snr, picture.shape)
-    return np.clip(np.rint(picture), 0, 255).astype(np.uint8) if quantise else picture
+        image += rng.normal(0, abs(high - low) / snr, image.shape)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8) if quantise else image
 
 
 def posed(camera: Camera, rotation: Array, translation_mm: Array) -> Camera:

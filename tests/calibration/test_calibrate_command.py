@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from calibration.assignment.lattice import Lattice, array_size
 from calibration.camera import camera_above
 from calibration.gauge.geometry import load_gauge
 from evaluator.cli.calibrate import calibrate, check_camera, dots
@@ -37,10 +38,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_pictures_become_camera_page_and_verdict(folder: Path) -> None:
-    pictures = [str(path) for path in sorted(folder.glob("g*.png"))]
+def test_images_become_camera_page_and_verdict(folder: Path) -> None:
+    images = [str(path) for path in sorted(folder.glob("g*.png"))]
     out = folder / "camera.json"
-    run = CliRunner().invoke(calibrate, [*pictures, "--gauge", str(folder / "gauge.toml"), "-o", str(out)])
+    run = CliRunner().invoke(calibrate, [*images, "--gauge", str(folder / "gauge.toml"), "-o", str(out)])
     assert run.exit_code == 0, run.output
     assert "sound: lengths and turning radii at 6.5 mm" in run.output
     stored = json.loads(out.read_text(encoding="utf-8"))
@@ -50,18 +51,18 @@ def test_pictures_become_camera_page_and_verdict(folder: Path) -> None:
     assert page.count("<svg") >= 4
     assert "Where millimetres can be trusted" in page
     axes = folder / "axes.png"
-    checked = CliRunner().invoke(check_camera, [str(out), pictures[0], "--annotate", str(axes)])
+    checked = CliRunner().invoke(check_camera, [str(out), images[0], "--annotate", str(axes)])
     assert cv2.imread(str(axes)).shape == (300, 400, 3)
     assert checked.exit_code == 0, checked.output
     assert "the calibration holds" in checked.output
 
 
-def test_plate_picture_named_by_option_defines_the_frame(folder: Path) -> None:
-    pictures = [str(path) for path in sorted(folder.glob("g*.png"))]
+def test_plate_image_named_by_option_defines_the_frame(folder: Path) -> None:
+    images = [str(path) for path in sorted(folder.glob("g*.png"))]
     frames = []
-    for order in (pictures, pictures[::-1]):
+    for order in (images, images[::-1]):
         out = folder / "again.json"
-        arguments = [*order, "--gauge", str(folder / "gauge.toml"), "--plate", pictures[0], "-o", str(out), "--no-page"]
+        arguments = [*order, "--gauge", str(folder / "gauge.toml"), "--plate", images[0], "-o", str(out), "--no-page"]
         assert CliRunner().invoke(calibrate, arguments).exit_code == 0
         frames.append(json.loads(out.read_text(encoding="utf-8"))["parameters"])
     assert frames[0] == pytest.approx(frames[1], abs=1e-4)
@@ -71,4 +72,13 @@ def test_dots_are_counted_and_drawn_without_a_gauge_file(folder: Path) -> None:
     run = CliRunner().invoke(dots, [str(folder / "g0.png"), "--annotate", str(folder / "seen")])
     assert run.exit_code == 0, run.output
     assert "88 assigned to a square array of 11 × 8" in run.output
+    assert f"written: {folder / 'seen' / 'g0-dots.png'}" in run.output
     assert cv2.imread(str(folder / "seen" / "g0-dots.png")).shape == (300, 400, 3)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_an_array_is_counted_across_and_down_as_the_image_shows_it(turned: bool) -> None:
+    column, row = (each.ravel() for each in np.meshgrid(range(4), range(3), indexing="ij"))
+    points = 20.0 * np.column_stack([column, row])
+    index = np.column_stack([row, -column] if turned else [column, row])
+    assert array_size(Lattice(np.arange(12), index), points) == ("square", 4, 3)

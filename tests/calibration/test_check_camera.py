@@ -31,8 +31,8 @@ def test_check_says_how_much_a_lens_refocused_at_another_distance_could_hide(cal
     straight = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=120)
     unbent = replace(straight, covariance=calibrated.camera.covariance)
     farther = camera_above(size_px=(400, 300), focal_px=1260, distance_mm=126)
-    picture = draw_gauge(farther, GAUGE, rng=np.random.default_rng(3), snr=50)
-    found = check_camera(unbent, GAUGE, picture)
+    image = draw_gauge(farther, GAUGE, rng=np.random.default_rng(3), snr=50)
+    found = check_camera(unbent, GAUGE, image)
     hidden = (1 - 6.5 / 120) / (1 - 6.5 / 126) - 1
     assert abs(hidden) < found.unseen < 0.01
     assert found.outcome == "holds"
@@ -47,8 +47,8 @@ def _with(**values: float) -> Camera:
 
 
 def _outcome(calibrated: Calibration, camera: Camera, seed: int) -> str:
-    picture = draw_gauge(camera, GAUGE, rng=np.random.default_rng(seed), snr=50)
-    return check_camera(calibrated.camera, GAUGE, picture, variance=calibrated.fit.variance).outcome
+    image = draw_gauge(camera, GAUGE, rng=np.random.default_rng(seed), snr=50)
+    return check_camera(calibrated.camera, GAUGE, image, variance=calibrated.fit.variance).outcome
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -63,15 +63,15 @@ def test_camera_pushed_nearer_no_longer_holds(calibrated: Calibration) -> None:
 
 
 def test_change_beyond_what_can_be_counted_is_said_as_more_than_that(calibrated: Calibration) -> None:
-    picture = draw_gauge(posed(CAMERA, np.eye(3), np.array([0.0, 0.0, 5.0])), GAUGE, rng=np.random.default_rng(5))
-    summary = check_camera(calibrated.camera, GAUGE, picture, variance=calibrated.fit.variance).summary
+    image = draw_gauge(posed(CAMERA, np.eye(3), np.array([0.0, 0.0, 5.0])), GAUGE, rng=np.random.default_rng(5))
+    summary = check_camera(calibrated.camera, GAUGE, image, variance=calibrated.fit.variance).summary
     assert "pose more than 37 sigma" in summary
     assert "37.0" not in summary
 
 
 def test_change_that_rounds_to_nothing_has_no_sign(calibrated: Calibration) -> None:
-    picture = draw_gauge(CAMERA, GAUGE, rng=np.random.default_rng(5), snr=50)
-    found = check_camera(calibrated.camera, GAUGE, picture, variance=calibrated.fit.variance)
+    image = draw_gauge(CAMERA, GAUGE, rng=np.random.default_rng(5), snr=50)
+    found = check_camera(calibrated.camera, GAUGE, image, variance=calibrated.fit.variance)
     summary = replace(found, length_change=-4e-7, distance_mm=-2e-4).summary
     assert "lengths by up to 0.000 %" in summary
     assert "degrees, 0.000 mm" in summary

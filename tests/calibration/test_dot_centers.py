@@ -64,8 +64,8 @@ def test_scatter_is_within_thirteen_tenths_of_the_cramer_rao_bound_and_as_stated
     gauge = gauge_of(**SMALL)
     errors, stated = [], []
     for seed in range(3):
-        picture = draw_gauge(camera, gauge, rng=np.random.default_rng(seed), snr=30, quantise=False)
-        dots = detect_dots(picture, "black", "white")
+        image = draw_gauge(camera, gauge, rng=np.random.default_rng(seed), snr=30, quantise=False)
+        dots = detect_dots(image, "black", "white")
         errors.append(_against_truth(camera, gauge, dots)[0])
         stated.append(np.einsum("nii->ni", dots.covariance_px2))
     rms = np.sqrt((np.concatenate(errors) ** 2).mean())
@@ -91,8 +91,8 @@ def test_scatter_is_as_stated_where_a_single_chip_camera_interpolated_its_colour
         raw = full[..., 1].copy()
         raw[::2, ::2], raw[1::2, 1::2] = full[::2, ::2, 0], full[1::2, 1::2, 2]
         raw += rng.normal(0, 4, raw.shape)
-        picture = cv2.demosaicing(np.clip(np.rint(raw), 0, 255).astype(np.uint8), cv2.COLOR_BayerRG2BGR)
-        dots = detect_dots(picture, color, "white")
+        image = cv2.demosaicing(np.clip(np.rint(raw), 0, 255).astype(np.uint8), cv2.COLOR_BayerRG2BGR)
+        dots = detect_dots(image, color, "white")
         sigma = np.sqrt(np.einsum("nii->ni", dots.covariance_px2))
         z.append(_against_truth(camera, gauge, dots)[0] / sigma)
     assert 0.8 < np.sqrt(np.mean(np.concatenate(z) ** 2)) < 1.45  # 1.6 and 2.4 with white noise taken for granted
@@ -101,8 +101,8 @@ def test_scatter_is_as_stated_where_a_single_chip_camera_interpolated_its_colour
 def test_uneven_light_does_not_move_centres() -> None:
     camera = camera_above(size_px=(480, 360), focal_px=1500, distance_mm=80)
     gauge = gauge_of(**SMALL)
-    picture = draw_gauge(camera, gauge, light=(0.8, -0.5), white=150, quantise=False)
-    error, _ = _against_truth(camera, gauge, detect_dots(picture, "black", "white"))
+    image = draw_gauge(camera, gauge, light=(0.8, -0.5), white=150, quantise=False)
+    error, _ = _against_truth(camera, gauge, detect_dots(image, "black", "white"))
     assert np.sqrt((error**2).mean()) < 0.003
 
 
@@ -111,11 +111,11 @@ def test_missing_dots_and_distractors_leave_the_rest_in_place(polarity: tuple[st
     gauge = gauge_of(**SMALL, color=polarity[0], background=polarity[1])
     camera = camera_above(size_px=(480, 360), focal_px=1100, distance_mm=90, tilt_deg=25, turn_deg=14, k1=-0.3)
     rng = np.random.default_rng(5)
-    picture = draw_gauge(camera, gauge, rng=rng, snr=30, missing=(0, 13, 40, 41, 42, 60))
+    image = draw_gauge(camera, gauge, rng=rng, snr=30, missing=(0, 13, 40, 41, 42, 60))
     ink = 40 if polarity[0] == "black" else 200
     for x, y, r in ((30, 30, 3), (450, 340, 9), (240, 200, 2)):
-        cv2.circle(picture, (x, y), r, ink, -1, cv2.LINE_AA)
-    dots = detect_dots(picture)
+        cv2.circle(image, (x, y), r, ink, -1, cv2.LINE_AA)
+    dots = detect_dots(image)
     match = match_gauge(dots, assign_grid(dots), gauge)
     assert len(match) == 82
     plane = gauge.positions_mm()[match.row, match.column]
@@ -133,9 +133,9 @@ def test_coloured_dots_are_seen_on_a_ground_of_equal_brightness() -> None:
     gauge = gauge_of(**SMALL, color="#c00000", background="#404040")
     camera = camera_above(size_px=(480, 360), focal_px=1100, distance_mm=90, turn_deg=5)
     cover = (200.0 - draw_gauge(camera, gauge, black=40, white=200, quantise=False)[..., None]) / 160
-    picture = np.rint((1 - cover) * (64, 64, 64) + cover * (0, 0, 192)).astype(np.uint8)
-    assert len(assign_grid(detect_dots(picture, "#c00000", "#404040"))) == 88
-    assert len(assign_grid(detect_dots(picture))) == 88
+    image = np.rint((1 - cover) * (64, 64, 64) + cover * (0, 0, 192)).astype(np.uint8)
+    assert len(assign_grid(detect_dots(image, "#c00000", "#404040"))) == 88
+    assert len(assign_grid(detect_dots(image))) == 88
 
 
 @pytest.mark.parametrize("turn", [0.0, 70.0, 130.0, 200.0, 300.0])

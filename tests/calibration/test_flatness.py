@@ -20,7 +20,7 @@ PLATE = {"columns": 12, "pitch_tolerance_percent": 0.0}
 FACE_MM = face_terms(gauge_of(**PLATE)) @ np.array([0.06, 0.04, -0.05, 0.01, 0.0, 0.01, 0.0])
 
 
-def pictures(count: int, face_mm: np.ndarray | float) -> list[np.ndarray]:
+def images(count: int, face_mm: np.ndarray | float) -> list[np.ndarray]:
     rng = np.random.default_rng(6)
     views = random_poses(CAMERA, count, rng, tilt_deg=25, shift_mm=2)
     return [draw_gauge(view, gauge_of(**PLATE), rng=rng, snr=50, face_mm=face_mm) for view in views]
@@ -28,7 +28,7 @@ def pictures(count: int, face_mm: np.ndarray | float) -> list[np.ndarray]:
 
 @pytest.fixture(scope="module")
 def bent() -> Calibration:
-    return calibrate(pictures(6, FACE_MM), gauge_of(**PLATE))
+    return calibrate(images(6, FACE_MM), gauge_of(**PLATE))
 
 
 def test_bend_is_measured_and_the_camera_freed_of_it(bent: Calibration) -> None:
@@ -50,27 +50,27 @@ def test_height_at_which_a_bent_gauge_lies_is_counted_as_doubt(bent: Calibration
 
 
 def test_bent_gauge_back_on_the_plate_finds_the_camera_as_it_was(bent: Calibration) -> None:
-    picture = draw_gauge(CAMERA, gauge_of(**PLATE), rng=np.random.default_rng(9), snr=50, face_mm=FACE_MM)
+    image = draw_gauge(CAMERA, gauge_of(**PLATE), rng=np.random.default_rng(9), snr=50, face_mm=FACE_MM)
     shape = bent.flatness
     assert shape is not None
     face = tuple(shape.coefficients_mm.tolist())
-    found = check_camera(bent.camera, bent.gauge, picture, variance=bent.fit.variance, face_mm=face)
+    found = check_camera(bent.camera, bent.gauge, image, variance=bent.fit.variance, face_mm=face)
     assert found.outcome == "holds"
     assert '"peak_to_valley_mm"' in camera_to_json(bent)
 
 
 def test_flat_gauge_is_taken_as_flat_and_bounded() -> None:
-    found = calibrate(pictures(6, 0.0), gauge_of(**PLATE))
+    found = calibrate(images(6, 0.0), gauge_of(**PLATE))
     assert found.flatness is not None
     assert not found.flatness.used
     assert found.flatness.high_mm < 0.02
     assert assess(found).scale_sigma < 2e-4
 
 
-def test_single_picture_says_that_it_cannot_tell_and_counts_a_stated_flatness() -> None:
-    (picture,) = pictures(1, 0.0)
-    silent = calibrate([picture], gauge_of(**PLATE), distance_mm=(120.0, 0.1))
-    stated = calibrate([picture], gauge_of(tolerance={"flatness_mm": 0.2}, **PLATE), distance_mm=(120.0, 0.1))
+def test_single_image_says_that_it_cannot_tell_and_counts_a_stated_flatness() -> None:
+    (image,) = images(1, 0.0)
+    silent = calibrate([image], gauge_of(**PLATE), distance_mm=(120.0, 0.1))
+    stated = calibrate([image], gauge_of(tolerance={"flatness_mm": 0.2}, **PLATE), distance_mm=(120.0, 0.1))
     assert silent.flatness is None
     assert any("cannot tell its bend from distortion" in note for note in assess(silent).notes)
     corner = np.array([10.0, 10.0])

@@ -26,11 +26,11 @@ SIZE = {"columns": 11, "rows": 8}
 def test_pitch_tolerance_enters_the_camera_its_file_and_the_sentence(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     views = random_poses(CAMERA, 4, rng, tilt_deg=25, shift_mm=2)
-    pictures = [draw_gauge(view, gauge_of(**SIZE), rng=rng, snr=50) for view in views]
+    images = [draw_gauge(view, gauge_of(**SIZE), rng=rng, snr=50) for view in views]
     for percent in (None, 0.5, 0.0):
         dots = {"columns": 11, "rows": 8, "pitch_mm": 3.0, "diameter_mm": 1.2}
         dots |= {} if percent is None else {"pitch_tolerance_percent": percent}
-        found = calibrate(pictures, Gauge.model_validate({"format": 1, "name": "plate", "dots": dots}))
+        found = calibrate(images, Gauge.model_validate({"format": 1, "name": "plate", "dots": dots}))
         stated = 0.001 if percent is None else percent / 100
         (tmp_path / "camera.json").write_text(camera_to_json(found), encoding="utf-8")
         camera = load_camera(tmp_path / "camera.json")
@@ -44,15 +44,15 @@ def test_pitch_tolerance_enters_the_camera_its_file_and_the_sentence(tmp_path: P
 
 def test_scale_tolerance_of_the_gauge_is_the_least_doubt_of_every_length() -> None:
     rng = np.random.default_rng(1)
-    pictures = [
+    images = [
         draw_gauge(view, gauge_of(pitch_mm=3.003, **SIZE), rng=rng, snr=50)
         for view in random_poses(CAMERA, 4, rng, tilt_deg=25, shift_mm=2)
     ]
-    verdict = assess(calibrate(pictures, gauge_of(tolerance={"scale": 0.001}, **SIZE)))
+    verdict = assess(calibrate(images, gauge_of(tolerance={"scale": 0.001}, **SIZE)))
     assert 0.00099 < verdict.plate_scale_sigma < 0.00102
     # the distance of the lens is measured with the same gauge, the height of the marks is not
     assert abs(verdict.scale_sigma - 0.001 * 120 / (120 - 6.5)) < 2e-5
-    assert assess(calibrate(pictures, gauge_of(tolerance={"scale": 0.0}, **SIZE))).scale_sigma < 1e-4
+    assert assess(calibrate(images, gauge_of(tolerance={"scale": 0.0}, **SIZE))).scale_sigma < 1e-4
 
 
 def test_displaced_dots_scatter_the_camera_as_the_covariance_says() -> None:

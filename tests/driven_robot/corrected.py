@@ -1,4 +1,4 @@
-"""turnscope's corrected model of a driven robot, with bands: late motors, a drive that mixes its sides, slip.
+"""turnscope's corrected model of a driven robot: late motors, a drive that mixes its sides, slip.
 
 The robot of robot.toml is simulated with its four driven wheels. What is fitted to the commands and poses of the fitted
 windows: dead time and time constant of the motors (command-lag), the gains of the common part and of the difference of
@@ -30,7 +30,6 @@ CHECKED = (0.25, 0.5, 0.75, 1.0)  # shares of a window at whose last fresh pose 
 TOLERANCE_MM = 1e-4
 STEP = 0.05  # of a difference, in standard deviations of the prior
 STARTS, STARTING_SHARE, FEW_STEPS, MOST_STEPS = 10, 0.7, 10, 25
-COVERED = 0.95
 
 
 @dataclass(frozen=True)
@@ -70,14 +69,10 @@ SLIP = ("longitudinal_friction", "lateral_friction", "longitudinal_stiffness", "
 
 @dataclass(frozen=True)
 class Corrected:
-    """A fitted model: its numbers, and what it leaves at the end of fitted windows.
-
-    sigma: standard deviations, relative where a number cannot be nought. scatter: (3,), see bands.
-    """
+    """A fitted model: its numbers, and their standard deviations, relative where a number cannot be nought."""
 
     values: Mapping[str, float]
     sigma: Mapping[str, float]
-    scatter: Array
 
 
 def mixed(command: Command, values: Mapping[str, float]) -> Command:
@@ -165,8 +160,7 @@ def fit(model: Model, windows: NDArray[np.int64], starts: int = STARTS) -> Corre
     found = _fitted(model, windows, best.x, MOST_STEPS)
     spread = np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac)))
     chosen = _values(found.x)
-    last = model.poses(chosen, windows)[:, -1]
-    return Corrected(chosen, dict(zip(NUMBERS, spread, strict=True)), _scatter(last, model.drive.pose[windows, -1]))
+    return Corrected(chosen, dict(zip(NUMBERS, spread, strict=True)))
 
 
 def _values(free: Array) -> dict[str, float]:
@@ -187,24 +181,3 @@ def _fitted(model: Model, windows: NDArray[np.int64], start: Array, steps: int) 
         return np.stack([(cost(free + step) - base) / STEP for step in STEP * np.diag(sigmas)], axis=1) / sigmas
 
     return least_squares(cost, start, jac=slopes, x_scale=sigmas, max_nfev=steps, ftol=1e-4)
-
-
-def _scatter(predicted: Array, measured: Array) -> Array:
-    """Half-widths (3,) that hold COVERED of the fitted windows, in units of widths()."""
-    off = np.abs(predicted - measured)
-    off[:, 2] = np.abs(wrapped(off[:, 2]))
-    # As many parts as a new window would need: the rank of order statistics of one more.
-    rank = min(COVERED * (len(off) + 1) / len(off), 1.0)
-    return np.asarray(np.nanquantile(off / widths(predicted), rank, axis=0))
-
-
-def widths(predicted: Array) -> Array:
-    """How the error of a prediction (n, 3) may be expected to grow, (n, 3) in m, m, rad: with the way and the turn."""
-    way, turn = np.hypot(predicted[:, 0], predicted[:, 1]), np.abs(predicted[:, 2])
-    place = SIGMAS[0] * (0.5 + way)
-    return np.stack([place, place, SIGMAS[2] * (0.5 + turn)], axis=1)
-
-
-def bands(model: Corrected, predicted: Array) -> Array:
-    """95 % half-widths (n, 3) of predictions (n, 3), from what the model leaves of the fitted windows."""
-    return model.scatter * widths(predicted)

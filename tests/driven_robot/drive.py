@@ -19,6 +19,7 @@ from simulator.command import RPM_PER_RAD_S, Command
 
 Array = NDArray[np.float64]
 HISTORY_S = 6.0  # of commands before a window: motors that follow within seconds have forgotten what was before
+FOLDS = 3
 POSE = ["x_m", "y_m", "heading_rad"]
 COMMAND = ["command_left_rad_s", "command_right_rad_s"]
 
@@ -49,9 +50,9 @@ class Drive:
         return float(np.median(np.diff(self.time_s)))
 
     @property
-    def aside(self) -> NDArray[np.bool_]:
-        """Windows (n,) of the steps kept aside, every third one: nothing is fitted to them."""
-        return np.asarray(np.unique(self.step, return_inverse=True)[1] % 3 == 0)
+    def fold(self) -> NDArray[np.int64]:
+        """Fold (n,) of FOLDS of every window: whole steps in turn, so that no step is fitted and predicted at once."""
+        return np.asarray(np.unique(self.step, return_inverse=True)[1] % FOLDS)
 
     def log(self, window: int) -> tuple[Array, Array]:
         """Commands (k, 2), rad/s, of a window and of the time before it, and their times, s; 0 is its start."""

@@ -14,6 +14,8 @@ from tests.driven_robot.drive import Drive
 
 Array = NDArray[np.float64]
 LENGTH = 0.5  # logarithm of the usual length of the process, in standard deviations of the commands
+# A robot on ground slips, bumps and is pushed now and then: Student's t of few degrees of freedom, in two passes.
+FREEDOM, PASSES, SIGMAS_PER_MEDIAN = 4.0, 2, 1.4826
 SIGMAS = np.array([0.2, 0.2, 0.15])  # m, m, rad: what a good prediction leaves; weighs position against heading
 
 
@@ -81,24 +83,31 @@ def rotation_centres(drive: Drive, radius_m: float, track_m: float, fitted: NDAr
     return pose(found.x)
 
 
-def with_process(pose: Array, drive: Drive, fitted: NDArray[np.bool_]) -> Array:
+def with_process(pose: Array, drive: Drive, fitted: NDArray[np.bool_], more: Array | None = None) -> Array:
     """A prediction plus a Gaussian process of what it leaves, over commands before and during the window.
 
-    Squared exponential with a length for each input, noise and size by marginal likelihood; one process a component.
+    more: further inputs (n, k). Squared exponential with a length for each input, noise and size by marginal
+    likelihood; one process a component. Heavy tails by reweighting, as under Student's t.
     """
     inputs = np.hstack([drive.mean_commands(begin, begin + 1.0) for begin in (-1.0, 0.0, 1.0)])
+    if more is not None:
+        inputs = np.hstack([inputs, more])
     inputs = inputs / inputs.std(axis=0)
     left = -misfit(pose, drive)
     result = pose.copy()
     for component in range(3):
-        mean = _process(inputs[fitted], left[fitted, component], inputs)
+        values, weights = left[fitted, component], np.ones(int(fitted.sum()))
+        for _ in range(PASSES):
+            mean = _process(inputs[fitted], values, weights, inputs)
+            off = values - mean[fitted]
+            weights = (FREEDOM + 1) / (FREEDOM + (off / (SIGMAS_PER_MEDIAN * np.median(np.abs(off)))) ** 2)
         result[:, component] += SIGMAS[component] * mean
     return result
 
 
-def _process(inputs: Array, values: Array, asked: Array) -> Array:
-    """Posterior mean at `asked` of a process with values (k,) at inputs (k, d)."""
-    count, mean = len(values), float(values.mean())
+def _process(inputs: Array, values: Array, weights: Array, asked: Array) -> Array:
+    """Posterior mean at `asked` of a process with values (k,) of weights (k,) at inputs (k, d)."""
+    count, mean = len(values), float(values @ weights / weights.sum())
     squares = (inputs[:, None] - inputs[None]) ** 2
     off = values - mean
 
@@ -106,11 +115,12 @@ def _process(inputs: Array, values: Array, asked: Array) -> Array:
         """Minus the logarithm of the marginal likelihood and of a weak prior of the lengths, and its gradient."""
         lengths = np.exp(-2 * free[2:])
         smooth = np.exp(2 * free[0] - 0.5 * squares @ lengths)
-        factor = cho_factor(smooth + np.exp(2 * free[1]) * np.eye(count), lower=True)
+        noise = np.exp(2 * free[1]) / weights
+        factor = cho_factor(smooth + np.diag(noise), lower=True)
         solved = cho_solve(factor, off)
         slope = 0.5 * (cho_solve(factor, np.eye(count)) - np.outer(solved, solved))
         weighed = slope * smooth
-        gradient = [2 * weighed.sum(), 2 * np.exp(2 * free[1]) * np.trace(slope)]
+        gradient = [2 * weighed.sum(), 2 * float(np.diag(slope) @ noise)]
         gradient += list(np.einsum("ij,ijk->k", weighed, squares) * lengths + free[2:] - LENGTH)
         value = 0.5 * off @ solved + np.log(np.diag(factor[0])).sum() + 0.5 * ((free[2:] - LENGTH) ** 2).sum()
         return float(value), np.array(gradient)
@@ -119,6 +129,6 @@ def _process(inputs: Array, values: Array, asked: Array) -> Array:
     start = np.r_[size, size - 0.5, np.full(inputs.shape[1], LENGTH)]
     found = minimize(cost, start, jac=True, method="L-BFGS-B", options={"maxiter": 40}).x
     lengths = np.exp(-2 * found[2:])
-    matrix = np.exp(2 * found[0] - 0.5 * squares @ lengths) + np.exp(2 * found[1]) * np.eye(count)
+    matrix = np.exp(2 * found[0] - 0.5 * squares @ lengths) + np.diag(np.exp(2 * found[1]) / weights)
     across = np.exp(2 * found[0] - 0.5 * (asked[:, None] - inputs[None]) ** 2 @ lengths)
     return np.asarray(mean + across @ np.linalg.solve(matrix, off))

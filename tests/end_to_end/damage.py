@@ -12,8 +12,8 @@ INDEX_FIRST = "mp4, index first"
 Damage = Callable[[Path, Path], None]
 
 
-def first_pictures(source: Path, target: Path, count: int | None = None, kind: str = "mp4") -> None:
-    """Copy a recording, or its first pictures, without encoding it anew; an mp4 has its index at the end."""
+def first_images(source: Path, target: Path, count: int | None = None, kind: str = "mp4") -> None:
+    """Copy a recording, or its first images, without encoding it anew; an mp4 has its index at the end."""
     options = {"movflags": "faststart"} if kind == INDEX_FIRST else {}
     name = "mp4" if kind == INDEX_FIRST else kind
     with av.open(str(source)) as video, av.open(str(target), "w", format=name, options=options) as copy:
@@ -28,14 +28,14 @@ def first_pictures(source: Path, target: Path, count: int | None = None, kind: s
 
 def cut_in_the_middle(good: Path, target: Path) -> None:
     """The file stops half way; its index stands at the front, so it opens."""
-    first_pictures(good, target, kind=INDEX_FIRST)
+    first_images(good, target, kind=INDEX_FIRST)
     content = target.read_bytes()
     target.write_bytes(content[: len(content) // 2])
 
 
 def cut_matroska(good: Path, target: Path) -> None:
     """A Matroska file stops half way: it needs no index, only its length tells."""
-    first_pictures(good, target, kind="matroska")
+    first_images(good, target, kind="matroska")
     content = target.read_bytes()
     target.write_bytes(content[: len(content) // 2])
 
@@ -58,7 +58,7 @@ def grey(good: Path, target: Path) -> None:
     _write_video(target, _plates(24), "gray")
 
 
-def one_picture(good: Path, target: Path) -> None:
+def one_image(good: Path, target: Path) -> None:
     """A still instead of a recording."""
     del good
     _write_video(target, _plates(1), "yuv420p")
@@ -106,12 +106,12 @@ def _plates(count: int) -> list[np.ndarray]:
     return [random.normal(90, 3, (480, 640)).clip(0, 255).astype(np.uint8) for _ in range(count)]
 
 
-def _write_video(target: Path, pictures: list[np.ndarray], pixels: str) -> None:
+def _write_video(target: Path, images: list[np.ndarray], pixels: str) -> None:
     with av.open(str(target), "w") as video:
         stream = video.add_stream("libx264", rate=60)
         stream.width, stream.height, stream.pix_fmt = 640, 480, pixels
-        for picture in pictures:
-            for packet in stream.encode(av.VideoFrame.from_ndarray(picture, format="gray")):
+        for image in images:
+            for packet in stream.encode(av.VideoFrame.from_ndarray(image, format="gray")):
                 video.mux(packet)
         for packet in stream.encode():
             video.mux(packet)

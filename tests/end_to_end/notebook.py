@@ -49,10 +49,10 @@ def shown(value: Any) -> dict[str, Any]:
     if isinstance(value, Axes):
         import matplotlib.pyplot as plt
 
-        picture = io.BytesIO()
-        value.figure.savefig(picture, format="png", dpi=DPI)
+        image = io.BytesIO()
+        value.figure.savefig(image, format="png", dpi=DPI)
         plt.close("all")
-        return {"image/png": base64.b64encode(picture.getvalue()).decode(), "text/plain": ["<Axes>"]}
+        return {"image/png": base64.b64encode(image.getvalue()).decode(), "text/plain": ["<Axes>"]}
     data = {"text/plain": repr(value).splitlines(keepends=True)}
     if hasattr(value, "_repr_html_"):
         data["text/html"] = value._repr_html_().splitlines(keepends=True)

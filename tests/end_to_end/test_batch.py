@@ -7,8 +7,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from tests.end_to_end.commands import turnscope
-from tests.end_to_end.damage import DAMAGES, first_pictures
+from tests.end_to_end.commands import turnscope, turnscope_process
+from tests.end_to_end.damage import DAMAGES, first_images
 
 GOOD = [f"good-{number:02d}" for number in range(40)]
 
@@ -17,7 +17,7 @@ GOOD = [f"good-{number:02d}" for number in range(40)]
 def batch(samples: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("batch")
     good = folder / "short.mp4"
-    first_pictures(samples / "turn-33-5.mp4", good, 89)
+    first_images(samples / "turn-33-5.mp4", good, 89)
     (folder / "camera.json").write_bytes((samples / "camera.json").read_bytes())
     lines = ['format = 1\nname = "batch"\nrobot = "barrel"\ncamera = "camera.json"']
     for name in (*GOOD[:20], *DAMAGES, *GOOD[20:]):
@@ -31,7 +31,7 @@ def batch(samples: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_damaged_recording_gives_its_reason_and_forty_good_ones_their_radius(batch: Path) -> None:
-    done = turnscope("analyze", batch / "experiment.toml", "-o", batch / "out", "--workers", 2)
+    done = turnscope_process("analyze", batch / "experiment.toml", "-o", batch / "out", "--workers", 2)
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
     reasons = dict(line.split(": ", 1) for line in done.stderr.strip().splitlines())
@@ -48,7 +48,7 @@ def test_every_damaged_recording_gives_its_reason_and_forty_good_ones_their_radi
 
 
 def test_a_stream_that_ends_before_the_motors_do_is_remarked_upon(batch: Path) -> None:
-    first_pictures(batch / "short.mp4", batch / "stream.ts", None, "mpegts")
+    first_images(batch / "short.mp4", batch / "stream.ts", None, "mpegts")
     text = (batch / "experiment.toml").read_text(encoding="utf-8").split("\n\n")[:2]
     text[1] = text[1].replace("good-00.mp4", "stream.ts") + "\nstop_s = 1.7"
     (batch / "short.toml").write_text("\n\n".join(text) + "\n", encoding="utf-8")

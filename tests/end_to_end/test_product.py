@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from tests.end_to_end.commands import turnscope
+from tests.end_to_end.commands import turnscope, turnscope_process
 from tests.evaluator.synthetic import three_runs
 
 
@@ -22,6 +22,20 @@ def test_every_command_says_what_it_does_with_an_example() -> None:
         shown = CliRunner().invoke(group, [name, "--help"])
         assert shown.exit_code == 0, name
         assert f"turnscope {name}" in shown.output.split("Options:")[-1], f"{name} has no example"
+
+
+def test_help_fits_a_terminal_of_eighty_columns() -> None:
+    """But for examples, which are copied as they are."""
+    from click.testing import CliRunner
+
+    from evaluator.cli.group import COMMANDS
+    from evaluator.cli.group import turnscope as group
+
+    for name in COMMANDS:
+        shown = CliRunner().invoke(group, [name, "--help"], terminal_width=80).output
+        long = [line for line in shown.splitlines() if len(line) > 80 and not line.startswith("    ")]
+        assert long == [], name
+        assert "\b" not in shown
 
 
 def test_a_misspelt_command_is_answered_with_the_nearest() -> None:
@@ -67,7 +81,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert plan.returncode == 0
     assert "3 of 3 runs to compute" in plan.stdout
     assert not (folder / "out").exists()
-    done = turnscope("report", experiment, "-o", folder / "out", "--json", "--workers", 1)
+    done = turnscope_process("report", experiment, "-o", folder / "out", "--json", "--workers", 1)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout) == {"report": str(folder / "out" / "report.html"), "faults": {}}
     return folder / "out"
@@ -102,7 +116,7 @@ def test_what_is_up_to_date_is_not_done_again_and_programs_read_along(out: Path)
     rows = json.loads(turnscope("analyze", experiment, "-o", out, "--json").stdout)
     assert rows[0]["run"] == "r01"
     assert rows[2]["radius_mm"] is None
-    assert turnscope("report", experiment, "-o", out, "--quiet").stdout == ""
+    assert turnscope("report", experiment, "-o", out, "--quiet", "--workers", 1).stdout == ""
     assert (out / "report.html").read_bytes() == before
 
 

@@ -64,6 +64,13 @@ def test_only_the_first_quarter_of_a_second_tells_the_start() -> None:
     assert start_pose(poses_of(poses.time_s, x, poses.y_mm, poses.heading_rad), 0.0)[0] != pytest.approx(1.0, abs=1e-3)
 
 
+def test_heading_at_the_start_is_that_of_a_line_and_follows_no_bend() -> None:
+    """The least-squares line through n places of a parabola t², h apart, begins at -h²·(n-1)·(n-2)/6."""
+    poses = moving(0.0)
+    bent = poses_of(poses.time_s, poses.x_mm, poses.y_mm, poses.heading_rad + poses.time_s**2)
+    assert start_pose(bent, 0.0)[2] == pytest.approx(0.3 - FRAME_S**2 * 12 * 11 / 6)  # 13 frames in a quarter second
+
+
 @pytest.mark.parametrize("frames", [4, 5])
 def test_four_frames_are_enough_for_a_parabola(frames: int) -> None:
     poses = moving(0.1, frames)
@@ -124,6 +131,13 @@ def test_simulated_run_starts_in_the_measured_pose_and_moves_between_the_command
     moves = seen.time_s[1:][speed > 0.2]
     assert (moves[0], moves[-1]) == pytest.approx((1.04, 3.0), abs=0.1)
     assert seen.heading_rad[-1] < 0.7  # the left wheels are faster: it turns to the right
+
+
+def test_simulated_run_starts_at_the_mean_of_all_frames_before_its_motors() -> None:
+    rest = at_rest(1.5)
+    x = np.where(rest.time_s < 0.3, 3.2, 3.0)
+    _, seen = simulated_poses(barrel(), RUN, poses_of(rest.time_s, x, rest.y_mm, rest.heading_rad))
+    assert seen.x_mm[0] == pytest.approx(x[rest.time_s <= 1.0].mean(), abs=1e-6)
 
 
 def test_clock_that_runs_fast_sees_the_same_start_and_a_slower_robot() -> None:
@@ -209,17 +223,18 @@ def test_simulated_circle_of_a_kilometre_is_a_straight_line(curvature: float, st
 @pytest.mark.parametrize("turns", [-2, 0, 1])
 def test_heading_gap_counts_from_the_start_and_whole_turns_in_between_stay(turns: int) -> None:
     measured: Any = SimpleNamespace(x_mm=STILL, y_mm=STILL, heading_rad=np.radians([10.0, 100.0, 200.0, 300.0]))
-    heading = np.radians([12.0, 190.0, 380.0, 665.0]) + 2 * np.pi * turns
+    heading = np.radians([12.0, 300.0, 380.0, 665.0]) + 2 * np.pi * turns
     simulated: Any = SimpleNamespace(x_mm=STILL, y_mm=STILL, heading_rad=heading)
     assert trajectory_gap(measured, simulated)["heading_gap_end_deg"] == pytest.approx(365.0)
 
 
 def test_gap_is_that_of_the_frames_where_the_pose_is_known() -> None:
-    measured: Any = SimpleNamespace(x_mm=np.array([5.0, np.nan, 5.0, np.nan]), y_mm=STILL + 2, heading_rad=STILL)
-    simulated: Any = SimpleNamespace(x_mm=np.array([8.0, 9.0, 9.0, 9.0]), y_mm=STILL + 2, heading_rad=STILL)
+    still = np.zeros(5)
+    measured: Any = SimpleNamespace(x_mm=np.array([5.0, np.nan, 5.0, 5.0, np.nan]), y_mm=still, heading_rad=still)
+    simulated: Any = SimpleNamespace(x_mm=np.array([8.0, 9.0, 9.0, 10.0, 9.0]), y_mm=still, heading_rad=still)
     gap = trajectory_gap(measured, simulated)
-    assert gap["gap_rms_mm"] == pytest.approx(np.sqrt((9 + 16) / 2))
-    assert gap["gap_end_mm"] == pytest.approx(4.0)
+    assert gap["gap_rms_mm"] == pytest.approx(np.sqrt((9 + 16 + 25) / 3))
+    assert gap["gap_end_mm"] == pytest.approx(5.0)
 
 
 def test_poses_that_are_never_known_together_have_no_gap() -> None:

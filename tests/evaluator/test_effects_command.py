@@ -61,7 +61,7 @@ def test_the_page_draws_every_effect_where_it_shows() -> None:
     page = effects_page()
     for effect in EFFECTS.values():
         assert f'id="{effect.id}"' in page
-    apart = [float(text) for text in re.findall(r"paths are (\S+) mm apart", page)]
+    apart = [float(text) for text in re.findall(r"paths are (\S+)\smm apart", page)]
     assert len(apart) == len(EFFECTS)
     assert min(apart) > 0.05
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from evaluator.cli.guard import CHILD, crash_sentence, needs_child, wait_for
-from tests.end_to_end.commands import ROOT, turnscope
+from tests.end_to_end.commands import ROOT, turnscope_process
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a signal")
@@ -91,7 +91,7 @@ def _is_alive(pid: int) -> bool:
 
 def test_an_image_is_read_in_a_child_with_the_words_of_the_command(tmp_path: Path) -> None:
     (tmp_path / "a.png").write_bytes(b"no image")
-    done = turnscope("dots", tmp_path / "a.png")
+    done = turnscope_process("dots", tmp_path / "a.png")
     assert done.returncode == 2
     assert "not an image that can be read" in done.stderr
-    assert turnscope("dots").stderr.startswith("Usage: ")
+    assert turnscope_process("dots").stderr.startswith("Usage: ")

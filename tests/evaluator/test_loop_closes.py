@@ -11,7 +11,7 @@ from evaluator.pose import Poses, poses_from_marks
 from evaluator.robot_geometry import mark_geometry
 from evaluator.settings import Run
 from simulator.command import Command
-from simulator.effects.catalogue import EFFECTS
+from simulator.effects.catalogue import BUILT_IN
 from simulator.effects.entry import EffectEntry
 from simulator.observation import marks_of_run, view_of
 from simulator.robot import Robot, load_robot
@@ -103,7 +103,7 @@ def _gap(measured_with: Robot, model: Robot) -> float:
 
 
 def test_every_effect_of_the_catalogue_is_asked() -> None:
-    assert set(SIZES) == set(EFFECTS)
+    assert set(SIZES) == set(BUILT_IN)
 
 
 @pytest.mark.parametrize("effect", sorted(SIZES))

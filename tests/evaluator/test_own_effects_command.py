@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,17 +10,12 @@ from click.testing import CliRunner
 
 from evaluator.cli.effects import effects
 from evaluator.errors import InputError
-from simulator.effects.catalogue import EFFECTS
-from simulator.own_effects.files import BUILT_IN
 
 
 @pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Commands run in an empty folder; own effects, known to the whole process, are forgotten afterwards."""
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Commands run in an empty folder."""
     monkeypatch.chdir(tmp_path)
-    yield
-    for effect in set(EFFECTS) - BUILT_IN:
-        del EFFECTS[effect]
 
 
 def said(*arguments: str) -> str:
@@ -58,7 +52,7 @@ def test_the_page_draws_an_own_effect_too() -> None:
         (("new",), "give an id"),
         (("new", "Not An Id"), "small letters and digits"),
         (("new", "plate-tilt"), "is an effect of the catalogue"),
-        (("plate-tilt", "plate-tilt"), "only `turnscope effects new ID` takes a second ID"),
+        (("plate-tilt", "plate-tilt"), "only turnscope effects new ID takes a second ID"),
     ],
 )
 def test_what_cannot_be_done_is_said_in_one_sentence(arguments: tuple[str, ...], says: str) -> None:

@@ -110,6 +110,15 @@ def test_uncertainty_that_is_missing_or_zero_in_a_frame_is_the_usual_one_and_nev
     assert tiny.covariance[0, 2, 2] == pytest.approx(2 * ROUNDING_SIGMA_MM**2 / LOPSIDED.spacing_mm**2)
 
 
+def test_a_single_mark_has_a_path_with_its_own_covariance_and_no_heading() -> None:
+    poses = poses_from_marks(table(green_x_sigma_mm=0.03, green_y_sigma_mm=0.04), LOPSIDED.only(["green"]))
+    expected = np.full((40, 3, 3), np.nan)
+    expected[:, :2, :2] = np.diag([0.03**2, 0.04**2])
+    np.testing.assert_allclose(poses.covariance, expected)
+    assert (poses.x_mm[0], poses.y_mm[0]) == (9.0, 22.0)
+    assert np.isnan(poses.heading_rad).all()
+
+
 def test_without_uncertainties_the_scatter_of_the_distance_gives_that_of_a_coordinate() -> None:
     spacing = 4.0 + 0.02 * np.resize([-1.0, 1.0, -2.0, 2.0], 40)  # median deviation 0.03 mm
     poses = poses_from_marks(at_rest(spacing), MarkGeometry((2.0, 0.0), (-2.0, 0.0)))
@@ -249,6 +258,16 @@ def test_turns_in_a_gap_are_counted_by_the_yaw_rate_beside_it(sense: int, first:
     np.testing.assert_allclose(after, after[0], atol=1e-9)
     np.testing.assert_allclose(found[0] - heading[0], after[0], atol=1e-9)
     assert np.isnan(found[first : first + 30]).all()
+
+
+def test_the_yaw_rate_beside_a_gap_is_the_usual_one_of_five_frames_to_either_side() -> None:
+    """A frame in which the heading errs by two radians says nothing of how often the robot turned in the gap."""
+    time, heading = np.arange(130) / 50, 0.4 * np.arange(130)
+    for odd in (35, 39, 70, 74):
+        broken = np.angle(np.exp(1j * (heading + 2.0 * (np.arange(130) == odd))))
+        broken[40:70] = np.nan
+        found = unwrapped_across_gaps(time, broken)
+        assert found[-1] - found[0] == pytest.approx(heading[-1])
 
 
 def test_a_step_of_one_and_a_half_intervals_is_a_gap_and_a_shorter_one_is_not() -> None:

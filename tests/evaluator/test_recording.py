@@ -19,36 +19,36 @@ from evaluator.recording.parallel import first_packets
 from tests.evaluator.tracking.synthetic import draw, turning_marks, write_video
 
 
-def noise_pictures(count: int, size: tuple[int, int] = (64, 48)) -> list[np.ndarray]:
+def noise_images(count: int, size: tuple[int, int] = (64, 48)) -> list[np.ndarray]:
     rng = np.random.default_rng(1)
     return [rng.integers(0, 255, (size[1], size[0], 3)).astype(np.uint8) for _ in range(count)]
 
 
 def test_times_are_the_exact_presentation_times_of_a_59_94_recording(tmp_path: Path) -> None:
     video = write_video(
-        tmp_path / "v.mov", noise_pictures(8), codec="mjpeg", pixels="yuvj420p", rate=Fraction(60000, 1001)
+        tmp_path / "v.mov", noise_images(8), codec="mjpeg", pixels="yuvj420p", rate=Fraction(60000, 1001)
     )
     times = [frame.time for frame in open_recording(video)]
     assert times == [Fraction(1001 * k, 60000) for k in range(8)]
 
 
-def test_dropped_pictures_are_reported_with_their_place(tmp_path: Path) -> None:
-    video = write_video(tmp_path / "v.mkv", noise_pictures(8), pts=[0, 1, 2, 3, 6, 7, 8, 9])
+def test_dropped_images_are_reported_with_their_place(tmp_path: Path) -> None:
+    video = write_video(tmp_path / "v.mkv", noise_images(8), pts=[0, 1, 2, 3, 6, 7, 8, 9])
     recording = open_recording(video)
     assert len(list(recording)) == 8
     assert recording.report().dropped == ((4, 2),)
 
 
-def test_repeated_pictures_are_reported(tmp_path: Path) -> None:
-    pictures = noise_pictures(6)
-    pictures[3] = pictures[2]
-    recording = open_recording(write_video(tmp_path / "v.mkv", pictures))
+def test_repeated_images_are_reported(tmp_path: Path) -> None:
+    images = noise_images(6)
+    images[3] = images[2]
+    recording = open_recording(write_video(tmp_path / "v.mkv", images))
     list(recording)
     assert recording.report().duplicates == (3,)
 
 
 def test_times_that_stand_still_come_from_the_rate_of_the_file_or_the_one_given(tmp_path: Path) -> None:
-    video = write_video(tmp_path / "v.mkv", noise_pictures(6), pts=[0] * 6)
+    video = write_video(tmp_path / "v.mkv", noise_images(6), pts=[0] * 6)
     for given, rate in ((None, 60), (30, 30)):
         recording = open_recording(video, rate_hz=given)
         assert [frame.time for frame in recording] == [Fraction(k, rate) for k in range(6)]
@@ -56,7 +56,7 @@ def test_times_that_stand_still_come_from_the_rate_of_the_file_or_the_one_given(
 
 
 def test_a_rate_that_is_not_needed_is_said_not_to_be_used(tmp_path: Path) -> None:
-    recording = open_recording(write_video(tmp_path / "v.mkv", noise_pictures(3)), rate_hz=30)
+    recording = open_recording(write_video(tmp_path / "v.mkv", noise_images(3)), rate_hz=30)
     assert [float(frame.time) for frame in recording] == pytest.approx([0, 1 / 60, 2 / 60], abs=1e-3)
     assert recording.report().notes == ("30/s was said, but the recording has times: those are used",)
 
@@ -67,8 +67,8 @@ def test_a_rate_that_is_none_is_refused(tmp_path: Path, rate: float) -> None:
         open_recording(tmp_path, rate_hz=rate)
 
 
-def test_pictures_that_are_not_after_those_before_them_are_left_out(tmp_path: Path) -> None:
-    recording = open_recording(write_video(tmp_path / "v.mkv", noise_pictures(8), pts=[0, 1, 2, 2, 3, 4, 4, 5]))
+def test_images_that_are_not_after_those_before_them_are_left_out(tmp_path: Path) -> None:
+    recording = open_recording(write_video(tmp_path / "v.mkv", noise_images(8), pts=[0, 1, 2, 2, 3, 4, 4, 5]))
     frames = list(recording)
     assert [frame.index for frame in frames] == list(range(6))
     assert [float(frame.time) for frame in frames] == pytest.approx([k / 60 for k in range(6)], abs=1e-3)
@@ -76,14 +76,14 @@ def test_pictures_that_are_not_after_those_before_them_are_left_out(tmp_path: Pa
 
 
 def test_h264_in_avi_has_its_times_in_order(tmp_path: Path) -> None:
-    video = write_video(tmp_path / "v.avi", noise_pictures(24), codec="libx264", pixels="yuv420p")
+    video = write_video(tmp_path / "v.avi", noise_images(24), codec="libx264", pixels="yuv420p")
     recording = open_recording(video)
     assert [frame.time for frame in recording] == [Fraction(k + 1, 60) for k in range(24)]
     assert recording.report().notes == ()
 
 
 def test_a_recording_whose_clock_stops_is_refused(tmp_path: Path) -> None:
-    video = write_video(tmp_path / "v.mkv", noise_pictures(12), pts=[0, 1, *[2] * 10])
+    video = write_video(tmp_path / "v.mkv", noise_images(12), pts=[0, 1, *[2] * 10])
     with pytest.raises(InputError, match="stand still or run backwards in 9 of 12 frames"):
         list(open_recording(video))
 
@@ -99,7 +99,7 @@ def test_a_recording_whose_clock_stops_is_refused(tmp_path: Path) -> None:
         ("mjpeg", "yuvj420p"),
     ],
 )
-def test_planes_convert_back_to_the_picture_in_every_pixel_format(tmp_path: Path, codec: str, pixels: str) -> None:
+def test_planes_convert_back_to_the_image_in_every_pixel_format(tmp_path: Path, codec: str, pixels: str) -> None:
     y, x = np.mgrid[:46, :70]
     smooth = np.stack([60 + x, 80 + 2 * y, 120 + 0 * x], axis=-1).astype(np.uint8)
     options = {"qscale": "1"} if codec == "mjpeg" else {}
@@ -113,14 +113,14 @@ def test_planes_convert_back_to_the_picture_in_every_pixel_format(tmp_path: Path
 
 
 def test_odd_sizes_are_read_whole(tmp_path: Path) -> None:
-    video = write_video(tmp_path / "v.mkv", noise_pictures(2, (65, 47)), pixels="yuv420p")
+    video = write_video(tmp_path / "v.mkv", noise_images(2, (65, 47)), pixels="yuv420p")
     frame = next(iter(open_recording(video)))
     assert frame.luma.shape == (47, 65)
     assert frame.to_rgb().shape == (47, 65, 3)
 
 
-def test_a_video_cut_in_the_middle_gives_its_good_pictures_and_says_so(tmp_path: Path) -> None:
-    video = write_video(tmp_path / "v.mkv", noise_pictures(30))
+def test_a_video_cut_in_the_middle_gives_its_good_images_and_says_so(tmp_path: Path) -> None:
+    video = write_video(tmp_path / "v.mkv", noise_images(30))
     video.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
     recording = open_recording(video)
     assert 5 < len(list(recording)) < 30
@@ -134,8 +134,8 @@ def test_what_is_no_video_is_one_clear_sentence(tmp_path: Path, content: bytes, 
         open_recording(path)
 
 
-def test_a_pipe_gives_every_picture_from_the_first(tmp_path: Path) -> None:
-    video, pipe = write_video(tmp_path / "v.mkv", noise_pictures(30)), tmp_path / "pipe"
+def test_a_pipe_gives_every_image_from_the_first(tmp_path: Path) -> None:
+    video, pipe = write_video(tmp_path / "v.mkv", noise_images(30)), tmp_path / "pipe"
     os.mkfifo(pipe)
     writer = threading.Thread(target=lambda: pipe.write_bytes(video.read_bytes()))
     writer.start()
@@ -149,7 +149,7 @@ def test_a_missing_video_is_named() -> None:
         open_recording("nowhere.mp4")
 
 
-def test_a_folder_of_pictures_needs_a_rate_and_keeps_the_order_of_numbers(tmp_path: Path) -> None:
+def test_a_folder_of_images_needs_a_rate_and_keeps_the_order_of_numbers(tmp_path: Path) -> None:
     for number in (1, 2, 10):
         cv2.imwrite(str(tmp_path / f"frame{number}.png"), np.full((20, 30, 3), number, np.uint8))
     with pytest.raises(InputError, match="rate"):
@@ -166,13 +166,13 @@ def test_interlaced_recordings_are_taken_apart_into_fields_in_their_order(tmp_pa
         spot = 200.0 / (1 + np.exp(np.hypot(x - 20 - 1.5 * t, y - 48) - 12))
         return np.repeat((30 + spot)[..., None], 3, axis=2).astype(np.uint8)
 
-    pictures = []
+    images = []
     for k in range(20):
         early, late = scene(2.0 * k), scene(2.0 * k + 1)
         woven = early.copy()
         woven[(1 if first == "top" else 0) :: 2] = late[(1 if first == "top" else 0) :: 2]
-        pictures.append(woven)
-    recording = open_recording(write_video(tmp_path / "v.mkv", pictures, rate=Fraction(30)))
+        images.append(woven)
+    recording = open_recording(write_video(tmp_path / "v.mkv", images, rate=Fraction(30)))
     fields = list(recording)
     assert len(fields) == 40
     assert [field.row_origin for field in fields[:2]] == ([0, 1] if first == "top" else [1, 0])
@@ -189,8 +189,8 @@ def test_interlaced_recordings_are_taken_apart_into_fields_in_their_order(tmp_pa
 def test_a_progressive_recording_of_30_a_second_stays_whole(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     marks = turning_marks(24, (60.0, 48.0), 12.0, 6.0, 0.05)
-    pictures = [draw(rng, (120, 96), {n: tuple(p[k]) for n, p in marks.items()}, 3.0, 0.8, 2.0) for k in range(24)]
-    recording = open_recording(write_video(tmp_path / "v.mkv", pictures, rate=Fraction(30), pixels="yuv420p"))
+    images = [draw(rng, (120, 96), {n: tuple(p[k]) for n, p in marks.items()}, 3.0, 0.8, 2.0) for k in range(24)]
+    recording = open_recording(write_video(tmp_path / "v.mkv", images, rate=Fraction(30), pixels="yuv420p"))
     assert {frame.row_step for frame in recording} == {1}
 
 
@@ -199,10 +199,10 @@ CODECS = {"mjpeg": "yuvj420p", "libx264": "yuv420p"}  # many decoders at work, a
 
 @pytest.mark.parametrize("codec", CODECS)
 @pytest.mark.parametrize("damaged", [False, True])
-def test_pictures_decoded_on_all_cores_are_the_same_in_the_same_order(
+def test_images_decoded_on_all_cores_are_the_same_in_the_same_order(
     tmp_path: Path, codec: str, *, damaged: bool
 ) -> None:
-    video = write_video(tmp_path / "v.avi", noise_pictures(24), codec=codec, pixels=CODECS[codec])
+    video = write_video(tmp_path / "v.avi", noise_images(24), codec=codec, pixels=CODECS[codec])
     if damaged:
         content = bytearray(video.read_bytes())
         content[len(content) // 2 : len(content) // 2 + 9000] = bytes(9000)
@@ -216,7 +216,7 @@ def test_pictures_decoded_on_all_cores_are_the_same_in_the_same_order(
 
 @pytest.mark.parametrize("codec", CODECS)
 def test_a_recording_may_be_left_before_its_end(tmp_path: Path, codec: str) -> None:
-    video = write_video(tmp_path / "v.avi", noise_pictures(24), codec=codec, pixels=CODECS[codec])
+    video = write_video(tmp_path / "v.avi", noise_images(24), codec=codec, pixels=CODECS[codec])
     before = threading.active_count()
     for frame in open_recording(video, threads=3):
         if frame.index == 5:
@@ -226,12 +226,12 @@ def test_a_recording_may_be_left_before_its_end(tmp_path: Path, codec: str) -> N
 
 @pytest.mark.parametrize("container", ["mp4", "mkv"])
 @pytest.mark.parametrize("damaged", [False, True])
-def test_groups_decoded_beside_each_other_give_the_pictures_of_one_decoder(
+def test_groups_decoded_beside_each_other_give_the_images_of_one_decoder(
     tmp_path: Path, container: str, *, damaged: bool
 ) -> None:
     options = {"g": "7", "x264-params": "open-gop=0:scenecut=0"}
     video = write_video(
-        tmp_path / f"v.{container}", noise_pictures(40), codec="libx264", pixels="yuv420p", options=options
+        tmp_path / f"v.{container}", noise_images(40), codec="libx264", pixels="yuv420p", options=options
     )
     if damaged:
         content = bytearray(video.read_bytes())
@@ -248,7 +248,7 @@ def test_groups_decoded_beside_each_other_give_the_pictures_of_one_decoder(
 
 def test_open_groups_are_not_taken_apart(tmp_path: Path) -> None:
     options = {"g": "7", "x264-params": "open-gop=1:scenecut=0:bframes=2"}
-    video = write_video(tmp_path / "v.mp4", noise_pictures(40), codec="libx264", pixels="yuv420p", options=options)
+    video = write_video(tmp_path / "v.mp4", noise_images(40), codec="libx264", pixels="yuv420p", options=options)
     assert groups_begin(video) == [0]
     one, two = open_recording(video, threads=1), open_recording(video)
     assert [frame.luma.tobytes() for frame in two] == [frame.luma.tobytes() for frame in one]
@@ -262,7 +262,7 @@ def groups_begin(video: Path) -> list[int]:
         return [k for k, packet in enumerate(container.demux(video=0)) if packet.size and groups.begins(packet)]
 
 
-def test_a_glance_at_packets_loses_none_and_raises_what_reading_raises_in_its_place() -> None:
+def test_first_packets_are_looked_at_without_loss_and_raises_what_reading_raises_in_its_place() -> None:
     def read() -> Iterator[int]:
         yield from range(3)
         raise OSError("torn off")
@@ -273,3 +273,10 @@ def test_a_glance_at_packets_loses_none_and_raises_what_reading_raises_in_its_pl
         assert [next(packets) for _ in range(3)] == [0, 1, 2]
         with pytest.raises(OSError, match="torn off"):
             next(packets)
+
+
+def test_frames_that_only_change_their_brightness_are_not_woven_of_fields(tmp_path: Path) -> None:
+    lit = [np.full((48, 64, 3), 40 * k, np.uint8) for k in range(6)]
+    recording = open_recording(write_video(tmp_path / "v.mkv", lit, pixels="yuv420p", rate=Fraction(30)))
+    assert len(list(recording)) == 6
+    assert recording.report().notes == ()

@@ -9,7 +9,7 @@ import pytest
 
 from evaluator.errors import InputError
 from evaluator.recording import open_recording
-from evaluator.recording.seek import Frames
+from evaluator.recording.seek import Frames, _Seeking
 from tests.evaluator.counted_clip import counted_clip, number_in
 
 
@@ -54,3 +54,10 @@ def test_a_frame_that_is_not_there_is_refused(tmp_path: Path) -> None:
     frames = Frames(counted_clip(tmp_path / "s.mp4", 20, gop=12))
     with pytest.raises(InputError, match="there is no frame 20; it has 20"):
         frames.image(20)
+
+
+def test_a_recording_that_is_opened_at_its_beginning_is_not_decoded_from_there_for_ever(tmp_path: Path) -> None:
+    path = counted_clip(tmp_path / "clip.mp4", 60, gop=12)
+    frames = Frames(path)
+    assert [number_in(frames.image(index)) for index in (0, 1, 40, 13)] == [0, 1, 40, 13]
+    assert isinstance(frames._source, _Seeking)

@@ -15,7 +15,7 @@ from simulator.robot import load_robot
 from simulator.slip.bench import virtual_bench
 
 
-def test_slip_bench_turns_a_recording_into_forces_law_and_pictures(tmp_path: Path) -> None:
+def test_slip_bench_turns_a_recording_into_forces_law_and_images(tmp_path: Path) -> None:
     virtual_bench(load_robot("column").slip, np.random.default_rng(2)).to_csv(tmp_path / "bench.csv", index=False)
     run = CliRunner().invoke(turnscope, ["slip-bench", str(tmp_path / "bench.csv"), "-o", str(tmp_path / "out")])
     assert run.exit_code == 0, run.output

@@ -138,8 +138,8 @@ CASES: dict[Callable[[Path], Path], str] = {
     images_of_two_sizes: "but the images before are",
     images_of_floats: "its samples are float32",
     folder_named_like_an_image: "holds no images",
-    one_plain_frame: "no mark was found in any of 1 frame;",
-    frames_of_four_pixels: "no mark was found in any of 5 frames;",
+    one_plain_frame: "no mark was found in any of 1 frame: it has no colour",
+    frames_of_four_pixels: "no mark was found in any of 5 frames: it has no colour",
 }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import io
+import json
 import os
 import signal
 import subprocess
@@ -23,19 +24,17 @@ from evaluator.errors import InputError
 from evaluator.workflow import analyze
 from tests.end_to_end.commands import ROOT
 from tests.evaluator.synthetic import circling_marks, write_experiment
+from tests.faults.kills import contents, is_torn
 
 MOST_CALLS = 400  # far more than a small batch makes
+LEAST_STATES = 10  # a batch of one run writes eight files: some of them, none of them, all of them, and their folders
+KILLS = 20
 
 
-def small_batch(folder: Path) -> Path:
-    """Two short runs."""
-    runs = [(f"r0{k}", 14.4, 33.3, circling_marks(5.0 + k, seconds=0.75, seed=k)) for k in range(2)]
-    return write_experiment(folder, runs)
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    """Every file below a folder."""
-    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+def small_batch(folder: Path, runs: int = 2) -> Path:
+    """Short runs."""
+    marks = [circling_marks(5.0 + k, seconds=0.75, seed=k) for k in range(runs)]
+    return write_experiment(folder, [(f"r0{k}", 14.4, 33.3, table) for k, table in enumerate(marks)])
 
 
 class Failing:
@@ -78,12 +77,22 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, byt
     return experiment, contents(folder / "out")
 
 
+@pytest.fixture(scope="module")
+def one_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, bytes]]:
+    folder = tmp_path_factory.mktemp("one-run")
+    experiment = small_batch(folder, runs=1)
+    analyze(experiment, folder / "out", workers=1)
+    return experiment, contents(folder / "out")
+
+
 @pytest.mark.parametrize("place", PLACES)
 def test_every_single_failure_leaves_whole_files_and_the_next_run_the_identical_result(
-    place: str, whole: tuple[Path, dict[str, bytes]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    place: str, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    experiment, expected = whole
+    # Every result arrives by a rename: those are tried between two runs as well.
+    experiment, expected = request.getfixturevalue("whole" if place == "rename" else "one_run")
     owner, name, error = PLACES[place]
+    states: set[frozenset[tuple[str, bytes]]] = set()
     for number in range(1, MOST_CALLS):
         out = tmp_path / f"out-{number}"
         failing = Failing(getattr(owner, name), number, error)
@@ -94,8 +103,10 @@ def test_every_single_failure_leaves_whole_files_and_the_next_run_the_identical_
         left = contents(out) if out.exists() else {}
         torn = [file for file in left if left[file] != expected.get(file) and not _is_whole_table(file, left[file])]
         assert torn == [], f"call {number}"
-        analyze(experiment, out, workers=1)
-        assert contents(out) == expected, f"call {number}"
+        if (state := frozenset(left.items())) not in states:  # the next run depends on nothing else
+            states.add(state)
+            analyze(experiment, out, workers=1)
+            assert contents(out) == expected, f"call {number}"
         if not failing.reached:
             return
     raise AssertionError(f"more than {MOST_CALLS} calls")
@@ -109,30 +120,48 @@ def _is_whole_table(name: str, content: bytes) -> bool:
     return content.endswith(b"\n") and len(table) >= 1 and bool(table.notna().any(axis=1).all())
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="forks, and sends a signal that Windows does not have")
+def test_killed_at_any_change_of_files_the_batch_goes_on_to_the_identical_result(tmp_path: Path) -> None:
+    experiment = small_batch(tmp_path, runs=1)
+    command = [sys.executable, "-m", "tests.faults.kills", str(experiment), str(tmp_path / "killed")]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["wrong"] == []
+    assert found["moments"] > found["states"] > LEAST_STATES
+
+
+@pytest.mark.exam
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a signal that Windows does not have")
-def test_killed_at_random_moments_the_batch_goes_on_to_the_identical_result(
+def test_a_command_killed_at_random_moments_goes_on_to_the_identical_result(
     whole: tuple[Path, dict[str, bytes]], tmp_path: Path
 ) -> None:
     experiment, expected = whole
     rng, out = np.random.default_rng(22), tmp_path / "out"
     command = [sys.executable, "-m", "evaluator", "analyze", str(experiment), "-o", str(out), "-q", "--workers", "1"]
-    for _ in range(4):
-        with _started(command) as process:
-            time.sleep(float(rng.uniform(0.3, 3.0)))
-            process.send_signal(signal.SIGKILL)
-    time.sleep(1.0)  # until a child has seen that its parent is gone
-    finished = contents(out) if out.exists() else {}
-    assert {name for name in finished if not Path(name).name.startswith(".")} <= set(expected)
-    told_apart = {"provenance.json"}  # names the command
-    assert all(finished[name] == expected[name] for name in finished if name in expected and name not in told_apart)
-    analyze(experiment, out, workers=1)
-    assert {name: content for name, content in contents(out).items() if name in expected} == expected
+    began = time.monotonic()
+    with _started(command) as process:
+        assert process.wait(300) == 0
+    lasts_s = time.monotonic() - began
+    for number in range(KILLS):
+        killed = tmp_path / f"out-{number}"
+        command[command.index("-o") + 1] = str(killed)
+        with _started(command, start_new_session=True) as process:
+            time.sleep(float(rng.uniform(0.3, 1.0)) * lasts_s)
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)  # with the child that reads recordings
+        finished = contents(killed) if killed.exists() else {}
+        told_apart = {"provenance.json"}  # names the command
+        torn = [name for name in finished if name not in told_apart and is_torn(name, finished, expected)]
+        assert torn == []
+        analyze(experiment, killed, workers=1)
+        assert {name: content for name, content in contents(killed).items() if name in expected} == expected
 
 
 @contextlib.contextmanager
-def _started(command: list[str]) -> Iterator[subprocess.Popen[bytes]]:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+def _started(command: list[str], **options: Any) -> Iterator[subprocess.Popen[bytes]]:
+    environment, quiet = {**os.environ, "PYTHONPATH": str(ROOT)}, subprocess.DEVNULL
+    with subprocess.Popen(command, env=environment, stdout=quiet, stderr=quiet, **options) as process:
         yield process
 
 

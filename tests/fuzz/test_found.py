@@ -115,7 +115,7 @@ def _camera(folder: Path) -> dict[str, object]:
         "format": 1, "size_px": [640, 480], "lens": "brown", "parameters": dict.fromkeys(PARAMETERS, 1.0),
         "sigma": dict.fromkeys(PARAMETERS, 0.0), "free": [], "covariance": [[0.0] * len(PARAMETERS)] * len(PARAMETERS),
         "gauge": {"format": 1, "name": "g", "dots": {"columns": 3, "rows": 3, "pitch_mm": 3.0, "diameter_mm": 1.0}},
-        "variance": 1.0, "pictures": [], "rms_px": 0.1, "verdict": verdict,
+        "variance": 1.0, "images": [], "rms_px": 0.1, "verdict": verdict,
     }  # fmt: skip
 
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import ast
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.end_to_end.commands import turnscope
 from tests.laboratory import mess, odd
 from tests.laboratory.experiment import draw, ordinary_session, write
 from tests.laboratory.session import true_marks
@@ -26,8 +25,7 @@ def written(folder: Path, kind: str, name: str, seed: int) -> Path:
 
 def test_turnscope_accepts_the_files(tmp_path: Path) -> None:
     experiment = written(tmp_path, "mess", "everything", 3) / "experiment.toml"
-    command = [sys.executable, "-m", "evaluator", "check", str(experiment)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=HERE.parents[1])
+    done = turnscope("check", experiment)
     assert done.returncode == 0, done.stderr
     assert "nothing is wrong" in done.stdout
 

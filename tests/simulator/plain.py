@@ -10,12 +10,15 @@ from types import ModuleType
 import numba
 
 import simulator.dynamics
+import simulator.integrator
 import simulator.slip
 
 # In the order of their imports, so that none imports a compiled one.
 KERNELS = (
     *("simulator.slip.magic_formula", "simulator.slip.law"),
     *(f"simulator.dynamics.{name}" for name in ("bases", "body", "wheel", "axles", "contact", "equations", "motors")),
+    *(f"simulator.integrator.{name}" for name in ("workspace", "rosenbrock", "stability", "implicit_euler")),
+    *("simulator.integrator.step_control", "simulator.integrator.slow_manifold"),
 )
 
 
@@ -27,7 +30,8 @@ def plain(name: str) -> ModuleType:
 
 @cache
 def _all() -> dict[str, ModuleType]:
-    packages: dict[str, ModuleType] = {"slip": simulator.slip, "dynamics": simulator.dynamics}
+    rooms = simulator.slip, simulator.dynamics, simulator.integrator
+    packages: dict[str, ModuleType] = {room.__name__.rpartition(".")[2]: room for room in rooms}
     held = {name: sys.modules.pop(name) for name in KERNELS if name in sys.modules}
     off, numba.config.DISABLE_JIT = numba.config.DISABLE_JIT, True
     try:

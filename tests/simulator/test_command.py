@@ -40,6 +40,15 @@ def test_a_robot_that_does_not_start_at_rest_did_before_the_log_what_its_first_r
     assert command.stretches()[0] == Stretch(-math.inf, 3.0, 30.0, 20.0)
 
 
+def test_semicolons_with_decimal_commas_are_read(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("time_s;left_rpm;right_rpm\n0,5;-1,25;2\n1;3;4\n")
+    command = Command.from_csv(log)
+    assert command.time_s.tolist() == [0.5, 1.0]
+    assert command.left_rpm.tolist() == [-1.25, 3.0]
+    assert command.right_rpm.tolist() == [2.0, 4.0]
+
+
 def test_rad_per_second_are_read(tmp_path: Path) -> None:
     command = Command.held(written(tmp_path, "time_s,left_rad_s,right_rpm\n0,3.14159265358979,7\n"))
     assert command.at(1.0)[0] == pytest.approx(30.0)

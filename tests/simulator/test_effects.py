@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot
-from simulator.effects.catalogue import EFFECTS
+from simulator.effects.catalogue import BUILT_IN, EFFECTS
 from simulator.effects.free_form import ID as FREE_FORM
 from simulator.observation import marks_of_run
 from simulator.robot import Robot, load_robot
@@ -65,8 +66,7 @@ def barrel() -> Robot:
 
 
 def test_catalogue_holds_the_effects_and_parameters_of_the_contract_and_the_perspective_of_a_tilted_camera() -> None:
-    declared = {id_: " ".join(item.name for item in effect.parameters) for id_, effect in EFFECTS.items()}
-    assert declared == CONTRACT
+    assert {id_: " ".join(item.name for item in effect.parameters) for id_, effect in BUILT_IN.items()} == CONTRACT
 
 
 @pytest.mark.parametrize("id_", CONTRACT)
@@ -76,10 +76,8 @@ def test_effect_at_its_absent_value_changes_nothing(barrel: Robot, id_: str) -> 
     assert marks_of_run(robot, moved(barrel)).equals(marks_of_run(barrel, moved(barrel)))
 
 
-@pytest.mark.parametrize("id_", CONTRACT)
-def test_every_parameter_of_every_effect_changes_the_marks(barrel: Robot, id_: str) -> None:
-    effect = EFFECTS[id_]
-    # Directions and places matter only where there is a size to point.
+def visible(id_: str) -> dict[str, float]:
+    """Parameters of an effect; directions and places matter only where there is a size to point."""
     sizes = {
         "amplitude": 0.1,
         "angle_deg": 2.0,
@@ -88,17 +86,37 @@ def test_every_parameter_of_every_effect_changes_the_marks(barrel: Robot, id_: s
         "rpm": 25.0,
         "dead_time_s": 0.0,
     }
-    base = {item.name: sizes.get(item.name, item.absent) for item in effect.parameters}
+    base = {item.name: sizes.get(item.name, item.absent) for item in EFFECTS[id_].parameters}
     if id_ == "stray-magnet":  # far enough from the path to pull, not to catch
         base |= {"x_mm": 12.0, "y_mm": 8.0}
     if id_ == "camera-tilt":  # perspective is of second order in the tilt
         base |= {"per_mm_x": 0.01}
+    return base
+
+
+@pytest.mark.parametrize("id_", CONTRACT)
+def test_every_parameter_of_every_effect_changes_the_marks(barrel: Robot, id_: str) -> None:
+    effect, base = EFFECTS[id_], visible(id_)
     for item in effect.parameters:
         seen = []
         for value in (base[item.name], base[item.name] + 10 * item.step):
             robot = affected(barrel, id_, **(base | {item.name: value}))
             seen.append(marks_of_run(robot, moved(robot)).to_numpy())
         assert np.abs(seen[1] - seen[0]).max() > 1e-4, item.name
+
+
+@pytest.mark.parametrize("id_", CONTRACT)
+def test_effects_of_the_plate_change_a_motion_begun_elsewhere_and_others_do_not(id_: str, barrel: Robot) -> None:
+    absent, base = EFFECTS[id_].absent(), visible(id_)
+    grown = {item.name: item.absent + 10 * item.step for item in EFFECTS[id_].parameters}
+    robot = affected(barrel, id_, **{name: grown[name] if base[name] == absent[name] else base[name] for name in base})
+    seen = []
+    for start in (State(0.0, 0.0, 0.0), State(4.0, -3.0, 2.0)):
+        table = marks_of_run(robot, simulate(robot, TURN, TIMES_S, start, 3)).to_numpy()[:, 1:3]
+        off, cos, sin = table - (start.x_mm, start.y_mm), math.cos(start.heading_rad), math.sin(start.heading_rad)
+        seen.append(off @ np.array([[cos, -sin], [sin, cos]]))
+    way = seen[1] - seen[0]
+    assert (np.abs(way - way[0]).max() > 1e-3) == EFFECTS[id_].of_plate  # a scale about the origin shifts all alike
 
 
 def test_tilted_plate_pulls_a_resting_robot_nowhere_and_a_rolling_one_downhill(barrel: Robot) -> None:

@@ -23,7 +23,7 @@ PAIRS = list(combinations(sorted(EFFECTS), 2))
 # No two effects of the catalogue depend on their order: they multiply factors, add up offsets and terms, or wait for
 # all others where they need the loads or the centre of gravity that these leave. An exception would be named here.
 ORDER_MATTERS: frozenset[tuple[str, str]] = frozenset()
-SETTINGS = settings(max_examples=12, deadline=None, derandomize=True)
+SETTINGS = settings(max_examples=4, deadline=None, derandomize=True)
 POSES = np.array([[3.0, -2.0, 0.7], [-20.0, 5.0, 2.0]]).T
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,20 +11,12 @@ from simulator.command import Command
 from simulator.effects.catalogue import EFFECTS
 from simulator.errors import SimulationError
 from simulator.observation import marks_of_run
-from simulator.own_effects.files import BUILT_IN, load_own
+from simulator.own_effects.files import load_own
 from simulator.own_effects.template import TermRow, python_template, template
 from simulator.robot import load_robot, shipped_robot_text
 from simulator.simulation import simulate
 
 TIMES_S = np.linspace(0.0, 3.0, 13)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _forgotten() -> Iterator[None]:
-    """Own effects are known to the whole process: other tests must not meet them."""
-    yield
-    for effect in set(EFFECTS) - BUILT_IN:
-        del EFFECTS[effect]
 
 
 def robot_file(folder: Path, effect: str) -> Path:

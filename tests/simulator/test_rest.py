@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +14,7 @@ from simulator.robot import load_robot
 from simulator.run import Run, State
 from simulator.simulation import simulate
 from simulator.steady import steady_turns
+from tests.end_to_end.commands import turnscope
 from tests.simulator.effect_probe import with_effects
 from tests.simulator.reference import integrated, plain_rates
 
@@ -93,8 +92,7 @@ def test_stop_is_followed_at_the_finest_tolerance(name: str, left: float, right:
 
 
 def test_simulate_command_says_where_chance_decides(tmp_path: Path) -> None:
-    line = [sys.executable, "-m", "evaluator", "simulate", "--robot", "tire", "--left", "-90", "--right", "39"]
-    line += ["--duration", "1", "-o", str(tmp_path / "run.csv")]
-    done = subprocess.run(line, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
+    command = ("simulate", "--robot", "tire", "--left", "-90", "--right", "39", "--duration", "1")
+    done = turnscope(*command, "-o", tmp_path / "run.csv")
     assert done.returncode == 0
     assert "another turn" in done.stderr

@@ -1,18 +1,11 @@
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
-ROOT = Path(__file__).parents[2]
-
-
-def turnscope(*arguments: str) -> subprocess.CompletedProcess[str]:
-    line = [sys.executable, "-m", "evaluator", *arguments]
-    return subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False)
+from tests.end_to_end.commands import turnscope
 
 
 def test_simulate_writes_the_columns_of_the_contract(tmp_path: Path) -> None:

@@ -128,8 +128,8 @@ def test_nothing_is_lost_when_a_dask_worker_is_killed_during_the_sweep(
     sweep_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     distributed = pytest.importorskip("distributed", reason="the optional extra dask is not installed")
-    monkeypatch.setattr(command, "RUNS_A_PART", 100)
-    sweep_file.write_text(SWEEP.replace("samples = 3", "samples = 300"), encoding="utf-8")
+    monkeypatch.setattr(command, "RUNS_A_PART", 20)
+    sweep_file.write_text(SWEEP.replace("samples = 3", "samples = 60"), encoding="utf-8")
     killed: list[int] = []
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50

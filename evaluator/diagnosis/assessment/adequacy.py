@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from evaluator.diagnosis.inference.fit import Fit
+from evaluator.diagnosis.inference.left_overs import left_overs
 from evaluator.diagnosis.likelihood.mixed_model import SCATTER, run_effects
 from evaluator.diagnosis.likelihood.run_data import RunData
 
@@ -47,19 +48,13 @@ def adequacy(fit: Fit, data: Sequence[RunData]) -> Adequacy:
     """Test the left-overs of a fit."""
     columns = fit.columns
     theta = np.array([fit.point.value(column) for column in columns])
-    total, freedom, by_run = 0.0, 0.0, []
-    for item in fit.linearized:
-        left = item.response - item.common @ theta
-        basis = np.linalg.qr(np.column_stack([item.start, item.scatter, item.common]))[0]
-        left = left - basis @ (basis.T @ left)
-        square, count = float(left @ left), float(len(left) - basis.shape[1])
-        by_run.append(square / max(count, 1.0))
-        total, freedom = total + square, freedom + count
+    squares, freedom = left_overs(fit.linearized, columns, theta)
+    excess = float(squares.sum() / freedom.sum())
     own, unknown = run_effects(fit.reduced, theta, fit.posterior.scatter)
     told = 1 - np.diagonal(unknown, axis1=1, axis2=2) / fit.posterior.scatter**2
-    excess = total / max(freedom, 1.0)
+    sigma = np.sqrt(2 / freedom.sum())
     order_p, depends_on = _order(own / fit.posterior.scatter, told, [data[run] for run in fit.runs])
-    return Adequacy(excess, (excess - 1) / np.sqrt(2 / max(freedom, 1.0)), np.array(by_run), own, order_p, depends_on)
+    return Adequacy(excess, (excess - 1) / sigma, squares / freedom, own, order_p, depends_on)
 
 
 def _order(own: Floats, told: Floats, data: Sequence[RunData]) -> tuple[float, str]:

@@ -31,11 +31,15 @@ SAME_SIZE = 0.05
 def advantage(first: Fit, second: Fit, data: Sequence[RunData], tolerance: Mapping[str, float]) -> tuple[float, float]:
     """Gain in log density of left-out commands of the first fit over the second, and its standard error over commands.
 
-    Both fits are of the same runs of data.
+    Both fits are of the same runs of data. The error of few commands is itself known badly: it is widened by as much
+    as Student's t is wider than the normal distribution, so that two of it mean what they do of many commands.
     """
     aside = [np.array(runs) for runs in runs_by_command([data[run] for run in first.runs]).values()]
     gains = _densities(first, aside, tolerance) - _densities(second, aside, tolerance)
-    return float(gains.sum()), float(gains.std(ddof=1) * np.sqrt(len(gains)))
+    if len(gains) < 2:
+        return float(gains.sum()), np.inf
+    wider = float(stats.t.isf(stats.norm.sf(2.0), len(gains) - 1)) / 2.0
+    return float(gains.sum()), float(gains.std(ddof=1) * np.sqrt(len(gains)) * wider)
 
 
 def _densities(fit: Fit, aside: Sequence[NDArray[np.int64]], tolerance: Mapping[str, float]) -> Floats:

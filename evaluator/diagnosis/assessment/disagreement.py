@@ -43,7 +43,8 @@ Interval = tuple[float, float, float]  # value, low, high
 class Dependence:
     """A disagreement and what it depends on: effect sizes with their significance and a plain sentence.
 
-    sizes: coefficients of what was tested, in the order of its regressors, each with its 95 % bounds.
+    sizes: coefficients of what was tested, in the order of its regressors, each with its 95 % bounds. rms: what they
+    make, over all pieces, in the unit of the quantity.
     """
 
     quantity: str
@@ -52,6 +53,7 @@ class Dependence:
     sigmas: float
     sentence: str
     sizes: tuple[Interval, ...] = ()
+    rms: float = 0.0
 
 
 def pieces(problem: Problem, point: Point) -> pd.DataFrame:
@@ -116,6 +118,12 @@ def dependences(table: pd.DataFrame) -> list[Dependence]:
     return sorted(shown, key=lambda item: -item.sigmas)
 
 
+def most_telling(table: pd.DataFrame) -> list[Dependence]:
+    """What stands out; where nothing does by itself, the most significant of all that these runs can answer."""
+    asked = [item for item in every_dependence(table) if item.sigmas > 0]
+    return dependences(table) or sorted(asked, key=lambda item: -item.sigmas)[:1]
+
+
 def every_dependence(table: pd.DataFrame) -> list[Dependence]:
     """All that was asked of a table of pieces and that these runs can answer, significant or not."""
     found = []
@@ -129,7 +137,8 @@ def every_dependence(table: pd.DataFrame) -> list[Dependence]:
             size, half, sigmas = _clustered(values, columns, runs, len(tested))
             sizes = tuple((v, v - h, v + h) for v, h in zip(map(float, size), map(float, half), strict=True))
             sentence = _sentence(quantity, by, parity, size, sigmas)
-            found.append(Dependence(quantity, by, parity, sigmas, sentence, sizes[-len(tested) :]))
+            rms = float(np.sqrt(np.mean((np.column_stack(tested) @ size[-len(tested) :]) ** 2)))
+            found.append(Dependence(quantity, by, parity, sigmas, sentence, sizes[-len(tested) :], rms))
     return found
 
 

@@ -12,8 +12,8 @@ motion, clock, scale, level, places of the marks; session_as_found) holds in it,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -38,13 +38,27 @@ CHANGED_FLOORS = 0.5  # of the noise floor: what is relevant of a path by defaul
 
 @dataclass(frozen=True)
 class Gap:
-    """RMS gap by run, mm, before and after the effect is added, refitted and predicted; noise floor of each run."""
+    """RMS gap by run, mm, before and after the effect is added, refitted and predicted; noise floor of each run.
+
+    not_predicted: why a run could not be simulated from its start pose, before or after; its predicted gap is then NaN.
+    """
 
     before_mm: Floats
     after_mm: Floats
     floor_mm: Floats
     predicted_before_mm: Floats
     predicted_after_mm: Floats
+    not_predicted: Mapping[int, str] = field(default_factory=dict)
+
+    def answered(self, *, added: bool) -> Gap:
+        """The gap that goes with an answer: where nothing is added and refitting is no nearer, that of the file.
+
+        added: whether the answer adds anything to the model. Nominal values and all that is known to a tolerance may
+        end farther from the marks than they began where no fit follows the runs: such values are not proposed.
+        """
+        if added or not not_shrunk(self):
+            return self
+        return replace(self, after_mm=self.before_mm, predicted_after_mm=self.predicted_before_mm)
 
 
 def grown_gap(gap: Gap) -> str:
@@ -55,10 +69,8 @@ def grown_gap(gap: Gap) -> str:
     run: of the runs whose gap changes by more than half the noise floor, no more may grow than chance allows if growing
     and shrinking were as likely (sign test).
     """
-    everything = range(len(gap.after_mm))
-    before, after = rms(gap.before_mm, everything), rms(gap.after_mm, everything)
-    if not after < before:
-        return f"the gap after refitting does not shrink ({before:.3g} to {after:.3g} mm)"
+    if reason := not_shrunk(gap):
+        return reason
     change = gap.predicted_after_mm - gap.predicted_before_mm
     change = change[np.abs(change) > CHANGED_FLOORS * gap.floor_mm]  # not a number, not simulated, is no change
     larger = int(np.count_nonzero(change > 0))
@@ -69,22 +81,34 @@ def grown_gap(gap: Gap) -> str:
     return ""
 
 
-def predicted_gaps(data: Sequence[RunData], robots: Sequence[Robot], measured_by: Sequence[Robot]) -> Floats:
+def not_shrunk(gap: Gap) -> str:
+    """Why a gap after refitting speaks against what was added; empty where it shrinks, as it had the freedom to."""
+    everything = range(len(gap.after_mm))
+    before, after = rms(gap.before_mm, everything), rms(gap.after_mm, everything)
+    return "" if after < before else f"the gap after refitting does not shrink ({before:.3g} to {after:.3g} mm)"
+
+
+def predicted_gaps(
+    data: Sequence[RunData], robots: Sequence[Robot], measured_by: Sequence[Robot]
+) -> tuple[Floats, dict[int, str]]:
     """RMS distance of the centre by run, mm, of robots simulated from the start pose; NaN where that cannot be done.
 
-    measured_by: the robots whose marks turn measured marks into poses.
+    measured_by: the robots whose marks turn measured marks into poses. Returns the distances, and why a run has none.
     """
-    return np.array([_predicted_gap(*item) for item in zip(data, robots, measured_by, strict=True)])
+    found, reasons = np.full(len(data), np.nan), {}
+    for number, (run, robot, by) in enumerate(zip(data, robots, measured_by, strict=True)):
+        try:
+            found[number] = _predicted_gap(run, robot, by)
+        except SimulationError as error:
+            reasons[number] = str(error)
+    return found, reasons
 
 
 def _predicted_gap(run: RunData, robot: Robot, measured_by: Robot) -> float:
     pair = reference_pair(measured_by) or ()
     table = pd.DataFrame(np.column_stack([run.time_s, run.marks_mm]), columns=["time_s", *columns_of(pair)])
     poses = poses_from_marks(table, mark_geometry(measured_by).only(pair))
-    try:
-        _, seen = simulated_poses(robot, run.told, poses, run.order)
-    except SimulationError:
-        return float("nan")
+    _, seen = simulated_poses(robot, run.told, poses, run.order)
     return trajectory_gap(poses, seen)["gap_rms_mm"]
 
 

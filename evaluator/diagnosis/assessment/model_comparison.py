@@ -37,7 +37,7 @@ def score(search: Search, ids: Set, families: int) -> float:
     named = [effect for effect in ids if not is_free(effect)]
     free = len(ids) - len(named)
     candidates = sum(not is_free(effect) for effect in search.terms)
-    prior = log_prior(min(len(named), 3), candidates) + free * (np.log(FREE_PRIOR) - np.log(max(families, 1)))
+    prior = log_prior(len(named), candidates) + free * (np.log(FREE_PRIOR) - np.log(max(families, 1)))
     return search.evidence(ids) + float(prior)
 
 
@@ -162,3 +162,11 @@ def predictive_score(search: Search, fit: Fit, runs: Sequence[int]) -> float:
     misfit = s - 2 * g @ theta + theta @ G @ theta - excess @ inner @ excess
     logdet = model.logdet[at] + np.linalg.slogdet(np.eye(len(columns)) + covariance @ G)[1]
     return float(-0.5 * (misfit + logdet))
+
+
+def confirmation(part: Search, fit: Fit, held_out: Sequence[int]) -> float:
+    """Gain in log density of the runs held out over the null; NaN where the null cannot even be simulated there."""
+    try:
+        return predictive_score(part, fit, held_out) - predictive_score(part, part.null, held_out)
+    except FloatingPointError:
+        return float("nan")

@@ -1,14 +1,14 @@
 """Robot and commands with what the fitted runs say of the whole session, for a prediction from the start pose alone.
 
 What a laboratory knows only to within a tolerance (start of motion, clock, scale, level, wheels, places of the marks)
-is one value for all runs. It is fitted on the fitted runs and holds for those kept aside as it is, like an effect.
+is one value for all runs. It is fitted on the fitted runs and holds for those held out as it is, like an effect.
 """
 
 from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from evaluator.diagnosis.likelihood.known_to import (
@@ -26,6 +26,8 @@ from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.robot_geometry import reference_line, reference_places
 from simulator.effects.entry import EffectEntry
 from simulator.robot import Robot
+
+FACTORS = ("time-base", "plane-scale", "drive-speed-mismatch")
 
 
 def later_started(data: Sequence[RunData], known: Sequence[Quantity], point: Point) -> tuple[RunData, ...]:
@@ -59,8 +61,29 @@ def with_session(robot: Robot, known: Sequence[Quantity], point: Point) -> Robot
         added["mass-offset"] = {"x_mm": x, "y_mm": y}
     if moved := _moved_marks(robot, found):
         added["mark-offset"] = moved
-    entries = tuple(EffectEntry.model_validate({"id": name, **values}) for name, values in added.items())
-    return robot.model_copy(update={"effect": (*robot.effect, *entries)})
+    return robot.model_copy(update={"effect": _together(robot.effect, added)})
+
+
+def _together(entries: Sequence[EffectEntry], added: Mapping[str, Mapping[str, float]]) -> tuple[EffectEntry, ...]:
+    """Entries of a robot and those of its session; where both have an effect, one that does what both do.
+
+    An effect may stand once in a robot: one that is named and lies within what is known to a tolerance is in both.
+    """
+    given = {entry.id: entry.given for entry in entries}
+    both = {name: _sum(name, given[name], more) if name in given else more for name, more in added.items()}
+    kept = tuple(entry for entry in entries if entry.id not in both)
+    return (*kept, *(EffectEntry.model_validate({"id": name, **values}) for name, values in both.items()))
+
+
+def _sum(effect: str, one: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
+    """Factors multiply, slopes add as vectors; offsets add, which is so to first order where marks are turned too."""
+    if effect == "plate-tilt":
+        slopes = (cmath.rect(tilt["angle_deg"], math.radians(tilt.get("azimuth_deg", 0.0))) for tilt in (one, other))
+        angle, azimuth = cmath.polar(sum(slopes))
+        return {"angle_deg": angle, "azimuth_deg": math.degrees(azimuth)}
+    if effect in FACTORS:
+        return {name: one.get(name, 1.0) * other.get(name, 1.0) for name in {*one, *other}}
+    return {name: one.get(name, 0.0) + other.get(name, 0.0) for name in {*one, *other}}
 
 
 def _found(known: Sequence[Quantity], point: Point) -> dict[str, float]:

@@ -8,6 +8,7 @@ from typing import Literal
 
 from evaluator.diagnosis.assessment.adequacy import Adequacy
 from evaluator.diagnosis.assessment.cross_validation import Constancy, advantage
+from evaluator.diagnosis.assessment.knowledge import strained, together
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, score
 from evaluator.diagnosis.inference.search import LARGEST_SET, Search
 
@@ -31,8 +32,10 @@ EXCESS = 1.12
 EXCESS_SIGMA = 5.0
 # A free-form term is the answer where it predicts commands left out better by so much, and by so many of its standard
 # errors. Of right answers in the development bank no free-form term gained more than 1.5, of wrong ones eight and more.
-# One of a hundred families may gain as much by chance: it must be the more probable than nothing too.
-FORETOLD, FORETOLD_SIGMA = 4.0, 2.0
+# One of a hundred families may gain as much by chance: it must be the more probable than without it, and with all that
+# stands beside it more probable than nothing. Under heavy-tailed noise one beside a scale that was off by chance,
+# together 29 times less probable than nothing, has passed for physics.
+BETTER_BY, BETTER_SIGMAS = 4.0, 2.0
 # Friction and gains that depend on something known are not chance: the probability at which that is believed.
 NOT_CHANCE = 1e-3
 
@@ -53,12 +56,37 @@ def least_gain(ids: Set) -> float:
     return KEEP[min(len(ids), LARGEST_SET - 1) if any(map(is_free, ids)) else len(ids)]
 
 
+# Values that no set may move beyond three of their tolerances, unless the model without effects does so too. Of some
+# 25, one in fifteen laboratories has one so far off, one in five hundred two. Two effects that undo each other, or an
+# effect and the tolerances, run away against each other and drag several with them.
+STRAINED = 2
+
+
 def pays(search: Search, table: Standing, families: int, ids: Set) -> bool:
-    """Whether each effect of a set pays for itself, and all together, so that the set may be an answer."""
-    least = least_gain(ids)
+    """Whether each effect of a set pays for itself, and all together, and what is known holds: it may be an answer.
+
+    A single named effect need earn no more than a second one where it stands for what else several values together
+    would have to be off by more than chance allows: something is missing then anyway.
+    """
+    if ids and _strains(search, ids):
+        return False
+    least, first = least_gain(ids), KEEP[1]
+    if len(ids) == 1 and not any(map(is_free, ids)) and _relieves(search, ids):
+        least = first = KEEP[2]
     # two effects that undo each other cost much to part, and may together gain nothing over none
-    together = not ids or table.of(ids) - score(search, frozenset(), families) > KEEP[1]
-    return together and all(table.of(ids) - score(search, ids - {effect}, families) > least for effect in ids)
+    gained = not ids or table.of(ids) - score(search, frozenset(), families) > first
+    return gained and all(table.of(ids) - score(search, ids - {effect}, families) > least for effect in ids)
+
+
+def _relieves(search: Search, ids: Set) -> bool:
+    """Whether what is known to a tolerance is off beyond chance without a set, all together, and not with it."""
+    without, with_it = (together(fit, search.tolerance) for fit in (search.null, search.fits[ids]))
+    return without.is_finding and not with_it.is_finding
+
+
+def _strains(search: Search, ids: Set) -> bool:
+    """Whether a set stands only where values lie that no laboratory would have stated."""
+    return len(strained(search.fits[ids], search.null, search.tolerance)) >= STRAINED
 
 
 def best_named(search: Search, table: Standing, families: int) -> Set:
@@ -92,7 +120,11 @@ def decide(
     # also better than named effects that do not pay for themselves: chance that looks like one looks like both
     likeliest = next(ids for ids in table.sets if not any(map(is_free, ids)))
     for ids in free:
-        if gain(ids) > 0 and all(_predicts(search, ids, other) for other in {named, likeliest}):
+        if (
+            gain(ids) > 0
+            and table.of(ids) > table.of(frozenset())
+            and all(_predicts(search, ids, other) for other in {named, likeliest})
+        ):
             return ids, "unknown", "a free-form term predicts commands left out better than any named effect"
     if named:
         return named, "effect", "each effect pays for itself, and nothing is left that a free-form term could explain"
@@ -102,7 +134,7 @@ def decide(
 def _predicts(search: Search, ids: Set, other: Set) -> bool:
     """Whether a set predicts commands left out better than another, beyond chance."""
     gain, error = advantage(search.fits[ids], search.fits[other], search.problem.data, search.tolerance)
-    return gain > FORETOLD and gain > FORETOLD_SIGMA * error
+    return gain > BETTER_BY and gain > BETTER_SIGMAS * error
 
 
 def doubts(left: Adequacy, constant: Sequence[Constancy]) -> str:

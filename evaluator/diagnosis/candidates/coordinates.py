@@ -9,10 +9,9 @@ import numpy as np
 
 from simulator.dynamics.scale import USUAL_DISTANCE_MM, time_unit_s
 from simulator.dynamics.terms import UN_PER_MN
-from simulator.effects.catalogue import EFFECTS
+from simulator.effects.catalogue import BUILT_IN, EFFECTS
 from simulator.effects.coordinates import Candidate, Scene
 from simulator.effects.parameter import PAPER_SIZE, Size
-from simulator.own_effects.files import BUILT_IN
 from simulator.robot import Robot
 
 USUAL_LOAD_MN = 53.9  # on the wheels of the paper's barrel robot: 4.9 mN of weight, 49 mN of attraction
@@ -29,15 +28,21 @@ def size_of(robot: Robot) -> Size:
 
 
 def named_terms(
-    reach_mm: float, command_levels_rpm: tuple[float, ...], own: Sequence[str] = (), size: Size = PAPER_SIZE
+    reach_mm: float,
+    command_levels_rpm: tuple[float, ...],
+    own: Sequence[str] = (),
+    size: Size = PAPER_SIZE,
+    *,
+    one_frame: bool = True,
 ) -> dict[str, Candidate]:
     """All effects of the catalogue as candidates, by id, and those of the user's own.
 
     reach_mm: how far from the origin the robot moved, for the places an attraction may sit. command_levels_rpm: the
     different |rpm| that were commanded; a dead band can only lie between them. size: of the robot; who writes an own
-    effect states its steps and bounds for it.
+    effect states its steps and bounds for it. one_frame: whether the runs share a frame; in frames of their own they
+    cannot show effects of the plate, which are left out.
     """
     scene = Scene(reach_mm, command_levels_rpm, size)
     as_stated = replace(scene, size=PAPER_SIZE)
-    built_in = {effect: EFFECTS[effect].candidate(scene) for effect in EFFECTS if effect in BUILT_IN}
-    return built_in | {effect: EFFECTS[effect].candidate(as_stated) for effect in own}
+    scenes = dict.fromkeys(BUILT_IN, scene) | dict.fromkeys(own, as_stated)
+    return {id_: EFFECTS[id_].candidate(its) for id_, its in scenes.items() if one_frame or not EFFECTS[id_].of_plate}

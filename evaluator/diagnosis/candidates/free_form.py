@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulator.dynamics.scale import DIMENSIONS
-from simulator.dynamics.terms import BASES, CHANNELS, X_CUBED, Y_CUBED
+from simulator.dynamics.terms import BASES, CHANNELS, X_CUBED, Y_CUBED, is_of_plate
 from simulator.dynamics.terms import Term as KernelTerm
 from simulator.effects.coordinates import Candidate, Coordinate, Parameters
 from simulator.effects.free_form import scale_of_channel
@@ -135,6 +135,11 @@ class Item:
         own = f"{self.channel}.{self.basis}" + ("" if self.pattern == "common" else f".{self.pattern}")
         return own if self.twin is None else f"{own}={self.twin.name}"
 
+    @property
+    def of_plate(self) -> bool:
+        """Whether it acts by the place or the direction of the robot on the plate."""
+        return is_of_plate(CHANNELS[self.channel], BASES[self.basis])
+
 
 @dataclass(frozen=True)
 class FreeTerm(Candidate):
@@ -179,14 +184,18 @@ class FreeTerm(Candidate):
         return f" ({', '.join(sorted(patterns))} wheels)" if patterns else ""
 
 
-def free_terms(size: Size = PAPER_SIZE) -> dict[str, FreeTerm]:
-    """All families by id, with the steps and bounds of a robot of a size."""
-    return {term.id: term for term in (_family(items, size) for items in _families())}
+def free_terms(size: Size = PAPER_SIZE, *, one_frame: bool = True) -> dict[str, FreeTerm]:
+    """All families by id, with the steps and bounds of a robot of a size.
+
+    one_frame: whether the runs share a frame; otherwise without families that depend on the plate.
+    """
+    every = (_family(items, size) for items in _families())
+    return {term.id: term for term in every if one_frame or not any(item.of_plate for item in term.items)}
 
 
 def _family(items: tuple[Item, ...], size: Size) -> FreeTerm:
     names = [item.name for item in items]
-    coordinates = tuple(_coordinate(name, item, size) for name, item in zip(names, items, strict=True))
+    coordinates = tuple(coefficient(name, item, size) for name, item in zip(names, items, strict=True))
 
     def physical(values: tuple[float, ...]) -> Parameters:
         return dict(zip(names, map(float, values), strict=True))
@@ -194,7 +203,7 @@ def _family(items: tuple[Item, ...], size: Size) -> FreeTerm:
     return FreeTerm(PREFIX + "+".join(names), coordinates, physical, items=items)
 
 
-def _coordinate(name: str, item: Item, size: Size) -> Coordinate:
+def coefficient(name: str, item: Item, size: Size = PAPER_SIZE) -> Coordinate:
     """A coefficient with its visible step, bounded so that friction, load and speed keep their sign."""
     basis = BASIS_SIZE.get(item.basis, 1.0) * size.length ** _length_power(item.basis)
     step = CHANNEL_STEP[item.channel] * _times_as_large(item.channel, size)
@@ -202,6 +211,15 @@ def _coordinate(name: str, item: Item, size: Size) -> Coordinate:
     if item.basis != "one":  # may have either sign
         low, high = max(low, -high), min(high, -low)
     return Coordinate(name, 0.0, step / basis, low / basis, high / basis)
+
+
+def unit_of_coefficient(channel: str, basis: str) -> str:
+    """Unit of a coefficient, as it is shown: 1 is not said."""
+    unit, per = CHANNEL_WORDS[channel][1], BASIS_WORDS[basis][1]
+    if unit == "rpm" and per == "/rpm":
+        return ""
+    shown = f"{unit}{per}"
+    return shown if per else shown.removesuffix("1")
 
 
 def _length_power(basis: str) -> int:

@@ -29,12 +29,13 @@ from evaluator.diagnosis.design.candidate_runs import (
 from evaluator.diagnosis.inference.fit import Fit, model_columns, prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.features import channels_of, compression
-from evaluator.diagnosis.likelihood.known_to import Quantity, simulated_sigmas, with_shifts
+from evaluator.diagnosis.likelihood.known_to import Quantity, predicted_sigmas
 from evaluator.diagnosis.likelihood.mixed_model import at_scatter, reduce_runs
-from evaluator.diagnosis.likelihood.noise import Noise
+from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, Forward, RunData
 from evaluator.diagnosis.likelihood.simulation import Simulated
+from evaluator.diagnosis.likelihood.variants import depends_on_place
 from simulator.effects.coordinates import Candidate
 from simulator.robot import Robot
 
@@ -71,16 +72,13 @@ def hypothetical(
         RunData(f"c{number}", *item.command, REST_S, None, time, np.zeros((len(time), 4)), order)
         for number, (item, time, order) in enumerate(zip(runs, times, orders, strict=True))
     )
-    same = (like.known, like.start_sigma_s) if isinstance(like, Simulated) else (simulated_sigmas(known), start_sigma_s)
+    same = (like.known, like.start_sigma_s) if isinstance(like, Simulated) else (predicted_sigmas(known), start_sigma_s)
     forward = Simulated((robot,) * len(data), data, terms, *same)
     own = np.zeros((len(data), OWN_NUMBERS))
     own[:, :3] = [(item.x_mm, item.y_mm, np.radians(item.heading_deg)) for item in runs]
     placed_at = replace(point, own=own)
     marks = forward.marks([placed_at.task(run) for run in range(len(data))])
-    data = with_shifts(
-        [replace(run, marks_mm=item) for run, item in zip(data, marks, strict=True)], forward.robots, known
-    )
-    forward = forward.of_frames(data)
+    data = tuple(replace(run, marks_mm=item) for run, item in zip(data, marks, strict=True))
     channels = tuple(channels_of(item) for item in marks)
     half = float(np.nanmedian([np.nanmedian(item[:, 3]) for item in channels])) / 2
     distinct = {len(time): time for time in times}
@@ -225,8 +223,17 @@ def best_next_runs(
     told = of(options)
     groups = [*told.values(), list(chain(*told.values()))]
     worth = sorted({options[run].command for group in groups for run in runs_until_enough(group)[0]})
-    options = [run for each in worth for run in placed(robot, each, HEADINGS_DEG, room, (MIDDLE, *CORNERS))]
-    told = of(options)
+    involved = {effect for rival in rivals.values() for effect in rival.fit.terms} | chosen
+    if depends_on_place(robot, [search.terms[effect] for effect in sorted(involved)]):
+        options = [run for each in worth for run in placed(robot, each, HEADINGS_DEG, room, (MIDDLE, *CORNERS))]
+        told = of(options)
+    return _until_separated(options, told, chosen)
+
+
+def _until_separated(
+    options: Sequence[CandidateRun], told: Mapping[str, Sequence[Information]], chosen: Set
+) -> NextRuns | None:
+    """The options to make until every rival that can be kept away is, by what they tell of each."""
     reached = {name: runs_until_enough(views)[1] for name, views in told.items()}
     inseparable = {name: sigmas for name, sigmas in reached.items() if sigmas < ENOUGH_SIGMAS}
     able = {name: views for name, views in told.items() if name not in inseparable}

@@ -12,7 +12,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.diagnosis.inference.bounds import bounds
 from evaluator.diagnosis.inference.fit_cache import End, question_of
+from evaluator.diagnosis.inference.left_overs import left_overs
+from evaluator.diagnosis.inference.not_differentiable import most_slopeless, without_slopes
 from evaluator.diagnosis.likelihood.mixed_model import (
     Linearized,
     MixedModel,
@@ -23,33 +26,30 @@ from evaluator.diagnosis.likelihood.mixed_model import (
     solve_within,
 )
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
-from evaluator.diagnosis.likelihood.random_effects import MOST_SCATTER, settled
+from evaluator.diagnosis.likelihood.random_effects import MOST_SCATTER, settled_by_run
 from evaluator.diagnosis.likelihood.run_data import Values
 from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
 
 MOST_STEPS = 10
-# Promised change of -2 log density below which a fit has converged: a hundredth of what any decision needs.
+# Predicted decrease of -2 log density below which a fit has converged: a hundredth of what any decision needs.
 SETTLED = 0.05
-# A step that fails at this promise met the roughness of the density, or its curvature, not a wrong direction: over 26
-# runs, some of them turns on the spot, it varied by 0.8 between points that are all but the same; with two dozen
-# quantities known to a tolerance, some worth hundreds of sigmas together, 3.6 were promised where nothing was left to
-# gain. Decisions take seven and more.
+# A step that fails below this predicted decrease met the roughness of the density, or its curvature, not a wrong
+# direction: over 26 runs, some of them turns on the spot, it varied by 0.8 between points that are all but the same;
+# with two dozen quantities known to a tolerance, some worth hundreds of sigmas together, 3.6 were predicted where
+# nothing was left to gain. Decisions take seven and more.
 STALLED = 5.0
-MOST_SHORT = 40.0  # of -2 log density, on ground: a fit to which a view promises more is nowhere near its end
-# A promise that stays above this share of the one before, and is of friction or gains no run can have, is not kept.
-# In four experiments that nothing explains, 164 of 169 fits that stalled wanted such, and one of 63 that converged.
+MOST_SHORTFALL = 40.0  # of -2 log density, on ground: a fit for which a view predicts more is nowhere near its end
+# A decrease that stays above this share of the one predicted before, and rests on friction or gains that no run can
+# have, does not come. In four experiments that nothing explains, 164 of 169 fits that stalled wanted such, and one of
+# 63 that converged.
 NO_PROGRESS = 0.5
 DAMPINGS = (1.0, 0.4, 0.12, 0.03)
 # Of log evidence below that of a model that explains the runs: a fit that lags by more is given up where a step does
 # not close half of it. Sets that come in for a verdict end within ten of one another.
 LAGGING = 60.0
 CLOSING = 0.5
-# Of a nominal value: farther is not recalibration but another robot; and never to nothing. Of the start common to all
-# runs, known to a frame, 6 sigmas are 0.1 s: a larger error is a mistake of the experiment file.
-MOST_TOLERANCES = 6.0
-MOST_DEVIATION = 0.5
 
 
 @dataclass(frozen=True)
@@ -65,21 +65,16 @@ class Fit:
     converged: bool
     runs: tuple[int, ...]
     steps: int = 1  # that it took: linear views of all its runs
-    unkept: float = (
-        0.0  # of -2 log density: what the last view promised and no step kept; half is taken from the evidence
-    )
+    # of -2 log density: the decrease that the last view predicted and no step reached; half is taken from the evidence
+    shortfall: float = 0.0
+    slopeless: tuple[int, ...] = ()  # numbers, in runs, of those whose slopes are left out: see not_differentiable.py
 
     @cached_property
     def excess(self) -> float:
-        """Mean square of what is left of the whitened features once all is fitted in the linear view: 1 for noise."""
+        """Mean square of what is left of the whitened features: 1 for noise."""
         theta = np.array([self.point.value(column) for column in self.columns])
-        square, freedom = 0.0, 0.0
-        for item in self.linearized:
-            left = item.response - item.common @ theta
-            basis = np.linalg.qr(np.column_stack([item.start, item.scatter, item.common]))[0]
-            square += float(left @ left) - float(np.sum((basis.T @ left) ** 2))
-            freedom += len(left) - basis.shape[1]
-        return square / max(freedom, 1.0)
+        squares, freedom = left_overs(self.linearized, self.columns, theta)
+        return float(squares.sum() / freedom.sum())
 
     @property
     def overreaches(self) -> bool:
@@ -133,34 +128,46 @@ def fit_model(
         held and (held.key, held.coordinate),
         round(rival) if np.isfinite(rival) else None,
     )
-    if question not in problem.ends:
+    if question not in problem.fits:
         try:
             fit = _fitted(problem, begin, columns, tolerance, chosen, np.array(most_scatter or np.inf), rival)
         except FloatingPointError:
-            problem.ends[question] = None
+            problem.fits[question] = None
             raise
-        problem.ends[question] = End(
-            fit.point.own, fit.point.nominal, fit.point.terms, fit.converged, fit.steps, fit.unkept
+        problem.fits[question] = End(
+            fit.point.own, fit.point.nominal, fit.point.terms, fit.converged, fit.steps, fit.shortfall, fit.slopeless
         )
         return fit
-    end = problem.ends[question]
+    end = problem.fits[question]
     if end is None:
         raise FloatingPointError("a run cannot be simulated on the way of this fit")
     point = Point(end.own, end.nominal, end.terms)
-    seen = replace(_viewed(problem, point, columns, tolerance, chosen), converged=end.converged, steps=end.steps)
-    return _with_unkept(seen, end.unkept)
+    seen = _viewed(problem, point, columns, tolerance, chosen, end.slopeless)
+    seen = replace(seen, converged=end.converged, steps=end.steps)
+    return _with_shortfall(seen, end.shortfall)
 
 
 def _viewed(
-    problem: Problem, point: Point, columns: tuple[Column, ...], tolerance: Mapping[str, float], runs: tuple[int, ...]
+    problem: Problem,
+    point: Point,
+    columns: tuple[Column, ...],
+    tolerance: Mapping[str, float],
+    runs: tuple[int, ...],
+    slopeless: tuple[int, ...] = (),
 ) -> Fit:
     """The linear view of a model at a point, as a fit that has not converged."""
-    linear = problem.linearized(point, columns, runs)
+    theta = np.array([point.value(column) for column in columns])
+    linear = without_slopes(problem.linearized(point, columns, runs), theta, slopeless)
     reduced = reduce_runs(linear)
     prior = prior_precision(columns, tolerance)
     posterior = MixedModel(reduced, prior).posterior(range(len(columns)))
     posterior = _within_bounds(posterior, reduced, columns, tolerance)
-    return Fit(frozenset(point.terms), point, columns, posterior, reduced, tuple(linear), converged=False, runs=runs)
+    return Fit(
+        *(frozenset(point.terms), point, columns, posterior, reduced, tuple(linear)),
+        converged=False,
+        runs=runs,
+        slopeless=slopeless,
+    )
 
 
 def _within_bounds(
@@ -171,7 +178,7 @@ def _within_bounds(
     What only a value beyond would gain, a negative moment of scrub, is no evidence. Mean and covariance stay.
     """
     prior = prior_precision(columns, tolerance)
-    low, high = _bounds(columns, tolerance)
+    low, high = bounds(columns, tolerance)
     goal = solve_within(reduced, prior, posterior.scatter, low, high)
     held = (goal <= low) | (goal >= high)
     if not held.any():
@@ -195,81 +202,93 @@ def _fitted(
 ) -> Fit:
     """Steps from a point until nothing moves, no step helps, or it lags behind a rival for good."""
     prior, before, lagged = prior_precision(columns, tolerance), np.inf, np.inf
+    slopeless: tuple[int, ...] = ()
     for step in range(MOST_STEPS):
         problem.watch.look()
-        fit = replace(_viewed(problem, point, columns, tolerance, runs), steps=step + 1)
+        fit = replace(_viewed(problem, point, columns, tolerance, runs, slopeless), steps=step + 1)
         scatter = np.minimum(fit.posterior.scatter, most_scatter)
         theta = np.array([point.value(column) for column in columns])
         now = _objective(fit.linearized, theta, point.own[list(runs), 3:], prior, scatter)
-        goal = solve_within(fit.reduced, prior, scatter, *_bounds(columns, tolerance))
+        goal = solve_within(fit.reduced, prior, scatter, *bounds(columns, tolerance))
         own = run_effects(fit.reduced, goal, scatter)[0]
-        promise = now - _objective(fit.linearized, goal, own, prior, scatter)
-        if promise < SETTLED:
+        predicted = float(np.sum(now - _objective(fit.linearized, goal, own, prior, scatter)))
+        if predicted < SETTLED:
             return replace(fit, converged=True)
-        if promise > NO_PROGRESS * before and np.any(np.abs(own) > MOST_SCATTER):
-            return _short_of(fit, promise, problem)
+        if predicted > NO_PROGRESS * before and np.any(np.abs(own) > MOST_SCATTER):
+            return _short_of(fit, predicted, problem)
         lag = rival - fit.posterior.log_evidence
         if lag > max(LAGGING, CLOSING * lagged):
             return fit
-        before, lagged = promise, lag
-        moved = _line_search(problem, point, columns, theta, goal, runs, prior, scatter, now)
+        before, lagged = predicted, lag
+        moved, worst = _line_search(problem, fit, theta, goal, prior, scatter, now)
+        if moved is None and predicted >= STALLED and len(slopeless) < most_slopeless(len(runs), problem.length):
+            slopeless, before = (*slopeless, worst), np.inf
+            continue
         if moved is None:
-            return replace(fit, converged=True) if promise < STALLED else _short_of(fit, promise, problem)
+            return replace(fit, converged=True) if predicted < STALLED else _short_of(fit, predicted, problem)
         if step < MOST_STEPS - 1:
             point = moved
-    return _short_of(fit, promise, problem)
+    return _short_of(fit, predicted, problem)
 
 
-def _short_of(fit: Fit, promise: float, problem: Problem) -> Fit:
+def _short_of(fit: Fit, predicted: float, problem: Problem) -> Fit:
     """A fit that ended before nothing moved: not converged, but on ground, if little is left, the less probable for it.
 
-    There the runs disturb every step, and few fits settle. What a linear view promises and no step keeps is taken from
-    its evidence.
+    There the runs disturb every step, and few fits settle. What a linear view predicts and no step reaches is taken
+    from its evidence.
     """
-    return fit if problem.length <= 1 or promise > MOST_SHORT else _with_unkept(replace(fit, converged=True), promise)
+    return (
+        fit
+        if problem.length <= 1 or predicted > MOST_SHORTFALL
+        else _with_shortfall(replace(fit, converged=True), predicted)
+    )
 
 
-def _with_unkept(fit: Fit, promise: float) -> Fit:
-    less = replace(fit.posterior, log_evidence=fit.posterior.log_evidence - promise / 2)
-    return replace(fit, posterior=less, unkept=promise)
+def _with_shortfall(fit: Fit, predicted: float) -> Fit:
+    less = replace(fit.posterior, log_evidence=fit.posterior.log_evidence - predicted / 2)
+    return replace(fit, posterior=less, shortfall=predicted)
 
 
 def _line_search(
-    problem: Problem,
-    point: Point,
-    columns: Sequence[Column],
-    theta: Floats,
-    goal: Floats,
-    runs: Sequence[int],
-    prior: Floats,
-    scatter: Floats,
-    now: float,
-) -> Point | None:
-    """The first point on the way to the goal that is better than now, every run's own numbers fitted anew."""
+    problem: Problem, fit: Fit, theta: Floats, goal: Floats, prior: Floats, scatter: Floats, now: Floats
+) -> tuple[Point | None, int]:
+    """The first point on the way to the goal that is better than now, every run's own numbers fitted anew.
+
+    now: -2 log density of each run, the last of the priors. Runs without slopes have no say. Also gives the run that
+    the shortest step made worst. fit: the view at the point, whose slopes by these numbers serve nearby.
+    """
+    counted = np.ones(len(fit.runs), dtype=np.bool_)
+    counted[list(fit.slopeless)] = False
+    worse = np.zeros(len(fit.runs))
     for damping in DAMPINGS:
         problem.watch.look()
         trial = theta + damping * (goal - theta)
         try:
-            moved, value = settled(problem, _at(point, columns, trial), runs, scatter)
+            there = _at(fit.point, fit.columns, trial)
+            moved, values = settled_by_run(problem, there, fit.runs, scatter, fit.linearized)
         except FloatingPointError:
             continue
-        if value + float(prior @ trial**2) < now - 0.1 * SETTLED:
-            return moved
-    return None
+        worse = np.where(counted, values - now[:-1], 0.0)
+        if worse.sum() + float(prior @ trial**2) - now[-1] < -0.1 * SETTLED:
+            return moved, 0
+    return None, int(np.argmax(worse))
 
 
 def _objective(
     linear: Sequence[Linearized], theta: Floats, own: Floats, prior: Floats, scatter: Floats, *, project: bool = True
-) -> float:
-    """-2 log of the joint density in the linear view; project: with the best start poses, not the present ones."""
-    total = float(prior @ theta**2)
+) -> Floats:
+    """-2 log of the density of each run in the linear view, and last of the common parameters, (n + 1,).
+
+    project: with the best start poses, not the present ones.
+    """
+    values = []
     for number, item in enumerate(linear):
         left = item.response - item.common @ theta - item.scatter @ own[number]
         if project:
             basis = np.linalg.qr(item.start)[0]
             left = left - basis @ (basis.T @ left)
-        total += float(left @ left) + float(np.sum((own[number] / scatter) ** 2))
-    return total
+        values.append(float(left @ left) + float(np.sum((own[number] / scatter) ** 2)))
+    return np.array([*values, float(prior @ theta**2)])
 
 
 def _at(point: Point, columns: Sequence[Column], theta: Floats) -> Point:
@@ -281,18 +300,3 @@ def _at(point: Point, columns: Sequence[Column], theta: Floats) -> Point:
         else:
             values[column.key][column.coordinate] = float(value + column.absent)
     return Point(point.own, nominal, {effect: tuple(value) for effect, value in values.items()})
-
-
-def _bounds(columns: Sequence[Column], tolerance: Mapping[str, float]) -> tuple[Floats, Floats]:
-    """How far parameters (p,) may go from where they change nothing."""
-    low, high = np.array([_bounds_of(column, tolerance) for column in columns]).reshape(-1, 2).T
-    return low, high
-
-
-def _bounds_of(column: Column, tolerance: Mapping[str, float]) -> tuple[float, float]:
-    """Bounds of one parameter: a nominal value may go by few tolerances, and never to nothing."""
-    if column.term is None:
-        most = min(MOST_TOLERANCES * tolerance[column.key], MOST_DEVIATION)
-        return -most, most
-    coordinate = column.term.coordinates[column.coordinate]
-    return coordinate.low - column.absent, coordinate.high - column.absent

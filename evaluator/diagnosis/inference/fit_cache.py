@@ -1,7 +1,7 @@
-"""Where fits ended, written down as they are made: an interrupted diagnosis goes on where it stopped.
+"""A cache of fits, written as they are made: an interrupted diagnosis goes on where it stopped.
 
-The search of a diagnosis is deterministic, so a second run asks for the same fits in the same order. What is kept of a
-fit is its end point only, a line of JSON; its linear view is made anew, which costs one step of the several of a fit.
+The search of a diagnosis is deterministic, so a second run asks for the same fits in the same order. Of a fit only its
+end point is stored, a line of JSON; its linearization is computed again, which costs one of the several steps of a fit.
 """
 
 from __future__ import annotations
@@ -23,18 +23,19 @@ DIGITS = 9  # of the numbers of a question: processes that compile the kernels a
 
 @dataclass(frozen=True)
 class End:
-    """Where a fit ended, own (n, 7), nominal and terms as in Point, in how many steps, and what it had not kept."""
+    """Where a fit ended: own (n, 7), nominal, terms as in Point; after how many steps; the rest: see Fit."""
 
     own: NDArray[np.float64]
     nominal: Mapping[str, float]
     terms: Mapping[str, tuple[float, ...]]
     converged: bool
     steps: int = 1
-    unkept: float = 0.0
+    shortfall: float = 0.0
+    slopeless: tuple[int, ...] = ()
 
 
-class Ends:
-    """The ends of all fits of one diagnosis by what was asked; on disk where a path is given."""
+class FitCache:
+    """End points of all fits of one diagnosis, by the hash of their conditions; on disk where a path is given."""
 
     def __init__(self, path: Path | None = None, key: str = "") -> None:
         """key: of the inputs and the code of the diagnosis; a file with another one is begun anew."""
@@ -89,11 +90,20 @@ def _rounded(value: Any) -> Any:
 def _content_of(end: End | None) -> list[Any] | None:
     if end is None:
         return None
-    return [end.own.tolist(), dict(end.nominal), dict(end.terms), end.converged, end.steps, end.unkept]
+    return [
+        end.own.tolist(),
+        dict(end.nominal),
+        dict(end.terms),
+        end.converged,
+        end.steps,
+        end.shortfall,
+        list(end.slopeless),
+    ]
 
 
 def _end_of(content: list[Any] | None) -> End | None:
     if content is None:
         return None
-    own, nominal, terms, converged, steps, unkept = content
-    return End(np.array(own), nominal, {key: tuple(values) for key, values in terms.items()}, converged, steps, unkept)
+    own, nominal, terms, converged, steps, shortfall, slopeless = content
+    placed = {key: tuple(values) for key, values in terms.items()}
+    return End(np.array(own), nominal, placed, converged, steps, shortfall, tuple(slopeless))

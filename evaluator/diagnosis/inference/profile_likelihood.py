@@ -1,8 +1,9 @@
-"""Where the posterior of a coordinate is no bell: its profile, walked along the ridge on which the others follow.
+"""Profile likelihood of a coordinate whose posterior is not normal: the best density at each of its values.
 
-The interval of a parameter comes from the linear view at the best point. Where a size is told only by small differences
+The interval of a parameter comes from the linear view at the best point. Where a size shows only in small differences
 (how strong all magnets are, how far away a spring is anchored) the density falls off slower or faster than that view
-says, and its ridge bends. So each end of an interval is visited: the coordinate is held there and all else is fitted.
+says, and the other parameters do not follow along a line. So each end of an interval is visited: the coordinate is held
+there and all else is fitted.
 Source: Venzon & Moolgavkar (1988), Applied Statistics 37, 87.
 """
 
@@ -17,20 +18,20 @@ from evaluator.diagnosis.inference.fit import Fit, fit_model, prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.mixed_model import MixedModel
 from evaluator.diagnosis.likelihood.problem import Column
+from evaluator.turning.motion.curvature import Z_975
 from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
 
-SIGMAS = 1.96  # of the ends of an interval
 # Ends that are this share farther or nearer than the linear view says are walked to: short of that an interval that is
 # meant to hold in 95 % holds in 86 to 98.6 %. The density is rough by 0.8 of the 3.8 looked for: 0.1 of an end.
-BENT = 0.25
+NONLINEAR = 0.25
 PASSES, ARRIVED, FARTHEST = 4, 0.1, 3.0  # visits of an end; share of the way that is near enough; most at once
 
 
 @dataclass(frozen=True)
-class Ridge:
-    """Where the best point goes while one coordinate of a term walks.
+class Profile:
+    """The best point at each value of one coordinate of a term.
 
     column: of the coordinate in the fit. low, high: ends of its 95 % interval. at: values (m,) of the coordinate,
     ascending, the best one among them; best: all columns (m, p) fitted there. Values as in the fit, zero where
@@ -44,24 +45,24 @@ class Ridge:
     best: Floats
 
     def follow(self, values: Floats) -> Floats:
-        """All columns (n, p) on the ridge at values (n,) of the coordinate; straight on beyond its ends."""
+        """All columns (n, p) that are best at values (n,) of the coordinate; extrapolated beyond its ends."""
         k = np.clip(np.searchsorted(self.at, values) - 1, 0, len(self.at) - 2)
         share = (values - self.at[k]) / (self.at[k + 1] - self.at[k])
         return np.asarray(self.best[k] + share[:, None] * (self.best[k + 1] - self.best[k]))
 
-    def bend(self, draws: Floats, mean: Floats, covariance: Floats) -> Floats:
+    def transform(self, draws: Floats, mean: Floats, covariance: Floats) -> Floats:
         """Draws (n, p) of the linear view, moved so that the coordinate has its interval and the others follow."""
         i = self.column
         sigma = np.sqrt(covariance[i, i])
         z = (draws[:, i] - mean[i]) / sigma
-        walked = mean[i] + z / SIGMAS * np.where(z > 0, self.high - mean[i], mean[i] - self.low)
+        walked = mean[i] + z / Z_975 * np.where(z > 0, self.high - mean[i], mean[i] - self.low)
         beside = draws - mean - np.outer(z, covariance[i] / sigma)
         return np.asarray(self.follow(walked) + beside)
 
 
-def ridge_of(search: Search, fit: Fit, term: Candidate) -> Ridge | None:
-    """The ridge of the coordinate of a term that the linear view describes worst; None where it describes all."""
-    worst, found = np.log1p(BENT), None
+def profile_of(search: Search, fit: Fit, term: Candidate) -> Profile | None:
+    """The profile of that coordinate of a term that the linear view describes worst; None where it describes all."""
+    worst, found = np.log1p(NONLINEAR), None
     # The scatter of the runs is uncertain, which widens the interval beyond that at the best scatter.
     model = MixedModel(fit.reduced, prior_precision(fit.columns, search.tolerance))
     at_best = model.posterior(range(len(fit.columns)), np.array([fit.posterior.best])).covariance
@@ -69,9 +70,9 @@ def ridge_of(search: Search, fit: Fit, term: Candidate) -> Ridge | None:
         if item.key != term.id or not fit.posterior.covariance[column, column] > 0.0:
             continue
         visits = [_Walk(search, fit, column, side, at_best[column, column]) for side in (-1.0, 1.0)]
-        bent = max(abs(np.log(walk.factor)) for walk in visits)
-        if bent > worst:
-            worst, found = bent, visits
+        off = max(abs(np.log(walk.factor)) for walk in visits)
+        if off > worst:
+            worst, found = off, visits
     if found is None:
         return None
     for walk in found:
@@ -79,7 +80,7 @@ def ridge_of(search: Search, fit: Fit, term: Candidate) -> Ridge | None:
     below, above = found
     steps = sorted([*below.visited, *above.visited, (below.start, below.mean)], key=lambda step: step[0])
     at, best = np.array([value for value, _ in steps]), np.array([point for _, point in steps])
-    return Ridge(below.column, below.end, above.end, at, best) if len(at) > 1 else None
+    return Profile(below.column, below.end, above.end, at, best) if len(at) > 1 else None
 
 
 class _Walk:
@@ -91,7 +92,7 @@ class _Walk:
         self.mean = np.array([fit.point.value(item) for item in fit.columns])
         covariance = fit.posterior.covariance
         self._along = covariance[column] / covariance[column, column]
-        self.start, self._way = float(self.mean[column]), side * SIGMAS * float(np.sqrt(covariance[column, column]))
+        self.start, self._way = float(self.mean[column]), side * Z_975 * float(np.sqrt(covariance[column, column]))
         self._drop = self._way**2 / at_best
         self.visited: list[tuple[float, Floats]] = []
         self.factor = 1.0

@@ -71,13 +71,23 @@ class Search:
         """Where the fit of a set came to, converged or not: a place to go on from, evidence only where it converged."""
         return self.fits.get(ids) or self.failed.get(ids)
 
+    @property
+    def so_far(self) -> str:
+        """What has come nearest to the runs, in words, should the search be stopped."""
+        best = self.ranked()[0]
+        what = " with ".join(sorted(best)) or "the model without an effect"
+        explains = "explains" if self.fits[best].excess < EXPLAINED else "does not explain"
+        left = f"it leaves {self.fits[best].excess:.2g} times the mean square of the noise"
+        return f"of {len(self.fits)} models fitted the most probable is {what}, which {explains} the runs: {left}"
+
     def ranked(self) -> list[frozenset[str]]:
         """Fitted sets, the most probable first."""
         return sorted(self.fits, key=self.score, reverse=True)
 
 
 def log_prior(size: int, candidates: int) -> float:
-    """Log prior of one set of this size."""
+    """Log prior of a set of this size; larger ones, which hold free-form terms, are as the largest of named effects."""
+    size = min(size, len(SIZE_PRIOR) - 1)
     return math.log(SIZE_PRIOR[size]) - math.log(math.comb(candidates, size))
 
 
@@ -110,6 +120,8 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit, ri
     if old is None or fit.posterior.log_evidence > old.posterior.log_evidence:
         search.fits[ids] = fit
     search.failed.pop(ids, None)
+    if search.problem.horizon_s == np.inf:
+        search.problem.watch.so_far = search.so_far
     return search.fits[ids]
 
 

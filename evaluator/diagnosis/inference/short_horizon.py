@@ -14,7 +14,8 @@ import numpy as np
 from evaluator.diagnosis.inference.fit import Fit, fit_model
 from evaluator.diagnosis.inference.search import USUAL_SCATTER, Search
 from evaluator.diagnosis.inference.strategy import run_search
-from evaluator.diagnosis.likelihood.problem import Point, Problem, within_horizon
+from evaluator.diagnosis.likelihood.preparation import within_horizon
+from evaluator.diagnosis.likelihood.problem import Point, Problem
 from evaluator.progress import Progress
 
 HORIZONS_S = (1.0, 2.5)

@@ -7,7 +7,7 @@ inflates the scatter and blurs the view from the null, so every promising fit is
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -80,12 +80,13 @@ def _from_the_null(search: Search) -> None:
     _refit(search, view, pairs, PAIRS_FROM_NULL, search.null)
 
 
-def extend(search: Search, ids: frozenset[str]) -> None:
-    """Linearize at a fitted set, and fit it with each of the most promising additions."""
+def extend(search: Search, ids: frozenset[str], among: Collection[str] | None = None) -> None:
+    """Linearize at a fitted set, and fit it with each of the most promising additions; among: all, or these."""
     fit = search.reached(ids)
     assert fit is not None
     smooth = [effect for effect in sorted(ids) if not search.terms[effect].stepwise]
-    view = screen(search, fit.point, smooth, [term for effect, term in search.terms.items() if effect not in ids])
+    others = [term for effect, term in search.terms.items() if effect not in ids and (among is None or effect in among)]
+    view = screen(search, fit.point, smooth, others)
     ordered = _ordered(view, view.offers)
     base = view.evidence()
     worthwhile = [(offer,) for offer in ordered if view.evidence(offer) > base + PROMISING]

@@ -6,19 +6,21 @@ common to all runs of the session; the start has besides one number per run (mix
 within what is known, and says where the data want them.
 
 Some act in the simulation (start, clock, wheels, level, centre of gravity), some only on what is seen (scale, places of
-the marks): those are shifts of the marks, computed once, like the errors that runs of a camera share.
+the marks): those shift the marks as predicted.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.compilation import compiled
 from evaluator.diagnosis.candidates.coordinates import size_of
-from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData
+from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData, is_shared
 from evaluator.robot_geometry import reference_line, reference_pair
 from evaluator.settings import KnownTo
 from simulator.robot import Robot
@@ -136,23 +138,58 @@ def frame_interval_s(data: Sequence[RunData]) -> float:
     return float(np.median([np.median(np.diff(run.time_s)) for run in data]))
 
 
-def with_shifts(data: Sequence[RunData], robots: Sequence[Robot], found: Sequence[Quantity]) -> tuple[RunData, ...]:
-    """The runs with what one standard deviation of a quantity that is only seen does to their marks, (n, 4) mm."""
-    sigma = {item.key: item.sigma for item in found}
-    result = []
-    for run, robot in zip(data, robots, strict=True):
-        shifts: dict[str, Floats] = {}
-        if SCALE in sigma:
-            shifts[SCALE] = np.nan_to_num(sigma[SCALE] * run.marks_mm)
-        ahead, left = _body_axes(run.marks_mm, robot)
-        for number, (key, _, axis) in enumerate(_mark_keys(robot)):
-            if key in sigma:
-                shift = np.zeros_like(run.marks_mm)
-                column = number // 2 * 2  # two axes of each mark
-                shift[:, column : column + 2] = sigma[key] * (ahead if axis == "x" else left)
-                shifts[key] = shift
-        result.append(replace(run, systematic={**run.systematic, **shifts}))
-    return tuple(result)
+@dataclass(frozen=True)
+class SeenMarks:
+    """What the shifts of marks depend on of a robot, found once: to read its layout takes longer than to shift a run.
+
+    place_keys: of the places of its reference pair, x, y of the first and of the second. line_mm: from the second to
+    the first, body frame, x + iy. A robot with one mark has none of either.
+    """
+
+    place_keys: tuple[str, ...]
+    line_mm: complex
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Keys of the quantities that act only on what is seen of the robot."""
+        return SCALE, *self.place_keys
+
+
+def seen_marks(robot: Robot) -> SeenMarks:
+    """The reference pair of a robot as its shifts see it."""
+    keys = tuple(key for key, _, _ in _mark_keys(robot))
+    return SeenMarks(keys, complex(*reference_line(robot)) if keys else 0j)
+
+
+def seen_shift(found: Mapping[str, float], marks_mm: Floats, robot: SeenMarks) -> Floats:
+    """Shifts (n, 4) of marks (n, 4), mm, in the plate frame by seen quantities at values in their unit; NaN stays.
+
+    To be taken of marks as predicted. Those measured hold their noise: a scale of theirs explains it to the last frame
+    against a scale of the prediction (plane-scale), and a mark moved along their line explains that of the heading.
+    """
+    shift = np.empty_like(marks_mm)
+    ahead = abs(robot.line_mm) / robot.line_mm if robot.place_keys else 0j
+    moved = ahead * np.array([found.get(key, 0.0) for key in robot.place_keys] or [0.0] * 4).view(complex)
+    _shift_into(marks_mm, found.get(SCALE, 0.0), moved.view(float), shift)
+    return shift
+
+
+@compiled(nogil=True)
+def _shift_into(marks_mm: Floats, scale: float, moved_mm: Floats, shift: Floats) -> None:
+    """Shifts (n, 4) of marks (n, 4) by a scale and by places moved (4,), along and across the line of the marks."""
+    moving = moved_mm[0] != 0.0 or moved_mm[1] != 0.0 or moved_mm[2] != 0.0 or moved_mm[3] != 0.0
+    for row in range(len(marks_mm)):
+        for column in range(4):
+            shift[row, column] = scale * marks_mm[row, column]
+        if moving:
+            x, y = marks_mm[row, 0] - marks_mm[row, 2], marks_mm[row, 1] - marks_mm[row, 3]
+            size = math.sqrt(x * x + y * y)
+            if size > 0.0:  # 0 where a mark is missing: it moves nothing
+                cos, sin = x / size, y / size
+                shift[row, 0] += cos * moved_mm[0] - sin * moved_mm[1]
+                shift[row, 1] += cos * moved_mm[1] + sin * moved_mm[0]
+                shift[row, 2] += cos * moved_mm[2] - sin * moved_mm[3]
+                shift[row, 3] += cos * moved_mm[3] + sin * moved_mm[2]
 
 
 def mark_shifts(robot: Robot, found: Mapping[str, float]) -> tuple[float, ...]:
@@ -164,24 +201,15 @@ def _mark_keys(robot: Robot) -> list[tuple[str, str, str]]:
     return [(f"{mark}_{axis}_mm", mark, axis) for mark in reference_pair(robot) or () for axis in "xy"]
 
 
-def _body_axes(marks_mm: Floats, robot: Robot) -> tuple[Floats, Floats]:
-    """Unit vectors (n, 2) ahead of and to the left of the robot in the plate frame; 0 where a mark is missing."""
-    across = reference_line(robot)
-    seen = marks_mm[:, :2] - marks_mm[:, 2:]
-    angle = np.arctan2(seen[:, 1], seen[:, 0]) - np.arctan2(across[1], across[0])
-    ahead = np.column_stack([np.cos(angle), np.sin(angle)])
-    left = np.column_stack([-np.sin(angle), np.cos(angle)])
-    return np.nan_to_num(ahead), np.nan_to_num(left)
-
-
 def _shared(key: str, name: str, unit: str, sigma: float) -> Quantity:
     return Quantity(key, name, unit, sigma, sigma / SHARED_UNIT if sigma else 1.0)
 
 
-def simulated_sigmas(found: Sequence[Quantity]) -> Mapping[str, float]:
-    """Size, in its unit, of a deviation of 1 in the fit, of the quantities that act in the simulation.
+def amount_of(nominal: Mapping[str, float], key: str, known: Mapping[str, float]) -> float:
+    """Deviation of a quantity of the laboratory in its unit; nominal: as in Task, known: predicted_sigmas."""
+    return nominal.get(key, 0.0) * known.get(key, 0.0)
 
-    The scale of the plate is among them: it stretches the marks as predicted. Those measured hold their noise, which a
-    scale of theirs against one of the prediction (plane-scale) would explain to the last frame.
-    """
-    return {item.key: item.per_unit for item in found if item.key in (*SIMULATED, SCALE)}
+
+def predicted_sigmas(found: Sequence[Quantity]) -> Mapping[str, float]:
+    """Size, in its unit, of a deviation of 1 in the fit, of the quantities that move what is predicted."""
+    return {item.key: item.per_unit for item in found if is_shared(item.key)}

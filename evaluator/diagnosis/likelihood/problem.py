@@ -9,27 +9,18 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.candidates.coordinates import size_of
-from evaluator.diagnosis.inference.fit_cache import Ends
+from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.watch import Watch
-from evaluator.diagnosis.likelihood.discrepancy import left_over, with_discrepancy
-from evaluator.diagnosis.likelihood.drift import with_drift
-from evaluator.diagnosis.likelihood.features import (
-    MODEL_FLOOR_MM,
-    Compression,
-    channel_noise,
-    channel_residual,
-    channels_of,
-    compression,
-    residual_spectra,
-)
+from evaluator.diagnosis.likelihood.feature_cache import FeatureCache
+from evaluator.diagnosis.likelihood.features import Compression, residual_of_marks
 from evaluator.diagnosis.likelihood.mixed_model import Linearized
-from evaluator.diagnosis.likelihood.noise import Noise
-from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, SHARED_UNIT, Forward, RunData, Task, is_shared
+from evaluator.diagnosis.likelihood.noise.tracking import Noise
+from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Forward, RunData, Task, is_shared
 from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
@@ -42,9 +33,9 @@ NOMINAL_STEP = 5e-4
 NOMINAL_STEPS = {"body": 5e-3}  # mass does little but to inertia
 SHARED_STEP = 0.05 * SHARED_UNIT  # a twentieth of a standard deviation
 STEP_SHARE = 0.2  # of a visible step: curvature would make effects and run-to-run scatter differ where they are one
-TASKS_AT_ONCE = 1500
-NO_DISTANCE_MM = 1e9  # noise of a distance that was not measured
-SETTLING_S = 0.4  # motors that lag by more would be seen as an effect first
+# Simulations in one piece of work: their marks, some 20 kB each, stay near the processor, and there are several pieces
+# to share. Pieces do not depend on how many share them.
+TASKS_AT_ONCE = 160
 
 
 @dataclass(frozen=True)
@@ -98,7 +89,7 @@ class Point:
     def task(self, run: int, own_shift: Floats | None = None) -> Task:
         """What to simulate for one run."""
         own = self.own[run] if own_shift is None else self.own[run] + own_shift
-        return Task(run, tuple(own), self.nominal, self.terms)
+        return Task(run, tuple(own.tolist()), self.nominal, self.terms)
 
 
 @dataclass(frozen=True)
@@ -113,8 +104,9 @@ class Problem:
     half_distance_mm: float
     length: float = 1.0  # of the robots over that of the paper's
     horizon_s: float = np.inf  # only frames up to so long after the start of the motors count
-    ends: Ends = field(default_factory=Ends)  # of the fits made before
-    watch: Watch = field(default_factory=Watch)  # looked at between the steps of a fit
+    fits: FitCache = field(default_factory=FitCache)  # of the fits made before
+    watch: Watch = field(default_factory=Watch)  # looked at between the steps of a fit; shares work among cores
+    cache: FeatureCache = field(default_factory=FeatureCache, init=False, repr=False, compare=False)  # of this very one
 
     @property
     def fingerprint(self) -> str:
@@ -134,11 +126,26 @@ class Problem:
 
     def residuals(self, tasks: Sequence[Task]) -> list[Floats]:
         """Channel residuals (n, 4) in mm of every task."""
-        marks = self.forward.marks(tasks)
-        measured = np.concatenate([self.channels[task.run] for task in tasks])
-        residual = channel_residual(measured, channels_of(np.concatenate(marks)), self.half_distance_mm)
-        ends = np.cumsum([len(item) for item in marks])
-        return [residual[end - len(item) : end] for end, item in zip(ends, marks, strict=True)]
+        return [
+            residual_of_marks(self.channels[task.run], marks, self.half_distance_mm)
+            for task, marks in zip(tasks, self.forward.marks(tasks), strict=True)
+        ]
+
+    def features(self, tasks: Sequence[Task]) -> list[Floats]:
+        """Whitened features (k,) of what every task leaves over; not finite where it cannot be simulated."""
+        return self.cache.of(tasks, self._simulated_features)
+
+    def _simulated_features(self, tasks: Sequence[Task]) -> list[Floats]:
+        """Features of tasks, each by itself.
+
+        Of several at once BLAS rounds otherwise. They must not depend on what was simulated before: a search that was
+        interrupted would end elsewhere.
+        """
+        found = []
+        for task, residual in zip(tasks, self.residuals(tasks), strict=True):
+            compression = self.compressions[task.run]
+            found.append(compression.features(residual[compression.used]))
+        return found
 
     def linearized(
         self, point: Point, columns: Sequence[Column], runs: Sequence[int] | None = None
@@ -153,17 +160,26 @@ class Problem:
 
     def attempted(self, point: Point, columns: Sequence[Column], runs: Sequence[int]) -> list[Linearized | None]:
         """Response and derivatives of the runs at a point; None for runs that cannot be simulated there."""
-        result: list[Linearized | None] = []
         at_once = max(1, TASKS_AT_ONCE // (len(columns) + OWN + 1))
-        points, bases = _points(point, columns)
-        size = len(points) + len(OWN_STEPS)
-        for first in range(0, len(runs), at_once):  # large batches keep all cores busy, small ones the memory
-            group = runs[first : first + at_once]
-            residuals = self.residuals([task for run in group for task in self._tasks(point, points, run)])
-            for number, run in enumerate(group):
-                own = residuals[number * size : (number + 1) * size]
-                result.append(self._linearized(point, columns, run, own, bases))
-        return result
+        groups = [runs[first : first + at_once] for first in range(0, len(runs), at_once)]
+        work = partial(self._attempted, point, columns, *_points(point, columns))
+        return [item for part in self.watch.each(work, groups) for item in part]
+
+    def _attempted(
+        self,
+        point: Point,
+        columns: Sequence[Column],
+        points: Sequence[Point],
+        bases: Mapping[tuple[str, tuple[float, ...]], int],
+        runs: Sequence[int],
+    ) -> list[Linearized | None]:
+        """One piece of the work of `attempted`; points, bases: from _points."""
+        size = len(points) + OWN
+        features = self.features([task for run in runs for task in self._tasks(point, points, run)])
+        return [
+            self._linearized(point, columns, run, np.array(features[number * size : (number + 1) * size]), bases)
+            for number, run in enumerate(runs)
+        ]
 
     def _tasks(self, point: Point, points: Sequence[Point], run: int) -> list[Task]:
         """What to simulate for the derivatives of one run, those by its own numbers last."""
@@ -172,13 +188,10 @@ class Problem:
     def seen_again(self, point: Point, views: Sequence[Linearized], runs: Sequence[int]) -> list[Linearized | None]:
         """Views of runs without common columns at a point nearby: the response anew, the slopes as they were."""
         result: list[Linearized | None] = []
-        for run, view, residual in zip(runs, views, self.residuals([point.task(run) for run in runs]), strict=True):
-            used = residual[self.compressions[run].used]
-            if not np.isfinite(used).all():
-                result.append(None)
-                continue
-            response = self.compressions[run].features(used) + view.scatter @ point.own[run, 3:]
-            result.append(replace(view, response=response))
+        for run, view, features in zip(runs, views, self.features([point.task(run) for run in runs]), strict=True):
+            sound = bool(np.isfinite(features).all())
+            response = features + view.scatter @ point.own[run, 3:]
+            result.append(replace(view, response=response) if sound else None)
         return result
 
     def _linearized(
@@ -186,15 +199,13 @@ class Problem:
         point: Point,
         columns: Sequence[Column],
         run: int,
-        channel_residuals: Sequence[Floats],
+        features: Floats,
         bases: Mapping[tuple[str, tuple[float, ...]], int],
     ) -> Linearized | None:
-        residuals = np.array(channel_residuals)[:, self.compressions[run].used]
-        sound: NDArray[np.bool_] = np.asarray(np.isfinite(residuals).all(axis=(1, 2)))
+        """View of a run from the features (m, k) of its tasks; None where it cannot be simulated."""
+        sound: NDArray[np.bool_] = np.asarray(np.isfinite(features).all(axis=1))
         if not (sound[0] and sound[-OWN:].all()):
             return None
-        residuals[~sound] = 0.0
-        features = self.compressions[run].features(residuals)
         base = features[0]
         common = np.zeros((len(base), len(columns)))
         for i, column in enumerate(columns):
@@ -217,83 +228,3 @@ def _points(point: Point, columns: Sequence[Column]) -> tuple[list[Point], dict[
             bases[column.key, column.start] = len(points)
             points.append(replace(point, terms={**point.terms, column.key: column.start}))
     return points + [point.moved(column, column.step) for column in columns], bases
-
-
-def build_problem(
-    data: Sequence[RunData], forward: Forward, ends: Ends | None = None, watch: Watch | None = None
-) -> tuple[Problem, Point]:
-    """Estimate the tracking noise and compress every run; also gives the nominal point with aligned starts.
-
-    ends: of the fits that an interrupted diagnosis of the same data made. watch: when to end.
-    """
-    channels = tuple(channels_of(run.marks_mm) for run in data)
-    half = float(np.nanmedian(np.concatenate([item[:, 3] for item in channels]))) / 2
-    length = max(size_of(robot).length for robot in forward.robots)
-    bare = Problem(tuple(data), forward, channels, (), (), half, length, ends=ends or Ends(), watch=watch or Watch())
-    point = Point(aligned_starts(data, forward))
-    return with_noise_of(bare, point), point
-
-
-def with_noise_of(problem: Problem, point: Point) -> Problem:
-    """The problem with its noise estimated from what a point leaves over, and every run compressed accordingly."""
-    residuals = problem.residuals([point.task(run) for run in range(len(problem.data))])
-    frames = [problem.counting_frames(run) for run in range(len(problem.data))]
-    ends = [int(np.flatnonzero(used)[-1]) + 1 for used in frames]
-    noise = channel_noise(
-        [
-            residual_spectra(run.time_s[:end], item[:end], run.start_s + SETTLING_S)
-            for run, item, end in zip(problem.data, residuals, ends, strict=True)
-        ]
-    )
-    rigid = [np.zeros_like(used) if run.from_poses else used for run, used in zip(problem.data, frames, strict=True)]
-    noise = with_drift(
-        noise, [run.time_s for run in problem.data], rigid, residuals, [run.marks_mm for run in problem.data]
-    )
-    noise = [
-        (*parts[:3], replace(parts[3], white_mm=NO_DISTANCE_MM)) if run.from_poses else parts
-        for run, parts in zip(problem.data, noise, strict=True)
-    ]
-    if problem.length > 1:
-        noise = with_discrepancy(noise, [run.time_s for run in problem.data], _left_over(problem, point))
-    compressions = tuple(
-        compression(run.time_s, used, parts, problem.length * MODEL_FLOOR_MM)
-        for run, used, parts in zip(problem.data, frames, noise, strict=True)
-    )
-    return replace(problem, compressions=compressions, noise=tuple(noise))
-
-
-def within_horizon(problem: Problem, point: Point, horizon_s: float) -> Problem:
-    """The problem of the first seconds of every run, with the noise that a point leaves there.
-
-    Later frames are not simulated: over a short horizon that was nearly all of the work.
-    """
-    short = replace(problem, horizon_s=horizon_s)
-    frames = [int(np.flatnonzero(short.counting_frames(run))[-1]) + 1 for run in range(len(problem.data))]
-    data = tuple(run.first(count) for run, count in zip(problem.data, frames, strict=True))
-    channels = tuple(item[:count] for item, count in zip(problem.channels, frames, strict=True))
-    return with_noise_of(replace(short, data=data, channels=channels, forward=problem.forward.of_frames(data)), point)
-
-
-def _left_over(problem: Problem, point: Point) -> Floats:
-    """What the common parameters of a point leave over in every run, (runs, 2) mm: see discrepancy.left_over."""
-    same = replace(point, own=point.own * (np.arange(OWN) < START_POSE))
-    marks = problem.forward.marks([same.task(run) for run in range(len(problem.data))])
-    pairs = zip(problem.channels, marks, strict=True)
-    left = np.array([left_over(seen, channels_of(part), problem.half_distance_mm) for seen, part in pairs])
-    return np.where(np.isfinite(left), left, np.nanmax(left, axis=0))
-
-
-def aligned_starts(data: Sequence[RunData], forward: Forward) -> Floats:
-    """Start poses that lay the nominal prediction on the first part of every run, (n, 7) with zero scatter."""
-    own = np.zeros((len(data), OWN_NUMBERS))
-    predicted = forward.marks([Task(run, (0.0,) * OWN_NUMBERS) for run in range(len(data))])
-    for run, (item, marks) in enumerate(zip(data, predicted, strict=True)):
-        seen = np.flatnonzero(np.isfinite(item.marks_mm).all(axis=1))
-        early = seen[: max(len(seen) // 8, 5)]
-        measured = item.marks_mm[early].reshape(-1, 2)
-        model = marks[early].reshape(-1, 2)
-        measured_z, model_z = (a[:, 0] + 1j * a[:, 1] for a in (measured, model))
-        turn = np.angle(np.sum((measured_z - measured_z.mean()) * np.conj(model_z - model_z.mean())))
-        shift = measured_z.mean() - np.exp(1j * turn) * model_z.mean()
-        own[run, :3] = shift.real, shift.imag, turn
-    return own

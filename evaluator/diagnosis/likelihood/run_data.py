@@ -95,3 +95,19 @@ class Forward(Protocol):
     def of_frames(self, data: Sequence[RunData]) -> Forward:
         """The simulator of the same runs, of which only these frames are asked for."""
         ...
+
+
+def aligned_starts(data: Sequence[RunData], forward: Forward) -> Floats:
+    """Start poses that lay the nominal prediction on the first part of every run, (n, 7) with zero scatter."""
+    own = np.zeros((len(data), OWN_NUMBERS))
+    predicted = forward.marks([Task(run, (0.0,) * OWN_NUMBERS) for run in range(len(data))])
+    for run, (item, marks) in enumerate(zip(data, predicted, strict=True)):
+        seen = np.flatnonzero(np.isfinite(item.marks_mm).all(axis=1))
+        early = seen[: max(len(seen) // 8, 5)]
+        measured = item.marks_mm[early].reshape(-1, 2)
+        model = marks[early].reshape(-1, 2)
+        measured_z, model_z = (a[:, 0] + 1j * a[:, 1] for a in (measured, model))
+        turn = np.angle(np.sum((measured_z - measured_z.mean()) * np.conj(model_z - model_z.mean())))
+        shift = measured_z.mean() - np.exp(1j * turn) * model_z.mean()
+        own[run, :3] = shift.real, shift.imag, turn
+    return own

@@ -8,7 +8,15 @@ import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.correction import Correction
-from evaluator.diagnosis.mistakes.motion import WINDOW_S, Motion, jump, leap_in_gap, leap_over, motion_of, onset_s
+from evaluator.diagnosis.mistakes.motion import (
+    WINDOW_S,
+    Motion,
+    displacement_in_gap,
+    displacement_over,
+    jump,
+    motion_of,
+    onset_s,
+)
 from evaluator.diagnosis.mistakes.phases import phases_of
 from evaluator.diagnosis.mistakes.recognised import Found
 from evaluator.diagnosis.mistakes.spacing import by_keystone, spacing
@@ -170,10 +178,10 @@ def _span(run: RunData) -> tuple[float, float]:
 
 def _carried_off(run: RunData) -> Found | None:
     """A time without frames over which the run, or its camera, was moved."""
-    leap = leap_in_gap(run, _span(run))
-    if leap is None:
+    moved = displacement_in_gap(run, _span(run))
+    if moved is None:
         return None
-    seen = f"is {leap[2]:.2f} mm off its way after the time without frames from {leap[0]:.2f} to {leap[1]:.2f} s"
+    seen = f"is {moved[2]:.2f} mm off its way after the time without frames from {moved[0]:.2f} to {moved[1]:.2f} s"
     remedy = "look at the recording: was it pushed, or the camera knocked?"
     return Found(run.id, "pushed", seen, remedy, ("camera-moved",))
 
@@ -213,7 +221,7 @@ def _brief_push(run: RunData, unlike: np.ndarray, motion: Motion) -> tuple[float
     span = _span(run)
     for begin, end in _stretches(unlike, motion):
         stretch = begin - WINDOW_S / 2, end + WINDOW_S / 2  # frames of the windows whose velocity is odd
-        if end - begin < BRIEF_S and leap_over(run, stretch, span) > 0:
+        if end - begin < BRIEF_S and displacement_over(run, stretch, span) > 0:
             return stretch
     return None
 

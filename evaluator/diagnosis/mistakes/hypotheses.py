@@ -78,7 +78,21 @@ def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found
     if sum(item.kind == "late-start" for item in found) > len(judgements) / 2:
         # what all logs have in common, a lag of the motors or of the clock, is the diagnosis's to find
         found = [item for item in found if item.kind != "late-start"]
-    return _without_regimes(found, judgements)
+    return _without_regimes(_beyond_the_others(found, judgements), judgements)
+
+
+def _beyond_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) -> list[Found]:
+    """What was found, but for wrong commands of runs that miss their file little more than runs read rightly do.
+
+    An effect bends all runs, tight turns most, and of a dozen other commands one fits a bent path by chance. Where the
+    recording belongs to another command it misses by several times what any effect makes of the others.
+    """
+    wrong = {item.run for item in found}
+    right = [item.share for item in judgements if item.ways[0].run.id not in wrong]
+    if len(right) < FEWEST_KIN or not np.isfinite(right).all():
+        return list(found)
+    share = {item.ways[0].run.id: item.share for item in judgements}
+    return [item for item in found if item.kind != "wrong-command" or share[item.run] > BETTER * max(right)]
 
 
 def _without_regimes(found: Sequence[Found], judgements: Sequence[Judgement]) -> list[Found]:

@@ -139,23 +139,22 @@ def jump(run: RunData) -> tuple[float, float] | None:
     return best
 
 
-def leap_in_gap(run: RunData, between: tuple[float, float]) -> tuple[float, float, float] | None:
+def displacement_in_gap(run: RunData, between: tuple[float, float]) -> tuple[float, float, float] | None:
     """Begin and end, s, of a time without frames over which a run is carried off, and how far, mm; None without any.
 
     between: the time, s, over which its motors hold one command; a start or a stop is no push.
     """
     time, _, _ = midpoint_and_heading(run)
-    inside = time[(time >= between[0]) & (time <= between[1])]
-    steps = np.diff(inside)
+    steps = np.diff(time)
     gaps = np.flatnonzero((steps > SHORTEST_GAP_S) & (steps < LONGEST_GAP_S))
-    leaps = [
-        (float(inside[k]), float(inside[k + 1]), leap_over(run, (inside[k], inside[k + 1]), between)) for k in gaps
+    displaced = [
+        (float(time[k]), float(time[k + 1]), displacement_over(run, (time[k], time[k + 1]), between)) for k in gaps
     ]
-    best = max(leaps, key=lambda leap: leap[2], default=None)
+    best = max(displaced, key=lambda item: item[2], default=None)
     return best if best is not None and best[2] > 0 else None
 
 
-def leap_over(run: RunData, stretch: tuple[float, float], between: tuple[float, float]) -> float:
+def displacement_over(run: RunData, stretch: tuple[float, float], between: tuple[float, float]) -> float:
     """How far, mm, a mark of a run is carried off its way over a stretch of time, s; 0 where chance explains it.
 
     between: the time, s, over which its motors hold one command. A turn by hand carries a mark by its angle times

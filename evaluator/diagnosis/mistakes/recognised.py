@@ -48,8 +48,8 @@ MOST = 0.8  # of the runs: what concerns so many is a habit of the session, said
 class Found:
     """A mistake in one run: what is seen, as the end of a sentence that begins with the run, and the remedy.
 
-    equivalent: other kinds that this run alone cannot be told from. correction: what puts its files right, if anything
-    does.
+    equivalent: other kinds that this run alone cannot be distinguished from. correction: what puts its files right, if
+    anything does.
     """
 
     run: str

@@ -13,14 +13,17 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.assessment.disagreeing_runs import NAMES, RunDisagreement, disagreeing_runs
-from evaluator.diagnosis.assessment.disagreement import QUANTITIES, UNITS, pieces
+from evaluator.diagnosis.assessment.disagreement import QUANTITIES, UNITS
 from evaluator.diagnosis.assessment.gap import rms
+from evaluator.diagnosis.assessment.knowledge import strained
 from evaluator.diagnosis.assessment.model_comparison import Set
 from evaluator.diagnosis.design.next_runs import MOST_RUNS
 from evaluator.diagnosis.diagnosis import Diagnosis
-from evaluator.diagnosis.likelihood.random_effects import place_runs
+from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, is_shared
 from evaluator.diagnosis.output.effects_json import effects, rounded, told
+from evaluator.wording import power_of_ten
+from simulator.effects.catalogue import BUILT_IN, EFFECTS
 
 Floats = NDArray[np.float64]
 Json = dict[str, Any]
@@ -74,9 +77,11 @@ def record(diagnosis: Diagnosis) -> Json:
                 "found": rounded(item.found),
                 "low": rounded(item.low),
                 "high": rounded(item.high),
+                "equivalent": [item.alike] if item.alike else [],
             }
             for item in diagnosis.known
         ],
+        "known_together": _together(diagnosis),
         "findings": [item.sentence for item in diagnosis.known if item.is_finding],
         "gap": _gap(diagnosis),
         "where": _where(diagnosis, apart),
@@ -84,16 +89,41 @@ def record(diagnosis: Diagnosis) -> Json:
         "rivals": _rivals(diagnosis),
         "next_experiment": _next(diagnosis),
         "constancy": {item.halves: rounded(item.probability) for item in diagnosis.constancy},
-        "runs_not_followed": [diagnosis.session.data[run].id for run in diagnosis.astray],
+        "runs_not_followed": [diagnosis.session.data[run].id for run in diagnosis.outlying],
         "noise": _noise(diagnosis),
         "nominal": _nominal(diagnosis),
         "shared_errors_sigmas": _shared(diagnosis),
         "skipped_runs": dict(diagnosis.session.skipped),
+        "not_tried": _not_tried(diagnosis.session),
+    }
+
+
+def _not_tried(session: Session) -> list[str]:
+    """Effects that act by the place on the plate, where every run has a frame of its own."""
+    tried = (*BUILT_IN, *session.own)
+    return [] if session.one_frame else sorted(effect for effect in tried if EFFECTS[effect].of_plate)
+
+
+def _together(diagnosis: Diagnosis) -> Json | None:
+    """All that is known to a tolerance at once, against chance; sentence: where it is farther off than that."""
+    found = diagnosis.known_together
+    if found is None:
+        return None
+    return {
+        "square": rounded(found.square),
+        "freedom": found.freedom,
+        "probability": rounded(found.probability),
+        "sentence": found.sentence(diagnosis.session.known) if found.is_finding else None,
     }
 
 
 def _where(diagnosis: Diagnosis, apart: Sequence[RunDisagreement]) -> list[Json]:
-    """What the disagreement depends on; runs: those that disagree in this quantity."""
+    """What the disagreement with the robot file depends on; runs: those that disagree in this quantity.
+
+    after_sigmas: how much the same stands out of what the chosen model leaves over, with nominal values and all that is
+    known to a tolerance adjusted.
+    """
+    after = {(item.quantity, item.by, item.parity): item.sigmas for item in diagnosis.left}
     return [
         {
             "quantity": NAMES[item.quantity],
@@ -104,6 +134,7 @@ def _where(diagnosis: Diagnosis, apart: Sequence[RunDisagreement]) -> list[Json]
             "size": rounded(math.hypot(*(size for size, _, _ in item.sizes))),
             "unit": UNITS[item.quantity],
             "sigmas": rounded(item.sigmas),
+            "after_sigmas": rounded(after.get((item.quantity, item.by, item.parity), math.nan)),
             "sentence": item.sentence,
         }
         for item in diagnosis.where
@@ -112,13 +143,11 @@ def _where(diagnosis: Diagnosis, apart: Sequence[RunDisagreement]) -> list[Json]
 
 def disagreement(diagnosis: Diagnosis) -> pd.DataFrame | None:
     """The pieces of the runs with what the model misses before and after (columns after_…); None where none."""
-    if diagnosis.pieces is None or diagnosis.problem is None:
+    if diagnosis.pieces is None or diagnosis.pieces_after is None:
         return None
-    fit, runs = diagnosis.fit, range(len(diagnosis.session.data))
-    after = pieces(diagnosis.problem, place_runs(diagnosis.problem, fit.point, runs, fit.posterior.scatter))
     renamed = {name: f"after_{name}" for name in QUANTITIES}
     held = {diagnosis.session.data[run].id for run in diagnosis.held_out}
-    both = pd.concat([diagnosis.pieces, after[list(QUANTITIES)].rename(columns=renamed)], axis=1)
+    both = pd.concat([diagnosis.pieces, diagnosis.pieces_after[list(QUANTITIES)].rename(columns=renamed)], axis=1)
     return both.assign(kept_aside=both["run"].isin(held))
 
 
@@ -139,6 +168,7 @@ def _gap(diagnosis: Diagnosis) -> Json:
         "before": pair(gap.before_mm),
         "after": pair(gap.after_mm),
         "predicted": {"before": pair(gap.predicted_before_mm), "after": pair(gap.predicted_after_mm)},
+        "not_predicted": {ids[run]: reason for run, reason in sorted(gap.not_predicted.items())},
         "noise_floor": rounded(rms(gap.floor_mm, everything)),
         "held_out_gain_sigmas": rounded(math.sqrt(max(2 * diagnosis.confirmation, 0.0)))
         if math.isfinite(diagnosis.confirmation)
@@ -163,9 +193,17 @@ def _rivals(diagnosis: Diagnosis) -> list[Json]:
                     "probability": round(float(probability), 4),
                     "log_odds": rounded(float(score) - best),
                     "reason": _reason(diagnosis, ids, float(score) - best),
+                    "strains": _strains(diagnosis, ids),
                 }
             )
     return rivals
+
+
+def _strains(diagnosis: Diagnosis, ids: Set) -> list[str]:
+    """Values that a set would move beyond what is known of them."""
+    search = diagnosis.search
+    assert search is not None
+    return sorted(strained(search.fits[ids], search.null, search.tolerance))
 
 
 def names(ids: Set) -> list[str]:
@@ -187,7 +225,7 @@ def _reason(diagnosis: Diagnosis, ids: Set, odds: float) -> str:
 def _times(odds: float) -> str:
     """A factor for people, from the logarithm of its inverse."""
     if -odds > math.log(1e4):
-        return f"10^{-odds / math.log(10):.0f} times"
+        return f"{power_of_ten(-odds / math.log(10))} times"
     return f"{math.exp(-odds):.{1 if -odds < math.log(10) else 0}f} times"
 
 

@@ -126,8 +126,8 @@ def _drawn(diagnosis: Diagnosis, terms: Sequence[Candidate]) -> dict[str, Floats
         mean, covariance, DRAWS, check_valid="ignore", method="svd"
     )
     for term in terms:
-        if term.id in diagnosis.ridges:
-            draws = diagnosis.ridges[term.id].bend(draws, mean, covariance)
+        if term.id in diagnosis.profiles:
+            draws = diagnosis.profiles[term.id].transform(draws, mean, covariance)
     found: dict[str, Floats] = {}
     for term in terms:
         own = [i for i, column in enumerate(fit.columns) if column.key == term.id]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from evaluator.diagnosis.candidates.free_form import BASIS_WORDS, CHANNEL_WORDS, FreeTerm
+from evaluator.diagnosis.candidates.free_form import FreeTerm, unit_of_coefficient
 from evaluator.diagnosis.diagnosis import Diagnosis
 from simulator.own_effects.template import TermRow, template
 
@@ -24,19 +24,16 @@ def own_effect(found: Diagnosis, effect_id: str = ID) -> str | None:
             bounds = float(coordinate.low), float(coordinate.high), float(coordinate.step)
             rows += [
                 TermRow(
-                    part.channel, part.basis, name, part.pattern, _unit(part.channel, part.basis), *bounds, float(value)
+                    part.channel,
+                    part.basis,
+                    name,
+                    part.pattern,
+                    unit_of_coefficient(part.channel, part.basis),
+                    *bounds,
+                    float(value),
                 )
                 for part in (item, item.twin)
                 if part is not None
             ]
     words = " and ".join(term.describe() for term in terms)
     return template(effect_id, rows, words, f"{words[:1].upper()}{words[1:]}.")
-
-
-def _unit(channel: str, basis: str) -> str:
-    """Unit of a coefficient, as it is shown: 1 is not said."""
-    unit, per = CHANNEL_WORDS[channel][1], BASIS_WORDS[basis][1]
-    if unit == "rpm" and per == "/rpm":
-        return ""
-    shown = f"{unit}{per}"
-    return shown if per else shown.removesuffix("1")

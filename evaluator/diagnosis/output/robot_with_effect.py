@@ -6,7 +6,7 @@ import tomllib
 
 from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.likelihood.run_data import is_shared
-from evaluator.diagnosis.likelihood.simulation import varied_robot
+from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.diagnosis.output.effect_tables import effect_tables
 from evaluator.diagnosis.output.robot_file import with_value, with_values_of_each
 from simulator.robot import Robot

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from evaluator.report.diagnosis.words import as_sentence, closes, effect_words, micrometres, value_text
+from evaluator.report.diagnosis.words import (
+    as_sentence,
+    closes,
+    effect_words,
+    micrometres,
+    value_text,
+    with_interval,
+)
 from evaluator.report.numbers import UNKNOWN, number
 from evaluator.report.pages.html import Section, Table
 
@@ -20,17 +27,17 @@ def mistake_sentences(content: Json) -> list[str]:
 
 def finding_sentences(content: Json) -> list[str]:
     """What the data want farther away than the laboratory knows it, one sentence each."""
-    return [as_sentence(str(item)) for item in content.get("findings") or []]
+    at_once = (content.get("known_together") or {}).get("sentence")
+    return [as_sentence(str(item)) for item in (*(content.get("findings") or []), *([at_once] if at_once else []))]
 
 
 def preferred_sentence(content: Json) -> str:
     """Values that the data prefer within what the laboratory knows, where their 95 % intervals leave out 0."""
-    parts = [
-        f"{item.get('name') or item['quantity']} {value_text(item['found'])}{_unit(item)} "
-        f"[{value_text(item['low'])}, {value_text(item['high'])}]"
-        for item in content.get("known_to") or []
-        if item.get("low") is not None and item["low"] * item["high"] > 0
-    ]
+    parts = []
+    for item in content.get("known_to") or []:
+        if item.get("low") is not None and item["low"] * item["high"] > 0:
+            found, low, high = _found(item)
+            parts.append(f"{item.get('name') or item['quantity']} {found}{_unit(item)} [{low}, {high}]")
     return as_sentence(f"Within what is known, the data prefer: {'; '.join(parts)}") if parts else ""
 
 
@@ -48,7 +55,9 @@ def negligible_sentence(content: Json) -> str:
 
 def predicted_sentence(content: Json) -> str:
     """The gap of a simulation from the start pose alone, before and after; empty where it is not known."""
-    predicted = (content.get("gap") or {}).get("predicted") or {}
+    gap = content.get("gap") or {}
+    predicted, cannot = gap.get("predicted") or {}, gap.get("not_predicted") or {}
+    without = f" Without {'; '.join(f'{run} ({reason})' for run, reason in cannot.items())}." if cannot else ""
 
     def change(part: str, where: str) -> str:
         before, after = (predicted.get(side, {}).get(part) for side in ("before", "after"))
@@ -60,11 +69,11 @@ def predicted_sentence(content: Json) -> str:
 
     parts = [text for text in (change("fit", "the runs that were fitted"), change("held_out", "held-out runs")) if text]
     if not parts:
-        return ""
+        return without and f"From the start pose alone nothing can be predicted.{without}"
     meaning = (
         "with nothing of a run fitted, and start, clock, scale, level and marks as the fitted runs have them in common"
     )
-    return f"Predicted from the start pose alone ({meaning}), it is {' and '.join(parts)}."
+    return f"Predicted from the start pose alone ({meaning}), it is {' and '.join(parts)}.{without}"
 
 
 def knowledge_section(content: Json) -> Section | None:
@@ -92,12 +101,17 @@ def mistakes_section(content: Json) -> Section | None:
 
 
 def _row(item: Json) -> tuple[str, ...]:
-    low, high = (value_text(item.get(key)) for key in ("low", "high"))
-    taken, found = item.get("taken"), item.get("found")
-    far = bool(taken and found is not None and abs(found) > FAR * taken)
+    taken, value = item.get("taken"), item.get("found")
+    far = bool(taken and value is not None and abs(value) > FAR * taken)
+    found, low, high = _found(item)
     interval = UNKNOWN if item.get("low") is None else f"{low} to {high}"
     name = str(item.get("name") or item["quantity"])
-    return (name, _unit(item).strip(), value_text(taken), value_text(found), interval, "far" if far else "")
+    return (name, _unit(item).strip(), value_text(taken), found, interval, "far" if far else "")
+
+
+def _found(item: Json) -> tuple[str, str, str]:
+    """What the data prefer, with its 95 % bounds."""
+    return with_interval({"value": item.get("found"), "low": item.get("low"), "high": item.get("high")})
 
 
 def _unit(item: Json) -> str:

@@ -17,12 +17,15 @@ from evaluator.report.diagnosis.words import (
     in_words,
     micrometres,
     next_runs,
+    not_tried_sentence,
     parameter,
     percent_text,
+    rivals_sentence,
     separations_sentence,
     signed_percent,
     value_text,
     verdict_sentence,
+    where_sentences,
     with_interval,
 )
 from evaluator.report.figures.disagreement import disagreement_map, disagreement_panels
@@ -54,7 +57,7 @@ def _verdict(view: DiagnosisView) -> Section:
     if view.outdated:
         text.insert(0, "Recordings, robot or program have changed since this diagnosis: run turnscope diagnose again.")
     text += [equivalents_sentence(effect) for effect in content.get("effects") or []]
-    text.append(separations_sentence(content))
+    text += [rivals_sentence(content), separations_sentence(content)]
     rows = [
         (effect["name"], *parameter(name, effect["id"]), best, f"{low} to {high}")
         for effect in content.get("effects") or []
@@ -74,7 +77,7 @@ def _next_runs(content: Json) -> tuple[Table, ...]:
 
 def _where(view: DiagnosisView) -> Section | None:
     items = [item for item in view.content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
-    text = [as_sentence(str(item["sentence"])) for item in items[:SENTENCES]]
+    text = where_sentences(view.content, SENTENCES)
     text += [as_sentence(item) for item in view.content.get("where") or [] if isinstance(item, str)]
     if len(items) > SENTENCES:
         text.append(f"{len(items) - SENTENCES} more are in diagnosis.json.")
@@ -150,6 +153,7 @@ def _small_print(content: Json) -> Section | None:
             f"{percent_text(scatter.get('friction'))} and wheel speed by {percent_text(scatter.get('wheel_speed'))}."
         )
     text.append(_left_out(content.get("skipped_runs") or {}))
+    text.append(not_tried_sentence(content))
     rows = tuple(
         (key, signed_percent(item["relative_change"]), percent_text(item["sigma"]), percent_text(item["tolerance"]))
         for key, item in nominal.items()

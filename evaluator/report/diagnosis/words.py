@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from evaluator.diagnosis.candidates.free_form import BASIS_WORDS, CHANNEL_WORDS, PREFIX, TWIN_WORDS, free_terms
-from evaluator.report.numbers import UNKNOWN, number, significant
+from evaluator.report.numbers import UNKNOWN, significant, true_minus
+from evaluator.wording import with_bounds
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.parameter import UNITS, Unit
 
@@ -23,6 +24,12 @@ def verdict_sentence(content: Json) -> str:
         return f"Missing in the model: {found}."
     if content.get("verdict") == "unknown":
         return f"Something is missing that no known effect explains{_description(content)}."
+    at_once = (content.get("known_together") or {}).get("sentence")
+    if content.get("verdict") == "none" and (content.get("findings") or at_once):
+        each = "; ".join(content.get("findings") or [])
+        parts = [f"by more than three of its tolerances, {each}"] if each else []
+        parts += [at_once] if at_once else []
+        return f"No effect has to be added, but not all is as stated: {'; and '.join(parts)}."
     return {
         "none": "Nothing is missing: the model explains these runs within noise, scatter and tolerances.",
         "insufficient": "These runs cannot decide what is missing.",
@@ -39,6 +46,20 @@ def _description(content: Json) -> str:
         return f", and no term that was tried does: {free}"
     seen = [item["sentence"] for item in content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
     return f", and no term that was tried does; most of all, {_with_minus(seen[0])}" if seen else ""
+
+
+def where_sentences(content: Json, most: int) -> list[str]:
+    """Where the robot file as it stands disagrees with the runs, at most so many sentences.
+
+    Beside the verdict that nothing is missing, a first one says why that is no contradiction.
+    """
+    items = [item for item in content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
+    sentences = [as_sentence(str(item["sentence"])) for item in items[:most]]
+    if not sentences or content.get("verdict") != "none":
+        return sentences
+    left = "no more than does not matter" if content.get("negligible") else "nothing that is more than chance"
+    tail = f"with its values adjusted within their tolerances {left} is left of it:"
+    return [f"The robot file as it stands is off, and {tail}", *sentences]
 
 
 def closes(content: Json) -> bool:
@@ -84,11 +105,10 @@ def _unit_of(name: str) -> Unit:
 
 def with_interval(value: Json) -> tuple[str, str, str]:
     """A value and its bounds, with as many decimals as their distance bears."""
-    three = value["value"], value["low"], value["high"]
-    if None in three or not three[2] > three[1]:
-        return value_text(three[0]), value_text(three[1]), value_text(three[2])
-    decimals = max(0, -math.floor(math.log10((three[2] - three[1]) / 4)))
-    best, low, high = (number(float(item), decimals) for item in three)
+    best, low, high = value["value"], value["low"], value["high"]
+    if None in (best, low, high) or not high > low:
+        return value_text(best), value_text(low), value_text(high)
+    best, low, high = (true_minus(text) for text in with_bounds(best, low, high))
     return best, low, high
 
 
@@ -99,6 +119,32 @@ def equivalents_sentence(effect: Json) -> str:
         return ""
     named = [f"{EFFECTS[other].name} ({other})" if other in EFFECTS else other for other in others]
     return f"These runs cannot tell it from: {', or '.join(named)}."
+
+
+WORTH_A_WORD = math.log(20.0)  # odds at which a rival is told: 5 % against
+
+
+def not_tried_sentence(content: Json) -> str:
+    """Which effects these runs cannot show; empty where all were tried."""
+    effects = content.get("not_tried") or []
+    reason = "The poses of each run begin at the origin of its own frame, so effects that are fixed to the plate"
+    return f"{reason} were not tried: {', '.join(effects)}." if effects else ""
+
+
+def rivals_sentence(content: Json) -> str:
+    """The best rival that is more probable than the verdict, by less than is asked of an effect; empty where none is.
+
+    None that needs values beyond what is known of them, and no form without a name: such a one has its own verdict.
+    """
+    if content.get("verdict") not in ("none", "effect"):
+        return ""
+    for rival in content.get("rivals") or []:
+        effects, odds = rival.get("effects") or [], rival.get("log_odds")
+        named = effects and not any(str(effect).startswith(PREFIX) for effect in effects)
+        if named and odds is not None and odds > WORTH_A_WORD and not rival.get("strains"):
+            words = " with ".join(map(words_of, effects))
+            return f"Perhaps, at odds of {significant(math.exp(min(odds, 20.0)), 2)} to 1, less than is asked: {words}."
+    return ""
 
 
 RUN_KEYS = ("left_rpm", "right_rpm", "duration_s", "x_mm", "y_mm", "heading_deg", "times")

@@ -10,6 +10,7 @@ from matplotlib.patches import Rectangle
 
 from evaluator.report.runs import RunView
 from evaluator.report.style import FAINT, INK, MEASURED, Figure, drawing
+from evaluator.turning.motion.curvature import Z_975
 
 MOST_ROWS = 30  # more would be unreadable; the commands that scatter most are kept
 
@@ -35,7 +36,7 @@ def repetitions(runs: Sequence[RunView], pooled: pd.DataFrame) -> Figure | None:
             off = np.array([100 * (run.value("radius_mm") / row["radius_mm"] - 1) for run in turns])
             sigma = np.array([100 * run.value("radius_random_mm") / row["radius_mm"] for run in turns])
             heights = place + np.linspace(-0.2, 0.2, len(turns))
-            axes.errorbar(off, heights, xerr=1.96 * sigma, **MEASURED.markers(), capsize=2, lw=1.0)
+            axes.errorbar(off, heights, xerr=Z_975 * sigma, **MEASURED.markers(), capsize=2, lw=1.0)
             data += [
                 (run.id, run.group, run.left_rpm, run.right_rpm, *numbers, between)
                 for run, *numbers in zip(turns, off, sigma, strict=True)

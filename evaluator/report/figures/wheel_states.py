@@ -95,7 +95,7 @@ def _label(axes: Axes, number: int, place: np.ndarray, table: pd.DataFrame) -> N
     page_x, page_y = _on_page(*place)
     side, end = np.sign(page_x), np.sign(page_y)
     text = (
-        f"{number + 1}  s = {row['slip_ratio']:+.3f}, α = {row['slip_angle_deg']:+.1f}°\n"
+        f"{number + 1}:  s = {row['slip_ratio']:+.3f}, α = {row['slip_angle_deg']:+.1f}°\n"
         f"$F_x$ = {row['longitudinal_force_mN']:+.2f}, $F_y$ = {row['lateral_force_mN']:+.2f} mN"
     )
     axes.text(

@@ -24,6 +24,7 @@ from evaluator.report.figures.calibration import (
     residual_vectors,
 )
 from evaluator.report.figures.quality import camera_uncertainty
+from evaluator.report.numbers import number
 from evaluator.report.pages.html import Page, Section, Table, page_html
 from evaluator.report.style import Figure
 
@@ -121,7 +122,7 @@ def _tables(calibration: Calibration) -> tuple[Table, ...]:
 def _with_uncertainty(value: float, sigma: float) -> tuple[str, str]:
     """A value and its uncertainty to the same decimals, two digits of the uncertainty."""
     decimals = max(0, 1 - int(np.floor(np.log10(sigma))))
-    return f"{value:.{decimals}f}", f"{sigma:.{decimals}f}"
+    return number(value, decimals), number(sigma, decimals)
 
 
 def _sentence(text: str) -> str:

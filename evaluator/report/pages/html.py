@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from importlib.resources import files
 
 from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup, escape
 
 from evaluator.report.style import THEME, Figure, Line
 from evaluator.report.summary import Number
+
+# No line ends between a number and its unit, nor within a command such as −33.3 / −14.4 rpm.
+HELD_TOGETHER = re.compile(r"(?<=\d) (?=(?:%|(?:°|mm|µm|px|rpm|deg|s|mN|1/m)(?![\w]))|/ [−\d])|(?<=\d /) (?=[−\d])")
+CODE = re.compile(r"`([^`\n]+)`")
 
 
 @dataclass(frozen=True)
@@ -52,7 +58,13 @@ class Page:
 def page_html(page: Page) -> str:
     """The page as text, its style and script inside."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["prose"] = prose
     return environment.from_string(_resource("page.html")).render(page=page, css=_css(), script=_resource("page.js"))
+
+
+def prose(text: str) -> Markup:
+    """Text for people as HTML: what stands between backticks as code, numbers on one line with their units."""
+    return Markup(HELD_TOGETHER.sub("\u00a0", CODE.sub(r"<code>\1</code>", str(escape(text)))))  # noqa: S704 - escaped
 
 
 def _css() -> str:

@@ -18,6 +18,7 @@ from evaluator.workflow import (
     new_experiment,
     new_table,
     out_folder,
+    own_effects_for,
     read_experiment,
     results_view,
     robot_file,
@@ -90,10 +91,8 @@ def add_effect(studio: Studio, asked: Asked) -> Json:
     def change() -> None:
         write_robot(path, text, asked.text("version"))
 
-    if target.exists():
-        studio.history.record(target, change)
-    else:
-        change()
+    beside = [studio.folder.inside(file) for file in own_effects_for(target, text)]
+    studio.history.record([target, path, *beside], "an effect in the robot", change)
     return diagnosis(studio, asked)
 
 
@@ -112,7 +111,7 @@ def mend(studio: Studio, asked: Asked) -> Json:
             edits += [Edit("set", row, "left_rpm", left), Edit("set", row, "right_rpm", right)]
     if not edits:
         raise InputError("these runs are not in the experiment any more")
-    studio.history.record(path, lambda: edit_experiment(path, table.version, edits))
+    studio.history.record([path], "mended commands", lambda: edit_experiment(path, table.version, edits))
     return {"changed": len(edits) // 2}
 
 
@@ -160,7 +159,9 @@ def sliders(studio: Studio, asked: Asked) -> Json:
     """Sliders of a robot and of all effects. experiment: id of the one whose robot and commands to start from."""
     robot, commands, path = _robot(studio, asked.query)
     told: Json = {"robot": [vars(one) for one in robot_sliders(robot)], "commands": commands}
-    told["effects"] = [{**vars(one), "sliders": [vars(slider) for slider in one.sliders]} for one in effect_sliders()]
+    told["effects"] = [
+        {**vars(one), "sliders": [vars(slider) for slider in one.sliders]} for one in effect_sliders(path)
+    ]
     told["in_robot"] = effects_of(path) if path is not None else []
     told["version"] = robot_file(path).version if path is not None else ""
     return told

@@ -64,10 +64,7 @@ def set_tracking(studio: Studio, asked: Asked) -> Json:
     def change() -> None:
         write_tracking(path, asked.text("version"), said)
 
-    if target.exists():
-        studio.history.record(target, change)
-    else:
-        change()
+    studio.history.record([target, path], "settings of the search for marks", change)
     return tracking(studio, asked)
 
 
@@ -95,11 +92,16 @@ def corrections(studio: Studio, asked: Asked) -> Json:
 def set_corrections(studio: Studio, asked: Asked) -> Json:
     """Write the corrections of a run."""
     path = studio.folder.path(asked.path["id"])
-    studio.folder.inside(corrections_file(path, asked.path["run"]))
+    target = studio.folder.inside(corrections_file(path, asked.path["run"]))
     rows = asked.body.get("rows")
     if not isinstance(rows, list) or len(rows) > MOST_CORRECTIONS:
         raise InputError("rows: corrections, each with frame, mark, x, y")
-    write_corrections(path, asked.path["run"], asked.text("version"), [_correction(row) for row in rows])
+    run, version, corrected = asked.path["run"], asked.text("version"), [_correction(row) for row in rows]
+
+    def change() -> None:
+        write_corrections(path, run, version, corrected)
+
+    studio.history.record([target, path], f"a correction of {run}", change)
     return corrections(studio, asked)
 
 
@@ -160,7 +162,8 @@ def calibrate(studio: Studio, asked: Asked) -> Json:
         raise InputError("choose the images of the gauge, and which of them shows it lying on the plate")
     images = [str(_image(studio, str(one))) for one in chosen]
     target = studio.folder.inside(gauge.parent / "camera.json")
-    return {"job": studio.jobs.add("calibrate", gauge, {"images": images, "plate": plate, "camera": str(target)})}
+    options = {"images": images, "plate": plate, "camera": str(target)}
+    return {"job": studio.jobs.add("calibrate", gauge, options, studio.history.watch([target], "the calibration"))}
 
 
 def _image(studio: Studio, identifier: str) -> Path:

@@ -24,7 +24,6 @@ def routes(studio: Studio) -> list[Route]:
     return [
         Route("/api/experiments/{id}", endpoint(studio, table)),
         Route("/api/experiments/{id}/edit", endpoint(studio, edit), methods=["POST"]),
-        Route("/api/experiments/{id}/step", endpoint(studio, step), methods=["POST"]),
         Route(run + "/contents", endpoint(studio, contents)),
         Route(run + "/frame", endpoint(studio, frame)),
         Route(run + "/frames", endpoint(studio, frames)),
@@ -44,14 +43,8 @@ def edit(studio: Studio, asked: Asked) -> Json:
     if not isinstance(edits, list) or not edits:
         raise InputError("there is no change in this request")
     changes = [_edit(studio, path, item) for item in edits]
-    studio.history.record(path, lambda: edit_experiment(path, asked.text("version"), changes))
-    return _told(studio, path)
-
-
-def step(studio: Studio, asked: Asked) -> Json:
-    """Undo or redo a change of this studio."""
-    path = studio.folder.path(asked.path["id"])
-    studio.history.step(path, asked.text("version"), "redo" if asked.body.get("way") == "redo" else "undo")
+    version = asked.text("version")
+    studio.history.record([path], _words(changes), lambda: edit_experiment(path, version, changes))
     return _told(studio, path)
 
 
@@ -96,9 +89,16 @@ def _told(studio: Studio, path: Path) -> Json:
         "rows": found.rows,
         "faults": [{"row": fault.row, "key": fault.key, "sentence": fault.sentence} for fault in found.faults],
         "recordings": recordings,
-        "history": studio.history.count(path),
         "path": studio.folder.relative(path),
     }
+
+
+def _words(changes: list[Edit]) -> str:
+    """What some changes of the table are, for a person who may undo them."""
+    if len(changes) > 1:
+        return f"{len(changes)} changes of the table"
+    (change,) = changes
+    return {"add": "a new run", "remove": "a run taken away"}.get(change.kind, f"{change.key} of a run")
 
 
 def _from(folder: Path, path: Path) -> str:

@@ -81,18 +81,18 @@ def _learn_clear(patches: list[Patch], first: Disc) -> Steps[Disc]:
     """Learn a disc anew without what covers it; the first one where nothing does, or so much that it is no disc."""
     disc = first
     for _ in range(CLEARINGS):
-        clear, covered = [], []
+        clear, occluded = [], []
         for patch in patches:
             shown, share = _uncovered(patch, disc)
             yield
             clear.append(_thinned(_part(patch, shown)))
-            covered.append(share)
-        if np.mean(covered) > NO_DISC:
+            occluded.append(share)
+        if np.mean(occluded) > NO_DISC:
             return first
-        if not any(covered):
+        if not any(occluded):
             break
         disc = yield from learn_disc(clear, first.radius_px, first.blur_px)
-        disc = replace(disc, covered=float(np.mean(covered)))
+        disc = replace(disc, occluded=float(np.mean(occluded)))
     return disc
 
 
@@ -106,7 +106,7 @@ def _uncovered(patch: Patch, disc: Disc) -> tuple[NDArray[np.bool_], float]:
     start = np.array([patch.center_px[0] - patch.x[0], patch.center_px[1], disc.amplitude, disc.base])
     shown, fitted, noise = np.ones(luma.shape, bool), np.zeros(kernels.RESULTS), np.array([disc.noise, SOFTNESS])
     shape, share, table = disc.numbers(), 0.0, disc.table
-    kernels.fit_disc(luma, *rows, start, np.zeros(2), shape, table, noise, fitted)
+    kernels.fit_disc(luma, *rows, start, True, shape, table, noise, fitted)
     if np.isfinite(fitted[kernels.X]):
         where, result = (luma, *rows), fitted.copy()
         _, share = fit_uncovered(*where, fitted, shape, table, noise, result, shown, CORE_EXPECTED, NOTABLE)

@@ -3,14 +3,15 @@
 Image coordinates, px; a chroma sample covers across × down luma samples.
 """
 # mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
-# ruff: noqa: ANN001, ANN201 - numba infers the types
+# ruff: noqa: ANN001, ANN201, FURB136 - numba infers the types; comparisons compile sooner than min and max
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numba import njit
+
+from calibration.compilation import compiled
 
 single = np.float32
 # Liberties of floating point that let sums of a row be taken several samples at once; NaN stays what it is.
@@ -20,7 +21,7 @@ SUMS = {"contract", "arcp", "nsz", "reassoc"}
 AREA, CENTER_X, CENTER_Y, STRENGTH, CLIPPED = range(5)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=SUMS)
+@compiled(nogil=True, fastmath=SUMS)
 def color_window(u, v, cell, x, y, half, color, found):
     """Weigh the pixels of a colour in a square window around (x, y); fills found.
 
@@ -31,8 +32,9 @@ def color_window(u, v, cell, x, y, half, color, found):
     rows, columns = u.shape
     first_i, last_i = math.floor((x - half - cell[2]) / cell[0]), math.ceil((x + half - cell[2]) / cell[0])
     first_j, last_j = math.floor((y - half - cell[3]) / cell[1]), math.ceil((y + half - cell[3]) / cell[1])
-    left, right = max(first_i, 0), min(last_i, columns - 1) + 1
-    top, bottom = max(first_j, 0), min(last_j, rows - 1) + 1
+    # Comparisons stand where Python has words for them: each min and max takes numba as long as a loop.
+    left, right = first_i if first_i > 0 else 0, last_i + 1 if last_i < columns else columns
+    top, bottom = first_j if first_j > 0 else 0, last_j + 1 if last_j < rows else rows
     # In single precision, without branches: several samples at once.
     neutral_u, neutral_v, toward_u, toward_v = single(color[0]), single(color[1]), single(color[2]), single(color[3])
     least, tangent, none, one = single(color[4]), single(color[5]), single(0.0), single(1.0)
@@ -55,11 +57,11 @@ def color_window(u, v, cell, x, y, half, color, found):
     found[CENTER_X] = cell[2] + cell[0] * sum_x / weights if count else np.nan
     found[CENTER_Y] = cell[3] + cell[1] * sum_y / weights if count else np.nan
     found[STRENGTH] = weights / count if count else 0.0
-    seen = max(right - left, 0) * max(bottom - top, 0)
+    seen = (right - left) * (bottom - top) if right > left and bottom > top else 0
     found[CLIPPED] = 1.0 - seen / ((last_i - first_i + 1) * (last_j - first_j + 1))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@compiled(nogil=True, inline="always")
 def is_color(u, v, color):
     """Chroma along a colour's direction if (u, v) is of that colour, else 0.
 
@@ -72,7 +74,7 @@ def is_color(u, v, color):
     return 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True)
 def color_scan(u, v, allowed, color, least, mask):
     """Mark all allowed pixels of a colour in mask; returns their number and bounds (rows, then columns, inclusive).
 
@@ -96,7 +98,7 @@ def color_scan(u, v, allowed, color, least, mask):
     return count, top, bottom, left, right
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=SUMS)
+@compiled(nogil=True, fastmath=SUMS)
 def chroma_plane(luma, u, v, to_rgb, chroma):
     """Fill chroma: the largest less the smallest of the R, G, B that to_rgb (3, 4) gives of luma, u, v and 1."""
     rows, columns = chroma.shape

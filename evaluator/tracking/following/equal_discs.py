@@ -12,7 +12,7 @@ from evaluator.tracking.refinement.disc import shaped_as
 UNEQUAL = 0.08  # radii of equal marks differ by less: halation of a brighter mark, learning from noisy frames
 UNEQUAL_NOISE = 4.0  # and so does their noise: light and codec treat them alike
 UNEQUAL_SLANT = 0.02  # and they are slanted alike: a rim that something cuts looks slanted alone
-MORE_COVERED = 0.05  # of its information, from which a mark tells less of its shape than its partner
+MORE_OCCLUDED = 0.05  # of its information, from which a mark tells less of its shape than its partner
 DAZZLED = 2.0  # noise over squared contrast of one over the other; by their colours alone they differ by less
 
 
@@ -21,8 +21,8 @@ def agree(followers: Mapping[str, Motion], pair: Sequence[str], take: Callable[[
     marks = [mark for name in sorted(pair) if isinstance(mark := followers.get(name), Follower)]
     if not pair or len(marks) < len(pair):
         return
-    better, worse = sorted(marks, key=lambda mark: mark.look.disc.covered)
-    if worse.look.disc.covered > better.look.disc.covered + MORE_COVERED:
+    better, worse = sorted(marks, key=lambda mark: mark.look.disc.occluded)
+    if worse.look.disc.occluded > better.look.disc.occluded + MORE_OCCLUDED:
         take(worse, with_disc(worse.look, shaped_as(worse.look.disc, better.look.disc)))
         return
     worse, better = sorted(marks, key=lambda mark: mark.radius_px)

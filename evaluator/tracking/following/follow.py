@@ -16,7 +16,7 @@ from evaluator.tracking.observation import ABSENT, OK, Sighting
 from evaluator.tracking.refinement import fast_path, kernels
 from evaluator.tracking.refinement.learn_shape import Patch
 from evaluator.tracking.refinement.shading import LightNotes, interior_px
-from evaluator.tracking.refinement.slow_path import Closer
+from evaluator.tracking.refinement.slow_path import SlowPath
 from evaluator.tracking.uncertainty.rim import Rim, rim_power
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ class Follower(Motion):
         self._disc, self._table = disc.numbers(), disc.table
         self._noise = np.array([disc.noise, SOFTNESS])
         inner_px = disc.radius_px - 2.5 * disc.blur_px
-        self._closer = Closer(self._disc, self._table, self._noise, self._result, inner_px, disc.blur_px)
+        self._slow_path = SlowPath(self._disc, self._table, self._noise, self._result, inner_px, disc.blur_px)
         self._usual[[fast_path.U_AMPLITUDE, fast_path.U_BASE, fast_path.U_LEAST_NOISE, fast_path.U_AREA]] = (
             disc.amplitude, disc.base, 0.5 * disc.noise, look.area_px2
         )  # fmt: skip
@@ -134,26 +134,26 @@ class Follower(Motion):
         """
         x_px_s, y_px_s = self._turned(self.velocity, frame.time_s - self.time_s + 0.5 * interval_s)
         result, exposure_s = self._result, self.shutter[0] * interval_s
-        verdict = fast_path.glance(
+        verdict = fast_path.fit_mark(
             frame.luma, frame.u, frame.v, frame.row_origin, frame.row_step, cell, *place, reach_px,
             exposure_s * x_px_s, exposure_s * y_px_s, self.color, self._usual, self._disc, self._table,
             self._noise, self._start, self._found, result,
         )  # fmt: skip
         if verdict == fast_path.TOO_LITTLE:
             return ABSENT["outside the image" if beyond(frame, place, self.radius_px) else "not seen"]
-        lookout = self._closer.begin(frame)
+        lookout = self._slow_path.begin(frame)
         if verdict == fast_path.WELL and not lookout:
             return self._measured(frame)
         if verdict == fast_path.UNUSUAL:
-            self._look_closer(frame, interval_s)
+            self._explain_disturbance(frame, interval_s)
         suspicious = bool(result[kernels.RESIDUAL] > 1.0 + fast_path.SUSPECT * self._usual[fast_path.U_SCATTER])
         if suspicious or lookout:
-            taken = self._closer.look(frame, suspicious=suspicious)
+            taken = self._slow_path.refit(frame, suspicious=suspicious)
             if verdict == fast_path.WELL and not taken:
-                return self._measured(frame, closely=self._closer.regular(frame))  # what the glance has judged stands
+                return self._measured(frame, with_rim=self._slow_path.regular(frame))  # the fast path's fit stands
         return self._judged(frame, cell, place, reach_px)
 
-    def _look_closer(self, frame: Frame, interval_s: float) -> None:
+    def _explain_disturbance(self, frame: Frame, interval_s: float) -> None:
         """Fit anew where a long exposure or a light switched on explains what is disturbed."""
         result, start, usual = self._result, self._start, self._usual
         residual = result[kernels.RESIDUAL]
@@ -165,7 +165,7 @@ class Follower(Motion):
             least = usual[fast_path.U_LEAST_NOISE]
             self._noise[0] = min(self._noise[0] * brighter**2, fast_path.NOISE_RANGE * least)
             start[2], start[3] = result[kernels.AMPLITUDE], result[kernels.BASE]
-            self._closer.fit(frame, start)
+            self._slow_path.fit(frame, start)
 
     def _learn_exposure(self, frame: Frame, start: Array, interval_s: float) -> float:
         """See from a mark that moves fast which share of the interval the shutter is open; returns the residual."""
@@ -179,7 +179,7 @@ class Follower(Motion):
 
         def left(share: float) -> float:
             fast_path.smear(self._disc, velocity[0] * share * interval_s, velocity[1] * share * interval_s)
-            self._closer.fit(frame, start)
+            self._slow_path.fit(frame, start)
             return float(self._result[kernels.RESIDUAL])
 
         self.shutter = _least([(left(share), share) for share in SHUTTERS]), SHUTTER_STEP * 12**-0.5
@@ -204,22 +204,22 @@ class Follower(Motion):
             reason = "disturbed"
         elif colored > fast_path.MANY * self.look.area_px2 or abs(x - seen_x) + abs(y - seen_y) > slack:
             reason = self._crowd(frame, cell, (x, y), slack)
-        return ABSENT[reason] if reason else self._measured(frame, closely=True)
+        return ABSENT[reason] if reason else self._measured(frame, with_rim=True)
 
-    def _measured(self, frame: Frame, *, closely: bool = False) -> Sighting:
-        """Give what was fitted, with its uncertainty; closely: look along the rim, too."""
+    def _measured(self, frame: Frame, *, with_rim: bool = False) -> Sighting:
+        """Give what was fitted, with its uncertainty; with_rim: look along the rim, too."""
         self._fitted = self._result.tolist()
         x, y, _, _, var_x, var_y, cov_xy, residual, _, _, pixels, slope, _ = self._fitted
         self.light.note_fit(frame.time_s, sloped=slope != 0.0)
-        if self._closer.covered:
+        if self._slow_path.occluded:
             return Sighting(x, y, var_x, var_y, cov_xy, OK)
         # Residuals above the learnt noise (codec, wire, texture) widen the uncertainty by more than chance makes them
         # scatter; a chance calm keeps it.
-        scale, (dx, dy) = 1.0, self._closer.shift
+        scale, (dx, dy) = 1.0, self._slow_path.shift
         if residual > 1.0:
             odd = residual - 1.0 - fast_path.ODD * float(self._usual[fast_path.U_SCATTER])
             scale = max(1.0, residual - (2.0 / max(pixels, 1.0)) ** 0.5) + LIKENESS * pixels * max(odd, 0.0)
-        if closely:
+        if with_rim:
             where = frame.luma, frame.row_origin, frame.row_step, self._result
             self.rim.note(rim_power(*where, self._disc, self._table, self._noise), 0.5 * scale * (var_x + var_y))
         rim = self.rim.extra_px2
@@ -243,7 +243,7 @@ class Follower(Motion):
 
     def note_light(self, frame: Frame) -> None:
         """Note how unevenly the mark is lit where it was just seen, unless it is a wire that makes it uneven."""
-        if self._closer.covered:
+        if self._slow_path.occluded:
             return
         if not self.missed and self.position is not None and self._fitted[kernels.SLOPE_X] == 0.0:
             self.light.note(frame, self.position)

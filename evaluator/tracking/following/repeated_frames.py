@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+# Frames over which the usual step is a mean: twice two, so that a recording of 30 frames a second which a screen shows
+# at 60, each frame twice, has a usual step that is half of each second one.
+PACED = 4
 AROUND = 5  # frames to either side that the usual step is taken from
 MOVING_PX = 0.5  # a usual step from which standing still is distinguished from the codec's own errors
 STILL = 0.25  # of the usual step: what a mark may seem to move by while it is shown again
@@ -35,7 +38,8 @@ def _of_mark(points: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     step = np.concatenate([[np.nan], np.hypot(*np.diff(points, axis=0).T)])
     if n <= 2 * AROUND or np.isfinite(step).sum() <= AROUND:
         return moving, shown
-    padded = np.pad(step, AROUND, constant_values=np.nan)
+    pace = np.hypot(*(points[PACED:] - points[:-PACED]).T) / PACED
+    padded = np.pad(pace, AROUND + PACED // 2, constant_values=np.nan)
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
     count = np.isfinite(around).sum(axis=1)
     # The median of those that are known: NaN is sorted to the end.
@@ -48,7 +52,14 @@ def _of_mark(points: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         while last + 1 < n and still[last + 1]:
             last += 1
         count = last - first + 1
-        if count <= LONGEST and last + 1 < n:
+        if count <= LONGEST and last + 1 < n and _pace_before(points, int(first)) > STILL * usual[first]:
             due = (count + 1) * usual[first]
             shown[first : last + 1] = abs(step[last + 1] - due) < AGAIN * due
     return moving, shown
+
+
+def _pace_before(points: Array, first: int) -> float:
+    """Mean step up to the frame before one that stands still: a mark that rests before it sets off is not repeated."""
+    end = first - 1
+    begin = max(end - PACED, 0)
+    return float(np.hypot(*(points[end] - points[begin]))) / (end - begin) if end > begin else 0.0

@@ -45,7 +45,7 @@ class Disc:
     profile: Array
     slope: Array
     table: NDArray[np.float32]
-    covered: float = 0.0
+    occluded: float = 0.0
 
     @property
     def outer_px(self) -> float:
@@ -142,5 +142,5 @@ def fit(
     result = np.full(kernels.RESULTS, np.nan)
     start = np.array([*center_px, disc.amplitude, disc.base])
     noise = np.array([disc.noise, 4.0])
-    kernels.fit_disc(luma, *rows, start, None, disc.numbers(smear_px), disc.table, noise, result)
+    kernels.fit_disc(luma, *rows, start, False, disc.numbers(smear_px), disc.table, noise, result)
     return result

@@ -1,17 +1,14 @@
-"""What is done with a mark in every frame in which nothing is unusual.
+"""The fast path: what is done with a mark in every frame in which nothing is unusual.
 
-A glance looks for the mark's colour where it should be, fits its disc there, and says whether anything is unusual;
-`follow` then looks closer. Afterwards what is usual follows what was seen.
+`fit_mark` looks for the mark's colour where it should be, fits its disc there, and says whether anything is unusual:
+`follow` then takes the slow path. Afterwards `settle` lets what is usual follow what was measured.
 """
-# mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
-# ruff: noqa: ANN001, ANN201 - numba infers the types
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from evaluator.tracking.detection.color_kernels import STRENGTH, color_window
@@ -20,7 +17,7 @@ from evaluator.tracking.refinement.kernels import AMPLITUDE, BASE, INSIDE, PIXEL
 Array = NDArray[np.float64]
 Plane = NDArray[np.unsignedinteger]
 
-# What a glance says: too little of the colour is there; something is unusual; all is well.
+# What `fit_mark` says: too little of the colour is there; something is unusual; all is well.
 TOO_LITTLE, UNUSUAL, WELL = range(3)
 # Places of what is usual of a mark: its amplitude, base, scatter of the residual (one sigma), least noise, area of its
 # colour when all of it shows.
@@ -42,7 +39,7 @@ NOISE_RANGE = 30.0  # least and most noise of a recording, compressed or not, in
 PER_MEDIAN = 1.4826  # sigma over median deviation
 
 
-def glance(
+def fit_mark(
     luma: Plane, u: Plane | None, v: Plane | None, row_origin: float, row_step: float, cell: Array, x: float, y: float,
     reach: float, path_x: float, path_y: float, color: Array, usual: Array, disc: Array, table: NDArray[np.float32],
     noise: Array, start: Array, found: Array, result: Array,
@@ -62,7 +59,7 @@ def glance(
     near = crowded or abs(seen_x - x) + abs(seen_y - y) < 0.4 * radius + 1.0
     start[:] = (x, y, amplitude, base) if near else (seen_x, seen_y, amplitude, base)
     smear(disc, path_x, path_y)
-    fit_disc(luma, row_origin, row_step, start, None, disc, table, noise, result)
+    fit_disc(luma, row_origin, row_step, start, False, disc, table, noise, result)
     fit = result.tolist()
     slack = 0.5 * radius + 1.0
     plain = fit[RESIDUAL] <= min(DISTURBED, 1.0 + SUSPECT * scatter)
@@ -81,29 +78,27 @@ def smear(disc: Array, path_x: float, path_y: float) -> None:
     disc[5], disc[6] = path_x * keep, path_y * keep
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def settle(usual, noise, color, found, result):
+def settle(usual: Array, noise: Array, color: Array, found: Array, result: Array) -> None:
     """Let what is usual of a mark follow what was just measured of it."""
+    amplitude, base, scatter, least, _ = usual.tolist()
+    measured, residual = result.item(AMPLITUDE), result.item(RESIDUAL)
     # Lights change slowly, or at once.
-    rate = follow_rate(result[AMPLITUDE] / usual[U_AMPLITUDE])
-    usual[U_AMPLITUDE] += rate * (result[AMPLITUDE] - usual[U_AMPLITUDE])
-    usual[U_BASE] += rate * (result[BASE] - usual[U_BASE])
+    rate = _follow_rate(measured, amplitude)
+    usual[U_AMPLITUDE] = amplitude + rate * (measured - amplitude)
+    usual[U_BASE] = base + rate * (result.item(BASE) - base)
     # Noise is what residuals usually are: a codec leaves more of it on a moving mark than on one at rest. Steps of
     # equal size toward either side follow the median, which a passing disturbance does not move.
     # After a disturbance that lasted they are clearly lower, and must not hide the next one.
-    residual = result[RESIDUAL]
     step = NOISE_STEP if residual > 1.0 else 1.0 / NOISE_STEP if residual > CALMER else CALMER
-    least = usual[U_LEAST_NOISE]
-    noise[0] = min(max(noise[0] * step, least), NOISE_RANGE * least)
+    noise[0] = min(max(noise.item(0) * step, least), NOISE_RANGE * least)
     off = PER_MEDIAN * abs(residual - 1.0)
-    scatter = usual[U_SCATTER] * (NOISE_STEP if off > usual[U_SCATTER] else 1.0 / NOISE_STEP)
-    chance = (2.0 / max(result[PIXELS], 1.0)) ** 0.5
+    scatter *= NOISE_STEP if off > scatter else 1.0 / NOISE_STEP
+    chance = math.sqrt(2.0 / max(result.item(PIXELS), 1.0))
     usual[U_SCATTER] = min(max(scatter, chance), max((DISTURBED - 1.0) / ODD, chance))
-    strength = 0.5 * found[STRENGTH]
-    color[4] += follow_rate(strength / color[4]) * (strength - color[4])
+    strength, usual_strength = 0.5 * found.item(STRENGTH), color.item(4)
+    color[4] = usual_strength + _follow_rate(strength, usual_strength) * (strength - usual_strength)
 
 
-@njit(cache=True, nogil=True, inline="always")
-def follow_rate(ratio):
-    """Share of a new value in what is usual, from its ratio to it."""
-    return 0.1 if 1.0 / BRIGHTER < ratio < BRIGHTER else 1.0
+def _follow_rate(measured: float, usual: float) -> float:
+    """Share of a new value in what is usual."""
+    return 0.1 if usual and 1.0 / BRIGHTER < measured / usual < BRIGHTER else 1.0

@@ -3,23 +3,23 @@
 Image coordinates, px. Luma row j lies at y = row_origin + row_step·j. Numbers only in and
 out; the meaning is in disc.py and follow.py.
 
-What a kernel calls becomes part of it (inline="always" before it is compiled, forceinline for the loop over the pixels,
-which is optimised by itself first): several copies of a function, each optimised within another caller, sum in another
-order, and which of them runs depends on what was compiled and what came from numba's cache. Arrays to work in come from
-the caller, and loops stand where numpy has a word for them: each np.zeros, slice and sum in a kernel takes numba about
-as long as the loop around it.
+What a kernel calls becomes part of it (forceinline; the loop over the pixels is optimised by itself first). Several
+copies of a function, each optimised within another caller, sum in another order, and which of them runs depends on what
+was compiled and what came from numba's cache. Arrays to work in come from the caller, and loops and comparisons stand
+where numpy and Python have a word for them: each np.zeros, slice, sum, min and max in a kernel takes numba about as
+long as the loop around it.
 """
 # mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
-# ruff: noqa: ANN001, ANN201, ANN202 - numba infers the types
+# ruff: noqa: ANN001, ANN201, ANN202, FURB136 - numba infers the types; comparisons compile sooner than min and max
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from calibration.compilation import compiled
 from evaluator.tracking.refinement.motion_blur import mean_over, path_of
 
 # Places of the numbers that `fit_disc` gives.
@@ -37,24 +37,31 @@ LANES = 8  # pixels that processors of today take at once
 
 
 def fit_disc(
-    luma: NDArray[np.unsignedinteger], row_origin: float, row_step: float, start: Array, slopes: Array | None,
-    disc: Array, table: NDArray[np.float32], noise: Array, result: Array,
+    luma: NDArray[np.unsignedinteger], row_origin: float, row_step: float, start: Array, sloping: bool, disc: Array,
+    table: NDArray[np.float32], noise: Array, result: Array,
 ) -> None:  # fmt: skip
     """Fit centre, amplitude and base of a blurred disc to the luma by iteratively reweighted least squares.
 
-    start: x, y, amplitude, base. slopes: None for a level background; else those it may have (two), fitted as well.
+    start: x, y, amplitude, base. sloping: whether the background may slope; its two slopes are then fitted as well.
     disc: radius, blur, e1, e2, outer radius of the pixels used, smear along x and y (px during the exposure), entries
     of the table per px². table: of the disc against the square of the radius, its profile and its slope over the
     radius. noise: variance, softness of the outlier weights in sigmas. result: see the names at the top.
     """
     path, work = path_of(disc), np.zeros((WORK_ROWS, UNKNOWNS))
-    _fit_disc(luma, row_origin, row_step, start, slopes, disc, table, path, noise, result, work)
+    cut = _fit_disc(luma, row_origin, row_step, start, sloping, disc, table, path, noise, result, work)
+    if cut:
+        count = result.item(PIXELS)
+        result[INSIDE] = count / max(_pixels_without_border(row_origin, row_step, result, disc), count)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _fit_disc(luma, row_origin, row_step, start, slopes, disc, table, path, noise, result, work):
-    """Do what `fit_disc` does; path: of `path_of`, or None. work: (WORK_ROWS, UNKNOWNS), zeros."""
-    size = 4 if slopes is None else 6
+@compiled(nogil=True)
+def _fit_disc(luma, row_origin, row_step, start, sloping, disc, table, path, noise, result, work):
+    """Do what `fit_disc` does but for INSIDE; returns whether the frame's border cuts what was fitted.
+
+    path: of `path_of`, or None. work: (WORK_ROWS, UNKNOWNS), zeros. One kernel with and without slopes, with a loop
+    over the pixels for either.
+    """
+    size = 6 if sloping else 4
     normal, state, right, move = work, work[UNKNOWNS], work[UNKNOWNS + 1], work[UNKNOWNS + 2]
     for m in range(4):
         state[m] = start[m]
@@ -62,15 +69,21 @@ def _fit_disc(luma, row_origin, row_step, start, slopes, disc, table, path, nois
     reach = disc[4] / math.sqrt(1.0 - math.sqrt(disc[2] * disc[2] + disc[3] * disc[3]))
     for _ in range(12):
         window = window_around(luma, row_origin, row_step, state, reach)
-        squares, weight, count = accumulate(
-            luma, row_origin, row_step, state, slopes, window, disc, table, path, noise, normal, right
-        )
+        if sloping:
+            squares, weight, count = accumulate(
+                luma, row_origin, row_step, state, state, window, disc, table, path, noise, normal, right
+            )
+        else:
+            squares, weight, count = accumulate(
+                luma, row_origin, row_step, state, None, window, disc, table, path, noise, normal, right
+            )
         if count < 6.0 or not solve(normal, right, move, size):
             result[X] = result[Y] = result[RESIDUAL] = np.nan
-            return
+            return False
         # A step beyond the blurred edge leaves the range in which the slope means anything.
         length = math.sqrt(move[0] * move[0] + move[1] * move[1])
-        shorten = min(1.0, (0.35 * disc[0] + disc[1]) / max(length, 1e-12))
+        longest = 0.35 * disc[0] + disc[1]
+        shorten = longest / length if length > longest else 1.0
         state[0] += shorten * move[0]
         state[1] += shorten * move[1]
         for m in range(2, size):
@@ -81,25 +94,29 @@ def _fit_disc(luma, row_origin, row_step, start, slopes, disc, table, path, nois
     invert_leading(normal, size, right, result)
     result[X], result[Y], result[AMPLITUDE], result[BASE] = state[0], state[1], state[2], state[3]
     result[SLOPE_X], result[SLOPE_Y] = state[4], state[5]
-    result[RESIDUAL] = squares / max(weight - size, 1.0)
-    result[USED] = weight / max(count, 1.0)
-    result[INSIDE] = count / max(surroundings(luma, row_origin, row_step, state, reach, disc), count)
-    result[PIXELS] = count
+    freedom = weight - size
+    result[RESIDUAL] = squares / freedom if freedom > 1.0 else squares
+    result[USED], result[INSIDE], result[PIXELS] = weight / count, 1.0, count
+    (rows, columns), x, y = luma.shape, state[0], state[1]
+    within = x - reach > 0.0 and x + reach < columns - 1.0
+    return not (within and y - reach > row_origin and y + reach < row_origin + row_step * (rows - 1.0))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@compiled(nogil=True, forceinline=True)
 def window_around(luma, row_origin, row_step, state, reach):
     """Rows and columns (first, and one beyond the last) of the frame within reach of a centre, in whole lanes."""
     rows, columns = luma.shape
-    left, right = max(math.ceil(state[0] - reach), 0), min(math.floor(state[0] + reach), columns - 1) + 1
-    top = max(math.ceil((state[1] - reach - row_origin) / row_step), 0)
-    bottom = min(math.floor((state[1] + reach - row_origin) / row_step), rows - 1) + 1
+    left, right = math.ceil(state[0] - reach), math.floor(state[0] + reach) + 1
+    left, right = left if left > 0 else 0, right if right < columns else columns
+    top = math.ceil((state[1] - reach - row_origin) / row_step)
+    bottom = math.floor((state[1] + reach - row_origin) / row_step) + 1
+    top, bottom = top if top > 0 else 0, bottom if bottom < rows else rows
     # Whole lanes, where the frame has them: what lies beyond the disc weighs nothing.
     whole = left + (right - left + LANES - 1) // LANES * LANES
     return top, bottom, left, whole if left < right and whole <= columns else right
 
 
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy", fastmath=SUMS)
+@compiled(nogil=True, forceinline=True, fastmath=SUMS)
 def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, path, noise, normal, right):  # noqa: PLR0915 - one loop
     """Fill the upper triangle of the normal equations of `fit_disc` at a state, from the pixels in a window.
 
@@ -114,7 +131,8 @@ def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, p
     stretch_x, stretch_y, e2 = single(1.0 + disc[2]), single(1.0 - disc[2]), single(disc[3])
     certain, softness = single(1.0 / noise[0]), single(1.0 / (noise[0] * noise[1] * noise[1]))
     edge = 3.5 * math.sqrt(disc[1] * disc[1] + (disc[5] * disc[5] + disc[6] * disc[6]) / 12.0)
-    flat_in, flat_out = single(max(disc[0] - edge, 0.0) ** 2), single((disc[0] + edge) ** 2)
+    inner = disc[0] - edge if disc[0] > edge else 0.0
+    flat_in, flat_out = single(inner * inner), single((disc[0] + edge) * (disc[0] + edge))
     none, half, one, two = single(0.0), single(0.5), single(1.0), single(2.0)
     xx = xy = xp = xb = yy = yp = yb = pp = pb = bb = rx = ry = rp = rb = squares = count = none
     xs = ys = ps = bs = rs = xt = yt = pt = bt = rt = ss = st = tt = none
@@ -131,7 +149,8 @@ def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, p
             counts = counts if square <= outer2 else none
             outward_x, outward_y = stretch_x * dx + e2 * dy, e2 * dx + stretch_y * dy
             if path is None:
-                k = np.int32(min(square * per_px2 + half, end))
+                place = square * per_px2 + half
+                k = np.int32(place if place < end else end)
                 p, pull_x, pull_y = table[k, 0], table[k, 1] * outward_x, table[k, 1] * outward_y
             elif counts > none:
                 p, pull_x, pull_y = mean_over(path, table, per_px2, dx, dy, outward_x, outward_y)
@@ -168,27 +187,20 @@ def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, p
     return float(certain * squares), float(bb), float(count)
 
 
-@njit(cache=True, nogil=True, inline="always", error_model="numpy")
-def surroundings(luma, row_origin, row_step, state, reach, disc):
-    """Count the pixels that `accumulate` would use if the frame had no border; 0 where it is not near."""
-    (rows, columns), x, y = luma.shape, state[0], state[1]
-    within = x - reach > 0.0 and x + reach < columns - 1.0
-    if within and y - reach > row_origin and y + reach < row_origin + row_step * (rows - 1.0):
-        return 0.0
-    edge = 3.5 * math.sqrt(disc[1] * disc[1] + (disc[5] * disc[5] + disc[6] * disc[6]) / 12.0)
-    flat_in, flat_out, outer2, count = max(disc[0] - edge, 0.0) ** 2, (disc[0] + edge) ** 2, disc[4] * disc[4], 0.0
-    for j in range(math.ceil((y - reach - row_origin) / row_step), math.floor((y + reach - row_origin) / row_step) + 1):
-        dy = row_origin + row_step * j - y
-        for i in range(math.ceil(x - reach), math.floor(x + reach) + 1):
-            dx = i - x
-            square = (1.0 + disc[2]) * dx * dx + 2.0 * disc[3] * dx * dy + (1.0 - disc[2]) * dy * dy
-            flat = square < flat_in or square > flat_out
-            if square <= outer2 and not (flat and (i & 1 or j & 1)):
-                count += 1.0
-    return count
+def _pixels_without_border(row_origin: float, row_step: float, result: Array, disc: Array) -> int:
+    """Count the pixels that `accumulate` would use around a fitted centre if the frame had no border."""
+    x, y, (radius, blur, e1, e2, outer, smear_x, smear_y, _) = result.item(X), result.item(Y), disc.tolist()
+    reach = outer / math.sqrt(1.0 - math.hypot(e1, e2))
+    rows = range(math.ceil((y - reach - row_origin) / row_step), math.floor((y + reach - row_origin) / row_step) + 1)
+    j, i = np.array(rows)[:, None], np.arange(math.ceil(x - reach), math.floor(x + reach) + 1)
+    dx, dy = i - x, row_origin + row_step * j - y
+    square = (1.0 + e1) * dx * dx + 2.0 * e2 * dx * dy + (1.0 - e1) * dy * dy
+    edge = 3.5 * math.sqrt(blur * blur + (smear_x * smear_x + smear_y * smear_y) / 12.0)
+    flat = (square < max(radius - edge, 0.0) ** 2) | (square > (radius + edge) ** 2)
+    return int(np.count_nonzero((square <= outer * outer) & ~(flat & ((i & 1) | (j & 1)).astype(bool))))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@compiled(nogil=True, forceinline=True)
 def solve(normal, right, move, size):
     """Solve the symmetric system of a size by Cholesky in place of normal's lower triangle; False where singular."""
     for i in range(size):
@@ -215,7 +227,7 @@ def solve(normal, right, move, size):
     return True
 
 
-@njit(cache=True, nogil=True, inline="always")
+@compiled(nogil=True, forceinline=True)
 def invert_leading(lower, size, column, result):
     """Covariance of the first two unknowns from the Cholesky factor; column: to work in."""
     var_x = var_y = cov = 0.0
@@ -244,7 +256,7 @@ def interior_slope(
     _interior_slope(luma, row_origin, row_step, float(x), float(y), radius, slope, np.zeros((5, 3)))
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _interior_slope(luma, row_origin, row_step, x, y, radius, slope, work):
     rows, columns = luma.shape
     normal, right, move = work, work[3], work[4]

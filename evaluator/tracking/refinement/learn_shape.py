@@ -143,12 +143,11 @@ def _pooled(
     """
     radius, blur = np.exp(shared[:2])
     shape, tables = np.array([radius, blur, *shared[2:]]), tabulate(radius, blur)
-    products, residual = np.zeros((len(own), PRODUCTS, PRODUCTS)), np.empty_like(samples.value)
+    full, residual = np.empty((len(own), PRODUCTS, PRODUCTS)), np.empty_like(samples.value)
     count = add_products(
         samples.x, samples.y, samples.value, samples.weight, samples.first,
-        shape, outer_px(radius, blur), own, tables, PER_PX, products, residual,
+        shape, outer_px(radius, blur), own, tables, PER_PX, full, residual,
     )  # fmt: skip
-    full = products + np.triu(products, 1).transpose(0, 2, 1)
     own_part, shape_part = slice(0, OWN), slice(OWN, OWN + SHAPE)
     both = full[:, own_part, shape_part]
     solved = np.linalg.solve(full[:, own_part, own_part] + 1e-9 * np.eye(OWN), full[:, own_part, OWN:])

@@ -13,8 +13,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from calibration.compilation import compiled
 
 PART = 2.0  # blurs
 GAUSS = 0.5 / math.sqrt(3.0)  # of a part: from its middle to its two points
@@ -38,7 +39,7 @@ def path_of(disc: NDArray[np.float64]) -> NDArray[np.float32] | None:
     return path
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True)
 def _fill_path(disc, path):
     e1, e2, along_x, along_y = disc[2], disc[3], disc[5], disc[6]
     parts = len(path) // 2
@@ -48,7 +49,7 @@ def _fill_path(disc, path):
         path[n, 0], path[n, 1], path[n, 2], path[n, 3] = x, y, (1.0 + e1) * x + e2 * y, e2 * x + (1.0 - e1) * y
 
 
-@njit(cache=True, nogil=True, inline="always", error_model="numpy")
+@compiled(nogil=True, forceinline=True)
 def mean_over(path, table, per_px2, dx, dy, outward_x, outward_y):
     """Profile of a smeared disc at (dx, dy) px from its middle, and its slopes along x and y over minus one.
 

@@ -3,16 +3,16 @@
 Planes of a window: the mark's profile, its slopes along x and y, what the luma leaves of it, and the mean of that.
 """
 # mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
-# ruff: noqa: ANN001, ANN201, ANN202 - numba infers the types
+# ruff: noqa: ANN001, ANN201 - numba infers the types
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from calibration.compilation import compiled
 from evaluator.tracking.refinement.motion_blur import mean_over
 
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ MOST = 2.0
 PROFILE, ALONG_X, ALONG_Y, LEFT, MEAN, WORK = range(6)  # planes of a window
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True)
 def model(luma, top_y, row_step, left, state, disc, table, path, planes, used):
     """Fill profile, slopes and residual of the pixels of a window at a state, as `kernels.accumulate` has them.
 
@@ -48,7 +48,8 @@ def model(luma, top_y, row_step, left, state, disc, table, path, planes, used):
             if path is not None:
                 p, pull_x, pull_y = mean_over(path, table, disc[7], dx, dy, outward_x, outward_y)
             else:
-                k = min(int(square * disc[7] + 0.5), len(table) - 1)
+                k = int(square * disc[7] + 0.5)
+                k = k if k < len(table) else len(table) - 1
                 p, pull_x, pull_y = table[k, 0], table[k, 1] * outward_x, table[k, 1] * outward_y
             planes[PROFILE, j, i] = p
             planes[ALONG_X, j, i], planes[ALONG_Y, j, i] = -amplitude * pull_x, -amplitude * pull_y
@@ -56,16 +57,16 @@ def model(luma, top_y, row_step, left, state, disc, table, path, planes, used):
     smooth(planes)
 
 
-@njit(cache=True, nogil=True, inline="always", error_model="numpy")
+@compiled(nogil=True, forceinline=True)
 def smooth(planes):
     """Fill the mean over 3 × 3 pixels of what is left; a window's border repeats itself."""
     _, tall, wide = planes.shape
     for j in range(tall):
         for i in range(wide):
-            before, after = max(i - 1, 0), min(i + 1, wide - 1)
+            before, after = i - 1 if i > 0 else 0, i + 1 if i < wide - 1 else i
             planes[WORK, j, i] = planes[LEFT, j, before] + planes[LEFT, j, i] + planes[LEFT, j, after]
     for j in range(tall):
-        above, below = max(j - 1, 0), min(j + 1, tall - 1)
+        above, below = j - 1 if j > 0 else 0, j + 1 if j < tall - 1 else j
         for i in range(wide):
             three = planes[WORK, above, i] + planes[WORK, j, i] + planes[WORK, below, i]
             planes[MEAN, j, i] = three * (1.0 / 9.0)
@@ -79,31 +80,18 @@ def stands_out(planes: Array, used: Mask, amplitude: float, noise: float, core: 
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _excess(planes, used):
+def _excess(planes: Array, used: Mask) -> float:
     """Most that a mean of 3 × 3 residuals is beyond what a small shift explains."""
-    most = 0.0
-    for j in range(used.shape[0]):
-        for i in range(used.shape[1]):
-            mean = abs(planes[MEAN, j, i])
-            if used[j, i] and mean > most:
-                steep = math.sqrt(planes[ALONG_X, j, i] ** 2 + planes[ALONG_Y, j, i] ** 2)
-                most = max(most, mean - CORE_OFF_PX * steep)
-    return most
+    steep = np.sqrt(planes[ALONG_X] ** 2 + planes[ALONG_Y] ** 2)
+    return float(np.max(np.abs(planes[MEAN]) - CORE_OFF_PX * steep, initial=0.0, where=used))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def trimmed(planes, plane, used, scale):
+def trimmed(planes: Array, plane: int, used: Mask, scale: float) -> float:
     """Sigma of the values used of a plane, without those far off; scale: more than it is."""
+    squares = planes[plane][used] ** 2
     for _ in range(3):
-        most, total, count = (2.5 * scale) ** 2, 0.0, 1
-        for j in range(used.shape[0]):
-            for i in range(used.shape[1]):
-                square = planes[plane, j, i] * planes[plane, j, i]
-                if used[j, i] and square < most:
-                    total += square
-                    count += 1
-        scale = math.sqrt(total / count)
+        near = squares[squares < (2.5 * scale) ** 2]
+        scale = math.sqrt(float(near.sum()) / (len(near) + 1))
     return scale
 
 
@@ -113,7 +101,7 @@ def scale_of(planes: Array, used: Mask, noise: float) -> float:
     return float(min(max(trimmed(planes, MEAN, used, 6.0 * least), least), MOST * least))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True)
 def cover(planes, used, scale, off_px, covered):  # noqa: C901 - one loop
     """Mark the pixels that are covered, and those beside them; returns the share of the information they have."""
     tall, wide = used.shape

@@ -19,9 +19,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from calibration.compilation import compiled
 from evaluator.tracking.refinement.kernels import (
     AMPLITUDE,
     BASE,
@@ -198,7 +198,7 @@ def _window(
     return top, bottom, left, max(min(math.floor(x + reach) + 1, columns - 1) + 1, left)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True)
 def _pull(planes, used, covered, state, noise, top_y, row_step, left, split, products, pulls, row):  # noqa: C901 - one loop
     """Fill the normal equations and their right hand side; returns weights, their squares and the pixels.
 
@@ -238,7 +238,7 @@ def _pull(planes, used, covered, state, noise, top_y, row_step, left, split, pro
     return weight, squares, count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True)
 def _step(products, pulls, without, size, normal, move, right):
     """Solve for the step that all parts of the rim make but one (-1: all); False where singular. Fills normal, too."""
     for m in range(size):

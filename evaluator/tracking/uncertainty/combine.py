@@ -44,8 +44,8 @@ def refine(
     status: per mark, of every frame. body: marks that sit on one; others may move apart. tags: the corners of each.
     """
     kind, times, time_s = np.array(list(kinds), dtype=str), time_s, steady_times(time_s)
-    again = repeated_frames([values[:, :2] for values in numbers.values()])
-    for name, shown in zip(numbers, again, strict=True):
+    again = dict(zip(numbers, repeated_frames([values[:, :2] for values in numbers.values()]), strict=True))
+    for name, shown in again.items():
         _take_out(numbers[name], status[name], shown, REPEATED)
     _take_out_impossible(time_s, numbers, status, followers, body)
     for center, corners in tags.items():
@@ -55,7 +55,7 @@ def refine(
         if not np.isfinite(values[:, 0]).any():
             continue
         if follower is None:  # a tag or a light
-            values[:, 2:4] += hidden_variance(time_s, values[:, :2], values[:, 2:4].mean(axis=1), kind)[:, None]
+            _add_hidden(time_s, values, kind, ~again[name])
             continue
         shading = follower.light.learnt(follower.look.disc) if isinstance(follower, Follower) else None
         if shading is not None and isinstance(follower, Follower):
@@ -69,8 +69,14 @@ def refine(
         shift, variance = exposed(time_s, values[:, :2], values[:, 2:4], follower.shutter)
         values[:, :2] -= shift
         values[:, 2:4] += variance
-        values[:, 2:4] += hidden_variance(time_s, values[:, :2], values[:, 2:4].mean(axis=1), kind)[:, None]
+        _add_hidden(time_s, values, kind, ~again[name])
     _hold_together(time_s, numbers, status, [name for name in numbers if name in body])
+
+
+def _add_hidden(time_s: Array, values: Array, kind: NDArray[np.str_], new: NDArray[np.bool_]) -> None:
+    """Widen by what the course shows, in place; new: frames (n,) that are no repetitions, which have no course."""
+    mean = values[new, 2:4].mean(axis=1)
+    values[new, 2:4] += hidden_variance(time_s[new], values[new, :2], mean, kind[new])[:, None]
 
 
 def _hold_together(time_s: Array, numbers: dict[str, Array], status: dict[str, list[str]], body: Sequence[str]) -> None:

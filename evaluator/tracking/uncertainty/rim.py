@@ -7,15 +7,16 @@ higher harmonics show how large the error in the first is, even where each frame
 them the variance of the centre.
 """
 # mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
+# ruff: noqa: FURB136 - comparisons compile sooner than min and max
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from calibration.compilation import compiled
 from evaluator.tracking.refinement.motion_blur import mean_over, path_of
 
 Array = NDArray[np.float64]
@@ -64,21 +65,25 @@ def rim_power(
     return float(_rim_power(luma, row_origin, row_step, result, disc, table, path_of(disc), noise, sums))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True)
 def _rim_power(luma, row_origin, row_step, result, disc, table, path, noise, sums):  # noqa: ANN001, ANN202 - numba infers the types
     rows, columns = luma.shape
     x, y, amplitude, base, tilt_x, tilt_y = result[0], result[1], result[2], result[3], result[11], result[12]
     radius, blur2, e1, e2, smear_x, smear_y = disc[0], disc[1] * disc[1], disc[2], disc[3], disc[5], disc[6]
     smear2 = smear_x * smear_x + smear_y * smear_y
     edge = 3.5 * math.sqrt(blur2 + smear2 / 12.0)
-    inner2, outer2 = max(radius - edge, 0.5) ** 2, min(radius + edge, disc[4]) ** 2
+    # Comparisons stand where Python has words for them: each min, max and power takes numba as long as a loop.
+    inner, outer = radius - edge if radius - edge > 0.5 else 0.5, radius + edge if radius + edge < disc[4] else disc[4]
+    inner2, outer2 = inner * inner, outer * outer
     reach = math.sqrt(outer2 / (1.0 - math.sqrt(e1 * e1 + e2 * e2)))
     certain = 1.0 / (noise[0] * noise[1] * noise[1])
     total = 0.0
-    top, bottom = math.ceil((y - reach - row_origin) / row_step), math.floor((y + reach - row_origin) / row_step)
-    for j in range(max(top, 0), min(bottom, rows - 1) + 1):
+    top, bottom = math.ceil((y - reach - row_origin) / row_step), math.floor((y + reach - row_origin) / row_step) + 1
+    left, right = math.ceil(x - reach), math.floor(x + reach) + 1
+    left, right = left if left > 0 else 0, right if right < columns else columns
+    for j in range(top if top > 0 else 0, bottom if bottom < rows else rows):
         dy = row_origin + row_step * j - y
-        for i in range(max(math.ceil(x - reach), 0), min(math.floor(x + reach), columns - 1) + 1):
+        for i in range(left, right):
             dx = i - x
             square = (1.0 + e1) * dx * dx + 2.0 * e2 * dx * dy + (1.0 - e1) * dy * dy
             if square < inner2 or square > outer2:
@@ -90,7 +95,8 @@ def _rim_power(luma, row_origin, row_step, result, disc, table, path, noise, sum
                 p, pull_x, pull_y = mean_over(path, table, disc[7], dx, dy, outward_x, outward_y)
                 steep = -amplitude * (pull_x * cos + pull_y * sin)
             else:
-                k = min(int(square * disc[7] + 0.5), len(table) - 1)
+                k = int(square * disc[7] + 0.5)
+                k = k if k < len(table) else len(table) - 1
                 p, steep = table[k, 0], -amplitude * table[k, 1] * math.sqrt(square)
             residual = luma[j, i] - base - amplitude * p - tilt_x * dx - tilt_y * dy
             beyond = residual * residual * certain
@@ -107,6 +113,6 @@ def _rim_power(luma, row_origin, row_step, result, disc, table, path, noise, sum
     mean = 0.0
     for m in range(FIRST, LAST + 1):
         if path is None or m != SYMMETRIC:
-            mean += 2.0 * (sums[0, m] ** 2 + sums[1, m] ** 2) / (total * total)
+            mean += 2.0 * (sums[0, m] * sums[0, m] + sums[1, m] * sums[1, m]) / (total * total)
             count += 1
     return mean / count

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-COVERED_SIGMAS = 1.96
+Z_975 = 1.96  # standard deviations to either side of a normal distribution that hold 95 % of it
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Curvature:
 
     def with_systematic(self, systematic: float) -> Curvature:
         """Bounds widened by a systematic standard uncertainty; independent errors add in quadrature."""
-        reach = COVERED_SIGMAS * systematic
+        reach = Z_975 * systematic
         return Curvature(
             self.value,
             self.value - float(np.hypot(self.value - self.low, reach)),

@@ -7,13 +7,14 @@ Manipulation (1994), chapter 2.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from calibration.compilation import compiled
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@compiled()
 def _ratios(angle: float) -> tuple[float, float, float, float]:
     """(sin a)/a, (1 − cos a)/a, (1 − cos a)/a², (a − sin a)/a²; below 0.05 rad by series exact to 1e-13."""
     if abs(angle) < 0.05:
@@ -29,7 +30,7 @@ def _ratios(angle: float) -> tuple[float, float, float, float]:
     return sinc, angle * cosine, cosine, (1 - sinc) / angle
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@compiled()
 def composed(start: Array, vx: float, vy: float, w: float, length: float) -> tuple[float, float, float]:
     """Pose start · exp(vx, vy, w), w being length times the angle."""
     sinc, cosc, _, _ = _ratios(w / length)
@@ -38,7 +39,7 @@ def composed(start: Array, vx: float, vy: float, w: float, length: float) -> tup
     return start[0] + cos * x - sin * y, start[1] + sin * x + cos * y, start[2] + w
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@compiled()
 def _error(pose: Array, start: Array, twist: Array, along: float, length: float) -> tuple[float, float, float]:
     """Measured minus predicted pose in the predicted body frame."""
     x, y, h = composed(start, along * twist[0], along * twist[1], along * twist[2], length)
@@ -47,7 +48,7 @@ def _error(pose: Array, start: Array, twist: Array, along: float, length: float)
     return cos * dx + sin * dy, -sin * dx + cos * dy, pose[2] - h
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@compiled()
 def linearise(
     scaled: Array, start: Array, twist: Array, along: Array, across: Array, length: float
 ) -> tuple[Array, Array, Array]:

@@ -9,13 +9,14 @@ columns.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from calibration.compilation import compiled
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@compiled()
 def whitened_moments(
     steps: Array, turns: Array, data: Array, correlation: float, white_share: float
 ) -> tuple[Array, float]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -12,14 +11,13 @@ from pathlib import Path
 import pandas as pd
 
 from evaluator.errors import InputError
-from evaluator.files import write_text
+from evaluator.workflow.diagnosis.planned_experiment import write_planned
 from evaluator.workflow.simulation import robot_of
-from simulator.robot import Robot, shipped_robots
+from simulator.robot import Robot
 from simulator.steady import steady_turn
 
 CIRCLES = 1.25  # of a run: a whole one after the start has settled
 LONGEST_S, SHORTEST_S = 60.0, 3.0  # recordings that are neither a burden nor too short to fit
-START_S = 0.5  # motors on in the time of the recording: frames at rest tell the start pose
 LEVELS_RPM = (15.0, 30.0, 45.0, 60.0)
 RATIOS = (0.43, 0.7)
 FARTHEST = 1e-3  # a radius is met to this share
@@ -67,23 +65,9 @@ def circular_runs(
     return cells * repetitions
 
 
-def write_circular_test(runs: Sequence[CircularRun], robot: str, output: Path | str) -> None:
-    """Write an experiment.toml with these runs, whose videos are still to be recorded.
-
-    robot: a shipped name, or a file. Raises InputError where the output is there already.
-    """
-    output = Path(output)
-    if output.exists():
-        raise InputError(f"{output} is already there; give another name, or remove it")
-    if robot not in shipped_robots():
-        robot = Path(os.path.relpath(robot, output.parent)).as_posix()
-    lines = ["format = 1", 'name = "steady-state circular test"', f'robot = "{robot}"', 'camera = "camera.json"']
-    for number, run in enumerate(runs, 1):
-        lines += [
-            *("", "[[run]]", f'id = "r{number:02d}"', f"left_rpm = {run.left_rpm:g}", f"right_rpm = {run.right_rpm:g}"),
-            *(f"start_s = {START_S:g}", f"stop_s = {START_S + run.duration_s:g}", f'video = "r{number:02d}.mp4"'),
-        ]
-    write_text(output, "\n".join(lines) + "\n")
+def write_circular_test(runs: Sequence[CircularRun], robot: str, output: Path | str) -> list[Path]:
+    """Write an experiment.toml with these runs and their command files; see write_planned."""
+    return write_planned(runs, "steady-state circular test", robot, output)
 
 
 def simulated_turns(robot: Robot, commands: pd.DataFrame) -> pd.DataFrame:

@@ -49,8 +49,8 @@ def diagnose_each(
 ) -> list[Answer]:
     """Diagnose experiments into folders of their own below out; an answer for each, in their order.
 
-    seconds: of one core, after which the search of an experiment is stopped. The diagnoses do not depend on workers or
-    dask. An experiment that cannot be used does not stop the others.
+    seconds: of processor time, after which the search of an experiment is stopped. The diagnoses do not depend on
+    workers or dask. An experiment that cannot be used does not stop the others.
     """
     experiments = tuple(dict.fromkeys(experiments))
     count = workers or available_cores()

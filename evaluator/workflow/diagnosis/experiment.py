@@ -11,7 +11,7 @@ from typing import Any
 from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.diagnosis import diagnose as diagnose_session
 from evaluator.diagnosis.experiment import Session, session_of
-from evaluator.diagnosis.inference.fit_cache import Ends
+from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.watch import USUAL_SECONDS
 from evaluator.diagnosis.output.diagnosis_json import disagreement, record
 from evaluator.diagnosis.output.own_effect import own_effect
@@ -23,10 +23,17 @@ from evaluator.interchange.tracks import program_of
 from evaluator.progress import Progress, no_progress
 from evaluator.settings import Experiment, Run, load_experiment
 from evaluator.workflow.analysis import analyze, jobs_of
-from evaluator.workflow.diagnosis.validity import is_current, keep, key_of_diagnosis, load_diagnosis
+from evaluator.workflow.diagnosis.validity import (
+    is_current,
+    keep,
+    key_of_diagnosis,
+    load_diagnosis,
+    own_effect_ids,
+)
+from evaluator.workflow.execution.machine import available_cores
 from evaluator.workflow.execution.sharing import one_core
 from evaluator.workflow.results.outputs import Outputs
-from simulator.own_effects.files import file_of, load_beside, load_installed, load_own
+from simulator.own_effects.files import file_of
 
 
 @dataclass(frozen=True, repr=False)
@@ -78,8 +85,8 @@ def diagnose(
     """Name the missing effect that makes model and data disagree; see `diagnose_experiment`.
 
     effects: files of the user's own effects besides those in the folder `effects` beside the experiment; Python files
-    among them are run. seconds: of one core, after which the search is stopped. Cancelled by its progress, or stopped,
-    it keeps the fits made so far and goes on with them the next time.
+    among them are run. seconds: of processor time, after which the search is stopped. Cancelled by its progress, or
+    stopped, it keeps the fits made so far and goes on with them the next time.
     """
     path, folder = Path(experiment), Path(out)
     found, content = diagnose_experiment(
@@ -100,24 +107,27 @@ def diagnose_experiment(
 ) -> tuple[Diagnosis | None, dict[str, Any]]:
     """Diagnose an experiment and write the results below out.
 
-    workers: processes that track recordings, by default one per core; dask: address of a scheduler whose workers track
-    instead. The results depend on neither. A search that was stopped is no answer to keep: the next call goes on with
-    its fits. Gives the diagnosis, None where inputs and code are those of the one that is
-    there, and the content of diagnosis.json.
+    workers: processes that track recordings, and threads that simulate, by default one per core; dask: address of a
+    scheduler whose workers track instead. The results depend on neither. A search that was stopped is no answer to
+    keep: the next call goes on with its fits. Gives the diagnosis, None where inputs and code are those of the one that
+    is there, and the content of diagnosis.json.
     Raises InputError where the experiment, a robot or all recordings cannot be used.
     """
     experiment, outputs = read_with(load_experiment, path), Outputs(Path(out))
-    own = _own_effects(path, experiment, effects)
+    own = own_effect_ids(path, experiment, effects)
     key = key_of_diagnosis(experiment, outputs, own)
     if is_current(outputs, key):
         return None, load_diagnosis(outputs.diagnosis)
     session = replace(_session(path, experiment, outputs, progress, workers, dask), own=own)
     try:
-        # A fit is small steps of Python between small batches of runs: the simulator is a quarter of its time. Threads
-        # that meet after every batch save a tenth on an idle machine, but cost half as much processor time again, and
-        # on a busy one the diagnosis took three times as long. Other cores have other experiments.
-        with one_core():
-            found = diagnose_session(session, progress, Ends(outputs.diagnosis_fits, key), seconds=seconds)
+        with one_core():  # of the libraries; runs are shared among threads by the diagnosis
+            found = diagnose_session(
+                session,
+                progress,
+                FitCache(outputs.diagnosis_fits, key),
+                seconds=seconds,
+                cores=workers or available_cores(),
+            )
     except FloatingPointError as error:
         raise InputError(f"{path}: {error}; are the robot file and the command of that run right?") from error
     content = record(found)
@@ -159,17 +169,6 @@ def _written(found: Diagnosis, content: dict[str, Any], experiment: Experiment, 
             write_text(files[-1], source.read_text(encoding="utf-8"))
     write_text(outputs.diagnosis, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
     return files
-
-
-def _own_effects(path: Path, experiment: Experiment, named: Sequence[Path]) -> tuple[str, ...]:
-    """Ids of the user's own effects: beside the experiment and its robots, of installed packages, and those named."""
-    robots = {run.robot or experiment.robot for run in experiment.run}
-    folders = {
-        Path(path).resolve().parent,
-        *(Path(robot).resolve().parent for robot in robots if Path(robot).is_file()),
-    }
-    found = [*load_installed(), *(effect for folder in sorted(folders) for effect in load_beside(folder))]
-    return tuple(dict.fromkeys([*found, *(read_with(load_own, file).id for file in named)]))
 
 
 def _session(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from evaluator.errors import InputError
 from evaluator.progress import Progress, no_progress
+from evaluator.workflow.diagnosis.planned_experiment import write_planned
 from evaluator.workflow.simulation import robot_of
 from simulator.robot import Robot
 
@@ -24,6 +25,12 @@ class Plan:
 
     runs: tuple[CandidateRun, ...]
     effects: tuple[Expected, ...]
+
+
+def write_plan(found: Plan, robot: str, output: Path | str) -> list[Path]:
+    """Write an experiment.toml with the runs of a plan and their command files; see write_planned."""
+    starts = [(run.x_mm, run.y_mm, run.heading_deg) for run in found.runs]
+    return write_planned(found.runs, "planned experiment", robot, output, starts)
 
 
 def plan(

@@ -15,7 +15,7 @@ from evaluator.settings import Experiment
 from evaluator.workflow.analysis import jobs_of
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.validity import Record, key_of
-from simulator.own_effects.files import file_of, load_own
+from simulator.own_effects.files import file_of, load_beside, load_installed, load_own
 
 STAGE = "diagnose"
 
@@ -34,6 +34,20 @@ def key_of_diagnosis(experiment: Experiment, outputs: Outputs, own: Sequence[str
     text = read_with(robot_text, experiment.robot)  # type: ignore[arg-type]
     known = [experiment.known_to.model_dump(), experiment.relevant.model_dump()]
     return key_of({"runs": runs, "robot": text, "known": known, "own": [_text_of(effect) for effect in own]})
+
+
+def own_effect_ids(path: Path, experiment: Experiment, named: Sequence[Path] = ()) -> tuple[str, ...]:
+    """Ids of the user's own effects: beside the experiment and its robots, of installed packages, and those named.
+
+    The process knows them from now on. Raises InputError, SimulationError for a file that is no effect.
+    """
+    robots = {run.robot or experiment.robot for run in experiment.run}
+    folders = {
+        Path(path).resolve().parent,
+        *(Path(robot).resolve().parent for robot in robots if Path(robot).is_file()),
+    }
+    found = [*load_installed(), *(effect for folder in sorted(folders) for effect in load_beside(folder))]
+    return tuple(dict.fromkeys([*found, *(read_with(load_own, file).id for file in named)]))
 
 
 def _text_of(effect: str) -> str:

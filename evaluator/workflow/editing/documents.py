@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
@@ -37,10 +38,12 @@ def read_document(path: Path) -> tuple[TOMLDocument, str]:
 
     try:
         content = path.read_bytes()
-        return tomlkit.parse(content.decode("utf-8")), hashlib.sha256(content).hexdigest()[:20]
+        text = content.decode("utf-8")
+        tomllib.loads(text)  # its words for a fault are those of every other command
+        return tomlkit.parse(text), hashlib.sha256(content).hexdigest()[:20]
     except FileNotFoundError as error:
         raise InputError(f"{path.name}: no such file") from error
-    except (UnicodeDecodeError, ParseError) as error:
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, ParseError) as error:
         raise InputError(f"{path.name}: not valid TOML: {error}; mend it in a text editor") from error
 
 

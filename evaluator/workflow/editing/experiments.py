@@ -134,10 +134,19 @@ def _faults(path: Path, content: Mapping[str, Any]) -> list[Fault]:
             name = run.get(key)
             if isinstance(name, str) and not (folder / name).exists():
                 found.append(Fault(row, key, f"{name} is not there"))
+        if _missing_robot(folder, run.get("robot")):
+            found.append(Fault(row, "robot", f"{run['robot']} is not there"))
     camera = content.get("camera")
     if isinstance(camera, str) and not (folder / camera).exists():
         found.append(Fault(None, "camera", f"{camera} is not there yet: calibrate the camera first"))
+    if _missing_robot(folder, content.get("robot")):
+        found.append(Fault(None, "robot", f"{content['robot']} is not there: robot = names a file, or a shipped robot"))
     return found
+
+
+def _missing_robot(folder: Path, robot: object) -> bool:
+    """Whether a robot is a file by its name, and not there; a name without ending is that of a shipped robot."""
+    return isinstance(robot, str) and robot.endswith(".toml") and not (folder / robot).exists()
 
 
 def _fault(item: Any) -> Fault:
@@ -156,12 +165,16 @@ def _are_tables(runs: Any) -> bool:
 
 
 def new_table(path: Path, name: str, robot: str, recordings: Sequence[str]) -> None:
-    """Put a name and a row per recording into a fresh experiment.toml; commands are for people to fill in."""
+    """Put a name and a row per recording into a fresh experiment.toml; commands are for people to fill in.
+
+    What the template says of the keys of a run stays, as comments.
+    """
     import tomlkit
 
     def change(document: Any) -> None:
         document["name"] = name
         document["robot"] = robot
+        hints = [line for line in document["run"][0].as_string().splitlines() if line.strip()]
         runs = tomlkit.aot()
         for recording in recordings:
             row = tomlkit.table()
@@ -169,10 +182,12 @@ def new_table(path: Path, name: str, robot: str, recordings: Sequence[str]) -> N
             row["start_s"] = NEW_START_S
             row["video"] = recording
             runs.append(row)
+        del document["run"]
+        for line in hints:
+            text = line if line.startswith("#") else "# " + line.replace("  #", "#", 1)  # its comment where it was
+            document.add(tomlkit.comment(text.removeprefix("# ")))
         if len(runs):
             document["run"] = runs
-        else:
-            del document["run"]
 
     _, version = read_document(path)
     change_document(path, version, change)

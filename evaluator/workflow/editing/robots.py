@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import os
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from evaluator.errors import InputError
-from evaluator.files import read_with
+from evaluator.files import read_with, write_text
 from evaluator.settings import load_experiment
 from evaluator.workflow.editing.documents import change_document, replace_text, version_of
 from simulator.effects.catalogue import faults_of_effects
 from simulator.effects.entry import EffectEntry
+from simulator.own_effects.files import FOLDER, file_of
 from simulator.robot import load_robot, shipped_robot_text
 
 OWN = "robot.toml"
@@ -45,7 +47,10 @@ def write_robot(experiment: Path, text: str, version: str) -> RobotFile:
     version: of the robot file that the text was made from, "" where there is none. Raises ChangedMeanwhileError.
     """
     there = robot_file(experiment)
+    beside = own_effects_for(there.path, text)
     replace_text(there.path, version, text)
+    for path, content in beside.items():
+        write_text(path, content)
     if not there.named:
         name = os.path.relpath(there.path, experiment.resolve().parent)
 
@@ -54,6 +59,29 @@ def write_robot(experiment: Path, text: str, version: str) -> RobotFile:
 
         change_document(experiment, version_of(experiment), change)
     return robot_file(experiment)
+
+
+def own_effects_for(robot: Path, text: str) -> dict[Path, str]:
+    """Files of the user's own effects in a robot's text that are still to be written beside its file, with contents.
+
+    A robot is used by commands that know no experiment, so what it names has to be where it is. Raises InputError
+    where another effect of the same id is there already.
+    """
+    found: dict[Path, str] = {}
+    for effect in tomllib.loads(text).get("effect", []):
+        source = file_of(str(effect.get("id")))
+        target = robot.resolve().parent / FOLDER / f"{effect.get('id')}.toml"
+        if source is None or source.suffix != ".toml" or source.resolve() == target:
+            continue
+        content = source.read_text(encoding="utf-8")
+        if not target.exists():
+            found[target] = content
+        elif target.read_text(encoding="utf-8") != content:
+            raise InputError(
+                f"{FOLDER}/{target.name} beside {robot.name} is another effect than the one beside the experiment; "
+                "choose another id for one of them, or take one away"
+            )
+    return found
 
 
 def with_effects(experiment: Path, effects: Mapping[str, Mapping[str, Any]]) -> str:

@@ -20,7 +20,7 @@ def precompile(video: Path) -> None:
 
     video: a recording that the tracker is tried on. Whoever needs a kernel of the simulator earlier waits for it.
     """
-    from simulator.compilation import is_kept
+    from calibration.compilation import is_kept
     from simulator.integrator.batch import integrate_some
 
     if is_kept(integrate_some):

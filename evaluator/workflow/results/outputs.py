@@ -98,9 +98,9 @@ class Outputs:
         """The simulated counterpart of a run."""
         return self.folder / "simulated" / f"{run}.csv"
 
-    def pictures(self, run: str) -> Path:
+    def thumbnails(self, run: str) -> Path:
         """A few small frames of a run's video, for the report."""
-        return self.folder / "pictures" / f"{run}.json"
+        return self.folder / "thumbnails" / f"{run}.json"
 
     def record(self, run: str) -> Path:
         """What each stage of a run was made from, so that a later command can tell whether it still holds."""

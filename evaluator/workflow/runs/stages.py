@@ -95,7 +95,7 @@ class _Stages:
         return phases_of(self.told, self.poses)
 
     def _track(self) -> tuple[list[Path], dict[str, Any]]:
-        path, pictures = self.out.marks(self.run.id), self.out.pictures(self.run.id)
+        path, thumbnails = self.out.marks(self.run.id), self.out.thumbnails(self.run.id)
         if self.run.marks is not None:
             height_mm, names = marks_height_mm(self.job.robot), tuple(self.job.robot.points_mm)
             write_marks(read_any_marks(self.run.marks, self.job.tracks, self.camera, height_mm, names), path)
@@ -122,8 +122,8 @@ class _Stages:
         _refuse_cut(report, recording.expected_frames, recording.expected_s, self.run.video)
         _refuse_unseen(table, [mark.name for mark in self.job.robot.layout], self.run.video)
         write_marks(place_on_plate(table, self.camera, marks_height_mm(self.job.robot)), path)
-        write_text(pictures, recording.to_json())
-        return [path, pictures], {"notes": [*report.notes, *by_hand], "last_s": float(report.last or 0)}
+        write_text(thumbnails, recording.to_json())
+        return [path, thumbnails], {"notes": [*report.notes, *by_hand], "last_s": float(report.last or 0)}
 
     def _turn(self) -> tuple[list[Path], dict[str, Any]]:
         fault = outside_recording(self.run, self.told, float(self.poses.time_s[0]), float(self.poses.time_s[-1]))

@@ -6,10 +6,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluator.files import read_with
 
 MOST_PX = 1600  # of a shown image
+# Of the pixels: the paper between the dots is a tenth of the image or more, and a tenth of it may shine.
+CLIPPED = 0.01
+# Of the range: the noise of a sensor hardly depends on the light there, so centres are four times less certain.
+DARK = 0.25
 
 
 def image_jpeg(path: Path, most_px: int = MOST_PX) -> bytes:
@@ -28,14 +33,20 @@ def image_jpeg(path: Path, most_px: int = MOST_PX) -> bytes:
 
 
 def dots_of_image(path: Path) -> dict[str, Any]:
-    """Dots found in an image: size_px, centres (n, 2), which of them form the array, their sigma, focus (blur, px).
-
-    Raises CalibrationError for a file that is no image.
-    """
-    from calibration.assignment.array_in_image import find_array
+    """Dots and exposure of an image file; see `gauge_in`. Raises CalibrationError for a file that is no image."""
     from calibration.detection.image import read_image
 
-    image = read_image(path)
+    return gauge_in(read_image(path))
+
+
+def gauge_in(image: NDArray[np.generic]) -> dict[str, Any]:
+    """What an image shows of a gauge: size_px, centres (n, 2), which of them form the array, their sigma, focus, light.
+
+    image: (h, w) or (h, w, 3). blur_px: width of the edges, median, None without an array. light: a sentence where the
+    exposure is wrong, else "".
+    """
+    from calibration.assignment.array_in_image import find_array
+
     dots, lattice = find_array(image)
     of_array = np.zeros(len(dots), bool)
     of_array[lattice.dot] = True
@@ -47,7 +58,24 @@ def dots_of_image(path: Path) -> dict[str, Any]:
         "sigma_px": float(np.median(sigma[of_array])) if of_array.any() else None,
         "blur_px": float(np.median(dots.blur_px[of_array])) if of_array.any() else None,
         "diameter_px": float(np.median(dots.diameter_px[of_array])) if of_array.any() else None,
+        "light": light_of(image),
     }
+
+
+def light_of(image: NDArray[np.generic]) -> str:
+    """What is wrong with the exposure of an image of 8 or 16 bit, in a sentence; "" where nothing is."""
+    if image.dtype not in (np.uint8, np.uint16):
+        return ""
+    top = int(np.iinfo(np.uint16 if image.dtype == np.uint16 else np.uint8).max)
+    brightest = np.asarray(image, np.uint16)
+    brightest = brightest.max(axis=2) if image.ndim == 3 else brightest
+    clipped = float(np.mean(brightest == top))
+    level = float(np.percentile(brightest, 95)) / top
+    if clipped > CLIPPED:
+        return f"{100 * clipped:.0f} % of the pixels are as bright as they can be: expose for a shorter time"
+    if level < DARK:
+        return f"the brightest pixels reach {100 * level:.0f} % of the range: expose for longer, or give more light"
+    return ""
 
 
 def camera_view(path: Path) -> dict[str, Any]:
@@ -69,7 +97,7 @@ def camera_view(path: Path) -> dict[str, Any]:
         "verdict": stored["verdict"],
         "images": [
             {key: one[key] for key in ("name", "dots", "left_out", "rms_px", "gain", "adds_nothing")}
-            for one in stored["pictures"]
+            for one in stored["images"]
         ],
         "left_out": stored["left_out"],
         "rms_px": stored["rms_px"],

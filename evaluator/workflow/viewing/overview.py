@@ -74,7 +74,7 @@ def files_named(experiment: Path) -> list[Path]:
 def results_state(experiment: Path) -> ResultsState:
     """What of an experiment's results is up to date; by content, which reads every recording."""
     from evaluator.workflow.analysis import pending
-    from evaluator.workflow.diagnosis.validity import is_current, key_of_diagnosis
+    from evaluator.workflow.diagnosis.validity import is_current, key_of_diagnosis, own_effect_ids
     from simulator.errors import SimulationError
 
     out = out_folder(experiment)
@@ -83,7 +83,8 @@ def results_state(experiment: Path) -> ResultsState:
         outdated = pending(experiment, out, simulate=True)
         diagnosis = "none"
         if outputs.diagnosis.is_file():
-            key = key_of_diagnosis(read_with(load_experiment, experiment), outputs)
+            described = read_with(load_experiment, experiment)
+            key = key_of_diagnosis(described, outputs, own_effect_ids(experiment, described))
             diagnosis = "current" if is_current(outputs, key) else "stale"
     except (InputError, SimulationError) as error:
         return ResultsState({}, outputs.turning.is_file(), "none", str(error))

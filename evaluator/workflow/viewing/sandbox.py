@@ -15,10 +15,11 @@ from pydantic import ValidationError
 from evaluator.errors import InputError
 from evaluator.files import explain, read_with
 from simulator.command import Command
-from simulator.effects.catalogue import EFFECTS
+from simulator.effects.catalogue import BUILT_IN, EFFECTS
 from simulator.effects.free_form import ID as FREE_FORM
 from simulator.effects.parameter import UNITS, Parameter
 from simulator.observation import view_of
+from simulator.own_effects.files import load_beside
 from simulator.robot import Robot, load_robot, shipped_robot_text, shipped_robots
 from simulator.run import Run
 from simulator.simulation import simulate
@@ -71,11 +72,12 @@ class EffectSliders:
     sliders: tuple[Slider, ...]
 
 
-def effect_sliders() -> list[EffectSliders]:
-    """Sliders of all catalogued effects, at rest where they vanish."""
+def effect_sliders(experiment: Path | None = None) -> list[EffectSliders]:
+    """Sliders of all catalogued effects and of those beside an experiment, at rest where they vanish."""
+    own = () if experiment is None else load_beside(experiment.parent)
     return [
         EffectSliders(e.id, e.name, e.sentence, e.law, e.kind, tuple(_slider(parameter) for parameter in e.parameters))
-        for e in EFFECTS.values()
+        for e in (*BUILT_IN.values(), *(EFFECTS[id_] for id_ in own))
     ]
 
 

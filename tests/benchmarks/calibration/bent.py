@@ -22,13 +22,13 @@ from tests.calibration.drawing import draw_gauge, posed, random_poses
 @click.command()
 @click.option("--cameras", default=40)
 @click.option("--bend", default=0.005, help="Peak to valley over the width of the field.")
-@click.option("--pictures", default=7)
+@click.option("--images", default=7)
 @click.option("--stated", is_flag=True, help="The gauge file states the flatness.")
 @click.option("--verbose", is_flag=True)
-def bent(cameras: int, bend: float, pictures: int, stated: bool, verbose: bool) -> None:
+def bent(cameras: int, bend: float, images: int, stated: bool, verbose: bool) -> None:
     """Random cameras and a rigid gauge bent at random.
 
-    In the picture on the plate it rests on its lowest points, which the solver cannot know: the intervals must hold the
+    In the image on the plate it rests on its lowest points, which the solver cannot know: the intervals must hold the
     truth in the frame of that plate. The error in the frame of the gauge's mean plane shows what the face does.
     """
     rows: dict[str, list[tuple[float, float, float, bool]]] = {"flat": [], "face": []}
@@ -42,7 +42,7 @@ def bent(cameras: int, bend: float, pictures: int, stated: bool, verbose: bool) 
             gauge = gauge.model_copy(
                 update={"tolerance": gauge.tolerance.model_copy(update={"flatness_mm": bend * field})}
             )
-        views = random_poses(camera, pictures, rng, tilt_deg=20, shift_mm=0.12 * field)
+        views = random_poses(camera, images, rng, tilt_deg=20, shift_mm=0.12 * field)
         drawn = [draw_gauge(view, gauge, rng=rng, snr=30, face_mm=face) for view in views]
         truth = on_its_rest(camera, gauge, face)
         height = 0.04 * camera.value("translation_z_mm")

@@ -13,13 +13,13 @@ from tests.calibration.drawing import draw_gauge
 
 
 @click.command()
-@click.option("--pictures", default=4)
-def centers(pictures: int) -> None:
+@click.option("--images", default=4)
+def centers(images: int) -> None:
     """Dot centres: error at 20 px diameter, SNR 30, blur 0.8 px, against the Cramér-Rao bound; bias without noise."""
     print("    tilt     k1   RMS px   CRB px  ratio  stated/RMS | noise-free: bias px  uncorrected px")
     for tilt, k1 in ((0, 0.0), (20, 0.0), (40, 0.0), (0, -0.3), (20, -0.3), (40, -0.3)):
-        noisy = [_center_errors(tilt, k1, seed, snr=30.0) for seed in range(pictures)]
-        clean = [_center_errors(tilt, k1, seed, snr=np.inf) for seed in range(pictures)]
+        noisy = [_center_errors(tilt, k1, seed, snr=30.0) for seed in range(images)]
+        clean = [_center_errors(tilt, k1, seed, snr=np.inf) for seed in range(images)]
         error, bound, stated = (np.concatenate([row[k] for row in noisy]) for k in (0, 1, 2))
         bias, raw = (np.concatenate([row[k] for row in clean]) for k in (0, 3))
         rms, crb, said = (float(np.sqrt((x**2).mean())) for x in (error, bound, stated))
@@ -44,8 +44,8 @@ def _center_errors(tilt: float, k1: float, seed: int, snr: float) -> tuple[Array
         k1=k1,
     )
     blur = 0.8
-    picture = draw_gauge(camera, gauge, rng=rng, snr=snr, blur_px=blur, quantise=False)
-    dots = detect_dots(picture, "black", "white")
+    image = draw_gauge(camera, gauge, rng=rng, snr=snr, blur_px=blur, quantise=False)
+    dots = detect_dots(image, "black", "white")
     points = np.column_stack([gauge.positions_mm().reshape(-1, 2), np.zeros(13 * 9)])
     predicted = fitted_centers(points, np.full(len(points), 0.5), camera.parameters, camera.lens)
     distance = np.hypot(*(dots.centers_px[:, None] - predicted[None]).transpose(2, 0, 1))

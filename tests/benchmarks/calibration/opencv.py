@@ -35,14 +35,14 @@ def opencv(sets: int) -> None:
                 size_px=SIZE_PX, focal_px=1500, distance_mm=150, tilt_deg=3, tilt_azimuth_deg=40.0 * seed, k1=-0.2
             )
             views = random_poses(truth, 7, rng, tilt_deg=20, shift_mm=shift)
-            pictures = [draw_gauge(view, gauge, rng=rng, snr=snr).astype(np.uint8) for view in views]
+            images = [draw_gauge(view, gauge, rng=rng, snr=snr).astype(np.uint8) for view in views]
             start = time.perf_counter()
-            share, found = _opencv(pictures, gauge)
+            share, found = _opencv(images, gauge)
             totals["cv_s"].append(time.perf_counter() - start)
             totals["cv"].append(share)
             totals["cv_um"].append(np.nan if found is None else errors(truth, found).rms_um)
             start = time.perf_counter()
-            ours = calibrate(pictures, gauge)
+            ours = calibrate(images, gauge)
             totals["s"].append(time.perf_counter() - start)
             totals["ours"].append(len(ours.views))
             totals["um"].append(errors(truth, ours.camera).rms_um)
@@ -55,14 +55,14 @@ def opencv(sets: int) -> None:
         )
 
 
-def _opencv(pictures: list[NDArray[np.uint8]], gauge: Gauge) -> tuple[int, Camera | None]:
-    """Pictures solved, and the camera in the frame of the first picture, None where that one is not solved."""
+def _opencv(images: list[NDArray[np.uint8]], gauge: Gauge) -> tuple[int, Camera | None]:
+    """Images solved, and the camera in the frame of the first image, None where that one is not solved."""
     places = gauge.positions_mm()
     shape = (gauge.dots.columns, gauge.dots.rows)
     plate = np.column_stack([places.reshape(-1, 2), np.zeros(places[..., 0].size)]).astype(np.float32)
     found = []
-    for k, picture in enumerate(pictures):
-        good, centers = cv2.findCirclesGrid(picture, shape, flags=cv2.CALIB_CB_SYMMETRIC_GRID)
+    for k, image in enumerate(images):
+        good, centers = cv2.findCirclesGrid(image, shape, flags=cv2.CALIB_CB_SYMMETRIC_GRID)
         if good:
             # the grid may come back turned by half a turn; the plate's first dot is at the top left
             row_major = centers.reshape(-1, 2)

@@ -16,7 +16,7 @@ from tests.calibration.drawing import draw_gauge, random_poses
 @click.option("--sets", default=10)
 @click.option("--snr", default=30.0)
 def plane(sets: int, snr: float) -> None:
-    """Plane at mark height: 10 px/mm, 7 pictures of a 17 × 13 gauge, tilt to 20 degrees, plate partly out of view."""
+    """Plane at mark height: 10 px/mm, 7 images of a 17 × 13 gauge, tilt to 20 degrees, plate partly out of view."""
     gauge = gauge_of(3.5, 1.4)
     results = []
     for seed in range(sets):
@@ -24,10 +24,10 @@ def plane(sets: int, snr: float) -> None:
         truth = camera_above(
             size_px=SIZE_PX, focal_px=1500, distance_mm=150, tilt_deg=3, tilt_azimuth_deg=rng.uniform(0, 360), k1=-0.2
         )
-        pictures = [
+        images = [
             draw_gauge(view, gauge, rng=rng, snr=snr) for view in random_poses(truth, 7, rng, tilt_deg=20, shift_mm=8)
         ]
-        results.append(errors(truth, calibrate(pictures, gauge).camera))
+        results.append(errors(truth, calibrate(images, gauge).camera))
     rms, scale = np.array([r.rms_um for r in results]), np.array([r.scale for r in results])
     print(
         f"{sets} sets, SNR {snr:g}: plane {np.sqrt((rms**2).mean()):.2f} µm RMS (worst set {rms.max():.2f}), "
@@ -38,15 +38,15 @@ def plane(sets: int, snr: float) -> None:
 @click.command()
 @click.option("--cameras", default=300)
 @click.option("--first", default=0, help="First seed.")
-@click.option("--pictures", default=7, help="Of each camera; the first shows the gauge on the plate.")
+@click.option("--images", default=7, help="Of each camera; the first shows the gauge on the plate.")
 @click.option("--verbose", is_flag=True)
-def coverage(cameras: int, first: int, pictures: int, verbose: bool) -> None:
+def coverage(cameras: int, first: int, images: int, verbose: bool) -> None:
     """Stated 95 % intervals at mark height against the truth of random cameras."""
     inside, scales, failed, spread = [], [], 0, []
     for seed in range(first, first + cameras):
         rng = np.random.default_rng(seed)
         truth, gauge, field = random_camera(rng)
-        views = random_poses(truth, pictures, rng, tilt_deg=20, shift_mm=0.12 * field)
+        views = random_poses(truth, images, rng, tilt_deg=20, shift_mm=0.12 * field)
         drawn = [draw_gauge(view, gauge, rng=rng, snr=30) for view in views]
         height = 0.04 * truth.value("translation_z_mm")  # the share that marks have at 150 mm
         try:

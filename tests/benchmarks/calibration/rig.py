@@ -27,7 +27,7 @@ def gauge_of(pitch_mm: float, diameter_mm: float, columns: int = 17, rows: int =
 
 
 def field_points(size_px: tuple[int, int] = SIZE_PX) -> Array:
-    """A grid of picture points that fills the field to its rim."""
+    """A grid of image points that fills the field to its rim."""
     return np.stack(
         np.meshgrid(np.linspace(0, size_px[0] - 1, 13), np.linspace(0, size_px[1] - 1, 10)), axis=-1
     ).reshape(-1, 2)

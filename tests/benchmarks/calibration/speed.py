@@ -24,16 +24,16 @@ def speed() -> None:
         field = 60.0
         gauge = gauge_of(field / (columns + 1), 0.45 * field / (columns + 1), columns, rows)
         camera = camera_above(size_px=size, focal_px=2.5 * size[0], distance_mm=2.5 * field, k1=-0.2)
-        picture = draw_gauge(camera, gauge, rng=np.random.default_rng(0), snr=30)
+        image = draw_gauge(camera, gauge, rng=np.random.default_rng(0), snr=30)
         times, work = [], []
         for _ in range(8):
             start, busy = time.perf_counter(), time.process_time()
-            dots = detect_dots(picture, "black", "white")
+            dots = detect_dots(image, "black", "white")
             lattice = assign_grid(dots)
             times.append(time.perf_counter() - start)
             work.append(time.process_time() - busy)
         spacing = float(np.median(nearest(dots.centers_px, 1)[0]))
-        peer = _findcircles_time(picture, columns, rows) if size == SIZE_PX else "minutes, not run"
+        peer = _findcircles_time(image, columns, rows) if size == SIZE_PX else "minutes, not run"
         print(
             f"{size[0]}×{size[1]}, {len(lattice)} of {columns * rows} dots {spacing:.0f} px apart: "
             f"{1e3 * min(times):.0f} ms, {1e3 * min(work):.0f} ms of processor time "
@@ -41,7 +41,7 @@ def speed() -> None:
         )
 
 
-def _findcircles_time(picture: NDArray[np.generic], columns: int, rows: int) -> str:
+def _findcircles_time(image: NDArray[np.generic], columns: int, rows: int) -> str:
     start = time.perf_counter()
-    good, _ = cv2.findCirclesGrid(picture, (columns, rows), flags=cv2.CALIB_CB_SYMMETRIC_GRID)
+    good, _ = cv2.findCirclesGrid(image, (columns, rows), flags=cv2.CALIB_CB_SYMMETRIC_GRID)
     return f"{1e3 * (time.perf_counter() - start):.0f} ms, {'found' if good else 'not found'}"

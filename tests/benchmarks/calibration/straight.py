@@ -1,4 +1,4 @@
-"""Straightness of a real picture's lines after correction."""
+"""Straightness of a real image's lines after correction."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from tests.benchmarks.calibration.rig import Array, gauge_of
 
 
 @click.command()
-@click.argument("picture", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.argument("image", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.option("--columns", default=102, help="Any size that holds the array will do.")
 @click.option("--rows", default=80)
-def straight(picture: Path, columns: int, rows: int) -> None:
+def straight(image: Path, columns: int, rows: int) -> None:
     """Distance of dots from straight lines through their rows and columns, before and after correction.
 
-    After correction a pixel is the pitch in the middle of the picture divided by its pixels. "All" are the dots that
+    After correction a pixel is the pitch in the middle of the image divided by its pixels. "All" are the dots that
     were given a place of the gauge, "kept" those that the solver did not leave out as outliers.
     """
-    found = calibrate([read_image(picture)], gauge_of(1.0, 0.48, columns, rows))
+    found = calibrate([read_image(image)], gauge_of(1.0, 0.48, columns, rows))
     match, view = found.sightings[0].match, found.views[0]
     centers = found.sightings[0].dots.centers_px[match.dot]
     site = match.row * columns + match.column

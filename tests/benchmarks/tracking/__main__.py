@@ -1,7 +1,7 @@
 """Figures of the tracker: error against the Cramér-Rao bound, on H.264, on hard clips; speed; live latency;
-marks of any shape, low bitrates and things at rest beside threshold and centroid.
+marks of any shape, low bitrates and things at rest beside threshold and centroid; odd recordings.
 
-    python -m tests.benchmarks.tracking [bound] [h264] [conditions] [hard] [speed] [live] [plain]
+    python -m tests.benchmarks.tracking [bound] [h264] [conditions] [hard] [speed] [live] [plain] [odd]
 
 Truth is exact: clips are drawn by supersampling or by the project's own renderer. Peers run in the same process on the
 same clips: an HSV mask centroid, an OpenCV contour tracker, a luma-weighted centroid and trackpy (pip install
@@ -15,14 +15,17 @@ import click
 from tests.benchmarks.tracking.accuracy import bound, conditions, h264
 from tests.benchmarks.tracking.hard import hard
 from tests.benchmarks.tracking.live import live
+from tests.benchmarks.tracking.odd import odd
 from tests.benchmarks.tracking.plain import plain
 from tests.benchmarks.tracking.speed import speed
 
+PARTS = ("bound", "h264", "conditions", "hard", "speed", "live", "plain", "odd")
+
 
 @click.command()
-@click.argument("parts", nargs=-1, type=click.Choice(["bound", "h264", "conditions", "hard", "speed", "live", "plain"]))
+@click.argument("parts", nargs=-1, type=click.Choice(PARTS))
 @click.option("--minutes", default=0.5, show_default=True, help="How long the live source lasts.")
-@click.option("--seed", default=1, show_default=True, help="Of the hard and the plain clips.")
+@click.option("--seed", default=1, show_default=True, help="Of the hard, the plain and the odd clips.")
 def main(parts: tuple[str, ...], minutes: float, seed: int) -> None:
     """Print the figures of PARTS, all of them where none is named."""
     runs = {
@@ -33,8 +36,9 @@ def main(parts: tuple[str, ...], minutes: float, seed: int) -> None:
         "speed": speed,
         "live": lambda: live(60 * minutes),
         "plain": lambda: plain(seed),
+        "odd": lambda: odd(seed),
     }
-    for part in parts or tuple(runs):
+    for part in parts or PARTS:
         runs[part]()
 
 

@@ -12,7 +12,7 @@ import pandas as pd
 
 from evaluator.recording import open_recording
 from evaluator.tracking import track
-from tests.benchmarks.tracking.clips import clip, distance_px, still_pictures
+from tests.benchmarks.tracking.clips import clip, distance_px, still_images
 from tests.benchmarks.tracking.peers import contours, hsv_centroid, luma_centroid, ours, trackpy_places, true_shape
 from tests.evaluator.tracking.synthetic import frames_in_memory
 
@@ -26,7 +26,7 @@ def bound_px(radius: float, blur: float, snr: float) -> float:
 
 def bound() -> None:
     """Error of lossless clips over the bound, pixel locking, and the normalised error."""
-    print("lossless, 150 pictures of slow drift; s: blur of the lens, to which pixels add 1/12 px²")
+    print("lossless, 150 images of slow drift; s: blur of the lens, to which pixels add 1/12 px²")
     print(
         f"{'R px':>5} {'s px':>5} {'SNR':>4} {'error px':>9} {'/ bound':>8} {'sd error/sigma':>15} {'locking px':>11}"
     )
@@ -36,8 +36,8 @@ def bound() -> None:
         (10, 0.8, 60),
         (20, 0.5, 60), (20, 1.5, 10), (20, 1.5, 60),
     ]:  # fmt: skip
-        pictures, truth = still_pictures(rng, radius, blur, snr)
-        table = track(frames_in_memory(pictures))
+        images, truth = still_images(rng, radius, blur, snr)
+        table = track(frames_in_memory(images))
         error = table[["green_x_px", "green_y_px"]].to_numpy() - truth
         both = {"green": truth, "yellow": truth + np.array([distance_px(radius), 0.0])}
         normal = np.concatenate([_normal(table, name, points) for name, points in both.items()])
@@ -63,7 +63,7 @@ def h264() -> None:
             with tempfile.TemporaryDirectory() as folder:
                 path, truth = clip(Path(folder), (640, 480), "libx264", scale, 240, rate=rate)
                 radius = scale / 2
-                print(f"\nH.264 4:2:0, {said}, marks of {radius:g} px radius, 240 pictures of 640×480")
+                print(f"\nH.264 4:2:0, {said}, marks of {radius:g} px radius, 240 images of 640×480")
                 _beside_peers(path, truth, scale)
 
 
@@ -73,8 +73,8 @@ def conditions() -> None:
     What a codec does to a mark depends on both: a quality that is felt spends less on what moves, and noise keeps
     blocks from being copied. Figures of other clips are to be compared where the peers do as well as on those.
     """
-    print("\nerror px, H.264 4:2:0, constant rate factor 18, marks of 5 px radius, 120 pictures of 640×480")
-    print(f"{'noise':>6} {'px a picture':>13} {'HSV mask':>9} {'luma':>7} {'true shape':>11} {'turnscope':>10}")
+    print("\nerror px, H.264 4:2:0, constant rate factor 18, marks of 5 px radius, 120 images of 640×480")
+    print(f"{'noise':>6} {'px a image':>13} {'HSV mask':>9} {'luma':>7} {'true shape':>11} {'turnscope':>10}")
     for noise in (0.5, 2.0, 4.0):
         for turn_rad in (0.001, 0.002, 0.004, 0.016):
             with tempfile.TemporaryDirectory() as folder:
@@ -99,7 +99,7 @@ def _beside_peers(path: Path, truth: dict[str, Array], scale: float) -> None:
     }
     kinds = np.array([frame.kind for frame in open_recording(path)])
     print(
-        f"{'':>24} {'error px':>9} {'I':>7} {'P':>7} {'B':>7} {'missed':>7} {'pictures/s':>11} {'centre µm':>10}"
+        f"{'':>24} {'error px':>9} {'I':>7} {'P':>7} {'B':>7} {'missed':>7} {'images/s':>11} {'centre µm':>10}"
         f" {'heading deg':>12}"
     )
     for name, run in peers.items():

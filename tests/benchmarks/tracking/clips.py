@@ -18,23 +18,23 @@ def distance_px(radius: float) -> float:
     return 3.66 * 2 * radius
 
 
-def still_pictures(rng: np.random.Generator, radius: float, blur: float, snr: float) -> tuple[list[Array], Array]:
-    """Two marks on black, drifting slowly over all places within a pixel; pictures and centres of the green one."""
+def still_images(rng: np.random.Generator, radius: float, blur: float, snr: float) -> tuple[list[Array], Array]:
+    """Two marks on black, drifting slowly over all places within a pixel; images and centres of the green one."""
     distance = distance_px(radius)
     size = (int(distance + 5 * radius + 24), int(5 * radius + 24))
-    pictures, truth = [], []
+    images, truth = [], []
     for k in range(150):
         green = np.array(size) / 2 - [distance / 2, 0] + [0.047 * (k - 75), 0.031 * (k - 75)]
-        picture = np.full((size[1], size[0], 3), 25.0)
+        image = np.full((size[1], size[0], 3), 25.0)
         for place, color in ((green, GREEN), (green + np.array([distance, 0.0]), YELLOW)):
             share = coverage(size, tuple(place), radius, blur)[..., None]
-            picture = picture * (1 - share) + share * np.array(color)
+            image = image * (1 - share) + share * np.array(color)
         # The same noise in all channels: it is the luma's then; SNR is that of the green mark.
         noise = (np.array(GREEN) @ LUMA - 25.0) / snr
-        picture += rng.normal(0, noise, picture.shape[:2])[..., None]
-        pictures.append(np.clip(picture, 0, 255))
+        image += rng.normal(0, noise, image.shape[:2])[..., None]
+        images.append(np.clip(image, 0, 255))
         truth.append(green)
-    return pictures, np.array(truth)
+    return images, np.array(truth)
 
 
 def clip(
@@ -53,20 +53,20 @@ def clip(
 
     back: it also drives back to the start, to be repeated. rate: how H.264 is told its quality of 18: "crf" (a quality
     that is felt: what moves gets less) or "qp" (one quantiser for all). noise: of the sensor, levels. turn_rad: of the
-    robot, a picture.
+    robot, a image.
     """
     rng = np.random.default_rng(1)
     truth = turning_marks(frames, (size[0] / 2, size[1] / 2), 0.2 * size[1], scale, turn_rad)
-    pictures = [
+    images = [
         draw(rng, size, {name: tuple(points[k]) for name, points in truth.items()}, scale / 2, 0.8, noise)
         for k in range(frames)
     ]
     if back:
-        pictures += pictures[-2:0:-1]
+        images += images[-2:0:-1]
     options = {rate: "18"} if codec == "libx264" else {"qmin": "3", "qmax": "3"}
     pixels = "yuv420p" if codec == "libx264" else "yuvj420p"
     name = folder / f"{codec}-{size[0]}.{'mp4' if codec == 'libx264' else 'avi'}"
-    return write_video(name, pictures, codec=codec, pixels=pixels, options=options), truth
+    return write_video(name, images, codec=codec, pixels=pixels, options=options), truth
 
 
 def lengthen(path: Path, repeat: int) -> Path:

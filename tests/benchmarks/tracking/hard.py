@@ -2,7 +2,7 @@
 
 Every kind of trouble is drawn with other places, directions and speeds for every seed. A find is wrong where it lies
 farther from the truth than half a mark's radius; an error is silent where it exceeds 4 of its stated sigmas along
-either axis; a gap ends where the mark shows again, and is recovered within 2 pictures or late. Codecs are those of
+either axis; a gap ends where the mark shows again, and is recovered within 2 images or late. Codecs are those of
 cameras: H.264 at quality 18 and MJPEG.
 """
 
@@ -29,7 +29,7 @@ RADIUS_PX = 7.8  # of a mark: 15 px/mm and a little nearer to the camera than th
 
 
 def _path(rng: np.random.Generator) -> list[list[float]]:
-    """Two ends of a line across the middle of the picture."""
+    """Two ends of a line across the middle of the image."""
     angle, x, y = rng.uniform(0, np.pi), rng.uniform(280, 360), rng.uniform(200, 280)
     return [[x - 500 * np.cos(angle), y - 500 * np.sin(angle)], [x + 500 * np.cos(angle), y + 500 * np.sin(angle)]]
 
@@ -62,7 +62,7 @@ TROUBLES: dict[str, Trouble] = {
     "wide wire": lambda rng: {"wire": [{"points_px": _path(rng), "width_px": rng.uniform(6, 14)}]},
     "glare": _glare,
     "distractors": _distractors,
-    "leaving the picture": _leaving,
+    "leaving the image": _leaving,
     "dim light": lambda rng: {"exposure": {"gain": rng.uniform(0.12, 0.25)}},
     "lights on": lambda rng: {
         "lighting": {"switched_at_s": rng.uniform(0.8, 2.0), "level_before": rng.uniform(0.2, 0.5)}
@@ -143,7 +143,7 @@ def _of_mark(table: pd.DataFrame, truth: pd.DataFrame, name: str) -> Tally:
     wrong = seen & (np.hypot(*error.T) > RADIUS_PX / 2)
     silent = seen & (np.abs(error) > 4 * sigma).any(axis=1)
     repeated = truth["time_s"].diff().fillna(1.0).to_numpy() < 1e-9
-    # Wholly in view, and free: a mark behind a wire or in the picture before may be absent.
+    # Wholly in view, and free: a mark behind a wire or in the image before may be absent.
     due = (truth[f"{name}_visible"].to_numpy() > 0.999) & ~repeated
     gaps = late = 0
     for k in np.flatnonzero(due[1:-2] & ~due[:-3]) + 1:

@@ -1,6 +1,6 @@
-"""Latency from the arrival of a picture to its marks.
+"""Latency from the arrival of a image to its marks.
 
-Beside the time that passes stands the processor time of the same pictures: on a machine that has other work the first
+Beside the time that passes stands the processor time of the same images: on a machine that has other work the first
 is the machine's, the second the tracker's.
 """
 
@@ -23,7 +23,7 @@ from tests.benchmarks.tracking.clips import clip
 
 
 def live(seconds: float = 20.0) -> None:
-    """Latency from the arrival of a picture to its marks, at 60 pictures a second of 640×480."""
+    """Latency from the arrival of a image to its marks, at 60 frames a second of 640×480."""
     with tempfile.TemporaryDirectory() as folder:
         path, _ = clip(Path(folder), (640, 480), "mjpeg", 16.0, 120)
         frames = list(open_recording(path))
@@ -52,8 +52,8 @@ def live(seconds: float = 20.0) -> None:
             works.append(time.thread_time() - busy[frame.index])
         print(
             f"\nlive, {seconds:g} s at 60/s, load of the machine {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores:"
-            f" {len(waits)} of {int(60 * seconds)} pictures out, {late} handed over a picture late;"
-            " the first 12 pictures wait for the marks' shape to be learnt"
+            f" {len(waits)} of {int(60 * seconds)} images out, {late} handed over a image late;"
+            " the first 12 images wait for the marks' shape to be learnt"
         )
         print(f"{'':>24} {'median':>8} {'99 %':>8} {'99.9 %':>8} {'most':>8} {'within 8 ms':>12}")
         for name, values in (("time until the pose, ms", waits), ("processor time, ms", works)):

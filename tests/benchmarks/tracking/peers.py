@@ -22,10 +22,10 @@ def with_masks(path: Path, place: Callable[[Array], tuple[float, float]]) -> dic
     places: dict[str, list[tuple[float, float]]] = {name: [] for name in RANGES}
     capture = cv2.VideoCapture(str(path))
     while True:
-        good, picture = capture.read()
+        good, image = capture.read()
         if not good:
             return {name: np.array(points) for name, points in places.items()}
-        hsv = cv2.cvtColor(picture, cv2.COLOR_BGR2HSV)
+        hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
         for name, (low, high) in RANGES.items():
             places[name].append(place(cv2.inRange(hsv, low, high)))
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from evaluator.recording import open_recording
 from evaluator.tracking import track
-from tests.evaluator.tracking.plain_video import KINDS, Clip, Score, score, threshold_and_centroid
+from tests.evaluator.tracking.plain_video import KINDS, Clip
+from tests.evaluator.tracking.scoring import Score, score, threshold_and_centroid
 
 
 def plain(seed: int = 1, only: tuple[str, ...] = ()) -> None:

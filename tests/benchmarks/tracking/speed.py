@@ -20,7 +20,7 @@ from tests.benchmarks.tracking.clips import clip, lengthen
 from tests.benchmarks.tracking.peers import hsv_centroid
 
 TURNS = 9
-# One quantiser for all (QP) codes the noise of the sensor, too: such pictures decode about as fast as those of cameras
+# One quantiser for all (QP) codes the noise of the sensor, too: such images decode about as fast as those of cameras
 # (3000 a second at 640 × 480). By felt quality (CRF) x264 leaves the noise out, and there is next to nothing to decode.
 CLIPS = (
     ("H.264 QP 18", (640, 480), 16.0, "libx264", "qp", 4),
@@ -56,7 +56,7 @@ def speed() -> None:
         with tempfile.TemporaryDirectory() as folder:
             short, _ = clip(Path(folder), size, codec, scale, 120, back=True, rate=quality)
             path = lengthen(short, repeat)
-            pictures = decode(path)
+            images = decode(path)
             tasks = {"decode": decode, "track": to_csv, "opencv": hsv_centroid}
             passed: dict[str, list[float]] = {name: [] for name in tasks}
             worked: dict[str, list[float]] = {name: [] for name in tasks}
@@ -67,7 +67,7 @@ def speed() -> None:
                     task(path)
                     passed[name].append(time.perf_counter() - began)
                     worked[name].append(time.process_time() - busy)
-        rate = {name: pictures / float(np.median(values)) for name, values in passed.items()}
+        rate = {name: images / float(np.median(values)) for name, values in passed.items()}
         work = {name: float(np.median(values)) for name, values in worked.items()}
         print(
             f"{f'{kind} {size[0]}×{size[1]}':>24} {rate['decode']:10.0f} {rate['track']:9.0f}"

@@ -81,7 +81,7 @@ def test_frames_and_times_are_those_of_the_camera(tmp_path: Path, codec: str, su
     assert np.allclose(times, (np.array(UNEVEN) - UNEVEN[0]) / 1e6, atol=1e-6)
     assert (found.clock.frames, found.clock.dropped, found.clock.source) == (6, 2, "camera")
     said = json.loads((tmp_path / "r01.capture.json").read_text())
-    assert said["dropped"] == 2
+    assert (said["dropped"], said["source"], said["times_from"]) == (2, str(source), "camera")
     assert [float(frame.time_s) for frame in open_recording(tmp_path / "r01.mp4")] == pytest.approx(times, abs=1e-6)
 
 
@@ -232,3 +232,15 @@ def test_what_cannot_be_recorded_is_said_in_a_sentence(tmp_path: Path, arguments
     filled = [part.format(camera=tmp_path / "camera.nut", folder=tmp_path) for part in arguments]
     with pytest.raises(InputError, match=said):
         CliRunner().invoke(command, filled, catch_exceptions=False)
+
+
+def test_what_programs_read_is_json_where_no_start_is_known(tmp_path: Path) -> None:
+    source = tmp_path / "camera.nut"
+    camera_file(source, UNEVEN, "ffv1")
+    done = CliRunner().invoke(command, [str(source), "--json"])
+    assert done.exit_code == 0, done.output
+
+    def refuse(word: str) -> None:
+        raise AssertionError(word)
+
+    assert json.loads(done.stdout, parse_constant=refuse)["start_s"] is None

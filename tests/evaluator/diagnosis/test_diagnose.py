@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from evaluator.cli.diagnose import diagnose
-from evaluator.diagnosis.inference.fit_cache import End, Ends
+from evaluator.diagnosis.inference.fit_cache import End, FitCache
 from evaluator.errors import InputError
 from evaluator.report.diagnosis.sections import diagnosis_sections
 from evaluator.report.diagnosis.view import known_diagnosis
@@ -24,7 +24,7 @@ from tests.evaluator.diagnosis.hidden import write_hidden
 
 HIDDEN_DEG_PER_MN = 0.8
 LEFT_OVER_RIGHT = 0.95
-ENOUGH = 1.15  # gap on runs kept aside over the noise floor
+ENOUGH = 1.15  # gap on held-out runs over the noise floor
 
 
 def run(experiment: Path, *switches: str) -> Result:
@@ -110,18 +110,18 @@ def test_an_interrupted_diagnosis_goes_on_where_it_stopped_and_ends_with_the_sam
     folder = shutil.copytree(one_wheel.parent, tmp_path / "again", ignore=shutil.ignore_patterns("out"))
     experiment = Path(folder) / one_wheel.name
     made: list[str] = []
-    remember = Ends.__setitem__
+    remember = FitCache.__setitem__
 
-    def counted(ends: Ends, question: str, end: End | None) -> None:
+    def counted(fits: FitCache, question: str, end: End | None) -> None:
         made.append(question)
-        remember(ends, question, end)
+        remember(fits, question, end)
 
     def until_pairs(what: str, share: float) -> None:
         del share
         if what == "2 effects":
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(Ends, "__setitem__", counted)
+    monkeypatch.setattr(FitCache, "__setitem__", counted)
     outputs = Outputs(experiment.parent / "out")
     stopped = diagnose_experiment(experiment, outputs.folder, seconds=0.5)[1]
     assert stopped["verdict"] == "insufficient"
@@ -157,7 +157,7 @@ def test_the_report_shows_every_step_of_the_diagnosis(puzzle: Path) -> None:
 
 
 def test_clean_runs_of_two_robot_files_with_a_recording_missing_call_for_nothing(tmp_path: Path) -> None:
-    experiment = write_hidden(tmp_path, {})
+    experiment = write_hidden(tmp_path, {}, exact=True)
     (tmp_path / "twin.toml").write_text((tmp_path / "robot.toml").read_text(encoding="utf-8"), encoding="utf-8")
     text = experiment.read_text(encoding="utf-8").replace('id = "r2"', 'id = "r2"\nrobot = "twin.toml"')
     experiment.write_text(
@@ -174,7 +174,7 @@ def test_clean_runs_of_two_robot_files_with_a_recording_missing_call_for_nothing
 
 
 def test_marks_without_noise_from_another_simulator_of_the_same_model_call_for_nothing(tmp_path: Path) -> None:
-    experiment = write_hidden(tmp_path, {}, sigma_mm=0.0, error_mm=1e-4)
+    experiment = write_hidden(tmp_path, {}, sigma_mm=0.0, error_mm=1e-4, exact=True)
     assert run(experiment, "-q").return_value == 0
     assert found(experiment)["verdict"] == "none"
 
@@ -200,7 +200,7 @@ def test_one_run_cannot_decide_and_says_why(tmp_path: Path) -> None:
     done = run(experiment, "--json")
     assert done.return_value == 0
     assert json.loads(done.stdout)["verdict"] == "insufficient"
-    assert "1 usable runs" in json.loads(done.stdout)["reason"]
+    assert "1 usable run with" in json.loads(done.stdout)["reason"]
     sections = diagnosis_sections(known_diagnosis(load_experiment(experiment), Outputs(tmp_path / "out")))
     assert sections[0].text[0] == "These runs cannot decide what is missing."
 

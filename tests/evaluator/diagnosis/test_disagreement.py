@@ -249,7 +249,7 @@ def test_what_stands_out_by_three_and_a_half_sigmas_is_shown(monkeypatch: pytest
 
 
 def test_a_run_of_less_than_a_second_is_one_piece_and_few_frames_are_none() -> None:
-    for frames, count in ((12, 1), (4, 0)):
+    for frames, count in ((5, 1), (4, 0)):
         time = 0.05 * np.arange(frames)
         marks = np.column_stack([time, 0 * time + 2, time, 0 * time - 2])
         run = RunData("r", 30.0, 30.0, 0.0, None, time, marks, 0)

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from evaluator.diagnosis.likelihood.drift import Distance, drift
-from evaluator.diagnosis.likelihood.noise import Noise
+from evaluator.diagnosis.likelihood.noise.drift import Distance, drift
+from evaluator.diagnosis.likelihood.noise.tracking import Noise
 
 SIGMA_MM, STEP_S, COUNT, APART_MM = 0.004, 1 / 30, 165, 3.66
 

@@ -1,4 +1,4 @@
-"""What is kept aside, what cannot be decided, and what is written into the robot file."""
+"""What is held out, what cannot be decided, and what is written into the robot file."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.experiment import held_out_runs, shortcomings
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
-from evaluator.diagnosis.likelihood.simulation import Simulated, varies_by_run
+from evaluator.diagnosis.likelihood.simulation import Simulated
+from evaluator.diagnosis.likelihood.variants import varies_by_run
 from evaluator.diagnosis.output.effect_tables import PATTERN_SUMS
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot

@@ -64,7 +64,9 @@ def test_advantage_is_the_gain_over_commands_with_the_error_of_a_sum() -> None:
     gains = _densities(one, groups, TOLERANCE) - _densities(other, groups, TOLERANCE)
     gain, error = advantage(one, other, data, TOLERANCE)
     assert gain == pytest.approx(gains.sum())
-    assert error == pytest.approx(gains.std(ddof=1) * np.sqrt(3))
+    of_three = stats.t.isf(stats.norm.sf(2.0), 2) / 2.0  # what two standard errors are of a spread told by three
+    assert error == pytest.approx(gains.std(ddof=1) * np.sqrt(3) * of_three)
+    assert advantage(one, other, [run_data(30.0, 20.0, number) for number in range(6)], TOLERANCE)[1] == np.inf
 
 
 def test_predictive_score_is_the_gaussian_density_of_new_runs(monkeypatch: pytest.MonkeyPatch) -> None:

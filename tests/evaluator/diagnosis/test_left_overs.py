@@ -14,9 +14,11 @@ from evaluator.diagnosis.assessment import relevance
 from evaluator.diagnosis.assessment.adequacy import _known, _order, adequacy
 from evaluator.diagnosis.assessment.gap import noise_floor, rms, run_gaps
 from evaluator.diagnosis.assessment.knowledge import Knowledge, knowledge
+from evaluator.diagnosis.inference.left_overs import left_overs
 from evaluator.diagnosis.likelihood.features import MODEL_FLOOR_MM
 from evaluator.diagnosis.likelihood.known_to import Quantity
-from evaluator.diagnosis.likelihood.noise import Noise
+from evaluator.diagnosis.likelihood.mixed_model import Linearized
+from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.settings import Relevant
 from tests.evaluator.diagnosis.synthetic import (
@@ -30,7 +32,7 @@ TAU = np.array([0.05, 0.02, 0.02, 1.0])
 COLUMNS = [column("slip.lateral_friction", effect=False), column("effect")]
 
 
-def test_excess_is_the_mean_square_of_what_no_parameter_takes() -> None:
+def test_excess_is_the_mean_square_of_what_no_effect_and_no_number_of_a_run_takes() -> None:
     runs = linear_runs(count=6)
     wide = [
         type(run)(
@@ -45,14 +47,25 @@ def test_excess_is_the_mean_square_of_what_no_parameter_takes() -> None:
     data = [run_data(30.0, 20.0, number) for number in range(6)]
     squares = []
     for run in wide:
-        columns = np.column_stack([run.start, run.scatter, run.common])
+        columns = np.column_stack([run.start, run.scatter, run.common[:, 1:]])  # the first is known to a tolerance
         away = run.response - run.common @ [0.2, 0.1]
         away = away - columns @ np.linalg.lstsq(columns, away)[0]
         squares.append(away @ away)
     found = adequacy(fit, data)
-    assert found.excess == pytest.approx(sum(squares) / (6 * 6))
-    np.testing.assert_allclose(found.by_run, np.array(squares) / 6)
-    assert found.excess_sigma == pytest.approx((found.excess - 1) / np.sqrt(2 / 36))
+    assert found.excess == pytest.approx(sum(squares) / (6 * 7))
+    np.testing.assert_allclose(found.by_run, np.array(squares) / 7)
+    assert found.excess_sigma == pytest.approx((found.excess - 1) / np.sqrt(2 / 42))
+
+
+def test_a_value_known_to_a_tolerance_does_not_take_up_the_noise_that_its_column_holds() -> None:
+    """A mark moved along the robot: its column is the start pose, and a trace of the noise of the heading."""
+    rng = np.random.default_rng(2)
+    views = []
+    for _ in range(40):
+        noise, start, scatter = rng.normal(size=60), rng.normal(size=(60, 3)), rng.normal(size=(60, 4))
+        views.append(Linearized(noise, (start[:, 0] + 1e-4 * noise)[:, None], start, scatter))
+    squares, freedom = left_overs(views, COLUMNS[:1], np.zeros(1))
+    assert squares.sum() / freedom.sum() == pytest.approx(1.0, abs=0.1)
 
 
 def test_friction_that_follows_the_order_has_the_p_value_of_the_textbook_times_what_was_asked() -> None:
@@ -184,6 +197,11 @@ def test_radius_of_a_run_that_turns_less_than_twenty_degrees_is_not_told() -> No
         assert (less.radius_percent > 0) == told
 
 
+def test_a_robot_that_crawls_less_than_a_millimetre_has_a_change_of_speed_too() -> None:
+    found = changed(circling(5.0, 0.11), circling(5.0, 0.1))
+    assert found.speed_percent == pytest.approx(10.0, rel=1e-2)
+
+
 def test_only_the_settled_part_of_a_run_between_its_commands_tells_radius_and_speed() -> None:
     plain, other = circling(5.0, 2.0), circling(5.0, 2.0)
     other[:24] = circling(5.0, 3.0)[:24] - (circling(5.0, 3.0)[24] - other[24])
@@ -218,7 +236,9 @@ def test_knowledge_is_the_fitted_deviation_in_its_unit_with_its_interval() -> No
     assert (stays.found, stays.low, stays.high) == pytest.approx((0.0, -1.96e-3, 1.96e-3))
     assert knowledge([quantity], fit)[0].found == 0.0
     assert found.is_finding
-    assert found.sentence == "seconds of the recording: off by +0.0004, taken as known to 0.0001"
+    tail = "off by +0.0004, taken as known to 0.0001 (the same as the effect time-base)"
+    assert found.sentence == f"seconds of the recording: {tail}"
+    assert replace(found, quantity=replace(quantity, key="body.mass_g")).alike is None
 
 
 @pytest.mark.parametrize(("found", "finding"), [(2.9, False), (3.1, True), (-3.1, True)])

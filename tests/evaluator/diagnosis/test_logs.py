@@ -12,22 +12,24 @@ import pytest
 from evaluator.workflow.diagnosis.experiment import diagnose_experiment
 from simulator.command import Command
 from simulator.effects.entry import EffectEntry
-from simulator.robot import load_robot
+from simulator.robot import load_robot, shipped_robot_text
 from simulator.run import State
 from simulator.simulation import simulate
-from tests.evaluator.diagnosis.hidden import COMMANDS
+from tests.evaluator.diagnosis.hidden import ATTRACTION, COMMANDS, ROBOT_EXACTLY
 
 SIGMA_MM, SIGMA_RAD = 0.004, 0.002
 DEAD_S, LAG_S = 0.15, 0.10
 
 
 def session_of_poses(folder: Path, effects: dict[str, dict[str, float]], late_s: float, more: str) -> Path:
-    """Eight runs of two phases each, forward and back or the other way, given as poses and logs of commands."""
+    """Eight runs of two phases each, forward and back or the other way, of a robot known exactly: poses and logs."""
     rng = np.random.default_rng(5)
     robot = load_robot("barrel")
     entries = tuple(EffectEntry.model_validate({"id": name, **values}) for name, values in effects.items())
     true = robot.model_copy(update={"effect": entries})
-    lines = ["format = 1", 'name = "poses and logs"', 'robot = "barrel"', more]
+    exactly = ["[tolerance]", *(f'"{name}" = 0.0' for name in ATTRACTION), *ROBOT_EXACTLY, ""]
+    (folder / "robot.toml").write_text("\n".join([shipped_robot_text("barrel"), *exactly]), encoding="utf-8")
+    lines = ["format = 1", 'name = "poses and logs"', 'robot = "robot.toml"', more]
     for number, (left, right) in enumerate(COMMANDS):
         rows = [(0.3, left, right), (3.0, 0.0, 0.0), (3.5, -right, -left)]
         log = pd.DataFrame(rows, columns=["time_s", "left_rpm", "right_rpm"])

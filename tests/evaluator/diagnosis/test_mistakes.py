@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.experiment import Session, without_outliers
+from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.hypotheses import _beyond_the_others
 from evaluator.diagnosis.mistakes.motion import onset_s
 from evaluator.diagnosis.mistakes.recognise import recognise
+from evaluator.diagnosis.mistakes.recognised import Found
 from tests.evaluator.diagnosis.hidden import hidden_session
 
 Change = Callable[[RunData], RunData]
@@ -106,13 +110,22 @@ def test_the_onset_of_motion_is_told_to_a_few_milliseconds_and_not_of_a_run_that
     assert [onset_s(run) for run in moving] == [None] * len(moving)
 
 
-def test_leaps_of_a_tracker_are_left_out_and_nothing_else() -> None:
-    rng = np.random.default_rng(3)
-    time = np.arange(300) / 60
-    path = np.column_stack([3 * time, np.sin(time), 3 * time, np.sin(time) + 3.66])
-    values = np.column_stack([time, path + 0.003 * rng.normal(size=path.shape)])
-    values[[50, 120, 121], 1] += 0.4
-    lost = np.isnan(without_outliers(values))
-    assert lost[[50, 120, 121], 1].all()
-    assert lost[:, 3:].sum() == 0
-    assert lost[:, 1].sum() <= 5
+@pytest.mark.parametrize(
+    ("others", "believed"),
+    [
+        ((0.02, 0.03, 0.05), True),  # a recording of another command, 0.3 of its path off, among runs that are right
+        ((0.02, 0.05, 0.17), False),  # an effect bends others by more than half as much
+        ((0.02,), True),  # one other run tells nothing of what is usual
+        ((0.02, float("nan"), 0.17), True),
+    ],
+)
+def test_a_wrong_command_misses_by_more_than_effects_make_runs_read_rightly(
+    others: tuple[float, ...], believed: bool
+) -> None:
+    def judgement(run: str, share: float) -> Any:
+        return SimpleNamespace(ways=[SimpleNamespace(run=SimpleNamespace(id=run))], share=share)
+
+    seen = [judgement("r0", 0.32), *(judgement(f"r{k + 1}", share) for k, share in enumerate(others))]
+    wrong, reversed_ = (Found("r0", kind, "", "") for kind in ("wrong-command", "reversed"))
+    assert _beyond_the_others([wrong], seen) == [wrong] * believed
+    assert _beyond_the_others([reversed_], seen) == [reversed_]

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evaluator.diagnosis.likelihood.noise import Noise, _whittle, fit_noise, spectrum
+from evaluator.diagnosis.likelihood.noise.tracking import (
+    Noise,
+    _whittle,
+    expected_power,
+    fit_noise,
+    spectrum,
+    with_vibration,
+)
 
 
 def _correlated(rng: np.random.Generator, count: int, sigma_mm: float, decay: float) -> np.ndarray:
@@ -41,6 +48,58 @@ def test_missing_frames_do_not_change_the_noise() -> None:
         values[200:260] = np.nan
         spectra.append(spectrum(time, values))
     assert fit_noise(spectra).sigma_mm == pytest.approx(0.004, rel=0.12)
+
+
+def _slow_power(noise: Noise) -> float:
+    """Power of the slow modes, on which a fit looks, of frames 1/60 s apart."""
+    return float(expected_power(noise, np.array([0.3]), 1 / 60)[0])
+
+
+@pytest.mark.parametrize(("rounded_to_s", "missing", "gap_s"), [(1e-6, 0.0, 0.0), (1e-3, 0.0, 0.0), (1e-3, 0.13, 0.5)])
+def test_white_noise_stays_white_whatever_the_clock_rounds_and_the_tracker_loses(
+    rounded_to_s: float, missing: float, gap_s: float
+) -> None:
+    """Resampled and bridged by straight lines it looked correlated, and slow modes were given 70 % too much power."""
+    rng = np.random.default_rng(1)
+    spectra = []
+    for _ in range(10):
+        time, values = np.arange(480) / 60, rng.normal(0, 0.003, 480)
+        values[rng.random(480) < missing / 2] = np.nan
+        values[(time > 3) & (time < 3 + gap_s)] = np.nan
+        kept = rng.random(480) >= missing / 2
+        spectra.append(spectrum(np.round(time[kept] / rounded_to_s) * rounded_to_s, values[kept]))
+    noise = fit_noise(spectra)
+    assert _slow_power(noise) == pytest.approx(0.003**2, rel=0.1)
+    assert noise.sigma_mm == pytest.approx(0.003, rel=0.05)
+
+
+def test_a_shaking_stand_is_noise_of_a_sample_and_none_of_the_slow_modes() -> None:
+    """A vibration of 12 µm at 17 Hz lifted all modes, and its runs passed for not followed by any model."""
+    rng, time = np.random.default_rng(7), np.arange(480) / 60
+    shaken = []
+    for _ in range(8):
+        swelling = 1 + 0.4 * np.sin(2 * np.pi * 0.3 * time + rng.uniform(0, 6))
+        vibration = 0.012 * swelling * np.sin(2 * np.pi * 17 * time + rng.uniform(0, 6))
+        shaken.append((time, vibration + rng.normal(0, 0.003, 480)))
+    spectra = [spectrum(*run) for run in shaken]
+    noise = fit_noise(spectra)
+    assert _slow_power(noise) == pytest.approx(0.003**2, rel=0.15)
+    seen = with_vibration(noise, spectra, 3.0)
+    assert seen.sigma_mm == pytest.approx(np.sqrt(np.mean([values**2 for _, values in shaken])), rel=0.05)
+    np.testing.assert_array_equal(seen.covariance(time[:9]), noise.covariance(time[:9]))
+
+
+def test_of_a_vibration_with_holes_the_share_that_is_missing_is_white() -> None:
+    rng, time = np.random.default_rng(8), np.arange(480) / 60
+    spectra, slow = [], []
+    for _ in range(12):
+        values = 0.012 * np.sin(2 * np.pi * 17 * time + rng.uniform(0, 6)) + rng.normal(0, 0.003, 480)
+        values[rng.random(480) < 0.1] = np.nan
+        spectra.append(spectrum(time, values))
+        seen = np.isfinite(values)  # as features take slow modes: by least squares over the samples there are
+        modes = np.cos(np.pi * np.arange(40) * ((np.arange(480) + 0.5) / 480)[:, None])[seen]
+        slow.append(np.linalg.solve(modes.T @ modes, modes.T @ values[seen])[20:] ** 2 * seen.sum() / 2)
+    assert _slow_power(fit_noise(spectra)) == pytest.approx(np.mean(slow), rel=0.2)
 
 
 def test_covariance_is_positive_and_has_the_variance_on_its_diagonal() -> None:

@@ -3,28 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from evaluator.workflow import diagnose
-from simulator.effects.catalogue import EFFECTS
-from simulator.own_effects.files import BUILT_IN, load_own
+from simulator.own_effects.files import load_own
 from simulator.own_effects.template import template
 from simulator.robot import load_robot
-from tests.evaluator.diagnosis.hidden import write_hidden
+from tests.evaluator.diagnosis.hidden import COMMANDS, write_hidden
 
 MIX = {"right_to_left": 0.3, "left_to_right": 0.2}
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _forgotten() -> Iterator[None]:
-    """Own effects are known to the whole process: other tests must not meet them."""
-    yield
-    for effect in set(EFFECTS) - BUILT_IN:
-        del EFFECTS[effect]
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +25,9 @@ def mixed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     own.parent.mkdir()
     own.write_text(template("mixed-drive", name="the drive mixes the sides"), encoding="utf-8")
     load_own(own)
-    return write_hidden(folder / "session", {"mixed-drive": MIX})
+    return write_hidden(
+        folder / "session", {"mixed-drive": MIX}, commands=(*COMMANDS, (50.0, 20.0), (-20.0, -50.0)), exact=True
+    )
 
 
 def found(folder: Path) -> dict[str, Any]:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from threading import get_ident
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from evaluator.diagnosis.inference.watch import Cores, Watch
 from evaluator.diagnosis.likelihood import problem as problems
 from evaluator.diagnosis.likelihood.features import channels_of
-from evaluator.diagnosis.likelihood.problem import NO_DISTANCE_MM, Column, Point, Problem, build_problem
-from evaluator.diagnosis.likelihood.random_effects import MOST_SCATTER, _own_goal, settled
+from evaluator.diagnosis.likelihood.mixed_model import Linearized
+from evaluator.diagnosis.likelihood.preparation import NO_DISTANCE_MM, build_problem
+from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
+from evaluator.diagnosis.likelihood.random_effects import MOST_SCATTER, _own_goal, secant, settled
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
 from simulator.robot import load_robot
 from tests.evaluator.diagnosis.synthetic import linear_runs
@@ -73,6 +77,18 @@ def test_noise_of_an_experiment_is_that_of_its_frames_and_starts_are_laid_on_the
     assert view.response @ view.response / len(view.response) == pytest.approx(1.0, abs=0.5)
 
 
+@pytest.mark.parametrize("frame", [0, 60])
+def test_a_jump_below_the_motion_from_frame_to_frame_does_not_count(frame: int) -> None:
+    data = measured(runs=8)
+    marks = data[1].marks_mm.copy()
+    marks[frame, :2] += 0.1  # the robot moves by 0.17 mm from frame to frame
+    spoilt = tuple(replace(run, marks_mm=marks) if run.id == "r1" else run for run in data)
+    problem, _ = build_problem(spoilt, Circle(spoilt))  # type: ignore[arg-type]
+    lost = [np.flatnonzero(np.isnan(item).any(axis=1)).tolist() for item in problem.channels]
+    assert lost == [[], [frame], *[[]] * 6]
+    assert problem.counting_frames(1).sum() == len(TIME) - 1
+
+
 def test_marks_that_stand_for_poses_have_no_distance_to_be_wrong() -> None:
     data = measured(from_poses=True)
     problem, _ = build_problem(data, Circle(data))  # type: ignore[arg-type]
@@ -122,6 +138,66 @@ def test_starts_far_from_where_a_run_began_are_found_in_more_steps_than_one(buil
     assert value / sum(len(view.response) for view in problem.linearized(found, [])) < 1.5
 
 
+def test_slopes_from_nearby_lead_to_the_same_place_with_fewer_simulations(built: tuple[Problem, Point]) -> None:
+    problem, point = built
+    forward: Any = problem.forward
+    off = replace(point, own=np.add(point.own, [0.05, -0.05, 0.02, -0.01, 0, 0, 0]))
+    views = problem.linearized(point, [])
+    found = []
+    for seen in (None, views):
+        forward.asked.clear()
+        found.append((*settled(problem, off, range(3), None, seen), sum(forward.asked)))
+    (there, value, simulated), (other, same, fewer) = found
+    np.testing.assert_allclose(other.own[:, :3], there.own[:, :3], atol=2e-3)
+    assert same == pytest.approx(value, abs=0.06)  # three runs, each settled to 0.02
+    assert fewer < 0.7 * simulated
+
+
+def test_a_step_corrects_slopes_along_itself_to_what_it_changed_and_no_other_way() -> None:
+    rng = np.random.default_rng(6)
+    steps, before, moved = (
+        np.array([1e-3, 1e-3, 1e-4, 1e-3, 2e-4, 2e-4, 0.1]),
+        rng.normal(0, 1e-2, 7),
+        rng.normal(0, 1, 7),
+    )
+    moved *= steps
+    true, slopes = rng.normal(0, 1, (30, 7)), rng.normal(0, 1, (30, 7))
+
+    def view(own: np.ndarray) -> Linearized:
+        return Linearized(-true @ own + slopes[:, 3:] @ own[3:], np.zeros((30, 0)), slopes[:, :3], slopes[:, 3:])
+
+    after = before + moved
+    found = secant(view(before), view(after), before, after, steps)
+    corrected = np.column_stack([found.start, found.scatter])
+    np.testing.assert_allclose(corrected @ moved, true @ moved, rtol=1e-9)
+    aside = np.linalg.svd((moved / steps)[None])[2][1:].T * steps[:, None]  # steps at right angles to the one made
+    np.testing.assert_allclose(corrected @ aside, slopes @ aside, atol=1e-12)
+    np.testing.assert_allclose(found.response - found.scatter @ after[3:], -true @ after, atol=1e-12)
+
+
+def test_one_core_and_three_see_the_same_to_the_last_bit(
+    built: tuple[Problem, Point], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, point = built
+    columns = [pull(1.0), pull(2.0)]
+    monkeypatch.setattr(problems, "TASKS_AT_ONCE", 10)  # a piece for each run
+    at: list[int] = []
+    with Cores(3) as each:
+        watch = Watch(each=lambda work, items: each(lambda item: at.append(get_ident()) or work(item), items))
+        shared = replace(problem, watch=watch).linearized(point, columns)
+    assert len(at) == 3
+    assert get_ident() not in at
+    for one, other in zip(problem.linearized(point, columns), shared, strict=True):
+        for name in ("response", "common", "start", "scatter"):
+            assert (getattr(one, name) == getattr(other, name)).all()
+
+
+def test_cores_do_their_work_in_order_in_their_block_and_after_it() -> None:
+    with Cores(2) as each:
+        assert list(each(abs, [-3, 2, -1])) == [3, 2, 1]
+    assert list(each(abs, [-3, 2, -1])) == [3, 2, 1]
+
+
 def test_batches_of_any_size_see_the_same(built: tuple[Problem, Point], monkeypatch: pytest.MonkeyPatch) -> None:
     problem, point = built
     columns = [pull(1.0), pull(2.0)]
@@ -129,7 +205,7 @@ def test_batches_of_any_size_see_the_same(built: tuple[Problem, Point], monkeypa
     forward: Any = problem.forward
     forward.asked.clear()
     monkeypatch.setattr(problems, "TASKS_AT_ONCE", 20)  # a run takes 2 columns, 7 numbers of its own and itself
-    parts = problem.attempted(point, columns, [0, 1, 2])
+    parts = replace(problem).attempted(point, columns, [0, 1, 2])  # nothing is cached
     assert len(forward.asked) == 2  # of two runs and of one
     for one, other in zip(whole, parts, strict=True):
         assert one is not None

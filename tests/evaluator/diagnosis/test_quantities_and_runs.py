@@ -16,15 +16,16 @@ from evaluator.diagnosis.likelihood.features import (
 )
 from evaluator.diagnosis.likelihood.known_to import (
     frame_interval_s,
+    predicted_sigmas,
     quantities,
-    simulated_sigmas,
+    seen_marks,
+    seen_shift,
     start_per_run_s,
-    with_shifts,
 )
-from evaluator.diagnosis.likelihood.noise import Noise
+from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData, Task
-from evaluator.diagnosis.likelihood.simulation import varied_robot
+from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.settings import KnownTo
 from simulator.robot import load_robot
 from tests.evaluator.diagnosis.synthetic import linear_runs
@@ -71,11 +72,12 @@ def test_quantities_have_the_sigmas_of_a_laboratory_that_says_nothing() -> None:
     assert found["wheels.radius_mm"].tolerance == pytest.approx(0.005)
     assert found["wheels.radius_mm"].unit == "mm"
     assert found["body.mass_g"].unit == "g"
-    sizes = simulated_sigmas(tuple(found.values()))
+    sizes = predicted_sigmas(tuple(found.values()))
     assert sizes["time_base"] == pytest.approx(1e-4 / SHARED_UNIT)
     assert set(sizes) == {
         *("start_common_s", "time_base", "wheel_radius_difference", "plate_level_x_deg", "plate_level_y_deg"),
         *("center_of_gravity_x_mm", "center_of_gravity_y_mm", "plane_scale"),
+        *("green_x_mm", "green_y_mm", "yellow_x_mm", "yellow_y_mm"),
     }
 
 
@@ -90,13 +92,14 @@ def test_a_length_without_a_stated_sigma_is_known_to_two_readings_of_callipers()
 
 
 def test_shifts_of_scale_and_of_a_mark_to_the_left_of_the_robot() -> None:
-    robot, run = load_robot("barrel"), frames_of(0.02)
-    known = [item for item in quantities(KnownTo(), robot, [run]) if item.key in ("plane_scale", "yellow_y_mm")]
-    turned = replace(run, marks_mm=np.tile([8.0, 5.0, 12.0, 5.0], (4, 1)))  # the left is along -x: it faces +y
-    (found,) = with_shifts([turned], [robot], known)
-    np.testing.assert_allclose(found.systematic["plane_scale"][0], 1e-3 * np.array([8.0, 5.0, 12.0, 5.0]))
-    size = robot.known_to.mark_position_mm
-    np.testing.assert_allclose(found.systematic["yellow_y_mm"][0], [0.0, 0.0, -size, 0.0], atol=1e-12)
+    robot = load_robot("barrel")
+    marks = np.tile([8.0, 5.0, 12.0, 5.0], (4, 1))  # the left is along -x: it faces +y
+    scaled, moved = (
+        seen_shift({key: size}, marks, seen_marks(robot))
+        for key, size in (("plane_scale", 1e-3), ("yellow_y_mm", 0.05))
+    )
+    np.testing.assert_allclose(scaled[0], 1e-3 * marks[0])
+    np.testing.assert_allclose(moved[0], [0.0, 0.0, -0.05, 0.0], atol=1e-12)
 
 
 def test_nominal_values_are_multiplied_by_one_plus_their_deviation() -> None:

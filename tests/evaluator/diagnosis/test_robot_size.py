@@ -16,14 +16,15 @@ from evaluator.diagnosis.candidates.coordinates import named_terms, size_of
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.design.candidate_runs import commands_at
 from evaluator.diagnosis.inference.fit import Fit, _short_of
-from evaluator.diagnosis.likelihood.discrepancy import left_over, with_discrepancy
 from evaluator.diagnosis.likelihood.features import channels_of
 from evaluator.diagnosis.likelihood.known_to import quantities, start_per_run_s
 from evaluator.diagnosis.likelihood.mixed_model import Posterior
-from evaluator.diagnosis.likelihood.noise import Noise
-from evaluator.diagnosis.likelihood.problem import build_problem, with_noise_of
+from evaluator.diagnosis.likelihood.noise.discrepancy import left_over, with_discrepancy
+from evaluator.diagnosis.likelihood.noise.tracking import Noise
+from evaluator.diagnosis.likelihood.preparation import build_problem, with_noise_of
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
-from evaluator.diagnosis.likelihood.simulation import Simulated, varied_robot
+from evaluator.diagnosis.likelihood.simulation import Simulated
+from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.diagnosis.output.effect_tables import effect_tables
 from evaluator.diagnosis.output.robot_file import with_values_of_each
 from evaluator.interchange.commands import constant
@@ -81,6 +82,22 @@ def test_steps_and_bounds_have_the_dimension_of_their_unit() -> None:
     assert free[1] == pytest.approx(free[0] * 100.0 * 1e4 / 100.0)  # a moment, per speed
 
 
+def test_motors_of_a_large_robot_are_looked_at_as_late_too_and_those_of_a_small_one_as_prompt() -> None:
+    usual, large = (named_terms(20.0, (30.0,), size=item)["command-lag"] for item in (PAPER_SIZE, Size(100.0, 1e4)))
+    assert usual.starts == ()
+    assert [start[0] for start in large.starts] == [0.05, 0.3]
+    assert all(large.clipped(start) == start for start in large.starts)
+
+
+def test_metres_of_a_large_robot_are_off_by_a_tenth_at_most_and_seconds_by_a_hundredth() -> None:
+    usual, large = (named_terms(20.0, (30.0,), size=item) for item in (PAPER_SIZE, Size(100.0, 1e4)))
+    for effect, bounds in (("plane-scale", (0.9, 1.1)), ("time-base", (0.99, 1.01))):
+        assert [(item[effect].coordinates[0].low, item[effect].coordinates[0].high) for item in (usual, large)] == [
+            (0.5, 2.0),
+            bounds,
+        ]
+
+
 def test_the_centre_of_gravity_of_a_large_robot_may_move_within_its_wheels_and_no_farther() -> None:
     robot = load_robot(LARGE)
     terms = named_terms(3000.0, (30.0,), size=size_of(robot))
@@ -126,16 +143,16 @@ def test_left_overs_do_not_depend_on_where_and_how_a_run_is_laid() -> None:
     assert 2.0 < first[0] < 6.0
 
 
-def test_a_run_that_went_astray_counts_less_and_does_not_change_the_others() -> None:
+def test_an_outlying_run_counts_less_and_does_not_change_the_others() -> None:
     noise = [(Noise(1.0, 0.0, 0.1),) * 4] * 5
     times = [np.array([0.0, 2.0])] * 5
     left = np.full((5, 2), 30.0)
     usual = with_discrepancy(noise, times, left)
     left[4] = 600.0
-    astray = with_discrepancy(noise, times, left)
-    assert astray[0][0].sigma_mm == pytest.approx(usual[0][0].sigma_mm)
-    assert astray[4][0].sigma_mm > 2 * usual[4][0].sigma_mm
-    assert astray[0][3] == noise[0][3]  # the distance of the marks is not of the ground
+    outlying = with_discrepancy(noise, times, left)
+    assert outlying[0][0].sigma_mm == pytest.approx(usual[0][0].sigma_mm)
+    assert outlying[4][0].sigma_mm > 2 * usual[4][0].sigma_mm
+    assert outlying[0][3] == noise[0][3]  # the distance of the marks is not of the ground
 
 
 def test_lengths_of_a_wheel_list_are_known_to_a_tolerance_and_move_in_one_ratio() -> None:

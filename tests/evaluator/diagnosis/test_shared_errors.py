@@ -13,7 +13,7 @@ from calibration.camera import PARAMETERS, Camera, camera_above
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.experiment import Session, session_of
 from evaluator.diagnosis.inference.fit import Fit, fit_model
-from evaluator.diagnosis.likelihood.problem import build_problem
+from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Task
 from evaluator.diagnosis.likelihood.shared_errors import Sighting, shared_errors
 from evaluator.diagnosis.likelihood.simulation import Simulated

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,12 +10,13 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.assessment.adequacy import Adequacy
-from evaluator.diagnosis.assessment.sole_run import SoleRun, sole_misfit, sole_run
+from evaluator.diagnosis.assessment.sole_run import SoleRun, _misfits, sole_misfit, sole_run
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.inference.fit import Fit, prior_precision
 from evaluator.diagnosis.likelihood.mixed_model import Linearized, MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.problem import Column, Point
 from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS
+from tests.evaluator.diagnosis.synthetic import column, fit_of, linear_runs, minus_two_log
 
 RUNS, FEATURES = 10, 60
 TERM = named_terms(50.0, (30.0,))["drive-speed-scale"]
@@ -65,6 +67,16 @@ def test_an_effect_that_shows_in_every_run_rests_on_none_of_them(sizes: list[flo
 
 def test_a_weak_effect_that_needs_all_its_runs_is_not_owed_to_the_best_of_them() -> None:
     assert found([2.2] * RUNS) is None
+
+
+def test_misfit_of_a_run_is_that_of_the_dense_gaussian_but_for_its_width() -> None:
+    theta, tau, runs = np.array([0.4, -0.2]), np.array([0.05, 0.02, 0.02, 1.0]), linear_runs(count=4)
+    found = _misfits(fit_of(runs, [column("a"), column("b")], theta, tau))
+    dense = [
+        minus_two_log(run, theta, tau) - minus_two_log(replace(run, response=run.common @ theta), theta, tau)
+        for run in runs
+    ]
+    assert found == pytest.approx(dense, rel=1e-8)
 
 
 def test_no_effect_rests_on_no_run() -> None:

@@ -15,7 +15,7 @@ from tests.evaluator.diagnosis.hidden import write_hidden
 @pytest.mark.parametrize(
     ("hidden", "seed"),
     [
-        ({"force_mN": 0.5, "x_mm": 8.0, "y_mm": 6.0}, 10),  # among the paths
+        pytest.param({"force_mN": 0.5, "x_mm": 8.0, "y_mm": 6.0}, 10, marks=pytest.mark.exam),  # among the paths
         ({"force_mN": 0.4, "x_mm": -10.0, "y_mm": 9.0, "exponent": 3.0}, 20),  # beside them; a pole and a dipole
     ],
 )

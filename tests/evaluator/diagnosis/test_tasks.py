@@ -10,9 +10,9 @@ import pytest
 
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.candidates.free_form import free_terms
-from evaluator.diagnosis.likelihood.problem import aligned_starts
-from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData, Task
-from evaluator.diagnosis.likelihood.simulation import Simulated, varied_robot
+from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData, Task, aligned_starts
+from evaluator.diagnosis.likelihood.simulation import Simulated
+from evaluator.diagnosis.likelihood.variants import depends_on_place, varied_robot
 from evaluator.interchange.commands import Told
 from simulator.command import Command
 from simulator.effects.entry import EffectEntry
@@ -249,3 +249,23 @@ def test_starts_are_aligned_with_the_first_part_of_every_run() -> None:
     data = [replace(RUN, marks_mm=marks, systematic={})]
     (own,) = aligned_starts(data, Simulated([BARREL], data, {}))
     np.testing.assert_allclose(own, [5.0, -4.0, 0.8, 0.0, 0.0, 0.0, 0.0], atol=1e-3)
+
+
+def test_effects_that_depend_on_place_are_those_by_which_a_run_elsewhere_is_another() -> None:
+    terms: dict[str, Any] = {**named_terms(20.0, (30.0, 60.0)), **free_terms()}
+    simulated = Simulated([BARREL], [RUN], terms, KNOWN, SIGMA_S)
+    mistaken = []
+    for effect, term in terms.items():
+        present = term.starts[-1] if term.starts else tuple(c.absent + c.step for c in term.coordinates)
+        here, there = simulated.marks(
+            [task(own, terms={effect: present}) for own in ({0: 3.0, 1: -2.0}, {0: 30.0, 1: 20.0})]
+        )
+        path = [marks - marks[0, [0, 1, 0, 1]] for marks in (here, there)]
+        if (np.abs(path[1] - path[0]).max() > 1e-5) != depends_on_place(BARREL, [term]):
+            mistaken.append(effect)
+    assert not mistaken
+    assert depends_on_place(BARREL.model_copy(update={"effect": (gradient(),)}), [])
+
+
+def gradient() -> EffectEntry:
+    return EffectEntry(id="friction-gradient", per_mm_x=1e-3, per_mm_y=0.0)

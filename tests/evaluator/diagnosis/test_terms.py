@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from evaluator.diagnosis.candidates.coordinates import named_terms
-from simulator.effects.catalogue import EFFECTS
+from evaluator.diagnosis.candidates.free_form import free_terms
+from evaluator.diagnosis.experiment import Session
+from evaluator.diagnosis.likelihood.run_data import RunData
+from simulator.effects.catalogue import BUILT_IN, EFFECTS
 
 TERMS = named_terms(30.0, (10.0, 30.0))
 
@@ -27,3 +31,30 @@ def test_magnets_of_known_balance_and_unknown_level_have_a_long_interval_upward(
     assert near == pytest.approx({"driving_factor": 0.2, "driven_factor": 0.85})
     assert far["driven_factor"] / far["driving_factor"] == pytest.approx(4.25)
     assert strength.physical(TERMS["magnet-strength"].absent) == {"driving_factor": 1.0, "driven_factor": 1.0}
+
+
+def run_from(place: tuple[float, float], *, from_poses: bool) -> RunData:
+    marks = np.tile([*place, place[0], place[1] - 3.66], (3, 1)) + np.arange(3.0)[:, None]
+    return RunData("r", 30.0, 20.0, 0.0, None, np.arange(3.0), marks, 0, from_poses=from_poses)
+
+
+def test_runs_whose_poses_all_begin_in_one_place_have_no_common_frame_and_measured_marks_always_have() -> None:
+    here, there = (0.0, 1.83), (0.0, 1.8301)
+
+    def share(*places: tuple[float, float], from_poses: bool = True) -> bool:
+        return Session(tuple(run_from(place, from_poses=from_poses) for place in places), (), {}).one_frame
+
+    assert not share(here, here, here)
+    assert share(here, here, there)
+    assert share(here, here, from_poses=False)
+    assert share(here)
+
+
+def test_effects_and_terms_of_the_plate_are_not_tried_where_runs_share_no_frame() -> None:
+    left_out = set(TERMS) - set(named_terms(30.0, (10.0, 30.0), one_frame=False))
+    assert left_out == {effect for effect in BUILT_IN if BUILT_IN[effect].of_plate}
+    assert {"plate-tilt", "camera-tilt"} < left_out
+    free = free_terms(one_frame=False)
+    assert "free:moment.one" in free
+    assert "free:moment.cos_heading+moment.sin_heading" in set(free_terms()) - set(free)
+    assert not [term for term in free if "plate" in term]

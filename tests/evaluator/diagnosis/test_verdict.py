@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
@@ -29,6 +30,8 @@ FREE, BESIDE = frozenset({"free:force_left.v_abs_v"}), PAIR | {"free:speed.sign_
         ({PAIR: 103.7, BESIDE: 103.1, OFFSET: 95.0, NOTHING: 0.0}, "effect", PAIR),
         ({BESIDE: 108.0, PAIR: 103.7, OFFSET: 95.0, NOTHING: 0.0}, "unknown", BESIDE),
         ({FREE: 3.0, NOTHING: 0.0}, "none", NOTHING),
+        # under heavy-tailed noise, by chance: together with named ones less probable than nothing
+        ({BESIDE: -3.4, PAIR: -3.6, OFFSET: -4.0, NOTHING: 0.0}, "none", NOTHING),
         # two that undo each other: dear to part, and together no better than nothing missing
         ({PAIR: 7.5, OFFSET: 0.5, NOTHING: 0.0}, "none", NOTHING),
         ({PAIR: 8.5, OFFSET: 0.5, NOTHING: 0.0}, "effect", PAIR),
@@ -42,7 +45,69 @@ def test_what_speaks_for_named_effects_and_what_against_them(
 ) -> None:
     module = "evaluator.diagnosis.assessment.verdict"
     monkeypatch.setattr(f"{module}.score", lambda _, ids, __: scores.get(ids, -np.inf))
+    monkeypatch.setattr(f"{module}._strains", lambda *_: False)
+    monkeypatch.setattr(f"{module}._relieves", lambda *_: False)
     monkeypatch.setattr(f"{module}._predicts", lambda _, ids, __: ids == BESIDE)
     order = sorted(scores, key=lambda ids: -scores[ids])
     search, table = cast("Search", None), Standing(tuple(order), np.array([scores[ids] for ids in order]))
     assert decide(search, table, 95, best_named(search, table, 95))[:2] == (chosen, verdict)
+
+
+@pytest.mark.parametrize(
+    ("marks", "null", "verdict"),
+    [
+        ((3.1, -3.2), (0.0, 0.0), "none"),  # a pair that cancels, and both marks moved to make good for it
+        ((3.1, -2.9), (0.0, 0.0), "effect"),  # one value in fifteen laboratories
+        ((3.1, -3.2), (3.3, 0.0), "effect"),  # one of them is as far without
+    ],
+)
+def test_a_set_that_moves_two_values_beyond_what_is_known_is_no_answer(
+    marks: tuple[float, float], null: tuple[float, float], verdict: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = "evaluator.diagnosis.assessment.verdict"
+    scores = {PAIR: 30.0, OFFSET: 2.0, NOTHING: 0.0}
+    monkeypatch.setattr(f"{module}.score", lambda _, ids, __: scores.get(ids, -np.inf))
+    monkeypatch.setattr(f"{module}._relieves", lambda *_: False)
+    keys = ("green_y_mm", "yellow_y_mm", "start_common_s")
+
+    def fit(*sigmas: float) -> SimpleNamespace:
+        values = dict(zip(keys, (*sigmas, 9.0), strict=True))  # a start that is late by any time is no strain
+        columns = [SimpleNamespace(key=key, term=None) for key in keys]
+        point = SimpleNamespace(value=lambda column: 0.02 * values[column.key])
+        return SimpleNamespace(columns=columns, point=point)
+
+    fits = {PAIR: fit(*marks), OFFSET: fit(0.0, 0.0), NOTHING: fit(*null)}
+    search = SimpleNamespace(fits=fits, null=fits[NOTHING], tolerance=dict.fromkeys(keys, 0.02))
+    table = Standing(tuple(scores), np.array(list(scores.values())))
+    named = best_named(cast("Search", search), table, 95)
+    assert named == (PAIR if verdict == "effect" else NOTHING)
+
+
+@pytest.mark.parametrize(
+    ("gain", "without", "with_it", "named"),
+    [
+        (7.0, 3.0, 0.5, OFFSET),  # four values three tolerances off each, or one effect: something is missing anyway
+        (7.0, 1.0, 0.5, NOTHING),  # values off by what is usual: the effect has to pay in full
+        (7.0, 3.0, 3.0, NOTHING),  # an effect beside which they are as far off explains nothing of it
+        (5.9, 3.0, 0.5, NOTHING),
+    ],
+)
+def test_one_effect_is_preferred_to_several_values_off_together(
+    gain: float, without: float, with_it: float, named: frozenset[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = "evaluator.diagnosis.assessment.verdict"
+    scores = {OFFSET: gain, NOTHING: 0.0}
+    monkeypatch.setattr(f"{module}.score", lambda _, ids, __: scores.get(ids, -np.inf))
+    keys = ("body.mass_g", "wheels.track_mm", "wheels.radius_mm", "plane_scale")
+
+    def fit(sigmas: float) -> SimpleNamespace:
+        columns = [SimpleNamespace(key=key, term=None) for key in keys]
+        posterior = SimpleNamespace(covariance=1e-4 * 0.02**2 * np.eye(len(keys)))
+        return SimpleNamespace(
+            columns=columns, point=SimpleNamespace(value=lambda _: 0.02 * sigmas), posterior=posterior
+        )
+
+    fits = {OFFSET: fit(with_it), NOTHING: fit(without)}
+    search = SimpleNamespace(fits=fits, null=fits[NOTHING], tolerance=dict.fromkeys(keys, 0.02))
+    table = Standing(tuple(scores), np.array(list(scores.values())))
+    assert best_named(cast("Search", search), table, 95) == named

@@ -29,7 +29,9 @@ FREE = frozenset({"free:x"})
 
 
 def ranked(monkeypatch: pytest.MonkeyPatch, scores: dict[frozenset[str], float]) -> tuple[Search, Standing]:
-    """A search whose sets have these scores; sets that are not named were never fitted."""
+    """A search whose sets have these scores and strain nothing; sets that are not named were never fitted."""
+    monkeypatch.setattr(verdict, "_strains", lambda *_: False)
+    monkeypatch.setattr(verdict, "_relieves", lambda *_: False)
     monkeypatch.setattr(verdict, "score", lambda _, ids, __: scores.get(ids, -np.inf))
     order = sorted(scores, key=lambda ids: -scores[ids])
     return cast("Search", None), Standing(tuple(order), np.array([scores[ids] for ids in order]))
@@ -130,6 +132,7 @@ def test_score_is_evidence_with_priors_of_size_of_choice_and_of_physics_without_
     assert score(search, FREE | A, 95) == pytest.approx(9.0 + np.log(0.35 / 4) + np.log(0.05 / 95))
     assert score(search, AB, 95) == -np.inf
     assert [log_prior(size, 26) for size in (2, 3)] == pytest.approx([np.log(0.12 / 325), np.log(0.03 / 2600)])
+    assert log_prior(4, 26) == log_prior(3, 26)  # three named ones with a free-form term
 
 
 def test_probabilities_are_shares_of_the_exponentials() -> None:

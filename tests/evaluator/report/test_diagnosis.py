@@ -9,9 +9,16 @@ import pandas as pd
 import pytest
 
 from evaluator.diagnosis.assessment.disagreement import COLUMNS, QUANTITIES, SHOWN_SIGMAS, every_dependence
+from evaluator.report.diagnosis.knowledge import finding_sentences
 from evaluator.report.diagnosis.sections import diagnosis_sections
 from evaluator.report.diagnosis.view import DiagnosisView
-from evaluator.report.diagnosis.words import next_runs_sentence, parameter
+from evaluator.report.diagnosis.words import (
+    next_runs_sentence,
+    parameter,
+    rivals_sentence,
+    verdict_sentence,
+    where_sentences,
+)
 from simulator.effects.catalogue import EFFECTS
 
 # As the file contract shows it: another program may write no more than this.
@@ -81,6 +88,57 @@ def test_runs_to_make_stand_in_a_table_with_what_they_would_and_would_not_separa
     assert "Not even 8 more runs" in verdict.text[-1]
     assert "tether-spring (1.2 sigmas)" in verdict.text[-1]
     assert "−60 / 42 rpm for 8 s" in next_runs_sentence({"next_experiment": following})
+
+
+@pytest.mark.parametrize(
+    ("rival", "told"),
+    [
+        ({"effects": ["viscous-drag"], "log_odds": 5.3, "strains": []}, True),
+        ({"effects": ["viscous-drag"], "log_odds": 2.9, "strains": []}, False),
+        ({"effects": ["viscous-drag"], "log_odds": 8.7, "strains": ["green_y_mm", "yellow_y_mm"]}, False),
+        ({"effects": ["free:speed.one"], "log_odds": 5.3, "strains": []}, False),
+        ({"effects": [], "log_odds": 5.3, "strains": []}, False),
+    ],
+)
+def test_a_rival_more_probable_than_the_verdict_is_told_with_its_odds(rival: dict[str, Any], told: bool) -> None:
+    sentence = rivals_sentence({"verdict": "none", "rivals": [rival]})
+    assert ("at odds of 200 to 1" in sentence and "viscous" in sentence) is told
+    assert bool(sentence) is told
+    assert rivals_sentence({"verdict": "unknown", "rivals": [rival]}) == ""
+
+
+def test_a_value_far_outside_its_tolerance_is_said_in_the_sentence_of_the_verdict() -> None:
+    off = "radius of the left over the right wheel: off by +0.03, taken as known to 0.0071"
+    sentence = verdict_sentence({"verdict": "none", "findings": [off]})
+    assert "Nothing is missing" not in sentence
+    assert off in sentence
+
+
+def test_values_off_together_are_said_in_the_sentence_of_the_verdict_and_among_the_findings() -> None:
+    at_once = "what is known to a tolerance is off by more, taken together, than chance allows (probability 0.0004)"
+    content = {"verdict": "none", "findings": [], "known_together": {"sentence": at_once}}
+    assert verdict_sentence(content) == f"No effect has to be added, but not all is as stated: {at_once}."
+    assert finding_sentences(content) == [f"W{at_once[1:]}."]
+    usual = {**content, "known_together": {"sentence": None}}
+    assert "Nothing is missing" in verdict_sentence(usual)
+    assert finding_sentences(usual) == []
+
+
+@pytest.mark.parametrize(
+    ("content", "opening"),
+    [
+        ({"verdict": "none"}, "The robot file as it stands is off, and"),
+        ({"verdict": "none", "negligible": [{"id": "command-lag"}]}, "no more than does not matter is left of it:"),
+        ({"verdict": "effect"}, "Measured sideways speed varies"),
+    ],
+)
+def test_a_disagreement_beside_the_verdict_none_is_said_to_be_within_what_is_known(
+    content: dict[str, Any], opening: str
+) -> None:
+    sentences = where_sentences({**content, "where": [{"sentence": SENTENCE}]}, 4)
+    assert opening in sentences[0]
+    assert "278 degrees" in sentences[-1]
+    assert where_sentences({**content, "where": []}, 4) == []
 
 
 def test_a_next_experiment_of_another_program_is_left_alone() -> None:

@@ -4,6 +4,8 @@ import pytest
 
 from evaluator.report.diagnosis.words import percent_text
 from evaluator.report.numbers import number, significant
+from evaluator.report.pages.html import prose
+from evaluator.wording import power_of_ten, with_bounds
 
 
 @pytest.mark.parametrize(
@@ -19,3 +21,30 @@ def test_nothing_is_neither_negative_nor_a_power() -> None:
     assert [percent_text(share) for share in (0.997, 0.821, 0.036, 0.0061, 0.00001, None)] == [
         "100 %", "82 %", "3.6 %", "0.61 %", "< 0.01 %", "–",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("three", "shown"),
+    [
+        ((-0.00879, -0.0175, -5.35e-5), ("-0.009", "-0.018", "0.000")),
+        ((8.5e-7, -1.96e-4, 1.97e-4), ("0.00000", "-0.00020", "0.00020")),
+        ((1234.56, 1200.0, 1270.0), ("1235", "1200", "1270")),
+        ((0.25, 0.25, 0.25), ("0.25", "0.25", "0.25")),
+    ],
+)
+def test_a_value_and_its_bounds_have_the_decimals_that_their_distance_bears(
+    three: tuple[float, float, float], shown: tuple[str, str, str]
+) -> None:
+    assert with_bounds(*three) == shown
+
+
+def test_a_factor_beyond_all_digits_is_written_as_a_power() -> None:
+    assert power_of_ten(608.2) == "10⁶⁰⁸"
+
+
+def test_prose_shows_code_as_code_and_markup_as_text_and_keeps_numbers_with_their_units() -> None:
+    assert prose("Made by `turnscope render *.toml`.") == "Made by <code>turnscope render *.toml</code>."
+    assert prose("`<b>`") == "<code>&lt;b&gt;</code>"
+    assert prose("(95 %: 3.1 to 3.2 mm; run 5 mmx, −5 / −33 rpm)") == (
+        "(95\u00a0%: 3.1 to 3.2\u00a0mm; run 5 mmx, −5\u00a0/\u00a0−33\u00a0rpm)"
+    )

@@ -79,4 +79,4 @@ def test_a_run_that_is_not_what_the_file_says_is_named_first_and_in_no_compariso
     summary = re.search(r'<ul class="summary"><li>(.*?)</li><li>(.*?)</li>', report_html(found), re.DOTALL)
     assert summary is not None
     assert summary[1].startswith("r2: turns as if left and right were exchanged")
-    assert summary[2].endswith("in none of the numbers that follow: r2.")
+    assert summary[2].endswith("left out of every result that follows: r2.")

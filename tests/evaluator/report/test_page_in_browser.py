@@ -19,6 +19,8 @@ from tests.evaluator.synthetic import three_runs
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="there is no Chromium on this machine")
 
+LONG_NAME = "turn-33.3-14.4-backward-again"
+
 DRIVER = """
 <script>
 window.addEventListener("load", async () => {
@@ -59,6 +61,14 @@ window.addEventListener("load", async () => {
     seen.drawn = strokes("#player-plot > path, #player-plot > circle");
     seen.cut = [...document.querySelectorAll(".scroll")].filter((table) => table.scrollWidth > table.clientWidth)
       .map((table) => table.closest("section").id);
+    seen.outside = [...document.querySelectorAll(".drawing > svg")].flatMap((drawing) => {
+      const edge = drawing.getBoundingClientRect();
+      return [...drawing.querySelectorAll("text")].filter((text) => {
+        const box = text.getBoundingClientRect();
+        return box.left < edge.left - 1 || box.right > edge.right + 1 || box.top < edge.top - 1
+          || box.bottom > edge.bottom + 1;
+      }).map((text) => text.textContent);
+    });
     seen.wide = document.documentElement.scrollWidth - document.documentElement.clientWidth;
   } catch (error) { seen.error = String(error); }
   const result = document.createElement("pre");
@@ -73,7 +83,10 @@ window.addEventListener("load", async () => {
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("browser")
-    text = report_html(analyze(three_runs(folder), folder / "out", simulate=True, workers=1))
+    experiment = three_runs(folder)
+    text = experiment.read_text(encoding="utf-8").replace('"r02"', f'"{LONG_NAME}"')
+    experiment.write_text(text, encoding="utf-8")
+    text = report_html(analyze(experiment, folder / "out", simulate=True, workers=1))
     path = folder / "driven.html"
     path.write_text(text.replace("</body>", f"{DRIVER}</body>"), encoding="utf-8")
     return path
@@ -92,7 +105,7 @@ def driven(page: Path, *, dark: bool, width: int = 1200) -> dict[str, Any]:
         capture_output=True,
         text=True,
         check=False,
-        timeout=60,
+        timeout=300,
     )
     (text,) = re.findall(r'<pre id="seen">(.*?)</pre>', done.stdout, flags=re.DOTALL)
     seen: dict[str, Any] = json.loads(html.unescape(text))
@@ -102,7 +115,7 @@ def driven(page: Path, *, dark: bool, width: int = 1200) -> dict[str, Any]:
 
 def test_player_scrubs_and_plays_and_figures_are_saved_with_their_data(page: Path) -> None:
     seen = driven(page, dark=False)
-    assert [name.split(":")[0] for name in seen["runs"]] == ["r01", "r02", "r03"]
+    assert [name.split(":")[0] for name in seen["runs"]] == ["r01", LONG_NAME, "r03"]
     assert len({seen["start"], seen["middle"], seen["other"]}) == 3
     assert seen["clock"] == "3.00 s"
     assert "radius 3.50 mm" in seen["note"]
@@ -117,6 +130,7 @@ def test_player_scrubs_and_plays_and_figures_are_saved_with_their_data(page: Pat
 def test_no_table_is_cut_on_a_laptop_and_the_legend_shows_the_lines_of_the_player(page: Path) -> None:
     seen = driven(page, dark=False, width=1400)
     assert seen["cut"] == []
+    assert seen["outside"] == []
     assert len(seen["legend"]) == 5
     assert seen["legend"] == seen["drawn"]
 

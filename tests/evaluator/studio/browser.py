@@ -22,15 +22,13 @@ def needs_browser() -> list[pytest.MarkDecorator]:
 
 
 @contextmanager
-def page_of(link: str, *, width: int = 1440, height: int = 900, dark: bool = False) -> Iterator[Any]:
+def page_of(link: str) -> Iterator[Any]:
     """A page of the studio; an error of its scripts, or anything its policy forbids, fails the test."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        context = browser.new_context(
-            viewport={"width": width, "height": height}, color_scheme="dark" if dark else "light"
-        )
+        context = browser.new_context(viewport={"width": 1440, "height": 900}, color_scheme="light")
         page, faults = context.new_page(), []
         page.set_default_timeout(30_000)
         page.on("pageerror", lambda error: faults.append(str(error)))

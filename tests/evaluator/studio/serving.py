@@ -67,6 +67,12 @@ class Serving:
         assert status == 200, body
         return json.loads(body)
 
+    def step(self, screen: str, identifier: str, way: str = "undo", run: str = "") -> str:
+        """Undo or redo the last change of a screen; gives what it was."""
+        path = f"/api/undo/{screen}/{identifier}"
+        change = self.get(f"{path}?run={run}")[way]
+        return str(self.post(path, {"way": way, "number": change["number"], "run": run})["words"])
+
     def refused(self, path: str, content: Any) -> tuple[int, str]:
         status, _, body = self.ask("POST", path, json.dumps(content))
         return status, str(json.loads(body)["error"])

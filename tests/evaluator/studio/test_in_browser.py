@@ -3,61 +3,18 @@
 from __future__ import annotations
 
 import re
-import shutil
-from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from evaluator.workflow import calibrate
-from evaluator.workflow.samples import sample_folder
 from tests.evaluator.diagnosis.hidden import write_hidden
 from tests.evaluator.studio.browser import needs_browser, page_of
+from tests.evaluator.studio.recordings import finished
 from tests.evaluator.studio.serving import Serving, serving
 
 pytestmark = needs_browser()
-
-RUN = "turn-33-5"
-EXPERIMENT = """format = 1
-name = "<img src=x onerror=alert(1)> & two runs"
-robot = "robot.toml"
-camera = "camera.json"
-
-[[run]]
-id = "left"
-left_rpm = 5.0
-right_rpm = 33.0
-start_s = 0.2
-video = "turn-33-5.mp4"
-
-[[run]]
-id = "right"
-left_rpm = 33.0
-right_rpm = 5.0
-start_s = 0.5
-video = "turn-33-5.mp4"
-"""
-
-
-@pytest.fixture(scope="module")
-def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from simulator.robot import shipped_robot_text
-
-    folder = tmp_path_factory.mktemp("recordings")
-    for name in (f"{RUN}.mp4", "gauge.toml", "gauge-1-plate.png", "gauge-3-tilted.png", "gauge-4-tilted.png"):
-        shutil.copy(sample_folder() / name, folder / name)
-    calibrate(sorted(folder.glob("gauge-*.png")), folder / "gauge.toml").save(folder / "camera.json")
-    (folder / "experiment.toml").write_text(EXPERIMENT)
-    (folder / "robot.toml").write_text(shipped_robot_text("barrel"))
-    return folder
-
-
-@pytest.fixture
-def studio(prepared: Path, tmp_path: Path) -> Iterator[Serving]:
-    shutil.copytree(prepared, tmp_path / "folder")
-    with serving(tmp_path / "folder") as found:
-        yield found
 
 
 def gap_mm(page: Any) -> float:
@@ -65,11 +22,6 @@ def gap_mm(page: Any) -> float:
     figure = page.locator("[data-figure=gap]")
     figure.wait_for()
     return float(figure.get_attribute("data-value"))
-
-
-def finished(page: Any, words: str) -> None:
-    """Wait until a sentence says that a job is done; jobs start processes that compile."""
-    page.locator("#said", has_text=words).wait_for(timeout=300_000)
 
 
 def test_main_job_by_mouse(studio: Serving, tmp_path: Path) -> None:
@@ -173,26 +125,28 @@ def test_the_second_tab_is_told_and_shows_what_the_first_wrote(studio: Serving, 
         expect(page.get_by_label("group, run left")).to_have_value("second tab")
 
 
-@pytest.mark.parametrize(("width", "dark"), [(1024, False), (1440, True), (3840, False)])
-def test_no_screen_is_wider_than_its_window_and_all_controls_have_names(
-    studio: Serving, width: int, dark: bool
-) -> None:
+def test_no_screen_is_wider_than_its_window_and_all_controls_have_names(studio: Serving) -> None:
     identifier = studio.get("/api/home")["experiments"][0]["id"]
     screens = ["#/", "#/camera", "#/sandbox"]
     screens += [f"#/x/{identifier}/{name}" for name in ("runs", "marks", "results", "diagnosis", "sandbox")]
-    with page_of(studio.link, width=width, height=width * 3 // 5, dark=dark) as page:
-        for screen in screens:
+    with page_of(studio.link) as page:
+        for (width, theme), screen in product(((1024, "light"), (1280, "dark"), (3840, "light")), screens):
+            page.set_viewport_size({"width": width, "height": width * 3 // 5})
+            page.emulate_media(color_scheme=theme)
             page.goto(f"{studio.origin}/{screen}")
             page.locator("h1").first.wait_for()
             page.wait_for_timeout(200)
             wide = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
-            assert wide <= 0, screen
+            assert wide <= 0, (screen, width)
             nameless = page.evaluate(
                 """() => [...document.querySelectorAll("button, input, select, a, canvas")].filter((one) =>
                 !(one.ariaLabel || one.textContent.trim() || one.labels?.length || one.closest("button, label")))
                 .map((one) => one.outerHTML)"""
             )
-            assert nameless == [], screen
+            assert nameless == [], (screen, width)
+            if screen.endswith("/runs"):
+                table = page.locator(".sheet .scroll")
+                assert table.evaluate("(box) => box.scrollWidth - box.clientWidth") <= 0
 
 
 def contrast(one: str, other: str) -> float:
@@ -207,16 +161,24 @@ def contrast(one: str, other: str) -> float:
     return (light + 0.05) / (dim + 0.05)
 
 
-@pytest.mark.parametrize("dark", [False, True])
-def test_text_has_contrast_aa_light_and_dark(studio: Serving, dark: bool) -> None:
-    with page_of(studio.link, dark=dark) as page:
-        pairs = page.evaluate(
-            """() => { const probe = document.createElement("i"); document.body.append(probe);
-            const rgb = (name) => { probe.style.color = `var(--${name})`; return getComputedStyle(probe).color; };
-            return [["ink", "paper"], ["soft", "paper"], ["soft", "raised"], ["warn", "paper"], ["good", "paper"],
-            ["blue", "paper"], ["on-blue", "blue"]].map(([a, b]) => [a + " on " + b, rgb(a), rgb(b)]); }"""
-        )
-    assert {name: round(contrast(a, b), 2) for name, a, b in pairs if contrast(a, b) < 4.5} == {}
+def test_text_has_contrast_aa_light_and_dark(studio: Serving) -> None:
+    with page_of(studio.link) as page:
+        light, dark = colour_pairs(page, "light"), colour_pairs(page, "dark")
+    assert light != dark
+    for pairs in (light, dark):
+        assert {name: round(contrast(a, b), 2) for name, a, b in pairs if contrast(a, b) < 4.5} == {}
+
+
+def colour_pairs(page: Any, theme: str) -> list[tuple[str, str, str]]:
+    """Colours of text and of what it stands on, with their names, in a theme."""
+    page.emulate_media(color_scheme=theme)
+    found: list[tuple[str, str, str]] = page.evaluate(
+        """() => { const probe = document.createElement("i"); document.body.append(probe);
+        const rgb = (name) => { probe.style.color = `var(--${name})`; return getComputedStyle(probe).color; };
+        return [["ink", "paper"], ["soft", "paper"], ["soft", "raised"], ["warn", "paper"], ["good", "paper"],
+        ["blue", "paper"], ["on-blue", "blue"]].map(([a, b]) => [a + " on " + b, rgb(a), rgb(b)]); }"""
+    )
+    return found
 
 
 def test_colours_are_those_of_the_report() -> None:
@@ -240,6 +202,14 @@ def test_a_hidden_effect_is_found_added_to_the_robot_and_the_gap_shrinks(tmp_pat
         before = gap_mm(page)
         page.get_by_role("link", name="Diagnosis").click()
         page.locator(".found .kind", has_text="drive-speed-mismatch").wait_for()
+        page.get_by_role("button", name="Up to date").wait_for()
+        page.get_by_role("button", name="New effect").click()
+        page.keyboard.type("a-push")
+        page.get_by_label("What is wrong, in a few words").fill("something pushes")
+        page.get_by_role("button", name="Write it").click()
+        page.get_by_role("button", name="Diagnose again").wait_for()  # with the effect that is new
+        page.get_by_role("button", name="Take a-push away").click()
+        page.get_by_role("button", name="Up to date").wait_for()
         page.get_by_role("button", name="Add it to the robot").click()
         page.get_by_text("in the robot", exact=True).wait_for()
         page.get_by_role("button", name="Analyse with it").click()

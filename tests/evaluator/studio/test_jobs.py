@@ -58,6 +58,8 @@ def start(studio: Serving, kind: str) -> str:
 
 def test_an_analysis_tells_its_runs_and_leaves_no_journal(studio: Serving, folder: Path) -> None:
     identifier = start(studio, "analyse")
+    start(studio, "analyse")
+    assert len(jobs(studio)) == 1  # the same work is not asked for twice
     assert (folder / ".turnscope-studio.json").is_file()
     done = wait_for(studio, lambda job: job["state"] in ("done", "failed"))
     assert (done["state"], done["share"]) == ("done", 1.0)
@@ -65,13 +67,6 @@ def test_an_analysis_tells_its_runs_and_leaves_no_journal(studio: Serving, folde
     assert done["summary"]["faults"] == {}
     assert not (folder / ".turnscope-studio.json").exists()
     assert studio.get(f"/api/experiments/{identifier}/state")["outdated"] == {"r01": [], "r02": [], "r03": []}
-
-
-def test_the_same_work_is_not_asked_for_twice(studio: Serving) -> None:
-    start(studio, "analyse")
-    start(studio, "analyse")
-    assert len(jobs(studio)) == 1
-    wait_for(studio, lambda job: job["state"] == "done")
 
 
 def test_work_is_cancelled(studio: Serving) -> None:
@@ -83,12 +78,10 @@ def test_work_is_cancelled(studio: Serving) -> None:
 
 def test_what_cannot_be_done_is_a_sentence(studio: Serving, folder: Path) -> None:
     text = (folder / "circles" / "experiment.toml").read_text()
-    start(studio, "analyse")
-    wait_for(studio, lambda job: job["state"] == "done")
     (folder / "circles" / "experiment.toml").write_text(text.replace('robot = "barrel"', 'robot = "barel"'))
     identifier = str(studio.get("/api/home")["experiments"][0]["id"])
     studio.post(f"/api/experiments/{identifier}/jobs", {"kind": "analyse"})
-    failed = wait_for(studio, lambda job: job["state"] in ("failed", "done") and job["number"] == 2)
+    failed = wait_for(studio, lambda job: job["state"] in ("failed", "done"))
     assert "did you mean barrel?" in failed["sentence"]
 
 

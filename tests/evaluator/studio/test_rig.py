@@ -129,10 +129,12 @@ def test_a_camera_is_solved_and_its_map_is_least_uncertain_in_the_middle(studio:
     ids = [one["id"] for one in rig["images"]]
     studio.post(f"/api/gauges/{rig['gauges'][0]['id']}/calibrate", {"images": ids, "plate": 0})
     deadline = time.monotonic() + 60
-    while not (folder / "camera.json").is_file() and time.monotonic() < deadline:
+    while not studio.get(f"/api/undo/camera/{rig['gauges'][0]['id']}")["undo"] and time.monotonic() < deadline:
         time.sleep(0.2)
     (camera,) = studio.get("/api/rig")["cameras"]
     found = studio.get(f"/api/cameras/{camera['id']}")
     grid = np.reshape(found["map"]["sigma_um"], (found["map"]["rows"], found["map"]["columns"]))
     assert grid[12, 16] < grid[0, 0]
     assert found["verdict"]["level"] == camera["level"]
+    assert studio.step("camera", rig["gauges"][0]["id"]) == "the calibration"
+    assert not (folder / "camera.json").exists()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 from collections.abc import Iterator
 from contextlib import suppress
@@ -13,6 +14,10 @@ import cv2
 import numpy as np
 import pytest
 
+from evaluator.errors import InputError
+from evaluator.files import read_with
+from evaluator.settings import load_experiment
+from evaluator.workflow.editing.documents import read_document
 from tests.evaluator.counted_clip import counted_clip, number_in
 from tests.evaluator.studio.serving import Serving, serving
 
@@ -77,6 +82,23 @@ def test_faults_stand_at_their_cells(studio: Serving) -> None:
     assert {(1, "id"), (0, "right_rpm")} <= places
 
 
+def test_a_robot_file_that_is_not_there_is_a_fault_of_the_table(studio: Serving, folder: Path) -> None:
+    (folder / "experiment.toml").write_text(EXPERIMENT.replace('robot = "barrel"', 'robot = "robt.toml"'))
+    _, table = first(studio)
+    found = [fault["sentence"] for fault in table["faults"] if fault["key"] == "robot"]
+    assert found == ["robt.toml is not there: robot = names a file, or a shipped robot"]
+
+
+def test_a_file_that_is_no_toml_is_said_in_the_words_of_every_command(folder: Path) -> None:
+    (folder / "experiment.toml").write_text('format = 1\nname = "unclosed\n')
+    with pytest.raises(InputError) as by_command:
+        read_with(load_experiment, folder / "experiment.toml")
+    with pytest.raises(InputError) as by_studio:
+        read_document(folder / "experiment.toml")
+    reason = str(by_command.value).split("not valid TOML")[1]
+    assert reason in str(by_studio.value)
+
+
 def test_a_second_tab_does_not_overwrite_the_first(studio: Serving, folder: Path) -> None:
     path, table = first(studio)
     studio.post(f"{path}/edit", {"version": table["version"], "edits": [set_cell(0, "group", "first tab")]})
@@ -92,7 +114,7 @@ def test_a_change_by_another_program_is_seen(studio: Serving, folder: Path) -> N
     (folder / "experiment.toml").write_text(EXPERIMENT.replace("monday", "tuesday"))
     edits = [set_cell(0, "group", "x")]
     assert studio.refused(f"{path}/edit", {"version": table["version"], "edits": edits})[0] == 409
-    assert studio.refused(f"{path}/step", {"version": table["version"], "way": "undo"})[0] in (400, 409)
+    assert studio.refused(path.replace("experiments", "undo/runs"), {"way": "undo", "number": 1})[0] == 400
     assert "tuesday" in (folder / "experiment.toml").read_text()
 
 
@@ -105,10 +127,26 @@ def test_rows_are_pasted_removed_and_undone(studio: Serving, folder: Path) -> No
     table = studio.post(f"{path}/edit", {"version": table["version"], "edits": edits})
     assert [row["id"] for row in table["rows"]] == ["r01", "r03"]
     assert "# start_common_s = 0.017" in (folder / "experiment.toml").read_text()
-    table = studio.post(f"{path}/step", {"version": table["version"], "way": "undo"})
+    identifier = path.split("/")[-1]
+    assert studio.step("runs", identifier) == "2 changes of the table"
     assert (folder / "experiment.toml").read_text() == EXPERIMENT
-    table = studio.post(f"{path}/step", {"version": table["version"], "way": "redo"})
-    assert [row["id"] for row in table["rows"]] == ["r01", "r03"]
+    studio.step("runs", identifier, "redo")
+    assert [row["id"] for row in studio.get(path)["rows"]] == ["r01", "r03"]
+
+
+def test_undo_takes_back_no_change_of_another_tab_or_program(studio: Serving, folder: Path) -> None:
+    path, table = first(studio)
+    undo = path.replace("experiments", "undo/runs")
+    table = studio.post(f"{path}/edit", {"version": table["version"], "edits": [set_cell(0, "group", "mine")]})
+    mine = studio.get(undo)["undo"]
+    studio.post(f"{path}/edit", {"version": table["version"], "edits": [set_cell(0, "group", "second tab")]})
+    assert studio.refused(undo, {"way": "undo", "number": mine["number"]})[0] == 409
+    assert "second tab" in (folder / "experiment.toml").read_text()
+    text = (folder / "experiment.toml").read_text().replace("second tab", "an editor")
+    (folder / "experiment.toml").write_text(text)
+    status, sentence = studio.refused(undo, {"way": "undo", "number": studio.get(undo)["undo"]["number"]})
+    assert (status, "by another program" in sentence) == (409, True)
+    assert (folder / "experiment.toml").read_text() == text
 
 
 @pytest.mark.parametrize("video", ["../outside.mp4", "/etc/passwd"])
@@ -179,3 +217,20 @@ def test_a_file_that_is_no_video_is_a_sentence(studio: Serving, folder: Path) ->
     status, _, body = studio.ask("GET", f"{first(studio)[0]}/runs/r01/frame?index=0")
     assert status == 400
     assert b"not a video" in body
+
+
+@pytest.mark.parametrize("place", [None, "."])
+def test_a_new_experiment_keeps_the_hints_of_the_template_and_takes_runs(
+    studio: Serving, folder: Path, place: str | None
+) -> None:
+    (folder / "a.mp4").write_bytes(b"")
+    made = studio.post("/api/experiments", {"name": "tuesday", "robot": "barrel", "place": place})
+    path = f"/api/experiments/{made['id']}"
+    table = studio.get(path)
+    assert [row["video"] for row in table["rows"]] == (["../a.mp4"] if place else [])
+    added = {"kind": "add", "values": {"id": "r09", "left_rpm": 30, "right_rpm": 10, "marks": "r09.csv"}}
+    table = studio.post(f"{path}/edit", {"version": table["version"], "edits": [added]})
+    assert table["rows"][-1]["id"] == "r09"
+    text = (folder / "tuesday" / "experiment.toml").read_text()
+    for key in ("left_rpm", "stop_s", "commands", "poses", "group", "start_common_s"):
+        assert len(re.findall(rf"^# {key} = .*#", text, re.MULTILINE)) == 1, key

@@ -10,7 +10,7 @@ from evaluator.tracking.luma_marks.tags import tag_names
 from tests.evaluator.tracking.plain_video import GOOD, Clip, Encoding, finished, loop, texture
 
 FINE = 4  # sub-pixels a pixel, either way
-CELL = 24  # px of a cell in the picture of the tag
+CELL = 24  # px of a cell in the image of the tag
 DICTIONARIES = {"apriltag": (cv2.aruco.DICT_APRILTAG_36H11, 8), "aruco": (cv2.aruco.DICT_4X4_50, 6)}
 SIZE = (480, 360)
 

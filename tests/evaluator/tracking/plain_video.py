@@ -77,29 +77,36 @@ class Clip:
         return path
 
 
-def box(length: float, width: float) -> Inside:
-    """Inside of a sticker, about its middle."""
-    return lambda x, y: (np.abs(x) < length / 2) & (np.abs(y) < width / 2)
+@dataclass(frozen=True)
+class Shape:
+    """What is inside a mark, about its middle, and how far its farthest point is from there, px."""
+
+    inside: Inside
+    reach: float
 
 
-def ellipse(length: float, width: float) -> Inside:
-    """Inside of an ellipse, about its middle."""
-    return lambda x, y: (2 * x / length) ** 2 + (2 * y / width) ** 2 < 1.0
+def box(length: float, width: float) -> Shape:
+    """A sticker."""
+    return Shape(lambda x, y: (np.abs(x) < length / 2) & (np.abs(y) < width / 2), float(np.hypot(length, width)) / 2)
+
+
+def ellipse(length: float, width: float) -> Shape:
+    """An ellipse."""
+    return Shape(lambda x, y: (2 * x / length) ** 2 + (2 * y / width) ** 2 < 1.0, max(length, width) / 2)
 
 
 def paint(
     canvas: Array,
-    inside: Inside,
+    shape: Shape,
     center: tuple[float, float],
     angle: float,
     color: tuple[int, int, int],
     blur: float = 0.7,
     path: tuple[float, float] = (0.0, 0.0),
-    reach: float = 40.0,
 ) -> None:
     """Paint a shape onto a canvas (rows, columns, 3), in place; path: px that it moves while the shutter is open."""
     rows, columns = canvas.shape[:2]
-    far = reach + np.hypot(*path) / 2 + 4 * blur
+    far = shape.reach + np.hypot(*path) / 2 + 4 * blur + 1
     left, right = max(int(center[0] - far), 0), min(int(center[0] + far) + 1, columns)
     top, bottom = max(int(center[1] - far), 0), min(int(center[1] + far) + 1, rows)
     if left >= right or top >= bottom:
@@ -112,7 +119,7 @@ def paint(
     share = np.zeros(x.shape)
     for step in steps:
         dx, dy = x - step * path[0], y - step * path[1]
-        share += inside(cos * dx + sin * dy, -sin * dx + cos * dy)
+        share += shape.inside(cos * dx + sin * dy, -sin * dx + cos * dy)
     share = cv2.GaussianBlur(share / len(steps), (0, 0), blur * FINE, borderType=cv2.BORDER_REPLICATE)
     share = share.reshape(bottom - top, FINE, right - left, FINE).mean(axis=(1, 3))[..., None]
     part = canvas[top:bottom, left:right]
@@ -141,7 +148,7 @@ def loop(frames: int, center: tuple[float, float], radius: tuple[float, float], 
 
 
 def pair(
-    rng: np.random.Generator, inside: Inside, half_px: float, apart_px: float, encoding: Encoding = GOOD,
+    rng: np.random.Generator, shape: Shape, half_px: float, apart_px: float, encoding: Encoding = GOOD,
     *, frames: int = 90, step: float = 0.05, light: float = 0.0, noise: float = 2.0, strength: float = 12.0,
 ) -> Clip:  # fmt: skip
     """Two marks of one shape on a black body that drives around; light: share by which the lamp swings."""
@@ -158,10 +165,9 @@ def pair(
             tuple(path[k]),
             heading[k] + np.pi / 2,
             (28, 28, 30),
-            reach=80,
         )
         for name, color in (("green", GREEN), ("yellow", YELLOW)):
-            paint(canvas, inside, tuple(truth[name][k]), heading[k], color)
+            paint(canvas, shape, tuple(truth[name][k]), heading[k], color)
         canvas *= 1.0 + light * np.sin(0.2 * k)
         images.append(finished(rng, canvas, noise))
     return Clip(images, truth, half_px, encoding)
@@ -202,8 +208,8 @@ def slanted_car(rng: np.random.Generator, *, frames: int = 53) -> Clip:
             flat_y = y / 0.5
             return (np.abs(cos * x + sin * flat_y) < scale / 2) & (np.abs(-sin * x + cos * flat_y) < scale / 4)
 
-        paint(canvas, ellipse(2.4 * scale, 1.3 * scale), (path[k, 0], path[k, 1] + 3), 0.0, (45, 45, 48), reach=70)
-        paint(canvas, roof, tuple(path[k]), 0.0, RED)
+        paint(canvas, ellipse(2.4 * scale, 1.3 * scale), (path[k, 0], path[k, 1] + 3), 0.0, (45, 45, 48))
+        paint(canvas, Shape(roof, 40.0), tuple(path[k]), 0.0, RED)
         images.append(finished(rng, canvas))
     settings = TrackingSettings.model_validate({"mark": {"roof": {"color": "#cd282d"}}})
     return Clip(images, {"roof": path}, 3.0, Encoding(options={"crf": "26"}), settings, {"roof": (340.0, 20.0)})
@@ -269,57 +275,3 @@ KINDS: dict[str, Callable[[np.random.Generator], Clip]] = {
     "ball, low bitrate": lambda rng: ball(rng, LOW),
     "red roof, slanted": slanted_car,
 }
-
-
-def threshold_and_centroid(path: Path, clip: Clip) -> dict[str, Array]:
-    """Centroid of the largest blob within a range of hues, at least 20 px², (n, 2) by mark; NaN without one."""
-    places: dict[str, list[tuple[float, float]]] = {name: [] for name in clip.truth}
-    with av.open(str(path)) as container:
-        for frame in container.decode(video=0):
-            hsv = cv2.cvtColor(frame.to_ndarray(format="rgb24"), cv2.COLOR_RGB2HSV_FULL).astype(float)
-            for name in clip.truth:
-                low, high = clip.hues_deg[name]
-                hue = np.mod(hsv[..., 0] * 360 / 256 - low, 360) < np.mod(high - low, 360)
-                mask = (hue & (hsv[..., 1] > 80) & (hsv[..., 2] > 80)).astype(np.uint8)
-                count, _, stats, centers = cv2.connectedComponentsWithStats(mask, connectivity=8)
-                best = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])) if count > 1 else 0
-                good = best and stats[best, cv2.CC_STAT_AREA] >= 20
-                places[name].append(tuple(centers[best]) if good else (np.nan, np.nan))
-    return {name: np.array(points) for name, points in places.items()}
-
-
-@dataclass(frozen=True)
-class Score:
-    """How measured centres compare with the truth.
-
-    found: share of the marks in view that are measured and not wrong. wrong: measured marks that lie farther off than
-    half the mark, or where there is none. scatter_px: root mean square of the rest's error per axis about its mean.
-    normalised: of their errors over their sigmas; NaN without sigmas.
-    """
-
-    found: float
-    wrong: int
-    scatter_px: float
-    normalised: float
-
-
-def score(clip: Clip, measured: dict[str, Array], sigmas: dict[str, Array] | None = None) -> Score:
-    """Compare centres with the truth, all marks together."""
-    due = good = wrong = 0
-    errors, normal = [np.empty((0, 2))], [np.empty((0, 2))]
-    for name, truth in clip.truth.items():
-        error = measured[name] - truth
-        there = np.isfinite(measured[name][:, 0])
-        right = there & (np.hypot(*error.T) <= clip.half_px)
-        due += int(np.isfinite(truth[:, 0]).sum())
-        good += int(right.sum())
-        wrong += int((there & ~right).sum())
-        if right.any():
-            errors.append(error[right] - error[right].mean(axis=0))
-            if sigmas is not None:
-                normal.append(error[right] / sigmas[name][right])
-    scatter, ratio = (
-        float(np.sqrt(np.mean(np.concatenate(part) ** 2))) if sum(map(len, part)) else float("nan")
-        for part in (errors, normal)
-    )
-    return Score(good / max(due, 1), wrong, scatter, ratio)

@@ -20,11 +20,11 @@ GREEN, YELLOW, BLACK, PLATE = (60, 225, 80), (235, 230, 50), (25, 25, 27), (130,
 LUMA = np.array([0.299, 0.587, 0.114])
 
 
-def frames_in_memory(pictures: list[Array]) -> Iterator[Frame]:
+def frames_in_memory(images: list[Array]) -> Iterator[Frame]:
     """Luma and full-resolution colour planes without any codec."""
-    for index, picture in enumerate(pictures):
-        luma = picture @ LUMA
-        u, v = 128 + (picture[..., 2] - luma) / 1.772, 128 + (picture[..., 0] - luma) / 1.402
+    for index, image in enumerate(images):
+        luma = image @ LUMA
+        u, v = 128 + (image[..., 2] - luma) / 1.772, 128 + (image[..., 0] - luma) / 1.402
         planes = [np.clip(np.rint(plane), 0, 255).astype(np.uint8) for plane in (luma, u, v)]
         yield Frame(
             index, index, Fraction(1, 60), *planes, 8, full_range=True, matrix="bt601", row_origin=0, row_step=1,
@@ -71,22 +71,22 @@ def draw(
     noise: float,
 ) -> NDArray[np.uint8]:
     """One RGB frame."""
-    picture = np.empty((size[1], size[0], 3))
-    picture[:] = PLATE
+    image = np.empty((size[1], size[0], 3))
+    image[:] = PLATE
     if marks:
         middle = np.mean(list(marks.values()), axis=0)
         y, x = np.mgrid[: size[1], : size[0]]
-        picture[np.hypot(x - middle[0], y - middle[1]) < 10 * radius] = BLACK
+        image[np.hypot(x - middle[0], y - middle[1]) < 10 * radius] = BLACK
     for name, center in marks.items():
         share = coverage(size, center, radius, blur)[..., None]
-        picture = picture * (1 - share) + share * np.array(GREEN if name.startswith("green") else YELLOW)
-    picture += rng.normal(0, noise, picture.shape)
-    return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+        image = image * (1 - share) + share * np.array(GREEN if name.startswith("green") else YELLOW)
+    image += rng.normal(0, noise, image.shape)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
 def write_video(
     path: Path,
-    pictures: list[NDArray[np.uint8]],
+    images: list[NDArray[np.uint8]],
     *,
     codec: str = "ffv1",
     pixels: str = "bgr0",
@@ -97,11 +97,11 @@ def write_video(
     """Encode RGB (or grey) frames; pts in units of 1/rate."""
     with av.open(str(path), "w") as container:
         stream = container.add_stream(codec, rate=rate, options=options or {})
-        stream.height, stream.width = pictures[0].shape[:2]
+        stream.height, stream.width = images[0].shape[:2]
         stream.pix_fmt = pixels
         stream.codec_context.time_base = 1 / rate
-        for index, picture in enumerate(pictures):
-            frame = av.VideoFrame.from_ndarray(picture, format="rgb24" if picture.ndim == 3 else "gray")
+        for index, image in enumerate(images):
+            frame = av.VideoFrame.from_ndarray(image, format="rgb24" if image.ndim == 3 else "gray")
             frame.pts = pts[index] if pts else index
             frame.time_base = 1 / rate
             container.mux(stream.encode(frame))

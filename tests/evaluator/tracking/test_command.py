@@ -17,8 +17,8 @@ from tests.evaluator.tracking.synthetic import draw, turning_marks, write_video
 def small_clip(folder: Path, frames: int = 30) -> Path:
     rng = np.random.default_rng(3)
     truth = turning_marks(frames, (100.0, 80.0), 20.0, 9.0, 0.03)
-    pictures = [draw(rng, (201, 160), {n: tuple(p[k]) for n, p in truth.items()}, 4.5, 0.8, 2.0) for k in range(frames)]
-    return write_video(folder / "clip.mkv", pictures)
+    images = [draw(rng, (201, 160), {n: tuple(p[k]) for n, p in truth.items()}, 4.5, 0.8, 2.0) for k in range(frames)]
+    return write_video(folder / "clip.mkv", images)
 
 
 def test_the_command_writes_marks_overlay_and_sheet(tmp_path: Path) -> None:
@@ -60,8 +60,8 @@ def test_nothing_is_written_where_no_mark_is_in_view(tmp_path: Path) -> None:
 
 def test_a_grey_recording_is_refused_in_one_sentence(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
-    pictures = [draw(rng, (120, 90), {}, 4.0, 0.8, 2.0)] * 3
-    video = write_video(tmp_path / "grey.mkv", pictures, pixels="gray")
+    images = [draw(rng, (120, 90), {}, 4.0, 0.8, 2.0)] * 3
+    video = write_video(tmp_path / "grey.mkv", images, pixels="gray")
     result = CliRunner().invoke(track, [str(video), "-o", str(tmp_path / "m.csv")])
     assert "grey.mkv has no colour" in str(result.exception)
 

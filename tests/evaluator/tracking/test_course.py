@@ -29,7 +29,7 @@ def test_errors_of_the_codec_are_found_across_gaps_and_on_any_clock(gaps: float,
     assert np.sqrt(found + OWN**2) == pytest.approx(0.05, rel=0.12)
 
 
-def test_pictures_whose_variance_is_stated_too_large_do_not_hide_the_error_of_the_codec() -> None:
+def test_images_whose_variance_is_stated_too_large_do_not_hide_the_error_of_the_codec() -> None:
     rng = np.random.default_rng(5)
     centers = course() + rng.normal(0, 0.03, (FRAMES, 2))
     widened = np.arange(FRAMES) < 0.45 * FRAMES
@@ -38,7 +38,7 @@ def test_pictures_whose_variance_is_stated_too_large_do_not_hide_the_error_of_th
     assert np.sqrt(np.median((found + variances)[~widened])) == pytest.approx(0.03, rel=0.1)
 
 
-def test_a_picture_far_off_its_course_is_less_certain_than_the_others() -> None:
+def test_an_image_far_off_its_course_is_less_certain_than_the_others() -> None:
     rng = np.random.default_rng(5)
     centers = course() + rng.normal(0, 0.02, (FRAMES, 2))
     centers[200] += 0.15
@@ -54,7 +54,7 @@ def test_times_rounded_to_milliseconds_become_even_and_truly_uneven_ones_stay() 
     assert steady_times(uneven) is uneven
 
 
-def test_a_picture_stored_again_is_told_from_a_rest() -> None:
+def test_an_image_stored_again_is_told_from_a_rest() -> None:
     moving = course()
     moving[100:102] = moving[99] + 0.02
     rest = np.full((FRAMES, 2), 50.0)
@@ -64,6 +64,9 @@ def test_a_picture_stored_again_is_told_from_a_rest() -> None:
     stopped = course()
     stopped[200:] = stopped[200]
     assert not repeated_frames([stopped])[0].any()
+    started = 10 * course()
+    started[:200] = started[200]  # the last frame at rest stands still before a step as large as the usual one
+    assert not repeated_frames([started])[0].any()
 
 
 def test_places_of_a_lost_mark_are_those_at_the_distance_of_its_partner() -> None:

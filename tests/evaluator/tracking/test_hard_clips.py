@@ -25,12 +25,12 @@ def tracked(
     """Track a lossless clip that `paint` has disturbed; its truth."""
     rng = np.random.default_rng(seed)
     truth = turning_marks(FRAMES, (118.0, 100.0), 36.0, 10.0, 0.02)
-    pictures = []
+    images = []
     for k in range(FRAMES):
-        picture = draw(rng, SIZE, {name: tuple(points[k]) for name, points in truth.items()}, 5.0, 0.8, 2.5)
-        paint(picture, k)
-        pictures.append(pictures[repeat - 1] if k == repeat else picture)
-    video = write_video(path / "clip.mkv", pictures, pixels="yuv420p")
+        image = draw(rng, SIZE, {name: tuple(points[k]) for name, points in truth.items()}, 5.0, 0.8, 2.5)
+        paint(image, k)
+        images.append(images[repeat - 1] if k == repeat else image)
+    video = write_video(path / "clip.mkv", images, pixels="yuv420p")
     return track(open_recording(video)), truth
 
 
@@ -40,20 +40,20 @@ def errors(table: pd.DataFrame, truth: dict[str, np.ndarray], name: str) -> tupl
     return error, error / table[[f"{name}_x_sigma_px", f"{name}_y_sigma_px"]].to_numpy()
 
 
-def blend(picture: np.ndarray, share: np.ndarray, color: tuple[int, int, int]) -> None:
-    picture[:] = np.rint(picture * (1 - share[..., None]) + share[..., None] * np.array(color))
+def blend(image: np.ndarray, share: np.ndarray, color: tuple[int, int, int]) -> None:
+    image[:] = np.rint(image * (1 - share[..., None]) + share[..., None] * np.array(color))
 
 
-def untouched(picture: np.ndarray, k: int) -> None:
-    del picture, k
+def untouched(image: np.ndarray, k: int) -> None:
+    del image, k
 
 
 def test_a_wire_across_a_mark_never_makes_a_silent_error(tmp_path: Path) -> None:
     x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
 
-    def wire(picture: np.ndarray, k: int) -> None:
+    def wire(image: np.ndarray, k: int) -> None:
         away = np.abs((x - 60 - 1.5 * k) * np.cos(0.3) + (y - 100) * np.sin(0.3))
-        blend(picture, np.clip(2.0 - away, 0, 1), (20, 20, 22))
+        blend(image, np.clip(2.0 - away, 0, 1), (20, 20, 22))
 
     table, truth = tracked(tmp_path, wire)
     for name in truth:
@@ -62,10 +62,10 @@ def test_a_wire_across_a_mark_never_makes_a_silent_error(tmp_path: Path) -> None
         assert (table[f"{name}_status"] == "ok").mean() > 0.8
 
 
-def test_a_mark_that_vanishes_is_absent_and_is_found_again_within_two_pictures(tmp_path: Path) -> None:
-    def cover(picture: np.ndarray, k: int) -> None:
+def test_a_mark_that_vanishes_is_absent_and_is_found_again_within_two_images(tmp_path: Path) -> None:
+    def cover(image: np.ndarray, k: int) -> None:
         if 25 <= k < 35:
-            picture[:] = 120
+            image[:] = 120
 
     table, truth = tracked(tmp_path, cover)
     for name in truth:
@@ -77,9 +77,9 @@ def test_a_mark_that_vanishes_is_absent_and_is_found_again_within_two_pictures(t
 
 
 def test_other_green_things_are_not_taken_for_the_mark(tmp_path: Path) -> None:
-    def distract(picture: np.ndarray, k: int) -> None:
+    def distract(image: np.ndarray, k: int) -> None:
         for place, radius in (((20.0, 20.0), 9.0), ((30.0 + 3.0 * k, 188.0), 5.0)):
-            blend(picture, coverage(SIZE, place, radius, 0.8), GREEN)
+            blend(image, coverage(SIZE, place, radius, 0.8), GREEN)
 
     table, truth = tracked(tmp_path, distract)
     assert np.nanmax(np.abs(errors(table, truth, "green")[0])) < 0.1
@@ -87,9 +87,9 @@ def test_other_green_things_are_not_taken_for_the_mark(tmp_path: Path) -> None:
 
 
 def test_marks_on_a_board_of_their_own_hue_are_found(tmp_path: Path) -> None:
-    def board(picture: np.ndarray, k: int) -> None:
+    def board(image: np.ndarray, k: int) -> None:
         del k
-        picture[picture.max(axis=2) < 70] = (18, 66, 30)
+        image[image.max(axis=2) < 70] = (18, 66, 30)
 
     table, truth = tracked(tmp_path, board)
     for name in truth:
@@ -100,10 +100,10 @@ def test_marks_on_a_board_of_their_own_hue_are_found(tmp_path: Path) -> None:
 def test_a_hidden_mark_is_not_taken_for_its_like_elsewhere(tmp_path: Path) -> None:
     truth = turning_marks(FRAMES, (118.0, 100.0), 36.0, 10.0, 0.02)["yellow"]
 
-    def hide(picture: np.ndarray, k: int) -> None:
-        blend(picture, coverage(SIZE, (25.0, 30.0), 5.0, 0.8), YELLOW)
+    def hide(image: np.ndarray, k: int) -> None:
+        blend(image, coverage(SIZE, (25.0, 30.0), 5.0, 0.8), YELLOW)
         if 25 <= k < 40:
-            blend(picture, coverage(SIZE, tuple(truth[k]), 8.0, 0.8), (25, 25, 27))
+            blend(image, coverage(SIZE, tuple(truth[k]), 8.0, 0.8), (25, 25, 27))
 
     table, _ = tracked(tmp_path, hide)
     assert (table["yellow_status"][25:40] != "ok").all()
@@ -112,8 +112,8 @@ def test_a_hidden_mark_is_not_taken_for_its_like_elsewhere(tmp_path: Path) -> No
 
 
 def test_marks_stay_found_when_the_lights_change(tmp_path: Path) -> None:
-    def lights(picture: np.ndarray, k: int) -> None:
-        picture[:] = np.rint(picture * (0.4 if k < 20 else 1.0 if k < 40 else 0.55))
+    def lights(image: np.ndarray, k: int) -> None:
+        image[:] = np.rint(image * (0.4 if k < 20 else 1.0 if k < 40 else 0.55))
 
     table, truth = tracked(tmp_path, lights)
     for name in truth:
@@ -121,7 +121,7 @@ def test_marks_stay_found_when_the_lights_change(tmp_path: Path) -> None:
         assert np.sqrt(np.mean(errors(table, truth, name)[0] ** 2)) < 0.03
 
 
-def test_a_repeated_picture_is_no_measurement_of_a_moving_mark(tmp_path: Path) -> None:
+def test_a_repeated_image_is_no_measurement_of_a_moving_mark(tmp_path: Path) -> None:
     table, _ = tracked(tmp_path, untouched, repeat=30)
     assert table["green_status"][30] == "repeated frame"
     assert (table["green_status"].drop(30) == "ok").all()
@@ -132,14 +132,14 @@ def test_centres_reach_the_cramer_rao_bound_and_state_their_error(radius: float,
     rng = np.random.default_rng(11)
     side = int(2 * radius + 24)
     centers = side / 2 + rng.uniform(-0.5, 0.5, (80, 2))
-    pictures = [
+    images = [
         np.clip(np.rint(40 + 120 * coverage((side, side), tuple(center), radius, blur) + rng.normal(0, 120 / snr, (side,
         side))), 0, 255) for center in centers
     ]  # fmt: skip
-    pictures = [picture.astype(np.uint8) for picture in pictures]
-    patches = [cut_patch(picture, (0, 1), (side / 2, side / 2), radius + 6) for picture in pictures[:12]]
+    images = [image.astype(np.uint8) for image in images]
+    patches = [cut_patch(image, (0, 1), (side / 2, side / 2), radius + 6) for image in images[:12]]
     disc = finished(learn_disc(patches, 1.15 * radius))
-    fits = np.array([fit(picture, (0, 1), (side / 2, side / 2), disc) for picture in pictures])
+    fits = np.array([fit(image, (0, 1), (side / 2, side / 2), disc) for image in images])
     error = fits[:, [X, Y]] - centers
     # The lens blur and the pixel together, at the true number of pixels: the bound of issue and textbook.
     edge = np.hypot(blur, np.sqrt(1 / 12))
@@ -153,9 +153,9 @@ def test_a_glare_that_was_there_from_the_start_does_not_pull_a_mark(tmp_path: Pa
     start = turning_marks(1, (118.0, 100.0), 36.0, 10.0, 0.02)["green"][0]
     light = 90.0 * np.exp(-0.5 * ((x - start[0] - 16.0) ** 2 + (y - start[1]) ** 2) / 9.0**2)
 
-    def glare(picture: np.ndarray, k: int) -> None:
+    def glare(image: np.ndarray, k: int) -> None:
         del k
-        picture[:] = np.clip(picture + light[..., None], 0, 255)
+        image[:] = np.clip(image + light[..., None], 0, 255)
 
     table, truth = tracked(tmp_path, glare)
     normal = errors(table, truth, "green")[1]

@@ -10,7 +10,8 @@ import pytest
 
 from evaluator.recording import open_recording
 from evaluator.tracking import track
-from tests.evaluator.tracking.plain_video import KINDS, Clip, Score, score, threshold_and_centroid
+from tests.evaluator.tracking.plain_video import KINDS, Clip
+from tests.evaluator.tracking.scoring import Score, score, threshold_and_centroid
 
 
 def measured(kind: str, folder: Path, seed: int = 1) -> tuple[Score, Score, pd.DataFrame, Clip]:

@@ -22,18 +22,18 @@ def seen(rng: np.random.Generator, cut_px: float) -> tuple[np.ndarray, float, np
     y, x = np.mgrid[: SIZE[1], : SIZE[0]]
     along = (x - center[0]) * np.cos(angle) + (y - center[1]) * np.sin(angle)
     share = coverage(SIZE, tuple(center), RADIUS, 0.8) * np.clip(RADIUS - cut_px - along + 0.5, 0, 1)
-    picture = np.clip(np.rint(40 + 120 * share + rng.normal(0, NOISE, share.shape)), 0, 255).astype(np.uint8)
-    result = fit(picture, (0, 1), (20.0, 20.0), DISC)
+    image = np.clip(np.rint(40 + 120 * share + rng.normal(0, NOISE, share.shape)), 0, 255).astype(np.uint8)
+    result = fit(image, (0, 1), (20.0, 20.0), DISC)
     result[-2:] = 0.0  # no slopes
-    power = rim_power(picture, 0.0, 1.0, result, DISC.numbers(), DISC.table, np.array([DISC.noise, SOFTNESS]))
+    power = rim_power(image, 0.0, 1.0, result, DISC.numbers(), DISC.table, np.array([DISC.noise, SOFTNESS]))
     return result, float(power), result[[X, Y]] - center
 
 
 def test_the_rim_of_a_whole_mark_shows_the_variance_of_its_centre() -> None:
     rng = np.random.default_rng(4)
-    pictures = [seen(rng, -5.0) for _ in range(300)]
-    stated = np.mean([result[[VAR_X, VAR_Y]] for result, _, _ in pictures])
-    assert np.mean([power for _, power, _ in pictures]) == pytest.approx(stated, rel=0.15)
+    images = [seen(rng, -5.0) for _ in range(300)]
+    stated = np.mean([result[[VAR_X, VAR_Y]] for result, _, _ in images])
+    assert np.mean([power for _, power, _ in images]) == pytest.approx(stated, rel=0.15)
 
 
 @pytest.mark.parametrize("cut_px", [0.5, 1.0])
@@ -46,17 +46,17 @@ def test_the_rim_of_a_mark_that_is_cut_shows_how_far_its_centre_is_off_to_a_fact
 def test_the_shape_of_a_mark_that_a_wire_cuts_from_the_start_is_learnt_from_its_partner() -> None:
     rng = np.random.default_rng(7)
     truth = turning_marks(50, (118.0, 100.0), 36.0, 16.0, 0.004)
-    pictures = []
+    images = []
     for k in range(50):
         still = {name: tuple(points[max(k - 30, 0)]) for name, points in truth.items()}
-        picture = draw(rng, (240, 200), still, 8.0, 0.8, 6.0)
+        image = draw(rng, (240, 200), still, 8.0, 0.8, 6.0)
         # The wire lies where it lies: it covers 1.4 px of the green mark's rim until that moves away.
         beside = np.arange(240) - truth["green"][0, 0] - 8.0
         wire = (
             np.clip(beside + 1.9, 0, 1) * (beside < 6.0) * (np.abs(np.arange(200) - truth["green"][0, 1]) < 20)[:, None]
         )
-        pictures.append(np.rint(picture * (1 - wire[..., None]) + 22.0 * wire[..., None]))
-    table = track(frames_in_memory(pictures))
+        images.append(np.rint(image * (1 - wire[..., None]) + 22.0 * wire[..., None]))
+    table = track(frames_in_memory(images))
     course = truth["green"][np.maximum(np.arange(50) - 30, 0)]
     error = table[["green_x_px", "green_y_px"]].to_numpy() - course
     assert np.abs(error[:30]).max() < 0.15  # a disc that is learnt from what is left of it lies off by 0.3

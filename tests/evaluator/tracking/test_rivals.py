@@ -14,15 +14,15 @@ def tracked(frames: int, still: int, settings: TrackingSettings | None = None) -
     rng = np.random.default_rng(3)
     truth = turning_marks(frames, (100.0, 110.0), 24.0, 12.0, 0.03)
     lookalike = {name: points[0] + [210.0, 0.0] for name, points in truth.items()}
-    pictures, green = [], []
+    images, green = [], []
     for k in range(frames):
         here = {name: points[max(k - still, 0)] for name, points in truth.items()}
         left = draw(rng, (SIZE[0] // 2, SIZE[1]), {n: tuple(p) for n, p in here.items()}, RADIUS, 0.8, 2.0)
         right = draw(rng, (SIZE[0] // 2, SIZE[1]), {n: tuple(p - [210.0, 0.0]) for n, p in lookalike.items()},
                      RADIUS, 0.8, 2.0)  # fmt: skip
-        pictures.append(np.concatenate([left, right], axis=1).astype(float))
+        images.append(np.concatenate([left, right], axis=1).astype(float))
         green.append(here["green"])
-    return track(frames_in_memory(pictures), settings), np.array(green)
+    return track(frames_in_memory(images), settings), np.array(green)
 
 
 def test_of_two_robots_at_rest_that_look_alike_the_one_that_moves_is_followed() -> None:

@@ -40,16 +40,16 @@ def fast(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, np.n
     rng = np.random.default_rng(4)
     paths = turning_marks((MOVING + 1) * INSTANTS, (130.0, 130.0), 70.0, 16.0, 0.14 / INSTANTS)
     middles = INSTANTS // 2 + INSTANTS * np.maximum(np.arange(REST + MOVING) - REST + 1, 0)
-    pictures = []
+    images = []
     for k, middle in enumerate(middles):
         shown = middle + (OPEN if k >= REST else np.zeros(1, int))
         instants = [
             draw(rng, (260, 260), {name: tuple(points[one]) for name, points in paths.items()}, RADIUS, BLUR, 0.0)
             for one in shown
         ]
-        picture = np.mean(instants, axis=0) + rng.normal(0, 2.0, instants[0].shape)
-        pictures.append(np.clip(np.rint(picture), 0, 255).astype(np.uint8))
-    video = write_video(tmp_path_factory.mktemp("clip") / "fast.mkv", pictures)
+        image = np.mean(instants, axis=0) + rng.normal(0, 2.0, instants[0].shape)
+        images.append(np.clip(np.rint(image), 0, 255).astype(np.uint8))
+    video = write_video(tmp_path_factory.mktemp("clip") / "fast.mkv", images)
     return video, {name: points[middles] for name, points in paths.items()}
 
 
@@ -67,7 +67,7 @@ def test_marks_smeared_along_a_curve_are_found_within_their_uncertainty(
         assert np.abs(normal).max() < 4.0
 
 
-def test_the_first_and_the_last_picture_of_a_turn_are_corrected_too() -> None:
+def test_the_first_and_the_last_image_of_a_turn_are_corrected_too() -> None:
     share, turn_rad = 0.72, 0.15
     phase = turn_rad * np.arange(40)
     centers = 100.0 * np.column_stack([np.sin(phase), np.cos(phase)])

@@ -19,10 +19,10 @@ SIZE = (240, 200)
 def turning(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, np.ndarray]]:
     rng = np.random.default_rng(7)
     truth = turning_marks(40, (115.0, 100.0), 40.0, 12.0, 0.02)
-    pictures = [
+    images = [
         draw(rng, SIZE, {name: tuple(points[k]) for name, points in truth.items()}, 6.0, 0.8, 3.0) for k in range(40)
     ]
-    return write_video(tmp_path_factory.mktemp("clip") / "turn.mkv", pictures), truth
+    return write_video(tmp_path_factory.mktemp("clip") / "turn.mkv", images), truth
 
 
 def test_marks_are_found_without_help_and_measured_within_their_uncertainty(
@@ -58,7 +58,9 @@ def test_resting_marks_of_a_real_video_scatter_little(tmp_path: Path) -> None:
         "[mark.yellow_top]\nregion_px = [440, 20, 475, 57]\n[mark.yellow_low]\nregion_px = [512, 184, 548, 220]\n"
     )
     table = track(open_recording(video), load_settings(settings))
-    assert (table["green_status"] == "ok").mean() >= 0.99
+    repeated = table["green_status"] == "repeated frame"  # the recording holds some twice while the robot drives
+    assert repeated.mean() < 0.02
+    assert (table["green_status"][~repeated] == "ok").mean() >= 0.99
     for name, place in {"yellow_top": (457.4, 38.5), "yellow_low": (529.4, 202.0)}.items():
         points = table[[f"{name}_x_px", f"{name}_y_px"]].dropna().to_numpy()
         assert len(points) >= 0.99 * len(table)  # the recording holds frames twice while the camera shakes
@@ -86,7 +88,7 @@ def test_nothing_is_found_where_there_is_nothing(tmp_path: Path) -> None:
     assert table["green_x_px"].isna().all()
 
 
-@pytest.mark.parametrize(("calibrated_px", "said"), [(SIZE[::-1], "turned by 90 degrees"), ((640, 480), "camera mode")])
+@pytest.mark.parametrize(("calibrated_px", "said"), [(SIZE[::-1], "by 90 degrees"), ((640, 480), "camera mode")])
 def test_frames_of_another_size_than_the_calibration_are_refused(
     turning: tuple[Path, dict[str, np.ndarray]], calibrated_px: tuple[int, int], said: str
 ) -> None:

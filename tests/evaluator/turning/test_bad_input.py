@@ -75,7 +75,7 @@ def test_stop_before_start_is_refused() -> None:
         measure_turning(poses_from_marks(circle(), GEOMETRY), start_s=3.0, stop_s=1.0)
 
 
-def test_recording_of_a_frozen_picture_is_at_rest() -> None:
+def test_recording_of_a_frozen_image_is_at_rest() -> None:
     marks = circle()
     marks[MARKS] = marks.loc[0, MARKS].to_numpy(float)
     assert measured_marks(marks).radius_status.startswith("at rest")

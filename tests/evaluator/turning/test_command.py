@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +11,7 @@ from click.testing import CliRunner
 from evaluator.cli.turning import turning
 from evaluator.errors import InputError
 from evaluator.marks import write_marks
+from tests.end_to_end.commands import turnscope
 
 from .synthetic import GEOMETRY, arc_poses, marks_of, straight_poses
 
@@ -35,12 +34,7 @@ def test_command_says_and_writes_the_radius_of_every_table(tmp_path: Path) -> No
 
 def run_command(*arguments: object) -> tuple[int, str]:
     """Exit status and all output, as a user sees them."""
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-m", "evaluator", "turning", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = turnscope("turning", *arguments)
     return done.returncode, done.stdout + done.stderr
 
 
@@ -143,8 +137,11 @@ def test_pixels_are_scaled_by_the_marks_or_by_a_ruler_whose_ends_are_in_the_inte
 def test_pixels_without_scale_stay_pixels(tmp_path: Path) -> None:
     in_pixels(30.0).to_csv(tmp_path / "px.csv", index=False)
     output = tmp_path / "turning.csv"
-    result = CliRunner().invoke(turning, [str(tmp_path / "px.csv"), "-o", str(output)])
+    told = [str(tmp_path / "px.csv"), "-o", str(output), "--phases", str(tmp_path / "phases.csv")]
+    result = CliRunner().invoke(turning, told)
     assert "green mark: path radius 99." in result.output
+    assert not (tmp_path / "phases.csv").exists()
+    assert "phases.csv: not written" in result.output
     assert "no robot.toml" in result.output
     assert pd.read_csv(output)["green_radius_px"][0] == pytest.approx(99.5, abs=0.5)
 

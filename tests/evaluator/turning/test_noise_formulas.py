@@ -26,7 +26,7 @@ MODELS = [(0.0, 0.0), (0.7, 0.0), (-0.3, 0.0), (0.9, 0.5), (0.95, 0.85)]
 
 
 def dense(time: Array, heading: Array, correlation: float, white: float) -> Array:
-    """Covariance of the noise: of a process that turns with the picture, the component along a body's axis is seen."""
+    """Covariance of the noise: of a process that turns with the image, the component along a body's axis is seen."""
     apart, turned = np.abs(time[:, None] - time), heading[:, None] - heading
     fade = np.where(apart == 0, 1.0, np.sign(correlation) ** apart * abs(correlation) ** apart)
     return np.asarray((1 - white) * fade * np.cos(turned) + white * np.eye(len(time)))
@@ -34,7 +34,7 @@ def dense(time: Array, heading: Array, correlation: float, white: float) -> Arra
 
 @pytest.mark.parametrize(("correlation", "white", "turning"), [*((*m, False) for m in MODELS), (0.9, 0.5, True)])
 def test_whitened_moments_are_those_of_the_dense_covariance(correlation: float, white: float, turning: bool) -> None:
-    """Noise fixed to the picture: channels are the components of one process in space along the turning axes."""
+    """Noise fixed to the image: channels are the components of one process in space along the turning axes."""
     rng = np.random.default_rng(1)
     time = np.cumsum([0, 1, 1, 3, 1, 2, 1, 1, 4, 1.0])
     heading = np.cumsum(rng.uniform(-0.5, 0.8, 10)) if turning else np.zeros(10)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -50,7 +52,7 @@ def test_line_has_a_speed_and_no_radius() -> None:
     assert path.status.startswith("straight: curvature")
     assert np.isnan([path.radius, path.low, path.high]).all()
     assert path.speed == pytest.approx(5.0, rel=0.01)
-    assert path.summary("mm") == path.status
+    assert path.summary("mm").startswith(f"{path.status} 1/mm; ")
 
 
 @pytest.mark.parametrize("unit", [1e-5, 1e4])
@@ -129,7 +131,13 @@ def test_noise_is_that_of_a_coordinate_whatever_the_path() -> None:
 
 def test_summary_says_radius_bounds_turn_and_speed() -> None:
     said = PointPath("ok", 5.0, 4.9, 5.1, 2.5, 300.4, 0.01).summary("mm")
-    assert said == "path radius 5 mm, 95 % from 4.9 to 5.1; 300 degrees at 2.5 mm/s"
+    assert said == "path radius 5.00 mm, 95 % from 4.90 to 5.10; 300 degrees at 2.5 mm/s"
+
+
+def test_summary_of_a_straight_path_has_units_and_says_how_far_the_places_lie_from_it() -> None:
+    said = measure_path(*on_circle(500.0, 0.5)).summary("px")
+    straight = r"straight: curvature \S+, 95 % from \S+ to \S+ 1/px; \S+ px RMS from its line, at \S+ px/s"
+    assert re.fullmatch(straight, said)
 
 
 @pytest.mark.parametrize("sense", [1, -1])

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from evaluator.cli.circular_test import circular_test
-from evaluator.cli.diagnose import plan
+from evaluator.cli.plan import plan
 from evaluator.cli.report import report
 from evaluator.errors import InputError
 from evaluator.workflow import circular_runs, evaluate_circular_test, simulate_circular_test, write_circular_test
@@ -127,6 +127,9 @@ def test_the_commands_say_what_was_found(tmp_path: Path) -> None:
     assert said.count("ratio 0.500") == 4
     output = tmp_path / "circular.toml"
     done = CliRunner().invoke(plan, ["--circular-test", *levels, "--ratio", "0.5", "-o", str(output)])
-    assert done.output == f"{output}: 36 runs\n"
+    assert done.output == (
+        f"{output}: 36 runs, the commands in {tmp_path / 'commands'}\n"
+        f"next: record them, then turnscope check {output}\n"
+    )
     assert isinstance(CliRunner().invoke(circular_test, []).exception, InputError)
     assert CliRunner().invoke(plan, ["--ratio", "0.5"]).exit_code == 2

@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 
 from evaluator.diagnosis.experiment import session_of
-from evaluator.diagnosis.likelihood.problem import build_problem
+from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.errors import InputError
-from evaluator.interchange.poses import poses_of, read_poses
+from evaluator.interchange.poses import holds_poses, poses_of, read_poses
 from evaluator.report.build import write_report
 from evaluator.workflow import analyze, check_experiment
 from evaluator.workflow.turning_tables import Request, measure_table
@@ -40,6 +40,18 @@ def noisy(run: Run, seed: int = 1) -> pd.DataFrame:
             "heading_deg": np.degrees(np.angle(np.exp(1j * (run.heading_rad + SIGMA_RAD * noise[:, 2])))),
         }
     )
+
+
+def test_poses_with_semicolons_and_decimal_commas_are_those_with_points(tmp_path: Path) -> None:
+    table = noisy(motion())
+    points, commas = tmp_path / "points.csv", tmp_path / "commas.csv"
+    table.to_csv(points, index=False)
+    table.to_csv(commas, index=False, sep=";", decimal=",")
+    pd.testing.assert_frame_equal(read_poses(commas).table, read_poses(points).table)
+    assert holds_poses(commas)
+    commas.write_text(commas.read_text().replace("0,", "0,,", 1))
+    with pytest.raises(InputError, match=r"line 2, time_s = '0,,"):
+        read_poses(commas)
 
 
 def experiment(folder: Path, more: str = "") -> Path:

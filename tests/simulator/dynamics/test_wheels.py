@@ -3,55 +3,32 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 
 from simulator.dynamics import terms
-from simulator.dynamics.model import compile_robot
 from simulator.dynamics.terms import Term
-from simulator.robot import Robot, load_robot
+from simulator.robot import load_robot
+from tests.simulator.dynamics.touching import (
+    COMPLIANT,
+    EFFECTS,
+    MOVING,
+    PER_RPM,
+    POSE,
+    REST,
+    WHEEL_X,
+    WHEEL_Y,
+    Vector,
+    barrel,
+    factors,
+    forces_of,
+    touched,
+    with_all,
+)
 from tests.simulator.effect_probe import affected
-from tests.simulator.layouts import pair, robot_with
 from tests.simulator.plain import plain
 from tests.simulator.reference import plain_rates
-
-REST = 1e-4
-PER_RPM = 2 * math.pi * 0.5 / 60  # surface speed of a wheel of 0.5 mm, mm/s
-Vector = tuple[float, float, float]
-STILL = (0.0, 0.0, 0.0)
-WHEEL_X, WHEEL_Y = np.array([2.0, 2.0, -2.0, -2.0]), np.array([2.0, -2.0, 2.0, -2.0])
-
-
-def touched(
-    robot: Robot,
-    *added: Term,
-    velocity: Vector = STILL,
-    rpm: tuple[float, float] = (60.0, 60.0),
-    turned: tuple[float, float] = (0.0, 0.0),
-    pose: Vector = STILL,
-    surface: float = 0.0,
-) -> tuple[Any, Any]:
-    """The record, and the contacts of a robot at an instant; surface: where the search of drooping speeds begins."""
-    model, contacts = compile_robot(robot, extra=added)[0], np.zeros((plain("wheel").ROWS, 4))
-    plain("wheel").reset_contacts(contacts)
-    contacts[plain("wheel").SURFACE] = surface
-    place = pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2]), 1.0
-    plain("contact").touch(*velocity, (*rpm, *turned), place, REST, model, contacts)
-    return model, contacts
-
-
-def barrel(**slip: object) -> Robot:
-    robot = load_robot("barrel")
-    return robot.model_copy(update={"slip": robot.slip.model_copy(update=slip)})
-
-
-def factors(robot: Robot, *added: Term) -> list[float]:
-    """Factors of the first wheel's grip along and across and of its steepness along and across."""
-    wheel = plain("wheel")
-    contacts = touched(robot, *added)[1]
-    return [float(contacts[row, 0]) for row in (wheel.GRIP_X, wheel.GRIP_Y, wheel.STEEP_X, wheel.STEEP_Y)]
 
 
 @pytest.mark.parametrize(
@@ -101,9 +78,6 @@ def test_steer_and_drag_add_to_what_a_wheel_has() -> None:
     assert contacts[wheel.DRAG_FORCE].tolist() == [40.0, -40.0, 40.0, -40.0]
 
 
-POSE = (10.0, -20.0, math.radians(30.0))
-
-
 @pytest.mark.parametrize(
     ("basis", "expected"),
     [
@@ -142,10 +116,6 @@ def test_direction_of_sliding_is_that_of_the_contact_in_the_plate() -> None:
     assert drag == pytest.approx([math.sin(2 * driven)] * 2 + [math.sin(2 * free)] * 2, rel=1e-5)
 
 
-def forces_of(model: Any, contacts: Any, velocity: Vector) -> np.ndarray:
-    return np.array(plain("contact").friction(*velocity, contacts, REST, model))
-
-
 @pytest.mark.parametrize("name", ["barrel", "tire"])
 def test_nominal_accelerations_are_those_of_the_equations_in_plain_python(name: str) -> None:
     robot = load_robot(name)
@@ -155,24 +125,6 @@ def test_nominal_accelerations_are_those_of_the_equations_in_plain_python(name: 
         place = 0.0, 0.0, 1.0, 0.0, 0.0
         found = plain("equations").accelerations(*velocity, (40.0, 25.0, 0.0, 0.0), place, REST, model, contacts)
         assert found == pytest.approx(rates(0.0, np.array([0.0, 0.0, 0.0, *velocity]))[3:], rel=1e-9)
-
-
-EFFECTS: dict[str, dict[str, float]] = {
-    "wheel-toe": {"left_deg": 4.0, "right_deg": -3.0},
-    "motor-droop": {"rpm_per_uN_mm": 2e-3},
-    "rolling-drag": {"coefficient": 0.05},
-    "mass-offset": {"x_mm": 0.3, "y_mm": -0.2},
-    "viscous-drag": {"force_mN_s_mm": 0.05, "moment_uN_mm_s": 3.0},
-}
-COMPLIANT: dict[str, dict[str, float]] = {**EFFECTS, "axle-compliance": {"deg_per_mN": 4.0}}
-MOVING = [(1.2, 0.1, -0.3), (-0.8, -0.2, 0.25), (0.3, 0.4, 0.1)]
-
-
-def with_all(effects: dict[str, dict[str, float]], robot: Robot | None = None) -> Robot:
-    robot = robot or barrel()
-    for id_, values in effects.items():
-        robot = affected(robot, id_, **values)
-    return robot
 
 
 @pytest.mark.parametrize("velocity", MOVING)
@@ -199,48 +151,6 @@ def test_a_steered_wheel_is_the_straight_one_seen_from_a_robot_turned_as_far(vel
 
 
 @pytest.mark.parametrize("velocity", MOVING)
-def test_responses_of_a_wheel_are_the_derivatives_of_its_force(velocity: Vector) -> None:
-    wheel, (model, contacts), step = plain("wheel"), touched(barrel(), rpm=(40.0, 25.0)), 1e-6
-    contacts[wheel.DRAG_FORCE, 0] = 2000.0
-
-    def response(u: float = 0.0, v: float = 0.0, angle: float = 0.0) -> np.ndarray:
-        contacts[wheel.COS_STEER, 0], contacts[wheel.SIN_STEER, 0] = math.cos(0.3 + angle), math.sin(0.3 + angle)
-        found = wheel.wheel_response(0, velocity[0] + u, velocity[1] + v, velocity[2], contacts, REST, model)
-        return np.array(found)
-
-    here = response()
-    for columns, change in (([2, 4], {"u": step}), ([3, 5], {"v": step}), ([6, 7], {"angle": step})):
-        ahead, behind = response(**change)[:2], response(**{name: -value for name, value in change.items()})[:2]
-        slope = (ahead - behind) / (2 * step)
-        assert here[columns] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(slope).max())
-
-
-@pytest.mark.parametrize("all_driven", [False, True])
-@pytest.mark.parametrize("effects", [EFFECTS, COMPLIANT, {"mass-offset": EFFECTS["mass-offset"]}])
-@pytest.mark.parametrize("velocity", MOVING)
-def test_slopes_are_the_derivatives_of_the_accelerations(
-    velocity: Vector, effects: dict[str, dict[str, float]], all_driven: bool
-) -> None:
-    """Within what the compiled ones are held to, of effects that act at once."""
-    if effects is COMPLIANT:  # differences take the place of slopes where terms feel the velocity: rolling drag does
-        effects = {name: values for name, values in COMPLIANT.items() if name != "rolling-drag"}
-    robot = with_all(effects, robot_with([*pair(2.0), *pair(-2.0)]) if all_driven else None)
-    model, contacts = touched(robot, velocity=velocity, rpm=(40.0, 25.0))
-    drive, place, step, out = (40.0, 25.0, 0.0, 0.0), (3.0, -2.0, 0.8, 0.6, 1.0), 1e-6, np.zeros((4, 3))
-    equations = plain("equations")
-    equations.slopes(*velocity, drive, place, REST, model, contacts, out)
-    here = equations.accelerations(*velocity, drive, place, REST, model, contacts)
-    assert out[0] == pytest.approx(here, rel=1e-8)
-    sides = [
-        equations.accelerations(*(velocity + sign * step * np.eye(3)[column]), drive, place, REST, model, contacts)
-        for column in range(3)
-        for sign in (1, -1)
-    ]
-    differences = np.array([np.subtract(*sides[2 * column : 2 * column + 2]) / (2 * step) for column in range(3)]).T
-    assert np.abs(out[1:] - differences).max() < 1e-4 * np.abs(differences).max()
-
-
-@pytest.mark.parametrize("velocity", MOVING)
 def test_accelerations_are_all_forces_over_the_mass_wherever_the_centre_of_gravity_is(velocity: Vector) -> None:
     """Newton for the centre of gravity, Euler about the robot's centre: the mass matrix times the accelerations."""
     robot = with_all(EFFECTS)
@@ -252,22 +162,6 @@ def test_accelerations_are_all_forces_over_the_mass_wherever_the_centre_of_gravi
     matrix = np.array([[mass, 0.0, -mass * y], [0.0, mass, mass * x], [-mass * y, mass * x, about]])
     loads = np.array(plain("body").loads(*velocity, place, REST, model))
     assert matrix @ found == pytest.approx(forces_of(model, contacts, velocity) + loads, rel=1e-9)
-
-
-@pytest.mark.parametrize("offset", [{}, {"mass-offset": EFFECTS["mass-offset"]}])
-@pytest.mark.parametrize("drag", [{}, {"viscous-drag": EFFECTS["viscous-drag"]}])
-def test_slopes_of_the_loads_are_their_derivatives_whether_terms_feel_the_velocity_or_not(
-    offset: dict[str, dict[str, float]], drag: dict[str, dict[str, float]]
-) -> None:
-    model, place, step = compile_robot(with_all({**offset, **drag}))[0], (3.0, -2.0, 0.8, 0.6, 1.0), 1e-5
-    body, velocity = plain("body"), np.array([1.2, -0.7, 0.9])
-    here, found = body.loads_slopes(*velocity, place, REST, model)
-    assert here == pytest.approx(body.loads(*velocity, place, REST, model))
-    for column, row in enumerate(np.eye(3)):
-        ahead, behind = (body.loads(*(velocity + sign * step * row), place, REST, model) for sign in (1, -1))
-        assert np.array(found[column]) == pytest.approx(
-            np.subtract(ahead, behind) / (2 * step), rel=1e-5, abs=2e-3
-        )  # rounding
 
 
 @pytest.mark.parametrize("surface", [0.0, 1e9, -1e9, 2.0])

@@ -45,7 +45,7 @@ def test_small_dots_lie_on_their_truth_on_a_tilted_gauge() -> None:
     assert np.abs(centroids(image, inside) - inside).max() < 0.01
 
 
-def test_print_errors_are_in_picture_and_truth_and_the_same_in_every_picture(tmp_path: Path) -> None:
+def test_print_errors_are_in_image_and_truth_and_the_same_in_every_image(tmp_path: Path) -> None:
     (tmp_path / "gauge.toml").write_text(
         'format = 1\nname = "g"\n[dots]\ncolumns = 5\nrows = 4\npitch_mm = 3.0\ndiameter_mm = 0.4\n'
     )
@@ -84,7 +84,7 @@ def test_gauge_out_of_view_and_unknown_colour_are_explained() -> None:
         render_gauge_image(CAMERA, gauge(), missing=[{"column": 9, "row": 1}])
 
 
-def test_sixteen_bit_grey_and_fisheye_pictures() -> None:
+def test_sixteen_bit_grey_and_fisheye_images() -> None:
     camera = camera_above(size_px=(320, 240), focal_px=150, distance_mm=20, lens="fisheye", k1=-0.02)
     image = render_gauge_image(camera, gauge(), sensor={"bits": 16, "color": False})
     assert image.dtype == np.uint16

@@ -22,7 +22,7 @@ SMALL: dict[str, Any] = {
 }
 
 
-def first_picture(**changes: Any) -> np.ndarray:
+def first_image(**changes: Any) -> np.ndarray:
     return next(render_frames(Scene.model_validate(SMALL | changes))).image.astype(float)
 
 
@@ -38,7 +38,7 @@ def at_mark(image: np.ndarray, name: str = "green") -> np.ndarray:
 def test_wire_over_a_mark_darkens_it_and_lowers_its_visible_share() -> None:
     x, y = truth()[["green_x_px", "green_y_px"]].iloc[0]
     wire = [{"points_px": [(x - 50, y), (x + 50, y)], "width_px": 4.0}]
-    assert at_mark(first_picture(wire=wire))[1] < 0.3 * at_mark(first_picture())[1]
+    assert at_mark(first_image(wire=wire))[1] < 0.3 * at_mark(first_image())[1]
     share = truth(wire=wire)["green_visible"].iloc[0]
     radius_px = 0.5 * 1800 / (150 - 6.5)
     covered = 2 * (np.arcsin(2 / radius_px) + 2 / radius_px * np.sqrt(1 - (2 / radius_px) ** 2)) / np.pi
@@ -48,15 +48,15 @@ def test_wire_over_a_mark_darkens_it_and_lowers_its_visible_share() -> None:
 
 def test_glare_adds_light() -> None:
     spot = [{"x_px": 60.0, "y_px": 60.0, "radius_px": 10.0, "strength": 0.3}]
-    added = first_picture(glare=spot) - first_picture()
+    added = first_image(glare=spot) - first_image()
     assert added[60, 60] == pytest.approx(0.3 * 255, abs=1)
     assert np.abs(added[200, 200]).max() == 0
 
 
 def test_marks_swap_colours_where_asked() -> None:
-    swapped = first_picture(marks={"swap_colors": True})
-    assert at_mark(swapped, "green")[0] > 2 * at_mark(first_picture(), "green")[0]
-    assert at_mark(swapped, "yellow")[0] < 0.5 * at_mark(first_picture(), "yellow")[0]
+    swapped = first_image(marks={"swap_colors": True})
+    assert at_mark(swapped, "green")[0] > 2 * at_mark(first_image(), "green")[0]
+    assert at_mark(swapped, "yellow")[0] < 0.5 * at_mark(first_image(), "yellow")[0]
 
 
 def test_distractor_moves_under_the_robot() -> None:
@@ -78,10 +78,10 @@ def test_light_switched_on_midway() -> None:
 
 
 def test_mark_saturates_at_high_gain() -> None:
-    assert at_mark(first_picture(exposure={"gain": 2.0}))[1] == 255
+    assert at_mark(first_image(exposure={"gain": 2.0}))[1] == 255
 
 
-def test_robot_that_leaves_the_picture_is_truthfully_invisible() -> None:
+def test_robot_that_leaves_the_image_is_truthfully_invisible() -> None:
     table = truth(motion={"kind": "line", "speed_mm_s": 200.0}, duration_s=0.2)
     assert table["green_visible"].iloc[0] == 1
     assert table["green_visible"].iloc[-1] == 0
@@ -107,7 +107,7 @@ def test_jittered_times_in_the_file_are_those_of_the_exposures(tmp_path: Path) -
     assert np.ptp(np.diff(shown)) > 0.001
 
 
-def test_fields_weave_pictures_of_two_times() -> None:
+def test_fields_weave_images_of_two_times() -> None:
     fast = SMALL | {"motion": {"kind": "line", "speed_mm_s": 100.0, "start_s": -1.0}, "duration_s": 1 / 60}
     woven = next(render_frames(Scene.model_validate(fast | {"timing": {"interlaced": "top_first"}}))).image
     early = next(render_frames(Scene.model_validate(fast))).image
@@ -119,15 +119,15 @@ def test_fields_weave_pictures_of_two_times() -> None:
 
 def test_coded_fields_are_the_same_whenever_they_are_rendered(tmp_path: Path) -> None:
     scene = Scene.model_validate(
-        SMALL | {"motion": {"kind": "circle", "radius_mm": 3.0, "speed_mm_s": 8.0}, "duration_s": 3.0}
+        SMALL | {"motion": {"kind": "circle", "radius_mm": 3.0, "speed_mm_s": 8.0}, "duration_s": 1.5}
         | {"timing": {"interlaced": "top_first"}, "frame_rate": "30"}
     )  # fmt: skip
     contents = []
-    for name in ("one.mp4", "two.mp4", "three.mp4"):
+    for name in ("one.mp4", "two.mp4"):
         render_clip(scene, tmp_path / name)
         with av.open(str(tmp_path / name)) as container:
             contents.append([bytes(packet) for packet in container.demux(video=0)])
-    assert contents[0] == contents[1] == contents[2]
+    assert contents[0] == contents[1]
 
 
 def test_coded_fields_keep_their_colours_and_their_order(tmp_path: Path) -> None:
@@ -203,8 +203,8 @@ def test_marks_are_drawn_where_an_observation_effect_moves_them() -> None:
     assert moved["green_x_mm"].iloc[0] == pytest.approx(truth()["green_x_mm"].iloc[0] + 0.3)
     assert moved["x_mm"].iloc[0] == truth()["x_mm"].iloc[0]
     x, y = (round(moved[f"green_{axis}_px"].iloc[0]) for axis in "xy")
-    shifted = first_picture(effect=[{"id": "mark-offset", "x_mm": 0.3}])
-    assert shifted[y, x] == pytest.approx(at_mark(first_picture()), abs=3)
+    shifted = first_image(effect=[{"id": "mark-offset", "x_mm": 0.3}])
+    assert shifted[y, x] == pytest.approx(at_mark(first_image()), abs=3)
 
 
 def test_recorder_with_a_wrong_clock_says_wrong_times(tmp_path: Path) -> None:

@@ -18,7 +18,10 @@ from simulator.rendering.tables import Simulated
 SAMPLES = Path(__file__).parents[3] / "sample_videos"
 RECIPES = sorted((SAMPLES / "recipes").glob("*.toml"))
 PUZZLE = sorted((SAMPLES / "recipes" / "puzzle").glob("*.toml"))
-RUNS = [path for path in RECIPES if not path.stem.startswith("gauge")] + PUZZLE
+SMALL = [
+    p for name in ("straight_speeds", "column_wheels") for p in sorted((SAMPLES / "recipes" / name).glob("*.toml"))
+]
+RUNS = [path for path in RECIPES if not path.stem.startswith("gauge")] + PUZZLE + SMALL
 GAUGES = [path for path in RECIPES if path.stem.startswith("gauge")]
 
 
@@ -46,14 +49,14 @@ def test_experiments_say_what_the_recipes_command_but_for_the_mess_of_the_puzzle
         swapped = recipe.stem == "p05"  # whoever wrote the file confused left and right once
         commanded[scene.output.resolve()] = (*(sides[::-1] if swapped else sides), started)
     said = {}
-    for file in (SAMPLES / "experiment.toml", SAMPLES / "puzzle" / "experiment.toml"):
+    for file in SAMPLES.rglob("experiment.toml"):
         for run in tomllib.loads(file.read_text(encoding="utf-8"))["run"]:
             said[(file.parent / run["video"]).resolve()] = (run["left_rpm"], run["right_rpm"], run["start_s"])
     assert said == commanded
 
 
 @pytest.mark.parametrize("recipe", GAUGES[:2], ids=lambda path: path.stem)
-def test_recipe_draws_the_committed_gauge_picture(recipe: Path) -> None:
+def test_recipe_draws_the_committed_gauge_image(recipe: Path) -> None:
     scene = load_scene(recipe)
     assert isinstance(scene, GaugeScene)
     assert scene.truth is not None
@@ -64,8 +67,9 @@ def test_recipe_draws_the_committed_gauge_picture(recipe: Path) -> None:
     assert np.abs(stored.astype(int) - image).max() <= 1
 
 
-def test_recipe_draws_the_committed_clip() -> None:
-    recipe = SAMPLES / "recipes" / "straight-60.toml"
+@pytest.mark.parametrize("name", ["straight-60", "straight_speeds/60-backward", "column_wheels/turn-33-14"])
+def test_recipe_draws_the_committed_clip(name: str) -> None:
+    recipe = SAMPLES / "recipes" / f"{name}.toml"
     scene = load_scene(recipe)
     assert isinstance(scene, Scene)
     stage = set_stage(scene)
@@ -77,6 +81,24 @@ def test_recipe_draws_the_committed_clip() -> None:
             assert difference.std() < 6.0  # compression takes most of the noise away
             if drawn.index == 60:
                 break
+
+
+def test_straight_speeds_of_the_clips_are_those_of_figure_17() -> None:
+    commands = {(run["left_rpm"], run["right_rpm"]) for run in _runs("straight_speeds")}
+    assert commands == {
+        (sign * rpm, sign * rpm) for rpm in (3.0, 6.0, 15.0, 30.0, 45.0, 60.0, 90.0) for sign in (1, -1)
+    }
+
+
+def test_column_clips_have_the_column_robot() -> None:
+    robots = [tomllib.loads(p.read_text(encoding="utf-8"))["robot"] for p in SMALL if p.parent.name == "column_wheels"]
+    assert robots == ["column"] * 4
+    assert len(_runs("column_wheels")) == 4
+
+
+def _runs(folder: str) -> list[dict[str, float]]:
+    file = SAMPLES / folder / "experiment.toml"
+    return list(tomllib.loads(file.read_text(encoding="utf-8"))["run"])
 
 
 def test_samples_stay_small() -> None:

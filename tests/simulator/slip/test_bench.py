@@ -16,6 +16,7 @@ from simulator.robot import load_robot
 from simulator.slip.bench import (
     COLUMNS,
     LATERAL_OK,
+    PAPER_APPARATUS,
     SIGMAS,
     Apparatus,
     bench_slips,
@@ -58,6 +59,11 @@ def test_a_driven_disk_pays_for_the_friction_that_the_wheel_resists_it_with() ->
     wheel, disk = torques(parameters, table)
     assert (disk > 0).all()  # the wheel is slower than the disk, or stands across it: the disk's motor works
     assert wheel[0] < 0  # and the wheel's motor brakes
+
+
+def test_apparatus_is_that_of_section_3_and_its_disk_is_matched_to_a_wheel_of_100_rpm() -> None:
+    assert (PAPER_APPARATUS.wheel_radius_mm, PAPER_APPARATUS.contact_radius_mm) == (4.0, 38.0)
+    assert bench()["disk_rpm"].to_numpy() == pytest.approx(100 * 4 / 38)
 
 
 def test_slip_ratio_is_zero_at_100_rpm_on_the_matched_disk() -> None:

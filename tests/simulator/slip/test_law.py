@@ -71,6 +71,15 @@ def test_curves_run_over_braking_slips_and_over_driving_ones_where_these_are_ask
         assert np.diff(panel["slip_ratio"].unique()) == pytest.approx(0.01)
 
 
+def test_curves_are_drawn_at_the_slip_angles_of_section_3_and_at_fifths_of_the_slip_ratio() -> None:
+    table = slip_curves(load_robot("barrel").slip)
+    first, second = (table.query(f"panel == '{panel}'") for panel in "ab")
+    assert first["slip_angle_deg"].unique().tolist() == [0.0, 7.5, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0]
+    assert second["slip_ratio"].unique().tolist() == [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
+    angles = second["slip_angle_deg"].unique()
+    assert (angles[0], angles[1], angles[-1]) == (0.0, 0.5, 90.0)
+
+
 def test_friction_shares_itself_out_by_the_components_of_the_slide() -> None:
     """At a slip angle of 30° and half slip: components cos 30°·0.8·0.5 and sin 30°, of one sigma."""
     slide, aside = 0.4 * math.sqrt(0.75), 0.5
@@ -107,8 +116,8 @@ def test_friction_falls_to_nothing_and_never_pushes() -> None:
 @pytest.mark.parametrize(
     ("u", "v", "surface"),
     [
-        *((2.0, 0.5, 1.0), (1.0, 0.5, 2.0), (1.0, -0.5, -2.0), (-2.0, 0.4, -1.0), (-1.0, -0.4, -3.0)),
-        *((-1.0, 0.7, 3.0), (0.3, 2.0, 0.1), (2e-5, 3e-5, 1e-5)),
+        *((2.0, 0.5, 1.0), (1.3, 0.5, 2.0), (0.7, -0.5, -2.0), (-2.0, 0.4, -1.0), (-1.3, -0.4, -3.0)),
+        *((-0.7, 0.7, 3.0), (0.3, 2.0, 0.1), (2e-5, 3e-5, 1e-5)),
     ],
 )
 def test_slopes_are_the_derivatives_of_the_force(u: float, v: float, surface: float, driving: float) -> None:

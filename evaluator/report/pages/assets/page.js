@@ -27,9 +27,9 @@ if (source) startPlayer(JSON.parse(source.textContent));
 
 function startPlayer({ runs, robot, lines }) {
   const find = (name) => document.getElementById(`player-${name}`);
-  const [choice, play, slider, clock, plot, picture, note] =
-    ["run", "play", "time", "clock", "plot", "picture", "note"].map(find);
-  const film = picture.parentElement;
+  const [choice, play, slider, clock, plot, image, note] =
+    ["run", "play", "time", "clock", "plot", "image", "note"].map(find);
+  const film = image.parentElement;
   let run, timer = null, moving = {};
 
   runs.forEach((item, index) => choice.add(new Option(item.label, index)));
@@ -90,7 +90,7 @@ function startPlayer({ runs, robot, lines }) {
     for (const { color, place: [x, y], size } of robot.marks)
       draw(body, "circle", { cx: x, cy: -y, r: size / 2, fill: `var(--${color})` });
     moving = { body };
-    film.classList.toggle("empty", run.pictures.length === 0);
+    film.classList.toggle("empty", run.thumbnails.length === 0);
     moveTo(0);
     slider.value = 0;
   }
@@ -119,12 +119,12 @@ function startPlayer({ runs, robot, lines }) {
     moving.body.setAttribute("visibility", visible ? "visible" : "hidden");
     if (visible) moving.body.setAttribute("transform", `translate(${run.x[at]} ${-run.y[at]}) rotate(${-run.heading[at]})`);
     note.textContent = run.note + (visible ? "" : " No pose at this time: a mark is missing.");
-    if (run.pictures.length) {
-      const nearest = run.pictures.reduce((best, item) =>
+    if (run.thumbnails.length) {
+      const nearest = run.thumbnails.reduce((best, item) =>
         Math.abs(item[0] - run.t[at]) < Math.abs(best[0] - run.t[at]) ? item : best);
-      if (picture.dataset.at !== `${run.label}${nearest[0]}`) {
-        picture.src = `data:image/jpeg;base64,${nearest[1]}`;
-        picture.dataset.at = `${run.label}${nearest[0]}`;
+      if (image.dataset.at !== `${run.label}${nearest[0]}`) {
+        image.src = `data:image/jpeg;base64,${nearest[1]}`;
+        image.dataset.at = `${run.label}${nearest[0]}`;
       }
       note.textContent += ` Frame at ${nearest[0].toFixed(2)} s.`;
     }

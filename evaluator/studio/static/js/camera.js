@@ -2,18 +2,31 @@
 
 import { get, post } from "./api.js";
 import { color, counted, fill, fixed, h, num, surface } from "./dom.js";
+import { outline_dots } from "./dots.js";
 import { onJobs } from "./jobs.js";
+import { live_camera } from "./live.js";
 import { say } from "./say.js";
+import { undoing } from "./undo.js";
 
 const SOFT_EDGE = 2.5; // px of blur from which on an image is out of focus
 
 export async function show(view, { rest, signal }) {
-  const load = async () => {
+  const known = new Map(); // dots by image
+  const place = h("div"), live = h("div");
+  fill(view, h("div", { class: "stack" }, h("div", {}, h("p", { class: "kind" }, "Camera"), h("h1", {}, "Where every pixel lies on the plate")), live, place));
+  fill(place, h("p", { class: "soft", role: "status" }, "Looking for gauges, images and cameras …"));
+  let undo = null;
+  const load = async (shown) => {
     const found = await get("/api/rig", signal);
-    fill(view, h("div", {}, h("p", { class: "kind" }, "Camera"), h("h1", {}, "Where every pixel lies on the plate")),
-      found.gauges.length ? await bench(found, rest[0], signal) : nothing());
+    const gauge = found.gauges.find((one) => one.id === rest[0]) ?? found.gauges[0];
+    fill(place, gauge ? await bench(found, gauge, { known, signal, shown, undo: (undo ??= undoing("camera", gauge.id, signal, () => load())) }) : nothing());
+    return gauge;
   };
-  await load();
+  const gauge = await load();
+  if (gauge) {
+    fill(live, await live_camera(gauge, signal, { seen: () => known.values(), taken: async (made) => { await load(made.id); undo.refresh(); } }));
+    onJobs((_, ended) => { if (ended.some((job) => job.kind === "calibrate")) undo.refresh(); }, signal);
+  }
   onJobs((_, ended) => { if (ended.some((job) => job.kind === "calibrate" || job.kind === "samples")) load().catch(say); }, signal);
 }
 
@@ -21,44 +34,45 @@ function nothing() {
   return h("div", { class: "empty" }, h("h2", {}, "No gauge yet"), h("p", {}, "A camera is solved from images of a plate of dots. Make a new experiment on the first screen: it comes with a gauge.toml to fill in and to print. Then put the images beside it."), h("p", {}, h("a", { class: "button", href: "#/" }, "First screen")));
 }
 
-async function bench(found, wanted, signal) {
-  const gauge = found.gauges.find((one) => one.id === wanted) ?? found.gauges[0];
+async function bench(found, gauge, { known, signal, shown: first, undo }) {
   const images = found.images.filter((one) => one.folder === gauge.folder);
   const camera = found.cameras.find((one) => one.folder === gauge.folder);
   const chosen = new Set(images.filter((one) => one.name.startsWith("gauge")).map((one) => one.id));
   if (!chosen.size) for (const one of images) chosen.add(one.id);
-  const known = new Map(), solved = camera ? await get(`/api/cameras/${camera.id}`, signal) : null;
+  const solved = camera ? await get(`/api/cameras/${camera.id}`, signal) : null;
   const gained = new Map((solved?.images ?? []).map((one) => [one.name.split(/[\\/]/).pop(), one]));
   let guide = false;
-  let plate = images[0]?.id, shown = images[0];
+  let plate = images[0]?.id, shown = images.find((one) => one.id === first) ?? images[0];
   const pick = h("select", { "aria-label": "Gauge", onchange: (event) => { location.hash = `#/camera/${event.target.value}`; } }, found.gauges.map((one) => h("option", { value: one.id, selected: one === gauge }, one.path)));
   const facts = h("p", { class: "small soft" });
   const list = h("tbody");
-  const picture = new Image();
+  const image = new Image();
   const view = surface((context, width, height) => {
     context.fillStyle = "#000";
     context.fillRect(0, 0, width, height);
-    if (!picture.naturalWidth) return;
-    const dots = known.get(shown?.id), size = dots?.size_px ?? [picture.naturalWidth, picture.naturalHeight];
+    if (!image.naturalWidth) return;
+    const dots = known.get(shown?.id), size = dots?.size_px ?? [image.naturalWidth, image.naturalHeight];
     const scale = Math.min(width / size[0], height / size[1]);
     context.translate((width - size[0] * scale) / 2, (height - size[1] * scale) / 2);
-    context.drawImage(picture, 0, 0, size[0] * scale, size[1] * scale);
+    context.drawImage(image, 0, 0, size[0] * scale, size[1] * scale);
     if (guide) outline(context, solved.next_image.outline_px, scale);
     if (!dots) return;
-    dots.centers_px.forEach(([x, y], k) => {
-      context.strokeStyle = dots.of_array[k] ? "#5aff78" : "#ff8a4c";
-      context.lineWidth = 1.5;
-      context.beginPath();
-      context.arc(x * scale, y * scale, Math.max(((dots.diameter_px ?? 8) / 2) * scale * 1.2, 3), 0, 7);
-      context.stroke();
-    });
+    outline_dots(context, dots, scale);
   }, signal, { class: "film", role: "img", "aria-label": "Image of the gauge with the dots found in it" });
-  picture.onload = view.redraw;
+  image.onload = view.redraw;
 
+  // Rows are made once and then only told what is new: who works by keyboard keeps the place.
+  const made = new Map();
+  const rows = () => {
+    for (const [one, { row, count }] of made) {
+      row.setAttribute("aria-selected", String(one === shown));
+      count.textContent = known.has(one.id) ? String(known.get(one.id).of_array.filter(Boolean).length) : "–";
+    }
+  };
   const look = async (one) => {
     shown = one;
     rows();
-    picture.src = `/api/images/${one.id}`;
+    image.src = `/api/images/${one.id}`;
     view.canvas.style.aspectRatio = "4 / 3";
     try {
       if (!known.has(one.id)) known.set(one.id, await get(`/api/images/${one.id}/dots`, signal));
@@ -66,30 +80,38 @@ async function bench(found, wanted, signal) {
     } catch (error) { facts.textContent = error.message; }
     rows();
   };
-  const rows = () => fill(list, images.map((one) => h("tr", { "aria-selected": String(one === shown) },
-    h("td", {}, h("input", { type: "checkbox", checked: chosen.has(one.id), "aria-label": `Use ${one.name}`, onchange: (event) => (event.target.checked ? chosen.add(one.id) : chosen.delete(one.id)) })),
-    h("td", {}, h("button", { class: "plain", onclick: () => look(one) }, one.name)),
-    h("td", {}, h("input", { type: "radio", name: "plate", checked: one.id === plate, "aria-label": `${one.name} shows the gauge on the plate`, onchange: () => { plate = one.id; } })),
-    h("td", {}, known.has(one.id) ? String(known.get(one.id).of_array.filter(Boolean).length) : "–"),
-    h("td", {}, given(gained.get(one.name))))));
+  for (const one of images) {
+    const count = h("td");
+    made.set(one, { count, row: h("tr", {},
+      h("td", {}, h("input", { type: "checkbox", checked: chosen.has(one.id), "aria-label": `Use ${one.name}`, onchange: (event) => (event.target.checked ? chosen.add(one.id) : chosen.delete(one.id)) })),
+      h("td", {}, h("button", { class: "plain", onclick: () => look(one) }, one.name)),
+      h("td", {}, h("input", { type: "radio", name: "plate", checked: one.id === plate, "aria-label": `${one.name} shows the gauge on the plate`, onchange: () => { plate = one.id; } })),
+      count, h("td", {}, given(gained.get(one.name)))) });
+  }
+  fill(list, [...made.values()].map(({ row }) => row));
   const solve = () => {
     const ids = images.filter((one) => chosen.has(one.id)).map((one) => one.id);
     if (!ids.includes(plate)) { say("Choose which image shows the gauge lying on the plate."); return; }
     post(`/api/gauges/${gauge.id}/calibrate`, { images: ids, plate: ids.indexOf(plate) }).then(() => say("")).catch(say);
   };
-  if (shown) look(shown);
+  if (shown) look(shown).then(async () => {
+    for (const one of images) { // the others meanwhile: the table says their dots, the live camera draws them
+      if (known.has(one.id) || signal.aborted) continue;
+      try { known.set(one.id, await get(`/api/images/${one.id}/dots`, signal)); rows(); } catch { continue; }
+    }
+  });
   return h("div", { class: "stack" },
-    h("div", { class: "row end" }, pick, h("div", { class: "row" }, h("a", { class: "button", href: `/api/gauges/${gauge.id}/sheet.pdf`, download: "gauge.pdf" }, "Print the gauge (PDF)"), h("button", { class: "main", disabled: !images.length, onclick: solve }, camera ? "Calibrate again" : "Calibrate"))),
+    h("div", { class: "row end" }, pick, h("div", { class: "row" }, undo.undo, undo.redo, h("a", { class: "button", href: `/api/gauges/${gauge.id}/sheet.pdf`, download: "gauge.pdf" }, "Print the gauge (PDF)"), h("button", { class: "main", disabled: !images.length, onclick: solve }, camera ? "Calibrate again" : "Calibrate"))),
     images.length ? h("div", { class: "split" }, h("section", { class: "stack" }, view.canvas, facts), h("section", { class: "stack" },
       h("div", { class: "scroll tall" }, h("table", { class: "wordlist" }, h("thead", {}, h("tr", {}, ["use", "image", "on the plate", "dots", "without it"].map((text) => h("th", { scope: "col" }, text)))), list)), solved ? verdict(solved, signal, (on) => { guide = on; view.redraw(); }) : h("p", { class: "soft" }, "Not calibrated yet: choose the images and which of them shows the gauge lying flat on the plate.")))
-      : h("div", { class: "empty" }, h("h2", {}, "No images beside this gauge"), h("p", {}, `Put images of the gauge into ${gauge.folder}: one with it lying on the plate, five or more with it tilted by 20° to 40° in different directions.`)));
+      : h("div", { class: "empty" }, h("h2", {}, "No images beside this gauge"), h("p", {}, `Take them with the live camera above, or put them into ${gauge.folder === "." ? "the folder of the studio" : gauge.folder}: one with it lying on the plate, five or more with it tilted by 20° to 40° in different directions.`)));
 }
 
 function sentence(dots) {
   const count = dots.of_array.filter(Boolean).length;
   if (!count) return "No regular array of dots was found. Is the gauge in the image, lit evenly, and not cut off?";
   const focus = dots.blur_px > SOFT_EDGE ? ` The edges are ${num(dots.blur_px, 2)} px wide: focus the lens.` : "";
-  return `${counted(count, "dot")} of the array, centres to ${num(1000 * dots.sigma_px, 2)} mpx (1 sigma), ${counted(dots.of_array.length - count, "dot")} beside it.${focus}`;
+  return `${counted(count, "dot")} of the array, centres to ${num(1000 * dots.sigma_px, 2)} mpx (1 sigma), ${counted(dots.of_array.length - count, "dot")} beside it.${focus}${dots.light ? ` Light: ${dots.light}.` : ""}`;
 }
 
 function given(image) {

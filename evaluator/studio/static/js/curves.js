@@ -16,6 +16,7 @@ export function curvePlot(title, times, lines, signal, seek) {
   });
   const axis = (label) => ({
     label, labelSize: 1.1 * rem, size: label ? 3.4 * rem : 1.7 * rem, stroke: () => color("soft"), font: labels(), labelFont: labels(),
+    values: (_, splits) => splits.map((split) => split.toLocaleString("en").replace("-", "−")),
     grid: { stroke: () => color("faint"), width: 1 }, ticks: { stroke: () => color("faint"), width: 1, size: 4 },
   });
   const build = () => {
@@ -28,7 +29,7 @@ export function curvePlot(title, times, lines, signal, seek) {
     plot.over.addEventListener("click", (event) => seek(plot.posToVal(event.offsetX, "x")));
     place();
   };
-  const place = () => { if (plot && shown !== null) head.style.left = `${plot.valToPos(shown, "x")}px`; };
+  const place = () => { if (plot && shown !== null) head.style.transform = `translateX(${plot.valToPos(shown, "x")}px)`; };
   const watcher = new ResizeObserver(build);
   watcher.observe(box);
   whenThemeChanges(() => plot?.redraw(false), signal);

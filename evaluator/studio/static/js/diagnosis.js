@@ -1,20 +1,25 @@
 // The Diagnosis screen: what is missing, where it shows, what else was tried, and what to do next.
 
 import { get, post } from "./api.js";
-import { fill, fixed, h, num } from "./dom.js";
+import { fill, fixed, h, length, num, withBounds } from "./dom.js";
 import { jobOf, onJobs } from "./jobs.js";
 import { say } from "./say.js";
 import { next_runs } from "./nextruns.js";
 import { matrix } from "./matrix.js";
+import { own_effects } from "./owneffects.js";
+import { undoing } from "./undo.js";
 
 const VERDICTS = { effect: "A missing effect is named", none: "Nothing is missing", unknown: "Something unknown is missing", insufficient: "The data cannot decide" };
 const MENDED = { reversed: "Turn both commands round", "sides-swapped": "Swap left and right" };
 
 export async function show(view, { id, signal }) {
   const load = async () => {
-    const found = await get(`/api/experiments/${id}/diagnosis`, signal);
-    fill(view, found.content ? screen(found, id, signal, load) : nothing(id));
+    const [found, own] = await Promise.all([get(`/api/experiments/${id}/diagnosis`, signal), own_effects(id, signal, load)]);
+    if (signal.aborted) return;
+    fill(view, h("div", { class: "stack", style: { gap: "1.4rem" } }, found.content ? screen(found, id, signal, { load, own }) : nothing(id), own.box, h("div", { class: "row" }, undo.undo, undo.redo)));
+    undo.refresh();
   };
+  const undo = undoing("diagnosis", id, signal, () => load());
   await load();
   onJobs((_, ended) => { if (ended.some((job) => job.experiment === id)) load().catch(say); }, signal);
 }
@@ -27,7 +32,7 @@ function nothing(id) {
       h("p", {}, h("button", { class: "main", disabled: Boolean(jobOf(id)), onclick: start(id, "diagnose") }, "Diagnose"))));
 }
 
-function screen(found, id, signal, load) {
+function screen(found, id, signal, { load, own }) {
   const { content } = found;
   const again = h("div"), notice = h("div");
   // Whether it still holds takes the reading of every recording: that is said when it is known.
@@ -42,7 +47,7 @@ function screen(found, id, signal, load) {
       again),
     notice,
     mistakes(content, id, load),
-    h("div", { class: "two" }, h("div", { class: "stack" }, ...content.effects.map((effect) => effect_card(effect)), add(found, id, load), words(found)), gaps(content)),
+    h("div", { class: "two" }, h("div", { class: "stack" }, ...content.effects.map((effect) => effect_card(effect)), offer(own), add(found, id, load), words(found)), gaps(content)),
     content.where.length || Object.keys(found.pieces).length ? h("section", { class: "card stack" }, h("h2", {}, "Where it disagrees"), h("ul", { class: "plainlist" }, content.where.slice(0, 5).map((one) => h("li", {}, one.sentence.replaceAll(" -", " −")))), found.pieces.run ? matrix(found.pieces, id, signal) : null) : null,
     h("div", { class: "two" }, rivals(content), known(content)),
     next_runs(content, id, signal));
@@ -58,10 +63,14 @@ function mistakes(content, id, load) {
     h("div", { class: "row end" }, h("p", {}, "Or all of them at once, in a copy; runs that nothing puts right are left out."), h("button", { onclick: copy }, "Write a mended experiment")));
 }
 
+function sizeRow(name, parameter) {
+  const [value, low, high] = withBounds(parameter);
+  return h("tr", {}, h("th", { scope: "row" }, name), h("td", {}, h("strong", {}, value)), h("td", { class: "soft" }, `95 %: ${low} to ${high}`));
+}
+
 function effect_card(effect) {
   return h("section", { class: "card found" }, h("p", { class: "kind" }, effect.id), h("h2", {}, effect.name),
-    h("table", { class: "parameters" }, h("tbody", {}, Object.entries(effect.parameters).map(([name, value]) =>
-      h("tr", {}, h("th", { scope: "row" }, name), h("td", {}, h("strong", {}, num(value.value))), h("td", { class: "soft" }, `95 %: ${num(value.low)} to ${num(value.high)}`))))),
+    h("table", { class: "parameters" }, h("tbody", {}, Object.entries(effect.parameters).map((one) => sizeRow(...one)))),
     effect.equivalent?.length ? h("p", { class: "small soft" }, `These runs cannot tell it from: ${effect.equivalent.join(", ")}.`) : null);
 }
 
@@ -76,6 +85,13 @@ function add(found, id, load) {
   return h("section", { class: "card row end" }, h("p", { class: "small" }, `Added to ${found.robot.path}, the simulation has the effect from then on.`), h("button", { class: "main", onclick: write }, "Add it to the robot"));
 }
 
+// The form without a name that explains the runs of an unknown verdict.
+function offer(own) {
+  if (!own.offered) return null;
+  return h("section", { class: "card stack" }, h("p", {}, "This form explains the runs, and no effect of the catalogue has it. Give it a name, and the next diagnosis tries it like the others."),
+    h("div", { class: "row" }, h("button", { class: "main", onclick: own.open }, "Add this as your effect")));
+}
+
 function words(found) {
   return h("details", { class: "card" }, h("summary", {}, "The whole finding in words"), found.lines.map((line) => h("p", { class: "small" }, line)));
 }
@@ -86,10 +102,10 @@ function gaps(content) {
   const groups = [["start pose and scatter of each run fitted", gap], ["predicted from the start pose alone", gap.predicted]].filter(([, one]) => one?.before);
   const bars = groups.flatMap(([words, one]) => [["fitted runs", "fit"], ["held-out runs", "held_out"]].filter(([, key]) => one.before[key] !== null).map(([who, key]) => ({ words: `${who}, ${words}`, before: one.before[key], after: one.after[key] })));
   const most = Math.max(...bars.flatMap((bar) => [bar.before, bar.after]), gap.noise_floor);
-  const bar = (value, ink) => h("div", { class: "measure" }, h("i", { class: ink, style: { width: `${Math.max((100 * value) / most, 0.6)}%` } }), h("span", {}, `${num(1000 * value)} µm`));
+  const bar = (value, ink) => h("div", { class: "measure" }, h("i", { class: ink, style: { width: `${Math.max((100 * value) / most, 0.6)}%` } }), h("span", {}, length(value)));
   return h("section", { class: "card stack" }, h("h2", {}, "Distance of model and marks, before and after"),
     bars.map((one) => h("div", {}, h("p", { class: "small" }, one.words), bar(one.before, "vermillion"), bar(one.after, "green"))),
-    h("p", { class: "legend small soft" }, h("i", { class: "vermillion" }), "before", h("i", { class: "green" }), "after", ` · tracking noise alone makes ${num(1000 * gap.noise_floor)} µm`),
+    h("p", { class: "legend small soft" }, h("i", { class: "vermillion" }), "before", h("i", { class: "green" }), "after", ` · tracking noise alone makes ${length(gap.noise_floor)}`),
     gap.held_out_runs?.length ? h("p", { class: "small soft" }, `Held out before the diagnosis began: ${gap.held_out_runs.join(", ")}.`) : null);
 }
 

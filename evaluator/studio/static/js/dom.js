@@ -28,10 +28,23 @@ export function num(value, digits = 3) {
 export const fixed = (value, decimals) =>
   value === null || value === undefined || !Number.isFinite(value) ? "–" : value.toFixed(decimals).replace("-", "−");
 
+// A value and its 95 % bounds with as many decimals as their distance bears, as the report writes them.
+export function withBounds({ value, low, high }) {
+  if (![value, low, high].every(Number.isFinite) || high <= low) return [value, low, high].map((one) => num(one));
+  const decimals = Math.max(0, -Math.floor(Math.log10((high - low) / 4)));
+  return [value, low, high].map((one) => fixed(Math.abs(one) < 0.5 / 10 ** decimals ? 0 : one, decimals));
+}
+
+// A length: in µm, from ten millimetres on, which only large robots miss, in mm.
+export const length = (mm) => (mm >= 10 ? `${num(mm)} mm` : `${num(1000 * mm)} µm`);
+
 export const counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
 
+// A colour of the theme; asked for once, as the question costs the layout of the page.
+const colors = new Map();
 export function color(name) {
-  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+  if (!colors.has(name)) colors.set(name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim());
+  return colors.get(name);
 }
 
 // The font of labels on a canvas: it grows with the page.
@@ -41,6 +54,7 @@ export function labels(share = 0.74) {
 }
 
 const dark = window.matchMedia("(prefers-color-scheme: dark)");
+dark.addEventListener("change", () => colors.clear()); // before all that draw anew
 export function whenThemeChanges(redraw, signal) {
   dark.addEventListener("change", redraw, { signal });
 }
@@ -48,8 +62,8 @@ export function whenThemeChanges(redraw, signal) {
 // A canvas that fills its box at the resolution of the screen; draw(context, width, height) in CSS px.
 export function surface(draw, signal, attributes = {}) {
   const canvas = h("canvas", attributes);
+  let width = 0, height = 0;
   const redraw = () => {
-    const { clientWidth: width, clientHeight: height } = canvas;
     if (!width || !height) return;
     const scale = window.devicePixelRatio || 1;
     if (canvas.width !== Math.round(width * scale) || canvas.height !== Math.round(height * scale)) {
@@ -61,7 +75,7 @@ export function surface(draw, signal, attributes = {}) {
     context.clearRect(0, 0, width, height);
     draw(context, width, height);
   };
-  const watcher = new ResizeObserver(redraw);
+  const watcher = new ResizeObserver(() => { ({ clientWidth: width, clientHeight: height } = canvas); redraw(); });
   watcher.observe(canvas);
   signal.addEventListener("abort", () => watcher.disconnect());
   whenThemeChanges(redraw, signal);

@@ -57,7 +57,7 @@ function experiment(one, signal) {
 }
 
 export function stateTags(state) {
-  if (state.fault) return [h("span", { class: "tag warn", title: state.fault }, "needs attention")];
+  if (state.fault) return [h("span", { class: "tag warn" }, "needs attention"), h("span", { class: "small" }, state.fault)];
   const runs = Object.values(state.outdated);
   const stale = runs.filter((steps) => steps.length).length;
   const results = !state.results ? h("span", { class: "tag" }, "not analysed yet")

@@ -46,6 +46,7 @@ export function drawMarks(context, width, height, state, frames) {
   if (state.said.region_px) box(context, state.said.region_px, scale, "#8fd0f2", [8, 5]);
   for (const one of state.said.mask_px ?? []) box(context, one, scale, "#ff8a4c", [], "rgb(255 138 76 / .25)");
   if (state.draft) box(context, state.draft, scale, "#fff", [4, 3]);
+  if (state.cursor) cross(context, state.cursor[0] * scale, state.cursor[1] * scale, "#fff", 14);
   context.restore();
 }
 

@@ -4,7 +4,9 @@ import { get, post } from "./api.js";
 import { fill, fixed, h, num, surface } from "./dom.js";
 import { Frames } from "./frames.js";
 import { drawMarks, maskImages } from "./markdrawing.js";
+import { pointing } from "./pointing.js";
 import { say } from "./say.js";
+import { undoing } from "./undo.js";
 
 const HALF_HUE = 25; // degrees to either side of a clicked colour: half the distance of neighbouring named hues
 const SHEET = 8;
@@ -24,7 +26,7 @@ export async function show(view, { id, rest, signal }) {
 
 async function workbench(place, id, run, file, signal) {
   const base = `/api/experiments/${id}/runs/${encodeURIComponent(run.id)}`;
-  const state = { index: 0, bitmap: null, said: settings(file), version: file.version, mark: "green", tool: "color", seen: new Map(), masks: new Map(), draft: null, showMask: true, rows: [], correctionsVersion: "" };
+  const state = { index: 0, bitmap: null, said: settings(file), version: file.version, mark: "green", tool: "color", seen: new Map(), masks: new Map(), draft: null, cursor: null, showMask: true, rows: [], correctionsVersion: "" };
   if (!state.said.mark[state.mark]) [state.mark] = Object.keys(state.said.mark);
   const frames = new Frames(base, signal, (index, bitmap) => { state.bitmap = bitmap; if (index === state.index) screen.redraw(); });
   frames.failed = say;
@@ -33,7 +35,7 @@ async function workbench(place, id, run, file, signal) {
   state.rows = corrections.rows;
   state.correctionsVersion = corrections.version;
 
-  const screen = surface((context, width, height) => drawMarks(context, width, height, state, frames), signal, { class: "film pick", role: "img", "aria-label": "Frame with what the search for marks sees" });
+  const screen = surface((context, width, height) => drawMarks(context, width, height, state, frames), signal, { class: "film pick", tabindex: 0, role: "application", "aria-label": "Frame with what the search for marks sees; arrows move a cross, with Shift ten pixels, Enter does what a click does" });
   screen.canvas.style.aspectRatio = `${frames.width} / ${frames.height}`;
   const readout = h("div", { class: "stack" });
   const sheet = h("div", { class: "contact" });
@@ -90,7 +92,7 @@ async function workbench(place, id, run, file, signal) {
     const image = new Image();
     image.onload = () => small.redraw();
     image.src = `${base}/frame?index=${seen.frame}&px=320`;
-    return h("button", { class: missing.length ? "missing" : "", onclick: () => go(seen.frame), title: missing.map(([name, one]) => `${name}: ${one.status}`).join("; ") || "both marks found" }, small.canvas, h("span", { class: "small" }, `${fixed(seen.time_s, 2)} s${missing.length ? ` · no ${missing.map(([name]) => name).join(", ")}` : ""}`));
+    return h("button", { class: missing.length ? "missing" : "", onclick: () => go(seen.frame), title: missing.map(([name, one]) => `${name}: ${one.status}`).join("; ") || "all marks found" }, small.canvas, h("span", { class: "small" }, `${fixed(seen.time_s, 2)} s${missing.length ? ` · no ${missing.map(([name]) => name).join(", ")}` : ""}`));
   };
 
   const tell = () => {
@@ -100,7 +102,7 @@ async function workbench(place, id, run, file, signal) {
       const [low, high] = own.hue_deg ?? one?.hue_range_deg ?? [0, 0];
       const place_of = !one ? "…" : one.status === "ok" ? `centre ${fixed(one.x_px, 2)}, ${fixed(one.y_px, 2)} px · sigma ${num(1000 * one.x_sigma_px)} mpx` : one.status;
       return h("div", { class: `card markcard ${state.mark === name ? "chosen" : ""}` },
-        h("label", { class: "row" }, h("input", { type: "radio", name: "mark", checked: state.mark === name, onchange: () => { state.mark = name; tell(); } }), h("strong", {}, name), h("i", { class: "hue", style: { background: `linear-gradient(90deg, hsl(${low} 90% 50%), hsl(${(low + high) / 2} 90% 50%), hsl(${high} 90% 50%))` } }), h("span", { class: "small soft" }, `hue ${Math.round(low)}° to ${Math.round(high)}°${own.hue_deg ? "" : " (default)"}`)),
+        h("label", { class: "row" }, h("input", { type: "radio", name: "mark", checked: state.mark === name, onchange: () => { state.mark = name; tell(); } }), h("strong", {}, name), h("i", { class: "hue", style: { background: `linear-gradient(90deg, hsl(${low} 90% 50%), hsl(${(low + high) / 2} 90% 50%), hsl(${high} 90% 50%))` } }), h("span", { class: "small soft" }, !own.hue_deg && !one ? "…" : `hue ${Math.round(low)}° to ${Math.round(high)}°${own.hue_deg ? "" : " (default)"}`)),
         h("p", { class: `small ${one && one.status !== "ok" ? "warn" : ""}` }, place_of), hand && h("p", { class: "small" }, hand.x === null ? "taken away by hand in this frame" : `placed by hand at ${fixed(hand.x, 1)}, ${fixed(hand.y, 1)} px`),
         one && one.status !== "ok" && one.blobs.length ? h("ul", { class: "plainlist small soft" }, one.blobs.slice(0, 3).map((blob) => h("li", {}, `at ${Math.round(blob.x_px)}, ${Math.round(blob.y_px)}: ${blob.verdict}`))) : null);
     }));
@@ -113,22 +115,22 @@ async function workbench(place, id, run, file, signal) {
     state.said = said;
     tell();
     look();
-    queue = queue.then(() => post(`/api/experiments/${id}/tracking`, { version: state.version, said: stored(said) }, signal)).then((next) => { state.version = next.version; path.textContent = `Saved in ${next.path}.`; say(""); return contact(); })
+    queue = queue.then(() => post(`/api/experiments/${id}/tracking`, { version: state.version, said: stored(said) }, signal)).then((next) => { state.version = next.version; path.textContent = `Saved in ${next.path}.`; say(""); undo.refresh(); return contact(); })
       .catch(async (error) => { state.said = before; say(error); if (error.status === 409) { const next = await get(`/api/experiments/${id}/tracking`, signal); state.said = settings(next); state.version = next.version; } tell(); look(); });
   };
   const correct = (x, y) => {
     const rows = [...state.rows.filter((row) => row.frame !== state.index || row.mark !== state.mark), ...(x === undefined ? [] : [{ frame: state.index, mark: state.mark, x, y }])];
-    queue = queue.then(() => post(`${base}/corrections`, { version: state.correctionsVersion, rows }, signal)).then((next) => { state.rows = next.rows; state.correctionsVersion = next.version; path.textContent = `Saved in ${next.path}: the next analysis uses it.`; tell(); screen.redraw(); }).catch(say);
+    queue = queue.then(() => post(`${base}/corrections`, { version: state.correctionsVersion, rows }, signal)).then((next) => { state.rows = next.rows; state.correctionsVersion = next.version; path.textContent = `Saved in ${next.path}: the next analysis uses it.`; undo.refresh(); tell(); screen.redraw(); }).catch(say);
   };
+  const undo = undoing("marks", id, signal, async () => {
+    const [settled, corrected] = await Promise.all([get(`/api/experiments/${id}/tracking`, signal), get(`${base}/corrections`, signal)]);
+    Object.assign(state, { said: settings(settled), version: settled.version, rows: corrected.rows, correctionsVersion: corrected.version });
+    tell();
+    look();
+    await contact();
+  }, run.id);
 
-  const at = (event) => {
-    const { clientWidth: width, clientHeight: height } = screen.canvas;
-    const scale = Math.min(width / frames.width, height / frames.height);
-    return [(event.offsetX - (width - frames.width * scale) / 2) / scale, (event.offsetY - (height - frames.height * scale) / 2) / scale];
-  };
-  screen.canvas.addEventListener("pointerdown", (event) => {
-    const [x, y] = at(event);
-    if (state.tool === "region" || state.tool === "mask") { screen.canvas.setPointerCapture(event.pointerId); state.draft = [x, y, x, y]; return; }
+  const press = (x, y) => {
     if (state.tool === "place") { correct(x, y); return; }
     const blobs = Object.values(state.seen.get(state.index)?.marks ?? {}).flatMap((one) => one.blobs);
     const near = blobs.map((blob) => ({ blob, d: Math.hypot(blob.x_px - x, blob.y_px - y) / Math.max(blob.radius_px, 4) })).sort((a, b) => a.d - b.d)[0];
@@ -136,17 +138,17 @@ async function workbench(place, id, run, file, signal) {
     const { color: _, ...own } = state.said.mark[state.mark];
     const hue = Math.round(near.blob.hue_deg);
     save({ ...state.said, mark: { ...state.said.mark, [state.mark]: { ...own, hue_deg: [hue - HALF_HUE, hue + HALF_HUE] } } });
-  });
-  screen.canvas.addEventListener("pointermove", (event) => { if (state.draft) { const [x, y] = at(event); state.draft = [state.draft[0], state.draft[1], x, y]; screen.redraw(); } });
-  screen.canvas.addEventListener("pointerup", () => {
-    if (!state.draft) return;
-    const [x0, y0, x1, y1] = state.draft.map(Math.round);
-    const box = [Math.min(x0, x1), Math.min(y0, y1), Math.max(x0, x1), Math.max(y0, y1)];
-    state.draft = null;
-    screen.redraw();
+  };
+  const drawn = (box) => {
     if (box[2] - box[0] < 4 || box[3] - box[1] < 4) return;
     save(state.tool === "region" ? { ...state.said, region_px: box } : { ...state.said, mask_px: [...(state.said.mask_px ?? []), box] });
-  });
+  };
+  // The cross begins at the chosen mark where it is seen.
+  const start = () => {
+    const one = state.seen.get(state.index)?.marks[state.mark];
+    return one && one.x_px !== null ? [Math.round(one.x_px), Math.round(one.y_px)] : [Math.round(frames.width / 2), Math.round(frames.height / 2)];
+  };
+  pointing(screen, frames, state, { draws: () => state.tool === "region" || state.tool === "mask", press, drawn, start });
   document.addEventListener("keydown", (event) => {
     if (event.target.closest?.("input:not([type=radio]), select, textarea") || event.ctrlKey || event.metaKey) return;
     const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
@@ -163,7 +165,7 @@ async function workbench(place, id, run, file, signal) {
     state.rows.some((row) => row.frame === state.index && row.mark === state.mark) && h("button", { class: "small", onclick: () => correct() }, "Undo the correction here"));
   fill(place, h("div", { class: "split" },
     h("section", { class: "stack" }, tools, screen.canvas, h("div", { class: "row" }, h("span", { style: { flex: "1 1 14rem" } }, scrub), clock),
-      h("div", { class: "row" }, h("label", {}, h("input", { type: "checkbox", checked: true, onchange: (event) => { state.showMask = event.target.checked; screen.redraw(); } }), "Show what has the colour"), h("button", { onclick: () => correct(null, null), title: "This mark is not to be used in this frame (Delete)" }, "Drop it in this frame")), shapes, path),
+      h("div", { class: "row" }, h("label", {}, h("input", { type: "checkbox", checked: true, onchange: (event) => { state.showMask = event.target.checked; screen.redraw(); } }), "Show what has the colour"), h("button", { onclick: () => correct(null, null), title: "This mark is not to be used in this frame (Delete)" }, "Drop it in this frame"), undo.undo, undo.redo), shapes, path),
     h("section", { class: "stack" }, readout, h("h2", {}, "In eight frames"), sheet)));
   tell();
   go(0);

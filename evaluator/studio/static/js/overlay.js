@@ -1,6 +1,6 @@
 // What is drawn over a frame: marks with their rings, heading, trails of the centre, measured and simulated.
 
-import { color } from "./dom.js";
+import { color, labels } from "./dom.js";
 
 const INKS = { green: "#5aff78", yellow: "#ffeb3c" };
 export const inkOf = (name) => INKS[name.split("_")[0]] ?? "#78c8ff";
@@ -11,7 +11,14 @@ export const markNames = (marks) => Object.keys(marks).filter((key) => key.endsW
 export function drawFrame(context, width, height, bitmap, frames) {
   context.fillStyle = "#000";
   context.fillRect(0, 0, width, height);
-  if (!bitmap) return 0;
+  if (!bitmap) {
+    context.fillStyle = "#a2a9b1";
+    context.font = labels(0.9);
+    context.textAlign = "center";
+    context.fillText("reading the frame …", width / 2, height / 2);
+    context.textAlign = "start";
+    return 0;
+  }
   const scale = Math.min(width / frames.width, height / frames.height);
   context.save();
   context.translate((width - frames.width * scale) / 2, (height - frames.height * scale) / 2);
@@ -19,10 +26,10 @@ export function drawFrame(context, width, height, bitmap, frames) {
   return scale;
 }
 
-export function drawOverlay(context, curves, row, scale) {
-  const { marks, poses, simulated } = curves;
-  trail(context, simulated, simulated.time_s?.length ?? 0, scale, "#ff8a4c", [6, 4]);
-  trail(context, poses, row + 1, scale, "#ffffff", []);
+// trails: the paths of the run (`trailsOf`).
+export function drawOverlay(context, curves, row, scale, trails) {
+  const { marks, poses } = curves;
+  trails(context, row + 1, scale);
   if (poses.center_x_px && Number.isFinite(poses.center_x_px[row])) {
     const [x, y, nx, ny] = [poses.center_x_px[row], poses.center_y_px[row], poses.nose_x_px[row], poses.nose_y_px[row]].map((v) => v * scale);
     context.strokeStyle = context.fillStyle = "#ff5aa0";
@@ -54,9 +61,29 @@ function ring(context, x, y, scale, ink) {
   }
 }
 
-function trail(context, columns, count, scale, ink, dash) {
+// The paths of a run, kept as an image: the simulated one is drawn once, the measured one grows with the frames.
+export function trailsOf({ poses, simulated }, [width, height]) {
+  const kept = new OffscreenCanvas(1, 1), context = kept.getContext("2d");
+  let drawn = 0, zoom = 0;
+  return (onto, count, scale) => {
+    const wanted = scale * onto.getTransform().a;
+    if (wanted !== zoom || count < drawn) {
+      zoom = wanted;
+      kept.width = Math.ceil(width * zoom); // which clears it
+      kept.height = Math.ceil(height * zoom);
+      context.scale(zoom / scale, zoom / scale);
+      trail(context, simulated, 0, simulated.time_s?.length ?? 0, scale, "#ff8a4c", [6, 4]);
+      drawn = 0;
+    }
+    trail(context, poses, Math.max(drawn - 1, 0), count, scale, "#ffffff", []);
+    drawn = count;
+    onto.drawImage(kept, 0, 0, width * scale, height * scale);
+  };
+}
+
+function trail(context, columns, first, count, scale, ink, dash) {
   const xs = columns.center_x_px, ys = columns.center_y_px;
-  if (!xs || count < 2) return;
+  if (!xs || count - first < 2) return;
   context.setLineDash(dash);
   context.lineJoin = "round";
   for (const [stroke, width] of [["rgb(0 0 0 / .45)", 3.2], [ink, 1.6]]) {
@@ -64,7 +91,7 @@ function trail(context, columns, count, scale, ink, dash) {
     context.lineWidth = width;
     context.beginPath();
     let pen = false;
-    for (let k = 0; k < Math.min(count, xs.length); k++) {
+    for (let k = first; k < Math.min(count, xs.length); k++) {
       if (xs[k] === null) { pen = false; continue; }
       pen ? context.lineTo(xs[k] * scale, ys[k] * scale) : context.moveTo(xs[k] * scale, ys[k] * scale);
       pen = true;

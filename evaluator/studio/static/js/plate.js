@@ -22,7 +22,8 @@ export function boundsOf(paths) {
 }
 
 export function grid(context, to, width, height) {
-  const step = [1, 2, 5, 10, 20, 50].find((mm) => mm * to.scale >= 44) ?? 100;
+  const power = 10 ** Math.floor(Math.log10(44 / to.scale)); // lines at 1, 2 or 5 times a power of ten, 44 px apart
+  const step = Math.max([1, 2, 5, 10].find((times) => times * power * to.scale >= 44) * power, 1);
   context.strokeStyle = color("faint");
   context.fillStyle = color("soft");
   context.lineWidth = 1;
@@ -36,7 +37,7 @@ export function grid(context, to, width, height) {
   for (let y = Math.ceil(to.mmy(height) / step) * step; to.y(y) > 0; y += step) {
     context.moveTo(0, Math.round(to.y(y)) + 0.5);
     context.lineTo(width, Math.round(to.y(y)) + 0.5);
-    if (to.y(y) < height - 16) context.fillText(String(y).replace("-", "−"), 3, to.y(y) - 3);
+    if (to.y(y) > 16 && to.y(y) < height - 16) context.fillText(String(y).replace("-", "−"), 3, to.y(y) - 3);
   }
   context.stroke();
   context.fillText("mm", width - 24, height - 4);

@@ -4,7 +4,7 @@ import { get } from "./api.js";
 import { curvePlot } from "./curves.js";
 import { fill, fixed, h, surface } from "./dom.js";
 import { Frames } from "./frames.js";
-import { drawAxis, drawFrame, drawOverlay, markNames } from "./overlay.js";
+import { drawAxis, drawFrame, drawOverlay, markNames, trailsOf } from "./overlay.js";
 import { say } from "./say.js";
 
 const GRAB_PX = 9;
@@ -26,10 +26,11 @@ export async function player(place, experiment, run, { signal, changed, at }) {
   const rows = new Map((curves.marks.frame ?? []).map((frame, row) => [frame, row]));
   const gaps = (curves.marks.time_s ?? []).filter((_, row) => markNames(curves.marks).some((name) => curves.marks[`${name}_x_px`][row] === null));
 
+  const trails = trailsOf(curves, [frames.width, frames.height]);
   const screen = surface((context, width, height) => {
     const scale = drawFrame(context, width, height, state.bitmap, frames);
     if (!scale) return;
-    if (state.overlay && state.exact && rows.has(state.index)) drawOverlay(context, curves, rows.get(state.index), scale);
+    if (state.overlay && state.exact && rows.has(state.index)) drawOverlay(context, curves, rows.get(state.index), scale, trails);
     context.restore();
   }, signal, { class: "film", role: "img", "aria-label": `Frame of ${run.id}`, tabindex: 0 });
   screen.canvas.style.aspectRatio = `${frames.width} / ${frames.height}`;

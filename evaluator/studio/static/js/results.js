@@ -1,7 +1,7 @@
 // The Results screen: radius against difference of speed, trajectories, and the numbers of every run.
 
 import { get, post } from "./api.js";
-import { color, fill, fixed, h, labels, num, surface } from "./dom.js";
+import { color, fill, fixed, h, labels, length, num, surface } from "./dom.js";
 import { jobOf, onJobs } from "./jobs.js";
 import { boundsOf, dot, grid, path as draw_path, view as view_of } from "./plate.js";
 import { say } from "./say.js";
@@ -43,13 +43,13 @@ function screen(found, id, wanted, signal) {
       const row = h("tr", { tabindex: 0, onclick: () => choose(index), onkeydown: (event) => { if (event.key === "Enter") choose(index); if (event.key === "ArrowDown") row.nextSibling?.focus(); if (event.key === "ArrowUp") row.previousSibling?.focus(); } },
         h("td", {}, run.id), h("td", {}, `${num(run.left_rpm)} / ${num(run.right_rpm)}`),
         h("td", {}, turning.includes(run) ? fixed(run.radius_mm, 3) : "straight"), h("td", {}, turning.includes(run) ? `${fixed(run.radius_low_mm, 3)} to ${fixed(run.radius_high_mm, 3)}` : ""),
-        h("td", {}, run.simulated_radius_mm === null ? "–" : fixed(run.simulated_radius_mm, 3)), h("td", {}, num(run.speed_mm_s, 3)), h("td", {}, fixed(run.gap_rms_mm, 3)));
+        h("td", {}, run.simulated_radius_mm === null ? "–" : fixed(run.simulated_radius_mm, 3)), h("td", {}, fixed(run.speed_mm_s, 3)), h("td", {}, fixed(run.gap_rms_mm, 3)));
       rows.push(row);
       return row;
     })));
   const box = h("div", { class: "stack" },
     h("div", { class: "row end" }, h("div", {}, h("p", { class: "kind" }, "Results"), h("h1", {}, found.name)),
-      h("dl", { class: "figures" }, figure("runs measured", runs.length), figure("gap of model and robot", found.gap_mm === null ? "–" : `${num(1000 * found.gap_mm)} µm`, "gap", found.gap_mm))),
+      h("dl", { class: "figures" }, figure("runs measured", runs.length), figure("gap of model and robot", found.gap_mm === null ? "–" : length(found.gap_mm), "gap", found.gap_mm))),
     h("div", { class: "two" },
       h("section", { class: "card" }, h("h2", {}, "Radius against difference of speed"), points.canvas, h("p", { class: "legend small soft" }, h("i", { class: "blue" }), "measured, 95 % interval", h("i", { class: "vermillion dashed" }), "simulated (square)"), h("p", { class: "small soft" }, "Where a square lies outside the interval, model and robot disagree. Click a point to see its run.")),
       h("section", { class: "card" }, h("h2", {}, "Trajectory"), plate.canvas, h("p", { class: "legend small soft" }, h("i", { class: "ink" }), "measured centre", h("i", { class: "vermillion dashed" }), "simulated", h("i", { class: "blue" }), "circle of minimum radius"))),

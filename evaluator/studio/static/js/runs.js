@@ -6,6 +6,7 @@ import { jobOf, onJobs } from "./jobs.js";
 import { player } from "./player.js";
 import { say } from "./say.js";
 import { sheet } from "./table.js";
+import { undoing } from "./undo.js";
 
 const COLUMNS = [
   { key: "id", title: "run", kind: "text" },
@@ -41,18 +42,14 @@ export async function show(view, { id, rest, signal }) {
   };
   // One change after another: each is made for the version that the one before it left.
   let queue = Promise.resolve();
-  const edit = (edits, extra) => (queue = queue.then(() => post(`${path}/edit`, { version: found.version, edits })).then((next) => { say(""); accept(next, extra); choose(shown ?? 0, false); }).catch(recover));
-  const step = (way) => (queue = queue.then(() => post(`${path}/step`, { version: found.version, way })).then((next) => accept(next)).catch(recover));
+  const edit = (edits, extra) => (queue = queue.then(() => post(`${path}/edit`, { version: found.version, edits })).then((next) => { say(""); accept(next, extra); choose(shown ?? 0, false); undo.refresh(); }).catch(recover));
+  const undo = undoing("runs", id, signal, async () => { accept(await get(path, signal)); choose(shown ?? 0, false); });
 
   const table = sheet(COLUMNS, { edit, chosen: (row) => choose(row), signal });
-  const undo = h("button", { title: "Undo (Ctrl+Z)", onclick: () => step("undo") }, "Undo");
-  const redo = h("button", { title: "Redo (Ctrl+Shift+Z)", onclick: () => step("redo") }, "Redo");
   const recordings = h("datalist", { id: "recordings" });
   const title = h("h1");
   const draw = () => {
     table.draw(found, states(), unpasted); // what a paste could not take is said until the next change
-    undo.disabled = !found.history.undo;
-    redo.disabled = !found.history.redo;
     fill(recordings, found.recordings.map((one) => h("option", { value: one })));
     title.textContent = String(found.head.name ?? "");
     drawWork();
@@ -67,7 +64,7 @@ export async function show(view, { id, rest, signal }) {
         job ? "Working …" : todo ? `Analyse ${todo} of ${found.rows.length} runs` : "Analyse"),
       h("button", { disabled: Boolean(job) || fault || !found.rows.length, onclick: start("diagnose"), title: "Find the effect that is missing in the model" }, "Diagnose"));
   };
-  const refresh = () => get(`${path}/state`, signal).then((state) => { outdated = state.outdated; draw(); }).catch(() => {});
+  const refresh = () => get(`${path}/state`, signal).then((state) => { outdated = state.outdated; if (state.fault && !found.faults.length) say(state.fault); draw(); }).catch(() => {});
 
   let inner = null;
   const choose = async (row, anew = true) => {
@@ -94,17 +91,11 @@ export async function show(view, { id, rest, signal }) {
   };
   const empty = () => h("div", { class: "empty" }, h("h2", {}, "No runs yet"), h("p", {}, "Add a run for each recording, or paste rows from a spreadsheet: run, left rpm, right rpm, start, stop, video."));
 
-  document.addEventListener("keydown", (event) => {
-    if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "z" || event.target.closest?.("input, textarea")) return;
-    event.preventDefault();
-    step(event.shiftKey ? "redo" : "undo");
-  }, { signal });
-
   fill(view, recordings,
     h("div", { class: "row end" }, h("div", {}, h("p", { class: "kind" }, "Runs"), title), work),
     h("div", { class: "split" },
       h("section", { class: "stack", "aria-label": "Table of runs" }, table.box,
-        h("div", { class: "row" }, h("button", { onclick: () => table.add() }, "Add a run"), undo, redo, h("span", { class: "soft small" }, "Paste from a spreadsheet into any cell."))),
+        h("div", { class: "row" }, h("button", { onclick: () => table.add() }, "Add a run"), undo.undo, undo.redo, h("span", { class: "soft small" }, "Paste from a spreadsheet into any cell."))),
       stage));
   draw();
   refresh();

@@ -4,6 +4,7 @@ import { get, post } from "./api.js";
 import { color, fill, fixed, h, num, surface } from "./dom.js";
 import { boundsOf, dot, grid, path, view as view_of } from "./plate.js";
 import { say } from "./say.js";
+import { undoing } from "./undo.js";
 
 const OWN = [[33.3, 14.4], [14.4, 33.3], [-33.3, -14.4], [40, 40]];
 
@@ -11,19 +12,20 @@ export async function show(view, { id, signal }) {
   const home = id ? null : await get("/api/home", signal);
   let from = id ?? "";
   const place = h("div");
+  const undo = id && undoing("sandbox", id, signal, () => load());
   const pick = home && h("select", { "aria-label": "Robot", onchange: (event) => { from = event.target.value; load().catch(say); } },
     home.robots.map((name) => h("option", { value: `robot:${name}` }, `shipped robot: ${name}`)), home.experiments.filter((one) => !one.fault).map((one) => h("option", { value: one.id }, `robot of: ${one.name}`)));
   const load = async () => {
     const experiment = from.startsWith("robot:") || !from ? null : from;
     const robot = experiment ? null : from.replace("robot:", "") || "barrel";
     const found = await get(`/api/sandbox?${experiment ? `experiment=${experiment}` : `robot=${robot}`}`, signal);
-    fill(place, screen(found, { experiment, robot }, signal));
+    fill(place, screen(found, { experiment, robot }, signal, undo));
   };
   fill(view, h("div", { class: "row end" }, h("div", {}, h("p", { class: "kind" }, "Sandbox"), h("h1", {}, "What would it do to my turns?")), pick), place);
   await load();
 }
 
-function screen(found, source, signal) {
+function screen(found, source, signal, undo) {
   const state = { nominal: {}, effects: {}, commands: (found.commands.length ? found.commands : OWN).slice(0, 12), chosen: 0, duration: 8 };
   let changed = [], base = [];
   const plate = surface((context, width, height) => {
@@ -37,7 +39,7 @@ function screen(found, source, signal) {
   const took = h("output", { class: "small soft" });
 
   // One request at a time, always for the latest state.
-  let asking = false, dirty = false;
+  let asking = false, dirty = false, failed = false;
   const ask = async (with_base = false) => {
     dirty = true;
     if (asking) return;
@@ -50,16 +52,17 @@ function screen(found, source, signal) {
         changed = answer.changed;
         if (answer.base) base = answer.base;
         with_base = false;
-        say("");
+        if (failed) say(""); // nothing else: what was said of a change stays
+        failed = false;
         took.textContent = `${changed.length} runs in ${Math.round(performance.now() - begun)} ms`;
         plate.redraw();
         rows();
       }
-    } catch (error) { say(error); } finally { asking = false; }
+    } catch (error) { failed = true; say(error); } finally { asking = false; }
   };
   const rows = () => fill(table, changed.map((one, k) => h("tr", { tabindex: 0, "aria-selected": String(k === state.chosen), onclick: () => { state.chosen = k; plate.redraw(); rows(); }, onkeydown: (event) => { if (event.key === "Enter") event.currentTarget.click(); } },
     h("td", {}, `${num(one.left_rpm)} / ${num(one.right_rpm)}`), h("td", {}, base[k]?.radius_mm ? fixed(base[k].radius_mm, 2) : "straight"), h("td", {}, one.radius_mm ? fixed(one.radius_mm, 2) : "straight"),
-    h("td", {}, base[k]?.radius_mm && one.radius_mm ? `${one.radius_mm > base[k].radius_mm ? "+" : ""}${fixed(100 * (one.radius_mm / base[k].radius_mm - 1), 1)} %` : "–"), h("td", {}, `${num(one.speed_mm_s)}`))));
+    h("td", {}, base[k]?.radius_mm && one.radius_mm ? `${one.radius_mm > base[k].radius_mm ? "+" : ""}${fixed(100 * (one.radius_mm / base[k].radius_mm - 1), 1)} %` : "–"), h("td", {}, fixed(one.speed_mm_s, 3)))));
 
   const slider = (one, moved, of = "") => {
     const shown = h("output", {}, `${num(one.value)} ${one.unit}`);
@@ -76,7 +79,7 @@ function screen(found, source, signal) {
   const given_values = (one, given) => Object.fromEntries(one.sliders.map((own) => [own.key, given && given[own.key] !== undefined ? given[own.key] : own.value]));
   const add = source.experiment && h("button", { title: "Put the effects that were moved into the robot file of the experiment", onclick: () => {
     if (!Object.keys(state.effects).length) { say("Move a slider of an effect first."); return; }
-    post(`/api/experiments/${source.experiment}/robot`, { version: found.version, effects: state.effects }).then((answer) => { found.version = answer.robot.version; say(`Written to ${answer.robot.path}.`, true); }).catch(say);
+    post(`/api/experiments/${source.experiment}/robot`, { version: found.version, effects: state.effects }).then((answer) => { found.version = answer.robot.version; say(`Written to ${answer.robot.path}.`, true); undo.refresh(); }).catch(say);
   } }, "Add to the robot");
   ask(true);
   return h("div", { class: "side" },
@@ -84,7 +87,7 @@ function screen(found, source, signal) {
       h("details", { class: "effect" }, h("summary", {}, h("span", {}, "The robot itself"), h("span", { class: "small soft" }, "nominal values")), found.robot.map((one) => slider(one, (value) => { state.nominal[one.key] = value; }).row)),
       found.effects.map(effect)),
     h("section", { class: "stack" }, plate.canvas,
-      h("div", { class: "row end" }, h("p", { class: "legend small soft" }, h("i", { class: "soft" }), "as it is", h("i", { class: "vermillion" }), "with the changes"), took, add),
+      h("div", { class: "row end" }, h("p", { class: "legend small soft" }, h("i", { class: "soft" }), "as it is", h("i", { class: "vermillion" }), "with the changes"), took, h("div", { class: "row" }, add, undo && [undo.undo, undo.redo])),
       slider({ words: "duration", unit: "s", low: 2, high: 30, step: 1, value: 8 }, (value) => { state.duration = value; base = []; }).row,
       h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ["left / right, rpm", "radius, mm", "with changes", "", "speed, mm/s"].map((text) => h("th", { scope: "col" }, text)))), table))));
 }

@@ -1,0 +1,207 @@
+"""Compiled kernels on disk: where they are, for which sources they hold, and that one process at a time makes one.
+
+They are in the user's cache, `turnscope/kernels`, or in NUMBA_CACHE_DIR where that is set; without either in
+`__pycache__` beside the source, and where nothing can be written nothing is kept. A name holds the digest of the
+kernel's file and of all files of these packages that it imports, directly or not; numba adds its own version, the
+processor and the types of the arguments.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import cache, cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from numba.core import config
+from numba.core.caching import Cache, CompileResultCacheImpl, NullCache, _CacheLocator
+from numba.core.compiler_lock import global_compiler_lock
+
+ROOT = Path(__file__).parents[2]  # of the packages
+IMPORTED = re.compile(
+    r"^[ \t]*from[ \t]+((?:calibration|simulator|evaluator)[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|.*)", re.MULTILINE
+)
+OLD_S = 60 * 86400.0  # what was compiled so long ago goes when its kernel is compiled anew
+
+
+def keep_on_disk(kernel: Any) -> None:
+    """Let a kernel be read from disk, or compiled by one process at a time and kept."""
+    on_disk = _OnDisk(kernel.py_func)
+    kernel._cache = on_disk  # noqa: SLF001  # numba's own has no other place for files
+    compile_now = kernel.compile
+
+    def compile_alone(signature: Any) -> Any:
+        with global_compiler_lock, _alone(on_disk.index):
+            entry = compile_now(signature)
+        _give_environments(kernel)
+        return entry
+
+    kernel.compile = compile_alone
+
+
+def kept(kernel: Any) -> bool:
+    """Whether something compiled from the present sources of the kernel is on disk."""
+    index = kernel._cache.index  # noqa: SLF001
+    return index is not None and index.exists()
+
+
+class _OnDisk:
+    """numba's cache of one kernel, made when it is first needed: a command pays for the kernels that it calls."""
+
+    def __init__(self, function: Any) -> None:
+        self._function = function
+
+    @cached_property
+    def _cache(self) -> Any:
+        try:
+            return _KernelCache(self._function)
+        except RuntimeError:  # no folder can be written, or there is no source
+            return NullCache()
+
+    @property
+    def index(self) -> Path | None:
+        """The file that lists what is kept of the kernel, None where nothing can be kept."""
+        path = self._cache.cache_path
+        return path and Path(path) / f"{self._cache._impl.filename_base}.nbi"  # noqa: SLF001
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        """Read what was compiled; what cannot be read, as after a disk error, is compiled anew."""
+        try:
+            return self._cache.load_overload(signature, target)
+        except Exception:  # noqa: BLE001  # a damaged pickle raises anything
+            if self.index is not None:
+                self.index.unlink(missing_ok=True)
+            return None
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        """Keep what was compiled, and drop what was compiled of this kernel long ago."""
+        self._cache.save_overload(signature, result)
+        if self.index is not None:
+            for file in self.index.parent.glob(f"{self.index.name.split('-')[0]}-*"):
+                with suppress(OSError):  # another process may be first
+                    if file.stat().st_mtime < time.time() - OLD_S:
+                        file.unlink()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._cache, name)
+
+
+class _Place(_CacheLocator):  # type: ignore[misc, unused-ignore]  # numba is untyped
+    """Folder and name of what is kept of a kernel."""
+
+    def __init__(self, folder: Path, stamp: str, source: str) -> None:
+        self._folder, self._stamp, self._py_file = folder, stamp, source
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> _Place | None:
+        """The place of a function; None where nothing can be kept."""
+        del py_func
+        source = Path(py_file)
+        if not source.is_file():
+            return None
+        folder = _folder(source.parent)
+        return None if folder is None else cls(folder, digest(source), py_file)
+
+    def get_cache_path(self) -> str:
+        """The folder."""
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        """What the sources are recognised by."""
+        return self._stamp
+
+    def get_disambiguator(self) -> str:
+        """What tells files of one kernel apart: versions of turnscope live side by side."""
+        return self._stamp[:16]
+
+
+class _KernelFiles(CompileResultCacheImpl):  # type: ignore[misc, unused-ignore]
+    _locator_classes = [_Place]  # noqa: RUF012  # as numba has it
+
+
+class _KernelCache(Cache):  # type: ignore[misc, unused-ignore]
+    _impl_class = _KernelFiles
+
+
+def digest(source: Path) -> str:
+    """Digest of the texts of a file and of all files of these packages that it imports, directly or not."""
+    found, ahead = {source}, [source]
+    while ahead:
+        for other in _read(ahead.pop())[1] - found:
+            found.add(other)
+            ahead.append(other)
+    texts = sorted(_read(file)[0] for file in found - {source})
+    return sha256("".join([_read(source)[0], *texts]).encode()).hexdigest()
+
+
+@cache
+def _read(source: Path) -> tuple[str, frozenset[Path]]:
+    """Digest of the text of a file, and the files of these packages that it imports."""
+    text = source.read_bytes()
+    files = set()
+    for module, names in IMPORTED.findall(text.decode(errors="replace")):
+        folder = ROOT.joinpath(*module.split("."))
+        files |= {folder.with_suffix(".py"), folder / "__init__.py"}
+        files |= {folder / f"{name}.py" for name in re.findall(r"\w+", names)}
+    # This file changes where kernels are kept, not what they are.
+    return sha256(text).hexdigest(), frozenset(file for file in files if file.is_file() and file != Path(__file__))
+
+
+@cache
+def _folder(beside: Path) -> Path | None:
+    """The first folder that can be written: NUMBA_CACHE_DIR, the user's cache, `__pycache__` beside the source."""
+    wanted = [Path(config.CACHE_DIR)] if config.CACHE_DIR else []
+    with suppress(RuntimeError):  # no home directory
+        wanted.append(_user_cache() / "turnscope" / "kernels")
+    for folder in (*wanted, beside / "__pycache__"):
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder).close()
+            return folder
+    return None
+
+
+def _user_cache() -> Path:
+    """Where the system keeps what programs can make again."""
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+
+
+@contextmanager
+def _alone(index: Path | None) -> Iterator[None]:
+    """Hold the lock of a kernel, where the system has such locks: no other process compiles it.
+
+    A shared kernel is compiled while the lock of its caller is held, never the other way round, so that processes do
+    not wait for each other in a circle.
+    """
+    if index is None or sys.platform == "win32":
+        yield
+        return
+    import fcntl
+
+    try:
+        lock = index.with_suffix(".lock").open("wb")
+    except OSError:
+        yield
+        return
+    with lock:
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def _give_environments(kernel: Any) -> None:
+    """Give the parts in a kernel what their errors are made with; numba does so where it reads a kernel from disk."""
+    for result in kernel.overloads.values():
+        for environment in result._find_referenced_environments():  # noqa: SLF001
+            result.library.codegen.set_env(environment.env_name, environment)

@@ -1,0 +1,68 @@
+"""Kernels that are compiled as parts of those that call them.
+
+numba makes of every kernel a library of its own: it links all that the kernel calls, optimises the whole, writes
+machine code, and makes wrappers for Python and C. So what is called three calls down is optimised and written four
+times. A part stops before all that: its code is typed and lowered, and optimised within the kernel that Python calls.
+
+This goes through inner parts of numba: a pipeline (documented), and the class of libraries that it fills.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from numba import _dynfunc, njit
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+
+
+class _OptimizedLibrary(JITCodeLibrary):  # type: ignore[misc, unused-ignore]  # numba is untyped
+    """Code of a part with that of what it calls, never run on its own."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+
+class _LoweredLibrary(_OptimizedLibrary):
+    """Code of a part as it was lowered."""
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        ll_module.data_layout = self._codegen._data_layout  # noqa: SLF001
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+
+class _PartCompiler(Compiler):  # type: ignore[misc, unused-ignore]
+    """numba's pipeline, ending with code that can be linked."""
+
+    def __init__(
+        self, typing: Any, target: Any, library: Any, args: Any, returned: Any, flags: Any, *rest: Any
+    ) -> None:
+        flags = flags.copy()
+        flags.no_compile = True
+        # Sums in any order are put in order here, so that the order does not depend on who calls.
+        kind = _OptimizedLibrary if flags.fastmath else _LoweredLibrary
+        library = kind(target.codegen(), "part")
+        super().__init__(typing, target, library, args, returned, flags, *rest)
+
+    def compile_extra(self, func: Any) -> Any:
+        """Compile, and tell numba where the code is under a key that stands for an address."""
+        result = super().compile_extra(func)
+        module, library = result.fndesc.lookup_module(), result.library
+        key = _dynfunc.make_function(module, "part", "", 0, result.environment, (library,))
+        self.state.targetctx.insert_user_function(key, result.fndesc, [library])
+        return result._replace(entry_point=key)
+
+
+def call_as_part(kernel: Any, options: dict[str, Any]) -> None:
+    """Let other kernels call this one as a part of theirs; Python calls it as before."""
+
+    @cache
+    def part() -> Any:
+        return njit(pipeline_class=_PartCompiler, **{**options, "no_cpython_wrapper": True})(kernel.py_func)
+
+    kernel.get_call_template = lambda args, kws: part().get_call_template(args, kws)
+    kernel.get_overload = lambda sig: part().get_overload(sig)

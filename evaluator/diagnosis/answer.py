@@ -1,0 +1,79 @@
+"""The answer that a search gives: which effects, how sure, and when its runs are too few to say more."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from evaluator.diagnosis.assessment.adequacy import Adequacy, adequacy
+from evaluator.diagnosis.assessment.cross_validation import Constancy, constancy
+from evaluator.diagnosis.assessment.knowledge import Knowledge, Together, knowledge, together
+from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, standing
+from evaluator.diagnosis.assessment.relevance import Changes, changes
+from evaluator.diagnosis.assessment.sufficiency import too_few
+from evaluator.diagnosis.assessment.verdict import Verdict, decide, doubts, material_gain
+from evaluator.diagnosis.experiment import Session
+from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.search_runs import name_what_is_off, rank_named
+from simulator.effects.coordinates import Candidate
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A verdict with what it rests on; the fields are those of Diagnosis."""
+
+    verdict: Verdict
+    reason: str
+    chosen: Set
+    named: Set
+    standing: Standing
+    leftover: Adequacy
+    constancy: tuple[Constancy, ...]
+    changes: Mapping[str, Changes]
+    negligible: Set
+    known: tuple[Knowledge, ...]
+    known_together: Together
+
+
+def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> Answer:
+    """What a search over all runs says; free: the free-form terms that were tried."""
+    table, named = rank_named(search, len(free))
+    least_material = material_gain(len(search.runs)) if search.problem.length > 1 else -math.inf
+    chosen, verdict, reason = decide(search, table, len(free), named, least_material)
+    if verdict in ("none", "effect"):
+        wider = name_what_is_off(search, chosen, session.known, len(free))
+        if wider != chosen:
+            reason = f"{', '.join(sorted(wider - chosen))} does what would be off beyond three tolerances without it"
+            chosen, named, verdict, table = wider, wider, "effect", standing(search, len(free))
+    done = {effect: changes(search.problem, search.fits[chosen], effect) for effect in chosen}
+    negligible: Set = frozenset()
+    if verdict == "effect" and not any(item.matter(session.relevant) for item in done.values()):
+        negligible, verdict = chosen, "none"
+        reason = f"what is missing ({', '.join(sorted(chosen))}) does less than is stated as relevant"
+    left = adequacy(search.fits[chosen], session.data)
+    constant = constancy(search.fits[named], session.data, search.tolerance)
+    reserve = "" if verdict == "unknown" else doubts(left, constant)
+    if reserve and verdict == "effect" and search.problem.length > 1:  # ground leaves more than any model says
+        reason = f"{reason}; {reserve}"
+    elif reserve:
+        verdict, reason = "unknown", reserve
+        chosen = next((ids for ids in table.sets if any(map(is_free, ids))), chosen)
+    if verdict == "unknown" and (few := too_few_runs(search, chosen, session)):
+        verdict, reason, chosen = "insufficient", f"{reason}; {few}", frozenset()
+        left = adequacy(search.null, session.data)
+    known = knowledge(session.known, search.fits[chosen])
+    at_once = together(search.fits[chosen], search.tolerance)
+    if verdict == "none" and not chosen and (at_once.is_finding or any(item.is_finding for item in known)):
+        reason = "with what is off beyond its tolerance put right, the model explains the data within noise"
+    return Answer(verdict, reason, chosen, named, table, left, tuple(constant), done, negligible, known, at_once)
+
+
+def too_few_runs(search: Search, ids: Set, session: Session) -> str:
+    """Why the runs are too few to say that something without a name is missing; empty where they are not.
+
+    ids: the set that would explain it.
+    """
+    parameters = sum(search.terms[effect].size for effect in ids if is_free(effect))
+    law = adequacy(search.fits[ids], session.data) if parameters and ids in search.fits else None
+    return too_few(adequacy(search.null, session.data), max(parameters, 1), law)

@@ -1,0 +1,53 @@
+"""When runs can carry the verdict that something is missing which has no name, and when it may as well be chance.
+
+Two things speak for physics without a name. A model may miss what happens within runs: there every run is evidence by
+itself, but runs also go wrong by themselves, so more of them must disagree than may be odd. Or it may fit each run and
+leave friction, speeds and starts of the runs in an order that is not chance: there a run counts as one number, and the
+scatter between runs has to be told from the law.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from evaluator.diagnosis.assessment.adequacy import FEWEST_FREEDOM, Adequacy
+from evaluator.diagnosis.assessment.model_comparison import FREE_PRIOR
+from evaluator.diagnosis.inference.search import EXPLAINED
+
+SEVERAL = 2  # runs: a law has to mend one that it might not have been made for
+ODD_SHARE = 0.05  # of recordings that go wrong by themselves: one in twenty
+
+
+def most_odd(runs: int) -> int:
+    """How many of so many runs may disagree, each by itself, before physics without a name is the likelier cause.
+
+    More than these go wrong less often than a laboratory has such physics (FREE_PRIOR): of 4 runs 1, of 24 runs 3.
+    """
+    return int(stats.binom.isf(FREE_PRIOR, runs, ODD_SHARE))
+
+
+def fewest_runs(parameters: int) -> int:
+    """Runs from which on a law of so many parameters can be told from what is left to chance between runs."""
+    return FEWEST_FREEDOM + 1 + parameters
+
+
+def too_few(left: Adequacy, parameters: int, with_law: Adequacy | None = None) -> str:
+    """Why these runs cannot carry that something without a name is missing; empty where they can.
+
+    left: what the model without effects leaves over. parameters: of the law that would explain it. with_law: what is
+    left over with that law, if there is one. Where it takes along all runs that miss the model by themselves, and they
+    are several, they did not go wrong each by itself: one law would hardly mend two accidents.
+    """
+    runs, missed = len(left.by_run), int(np.count_nonzero(left.by_run > EXPLAINED))
+    wanted = fewest_runs(parameters)
+    mended = with_law is not None and missed >= SEVERAL and not (with_law.by_run > EXPLAINED).any()
+    if mended or missed > most_odd(runs) or runs >= wanted:
+        return ""
+    within = (
+        f"{missed} of {runs} runs miss the model by themselves" if missed else "the model follows each run by itself"
+    )
+    return (
+        f"{within}, and so few runs cannot tell a law from what is chance between them (friction, speeds, one odd run "
+        f"in twenty): repeat these commands and their reverse, until there are {wanted} runs"
+    )

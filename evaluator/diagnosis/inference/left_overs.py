@@ -1,0 +1,29 @@
+"""What a fitted model leaves of the whitened features of each run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.likelihood.mixed_model import Linearized
+from evaluator.diagnosis.likelihood.problem import Column
+
+Floats = NDArray[np.float64]
+
+
+def left_overs(views: Sequence[Linearized], columns: Sequence[Column], theta: Floats) -> tuple[Floats, Floats]:
+    """Sums of squares that runs leave over and their degrees of freedom, (n,), (n,), at common parameters theta (p,).
+
+    Start pose, the run's own numbers and effects are free in every run: what they could take up is not counted. Values
+    known to a tolerance belong to the session: they stand where they were fitted.
+    """
+    effects = np.array([column.term is not None for column in columns], dtype=np.bool_)
+    squares, freedom = np.zeros(len(views)), np.zeros(len(views))
+    for number, view in enumerate(views):
+        left = view.response - view.common @ theta
+        basis = np.linalg.qr(np.column_stack([view.start, view.scatter, view.common[:, effects]]))[0]
+        squares[number] = float(left @ left) - float(np.sum((basis.T @ left) ** 2))
+        freedom[number] = max(len(left) - basis.shape[1], 1)
+    return squares, freedom

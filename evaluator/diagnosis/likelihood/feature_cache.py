@@ -1,0 +1,68 @@
+"""Features of simulations made before: a search returns to the same points again and again.
+
+A fit ends with a linear view of where it is, a screening begins with that view and adds candidates, the next fit begins
+there. One simulation in five was made before.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Hashable, Sequence
+from itertools import count, islice
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.likelihood.run_data import Task
+
+Floats = NDArray[np.float64]
+
+# Of one run: the last ten linear views with all candidates, some 2 MB.
+MOST_OF_A_RUN = 1000
+MOST_POINTS = 5000  # common parameters that are told apart at a time, 2 kB each: far more than those views have
+
+Parameters = tuple[tuple[str, Any], ...]
+
+
+class FeatureCache:
+    """Features (k,) of the latest simulations of every run. Threads may share it as long as they do not share a run."""
+
+    def __init__(self) -> None:
+        """Nothing has been simulated yet."""
+        self._of_run: dict[int, dict[Hashable, Floats]] = defaultdict(dict)
+        self._points: dict[tuple[Parameters, Parameters], int] = {}
+        self._number = count()
+
+    def of(self, tasks: Sequence[Task], simulated: Callable[[Sequence[Task]], Sequence[Floats]]) -> list[Floats]:
+        """Features of every task; simulated: gives those of tasks that are not known, each asked for once."""
+        keys = self._keys(tasks)
+        found = [self._of_run[task.run].get(key) for task, key in zip(tasks, keys, strict=True)]
+        missing: dict[tuple[int, Hashable], list[int]] = {}
+        for number, known in enumerate(found):
+            if known is None:
+                missing.setdefault((tasks[number].run, keys[number]), []).append(number)
+        made = simulated([tasks[numbers[0]] for numbers in missing.values()]) if missing else ()
+        for ((run, key), numbers), features in zip(missing.items(), made, strict=True):
+            self._of_run[run][key] = features
+            for number in numbers:
+                found[number] = features
+        for run in {run for run, _ in missing}:
+            known_of_run = self._of_run[run]
+            for key in list(islice(known_of_run, max(len(known_of_run) - MOST_OF_A_RUN, 0))):
+                del known_of_run[key]
+        return [item for item in found if item is not None]
+
+    def _keys(self, tasks: Sequence[Task]) -> list[Hashable]:
+        """What tells tasks of a run apart: a number for common parameters, which many tasks share, and their own."""
+        if len(self._points) > MOST_POINTS:
+            self._points.clear()  # numbers are not given twice
+        met: dict[tuple[int, int], int] = {}
+        keys: list[Hashable] = []
+        for task in tasks:
+            shared = id(task.nominal), id(task.terms)  # mappings live as long as their tasks
+            if shared not in met:
+                point = tuple(task.nominal.items()), tuple(task.terms.items())
+                met[shared] = self._points.setdefault(point, next(self._number))
+            keys.append((met[shared], task.own))
+        return keys

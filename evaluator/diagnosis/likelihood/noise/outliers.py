@@ -1,0 +1,57 @@
+"""Frames in which a tracker was mistaken: marks that jump from their neighbours and back."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+AROUND = 13  # frames, six before and six after: of the six pairs two may hold a jump
+OUTLIER_STEPS = 2.5  # and so many frames' motion: where motion begins, the middle of pairs is off by 1.75 of them
+OUTLIER_SIGMAS = 9.0  # a bend of the path at the start is less; tails of ordinary noise beyond add nothing to a fit
+# Steps from which the place of an end is extrapolated: where motion begins within them, it is off by 2 steps at most.
+ENDS_FROM = (1, 2, 3)
+LEAST_SIGMA_MM = 5e-4  # marks without noise, from another program, bend by as much
+MARKS, CHANNELS = (slice(0, 2), slice(2, 4)), (slice(0, 2), slice(2, 3), slice(3, 4))  # what is mistaken together
+
+
+def without_outliers(values: Floats, parts: tuple[slice, ...] = MARKS) -> Floats:
+    """Coordinates (n, 4), mm, with those that jump from their neighbours and back set to NaN: a tracker was mistaken.
+
+    parts: columns that are judged together: marks, or the channels of what a model leaves of them. Of a model that
+    follows the robot the left-overs hardly move, so that a jump shows that is hidden in the motion of the marks.
+    A coordinate is an outlier where it lies farther from what the frames around it say (the median of the middles of
+    pairs) than OUTLIER_SIGMAS robust standard deviations of this distance and OUTLIER_STEPS of the motion from frame to
+    frame: no robot leaves its path for a frame or two.
+    """
+    cleaned = values.copy()
+    for part in parts:
+        seen = np.flatnonzero(np.isfinite(values[:, part]).all(axis=1))
+        points = values[seen, part]
+        if len(points) < AROUND:
+            continue
+        half, count = AROUND // 2, len(points)
+        # halfway between frames as far before as after: of a straight path, whatever its speed, the place itself
+        longer = _continued(points, half)
+        pairs = [(longer[half - j :][:count] + longer[half + j :][:count]) / 2 for j in range(1, half + 1)]
+        said = np.median(pairs, axis=0)
+        off = points - said
+        sigma = 1.4826 * np.median(np.abs(off - np.median(off, axis=0)), axis=0) + LEAST_SIGMA_MM
+        # of the path as the neighbours say it: one jump is two of the steps, more than 5 % of a run of 30 frames
+        step = np.percentile(np.abs(np.diff(said, axis=0)), 95, axis=0)
+        limit = np.maximum(OUTLIER_SIGMAS * sigma, OUTLIER_STEPS * step)
+        cleaned[seen[(np.abs(off) > limit).any(axis=1)], part] = np.nan
+    return cleaned
+
+
+def _continued(points: Floats, frames: int) -> Floats:
+    """A path (n, k) with so many frames more before and after, its mirror image about where its ends should be.
+
+    That is where its neighbours point, not the end itself: a jump in the first or the last frame would judge itself.
+    """
+    before, after = (
+        2 * np.median([2 * path[j] - path[2 * j] for j in ENDS_FROM], axis=0) - path[frames:0:-1]
+        for path in (points, points[::-1])
+    )
+    return np.concatenate([before, points, after[::-1]])

@@ -1,0 +1,256 @@
+"""Tracking noise of marks: its size and its correlation in time, from what no motion of the robot can make.
+
+The residual of a run is split into cosine modes. Slow modes hold the misfit of the model, fast ones only noise. A white
+part plus a first-order autoregressive part is fitted to the fast modes and carried over to the slow ones, so a model
+that is wrong does not pass its own misfit off as noise. Source: Whittle (1953), Ark. Mat. 2, 423.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+from scipy.fft import dct
+from scipy.linalg import solveh_banded
+from scipy.ndimage import median_filter
+from scipy.optimize import minimize
+
+Floats = NDArray[np.float64]
+
+SLOWEST_HZ = 0.6  # the misfit of a model lives below: a robot needs seconds to cross the plate or to turn
+TAPERED = 0.514  # share of the modes of a tapered series that are independent: mean(taper²)² / mean(taper⁴)
+FEWEST_MODES = 24  # below this a spectrum of three parameters is not worth fitting; the noise is taken as white
+# What trackers show: correlation over a few frames up to half a second. Fast modes alone leave longer ones undecided.
+USUAL_CORRELATION_S = 0.1
+CORRELATION_SPREAD = 1.0  # of its logarithm
+OF_MEDIAN = 0.78  # what a median knows of the power of a band, beside the mean of its modes: (1.414 / 1.6)²
+LINE_BANDS = 5  # of 60, some 2.5 Hz of a camera of 60 frames a second: lines of two bands' width are held down
+# -2 log likelihood that a correlated part must gain for its two parameters, power and time (Akaike 1974, IEEE TAC 19,
+# 716). It acts most where the fit looks least: by chance it gave slow modes 40 % more power than white noise has.
+CORRELATED_AT = 2 * 2.0
+MEMORY = (-20.0, 6.0)  # of the logit of the correlation of neighbouring samples: none, to one that lasts 400 samples
+POWER_REACH = 40.0  # logarithm of a power over that of the fast modes: beyond, it is nothing, or all
+QUANTIZATION_MM = 1e-5  # marks files carry six decimals at most: noise below this is not noise of a camera
+
+
+@dataclass(frozen=True)
+class Noise:
+    """White noise plus exponentially correlated noise of one channel, mm and s; drift: what lasts for seconds.
+
+    vibration_mm: what stands out of both in narrow bands of frequency, a stand that shakes or a lamp that flickers. It
+    is noise of a sample, and no part of the covariance: no slow mode sees it.
+    """
+
+    white_mm: float
+    slow_mm: float
+    correlation_s: float
+    drift_mm: float = 0.0
+    drift_s: float = 1.0
+    vibration_mm: float = 0.0
+
+    def covariance(self, time_s: Floats) -> Floats:
+        """Covariance between samples at time_s, (n, n), mm²."""
+        lag = np.abs(time_s[:, None] - time_s[None, :])
+        kernel: Floats = self.slow_mm**2 * np.exp(-lag / self.correlation_s)
+        if self.drift_mm:
+            kernel += self.drift_mm**2 * np.exp(-lag / self.drift_s)
+        kernel[np.diag_indices(len(time_s))] += self.white_mm**2
+        return kernel
+
+    def times(self, time_s: Floats, columns: Floats) -> Floats:
+        """The covariance between samples at increasing time_s (n,) times columns (n, k), without the matrix, mm²."""
+        product = self.white_mm**2 * columns + self.slow_mm**2 * correlated(time_s, self.correlation_s, columns)
+        if self.drift_mm:
+            product += self.drift_mm**2 * correlated(time_s, self.drift_s, columns)
+        return np.asarray(product)
+
+    @property
+    def sigma_mm(self) -> float:
+        """Standard deviation of one sample, mm."""
+        parts = (self.white_mm, self.slow_mm, self.drift_mm, self.vibration_mm)
+        return float(np.sqrt(np.sum(np.square(parts))))
+
+    def scaled(self, factor: float) -> Noise:
+        """Noise with all amplitudes multiplied by factor, its correlation times unchanged."""
+        return Noise(self.white_mm * factor, self.slow_mm * factor, self.correlation_s)
+
+
+def correlated(time_s: Floats, correlation_s: float, columns: Floats) -> Floats:
+    """The matrix exp(-|lag| / correlation_s) of samples at increasing time_s (n,) times columns (n, k).
+
+    Such noise has no memory but its last value, so that the inverse of the matrix has three diagonals, and a product
+    takes time in proportion to n, not n². Source: Rybicki & Press (1995), Phys. Rev. Lett. 74, 1060.
+    """
+    if len(time_s) < 2:
+        return columns
+    step = np.diff(time_s) / correlation_s
+    kept = np.exp(-step)
+    lost = -np.expm1(-2 * step)  # 1 - kept², to all digits also where hardly anything is lost
+    diagonals = np.zeros((2, len(time_s)))
+    diagonals[1] = 1.0
+    diagonals[1, :-1] += kept**2 / lost
+    diagonals[1, 1:] += kept**2 / lost
+    diagonals[0, 1:] = -kept / lost
+    return np.asarray(solveh_banded(diagonals, columns, check_finite=False))
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Cosine-mode powers of one channel of one run: frequencies, Hz, and squared orthonormal coefficients, mm²."""
+
+    frequency_hz: Floats
+    power_mm2: Floats
+    step_s: float
+
+
+def spectrum(time_s: Floats, residual_mm: Floats) -> Spectrum:
+    """Cosine modes of a residual freed of its smooth part, a polynomial in time.
+
+    Without the polynomial the ends of a drifting residual would leak into the fast modes. Where samples are missing
+    (NaN) or frames were dropped stands what those seen say of the modes below SLOWEST_HZ: it adds no fast power, and
+    the power of white noise is lessened alike at all frequencies above, in proportion to the samples that are there.
+    A vibration with holes is in part white, here as in the slow modes that are fitted.
+    Tapered, a vibration of some micrometres stays within a few modes; else its foot would lift all of them.
+    Source: von Hann's window in Harris (1978), Proc. IEEE 66, 51.
+    """
+    good = np.isfinite(residual_mm)
+    slots, step_s = _frame_slots(time_s)
+    grid, seen = step_s * np.arange(slots[-1] + 1), slots[good]
+    degree = int(np.clip(SLOWEST_HZ * grid[-1], 1, 12))  # less than half a wave per SLOWEST_HZ: noise stays
+    smooth = Polynomial.fit(grid[seen], residual_mm[good], degree)
+    filled = np.zeros(len(grid))
+    filled[seen] = residual_mm[good] - smooth(grid[seen])
+    if len(seen) < len(grid):
+        missing = np.setdiff1d(np.arange(len(grid)), seen)
+        filled[missing] = _slow_part(filled[seen], seen, missing, int(2 * SLOWEST_HZ * grid[-1]) + 1)
+    taper = np.sin(np.pi * (np.arange(len(grid)) + 0.5) / len(grid)) ** 2
+    coefficients = np.asarray(dct(filled * taper / np.sqrt(np.mean(taper**2)), type=2, norm="ortho"))
+    frequency = np.arange(len(grid)) / (2 * len(grid) * step_s)
+    present = float(np.sum(taper[seen] ** 2) / np.sum(taper**2))
+    return Spectrum(frequency[1:], coefficients[1:] ** 2 / present, step_s)
+
+
+def _slow_part(values: Floats, seen: NDArray[np.int64], missing: NDArray[np.int64], modes: int) -> Floats:
+    """What the slowest modes, fitted to values in the slots seen, say of the missing slots between them."""
+    count = max(int(seen[-1]), int(missing[-1])) + 1
+
+    def waves(slots: NDArray[np.int64]) -> Floats:
+        return np.asarray(np.cos(np.pi * np.arange(modes) * ((slots[:, None] + 0.5) / count)))
+
+    known = waves(seen)
+    normal = known.T @ known  # a little ridge: of a long gap the modes say nothing
+    fitted = np.linalg.solve(normal + 1e-2 * np.trace(normal) / modes * np.eye(modes), known.T @ values)
+    return np.asarray(waves(missing) @ fitted)
+
+
+def _frame_slots(time_s: Floats) -> tuple[NDArray[np.int64], float]:
+    """Number of every frame (n,), counted with those dropped before it, and the time between frames, s.
+
+    Each sample keeps its own value in its own slot. Resampled on a grid of the median interval, which times rounded to
+    a millisecond put 2 % off, samples would be averaged with their neighbours: that takes fast power from white noise
+    and makes it look correlated, so that slow modes were given up to half again the power that they have.
+    """
+    steps = np.diff(time_s)
+    slots = np.concatenate([[0], np.cumsum(np.maximum(np.rint(steps / np.median(steps)), 1).astype(np.int64))])
+    return slots, float((time_s[-1] - time_s[0]) / slots[-1])
+
+
+def fit_noise(spectra: list[Spectrum]) -> Noise:
+    """Fit one noise to the fast modes of all spectra (Whittle likelihood, lines of narrow band held down)."""
+    frequency = np.concatenate([item.frequency_hz for item in spectra])
+    power = np.concatenate([item.power_mm2 for item in spectra])
+    step_s = float(np.median([item.step_s for item in spectra]))
+    fast = frequency >= SLOWEST_HZ
+    if fast.sum() < FEWEST_MODES:
+        sigma = float(np.sqrt(np.mean(power))) if len(power) else QUANTIZATION_MM
+        return Noise(max(sigma, QUANTIZATION_MM), 0.0, step_s)
+    frequency, power = _banded(frequency[fast], power[fast])
+    level = np.log(np.median(power) + QUANTIZATION_MM**2)
+    starts = [np.array([level, level - 2.0 + lift, shape]) for lift in (0.0, 2.0) for shape in (0.4, 2.0)]
+    known = (frequency, power, step_s, TAPERED * OF_MEDIAN * int(fast.sum()) / len(power))
+    reach = (float(level - POWER_REACH), float(level + POWER_REACH))
+    bounds = [reach, reach, MEMORY]
+    fits = [
+        minimize(_whittle, start, known, method="L-BFGS-B", jac=True, bounds=bounds, options={"ftol": 1e-12})
+        for start in starts
+    ]
+    chosen = min(fits, key=lambda fit: float(fit.fun))
+    best, white_mm2 = chosen.x, float(np.mean(power))
+    white_alone = known[3] * len(power) * (np.log(white_mm2) + 1)
+    if white_alone - float(chosen.fun) < CORRELATED_AT:
+        return Noise(max(float(np.sqrt(white_mm2)), QUANTIZATION_MM), 0.0, step_s)
+    decay = _decay(best[2])
+    return Noise(
+        float(np.exp(best[0] / 2)),
+        float(np.exp(best[1] / 2) / np.sqrt(1 - decay**2)),
+        _correlation_s(best[2], step_s),
+    )
+
+
+def _whittle(
+    free: Floats, frequency_hz: Floats, power_mm2: Floats, step_s: float, per_band: float
+) -> tuple[float, Floats]:
+    """-2 log of likelihood and prior at the logarithms of both powers and the logit, (3,), and its slopes (3,)."""
+    decay, white, innovations = _decay(free[2]), np.exp(free[0]), np.exp(free[1])
+    cosine = np.cos(2 * np.pi * frequency_hz * step_s)
+    model = _density(frequency_hz, free, step_s)
+    shape = 1 / (1 - 2 * decay * cosine + decay**2)
+    unusual = np.log(_correlation_s(free[2], step_s) / USUAL_CORRELATION_S) / CORRELATION_SPREAD
+    value = per_band * np.sum(np.log(model) + power_mm2 / model) + unusual**2
+    weight = per_band * (model - power_mm2) / model**2
+    by_decay = np.sum(weight * innovations * 2 * (cosine - decay) * shape**2)
+    by_decay -= 2 * unusual / CORRELATION_SPREAD / (decay * np.log(decay))
+    slopes = np.array([np.sum(weight) * white, np.sum(weight * shape) * innovations, by_decay * decay * (1 - decay)])
+    return float(value), slopes
+
+
+def _decay(logit: float) -> float:
+    """Correlation of neighbouring samples."""
+    return float(1.0 / (1.0 + np.exp(-np.clip(logit, *MEMORY))))
+
+
+def _correlation_s(logit: float, step_s: float) -> float:
+    return float(-step_s / np.log(_decay(logit)))
+
+
+def _density(frequency_hz: Floats, free: Floats, step_s: float) -> Floats:
+    """Expected mode power: white + innovations / |1 - decay·exp(-iω)|²."""
+    decay = _decay(free[2])
+    angle = 2 * np.pi * frequency_hz * step_s
+    colored = np.exp(free[1]) / (1 - 2 * decay * np.cos(angle) + decay**2)
+    density: Floats = np.exp(free[0]) + colored + QUANTIZATION_MM**2
+    return density
+
+
+def expected_power(noise: Noise, frequency_hz: Floats, step_s: float) -> Floats:
+    """Power of cosine modes, mm², that the white and the correlated part of a noise make."""
+    decay = np.exp(-step_s / noise.correlation_s)
+    angle = 2 * np.pi * frequency_hz * step_s
+    shape = (1 - decay**2) / (1 - 2 * decay * np.cos(angle) + decay**2)
+    return np.asarray(noise.white_mm**2 + noise.slow_mm**2 * shape)
+
+
+def with_vibration(noise: Noise, spectra: Sequence[Spectrum], above_hz: float) -> Noise:
+    """The noise with what the modes of its spectra above a frequency hold beyond its smooth part."""
+    beyond = []
+    for item in spectra:
+        fast = item.frequency_hz > above_hz
+        left = item.power_mm2[fast] - expected_power(noise, item.frequency_hz[fast], item.step_s)
+        beyond.append(float(np.sum(left)) / len(item.power_mm2))
+    return replace(noise, vibration_mm=float(np.sqrt(max(float(np.mean(beyond)), 0.0))))
+
+
+def _banded(frequency_hz: Floats, power: Floats, bands: int = 60) -> tuple[Floats, Floats]:
+    """Mean power per frequency band, from the median; a line (a wheel's run-out, a stand that shakes) lifts no band.
+
+    The median of a chi-square variable with one degree of freedom is 0.4549 of its mean. A line that fills a band gives
+    way to the median of the band and its neighbours, which leaves a smooth spectrum as it is.
+    """
+    order = np.argsort(frequency_hz)
+    groups = np.array_split(order, min(bands, max(len(order) // 8, 1)))
+    centers = np.array([np.mean(frequency_hz[group]) for group in groups])
+    levels = np.array([np.median(power[group]) / 0.4549 for group in groups])
+    return centers, np.asarray(median_filter(levels, LINE_BANDS, mode="nearest"))

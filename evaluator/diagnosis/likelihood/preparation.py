@@ -1,0 +1,106 @@
+"""From runs to a problem that can be fitted: the noise of every run, and its compression to few numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.candidates.coordinates import size_of
+from evaluator.diagnosis.inference.fit_cache import FitCache
+from evaluator.diagnosis.inference.watch import Watch
+from evaluator.diagnosis.likelihood.features import (
+    MODEL_FLOOR_MM,
+    channel_noise,
+    channels_of,
+    compression,
+    residual_spectra,
+)
+from evaluator.diagnosis.likelihood.noise.discrepancy import left_over, with_discrepancy
+from evaluator.diagnosis.likelihood.noise.drift import with_drift
+from evaluator.diagnosis.likelihood.noise.outliers import CHANNELS, without_outliers
+from evaluator.diagnosis.likelihood.problem import OWN, START_POSE, Point, Problem
+from evaluator.diagnosis.likelihood.run_data import Forward, RunData, aligned_starts
+
+Floats = NDArray[np.float64]
+
+NO_DISTANCE_MM = 1e9  # noise of a distance that was not measured
+SETTLING_S = 0.4  # motors that lag by more would be seen as an effect first
+
+
+def build_problem(
+    data: Sequence[RunData], forward: Forward, fits: FitCache | None = None, watch: Watch | None = None
+) -> tuple[Problem, Point]:
+    """Estimate the tracking noise and compress every run; also gives the nominal point with aligned starts.
+
+    fits: the fits that an interrupted diagnosis of the same data made. watch: when to end.
+    """
+    channels = tuple(channels_of(run.marks_mm) for run in data)
+    half = float(np.nanmedian(np.concatenate([item[:, 3] for item in channels]))) / 2
+    length = max(size_of(robot).length for robot in forward.robots)
+    bare = Problem(
+        tuple(data), forward, channels, (), (), half, length, fits=fits or FitCache(), watch=watch or Watch()
+    )
+    point = Point(aligned_starts(data, forward))
+    return with_noise_of(bare, point), point
+
+
+def with_noise_of(problem: Problem, point: Point) -> Problem:
+    """The problem with its noise estimated from what a point leaves over, and every run compressed accordingly.
+
+    Frames in which what is left over jumps and returns no longer count: a tracker was mistaken.
+    """
+    residuals = problem.residuals([point.task(run) for run in range(len(problem.data))])
+    cleaned = [without_outliers(item, CHANNELS) for item in residuals]
+    jumps = [np.isnan(new) & np.isfinite(old) for new, old in zip(cleaned, residuals, strict=True)]
+    seen = (
+        np.where(np.any(jump, axis=1, keepdims=True), np.nan, item)
+        for item, jump in zip(problem.channels, jumps, strict=True)
+    )
+    problem, residuals = replace(problem, channels=tuple(seen)), cleaned
+    frames = [problem.counting_frames(run) for run in range(len(problem.data))]
+    ends = [int(np.flatnonzero(used)[-1]) + 1 for used in frames]
+    noise = channel_noise(
+        [
+            residual_spectra(run.time_s[:end], item[:end], run.start_s + SETTLING_S)
+            for run, item, end in zip(problem.data, residuals, ends, strict=True)
+        ]
+    )
+    rigid = [np.zeros_like(used) if run.from_poses else used for run, used in zip(problem.data, frames, strict=True)]
+    noise = with_drift(
+        noise, [run.time_s for run in problem.data], rigid, residuals, [run.marks_mm for run in problem.data]
+    )
+    noise = [
+        (*parts[:3], replace(parts[3], white_mm=NO_DISTANCE_MM)) if run.from_poses else parts
+        for run, parts in zip(problem.data, noise, strict=True)
+    ]
+    if problem.length > 1:
+        noise = with_discrepancy(noise, [run.time_s for run in problem.data], _left_over(problem, point))
+    compressions = tuple(
+        compression(run.time_s, used, parts, problem.length * MODEL_FLOOR_MM)
+        for run, used, parts in zip(problem.data, frames, noise, strict=True)
+    )
+    return replace(problem, compressions=compressions, noise=tuple(noise))
+
+
+def within_horizon(problem: Problem, point: Point, horizon_s: float) -> Problem:
+    """The problem of the first seconds of every run, with the noise that a point leaves there.
+
+    Later frames are not simulated: over a short horizon that was nearly all of the work.
+    """
+    short = replace(problem, horizon_s=horizon_s)
+    frames = [int(np.flatnonzero(short.counting_frames(run))[-1]) + 1 for run in range(len(problem.data))]
+    data = tuple(run.first(count) for run, count in zip(problem.data, frames, strict=True))
+    channels = tuple(item[:count] for item, count in zip(problem.channels, frames, strict=True))
+    return with_noise_of(replace(short, data=data, channels=channels, forward=problem.forward.of_frames(data)), point)
+
+
+def _left_over(problem: Problem, point: Point) -> Floats:
+    """What the common parameters of a point leave over in every run, (runs, 2) mm: see discrepancy.left_over."""
+    same = replace(point, own=point.own * (np.arange(OWN) < START_POSE))
+    marks = problem.forward.marks([same.task(run) for run in range(len(problem.data))])
+    pairs = zip(problem.channels, marks, strict=True)
+    left = np.array([left_over(seen, channels_of(part), problem.half_distance_mm) for seen, part in pairs])
+    return np.where(np.isfinite(left), left, np.nanmax(left, axis=0))

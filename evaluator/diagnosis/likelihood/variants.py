@@ -1,0 +1,174 @@
+"""Robots with nominal values moved and terms added, compiled for the simulator and shared by tasks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from threading import Lock
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel
+
+from evaluator.diagnosis.candidates.free_form import FreeTerm
+from evaluator.diagnosis.likelihood.known_to import (
+    CLOCK,
+    GRAVITY,
+    LEVEL,
+    RADIUS_DIFFERENCE,
+    SIMULATED,
+    START,
+    amount_of,
+)
+from evaluator.diagnosis.likelihood.run_data import RunData, Task, Values, is_shared
+from evaluator.robot_geometry import reference_places
+from simulator.dynamics.model import apply_effects, record_of, room_for
+from simulator.effects.catalogue import EFFECTS
+from simulator.effects.coordinates import Candidate
+from simulator.effects.draft import Draft
+from simulator.effects.view import View
+from simulator.errors import SimulationError
+from simulator.observation import view_of
+from simulator.robot import Robot
+
+MOST_VARIANTS = 5000  # at a time, of some kB each
+_compiling = Lock()  # threads share the variants
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A robot with nominal values moved and terms added, which many runs share.
+
+    record: compiled at nominal friction, the words of a record, None where it cannot be simulated.
+    """
+
+    record: NDArray[np.int64] | None
+    view: View
+
+
+class Variants:
+    """The variants of an experiment's robots, compiled when they are first asked for; threads may share them.
+
+    slots: room of a record for the terms of any of the robots.
+    """
+
+    def __init__(self, robots: Sequence[Robot], terms: Mapping[str, Candidate], known: Mapping[str, float]) -> None:
+        """robots: one per run. terms, known: see Simulated."""
+        self.slots = room_for(tuple(robots))
+        self._robots, self._terms, self._known = tuple(robots), terms, known
+        self._kinds = [self._robots.index(robot) for robot in self._robots]  # equal robots have equal variants
+        self._places = {kind: reference_places(self._robots[kind]) for kind in self._kinds}  # of the file
+        self._found: dict[tuple[object, ...], Variant] = {}
+
+    def of(self, tasks: Sequence[Task], data: Sequence[RunData]) -> list[Variant]:
+        """The variant of every task; tasks of a linearization share theirs, and so do those of later ones."""
+        with _compiling:
+            return self._of(tasks, data)
+
+    def _of(self, tasks: Sequence[Task], data: Sequence[RunData]) -> list[Variant]:
+        if len(self._found) > MOST_VARIANTS:
+            self._found.clear()
+        met: dict[tuple[object, ...], Variant] = {}
+        result = []
+        for task in tasks:
+            run = data[task.run]
+            kind = self._kinds[task.run]
+            ordered = any(varies_by_run(effect) for effect in task.terms) or any(
+                varies_by_run(entry.id) for entry in self._robots[kind].effect
+            )
+            place = kind, run.order if ordered else 0
+            key = *place, id(task.nominal), id(task.terms)  # mappings live as long as their tasks
+            if key not in met:
+                nominal = {
+                    name: value
+                    for name, value in task.nominal.items()
+                    if not is_shared(name) or (name in SIMULATED and name in self._known and name != START)
+                }
+                lasting = *place, *nominal.items(), *task.terms.items()
+                if lasting not in self._found:
+                    self._found[lasting] = self._compiled(*place, nominal, task.terms)
+                met[key] = self._found[lasting]
+            result.append(met[key])
+        return result
+
+    def _compiled(self, kind: int, order: int, nominal: Mapping[str, float], terms: Values) -> Variant:
+        robot = varied_robot(self._robots[kind], {key: value for key, value in nominal.items() if not is_shared(key)})
+        view, draft = view_of(robot, self._places[kind]), Draft(robot, order)
+        try:
+            apply_effects(draft, robot.effect)
+            self._add_known(nominal, draft, view)
+            for effect, values in terms.items():
+                add_term(self._terms[effect], values, draft, view)
+            return Variant(record_of(draft, slots=self.slots).view(np.int64), view)
+        except SimulationError:
+            return Variant(None, view)  # outside what can be simulated; the caller sees NaN and steps back
+
+    def _add_known(self, nominal: Mapping[str, float], draft: Draft, view: View) -> None:
+        """Let the quantities of the laboratory act on a draft, or on the view of its marks."""
+        view.time_factor *= 1 + amount_of(nominal, CLOCK, self._known)
+        half = amount_of(nominal, RADIUS_DIFFERENCE, self._known) / 2
+        draft.speed_factor *= np.array([1 + half, 1 - half])
+        down_x, down_y = (amount_of(nominal, key, self._known) for key in LEVEL)
+        if down_x or down_y:
+            tilt = {"angle_deg": math.hypot(down_x, down_y), "azimuth_deg": math.degrees(math.atan2(down_y, down_x))}
+            _act("plate-tilt", draft, tilt)
+        x, y = (amount_of(nominal, key, self._known) for key in GRAVITY)
+        if x or y:
+            _act("mass-offset", draft, {"x_mm": x, "y_mm": y})
+
+
+def add_term(term: Candidate, values: tuple[float, ...], draft: Draft, view: View) -> None:
+    """Let one term act on a draft, or on the view of its marks."""
+    if isinstance(term, FreeTerm):
+        parts = term.kernel_terms(values)
+        draft.add(*(part for part in parts if not part.is_seen_only))
+        view.errors += tuple(part for part in parts if part.is_seen_only)
+        return
+    act, see = EFFECTS[term.id].act, EFFECTS[term.id].view
+    if act is not None:
+        act(draft, term.physical(values))
+    if see is not None:
+        see(view, term.physical(values))
+
+
+def depends_on_place(robot: Robot, terms: Iterable[Candidate]) -> bool:
+    """Whether a robot to which these terms are added drives, or is seen to drive, in another way elsewhere."""
+    view, draft = view_of(robot, reference_places(robot)), Draft(robot)
+    try:
+        apply_effects(draft, robot.effect)
+        for term in terms:
+            usual = tuple(item.absent + item.step for item in term.coordinates)
+            add_term(term, term.starts[0] if term.starts else usual, draft, view)
+        draft.finish()
+    except SimulationError:
+        return True  # nothing is known of it
+    return view.bends_with_place or any(term.depends_on_place for term in draft.terms)
+
+
+def varies_by_run(effect: str) -> bool:
+    """Whether an effect differs from run to run of a session; all others are compiled once for all runs of a robot."""
+    return effect in EFFECTS and EFFECTS[effect].varies_by_run
+
+
+def _act(effect: str, draft: Draft, values: Mapping[str, float]) -> None:
+    act = EFFECTS[effect].act
+    assert act is not None
+    act(draft, values)
+
+
+def varied_robot(robot: Robot, deviations: Mapping[str, float]) -> Robot:
+    """The robot with nominal values, by dotted key, multiplied by 1 + deviation; of a [[wheel]] list, those of each."""
+
+    def scaled(part: BaseModel, name: str, factor: float) -> BaseModel:
+        return part.model_copy(update={name: getattr(part, name) * factor})
+
+    for key, deviation in deviations.items():
+        if deviation:
+            table, name = key.split(".")
+            part = getattr(robot, table)
+            factor = 1 + deviation
+            each = isinstance(part, tuple)
+            changed = tuple(scaled(item, name, factor) for item in part) if each else scaled(part, name, factor)
+            robot = robot.model_copy(update={table: changed})
+    return robot

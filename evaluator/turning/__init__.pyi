@@ -1,0 +1,3 @@
+from .measure import measure_turning as measure_turning
+from .quantities import RobotShape as RobotShape
+from .result import Turning as Turning

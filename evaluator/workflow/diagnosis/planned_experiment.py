@@ -1,0 +1,71 @@
+"""A planned experiment as files: experiment.toml, its recordings still to be made, and the command of each run."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+from evaluator.errors import InputError
+from evaluator.files import write_text
+from simulator.robot import shipped_robots
+
+START_S = 0.5  # motors on in the time of the recording: frames at rest tell the start pose
+COMMANDS = "commands"  # folder of the command files, beside experiment.toml
+
+
+class PlannedRun(Protocol):
+    """One run to make."""
+
+    @property
+    def left_rpm(self) -> float:
+        """Of the left driving wheel."""
+
+    @property
+    def right_rpm(self) -> float:
+        """Of the right driving wheel."""
+
+    @property
+    def duration_s(self) -> float:
+        """How long the motors are on."""
+
+
+def write_planned(
+    runs: Sequence[PlannedRun],
+    name: str,
+    robot: str,
+    output: Path | str,
+    starts_mm_deg: Sequence[tuple[float, float, float]] = (),
+) -> list[Path]:
+    """Write an experiment.toml and a command file for each of its runs; gives the paths, that of the experiment first.
+
+    robot: a shipped name, or a file. starts_mm_deg: where the robot's centre is to be put, x and y of the plate, and
+    its heading; of every run, or none. Raises InputError where one of the files is there already: none is written then.
+    """
+    output = Path(output)
+    names = [f"r{number:02d}" for number in range(1, len(runs) + 1)]
+    logs = [output.parent / COMMANDS / f"{run}.csv" for run in names]
+    for path in (output, *logs):
+        if path.exists():
+            raise InputError(f"{path} is already there; give another name or folder, or remove it")
+    if robot not in shipped_robots():
+        robot = Path(os.path.relpath(robot, output.parent)).as_posix()
+    lines = [
+        f"# {COMMANDS}/r01.csv and so on: each command for the program that drives the robot, time_s from its start.",
+        *("format = 1", f'name = "{name}"', f'robot = "{robot}"', 'camera = "camera.json"'),
+    ]
+    for number, (run, log) in enumerate(zip(runs, logs, strict=True)):
+        lines += ["", "[[run]]", f'id = "{names[number]}"']
+        if starts_mm_deg:
+            x, y, heading = starts_mm_deg[number]
+            lines.append(f"# Put the robot's centre at x = {x:.1f} mm, y = {y:.1f} mm, heading {heading:g} degrees.")
+        lines += [
+            *(f"left_rpm = {run.left_rpm:g}", f"right_rpm = {run.right_rpm:g}"),
+            *(f"start_s = {START_S:g}", f"stop_s = {START_S + run.duration_s:g}", f'video = "{names[number]}.mp4"'),
+        ]
+        rows = [(0.0, run.left_rpm, run.right_rpm), (run.duration_s, 0.0, 0.0)]
+        table = [f"{time:g},{left:g},{right:g}" for time, left, right in rows]
+        write_text(log, "\n".join(["time_s,left_rpm,right_rpm", *table]) + "\n")
+    write_text(output, "\n".join(lines) + "\n")
+    return [output, *logs]

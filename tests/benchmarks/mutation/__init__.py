@@ -1,0 +1,1 @@
+"""Mutation tests: whether the tests notice small changes of the code."""

@@ -1,0 +1,165 @@
+"""Kernels are compiled where they are called from Python, once for the same sources, wherever these are installed."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.compilation import cache, compiled
+
+ROOT = Path(__file__).parents[2]
+KERNELS = """
+from calibration.compilation import compiled
+
+@compiled()
+def square(x):
+    return x * x
+
+@compiled(fastmath=True)
+def total(x):
+    return square(x) + square(x + 1.0) + 0.5
+
+@compiled(shared=True)
+def linked(x):
+    return total(x) - square(x)
+
+@compiled()
+def whole(x):
+    return total(x) + linked(x)
+"""
+LINE = "import {name} as k; print(k.whole(3.0), sum(k.whole.stats.cache_misses.values()))"
+
+
+def run(folder: Path, kept: Path | None, name: str = "own_kernels", **more: str) -> list[str]:
+    paths = os.pathsep.join([str(folder), str(ROOT)])
+    around = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    around |= {"PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1", **more}
+    if kept is not None:
+        around["NUMBA_CACHE_DIR"] = str(kept)
+    line = [sys.executable, "-c", LINE.format(name=name)]
+    done = subprocess.run(line, cwd=folder, env=around, capture_output=True, text=True, check=True, timeout=300)
+    return done.stdout.split()
+
+
+def written(folder: Path) -> Path:
+    folder.mkdir()
+    (folder / "own_kernels.py").write_text(KERNELS, encoding="utf-8")
+    return folder
+
+
+def test_parts_are_compiled_into_their_caller_and_only_what_is_called_or_shared_is_kept(tmp_path: Path) -> None:
+    assert run(written(tmp_path / "a"), tmp_path / "kept") == ["42.0", "1"]
+    names = {file.name.split("-")[0] for file in (tmp_path / "kept").glob("*.nbc")}
+    assert names == {"own_kernels.whole", "own_kernels.linked"}
+
+
+def test_a_second_installation_of_the_same_sources_compiles_nothing(tmp_path: Path) -> None:
+    first = run(written(tmp_path / "a"), tmp_path / "kept")
+    shutil.copytree(tmp_path / "a", tmp_path / "elsewhere")
+    os.utime(tmp_path / "elsewhere" / "own_kernels.py")
+    assert run(tmp_path / "elsewhere", tmp_path / "kept") == [first[0], "0"]
+
+
+def test_a_changed_kernel_is_compiled_anew_and_both_versions_are_kept(tmp_path: Path) -> None:
+    folder = written(tmp_path / "a")
+    run(folder, tmp_path / "kept")
+    (folder / "own_kernels.py").write_text(KERNELS.replace("+ 0.5", "+ 1.5"), encoding="utf-8")
+    assert run(folder, tmp_path / "kept") == ["44.0", "1"]
+    (folder / "own_kernels.py").write_text(KERNELS, encoding="utf-8")
+    assert run(folder, tmp_path / "kept") == ["42.0", "0"]
+
+
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+def test_a_damaged_file_is_compiled_anew_and_mended(tmp_path: Path, kind: str) -> None:
+    folder = written(tmp_path / "a")
+    run(folder, tmp_path / "kept")
+    for file in (tmp_path / "kept").glob(f"own_kernels.whole-*.{kind}"):
+        file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    assert run(folder, tmp_path / "kept") == ["42.0", "1"]
+    assert run(folder, tmp_path / "kept") == ["42.0", "0"]
+
+
+def test_kernels_work_where_nothing_can_be_kept(tmp_path: Path) -> None:
+    folder = written(tmp_path / "a")
+    (folder / "__pycache__").write_text("a file in the way", encoding="utf-8")
+    taken = tmp_path / "file"
+    taken.write_text("", encoding="utf-8")
+    around = {"XDG_CACHE_HOME": str(taken), "LOCALAPPDATA": str(taken), "HOME": str(taken)}
+    assert run(folder, None, **around) == ["42.0", "1"]
+
+
+def test_kernels_are_kept_in_the_users_cache(tmp_path: Path) -> None:
+    if sys.platform != "linux":
+        pytest.skip("other systems have other places")
+    run(written(tmp_path / "a"), None, XDG_CACHE_HOME=str(tmp_path / "cache"))
+    assert list((tmp_path / "cache" / "turnscope" / "kernels").glob("own_kernels.whole-*.nbc"))
+
+
+def test_the_digest_changes_with_every_file_that_is_imported_and_with_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    texts = {
+        "calibration/caller.py": "from calibration.room import callee\nfrom simulator.numbers import (\n    A,\n)\n",
+        "calibration/room/__init__.py": "",
+        "calibration/room/callee.py": "from evaluator.deeper import B\n",
+        "simulator/numbers.py": "A = 1\n",
+        "evaluator/deeper.py": "B = 1\n",
+        "evaluator/other.py": "C = 1\n",
+    }
+    for name, text in texts.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    monkeypatch.setattr(cache, "ROOT", tmp_path)
+
+    def digest() -> str:
+        cache._read.cache_clear()
+        return cache.digest(tmp_path / "calibration" / "caller.py")
+
+    before = digest()
+    changes = {}
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text + "# more\n", encoding="utf-8")
+        changes[name] = digest() != before
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    cache._read.cache_clear()
+    assert changes == {name: name != "evaluator/other.py" for name in texts}
+
+
+def test_what_was_compiled_long_ago_goes_when_its_kernel_is_compiled_anew(tmp_path: Path) -> None:
+    kept = tmp_path / "kept"
+    kept.mkdir()
+    ages = {"own_kernels.whole-0.py311.nbi": 61, "own_kernels.whole-1.py311.nbi": 59, "own_kernels.other-0.nbi": 61}
+    for name, days in ages.items():
+        (kept / name).touch()
+        os.utime(kept / name, ns=((then := int((Path(kept).stat().st_mtime - days * 86400) * 1e9)), then))
+    run(written(tmp_path / "a"), kept)
+    assert [name for name in ages if (kept / name).exists()] == list(ages)[1:]
+
+
+@compiled()
+def _reciprocal(x):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    return 1.0 / x
+
+
+@compiled()
+def _checked(values, row):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    if row >= len(values):
+        raise ValueError("no such row")
+    return values[row]
+
+
+@compiled()
+def _both(values, row):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    return _reciprocal(_checked(values, row))
+
+
+def test_parts_divide_by_zero_as_numpy_does_and_raise_what_they_raise() -> None:
+    assert np.isinf(_both(np.zeros(2), 1))
+    with pytest.raises(ValueError, match="no such row"):
+        _both(np.zeros(2), 2)

@@ -1,0 +1,209 @@
+"""The solve of a camera part by part: derivatives, priors, robust weights, faces, tolerances."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from calibration.camera import camera_above, camera_height
+from calibration.estimation.bundle_adjustment import (
+    State,
+    _moved,
+    _normal,
+    outliers,
+    robust_scale,
+    solve,
+    view_rows,
+    whitening,
+)
+from calibration.estimation.disc_projection import fitted_centers
+from calibration.estimation.flatness import (
+    PEAK_TO_VALLEY_SIGMAS,
+    Flatness,
+    bend_scale,
+    coefficient_sigma,
+    face_terms,
+    flatness_of,
+    rest_covariance,
+)
+from calibration.estimation.gauge_tolerance import change_by_pitch, with_tolerance
+from calibration.estimation.initial_values import rough_pose, rough_prior
+from calibration.gauge.geometry import Tolerance
+from tests.calibration.bundles import GAUGE, LOOSE, STEPS, bundle, moved_by, seen
+from tests.calibration.drawing import gauge_of
+
+
+@pytest.mark.parametrize("far", [False, True])
+def test_gradient_is_half_the_slope_of_the_robust_cost_with_all_its_priors(far: bool) -> None:
+    views, state = bundle(2)
+    state = replace(state, face_mm=np.array([0.02, -0.01, 0.03]), lens=state.lens + np.eye(10)[0] * 3.0)
+    if far:  # some dots beyond three sigmas: their pull is constant
+        views[0] = replace(views[0], centers_px=views[0].centers_px + 0.5 * (np.arange(88) % 7 == 0)[:, None])
+    prior = replace(rough_prior((400, 300)), distance_mm=(118.0, 0.4), face_mm=0.05)
+
+    def cost(at: State) -> float:
+        return _normal(views, at, prior, 1.3).cost
+
+    gradient = _normal(views, state, prior, 1.3).gradient
+    for place, step in enumerate(STEPS / 50):  # no dot crosses three sigmas
+        slope = (cost(moved_by(state, place, step)) - cost(moved_by(state, place, -step))) / (2 * step)
+        assert gradient[place] == pytest.approx(-slope / 2, rel=2e-3), place
+
+
+def test_rows_are_the_derivatives_of_the_whitened_residuals() -> None:
+    views, state = bundle(2)
+    state = replace(state, face_mm=np.array([0.02, -0.01, 0.03]))
+    skew = np.array([[4e-4, 1e-4], [1e-4, 2e-4]])
+    view = replace(views[1], whitening=whitening(np.tile(skew, (88, 1, 1))))
+    plain, white, rows = view_rows(view, state, 1)
+    np.testing.assert_allclose(np.sum(white**2, axis=1), np.einsum("ni,ij,nj->n", plain, np.linalg.inv(skew), plain))
+    for column, place in enumerate([*range(7), *range(13, 19)]):
+        step = STEPS[place]
+        one, other = (view_rows(view, moved_by(state, place, side * step), 1)[1] for side in (1, -1))
+        np.testing.assert_allclose(rows[:, :, column], (other - one) / (2 * step), rtol=1e-4, atol=1e-3)
+
+
+def test_priors_weigh_a_lens_by_its_sigmas_and_the_focal_length_by_its_logarithm() -> None:
+    _, state = bundle(1)
+    prior = rough_prior((400, 300))
+    state = replace(state, lens=state.lens + np.array([0, 0, 16.0, 0, 0, 0, 0, 0, 0, 0]))
+    normal = _normal([], replace(state, poses=np.zeros((0, 6))), prior, 1.0)
+    logarithm = np.log(1200 / 600)  # of 1.5 widths, a factor e of which is one sigma
+    assert normal.cost == pytest.approx(logarithm**2 + (16 / 32) ** 2 + 0.2**2)
+    short = replace(state, lens=np.array([79.0, *state.lens[1:]]))
+    assert np.isinf(_normal([], replace(short, poses=np.zeros((0, 6))), prior, 1.0).cost)  # less than 0.2 widths
+    assert _moved(state, np.array([-1e6, *[0.0] * 9])).lens[0] == pytest.approx(0.3 * 1200)
+
+
+def test_cost_of_a_residual_is_its_square_up_to_three_sigmas_and_then_a_line() -> None:
+    views, state = bundle(1, noise_px=0.0)
+    for sigmas, cost in ((2.9, 2.9**2), (3.1, 6 * 3.1 - 9), (30.0, 171.0)):
+        off = views[0].centers_px + np.where(np.arange(88) == 40, sigmas * 0.02, 0.0)[:, None] * [0.6, 0.8]
+        assert _normal([replace(views[0], centers_px=off)], state, LOOSE, 1.0).cost == pytest.approx(cost, abs=1e-6)
+
+
+def test_scale_is_that_of_normal_residuals_whatever_some_outliers() -> None:
+    white = 2.5 * np.random.default_rng(0).normal(size=(20000, 2))
+    assert robust_scale([white]) == pytest.approx(2.5, rel=0.02)
+    white[:1000] = 1e3
+    assert robust_scale([white[:10000], white[10000:]]) == pytest.approx(2.5, rel=0.07)
+    assert robust_scale([np.full((9, 2), np.nan)]) == 1.0
+    assert robust_scale([np.zeros((9, 2))]) == 1e-3
+
+
+def test_dots_beyond_five_robust_sigmas_are_left_out() -> None:
+    white = np.tile([[1.1774, 0.0]], (99, 1))
+    white[3], white[4] = [0.0, 4.9], [3.54, 3.54]  # 4.9 and 5.006
+    fit: Any = SimpleNamespace(whitened=[white])
+    assert np.flatnonzero(~outliers(fit)[0]).tolist() == [4]
+
+
+def test_solve_finds_the_camera_and_the_noise_of_its_dots() -> None:
+    views, state = bundle(4, noise_px=0.06, seed=2)
+    views = [replace(view, whitening=view.whitening * 3) for view in views]  # stated as 0.02 px
+    start = replace(state, lens=state.lens * [1.1, 1, 1, 1, 0.5, 1, 1, 1, 1, 1], poses=state.poses * 1.02)
+    fit = solve(views, start, LOOSE)
+    assert fit.variance == pytest.approx(9.0, rel=0.15)
+    sigma = np.sqrt(np.diag(np.linalg.inv(fit.normal))[:4] * fit.variance)
+    error = fit.state.lens[[0, 2, 3, 4]] - state.lens[[0, 2, 3, 4]]
+    assert np.abs(error / sigma).max() < 3.5
+    assert fit.cost == pytest.approx(sum(np.sum(w**2) for w in fit.whitened), rel=0.05)
+
+
+def test_dots_that_are_out_of_place_widen_the_noise_of_their_images_by_their_size_there() -> None:
+    straight = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=120)
+    view = seen(straight.parameters, np.random.default_rng(0), 0.02)
+    state = State(straight.pose[None], straight.lens_parameters, "brown", ())
+    (wider,) = with_tolerance([view], state, Tolerance(dot_mm=0.003))
+    variance = 0.02**2 + (0.003 * 1200 / 120) ** 2
+    np.testing.assert_allclose(wider.whitening, np.tile(np.eye(2) / np.sqrt(variance), (88, 1, 1)), atol=1e-6)
+
+
+def test_error_of_the_pitch_moves_the_gauge_away_in_proportion_and_leaves_the_lens() -> None:
+    views, state = bundle(3, noise_px=0.0)
+    fit = solve(views, state, LOOSE)
+    change = change_by_pitch(views, fit)
+    assert change[:4] == pytest.approx(np.zeros(4), abs=1e-3)
+    for k, pose in enumerate(fit.state.poses):
+        assert change[4 + 6 * k : 10 + 6 * k] == pytest.approx([0, 0, 0, *pose[3:]], abs=1e-4)
+
+
+def test_face_is_of_legendre_polynomials_over_the_array() -> None:
+    terms = face_terms(gauge_of(columns=41, rows=41))
+    corner, middle, edge = terms[0, 0], terms[20, 20], terms[20, 40]
+    assert np.abs(corner) == pytest.approx(np.ones(7))
+    assert middle == pytest.approx([-0.5, 0, -0.5, 0, 0, 0, 0], abs=1e-12)
+    assert np.abs(edge) == pytest.approx([1, 0, 0.5, 1, 0, 0.5, 0], abs=1e-12)
+    # Terms of first order are the pose's: none has a mean slope, and all are orthogonal.
+    flat = terms.reshape(-1, 7)
+    gram = flat.T @ flat / len(flat)
+    assert np.abs(gram - np.diag(np.diag(gram))).max() < 0.03
+    assert np.diag(gram) == pytest.approx([1 / 5, 1 / 9, 1 / 5, 1 / 7, 1 / 15, 1 / 15, 1 / 7], rel=0.2)
+
+
+def test_faces_of_equal_coefficients_have_their_peak_to_valley_below_ten_sigmas() -> None:
+    terms = face_terms(GAUGE).reshape(-1, 7)
+    drawn = np.ptp(np.random.default_rng(0).normal(size=(4000, 7)) @ terms.T, axis=1)
+    assert np.quantile(drawn, 0.95) == pytest.approx(PEAK_TO_VALLEY_SIGMAS, rel=0.03)
+    stated = gauge_of(columns=11, rows=8, tolerance={"flatness_mm": 0.13})
+    assert coefficient_sigma(stated) == pytest.approx(0.13 / PEAK_TO_VALLEY_SIGMAS)
+    assert coefficient_sigma(GAUGE) == pytest.approx(0.05 * 15)  # of half of ten pitches of 3 mm
+
+
+def test_flatness_of_a_known_face_is_its_peak_to_valley_and_its_mean_square_slope() -> None:
+    gauge = gauge_of(columns=61, rows=41, pitch_mm=0.5, diameter_mm=0.2)
+    found = flatness_of(gauge, np.array([0.2]), np.zeros((1, 1)))
+    for value in (found.peak_to_valley_mm, found.low_mm, found.high_mm):
+        assert value == pytest.approx(0.3, rel=1e-3)  # from -c/2 in the middle to c at two ends
+    assert found.mean_square_mm2 == pytest.approx(0.09, rel=1e-3)
+    slope = 3 * 0.2**2 / 15**2  # dz/dx = 3·c·u/15 mm, u² in the mean 1/3; half of it along either axis
+    assert found.slope_square == pytest.approx(slope / 2, rel=0.01)
+    assert bend_scale(found) == pytest.approx(slope / 8, rel=0.01)
+    wide = flatness_of(gauge, np.array([0.2]), np.array([[0.02**2]]))
+    assert (wide.low_mm, wide.high_mm) == pytest.approx((1.5 * (0.2 - 0.0392), 1.5 * (0.2 + 0.0392)), rel=0.03)
+
+
+def test_a_bent_face_lies_a_third_of_its_bend_higher_and_leans_by_a_quarter_over_half_its_size() -> None:
+    gauge = gauge_of(columns=11, rows=8)
+    low, high = gauge.positions_mm().reshape(-1, 2).min(axis=0), gauge.positions_mm().reshape(-1, 2).max(axis=0)
+    straight = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=120, center_mm=tuple((low + high) / 2))
+    bent = Flatness(np.zeros(1), np.zeros((1, 1)), 0.12, 0.1, 0.14, 0.12**2, 0.0)
+    covariance = rest_covariance(bent, gauge, straight.pose)
+    slope = camera_height(straight.pose)[1]
+    assert np.sqrt(slope @ covariance @ slope) == pytest.approx(0.12 / 3, rel=1e-3)
+
+    def normal(pose: np.ndarray) -> np.ndarray:
+        return cv2.Rodrigues(np.ascontiguousarray(pose[:3]))[0][:, 2]
+
+    by_pose = np.stack([(normal(straight.pose + d) - normal(straight.pose - d)) / 2e-6 for d in 1e-6 * np.eye(6)], 1)
+    leans = np.sqrt(np.diag(by_pose @ covariance @ by_pose.T)[:2])  # of the normal in the image: x, then y
+    assert leans == pytest.approx(0.03 / ((high - low) / 2), rel=1e-3)
+
+
+def test_centre_of_a_small_discs_image_is_that_of_the_conic() -> None:
+    """A circle seen in perspective is an ellipse: its centre from the inverse of the conic."""
+    tilted = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=60, tilt_deg=35)
+    center, radius = np.array([4.0, -3.0]), 1.0
+    rotation = cv2.Rodrigues(tilted.pose[:3].copy())[0]
+    plane = np.column_stack([rotation[:, :2], tilted.pose[3:]])
+    pinhole = np.array([[1200, 0, 199.5], [0, 1200, 149.5], [0, 0, 1.0]])
+    inverse = np.linalg.inv(pinhole @ plane)
+    circle = np.array([[1, 0, -center[0]], [0, 1, -center[1]], [-center[0], -center[1], center @ center - radius**2]])
+    conic = inverse.T @ circle @ inverse
+    expected = np.linalg.solve(conic[:2, :2], -conic[:2, 2])
+    found = fitted_centers(np.array([[*center, 0.0]]), np.array([radius]), tilted.parameters, "brown")[0]
+    of_middle = tilted.image_from_plate([[*center, 0.0]])[0]
+    assert np.hypot(*(expected - of_middle)) > 0.1
+    assert found == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 130.0])
+def test_rough_pose_of_exact_dots_is_the_pose(turn_deg: float) -> None:
+    camera = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=110, tilt_deg=20, turn_deg=turn_deg, k1=-0.2)
+    found = rough_pose(seen(camera.parameters, np.random.default_rng(0), 0.0), camera)
+    assert found == pytest.approx(camera.pose, abs=1e-4)

@@ -1,0 +1,255 @@
+"""Every number from which on a camera, an image or a change of the camera is judged otherwise, from either side."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from calibration.assessment import quality
+from calibration.assessment.camera_check import _length_change, _plane, _sigma, _sigmas, _signed
+from calibration.assessment.next_image import Advice, NextImage, _turned, image_notes, place_sigmas_mm
+from calibration.assessment.quality import (
+    _ill_conditioned,
+    _misfit,
+    _notes,
+    _wrong_size,
+    assess,
+    coverage,
+    tilt_spread_deg,
+    worst_scale_sigma,
+)
+from calibration.camera import PARAMETERS, Camera, camera_above
+from calibration.estimation.initial_values import rough_prior
+from tests.calibration.drawing import gauge_of
+
+SIZE, FOCAL, DISTANCE = (400, 300), 1200.0, 120.0
+CAMERA = camera_above(size_px=SIZE, focal_px=FOCAL, distance_mm=DISTANCE)
+
+
+def known(camera: Camera = CAMERA, **sigmas: float) -> Camera:
+    """A camera with independent uncertainties of some parameters."""
+    variances = [sigmas.get(name, 0.0) ** 2 for name in PARAMETERS]
+    return replace(camera, covariance=np.diag(variances))
+
+
+def with_values(**values: float) -> Camera:
+    parameters = CAMERA.parameters.copy()
+    for name, value in values.items():
+        parameters[PARAMETERS.index(name)] = value
+    return replace(CAMERA, parameters=parameters)
+
+
+def calibration(camera: Camera = CAMERA, **said: Any) -> Any:
+    """A calibration that is sound but for what is said: five images, all dots used."""
+    dots = SimpleNamespace(size_ratio=1.0, name="g.png", match=type("M", (list,), {"certain": True})([0] * 100))
+    tilted = [cv2.Rodrigues(np.array([np.pi, 0.0, 0.0]))[0]]
+    tilted += [cv2.Rodrigues(0.4 * np.array([np.cos(a), np.sin(a), 0.0]))[0] @ tilted[0] for a in range(4)]
+    poses = np.array([[*cv2.Rodrigues(rotation)[0][:, 0], 0.0, 0.0, DISTANCE] for rotation in tilted])
+    whole = SimpleNamespace(centers_px=np.array([[0.0, 0.0], [399.0, 0.0], [399.0, 299.0], [0.0, 299.0]]))
+    usual: dict[str, Any] = {
+        "camera": camera,
+        "gauge": gauge_of(),
+        "sightings": (dots,) * 5,
+        "views": (whole,) * 5,
+        "fit": SimpleNamespace(variance=1.0, state=SimpleNamespace(poses=poses)),
+        "rms_px": 0.03,
+        "rejected": (0,) * 5,
+        "distance_mm": None,
+        "flatness": SimpleNamespace(low_mm=0.0, high_mm=0.01, used=False),
+        "left_out": (),
+    }
+    return SimpleNamespace(**usual | said)
+
+
+def test_sound_calibration_says_so_without_a_reason() -> None:
+    verdict = assess(calibration(known(focal_px=0.1)))
+    assert (verdict.level, verdict.reasons, verdict.next_steps) == ("sound", (), ())
+    assert verdict.coverage == 1.0
+    assert verdict.scale_sigma == pytest.approx(0.1 / FOCAL)  # lengths are in proportion to the focal length
+    assert verdict.tilt_spread_deg == pytest.approx(np.degrees(2 * 0.4), abs=2.0)
+
+
+@pytest.mark.parametrize(("sigmas", "wrong"), [(2.95, False), (3.05, True)])
+def test_residuals_from_three_times_the_sharpness_of_dots_on_are_a_misfit(sigmas: float, wrong: bool) -> None:
+    fit = SimpleNamespace(variance=sigmas**2, state=calibration().fit.state)
+    assert bool(_misfit(calibration(fit=fit))) == wrong
+    assert (assess(calibration(fit=fit)).level == "limited") == wrong
+
+
+@pytest.mark.parametrize(("ratio", "wrong"), [(1.14, False), (1.16, True), (0.81, False), (0.79, True)])
+def test_dots_a_seventh_wider_or_a_fifth_narrower_than_the_file_says_are_of_a_wrong_size(
+    ratio: float, wrong: bool
+) -> None:
+    dots = SimpleNamespace(size_ratio=ratio, name="g.png", match=calibration().sightings[0].match)
+    odd = SimpleNamespace(size_ratio=9.0, name="g.png", match=dots.match)
+    assert bool(_wrong_size(calibration(sightings=(dots, dots, odd)))) == wrong  # the median counts
+
+
+PRIOR = rough_prior(SIZE)
+
+
+@pytest.mark.parametrize(
+    ("camera", "spread_deg", "said"),
+    [
+        (CAMERA, 4.9, "all images are parallel to within 4.9 degrees"),
+        (CAMERA, 5.1, ""),
+        (known(focal_px=0.0101 * FOCAL), 20.0, "the focal length is known to 1 % only"),
+        (known(focal_px=0.0099 * FOCAL), 20.0, ""),
+        (with_values(principal_x_px=400.0), 20.0, "lies outside the image"),
+        (with_values(principal_y_px=-0.1), 20.0, "lies outside the image"),
+        (with_values(principal_x_px=199.5 + 3.05 * 32), 20.0, "implausibly far"),
+        (with_values(principal_y_px=149.5 - 3.05 * 32), 20.0, "implausibly far"),
+        (with_values(principal_x_px=199.5 + 2.95 * 32), 20.0, ""),
+        (known(principal_y_px=0.26 * 32), 20.0, "is not determined by these images"),
+        (known(principal_y_px=0.24 * 32), 20.0, ""),
+        (with_values(aspect=1.0061), 20.0, "1.0061 times as high as wide"),
+        (with_values(aspect=0.9941), 20.0, ""),
+    ],
+)
+def test_images_do_not_determine_a_camera_beyond_these_limits(camera: Camera, spread_deg: float, said: str) -> None:
+    assert PRIOR.sigma[2] == 32.0
+    why = _ill_conditioned(calibration(camera), spread_deg)
+    assert len(why) == bool(said)
+    assert said in "".join(why)
+
+
+@pytest.mark.parametrize(
+    ("covered", "corner_sigma", "level", "noted"),
+    [
+        (0.41, 0.0, "sound", False),
+        (0.39, 0.0, "sound", True),
+        (0.39, 1.0, "limited", False),
+        (0.21, 0.0, "sound", True),
+        (0.19, 0.0, "limited", False),
+    ],
+)
+def test_images_that_show_dots_in_a_part_are_judged_by_the_corners_or_not_believed(
+    covered: float, corner_sigma: float, level: str, noted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(quality, "coverage", lambda _: covered)
+    verdict = assess(calibration(known(k2=corner_sigma)))
+    assert verdict.level == level
+    assert any("distortion is extrapolated" in note for note in verdict.notes) == noted
+
+
+@pytest.mark.parametrize(("share", "enough"), [(0.00099, True), (0.00101, False)])
+def test_corners_are_known_well_enough_to_a_thousandth(
+    share: float, enough: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(quality, "coverage", lambda _: 0.3)
+    camera = known(focal_px=share * FOCAL)
+    assert worst_scale_sigma(camera, 6.5) == pytest.approx(share, rel=1e-3)
+    assert (assess(calibration(camera)).level == "sound") == enough
+
+
+@pytest.mark.parametrize(("gauge_mm", "open_"), [(44.0, True), (36.0, False)])
+def test_height_correction_is_open_where_lengths_at_the_marks_are_half_again_as_uncertain(
+    gauge_mm: float, open_: bool
+) -> None:
+    """A height known to σ leaves lengths at h known to σ/(D - h): 1.5 times at 40 mm of 120 against the plate's."""
+    verdict = assess(calibration(known(translation_z_mm=0.2)), mark_height_mm=gauge_mm)
+    assert verdict.scale_sigma == pytest.approx(0.2 / (DISTANCE - gauge_mm), rel=1e-6)
+    assert verdict.plate_scale_sigma == pytest.approx(0.2 / DISTANCE, rel=1e-6)
+    assert any("height correction open" in reason for reason in verdict.reasons) == open_
+    slight = assess(calibration(known(translation_z_mm=0.05)), mark_height_mm=gauge_mm)  # below a thousandth
+    assert slight.level == "sound"
+
+
+def test_coverage_is_the_share_of_cells_whose_middle_lies_within_the_dots() -> None:
+    left = SimpleNamespace(centers_px=np.array([[-1.0, -1.0], [200.0, -1.0], [200.0, 301.0], [-1.0, 301.0]]))
+    lower = SimpleNamespace(centers_px=np.array([[-1.0, 200.0], [401.0, 200.0], [401.0, 301.0], [-1.0, 301.0]]))
+    assert coverage(calibration(views=(left,))) == pytest.approx(1 / 2)
+    assert coverage(calibration(views=(lower,))) == pytest.approx(1 / 3)
+    assert coverage(calibration(views=(left, lower))) == pytest.approx(1 / 2 + 1 / 6)
+
+
+def test_spread_of_tilts_is_the_largest_angle_between_gauges_or_to_the_optical_axis() -> None:
+    def tilted(*degrees: float) -> Any:
+        flat = cv2.Rodrigues(np.array([np.pi, 0.0, 0.0]))[0]
+        turned = [cv2.Rodrigues(np.array([np.radians(angle), 0.0, 0.0]))[0] @ flat for angle in degrees]
+        poses = np.array([[*cv2.Rodrigues(each)[0][:, 0], 0.0, 0.0, 100.0] for each in turned])
+        return calibration(fit=SimpleNamespace(state=SimpleNamespace(poses=poses)))
+
+    assert tilt_spread_deg(tilted(10.0, -15.0)) == pytest.approx(25.0)
+    assert tilt_spread_deg(tilted(10.0, 15.0)) == pytest.approx(15.0)
+
+
+@pytest.mark.parametrize(("rejected", "noted"), [((2, 0), False), ((0, 3), True)])
+def test_dots_left_out_are_worth_a_note_from_a_fiftieth_of_an_image_on(rejected: tuple[int, int], noted: bool) -> None:
+    found = _notes(calibration(rejected=rejected, sightings=calibration().sightings[:2]))
+    assert any("dots left out" in note for note in found) == noted
+    if noted:
+        assert found[0].startswith("3 of 200 dots left out")
+        assert found[0].endswith("3 of 100")
+
+
+@pytest.mark.parametrize("sigmas", [0.5, 4.0, 20.0])
+def test_significance_is_that_of_a_normal_deviation_as_improbable(sigmas: float) -> None:
+    assert _sigma(sigmas**2, 1) == pytest.approx(sigmas, rel=1e-6)
+    assert _sigma(sigmas**2, 3) < sigmas
+    assert _sigma(1e4, 1) == 37.0
+    assert _sigmas(36.94) == "36.9 sigma"
+    assert _sigmas(37.0) == "more than 37 sigma"
+    assert (_signed(0.0006), _signed(-0.0004)) == ("+0.001", "0.000")
+
+
+def test_plane_is_seen_at_its_tilt_and_distance() -> None:
+    assert _plane(CAMERA.pose) == pytest.approx([0.0, 0.0, DISTANCE], abs=1e-9)
+    shifted = camera_above(size_px=SIZE, focal_px=FOCAL, distance_mm=DISTANCE, center_mm=(7.0, -3.0), turn_deg=50)
+    assert _plane(shifted.pose) == pytest.approx([0.0, 0.0, DISTANCE], abs=1e-9)  # where on the plate says nothing
+    tilted = camera_above(size_px=SIZE, focal_px=FOCAL, distance_mm=DISTANCE, tilt_deg=4.0)
+    assert np.hypot(*_plane(tilted.pose)[:2]) == pytest.approx(np.sin(np.radians(4.0)))
+    assert _plane(tilted.pose)[2] == pytest.approx(DISTANCE * np.cos(np.radians(4.0)))
+
+
+@pytest.mark.parametrize("higher_mm", [0.5, -0.5])
+def test_lengths_change_with_the_distance_of_the_camera_from_the_height_of_the_marks(higher_mm: float) -> None:
+    moved = camera_above(size_px=SIZE, focal_px=FOCAL, distance_mm=DISTANCE + higher_mm)
+    assert _length_change(moved, CAMERA, 6.5) == pytest.approx(higher_mm / (DISTANCE - 6.5), rel=1e-6)
+    assert _length_change(moved, CAMERA, 0.0) == pytest.approx(higher_mm / DISTANCE, rel=1e-6)
+
+
+def test_length_change_of_a_tilt_is_that_near_the_rim() -> None:
+    """To first order by 2·tilt·tan(angle off the axis) along the tilt, at 0.4 of the width."""
+    tilted = camera_above(size_px=SIZE, focal_px=FOCAL, distance_mm=DISTANCE, tilt_deg=0.2)
+    change = _length_change(tilted, CAMERA, 0.0)
+    assert abs(change) == pytest.approx(2 * np.radians(0.2) * 0.4 * 400 / FOCAL, rel=0.05)
+
+
+def test_uncertainty_of_places_grows_from_the_middle_with_the_focal_lengths() -> None:
+    """Places r from the middle are uncertain by r·σ/f along r: by 1/√2 of it in a coordinate."""
+    found = place_sigmas_mm(known(focal_px=3.0), 0.0, (8, 6))
+    x, y = np.meshgrid((np.arange(8) + 0.5) * 50 - 200, (np.arange(6) + 0.5) * 50 - 150)
+    expected = np.hypot(x, y) / FOCAL * DISTANCE * (3.0 / FOCAL) / np.sqrt(2)
+    np.testing.assert_allclose(found, expected, rtol=0.02)
+    assert place_sigmas_mm(known(translation_x_mm=1.0), 0.0).max() < 1e-9  # what all places share changes no length
+
+
+@pytest.mark.parametrize(("after", "worth"), [(0.91, False), (0.89, True)])
+def test_next_image_is_told_that_takes_a_tenth_of_the_uncertainty(after: float, worth: bool) -> None:
+    best = NextImage("middle", "left edge", (0.0,) * 6, ((0.0, 0.0),) * 4, 1.0, after)
+    assert bool(Advice((), best).sentence) == worth
+    assert Advice((), None).sentence == ""
+
+
+def test_images_add_nothing_without_which_places_are_as_certain_to_a_thousandth() -> None:
+    advice = Advice((float("nan"), 1.0008, 1.0012, 1.5), None)
+    assert [advice.adds_nothing(k) for k in range(4)] == [False, True, False, False]
+    (said,) = image_notes(advice, ["a", "b", "c", "d"])
+    assert said == "without b places would be as certain: it adds nothing"
+    assert image_notes(Advice((1.5,), None), ["a"]) == ()
+
+
+@pytest.mark.parametrize("end", [(0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (0.0, -1.0, 0.0)])
+def test_smallest_rotation_takes_one_direction_to_another(end: tuple[float, float, float]) -> None:
+    start = np.array([0.0, 0.0, 1.0])
+    rotation = _turned(start, np.array(end))
+    assert rotation @ start == pytest.approx(end, abs=1e-12)
+    assert np.linalg.det(rotation) == pytest.approx(1.0)
+    angle = np.arccos(np.clip(end[2], -1, 1))
+    assert np.trace(rotation) == pytest.approx(1 + 2 * np.cos(angle))

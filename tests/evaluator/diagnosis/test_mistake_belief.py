@@ -1,0 +1,96 @@
+"""From where on another reading of a run is believed, from either side."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.mistakes import hypotheses
+from evaluator.diagnosis.mistakes.alternatives import Alternative
+from evaluator.diagnosis.mistakes.hypotheses import (
+    Judgement,
+    _judged,
+    _least_share,
+    _usual_kinds,
+    misread_runs,
+)
+from tests.evaluator.diagnosis.straight_session import ROBOT, driven, kinds
+
+RUN = driven(0)
+WAYS = [Alternative(None, RUN), Alternative("reversed", RUN, "x"), Alternative("mirrored", RUN, "y")]
+
+
+@pytest.mark.parametrize(
+    ("misfits", "kind"),
+    [
+        ((1.6, 0.1, 9.0), "reversed"),
+        ((1.4, 0.1, 9.0), None),  # less than 0.15 of an extent of 10 mm
+        ((3.0, 0.99, 9.0), "reversed"),
+        ((3.0, 1.01, 9.0), None),  # not three times better
+        ((9.0, 0.125, 0.1), "reversed"),  # as good as the best, and the commoner
+        ((9.0, 1.35, 1.0), "mirrored"),
+        ((9.0, 1.25, 1.0), "reversed"),
+        ((np.nan, 0.1, 0.1), None),
+        ((9.0, np.nan, np.nan), None),
+    ],
+)
+def test_a_mistake_is_believed_that_fits_three_times_better_than_a_file_that_fits_badly(
+    misfits: tuple[float, ...], kind: str | None
+) -> None:
+    found = _judged(Judgement(WAYS, np.array(misfits), 10.0, ()), set())
+    assert (None if found is None else found.kind) == kind
+
+
+def test_of_mistakes_that_fit_alike_the_usual_one_is_told() -> None:
+    near, far = (Judgement(WAYS, np.array(values), 10.0, ()) for values in ([9.0, 1.25, 1.0], [9.0, 5.0, 1.0]))
+    assert _usual_kinds([near] * 3 + [far] * 4) == {"mirrored"}
+    found = _judged(near, {"mirrored"})
+    assert found is not None
+    assert found.kind == "mirrored"
+    assert found.equivalent == ("reversed",)
+    assert _usual_kinds([Judgement(WAYS, np.array([1.4, 0.1, 0.1]), 10.0, ())] * 9) == set()
+
+
+@pytest.mark.parametrize(("late", "told"), [(2, 2), (3, 0)])
+def test_logs_that_are_late_in_most_runs_are_a_lag_and_none_of_them_is_told(
+    late: int, told: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = [driven(number) for number in range(4)]
+    judgements = [
+        Judgement(
+            [Alternative(None, run), Alternative("late-start", run, "follows its log late")],
+            np.array([9.0, 0.1 if number < late else 8.0]),
+            10.0,
+            ((10.0, 30.0 + number),),
+        )
+        for number, run in enumerate(data)
+    ]
+    monkeypatch.setattr(hypotheses, "_judgements", lambda *_: judgements)
+    assert kinds(misread_runs(data, [ROBOT] * 4)) == [(f"r{number}", "late-start") for number in range(told)]
+
+
+@pytest.mark.parametrize(
+    ("kin", "least"),
+    [
+        ([0.3], 0.15),  # one run of its kin says too little
+        ([0.1, 0.2], 0.06),  # three times the worse of them, over an extent of 10 mm
+        ([0.1, 0.9], 0.15),  # physics bends its kin: no less than of a run without any
+        ([0.1, np.nan], 0.15),
+    ],
+)
+def test_a_run_is_judged_from_a_smaller_misfit_on_where_its_kin_fit_their_file(kin: list[float], least: float) -> None:
+    one = Judgement(WAYS, np.array([1.0, 0.1, 9.0]), 10.0, ((5.0, 30.0),))
+    others = [Judgement(WAYS, np.array([value, 9.0, 9.0]), 10.0, ((5.0, 30.0),)) for value in kin]
+    stranger = Judgement(WAYS, np.array([9.0, 9.0, 9.0]), 10.0, ((5.0, 60.0),))
+    assert _least_share(one, [one, *others, stranger]) == pytest.approx(least)
+    assert (_judged(one, set(), least) is not None) == (least < 0.1)
+
+
+@pytest.mark.parametrize(
+    ("kind", "least", "told"), [("reversed", 0.06, True), ("wrong-command", 0.06, False), ("wrong-command", 0.0, True)]
+)
+def test_beside_kin_that_fit_only_readings_count_that_change_no_speed(kind: Any, least: float, told: bool) -> None:
+    ways = [Alternative(None, RUN), Alternative(kind, RUN, "x")]
+    assert (_judged(Judgement(ways, np.array([1.0, 0.01]), 10.0, ()), set(), least) is not None) == told

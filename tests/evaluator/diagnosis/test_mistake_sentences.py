@@ -1,0 +1,156 @@
+"""What is said of a mistake: its runs, what else they could be, and what puts their files right."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes import hypotheses, outlying
+from evaluator.diagnosis.mistakes.alternatives import Alternative, correction_to
+from evaluator.diagnosis.mistakes.copies import copies
+from evaluator.diagnosis.mistakes.correction import Correction
+from evaluator.diagnosis.mistakes.hypotheses import Judgement, _judged, misread_runs, reading_of
+from evaluator.diagnosis.mistakes.outlying import has_kin, outlying_run
+from evaluator.diagnosis.mistakes.recognised import Found, mistakes_of
+from evaluator.interchange.commands import Told
+from simulator.command import Command
+from tests.evaluator.diagnosis.marks_of_motion import TIME, moving, recorded
+from tests.evaluator.diagnosis.straight_session import ROBOT, driven
+
+
+@pytest.mark.parametrize(
+    ("kind", "changes", "expected"),
+    [
+        ("marks-swapped", {}, Correction(marks_exchanged=True)),
+        ("mirrored", {}, Correction(marks_times=(-1.0, 1.0))),
+        ("wrong-rate", {"time_s": 0.5 * TIME}, Correction(seconds_times=0.5)),
+        ("reversed", {"left_rpm": -30.0, "right_rpm": -20.0}, Correction(command=(-30.0, -20.0))),
+        ("sides-swapped", {"left_rpm": 20.0, "right_rpm": 30.0}, Correction(command=(20.0, 30.0))),
+        ("wrong-command", {"left_rpm": 60.0}, Correction(command=(60.0, 20.0))),
+        ("late-start", {}, None),
+        (None, {}, None),
+    ],
+)
+def test_what_puts_the_files_of_a_run_right(kind: Any, changes: dict[str, Any], expected: Correction | None) -> None:
+    run = recorded(moving(TIME))
+    assert correction_to(Alternative(kind, replace(run, **changes)), Alternative(None, run)) == expected
+
+
+def test_a_run_with_a_log_is_put_right_by_a_log_and_never_by_one_command() -> None:
+    run, log = recorded(moving(TIME)), Told(Command.constant(30.0, 20.0, 0.5), logged=True)
+    logged = Alternative(None, replace(run, log=log))
+    assert correction_to(Alternative("late-start", replace(run, log=log)), logged) == Correction(log=log)
+    assert correction_to(Alternative("wrong-command", run), logged) is None
+
+
+def test_runs_of_a_common_mistake_are_named_in_order_with_what_each_could_be_and_what_rights_it() -> None:
+    rights = [Correction(later_s=1.0), Correction(later_s=2.0), None]
+    others: list[Any] = [("pushed", "mirrored"), ("pushed",), ("pushed", "stuck")]
+    found = [
+        Found(f"r{k}", "reversed", f"seen {k}", f"remedy {k}", other, right)
+        for k, other, right in zip((2, 0, 1), others, rights, strict=True)
+    ]
+    (together,) = mistakes_of(found, 3)
+    assert together.runs == ("r0", "r1", "r2")
+    assert together.sentence == "all runs: seen 0 (as in r0); remedy 0"
+    assert (together.equivalent_kinds, together.everywhere) == (("pushed",), True)
+    assert together.corrections == {"r2": rights[0], "r0": rights[1]}
+    single = mistakes_of(found[:1], 9)[0]
+    assert (single.runs, single.equivalent_kinds, single.everywhere) == (("r2",), ("pushed", "mirrored"), False)
+    assert single.corrections == {"r2": rights[0]}
+
+
+def test_a_judgement_says_both_misfits_and_every_reading_that_fits_as_well() -> None:
+    run = driven(0)
+    mirror = replace(run, marks_mm=run.marks_mm * [-1.0, 1.0, -1.0, 1.0])
+    ways = [
+        Alternative(None, run),
+        Alternative("mirrored", mirror, "seen in a mirror"),
+        Alternative("reversed", run, "b"),
+    ]
+    found = _judged(Judgement(ways, np.array([9.0, 1.2, 1.0]), 10.0, ()), set())
+    assert found is not None
+    assert found.seen == "seen in a mirror, or b (1 mm from its marks; as the file says, 9 mm)"
+    assert (found.kind, found.equivalent) == ("mirrored", ("reversed",))
+    assert found.correction == Correction(marks_times=(-1.0, 1.0))
+    assert "; or change the signs" in found.remedy
+
+
+@pytest.mark.parametrize(("fast", "told"), [(2, 0), (3, 3)])
+def test_another_rate_is_believed_where_most_runs_show_it(
+    fast: int, told: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = [driven(number) for number in range(4)]
+    ways = [[Alternative(None, run), Alternative("wrong-rate", run, "moves as if")] for run in data]
+    judgements = [
+        Judgement(of_run, np.array([9.0, 0.1 if number < fast else 8.0]), 10.0, ((10.0, 30.0 + number),))
+        for number, of_run in enumerate(ways)
+    ]
+    monkeypatch.setattr(hypotheses, "_judgements", lambda *_: judgements)
+    assert len(misread_runs(data, [ROBOT] * 4)) == told
+
+
+def test_a_run_at_other_intervals_than_the_session_may_be_of_another_rate_by_itself() -> None:
+    run = driven(0)
+    misfits = np.array([9.0, 0.1])
+    for own, told in ((True, True), (False, False)):
+        ways = [Alternative(None, run), Alternative("wrong-rate", run, "moves as if", own=own)]
+        assert (_judged(Judgement(ways, misfits, 10.0, ()), set()) is not None) == told
+
+
+def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkeypatch: pytest.MonkeyPatch) -> None:
+    run, others = driven(0), [driven(1), replace(driven(2), left_rpm=10.0)]
+    assert has_kin(run, others)
+    assert not has_kin(run, others[1:])
+    monkeypatch.setattr(outlying, "reading_of", lambda *_: None)
+    unread = outlying_run(run, others, ROBOT)
+    assert (unread.runs, unread.kind) == (("r0",), "outlying")
+    assert unread.sentence.startswith("r0 alone disagrees with what the other 2 runs say of the robot; none of")
+    read = Found("r0", "mirrored", "moves so", "mirror it", ("reversed",))
+    monkeypatch.setattr(outlying, "reading_of", lambda *_: read)
+    named = outlying_run(run, others, ROBOT)
+    assert (named.kind, named.equivalent_kinds) == ("mirrored", ("reversed",))
+    assert named.sentence.endswith("say of the robot: it moves so; mirror it")
+
+
+def test_a_run_known_to_disagree_is_read_however_small_its_misfit_and_at_any_rate(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    run = driven(0)
+    ways = [Alternative(None, run), Alternative("wrong-rate", run, "moves as if")]
+    monkeypatch.setattr(hypotheses, "_judgements", lambda *_: [Judgement(ways, np.array([0.2, 0.01]), 10.0, ())])
+    found = reading_of(run, [driven(1)], ROBOT)
+    assert found is not None
+    assert found.kind == "wrong-rate"
+
+
+@pytest.mark.parametrize(("ratio", "said"), [(1.03, None), (1.05, 1.05), (0.95, 0.95)])
+def test_frame_intervals_of_a_run_differ_from_those_of_the_session_by_four_percent(
+    ratio: float, said: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = [driven(number) for number in range(5)]
+    data[2] = replace(data[2], time_s=ratio * data[2].time_s)
+    asked: list[tuple[float | None, float]] = []
+
+    def noted(run: RunData, _: Any, interval_ratio: float | None, same_interval: float) -> list[Alternative]:
+        asked.append((interval_ratio, same_interval))
+        return [Alternative(None, run)]
+
+    monkeypatch.setattr(hypotheses, "alternatives", noted)
+    monkeypatch.setattr(
+        hypotheses, "_judgements", lambda ways, _: [Judgement(of_run, np.zeros(1), 1.0, ()) for of_run in ways]
+    )
+    assert misread_runs(data, [ROBOT] * 5) == []
+    assert asked[2] == (said if said is None else pytest.approx(said), 0.04)
+    assert asked[0] == (None if said is None else pytest.approx(1.0), 0.04)
+
+
+@pytest.mark.parametrize(("frames", "told"), [(9, False), (10, True)])
+def test_a_copy_has_ten_frames_or_more(frames: int, told: bool) -> None:
+    run = driven(1)
+    short = replace(run, time_s=run.time_s[:frames], marks_mm=run.marks_mm[:frames])
+    assert bool(copies([short, replace(short, id="copy")])) == told

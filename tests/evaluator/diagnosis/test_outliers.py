@@ -1,0 +1,59 @@
+"""Marks that jump and return are left out, also in the first and the last frame; ordinary noise and motion stay."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.likelihood.noise.outliers import CHANNELS, without_outliers
+
+SIGMA_MM = 0.003
+
+
+def path(speed_mm_s: float = 3.0, begins_s: float = 0.0, seed: int = 3) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    time = np.arange(300) / 60
+    driven = speed_mm_s * np.maximum(time - begins_s, 0)
+    marks = np.column_stack([driven, np.sin(time), driven, np.sin(time) + 3.66])
+    return np.asarray(marks + SIGMA_MM * rng.normal(size=marks.shape))
+
+
+def test_jumps_of_a_tracker_are_left_out_and_nothing_else() -> None:
+    marks = path()
+    marks[[50, 120, 121], 0] += 0.4
+    lost = np.isnan(without_outliers(marks))
+    assert lost[[50, 120, 121], 0].all()
+    assert lost[:, 2:].sum() == 0
+    assert lost[:, 0].sum() <= 5
+
+
+@pytest.mark.parametrize("frames", [(14,), (5, 22)])
+def test_jumps_in_a_run_of_few_frames_do_not_pass_for_its_motion(frames: tuple[int, ...]) -> None:
+    marks = path()[:30]
+    marks[list(frames), 1] += 0.4
+    assert np.flatnonzero(np.isnan(without_outliers(marks)[:, 0])).tolist() == list(frames)
+
+
+@pytest.mark.parametrize("frame", [0, 1, 2, 5, -1, -2])
+def test_a_jump_at_an_end_does_not_judge_itself(frame: int) -> None:
+    marks = path()
+    marks[frame, 3] -= 0.4
+    lost = np.isnan(without_outliers(marks))
+    assert lost[frame, 2:].all()
+    assert lost[:, :2].sum() == 0
+
+
+@pytest.mark.parametrize("begins_s", np.arange(8) / 60)
+def test_the_beginning_of_motion_is_no_jump(begins_s: float) -> None:
+    assert not np.isnan(without_outliers(path(6.0, begins_s))).any()
+
+
+@pytest.mark.parametrize("frame", [0, 150])
+def test_a_jump_that_the_motion_hides_shows_in_what_a_model_leaves_over(frame: int) -> None:
+    marks = path(20.0)
+    marks[frame, 0] += 0.1
+    assert not np.isnan(without_outliers(marks)).any()
+    left = marks - path(20.0, seed=4)
+    lost = np.isnan(without_outliers(left, CHANNELS))
+    assert lost[frame, :2].all()
+    assert lost.sum() == 2

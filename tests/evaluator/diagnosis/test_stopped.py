@@ -1,0 +1,56 @@
+"""A search that its time stopped has decided nothing, and says what it had found."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from evaluator.diagnosis import diagnosis as module
+from evaluator.diagnosis.diagnosis import Diagnosis, diagnose
+from evaluator.diagnosis.experiment import Session
+from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.inference.watch import SearchStoppedError, Watch
+from evaluator.progress import no_progress
+
+TILT = frozenset({"plate-tilt"})
+
+
+def session_of(runs: int) -> Session:
+    data: Any = tuple(SimpleNamespace(id=f"r{number}") for number in range(runs))
+    return Session(data, (None,) * runs, {})  # type: ignore[arg-type]
+
+
+def test_a_watch_whose_time_is_over_says_what_was_found() -> None:
+    watch = Watch(seconds=0.0)
+    watch.so_far = "the tilt explains the runs"
+    with pytest.raises(SearchStoppedError, match=r"after 0 s of computing.*; so far, the tilt explains the runs"):
+        watch.look()
+
+
+@pytest.mark.parametrize(("excess", "words"), [(1.1, "explains the runs"), (1.6, "does not explain the runs")])
+def test_what_was_found_is_the_most_probable_model_and_what_it_leaves(excess: float, words: str) -> None:
+    def fit(log_evidence: float) -> Any:
+        return SimpleNamespace(posterior=SimpleNamespace(log_evidence=log_evidence), excess=excess)
+
+    terms: Any = {"plate-tilt": None, "mass-offset": None}
+    search = Search(SimpleNamespace(), terms, {}, (0, 1), fits={frozenset(): fit(0.0), TILT: fit(40.0)})  # type: ignore[arg-type]
+    assert search.so_far.startswith(f"of 2 models fitted the most probable is plate-tilt, which {words}: it leaves")
+    search.fits[TILT] = fit(-40.0)
+    assert "the model without an effect" in search.so_far
+
+
+def test_an_effect_that_rests_on_one_run_is_no_verdict_where_the_search_without_it_was_stopped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    session = session_of(20)
+    whole = Diagnosis("effect", "it pays", session, chosen=TILT)
+    rest = Diagnosis("insufficient", "the search was stopped", session_of(19), stopped=True)
+    monkeypatch.setattr(module, "_diagnosed", lambda asked, *_: whole if len(asked.data) == 20 else rest)
+    monkeypatch.setattr(module, "_sole_run_of", lambda found: 3 if found is whole else None)
+    monkeypatch.setattr(module, "has_kin", lambda *_: True)
+    monkeypatch.setattr(module, "shortcomings", lambda _: [])
+    found = diagnose(session, no_progress)
+    assert (found.verdict, found.stopped, found.search) == ("insufficient", True, None)
+    assert "all that was found with r3, effect (plate-tilt), rests on this run alone" in found.reason

@@ -1,0 +1,60 @@
+"""Few runs cannot carry that something without a name is missing: chance between runs does as much."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis import answer as module
+from evaluator.diagnosis.assessment.sufficiency import fewest_runs, most_odd, too_few
+
+
+def left(*excess: float) -> Any:
+    """What a model leaves over of each run, mean square in that of the noise."""
+    return SimpleNamespace(by_run=np.array(excess))
+
+
+@pytest.mark.parametrize(("runs", "odd"), [(2, 1), (4, 1), (6, 1), (8, 2), (12, 2), (16, 2), (20, 3), (24, 3)])
+def test_as_many_runs_may_be_odd_as_go_wrong_by_themselves(runs: int, odd: int) -> None:
+    """Drawn: one recording in twenty goes wrong; more than so many do less often than one time in twenty."""
+    wrong = (np.random.default_rng(1).random((40000, runs)) < 0.05).sum(axis=1)
+    assert most_odd(runs) == odd
+    assert (wrong > odd).mean() < 0.05
+    assert odd == 0 or (wrong > odd - 1).mean() > 0.05
+
+
+def test_four_runs_that_the_model_follows_carry_no_law_without_a_name() -> None:
+    said = too_few(left(0.9, 1.0, 1.1, 1.2), 1)
+    assert "the model follows each run by itself" in said
+    assert said.endswith(f"until there are {fewest_runs(1)} runs")
+
+
+def test_one_run_of_four_may_be_odd_two_are_physics() -> None:
+    assert "1 of 4 runs miss the model by themselves" in too_few(left(1.0, 1.0, 1.0, 40.0), 1)
+    assert too_few(left(1.0, 1.0, 30.0, 40.0), 1) == ""
+
+
+def test_one_law_that_mends_several_runs_which_miss_by_themselves_is_no_chance() -> None:
+    eight, mended = left(*[1.0] * 6, 30.0, 40.0), left(*[1.0] * 8)
+    assert too_few(eight, 2)
+    assert too_few(eight, 2, mended) == ""
+    assert too_few(eight, 2, left(*[1.0] * 7, 2.0))  # one is not mended
+    assert too_few(left(*[1.0] * 7, 40.0), 2, mended)  # a single run may have gone wrong
+
+
+def test_runs_enough_for_a_test_of_chance_between_them_carry_it_without_a_misfit_of_any() -> None:
+    assert too_few(left(*[1.0] * fewest_runs(1)), 1) == ""
+    assert too_few(left(*[1.0] * fewest_runs(1)), 2)  # a law of two parameters leaves one freedom less
+
+
+def test_parameters_of_the_law_are_those_of_its_terms_without_a_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "adequacy", lambda *_: left(*[1.0] * 8))
+    terms = {name: SimpleNamespace(size=size) for name, size in (("mark-offset", 3), ("free:a", 1), ("free:b", 2))}
+    search = SimpleNamespace(terms=terms, null=None, fits={})
+    session = SimpleNamespace(data=())
+    assert module.too_few_runs(search, frozenset({"mark-offset", "free:a"}), session) == ""  # type: ignore[arg-type]
+    assert module.too_few_runs(search, frozenset({"free:b"}), session)  # type: ignore[arg-type]
+    assert module.too_few_runs(search, frozenset(), session) == ""  # type: ignore[arg-type]

@@ -1,0 +1,146 @@
+"""What the studio writes and takes back, in a real browser: own effects, images of a live camera, marks, the robot."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from tests.evaluator.studio.browser import needs_browser, page_of
+from tests.evaluator.studio.live_camera import camera_file
+from tests.evaluator.studio.recordings import finished
+from tests.evaluator.studio.serving import Serving
+
+pytestmark = needs_browser()
+
+
+def test_the_form_of_an_unknown_verdict_becomes_an_effect_by_keyboard_and_is_undone(
+    studio: Serving, tmp_path: Path
+) -> None:
+    from simulator.own_effects.template import template
+
+    out = tmp_path / "folder" / "out"
+    out.mkdir()
+    (out / "own_effect.toml").write_text(template("found-by-diagnosis"))
+    empty: dict[str, Any] = {name: [] for name in ("effects", "negligible", "known_to", "where", "rivals", "mistakes")}
+    told = {"format": 1, "verdict": "unknown", "reason": "no known effect explains the runs", "gap": None}
+    rest: dict[str, Any] = {"findings": [], "skipped_runs": {}, "runs_not_followed": [], "next_experiment": None}
+    (out / "diagnosis.json").write_text(json.dumps({**told, **empty, **rest}))
+    identifier = studio.get("/api/home")["experiments"][0]["id"]
+    file = tmp_path / "folder" / "effects" / "mixed-drive.toml"
+    with page_of(studio.link) as page:
+        page.goto(f"{studio.origin}/#/x/{identifier}/diagnosis")
+        page.get_by_role("button", name="Add this as your effect").focus()
+        page.keyboard.press("Enter")
+        page.keyboard.type("Mixed Drive")
+        page.keyboard.press("Enter")
+        page.locator("form [role=alert]", has_text="small letters").wait_for()
+        page.keyboard.press("Control+a")
+        page.keyboard.type("mixed-drive")
+        page.get_by_label("to, term 2").focus()
+        page.keyboard.press("Control+a")
+        page.keyboard.type("0,5")
+        page.get_by_label("what it depends on, term 1").select_option("left_command")
+        assert page.get_by_label("coefficient, term 1").input_value() == "left_drive_by_left_command"
+        page.get_by_label("coefficient, term 1").focus()
+        page.keyboard.press("Enter")
+        finished(page, "Written to effects/mixed-drive.toml")
+        terms = tomllib.loads(file.read_text())["term"]
+        assert [(one["depends_on"], one["high"]) for one in terms] == [("left_command", 1.5), ("left_command", 0.5)]
+        page.locator("h1").click()
+        page.keyboard.press("Control+z")
+        finished(page, "Undone: the effect mixed-drive")
+        assert not file.exists()
+
+
+def test_an_image_is_taken_from_a_live_camera_and_undone(studio: Serving, tmp_path: Path) -> None:
+    folder = tmp_path / "folder"
+    camera_file(
+        folder / "camera.mkv", [np.asarray(cv2.imread(str(folder / "gauge-3-tilted.png"), cv2.IMREAD_GRAYSCALE))] * 3
+    )
+    with page_of(studio.link) as page:
+        page.get_by_role("link", name="Camera").click()
+        page.get_by_text("Live camera", exact=True).click()
+        page.get_by_label("Camera", exact=True).select_option("recording camera.mkv, as if it were a camera")
+        page.get_by_role("button", name="Start", exact=True).click()
+        page.get_by_text("Focus: edges").wait_for(timeout=120_000)
+        page.locator("h1").click()
+        page.keyboard.press("t")
+        finished(page, "Taken: gauge-5.png")
+        page.get_by_label("Use gauge-5.png").wait_for()
+        assert (folder / "gauge-5.png").is_file()
+        page.locator("h1").click()
+        page.keyboard.press("Control+z")
+        finished(page, "Undone: the image gauge-5.png")
+        page.get_by_label("Use gauge-5.png").wait_for(state="detached")
+        page.get_by_role("button", name="Stop", exact=True).click()
+
+
+def test_marks_and_robot_come_back_by_undo(studio: Serving, tmp_path: Path) -> None:
+    folder = tmp_path / "folder"
+    before = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    identifier = studio.get("/api/home")["experiments"][0]["id"]
+    with page_of(studio.link) as page:
+        page.goto(f"{studio.origin}/#/x/{identifier}/marks")
+        page.get_by_title("all marks found").first.wait_for(timeout=120_000)  # what finds marks is compiled
+        page.locator("h1").click()
+        page.keyboard.press("Delete")
+        page.get_by_text("taken away by hand in this frame").wait_for()
+        page.keyboard.press("Control+z")
+        finished(page, "Undone: a correction of left")
+        page.get_by_text("taken away by hand in this frame").wait_for(state="detached")
+        page.goto(f"{studio.origin}/#/x/{identifier}/sandbox")
+        page.get_by_text("both driving wheels are faster").click()
+        page.get_by_label("factor, drive-speed-scale").fill("1.05")
+        page.get_by_role("button", name="Add to the robot").click()
+        finished(page, "Written to robot.toml")
+        page.locator("h1").click()
+        page.keyboard.press("Control+z")
+        finished(page, "Undone: an effect in the robot")
+    assert {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
+
+
+def test_what_was_said_of_a_change_stays_when_the_motion_is_drawn_after_it(studio: Serving) -> None:
+    identifier = studio.get("/api/home")["experiments"][0]["id"]
+    motions: list[Any] = []
+    with page_of(studio.link) as page:
+        page.goto(f"{studio.origin}/#/x/{identifier}/sandbox")
+        row = page.locator("tbody tr").first
+        row.wait_for()
+        before = row.inner_text()
+        # held back; a lambda, as playwright marks its handlers
+        page.route("**/api/sandbox", lambda motion: motions.append(motion))  # noqa: PLW0108
+        page.get_by_text("both driving wheels are faster").click()
+        page.get_by_label("factor, drive-speed-scale").fill("1.05")
+        page.get_by_role("button", name="Add to the robot").click()
+        finished(page, "Written to robot.toml")
+        for motion in motions:
+            motion.continue_()
+        page.wait_for_function("(old) => document.querySelector('tbody tr').innerText !== old", arg=before)
+        assert "Written to robot.toml" in page.locator("#said").inner_text()
+    assert len(motions) == 1
+
+
+def test_marks_are_placed_and_exclusions_drawn_by_keyboard(studio: Serving, tmp_path: Path) -> None:
+    """What a click and a drag do in a frame, the arrows and Enter do."""
+    identifier = studio.get("/api/home")["experiments"][0]["id"]
+    with page_of(studio.link) as page:
+        page.goto(f"{studio.origin}/#/x/{identifier}/marks")
+        page.get_by_title("all marks found").first.wait_for(timeout=120_000)  # what finds marks is compiled
+        page.get_by_role("button", name="Draw an exclusion").press("Enter")
+        frame = page.locator("canvas.pick")
+        for key in ("Enter", *["Shift+ArrowRight"] * 2, "Shift+ArrowDown", "Enter"):
+            frame.press(key)
+        page.get_by_role("button", name="Remove exclusion 1").wait_for()
+        page.get_by_text("Saved in tracking.toml").wait_for()
+        page.get_by_role("button", name="Place it by hand").press("Enter")
+        frame.press("ArrowRight")
+        frame.press("Enter")
+        page.get_by_text("placed by hand at").wait_for()
+        assert page.locator(".clock").inner_text().endswith("frame 0")  # no arrow stepped a frame
+    (box,) = tomllib.loads((tmp_path / "folder" / "tracking.toml").read_text(encoding="utf-8"))["mask_px"]
+    assert [box[2] - box[0], box[3] - box[1]] == [20, 10]

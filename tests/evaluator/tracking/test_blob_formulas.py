@@ -1,0 +1,97 @@
+"""Blobs of any shape: the share of a pixel, moments of the shares and what they are unsure by, in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evaluator.tracking.refinement.blob import (
+    SHORTEST,
+    _lumpy_variance,
+    _members,
+    _moments,
+    _share,
+    _span,
+    elongation,
+)
+
+
+def test_elongation_is_the_ratio_of_the_axes_without_the_smear() -> None:
+    """A box of 12 by 4 px: variances 12 and 4/3; smeared along the shorter side by 6 px it looks more like a square."""
+    box = np.diag([12.0, 4 / 3])
+    assert elongation(box) == pytest.approx(3.0)
+    assert elongation(box + np.diag([0.0, 36 / 12]), (0.0, 6.0)) == pytest.approx(3.0)
+    assert elongation(np.diag([1.0, 0.0])) == pytest.approx(np.sqrt(1 / SHORTEST))
+    assert elongation(np.zeros((2, 2))) == 1.0
+
+
+def test_share_of_a_pixel_is_how_much_of_the_core_is_mixed_into_what_is_around() -> None:
+    rng = np.random.default_rng(4)
+    mixed = np.clip(np.linspace(-1, 2, 30), 0, 1)[None, :].repeat(20, axis=0)
+    colors = np.array([180.0, 60.0, 90.0])[:, None, None], np.array([60.0, 128.0, 128.0])[:, None, None]
+    planes = colors[0] * mixed + colors[1] * (1 - mixed)
+    planes[0] += 20 * rng.normal(size=(20, 30))  # luma of a rough floor: chroma tells
+    share = _share(planes.astype(np.float32), mixed == 1, mixed == 0)
+    assert np.abs(share - mixed).max() < 0.1
+    assert share[mixed == 1].mean() == pytest.approx(1.0, abs=1e-3)
+    assert share[mixed == 0].mean() == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("row_step", [1, 2])
+def test_blob_has_the_centre_area_and_moments_of_its_box(row_step: int) -> None:
+    share = np.zeros((40, 50))
+    share[10:22, 20:38] = 1.0
+    core, region = share > 0, np.ones_like(share, bool)
+    blob = _moments(share, region, core, ~core, (100, 7, row_step), 33.0, whole=True)
+    assert blob is not None
+    assert blob.center_px == pytest.approx((100 + 28.5, 7 + row_step * 15.5))
+    assert blob.area_px2 == pytest.approx(12 * 18 * row_step)
+    assert np.diag(blob.spread_px2) == pytest.approx([(18**2 - 1) / 12, row_step**2 * (12**2 - 1) / 12])
+    assert blob.covariance_px2 == pytest.approx(np.zeros((2, 2)))  # even inside and around
+    small = np.zeros((40, 50))
+    for size, found in ((5, False), (6, True)):
+        small[10, 20 : 20 + size] = 1.0
+        assert (_moments(small, region, small > 0, small == 0, (0, 0, 1), 1.0, whole=True) is not None) == found
+    over = np.where(core, 3.0, -1.0)  # clipped to 1.2 and -0.2: noise explains so much
+    clipped = _moments(over, core, core, ~core, (0, 0, 1), 1.0, whole=True)
+    assert clipped is not None
+    assert clipped.area_px2 == pytest.approx(1.2 * 12 * 18)
+
+
+def test_centroid_is_as_unsure_as_noise_of_the_shares_makes_it() -> None:
+    rng = np.random.default_rng(5)
+    core = np.zeros((30, 30), bool)
+    core[10:20, 8:22] = True
+    region = np.zeros_like(core)
+    region[7:23, 5:25] = True
+    blobs = [
+        _moments(core + 0.05 * rng.normal(size=core.shape), region, core, ~region, (0, 0, 1), 1.0, whole=True)
+        for _ in range(120)
+    ]
+    centers = np.array([blob.center_px for blob in blobs if blob is not None])
+    stated = np.mean([np.diag(blob.covariance_px2) for blob in blobs if blob is not None], axis=0)
+    assert centers.var(axis=0) == pytest.approx(stated, rel=0.35)
+
+
+def test_noise_that_neighbours_share_counts_by_how_many_share_it() -> None:
+    rng = np.random.default_rng(6)
+    everywhere = np.ones((210, 210), bool)
+    white = rng.normal(size=(210, 210))
+    assert _lumpy_variance(white, everywhere) == pytest.approx(1.0, rel=0.15)
+    blocks = np.kron(rng.normal(size=(30, 30)), np.ones((7, 7)))
+    # A mean over a square that lies anywhere holds (2/3)² of the variance of a block: of the sum over 49 pixels 21.8.
+    assert _lumpy_variance(blocks, everywhere) == pytest.approx(49 * 4 / 9 * blocks.var(), rel=0.15)
+    flat = np.kron(rng.normal(size=(3, 3)), np.ones((70, 70)))
+    assert _lumpy_variance(flat, everywhere) == pytest.approx(49 * flat.var(), rel=0.15)
+
+
+def test_a_sample_is_of_a_colour_that_is_strong_along_it_and_little_across() -> None:
+    color = np.array([128.0, 128.0, 0.6, 0.8, 10.0, 0.5])
+    along = np.array([9.0, 11.0, 20.0, 20.0])
+    across = np.array([0.0, 0.0, 9.0, 11.0])
+    u, v = 128 + 0.6 * along - 0.8 * across, 128 + 0.8 * along + 0.6 * across
+    found, member = _members(u.astype(np.float32), v.astype(np.float32), color)
+    assert found == pytest.approx(along, rel=1e-5)
+    assert member.tolist() == [0, 1, 1, 0]
+    assert _span(10.0, 3.0, 0.5, 2.0, 100) == (3, 8)
+    assert _span(1.0, 3.0, 0.5, 2.0, 2) == (0, 2)
