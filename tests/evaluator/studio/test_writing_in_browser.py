@@ -104,6 +104,29 @@ def test_marks_and_robot_come_back_by_undo(studio: Serving, tmp_path: Path) -> N
     assert {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
 
 
+def test_undo_takes_back_the_latest_change_however_slowly_the_server_answers(studio: Serving, tmp_path: Path) -> None:
+    from playwright.sync_api import expect
+
+    toml = tmp_path / "folder" / "experiment.toml"
+    with page_of(studio.link) as page:
+        page.get_by_text("two runs").click()
+        cell, undo = page.get_by_label("group, run left"), page.get_by_role("button", name="Undo", exact=True)
+        cell.fill("first")
+        page.keyboard.press("Enter")
+        expect(undo).to_be_enabled()
+        page.evaluate(
+            """() => { const real = window.fetch; window.fetch = async (path, ...rest) => {
+            if (/undo|edit$/.test(path)) await new Promise((done) => setTimeout(done, 600));
+            return real(path, ...rest); }; }"""
+        )
+        cell.fill("second")
+        page.keyboard.press("Enter")
+        undo.click()
+        finished(page, "Undone")
+        expect(cell).to_have_value("first")
+    assert 'group = "first"' in toml.read_text()
+
+
 def test_what_was_said_of_a_change_stays_when_the_motion_is_drawn_after_it(studio: Serving) -> None:
     identifier = studio.get("/api/home")["experiments"][0]["id"]
     motions: list[Any] = []

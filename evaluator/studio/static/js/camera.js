@@ -24,8 +24,8 @@ export async function show(view, { rest, signal }) {
   };
   const gauge = await load();
   if (gauge) {
-    fill(live, await live_camera(gauge, signal, { seen: () => known.values(), taken: async (made) => { await load(made.id); undo.refresh(); } }));
-    onJobs((_, ended) => { if (ended.some((job) => job.kind === "calibrate")) undo.refresh(); }, signal);
+    fill(live, await live_camera(gauge, signal, { seen: () => known.values(), taken: async (made) => { await load(made.id); undo.after(); } }));
+    onJobs((_, ended) => { if (ended.some((job) => job.kind === "calibrate")) undo.after(); }, signal);
   }
   onJobs((_, ended) => { if (ended.some((job) => job.kind === "calibrate" || job.kind === "samples")) load().catch(say); }, signal);
 }

@@ -17,7 +17,7 @@ export async function show(view, { id, signal }) {
     const [found, own] = await Promise.all([get(`/api/experiments/${id}/diagnosis`, signal), own_effects(id, signal, load)]);
     if (signal.aborted) return;
     fill(view, h("div", { class: "stack", style: { gap: "1.4rem" } }, found.content ? screen(found, id, signal, { load, own }) : nothing(id), own.box, h("div", { class: "row" }, undo.undo, undo.redo)));
-    undo.refresh();
+    undo.after();
   };
   const undo = undoing("diagnosis", id, signal, () => load());
   await load();

@@ -115,12 +115,15 @@ async function workbench(place, id, run, file, signal) {
     state.said = said;
     tell();
     look();
-    queue = queue.then(() => post(`/api/experiments/${id}/tracking`, { version: state.version, said: stored(said) }, signal)).then((next) => { state.version = next.version; path.textContent = `Saved in ${next.path}.`; say(""); undo.refresh(); return contact(); })
+    queue = queue.then(() => post(`/api/experiments/${id}/tracking`, { version: state.version, said: stored(said) }, signal)).then((next) => { state.version = next.version; path.textContent = `Saved in ${next.path}.`; say(""); contact(); })
       .catch(async (error) => { state.said = before; say(error); if (error.status === 409) { const next = await get(`/api/experiments/${id}/tracking`, signal); state.said = settings(next); state.version = next.version; } tell(); look(); });
+    undo.after(queue);
   };
   const correct = (x, y) => {
-    const rows = [...state.rows.filter((row) => row.frame !== state.index || row.mark !== state.mark), ...(x === undefined ? [] : [{ frame: state.index, mark: state.mark, x, y }])];
-    queue = queue.then(() => post(`${base}/corrections`, { version: state.correctionsVersion, rows }, signal)).then((next) => { state.rows = next.rows; state.correctionsVersion = next.version; path.textContent = `Saved in ${next.path}: the next analysis uses it.`; undo.refresh(); tell(); screen.redraw(); }).catch(say);
+    const { index: frame, mark } = state;
+    const rows = () => [...state.rows.filter((row) => row.frame !== frame || row.mark !== mark), ...(x === undefined ? [] : [{ frame, mark, x, y }])];
+    queue = queue.then(() => post(`${base}/corrections`, { version: state.correctionsVersion, rows: rows() }, signal)).then((next) => { state.rows = next.rows; state.correctionsVersion = next.version; path.textContent = `Saved in ${next.path}: the next analysis uses it.`; tell(); screen.redraw(); }).catch(say);
+    undo.after(queue);
   };
   const undo = undoing("marks", id, signal, async () => {
     const [settled, corrected] = await Promise.all([get(`/api/experiments/${id}/tracking`, signal), get(`${base}/corrections`, signal)]);

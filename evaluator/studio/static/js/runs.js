@@ -42,7 +42,10 @@ export async function show(view, { id, rest, signal }) {
   };
   // One change after another: each is made for the version that the one before it left.
   let queue = Promise.resolve();
-  const edit = (edits, extra) => (queue = queue.then(() => post(`${path}/edit`, { version: found.version, edits })).then((next) => { say(""); accept(next, extra); choose(shown ?? 0, false); undo.refresh(); }).catch(recover));
+  const edit = (edits, extra) => {
+    queue = queue.then(() => post(`${path}/edit`, { version: found.version, edits })).then((next) => { say(""); accept(next, extra); choose(shown ?? 0, false); }).catch(recover);
+    undo.after(queue);
+  };
   const undo = undoing("runs", id, signal, async () => { accept(await get(path, signal)); choose(shown ?? 0, false); });
 
   const table = sheet(COLUMNS, { edit, chosen: (row) => choose(row), signal });

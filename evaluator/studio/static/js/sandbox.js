@@ -79,7 +79,7 @@ function screen(found, source, signal, undo) {
   const given_values = (one, given) => Object.fromEntries(one.sliders.map((own) => [own.key, given && given[own.key] !== undefined ? given[own.key] : own.value]));
   const add = source.experiment && h("button", { title: "Put the effects that were moved into the robot file of the experiment", onclick: () => {
     if (!Object.keys(state.effects).length) { say("Move a slider of an effect first."); return; }
-    post(`/api/experiments/${source.experiment}/robot`, { version: found.version, effects: state.effects }).then((answer) => { found.version = answer.robot.version; say(`Written to ${answer.robot.path}.`, true); undo.refresh(); }).catch(say);
+    undo.after(post(`/api/experiments/${source.experiment}/robot`, { version: found.version, effects: state.effects }).then((answer) => { found.version = answer.robot.version; say(`Written to ${answer.robot.path}.`, true); }).catch(say));
   } }, "Add to the robot");
   ask(true);
   return h("div", { class: "side" },

@@ -7,22 +7,24 @@ import { say } from "./say.js";
 const TYPED = "input:not([type=range], [type=checkbox], [type=radio]), textarea";
 
 // screen: as the server calls it; id: of the experiment or gauge; changed(): show anew what was undone or redone.
+// after(change): to be called with the promise of each change that the screen makes, or when another has made one.
 export function undoing(screen, id, signal, changed, run = "") {
   const path = `/api/undo/${screen}/${id}`;
   let next = { undo: null, redo: null };
   const button = (way, words, keys) => h("button", { title: `${words} (${keys})`, disabled: true, onclick: () => step(way) }, words);
   const buttons = { undo: button("undo", "Undo", "Ctrl+Z"), redo: button("redo", "Redo", "Ctrl+Shift+Z") };
-  const refresh = () => get(`${path}?run=${encodeURIComponent(run)}`, signal).then((found) => {
+  const ask = () => get(`${path}?run=${encodeURIComponent(run)}`, signal).then((found) => {
     next = found;
     for (const [way, one] of Object.entries(buttons)) {
       one.disabled = !next[way];
       one.title = `${one.textContent}${next[way] ? `: ${next[way].words}` : ""} (${way === "undo" ? "Ctrl+Z" : "Ctrl+Shift+Z"})`;
     }
   }).catch((error) => { if (error.name !== "AbortError") say(error); });
-  // One step after another: each is meant for what the one before it left.
-  let queue = Promise.resolve();
-  const step = (way) => (queue = queue.then(async () => {
-    if (!next[way]) await refresh(); // the key may be faster than the news of the change that it takes back
+  // A step follows what was done on this screen before it, and the news of it: changes and steps wait in one line.
+  let line = ask();
+  const after = (change) => (line = Promise.all([line, change]).then(ask, ask));
+  const step = (way) => (line = line.then(async () => {
+    if (!next[way]) await ask(); // another tab may have made a change
     if (!next[way]) { say(`There is nothing to ${way} on this screen.`); return; }
     try {
       const { words } = await post(path, { way, number: next[way].number, run }, signal);
@@ -32,13 +34,12 @@ export function undoing(screen, id, signal, changed, run = "") {
       say(error);
       if (error.status === 409) await changed();
     }
-    await refresh();
+    await ask();
   }));
   document.addEventListener("keydown", (event) => {
     if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "z" || event.target.closest?.(TYPED)) return;
     event.preventDefault();
     step(event.shiftKey ? "redo" : "undo");
   }, { signal });
-  refresh();
-  return { ...buttons, refresh };
+  return { ...buttons, after };
 }
