@@ -35,7 +35,7 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
     said = content["verdict"] == "none"  # in the sentence of the verdict
     lines += [*([] if said else finding_sentences(content)), negligible_sentence(content)]
     for effect in content["effects"]:
-        lines.append(f"{effect['id']}, probability {effect['probability']:.3f}:")
+        lines.append(f"{effect['id']}, probability {_probability(effect['probability'])}:")
         for name, value in effect["parameters"].items():
             text = f"  {name} = {value['value']:.4g}  [95 %: {value['low']:.4g} to {value['high']:.4g}]"
             lines.append(true_minus(text))
@@ -51,3 +51,8 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
         separations_sentence(content),
     ]
     return [line for line in lines if line]
+
+
+def _probability(value: float) -> str:
+    """A probability, never as certainty: it holds among the sets of effects that were compared."""
+    return "above 0.999" if value > 0.999 else f"{value:.3f}"
