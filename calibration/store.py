@@ -167,6 +167,10 @@ def load_camera_file(path: Path) -> CameraFile:
     path = Path(path)
     try:
         stored = CameraFile.model_validate_json(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise CalibrationError(
+            f"{path}: does not exist; turnscope calibrate makes it from images of the gauge"
+        ) from error
     except UnicodeDecodeError as error:
         raise CalibrationError(f"{path}: not a text file; a camera.json from turnscope calibrate is wanted") from error
     except ValidationError as error:
