@@ -111,7 +111,7 @@ function sentence(dots) {
   const count = dots.of_array.filter(Boolean).length;
   if (!count) return "No regular array of dots was found. Is the gauge in the image, lit evenly, and not cut off?";
   const focus = dots.blur_px > SOFT_EDGE ? ` The edges are ${num(dots.blur_px, 2)} px wide: focus the lens.` : "";
-  return `${counted(count, "dot")} of the array, centres to ${num(1000 * dots.sigma_px, 2)} mpx (1 sigma), ${counted(dots.of_array.length - count, "dot")} beside it.${focus}${dots.light ? ` Light: ${dots.light}.` : ""}`;
+  return `${counted(count, "dot")} of the array, centres to ${num(dots.sigma_px, 2)} px (1 sigma), ${counted(dots.of_array.length - count, "dot")} beside it.${focus}${dots.light ? ` Light: ${dots.light}.` : ""}`;
 }
 
 function given(image) {

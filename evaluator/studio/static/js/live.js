@@ -34,7 +34,7 @@ export async function live_camera(gauge, signal, { seen, taken }) {
     const count = found.of_array.filter(Boolean).length;
     const share = found.blur_px ? Math.min(1, state.sharpest / found.blur_px) : 0;
     fill(help,
-      h("p", {}, h("strong", {}, counted(count, "dot")), count ? ` of the gauge, centres to ${num(1000 * found.sigma_px, 2)} mpx.` : found.late ? ": looking for them …" : ": is the gauge in the image, lit evenly, and not cut off?"),
+      h("p", {}, h("strong", {}, counted(count, "dot")), count ? ` of the gauge, centres to ${num(found.sigma_px, 2)} px.` : found.late ? ": looking for them …" : ": is the gauge in the image, lit evenly, and not cut off?"),
       h("div", {}, h("p", { class: "small" }, found.blur_px ? `Focus: edges ${num(found.blur_px, 2)} px wide, ${num(state.sharpest, 2)} px at their sharpest. Turn the lens until the bar is longest.` : "Focus: known as soon as dots are found."),
         h("div", { class: "bar", role: "meter", "aria-label": "Focus", "aria-valuemin": 0, "aria-valuemax": 100, "aria-valuenow": Math.round(100 * share) }, h("i", { style: { width: `${100 * share}%` } }))),
       h("p", { class: `small ${found.light ? "warn" : ""}` }, found.light ? `Light: ${found.light}.` : "Light: well exposed."),

@@ -100,7 +100,7 @@ async function workbench(place, id, run, file, signal) {
     fill(readout, Object.keys(state.said.mark).map((name) => {
       const one = seen?.marks[name], own = state.said.mark[name], hand = state.rows.find((row) => row.frame === state.index && row.mark === name);
       const [low, high] = own.hue_deg ?? one?.hue_range_deg ?? [0, 0];
-      const place_of = !one ? "…" : one.status === "ok" ? `centre ${fixed(one.x_px, 2)}, ${fixed(one.y_px, 2)} px · sigma ${num(1000 * one.x_sigma_px)} mpx` : one.status;
+      const place_of = !one ? "…" : one.status === "ok" ? `centre ${fixed(one.x_px, 2)}, ${fixed(one.y_px, 2)} px · sigma ${num(one.x_sigma_px, 2)} px` : one.status;
       return h("div", { class: `card markcard ${state.mark === name ? "chosen" : ""}` },
         h("label", { class: "row" }, h("input", { type: "radio", name: "mark", checked: state.mark === name, onchange: () => { state.mark = name; tell(); } }), h("strong", {}, name), h("i", { class: "hue", style: { background: `linear-gradient(90deg, hsl(${low} 90% 50%), hsl(${(low + high) / 2} 90% 50%), hsl(${high} 90% 50%))` } }), h("span", { class: "small soft" }, !own.hue_deg && !one ? "…" : `hue ${Math.round(low)}° to ${Math.round(high)}°${own.hue_deg ? "" : " (default)"}`)),
         h("p", { class: `small ${one && one.status !== "ok" ? "warn" : ""}` }, place_of), hand && h("p", { class: "small" }, hand.x === null ? "taken away by hand in this frame" : `placed by hand at ${fixed(hand.x, 1)}, ${fixed(hand.y, 1)} px`),

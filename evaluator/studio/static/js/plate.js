@@ -32,7 +32,7 @@ export function grid(context, to, width, height) {
   for (let x = Math.ceil(to.mmx(0) / step) * step; to.x(x) < width; x += step) {
     context.moveTo(Math.round(to.x(x)) + 0.5, 0);
     context.lineTo(Math.round(to.x(x)) + 0.5, height);
-    context.fillText(String(x).replace("-", "−"), to.x(x) + 3, height - 4);
+    if (to.x(x) < width - 56) context.fillText(String(x).replace("-", "−"), to.x(x) + 3, height - 4); // "mm" stands there
   }
   for (let y = Math.ceil(to.mmy(height) / step) * step; to.y(y) > 0; y += step) {
     context.moveTo(0, Math.round(to.y(y)) + 0.5);
