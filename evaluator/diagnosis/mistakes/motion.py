@@ -21,6 +21,8 @@ SHORTEST_GAP_S, LONGEST_GAP_S = 0.1, 1.0  # without frames: no hand is faster; b
 AROUND_GAP = 15  # frames on either side: a quarter of a second
 GAP_SIGMAS = 8.0  # of the scatter of a frame; a velocity over 15 frames is carried over a gap of a few times as many
 LEAST_LEAP_MM = 0.2  # three times what tails and slow errors of tracking made of 24 gaps; a hand moves it more
+# The most of about ten places along a run that ripples nearly is the most that it ever makes: twice that is no ripple.
+UNSTEADY_TIMES = 2.0
 REST_S = 0.08  # of a recording in which the robot is taken to rest; it is not where it moves already
 
 
@@ -161,24 +163,52 @@ def displacement_over(run: RunData, stretch: tuple[float, float], between: tuple
     half of the distance of the marks.
 
     Before and after, the robot moves at a velocity in its own frame; half of the stretch at the one, half at the other
-    takes it along arcs from the last pose before to the first after. What is missing to that, beyond what chance and
-    the difference of the two velocities allow, nobody's wheels have made.
+    takes it along arcs from the last pose before to the first after. What is missing to that, beyond what chance, the
+    difference of the two velocities, and the unsteadiness of this run elsewhere allow, nobody's wheels have made.
     """
-    time, middle, heading = midpoint_and_heading(run)
+    course, arm = midpoint_and_heading(run), _arm_mm(run)
+    missing, allowed = _missing_over(course, stretch, between, arm)
+    if missing <= max(allowed, LEAST_LEAP_MM):
+        return 0.0
+    return missing if missing > UNSTEADY_TIMES * _missing_elsewhere(course, stretch, between, arm) else 0.0
+
+
+def _missing_elsewhere(
+    course: tuple[Floats, Floats, Floats], stretch: tuple[float, float], between: tuple[float, float], arm_mm: float
+) -> float:
+    """The most that is missing over other stretches as long, mm, where the frames are there: ripple, uneven ground."""
+    time, length = course[0], stretch[1] - stretch[0]
+    around = AROUND_GAP * float(np.median(np.diff(time)))
+    most = 0.0
+    for begin in np.arange(between[0] + around, between[1] - around - length, length / 2):
+        low, high = begin - around, begin + length + around
+        inside = (time >= low) & (time <= high)
+        if (high < stretch[0] or low > stretch[1]) and np.diff(time[inside]).max(initial=0.0) < SHORTEST_GAP_S:
+            most = max(most, _missing_over(course, (begin, begin + length), between, arm_mm)[0])
+    return most
+
+
+def _missing_over(
+    course: tuple[Floats, Floats, Floats], stretch: tuple[float, float], between: tuple[float, float], arm_mm: float
+) -> tuple[float, float]:
+    """What is missing to a way over a stretch of time, and what chance and a change of speed explain of it, mm.
+
+    course: times (n,), midpoints (n, 2) and headings (n,) as of `midpoint_and_heading`. Both are 0 for too few frames
+    before or after.
+    """
+    time, middle, heading = course
     before = np.flatnonzero((time >= between[0]) & (time <= stretch[0]))[-AROUND_GAP:]
     after = np.flatnonzero((time >= stretch[1]) & (time <= between[1]))[:AROUND_GAP]
     if min(len(before), len(after)) < AROUND_GAP:
-        return 0.0
+        return 0.0, 0.0
     ends = time[before[-1]], time[after[0]]
     views = [_moving_at(time[p], middle[p], heading[p], at) for p, at in zip((before, after), ends, strict=True)]
     half = float(ends[1] - ends[0]) / 2
     met = [_carried(pose, velocity, way) for (pose, velocity, _), way in zip(views, (half, -half), strict=True)]
-    arm = _arm_mm(run)
-    missing = _carried_mark(met[1] - met[0], arm)
-    unlike = _carried_mark(views[1][1] - views[0][1], arm) * half  # speeds that differ, held for half the stretch
+    unlike = _carried_mark(views[1][1] - views[0][1], arm_mm) * half  # speeds that differ, held for half the stretch
     spans = [float(np.ptp(time[part])) for part in (before, after)]
     chance = GAP_SIGMAS * max(view[2] for view in views) * (1 + 2 * half / max(*spans, 1e-9))
-    return missing if missing > max(chance + unlike, LEAST_LEAP_MM) else 0.0
+    return _carried_mark(met[1] - met[0], arm_mm), chance + unlike
 
 
 def _arm_mm(run: RunData) -> float:
