@@ -16,7 +16,7 @@ from scipy import stats
 
 from evaluator.diagnosis.inference.fit import Fit
 from evaluator.diagnosis.inference.left_overs import left_overs
-from evaluator.diagnosis.likelihood.mixed_model import SCATTER, run_effects
+from evaluator.diagnosis.likelihood.mixed_model import FRICTION_SCATTER, GAIN_SCATTER, SCATTER, run_effects
 from evaluator.diagnosis.likelihood.run_data import RunData
 
 Floats = NDArray[np.float64]
@@ -33,7 +33,8 @@ class Adequacy:
 
     excess: mean square of whitened left-overs, 1 for pure noise; excess_sigma: its distance from 1 in standard errors.
     by_run: the same per run. own: friction, gains and start of each run (n, 4). order_p: probability that these depend
-    so much on something known were they chance, Bonferroni over all that was asked; depends_on: on what.
+    so much on something known were they chance, Bonferroni over all that was asked; depends_on: on what. widest: what
+    differs so much from run to run that no laboratory leaves it to chance, in words; empty where nothing does.
     """
 
     excess: float
@@ -42,6 +43,7 @@ class Adequacy:
     own: Floats
     order_p: float
     depends_on: str
+    widest: str = ""
 
 
 def adequacy(fit: Fit, data: Sequence[RunData]) -> Adequacy:
@@ -50,11 +52,23 @@ def adequacy(fit: Fit, data: Sequence[RunData]) -> Adequacy:
     theta = np.array([fit.point.value(column) for column in columns])
     squares, freedom = left_overs(fit.linearized, columns, theta)
     excess = float(squares.sum() / freedom.sum())
-    own, unknown = run_effects(fit.reduced, theta, fit.posterior.scatter)
-    told = 1 - np.diagonal(unknown, axis1=1, axis2=2) / fit.posterior.scatter**2
+    scatter = fit.posterior.scatter
+    own, unknown = run_effects(fit.reduced, theta, scatter)
+    told = 1 - np.diagonal(unknown, axis1=1, axis2=2) / scatter**2
     sigma = np.sqrt(2 / freedom.sum())
-    order_p, depends_on = _order(own / fit.posterior.scatter, told, [data[run] for run in fit.runs])
-    return Adequacy(excess, (excess - 1) / sigma, squares / freedom, own, order_p, depends_on)
+    order_p, depends_on = _order(own / scatter, told, [data[run] for run in fit.runs])
+    return Adequacy(excess, (excess - 1) / sigma, squares / freedom, own, order_p, depends_on, _widest(scatter))
+
+
+def _widest(scatter: Floats) -> str:
+    """What scatters as much as is thought possible at all: then it is a law that no model has, spread over the runs.
+
+    scatter: (4,), posterior mean. The largest of the scatters asked is then more probable than all smaller ones.
+    """
+    for what, found, asked in (("friction", scatter[0], FRICTION_SCATTER), ("wheel speed", scatter[1], GAIN_SCATTER)):
+        if found > np.sqrt(asked[-2] * asked[-1]):
+            return f"{what} differs from run to run by {100 * found:.0f} %, which no laboratory leaves to chance"
+    return ""
 
 
 def _order(own: Floats, told: Floats, data: Sequence[RunData]) -> tuple[float, str]:

@@ -143,6 +143,8 @@ def doubts(left: Adequacy, constant: Sequence[Constancy]) -> str:
         return f"left-overs are {left.excess:.2f} times the tracking noise ({left.excess_sigma:.0f} sigmas)"
     if left.order_p < NOT_CHANCE:
         return f"the {left.depends_on}, which is not chance (probability {left.order_p:.1g})"
+    if left.widest:
+        return left.widest
     for item in constant:
         if item.probability < NOT_CHANCE:
             return f"the effect differs in size between {item.halves} (probability {item.probability:.1g})"

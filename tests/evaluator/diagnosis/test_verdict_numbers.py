@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -114,6 +115,7 @@ def test_left_overs_are_doubted_beyond_an_eighth_of_the_noise_and_five_sigmas() 
 def test_dependence_and_inconstancy_are_doubted_below_one_in_a_thousand() -> None:
     assert doubts(left(order_p=1.1e-3), [Constancy("forward and backward", 1.1e-3)]) == ""
     assert "depends on order, which is not chance (probability 0.0009)" in doubts(left(order_p=9e-4), [])
+    assert doubts(replace(left(), widest="friction differs"), []) == "friction differs"
     said = doubts(left(), [Constancy("slow and fast", 0.5), Constancy("left and right", 9e-4)])
     assert said == "the effect differs in size between left and right (probability 0.0009)"
 
