@@ -8,7 +8,7 @@ from evaluator.report.diagnosis.words import (
     as_sentence,
     closes,
     effect_words,
-    micrometres,
+    length,
     value_text,
     with_interval,
 )
@@ -64,8 +64,8 @@ def predicted_sentence(content: Json) -> str:
         if before is None or after is None:
             return ""
         if not closes(content) or before == after:
-            return f"{micrometres(before)} on {where}"
-        return f"from {micrometres(before)} to {micrometres(after)} on {where}"
+            return f"{length(before)} on {where}"
+        return f"from {length(before)} to {length(after)} on {where}"
 
     parts = [text for text in (change("fit", "the runs that were fitted"), change("held_out", "held-out runs")) if text]
     if not parts:

@@ -15,7 +15,7 @@ from evaluator.report.diagnosis.words import (
     equivalents_sentence,
     gap_sentence,
     in_words,
-    micrometres,
+    length,
     next_runs,
     not_tried_sentence,
     parameter,
@@ -148,7 +148,7 @@ def _small_print(content: Json) -> Section | None:
     if noise:
         scatter = noise.get("run_to_run") or {}
         text.append(
-            f"Estimated from these runs: marks scatter by {micrometres(noise['mark_sigma_mm'])}, "
+            f"Estimated from these runs: marks scatter by {length(noise['mark_sigma_mm'])}, "
             f"correlated over {value_text(noise['correlation_s'])} s; from run to run friction varies by "
             f"{percent_text(scatter.get('friction'))} and wheel speed by {percent_text(scatter.get('wheel_speed'))}."
         )

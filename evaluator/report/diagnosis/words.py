@@ -221,12 +221,12 @@ def gap_sentence(content: Json) -> str:
         before, after = gap["before"].get(part), gap["after"].get(part)
         if before is None or after is None:
             return ""
-        return f"{f'from {micrometres(before)} to {micrometres(after)}' if again else micrometres(before)} on {where}"
+        return f"{f'from {length(before)} to {length(after)}' if again else length(before)} on {where}"
 
     parts = " and ".join(
         filter(None, (change("fit", "the runs that were fitted"), change("held_out", "held-out runs")))
     )
-    noise = f"tracking noise alone makes {micrometres(gap['noise_floor'])}"
+    noise = f"tracking noise alone makes {length(gap['noise_floor'])}"
     if not again:
         return f"The distance between model and marks is {parts}; {noise}."
     if not content.get("effects") and gap["before"] == gap["after"]:
@@ -259,11 +259,12 @@ def signed_percent(share: float | None) -> str:
     return UNKNOWN if share is None else f"{significant(100 * share, 2, sign=True)} %"
 
 
-def micrometres(length_mm: float | None) -> str:
-    """A length in µm; from ten millimetres on, which only large robots miss, in mm."""
+def length(length_mm: float | None) -> str:
+    """A length with three digits, in µm below a millimetre, in m from a thousand on."""
     if length_mm is None:
         return UNKNOWN
-    return f"{length_mm:.3g} mm" if length_mm >= 10 else f"{1000 * length_mm:.3g} µm"
+    unit, factor = ("µm", 1e3) if length_mm < 1 else ("mm", 1.0) if length_mm < 1000 else ("m", 1e-3)
+    return f"{factor * length_mm:.3g} {unit}"
 
 
 def as_sentence(text: str) -> str:

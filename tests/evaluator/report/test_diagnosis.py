@@ -1,4 +1,5 @@
-"""The sections on a diagnosis, from diagnosis.json alone, whoever wrote it and whatever it says."""
+"""The sections on a diagnosis, from diagnosis.json alone, whoever wrote it and whatever it says."""from evaluator.report.numbers import UNKNOWN
+
 
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ from evaluator.report.diagnosis.knowledge import finding_sentences
 from evaluator.report.diagnosis.sections import diagnosis_sections
 from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.diagnosis.words import (
+    length,
     next_runs_sentence,
     parameter,
     rivals_sentence,
@@ -190,3 +192,8 @@ def test_every_parameter_of_every_effect_has_words_and_no_underscore() -> None:
             assert "_" not in words
     assert parameter("speed.cos_heading.driving") == ("speed cos heading driving", "")
     assert parameter("moment.u_abs_u") == ("moment u abs u", "µN·mm/(mm/s)²")
+
+
+def test_lengths_are_told_in_the_unit_of_their_size() -> None:
+    told = [length(value) for value in (0.00764, 0.9994, 5.964, 410.2, 1893.0, None)]
+    assert told == ["7.64 µm", "999 µm", "5.96 mm", "410 mm", "1.89 m", UNKNOWN]
