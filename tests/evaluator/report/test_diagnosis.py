@@ -1,5 +1,4 @@
-"""The sections on a diagnosis, from diagnosis.json alone, whoever wrote it and whatever it says."""from evaluator.report.numbers import UNKNOWN
-
+"""The sections on a diagnosis, from diagnosis.json alone, whoever wrote it and whatever it says."""
 
 from __future__ import annotations
 
@@ -21,6 +20,7 @@ from evaluator.report.diagnosis.words import (
     verdict_sentence,
     where_sentences,
 )
+from evaluator.report.numbers import UNKNOWN
 from simulator.effects.catalogue import EFFECTS
 
 # As the file contract shows it: another program may write no more than this.
