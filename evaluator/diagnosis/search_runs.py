@@ -24,7 +24,7 @@ from evaluator.diagnosis.inference.fit import Fit, fit_model
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import LARGEST_SET, Search, fit_set
-from evaluator.diagnosis.inference.short_horizon import is_large, recalibrated, short_horizon_fits
+from evaluator.diagnosis.inference.short_horizon import helps_itself, is_large, recalibrated, short_horizon_fits
 from evaluator.diagnosis.inference.strategy import BEAM, HOPELESS, extend, run_search
 from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.known_to import Quantity, predicted_sigmas
@@ -84,7 +84,7 @@ def search_named(
         begin = recalibrated(problem, start, tolerance)
         problem = with_noise_of(problem, begin)
         part = replace(part, problem=problem)
-        large = is_large(problem, begin)
+        large = is_large(problem, begin) or helps_itself(begin)
     run_search(part, begin, start, progress, short_horizon_fits(part, start, progress) if large else ())
     part = _with_settled_noise(part, start, progress)
     _swap(part)
