@@ -181,7 +181,8 @@ def test_a_click_is_not_lost_when_its_button_is_drawn_anew_before_it_is_let_go(s
             """async () => { const { fill, h } = await import("/static/js/dom.js"), box = h("div");
             document.querySelector("h1").before(box);
             window.clicked = 0;
-            window.anew = (words) => fill(box, h("button", { id: "drawn", onclick: () => (window.clicked += 1) }, words));
+            const count = () => (window.clicked += 1);
+            window.anew = (words) => fill(box, h("button", { id: "drawn", onclick: count }, words));
             window.anew("old"); }"""
         )
         page.locator("#drawn").hover()
