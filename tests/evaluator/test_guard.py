@@ -13,6 +13,7 @@ import pytest
 
 from evaluator.cli.guard import CHILD, crash_sentence, needs_child, wait_for
 from tests.end_to_end.commands import ROOT, turnscope_process
+from tests.waiting import HANGS_S
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a signal")
@@ -64,15 +65,15 @@ def test_child_ends_with_its_parent(tmp_path: Path, number: signal.Signals) -> N
     with subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE) as parent:
         children = _wait_for_child(parent.pid)
         parent.send_signal(number)
-        parent.wait(20)
-        end = time.monotonic() + 20
+        parent.wait(HANGS_S)
+        end = time.monotonic() + HANGS_S
         while any(_is_alive(child) for child in children):
             assert time.monotonic() < end
             time.sleep(0.1)
 
 
 def _wait_for_child(pid: int) -> list[int]:
-    end = time.monotonic() + 20
+    end = time.monotonic() + HANGS_S
     while time.monotonic() < end:
         text = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="utf-8")
         if text:

@@ -14,7 +14,7 @@ from typing import Any
 from evaluator.errors import InputError
 from evaluator.workflow.frames.child import Child
 
-ANSWER_S = 30.0  # cameras take seconds to open
+ANSWER_S = 60.0  # cameras take seconds to open, and on a busy machine their process took 18 s to start
 SOON_S = 1.0  # finding the dots takes a tenth of that; where it takes longer the preview goes on without them
 FIRST_FRAME_S = 10.0
 IDLE_S = 10.0  # nobody looks any more: the camera is let go for other programs

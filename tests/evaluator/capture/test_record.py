@@ -163,7 +163,7 @@ def test_a_program_starts_the_motors_after_the_rest(tmp_path: Path) -> None:
     run = program(f"\"{sys.executable}\" -c \"open(r'{started}', 'w')\"")
     found = record_camera(source, None, start=CaptureStart(signal=run, rest_s=0.5))
     assert np.isfinite(found.start_s)
-    for _ in range(100):
+    for _ in range(1000):
         if started.exists():
             break
         time.sleep(0.1)
@@ -179,7 +179,7 @@ def test_a_line_says_that_the_motors_started(tmp_path: Path) -> None:
     os.write(writing, b"go\n")
     with os.fdopen(reading) as stream:
         _, moment = line_on(stream)()
-        for _ in range(100):
+        for _ in range(3000):
             if moment() is not None:
                 break
             time.sleep(0.02)

@@ -21,6 +21,7 @@ pytest.importorskip("uvicorn", reason="the studio's libraries are not installed 
 import uvicorn
 
 from evaluator.studio.server import listening_on, server_of
+from tests.waiting import HANGS_S
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Serving:
         self, method: str, path: str, body: bytes | str | None = None, *, own: bool = True, **headers: str
     ) -> tuple[int, dict[str, str], bytes]:
         """Status, headers and body. own: with the cookie and, for changes, the origin; headers replace those."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=HANGS_S)
         said = {"Host": f"127.0.0.1:{self.port}"}
         if own:
             said |= {"Cookie": self.cookie} | ({"Origin": self.origin} if method == "POST" else {})
@@ -86,6 +87,7 @@ def serving(folder: Path) -> Iterator[Serving]:
     thread = threading.Thread(target=_run, args=(server, listening), daemon=True)
     thread.start()
     while not server.started:
+        assert thread.is_alive(), "the studio ended before it began to serve"
         time.sleep(0.01)
     port = listening.getsockname()[1]
     found = Serving(port, link, "")

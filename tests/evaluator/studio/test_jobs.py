@@ -12,6 +12,7 @@ import pytest
 
 from tests.evaluator.studio.serving import Serving, serving
 from tests.evaluator.synthetic import three_runs
+from tests.waiting import HANGS_S
 
 
 @pytest.fixture
@@ -30,7 +31,7 @@ def jobs(studio: Serving) -> list[dict[str, Any]]:
     """What the first event of the stream says."""
     import http.client
 
-    connection = http.client.HTTPConnection("127.0.0.1", studio.port, timeout=30)
+    connection = http.client.HTTPConnection("127.0.0.1", studio.port, timeout=HANGS_S)
     connection.request("GET", "/api/events", headers={"Cookie": studio.cookie})
     answer = connection.getresponse()
     line = answer.readline()
@@ -41,7 +42,7 @@ def jobs(studio: Serving) -> list[dict[str, Any]]:
 
 def wait_for(studio: Serving, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
     """The newest job, once it is as wanted."""
-    deadline = time.monotonic() + 240
+    deadline = time.monotonic() + HANGS_S
     while time.monotonic() < deadline:
         found = jobs(studio)
         if found and wanted(found[0]):

@@ -20,6 +20,7 @@ from evaluator.workflow.samples import sample_folder
 from evaluator.workflow.viewing.cameras import light_of
 from tests.evaluator.studio.live_camera import camera_file
 from tests.evaluator.studio.serving import Serving, serving
+from tests.waiting import HANGS_S
 
 
 def gauge_image(name: str = "gauge-1-plate.png") -> np.ndarray:
@@ -99,17 +100,17 @@ def test_a_file_comes_at_the_pace_of_its_times(tmp_path: Path) -> None:
     images = [np.roll(image, 8 * number, axis=1) for number in range(30)]
     live, source = LiveCamera(), LiveSource(str(camera_file(tmp_path / "camera.mkv", images, rate=1)))
     first = live.look(source)[0]
-    until = time.monotonic() + 20
+    until = time.monotonic() + HANGS_S
     while live.look(source)[0] == first:  # of a file that is read at once every look shows the last frame
         assert time.monotonic() < until
     live.close()
 
 
 def test_a_process_that_nobody_asks_ends_and_begins_anew() -> None:
-    child = Child(lambda_of_numbers, (), 30.0, "slow", "died", idle_s=0.2)
+    child = Child(lambda_of_numbers, (), HANGS_S, "slow", "died", idle_s=0.2)
     assert child.ask(1) == 2
     process = child._process
-    process.join(30)
+    process.join(HANGS_S)
     assert not process.is_alive()
     assert child.ask(2) == 3
     child.close()

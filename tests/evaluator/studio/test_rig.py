@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import pytest
 
 from evaluator.workflow.samples import sample_folder
 from tests.evaluator.studio.serving import Serving, serving
+from tests.waiting import HANGS_S
 
 RUN = "turn-33-5"
 EXPERIMENT = f"""format = 1
@@ -123,13 +125,12 @@ def test_only_images_are_shown_as_images(studio: Serving) -> None:
 
 
 def test_a_camera_is_solved_and_its_map_is_least_uncertain_in_the_middle(studio: Serving, folder: Path) -> None:
-    import time
-
     rig = studio.get("/api/rig")
     ids = [one["id"] for one in rig["images"]]
     studio.post(f"/api/gauges/{rig['gauges'][0]['id']}/calibrate", {"images": ids, "plate": 0})
-    deadline = time.monotonic() + 60
-    while not studio.get(f"/api/undo/camera/{rig['gauges'][0]['id']}")["undo"] and time.monotonic() < deadline:
+    deadline = time.monotonic() + HANGS_S
+    while not studio.get(f"/api/undo/camera/{rig['gauges'][0]['id']}")["undo"]:
+        assert time.monotonic() < deadline
         time.sleep(0.2)
     (camera,) = studio.get("/api/rig")["cameras"]
     found = studio.get(f"/api/cameras/{camera['id']}")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import socket
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.evaluator.studio.serving import Serving, serving
+from tests.waiting import HANGS_S
 
 EXPERIMENT = """format = 1
 name = "<script>alert(1)</script>"
@@ -160,7 +160,7 @@ def test_oversized_requests_are_refused_before_they_are_read(studio: Serving, le
 
 
 def test_a_body_that_grows_is_cut(studio: Serving) -> None:
-    with socket.create_connection(("127.0.0.1", studio.port), timeout=30) as wire:
+    with socket.create_connection(("127.0.0.1", studio.port), timeout=HANGS_S) as wire:
         wire.sendall(_head(studio, "Transfer-Encoding: chunked"))
         chunk = b"100000\r\n" + b" " * 0x100000 + b"\r\n"
         try:
@@ -179,13 +179,11 @@ def test_deep_json_is_refused(studio: Serving) -> None:
 def test_slow_bodies_and_slow_headers_are_ended(studio: Serving, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("evaluator.studio.security.BODY_S", 0.4)
     monkeypatch.setattr("evaluator.studio.protocol.HEADERS_S", 0.4)
-    with socket.create_connection(("127.0.0.1", studio.port), timeout=5) as wire:
+    with socket.create_connection(("127.0.0.1", studio.port), timeout=HANGS_S) as wire:
         wire.sendall(_head(studio, "Content-Length: 10") + b"{")
-        began = time.monotonic()
         assert b"408" in wire.recv(1000).split(b"\r\n")[0]
-        assert time.monotonic() - began < 3
     for beginning in (b"", b"GET / HTTP/1.1\r\nHost: "):
-        with socket.create_connection(("127.0.0.1", studio.port), timeout=5) as wire:
+        with socket.create_connection(("127.0.0.1", studio.port), timeout=HANGS_S) as wire:
             wire.sendall(beginning)
             assert wire.recv(1000) == b""
     assert studio.get("/api/home")["folder"]  # and it answers others meanwhile

@@ -104,6 +104,15 @@ def test_marks_and_robot_come_back_by_undo(studio: Serving, tmp_path: Path) -> N
     assert {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
 
 
+def slowly(page: Any) -> None:
+    """Let changes and undo reach the server only after 0.6 s, as on a slow machine."""
+    page.evaluate(
+        """() => { const real = window.fetch; window.fetch = async (path, ...rest) => {
+        if (/undo|edit$/.test(path)) await new Promise((done) => setTimeout(done, 600));
+        return real(path, ...rest); }; }"""
+    )
+
+
 def test_undo_takes_back_the_latest_change_however_slowly_the_server_answers(studio: Serving, tmp_path: Path) -> None:
     from playwright.sync_api import expect
 
@@ -114,17 +123,74 @@ def test_undo_takes_back_the_latest_change_however_slowly_the_server_answers(stu
         cell.fill("first")
         page.keyboard.press("Enter")
         expect(undo).to_be_enabled()
-        page.evaluate(
-            """() => { const real = window.fetch; window.fetch = async (path, ...rest) => {
-            if (/undo|edit$/.test(path)) await new Promise((done) => setTimeout(done, 600));
-            return real(path, ...rest); }; }"""
-        )
+        slowly(page)
         cell.fill("second")
         page.keyboard.press("Enter")
         undo.click()
         finished(page, "Undone")
         expect(cell).to_have_value("first")
     assert 'group = "first"' in toml.read_text()
+
+
+def test_what_is_typed_stays_when_the_answer_to_the_cell_before_it_comes(studio: Serving, tmp_path: Path) -> None:
+    from playwright.sync_api import expect
+
+    answers: list[Any] = []
+    with page_of(studio.link) as page:
+        page.get_by_text("two runs").click()
+        page.route("**/edit", lambda edit: answers.append((edit, edit.fetch())) if not answers else edit.continue_())
+        page.get_by_label("left, rpm, run left").focus()
+        page.keyboard.type("12,5")
+        page.keyboard.press("Enter")  # to the row below
+        page.keyboard.type("30")
+        page.wait_for_function("() => document.activeElement.value === '30'")
+        (edit, answer) = answers[0]
+        edit.fulfill(response=answer)
+        expect(page.get_by_label("left, rpm, run left")).to_have_value("12.5")
+        page.keyboard.type(",5")
+        page.keyboard.press("Enter")
+        expect(page.get_by_label("left, rpm, run right")).to_have_value("30.5")
+    written = tomllib.loads((tmp_path / "folder" / "experiment.toml").read_text(encoding="utf-8"))["run"]
+    assert [run["left_rpm"] for run in written] == [12.5, 30.5]
+
+
+def test_a_change_waits_for_the_undo_before_it(studio: Serving, tmp_path: Path) -> None:
+    from playwright.sync_api import expect
+
+    toml = tmp_path / "folder" / "experiment.toml"
+    with page_of(studio.link) as page:
+        page.get_by_text("two runs").click()
+        cell, undo = page.get_by_label("group, run left"), page.get_by_role("button", name="Undo", exact=True)
+        cell.fill("first")
+        page.keyboard.press("Enter")
+        expect(undo).to_be_enabled()
+        slowly(page)
+        with page.expect_response("**/edit"):
+            undo.click()
+            page.get_by_label("group, run right").fill("second")
+            page.keyboard.press("Enter")
+        expect(cell).to_have_value("")
+    left, right = tomllib.loads(toml.read_text(encoding="utf-8"))["run"]
+    assert (left.get("group"), right.get("group")) == (None, "second")
+
+
+def test_a_click_is_not_lost_when_its_button_is_drawn_anew_before_it_is_let_go(studio: Serving) -> None:
+    with page_of(studio.link) as page:
+        page.locator("h1").wait_for()
+        page.evaluate(
+            """async () => { const { fill, h } = await import("/static/js/dom.js"), box = h("div");
+            document.querySelector("h1").before(box);
+            window.clicked = 0;
+            const count = () => (window.clicked += 1);
+            window.anew = (words) => fill(box, h("button", { id: "drawn", onclick: count }, words));
+            window.anew("old"); }"""
+        )
+        page.locator("#drawn").hover()
+        page.mouse.down()
+        page.evaluate("window.anew('new')")
+        page.mouse.up()
+        page.locator("#drawn", has_text="new").wait_for()
+        assert page.evaluate("window.clicked") == 1
 
 
 def test_what_was_said_of_a_change_stays_when_the_motion_is_drawn_after_it(studio: Serving) -> None:

@@ -31,6 +31,16 @@ export async function get(path, signal) {
   return (await asked(path, { signal })).json();
 }
 
+// Asks, and shows the answer, unless a later question was asked meanwhile: answers may overtake each other.
+export function latest(ask, show) {
+  let asked = 0;
+  return async (...what) => {
+    const mine = ++asked;
+    const found = await ask(...what);
+    if (mine === asked) await show(found, ...what);
+  };
+}
+
 export async function bytes(path, signal) {
   return (await asked(path, { signal })).arrayBuffer();
 }

@@ -1,6 +1,6 @@
 // The Camera screen: gauge images with the dots found, calibration, verdict, and where how well the plate is known.
 
-import { get, post } from "./api.js";
+import { get, latest, post } from "./api.js";
 import { color, counted, fill, fixed, h, num, surface } from "./dom.js";
 import { outline_dots } from "./dots.js";
 import { onJobs } from "./jobs.js";
@@ -16,30 +16,39 @@ export async function show(view, { rest, signal }) {
   fill(view, h("div", { class: "stack" }, h("div", {}, h("p", { class: "kind" }, "Camera"), h("h1", {}, "Where every pixel lies on the plate")), live, place));
   fill(place, h("p", { class: "soft", role: "status" }, "Looking for gauges, images and cameras …"));
   let undo = null;
-  const load = async (shown) => {
+  const rig = async () => {
     const found = await get("/api/rig", signal);
     const gauge = found.gauges.find((one) => one.id === rest[0]) ?? found.gauges[0];
-    fill(place, gauge ? await bench(found, gauge, { known, signal, shown, undo: (undo ??= undoing("camera", gauge.id, signal, () => load())) }) : nothing());
-    return gauge;
+    const camera = gauge && found.cameras.find((one) => one.folder === gauge.folder);
+    return { found, gauge, solved: camera ? await get(`/api/cameras/${camera.id}`, signal) : null };
   };
-  const gauge = await load();
-  if (gauge) {
-    fill(live, await live_camera(gauge, signal, { seen: () => known.values(), taken: async (made) => { await load(made.id); undo.after(); } }));
-    onJobs((_, ended) => { if (ended.some((job) => job.kind === "calibrate")) undo.after(); }, signal);
-  }
-  onJobs((_, ended) => { if (ended.some((job) => job.kind === "calibrate" || job.kind === "samples")) load().catch(say); }, signal);
+  let gauge = null;
+  const load = latest(rig, (now, shown) => {
+    gauge = now.gauge;
+    fill(place, gauge ? bench(now, { known, signal, shown, undo: (undo ??= undoing("camera", gauge.id, signal, () => load())) }) : nothing());
+  });
+  onJobs((_, ended) => {
+    if (!ended.some((job) => job.kind === "calibrate" || job.kind === "samples")) return;
+    (undo ? undo.make(load) : load()).catch(say);
+  }, signal);
+  await load();
+  if (!gauge) return;
+  const take = (said) => undo.make(async () => {
+    const made = await post(`/api/gauges/${gauge.id}/take`, said, signal);
+    await load(made.id);
+    return made;
+  });
+  fill(live, await live_camera(signal, { seen: () => known.values(), take }));
 }
 
 function nothing() {
   return h("div", { class: "empty" }, h("h2", {}, "No gauge yet"), h("p", {}, "A camera is solved from images of a plate of dots. Make a new experiment on the first screen: it comes with a gauge.toml to fill in and to print. Then put the images beside it."), h("p", {}, h("a", { class: "button", href: "#/" }, "First screen")));
 }
 
-async function bench(found, gauge, { known, signal, shown: first, undo }) {
+function bench({ found, gauge, solved }, { known, signal, shown: first, undo }) {
   const images = found.images.filter((one) => one.folder === gauge.folder);
-  const camera = found.cameras.find((one) => one.folder === gauge.folder);
   const chosen = new Set(images.filter((one) => one.name.startsWith("gauge")).map((one) => one.id));
   if (!chosen.size) for (const one of images) chosen.add(one.id);
-  const solved = camera ? await get(`/api/cameras/${camera.id}`, signal) : null;
   const gained = new Map((solved?.images ?? []).map((one) => [one.name.split(/[\\/]/).pop(), one]));
   let guide = false;
   let plate = images[0]?.id, shown = images.find((one) => one.id === first) ?? images[0];
@@ -92,7 +101,8 @@ async function bench(found, gauge, { known, signal, shown: first, undo }) {
   const solve = () => {
     const ids = images.filter((one) => chosen.has(one.id)).map((one) => one.id);
     if (!ids.includes(plate)) { say("Choose which image shows the gauge lying on the plate."); return; }
-    post(`/api/gauges/${gauge.id}/calibrate`, { images: ids, plate: ids.indexOf(plate) }).then(() => say("")).catch(say);
+    say("");
+    post(`/api/gauges/${gauge.id}/calibrate`, { images: ids, plate: ids.indexOf(plate) }).catch(say);
   };
   if (shown) look(shown).then(async () => {
     for (const one of images) { // the others meanwhile: the table says their dots, the live camera draws them
@@ -101,7 +111,7 @@ async function bench(found, gauge, { known, signal, shown: first, undo }) {
     }
   });
   return h("div", { class: "stack" },
-    h("div", { class: "row end" }, pick, h("div", { class: "row" }, undo.undo, undo.redo, h("a", { class: "button", href: `/api/gauges/${gauge.id}/sheet.pdf`, download: "gauge.pdf" }, "Print the gauge (PDF)"), h("button", { class: "main", disabled: !images.length, onclick: solve }, camera ? "Calibrate again" : "Calibrate"))),
+    h("div", { class: "row end" }, pick, h("div", { class: "row" }, undo.undo, undo.redo, h("a", { class: "button", href: `/api/gauges/${gauge.id}/sheet.pdf`, download: "gauge.pdf" }, "Print the gauge (PDF)"), h("button", { class: "main", disabled: !images.length, onclick: solve }, solved ? "Calibrate again" : "Calibrate"))),
     images.length ? h("div", { class: "split" }, h("section", { class: "stack" }, view.canvas, facts), h("section", { class: "stack" },
       h("div", { class: "scroll tall" }, h("table", { class: "wordlist" }, h("thead", {}, h("tr", {}, ["use", "image", "on the plate", "dots", "without it"].map((text) => h("th", { scope: "col" }, text)))), list)), solved ? verdict(solved, signal, (on) => { guide = on; view.redraw(); }) : h("p", { class: "soft" }, "Not calibrated yet: choose the images and which of them shows the gauge lying flat on the plate.")))
       : h("div", { class: "empty" }, h("h2", {}, "No images beside this gauge"), h("p", {}, `Take them with the live camera above, or put them into ${gauge.folder === "." ? "the folder of the studio" : gauge.folder}: one with it lying on the plate, five or more with it tilted by 20° to 40° in different directions.`)));

@@ -1,6 +1,6 @@
 // The Diagnosis screen: what is missing, where it shows, what else was tried, and what to do next.
 
-import { get, post } from "./api.js";
+import { get, latest, post } from "./api.js";
 import { fill, fixed, h, length, num, withBounds } from "./dom.js";
 import { jobOf, onJobs } from "./jobs.js";
 import { say } from "./say.js";
@@ -13,18 +13,16 @@ const VERDICTS = { effect: "A missing effect is named", none: "Nothing is missin
 const MENDED = { reversed: "Turn both commands round", "sides-swapped": "Swap left and right" };
 
 export async function show(view, { id, signal }) {
-  const load = async () => {
-    const [found, own] = await Promise.all([get(`/api/experiments/${id}/diagnosis`, signal), own_effects(id, signal, load)]);
-    if (signal.aborted) return;
-    fill(view, h("div", { class: "stack", style: { gap: "1.4rem" } }, found.content ? screen(found, id, signal, { load, own }) : nothing(id), own.box, h("div", { class: "row" }, undo.undo, undo.redo)));
-    undo.after();
-  };
   const undo = undoing("diagnosis", id, signal, () => load());
+  const load = latest(
+    () => Promise.all([get(`/api/experiments/${id}/diagnosis`, signal), own_effects(id, signal, undo.make, () => load())]),
+    ([found, own]) => fill(view, h("div", { class: "stack", style: { gap: "1.4rem" } }, found.content ? screen(found, id, signal, { load, own, undo }) : nothing(id), own.box, h("div", { class: "row" }, undo.undo, undo.redo))),
+  );
+  onJobs((_, ended) => { if (ended.some((job) => job.experiment === id)) undo.make(load).catch(say); }, signal);
   await load();
-  onJobs((_, ended) => { if (ended.some((job) => job.experiment === id)) load().catch(say); }, signal);
 }
 
-const start = (id, kind) => () => post(`/api/experiments/${id}/jobs`, { kind }).then(() => say("")).catch(say);
+const start = (id, kind) => () => { say(""); post(`/api/experiments/${id}/jobs`, { kind }).catch(say); };
 
 function nothing(id) {
   return h("div", { class: "stack" }, h("div", {}, h("p", { class: "kind" }, "Diagnosis"), h("h1", {}, "Why do model and robot differ?")),
@@ -32,7 +30,7 @@ function nothing(id) {
       h("p", {}, h("button", { class: "main", disabled: Boolean(jobOf(id)), onclick: start(id, "diagnose") }, "Diagnose"))));
 }
 
-function screen(found, id, signal, { load, own }) {
+function screen(found, id, signal, { load, own, undo }) {
   const { content } = found;
   const again = h("div"), notice = h("div");
   // Whether it still holds takes the reading of every recording: that is said when it is known.
@@ -46,16 +44,20 @@ function screen(found, id, signal, { load, own }) {
       h("div", {}, h("p", { class: "kind" }, "Diagnosis"), h("h1", {}, VERDICTS[content.verdict] ?? content.verdict)),
       again),
     notice,
-    mistakes(content, id, load),
-    h("div", { class: "two" }, h("div", { class: "stack" }, ...content.effects.map((effect) => effect_card(effect)), offer(own), add(found, id, load), words(found)), gaps(content)),
+    mistakes(content, id, load, undo),
+    h("div", { class: "two" }, h("div", { class: "stack" }, ...content.effects.map((effect) => effect_card(effect)), offer(own), add(found, id, load, undo), words(found)), gaps(content)),
     content.where.length || Object.keys(found.pieces).length ? h("section", { class: "card stack" }, h("h2", {}, "Where it disagrees"), h("ul", { class: "plainlist" }, content.where.slice(0, 5).map((one) => h("li", {}, one.sentence.replaceAll(" -", " −")))), found.pieces.run ? matrix(found.pieces, id, signal) : null) : null,
     h("div", { class: "two" }, rivals(content), known(content)),
     next_runs(content, id, signal));
 }
 
-function mistakes(content, id, load) {
+function mistakes(content, id, load, undo) {
   if (!content.mistakes.length) return null;
-  const mend = (one) => () => post(`/api/experiments/${id}/mend`, { mistake: one.kind, runs: one.runs }).then(() => { say("The commands are changed; analyse again.", true); load(); }).catch(say);
+  const mend = (one) => () => undo.make(async () => {
+    await post(`/api/experiments/${id}/mend`, { mistake: one.kind, runs: one.runs });
+    say("The commands are changed; analyse again.", true);
+    await load();
+  }).catch(say);
   const copy = () => post(`/api/experiments/${id}/mended`).then((made) => { say(`Written to ${made.path}: ${made.changes.join("; ")}.`, true); location.hash = `#/x/${made.id}/runs`; }).catch(say);
   return h("section", { class: "card warned" }, h("h2", {}, "Mistakes of the experiment"),
     content.mistakes.map((one) => h("div", { class: "row end" }, h("p", {}, one.sentence),
@@ -74,14 +76,21 @@ function effect_card(effect) {
     effect.equivalent?.length ? h("p", { class: "small soft" }, `These runs cannot tell it from: ${effect.equivalent.join(", ")}.`) : null);
 }
 
-function add(found, id, load) {
+function add(found, id, load, undo) {
   const inside = new Set(found.in_robot.map((one) => one.id));
   const all = found.content.effects.length && found.content.effects.every((effect) => inside.has(effect.id));
   if (all) return h("section", { class: "card" }, h("p", {}, h("span", { class: "tag good" }, "in the robot"), ` ${found.robot.path} has this effect. `), h("div", { class: "row" }, h("button", { class: "main", disabled: Boolean(jobOf(id)), onclick: start(id, "analyse") }, "Analyse with it"), h("a", { class: "button", href: `#/x/${id}/results` }, "Results")));
   if (!found.can_add) return null;
-  const write = () => post(`/api/experiments/${id}/robot`, { version: found.robot.version })
-    .then(() => { say(`The effect is in ${found.robot.path}. Analyse again to see the gap shrink.`, true); return load(); })
-    .catch((error) => { say(error); if (error.status === 409) load(); });
+  const write = () => undo.make(async () => {
+    try {
+      await post(`/api/experiments/${id}/robot`, { version: found.robot.version });
+      say(`The effect is in ${found.robot.path}. Analyse again to see the gap shrink.`, true);
+    } catch (error) {
+      say(error);
+      if (error.status !== 409) return;
+    }
+    await load();
+  }).catch(say);
   return h("section", { class: "card row end" }, h("p", { class: "small" }, `Added to ${found.robot.path}, the simulation has the effect from then on.`), h("button", { class: "main", onclick: write }, "Add it to the robot"));
 }
 

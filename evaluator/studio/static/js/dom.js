@@ -14,9 +14,28 @@ export function h(name, attributes = {}, ...children) {
 }
 
 export function fill(parent, ...children) {
-  parent.replaceChildren(...children.flat(3).filter((child) => child !== null && child !== undefined && child !== false));
+  const nodes = children.flat(3).filter((child) => child !== null && child !== undefined && child !== false);
+  if (pressed && parent.contains(pressed)) held.set(parent, nodes);
+  else {
+    held.delete(parent);
+    parent.replaceChildren(...nodes);
+  }
   return parent;
 }
+
+// What a press began on stays until it is let go: a browser drops the click on a button that was replaced meanwhile.
+let pressed = null;
+const held = new Map(); // what is to be shown then, by parent
+const let_go = () => {
+  pressed = null;
+  for (const [parent, nodes] of held) parent.replaceChildren(...nodes);
+  held.clear();
+};
+const OWN_PRESS = "select, input"; // what these open takes the end of the press for itself
+window.addEventListener("pointerdown", (event) => { pressed = event.button === 0 && !event.target.closest(OWN_PRESS) ? event.target : null; }, true);
+window.addEventListener("click", () => { pressed = null; }, true); // what the click itself shows is shown at once
+for (const end of ["pointerup", "pointercancel"]) window.addEventListener(end, () => setTimeout(let_go), true);
+window.addEventListener("blur", let_go);
 
 // A number for people: as many digits as asked for, a true minus sign, a dash where it is not known.
 export function num(value, digits = 3) {

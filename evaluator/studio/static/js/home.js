@@ -1,6 +1,6 @@
 // The first screen: what there is in the folder, what is stale, and what to do first.
 
-import { get, post } from "./api.js";
+import { get, latest, post } from "./api.js";
 import { counted, fill, h } from "./dom.js";
 import { onJobs } from "./jobs.js";
 import { say } from "./say.js";
@@ -8,12 +8,9 @@ import { say } from "./say.js";
 const LEVELS = { sound: "good", limited: "warn", "ill-conditioned": "warn" };
 
 export async function show(view, { signal }) {
-  const draw = async () => {
-    const found = await get("/api/home", signal);
-    fill(view, screen(found, signal, draw));
-  };
-  await draw();
+  const draw = latest(() => get("/api/home", signal), (found) => fill(view, screen(found, signal, draw)));
   onJobs((_, ended) => { if (ended.length) draw().catch(say); }, signal);
+  await draw();
 }
 
 function screen(found, signal, again) {

@@ -5,8 +5,8 @@ import { counted, fill, h, num, surface } from "./dom.js";
 import { outline_dots } from "./dots.js";
 import { say } from "./say.js";
 
-// seen(): dots of the images that there are, drawn faintly: what is covered. taken(image): told of a new one.
-export async function live_camera(gauge, signal, { seen, taken }) {
+// seen(): dots of the images that there are, drawn faintly: what is covered. take(source): takes a new one.
+export async function live_camera(signal, { seen, take: take_from }) {
   const { cameras, files } = await get("/api/live", signal);
   const state = { on: false, bitmap: null, found: null, sharpest: Infinity, frames: 0, began: 0 };
   const pick = h("select", { "aria-label": "Camera", onchange: () => { if (state.on) start(); } },
@@ -77,8 +77,7 @@ export async function live_camera(gauge, signal, { seen, taken }) {
     if (take.disabled) return;
     take.disabled = true;
     try {
-      const made = await post(`/api/gauges/${gauge.id}/take`, Object.fromEntries(new URLSearchParams(query())), signal);
-      await taken(made);
+      const made = await take_from(Object.fromEntries(new URLSearchParams(query())));
       say(`Taken: ${made.name}.`, true);
     } catch (error) { say(error); }
     take.disabled = !state.on;

@@ -109,21 +109,38 @@ async function workbench(place, id, run, file, signal) {
     boxes();
   };
 
-  let queue = Promise.resolve();
   const save = (said) => {
     const before = state.said;
     state.said = said;
+    say("");
     tell();
     look();
-    queue = queue.then(() => post(`/api/experiments/${id}/tracking`, { version: state.version, said: stored(said) }, signal)).then((next) => { state.version = next.version; path.textContent = `Saved in ${next.path}.`; say(""); contact(); })
-      .catch(async (error) => { state.said = before; say(error); if (error.status === 409) { const next = await get(`/api/experiments/${id}/tracking`, signal); state.said = settings(next); state.version = next.version; } tell(); look(); });
-    undo.after(queue);
+    undo.make(async () => {
+      try {
+        const next = await post(`/api/experiments/${id}/tracking`, { version: state.version, said: stored(said) }, signal);
+        state.version = next.version;
+        path.textContent = `Saved in ${next.path}.`;
+        contact();
+      } catch (error) {
+        state.said = before;
+        say(error);
+        if (error.status === 409) { const next = await get(`/api/experiments/${id}/tracking`, signal); state.said = settings(next); state.version = next.version; }
+        tell();
+        look();
+      }
+    }).catch(say);
   };
   const correct = (x, y) => {
     const { index: frame, mark } = state;
     const rows = () => [...state.rows.filter((row) => row.frame !== frame || row.mark !== mark), ...(x === undefined ? [] : [{ frame, mark, x, y }])];
-    queue = queue.then(() => post(`${base}/corrections`, { version: state.correctionsVersion, rows: rows() }, signal)).then((next) => { state.rows = next.rows; state.correctionsVersion = next.version; path.textContent = `Saved in ${next.path}: the next analysis uses it.`; tell(); screen.redraw(); }).catch(say);
-    undo.after(queue);
+    undo.make(async () => {
+      const next = await post(`${base}/corrections`, { version: state.correctionsVersion, rows: rows() }, signal);
+      state.rows = next.rows;
+      state.correctionsVersion = next.version;
+      path.textContent = `Saved in ${next.path}: the next analysis uses it.`;
+      tell();
+      screen.redraw();
+    }).catch(say);
   };
   const undo = undoing("marks", id, signal, async () => {
     const [settled, corrected] = await Promise.all([get(`/api/experiments/${id}/tracking`, signal), get(`${base}/corrections`, signal)]);

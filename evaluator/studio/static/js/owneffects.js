@@ -7,15 +7,19 @@ import { say } from "./say.js";
 const FORM = /^[a-z][a-z0-9]*(-[a-z0-9]+)*$/;
 const EMPTY = { version: "", id: "", name: "", sentence: "", fault: "", terms: [] };
 
-// written(): shows the screen anew after an effect was written or taken away. Gives the section, and open(), the form that is offered.
-export async function own_effects(id, signal, written) {
+// make(change): makes a change when those before it are made; written(): shows the screen anew after it. Gives the section,
+// and open(), the form that is offered.
+export async function own_effects(id, signal, make, written) {
   const path = `/api/experiments/${id}/own-effects`;
   const found = await get(path, signal);
   const place = h("div", { class: "stack" });
   const box = h("section", { class: "card stack", id: "own-effects" }, h("div", {}, h("h2", {}, "Effects of your own"),
     h("p", { class: "small soft" }, "What the catalogue does not know, as a sum of terms: where it acts, times what it depends on. It is written to the folder “effects” beside the experiment; the next diagnosis tries it, and the sandbox has sliders for it.")), place);
   const keep = async (sentence) => { await written(); say(sentence, true); };
-  const remove = (one) => () => post(`${path}/remove`, { id: one.id, version: one.version }, signal).then(() => keep(`${one.id} is taken away; Ctrl+Z brings it back.`)).catch(say);
+  const remove = (one) => () => make(async () => {
+    await post(`${path}/remove`, { id: one.id, version: one.version }, signal);
+    await keep(`${one.id} is taken away; Ctrl+Z brings it back.`);
+  }).catch(say);
   const list = () => fill(place,
     found.effects.map((one) => h("div", { class: "row end" },
       h("p", { class: "small" }, h("strong", {}, one.id), one.fault ? h("span", { class: "warn" }, ` ${one.fault}`) : `: ${one.name}`),
@@ -23,7 +27,10 @@ export async function own_effects(id, signal, written) {
     h("div", { class: "row" }, h("button", { onclick: () => open({ ...EMPTY, terms: [first_term(found.grammar)] }) }, "New effect")));
   const open = (effect) => {
     const form = effect_form(effect, found.grammar, {
-      save: (said) => post(path, said, signal).then((next) => keep(`Written to ${next.path}. The next diagnosis tries it.`)),
+      save: (said) => make(async () => {
+        const next = await post(path, said, signal);
+        await keep(`Written to ${next.path}. The next diagnosis tries it.`);
+      }),
       close: list,
     });
     fill(place, form);

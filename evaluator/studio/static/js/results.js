@@ -1,18 +1,18 @@
 // The Results screen: radius against difference of speed, trajectories, and the numbers of every run.
 
-import { get, post } from "./api.js";
+import { get, latest, post } from "./api.js";
 import { color, fill, fixed, h, labels, length, num, surface } from "./dom.js";
 import { jobOf, onJobs } from "./jobs.js";
 import { boundsOf, dot, grid, path as draw_path, view as view_of } from "./plate.js";
 import { say } from "./say.js";
 
 export async function show(view, { id, rest, signal }) {
-  const load = async () => {
-    const found = await get(`/api/experiments/${id}/results`, signal);
-    fill(view, found.runs.length ? screen(found, id, rest[0], signal) : nothing(found, id));
-  };
-  await load();
+  const load = latest(
+    () => get(`/api/experiments/${id}/results`, signal),
+    (found) => fill(view, found.runs.length ? screen(found, id, rest[0], signal) : nothing(found, id)),
+  );
   onJobs((_, ended) => { if (ended.some((job) => job.experiment === id)) load().catch(say); }, signal);
+  await load();
 }
 
 function nothing(found, id) {

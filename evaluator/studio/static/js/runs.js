@@ -1,6 +1,6 @@
 // The Runs screen: the table of the experiment, the player of the chosen run, and the work on all of them.
 
-import { get, post } from "./api.js";
+import { get, latest, post } from "./api.js";
 import { fill, h } from "./dom.js";
 import { jobOf, onJobs } from "./jobs.js";
 import { player } from "./player.js";
@@ -35,16 +35,18 @@ export async function show(view, { id, rest, signal }) {
   });
 
   const accept = (next, extra = []) => { found = next; unpasted = extra; draw(); refresh(); };
-  const recover = async (error) => {
-    say(error);
-    if (error.status === 409) accept(await get(path, signal));
-    else draw();
-  };
-  // One change after another: each is made for the version that the one before it left.
-  let queue = Promise.resolve();
   const edit = (edits, extra) => {
-    queue = queue.then(() => post(`${path}/edit`, { version: found.version, edits })).then((next) => { say(""); accept(next, extra); choose(shown ?? 0, false); }).catch(recover);
-    undo.after(queue);
+    say("");
+    undo.make(async () => {
+      try {
+        accept(await post(`${path}/edit`, { version: found.version, edits }), extra);
+        choose(shown ?? 0, false);
+      } catch (error) {
+        say(error);
+        if (error.status === 409) accept(await get(path, signal));
+        else draw();
+      }
+    }).catch(say);
   };
   const undo = undoing("runs", id, signal, async () => { accept(await get(path, signal)); choose(shown ?? 0, false); });
 
@@ -57,9 +59,13 @@ export async function show(view, { id, rest, signal }) {
     title.textContent = String(found.head.name ?? "");
     drawWork();
   };
+  const tell = () => {
+    table.states(states());
+    drawWork();
+  };
   const drawWork = () => {
     const job = jobOf(id);
-    const start = (kind) => () => post(`${path}/jobs`, { kind }).then(() => say("")).catch(say);
+    const start = (kind) => () => { say(""); post(`${path}/jobs`, { kind }).catch(say); };
     const fault = found.faults.some((one) => one.key !== "video");
     const todo = outdated ? Object.values(outdated).filter((steps) => steps.length).length : null;
     fill(work,
@@ -67,7 +73,12 @@ export async function show(view, { id, rest, signal }) {
         job ? "Working …" : todo ? `Analyse ${todo} of ${found.rows.length} runs` : "Analyse"),
       h("button", { disabled: Boolean(job) || fault || !found.rows.length, onclick: start("diagnose"), title: "Find the effect that is missing in the model" }, "Diagnose"));
   };
-  const refresh = () => get(`${path}/state`, signal).then((state) => { outdated = state.outdated; if (state.fault && !found.faults.length) say(state.fault); draw(); }).catch(() => {});
+  const asked = latest(() => get(`${path}/state`, signal), (state) => {
+    outdated = state.outdated;
+    if (state.fault && !found.faults.length) say(state.fault);
+    tell();
+  });
+  const refresh = () => asked().catch(() => {});
 
   let inner = null;
   const choose = async (row, anew = true) => {
@@ -111,6 +122,7 @@ export async function show(view, { id, rest, signal }) {
       if (faults.length) say(`${faults[0][0]}: ${faults[0][1]}${faults.length > 1 ? ` (and ${faults.length - 1} more runs)` : ""}`);
       else if (job.state === "done") say(job.kind === "diagnose" ? "The diagnosis is done: see “Diagnosis”." : "All runs are analysed: see “Results”.", true);
     }
-    if (mine.length) { refresh(); choose(shown ?? 0); } else draw();
+    tell();
+    if (mine.length) { refresh(); choose(shown ?? 0); }
   }, signal);
 }

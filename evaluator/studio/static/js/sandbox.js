@@ -1,6 +1,6 @@
 // The Sandbox: sliders for the robot and every effect; the motion is drawn anew while they are dragged.
 
-import { get, post } from "./api.js";
+import { get, latest, post } from "./api.js";
 import { color, fill, fixed, h, num, surface } from "./dom.js";
 import { boundsOf, dot, grid, path, view as view_of } from "./plate.js";
 import { say } from "./say.js";
@@ -15,12 +15,14 @@ export async function show(view, { id, signal }) {
   const undo = id && undoing("sandbox", id, signal, () => load());
   const pick = home && h("select", { "aria-label": "Robot", onchange: (event) => { from = event.target.value; load().catch(say); } },
     home.robots.map((name) => h("option", { value: `robot:${name}` }, `shipped robot: ${name}`)), home.experiments.filter((one) => !one.fault).map((one) => h("option", { value: one.id }, `robot of: ${one.name}`)));
-  const load = async () => {
+  const source = () => {
     const experiment = from.startsWith("robot:") || !from ? null : from;
-    const robot = experiment ? null : from.replace("robot:", "") || "barrel";
-    const found = await get(`/api/sandbox?${experiment ? `experiment=${experiment}` : `robot=${robot}`}`, signal);
-    fill(place, screen(found, { experiment, robot }, signal, undo));
+    return { experiment, robot: experiment ? null : from.replace("robot:", "") || "barrel" };
   };
+  const load = latest(
+    () => get(`/api/sandbox?${source().experiment ? `experiment=${source().experiment}` : `robot=${source().robot}`}`, signal),
+    (found) => fill(place, screen(found, source(), signal, undo)),
+  );
   fill(view, h("div", { class: "row end" }, h("div", {}, h("p", { class: "kind" }, "Sandbox"), h("h1", {}, "What would it do to my turns?")), pick), place);
   await load();
 }
@@ -79,7 +81,11 @@ function screen(found, source, signal, undo) {
   const given_values = (one, given) => Object.fromEntries(one.sliders.map((own) => [own.key, given && given[own.key] !== undefined ? given[own.key] : own.value]));
   const add = source.experiment && h("button", { title: "Put the effects that were moved into the robot file of the experiment", onclick: () => {
     if (!Object.keys(state.effects).length) { say("Move a slider of an effect first."); return; }
-    undo.after(post(`/api/experiments/${source.experiment}/robot`, { version: found.version, effects: state.effects }).then((answer) => { found.version = answer.robot.version; say(`Written to ${answer.robot.path}.`, true); }).catch(say));
+    undo.make(async () => {
+      const { robot } = await post(`/api/experiments/${source.experiment}/robot`, { version: found.version, effects: state.effects });
+      found.version = robot.version;
+      say(`Written to ${robot.path}.`, true);
+    }).catch(say);
   } }, "Add to the robot");
   ask(true);
   return h("div", { class: "side" },

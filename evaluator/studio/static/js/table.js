@@ -9,6 +9,7 @@ export function sheet(columns, { edit, chosen, signal }) {
   const box = h("div", { class: "sheet" }, h("div", { class: "scroll" },
     h("table", {}, h("thead", {}, h("tr", {}, h("th", { class: "state" }, h("span", { class: "hidden" }, "State")), columns.map((column) => h("th", { scope: "col" }, column.title)), h("th", {}, h("span", { class: "hidden" }, "Remove")))), body)), problems);
   let rows = [], active = 0;
+  const lines = []; // what is shown of each row: {row, dot, cells, remove}
 
   const parsed = (column, text) => {
     const trimmed = text.trim();
@@ -18,10 +19,8 @@ export function sheet(columns, { edit, chosen, signal }) {
     return Number.isFinite(value) ? { value } : { fault: `“${trimmed}” is not a number` };
   };
 
-  const cell = (row, index, column, fault) => {
-    const shown = row[column.key];
-    const input = h("input", { value: shown === undefined || shown === null ? "" : String(shown), class: column.kind, "aria-label": `${column.title}, run ${row.id ?? index + 1}`,
-      "aria-invalid": fault ? "true" : null, title: fault ?? null, list: column.list ?? null, autocomplete: "off", spellcheck: "false", inputmode: column.kind === "number" ? "decimal" : null });
+  const cell = (index, column) => {
+    const input = h("input", { class: column.kind, list: column.list ?? null, autocomplete: "off", spellcheck: "false", inputmode: column.kind === "number" ? "decimal" : null });
     input.dataset.row = index;
     input.dataset.key = column.key;
     input.addEventListener("change", () => {
@@ -33,7 +32,27 @@ export function sheet(columns, { edit, chosen, signal }) {
     let pointed = false; // by the keyboard a cell is entered whole, and typing replaces it
     input.addEventListener("pointerdown", () => { pointed = true; });
     input.addEventListener("focus", () => { if (!pointed) input.select(); pointed = false; if (active !== index) { active = index; mark(); chosen(index); } });
-    return h("td", { class: fault ? "fault" : "" }, input);
+    return { input, box: h("td", {}, input), text: "" };
+  };
+  const line = (index) => {
+    const dot = h("span", { role: "img" }), cells = columns.map((column) => cell(index, column));
+    const remove = h("button", { class: "plain small", title: "Remove this run from the table", onclick: () => edit([{ kind: "remove", row: index }]) }, "×");
+    return { dot, cells, remove, row: h("tr", {}, h("td", { class: "state" }, dot), cells.map((one) => one.box), h("td", {}, remove)) };
+  };
+  // typing: what is being typed stays, and is written when it is finished
+  const show = (one, value, label, fault, typing) => {
+    const { input } = one, text = value === undefined || value === null ? "" : String(value);
+    input.setAttribute("aria-label", label);
+    if (typing && input === document.activeElement && input.value !== one.text) return;
+    one.text = text;
+    if (input.value !== text) {
+      input.value = text;
+      if (input === document.activeElement) input.select();
+    }
+    input.setCustomValidity("");
+    input.title = fault ?? "";
+    one.box.className = fault ? "fault" : "";
+    if (fault) input.setAttribute("aria-invalid", "true"); else input.removeAttribute("aria-invalid");
   };
 
   const mark = () => [...body.children].forEach((row, index) => row.setAttribute("aria-selected", String(index === active)));
@@ -78,21 +97,33 @@ export function sheet(columns, { edit, chosen, signal }) {
     if (edits.length) edit(edits, faults); else tell(faults);
   };
 
-  // states: per row {text, kind, title}; extra: sentences to say beside the faults.
+  // Per row {kind, title}.
+  const tell_states = (states) => lines.forEach(({ dot }, index) => {
+    const { kind = "", title = "" } = states[index] ?? {};
+    dot.className = `dot ${kind}`;
+    dot.title = title;
+    dot.setAttribute("aria-label", title);
+  });
+  // The rows are made once and then only told what is new: who types keeps the place. extra: sentences beside the faults.
   const draw = (found, states, extra = []) => {
-    const focus = document.activeElement?.dataset;
-    const kept = focus?.row !== undefined && body.contains(document.activeElement) ? { ...focus } : null;
+    const typing = rows.length === found.rows.length; // else the row may be another run's now
     rows = found.rows;
     active = Math.min(active, Math.max(rows.length - 1, 0));
     const faults = new Map(found.faults.filter((one) => one.row !== null).map((one) => [`${one.row}.${one.key || "id"}`, one.sentence]));
-    fill(body, rows.map((row, index) => h("tr", {},
-      h("td", { class: "state" }, h("span", { class: `dot ${states[index]?.kind ?? ""}`, title: states[index]?.title ?? "", role: "img", "aria-label": states[index]?.title ?? "" })),
-      columns.map((column) => cell(row, index, column, faults.get(`${index}.${column.key}`))),
-      h("td", {}, h("button", { class: "plain small", "aria-label": `Remove run ${row.id ?? index + 1}`, title: "Remove this run from the table", onclick: () => edit([{ kind: "remove", row: index }]) }, "×")))));
+    while (lines.length > rows.length) lines.pop().row.remove();
+    while (lines.length < rows.length) {
+      lines.push(line(lines.length));
+      body.append(lines.at(-1).row);
+    }
+    lines.forEach(({ cells, remove }, index) => {
+      const run = `run ${rows[index].id ?? index + 1}`;
+      remove.setAttribute("aria-label", `Remove ${run}`);
+      cells.forEach((one, k) => show(one, rows[index][columns[k].key], `${columns[k].title}, ${run}`, faults.get(`${index}.${columns[k].key}`), typing));
+    });
+    tell_states(states);
     mark();
     tell([...extra, ...found.faults.map((one) => (one.row === null ? one.sentence : `${rows[one.row]?.id ?? `row ${one.row + 1}`}: ${one.sentence}`))]);
-    if (kept) at(kept.row, kept.key)?.focus();
   };
   void signal;
-  return { box, draw, choose: (row) => { active = row; mark(); }, add: () => edit([{ kind: "add", values: { id: `r${String(rows.length + 1).padStart(2, "0")}`, start_s: 0.5 } }]) };
+  return { box, draw, states: tell_states, choose: (row) => { active = row; mark(); }, add: () => edit([{ kind: "add", values: { id: `r${String(rows.length + 1).padStart(2, "0")}`, start_s: 0.5 } }]) };
 }

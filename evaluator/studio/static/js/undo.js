@@ -7,7 +7,8 @@ import { say } from "./say.js";
 const TYPED = "input:not([type=range], [type=checkbox], [type=radio]), textarea";
 
 // screen: as the server calls it; id: of the experiment or gauge; changed(): show anew what was undone or redone.
-// after(change): to be called with the promise of each change that the screen makes, or when another has made one.
+// make(change): makes a change of the screen when those before it are made, and gives its promise; make() without one
+// is to be called when somebody else has made a change.
 export function undoing(screen, id, signal, changed, run = "") {
   const path = `/api/undo/${screen}/${id}`;
   let next = { undo: null, redo: null };
@@ -20,10 +21,14 @@ export function undoing(screen, id, signal, changed, run = "") {
       one.title = `${one.textContent}${next[way] ? `: ${next[way].words}` : ""} (${way === "undo" ? "Ctrl+Z" : "Ctrl+Shift+Z"})`;
     }
   }).catch((error) => { if (error.name !== "AbortError") say(error); });
-  // A step follows what was done on this screen before it, and the news of it: changes and steps wait in one line.
+  // Changes and steps wait in one line: each is made of what the one before it left, and knows what can be taken back.
   let line = ask();
-  const after = (change) => (line = Promise.all([line, change]).then(ask, ask));
-  const step = (way) => (line = line.then(async () => {
+  const make = (change) => {
+    const made = line.then(change);
+    line = made.then(ask, ask);
+    return made;
+  };
+  const step = (way) => make(async () => {
     if (!next[way]) await ask(); // another tab may have made a change
     if (!next[way]) { say(`There is nothing to ${way} on this screen.`); return; }
     try {
@@ -34,12 +39,11 @@ export function undoing(screen, id, signal, changed, run = "") {
       say(error);
       if (error.status === 409) await changed();
     }
-    await ask();
-  }));
+  }).catch(say);
   document.addEventListener("keydown", (event) => {
     if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "z" || event.target.closest?.(TYPED)) return;
     event.preventDefault();
     step(event.shiftKey ? "redo" : "undo");
   }, { signal });
-  return { ...buttons, after };
+  return { ...buttons, make };
 }
