@@ -7,6 +7,7 @@ import pytest
 
 from simulator.command import Command
 from simulator.effects.entry import EffectEntry
+from simulator.integrator.convergence import commands_beside, settled_mm, unsettled_mm
 from simulator.robot import load_robot
 from simulator.simulation import simulate, simulate_batch
 from tests.simulator.random_runs import ALLOWED_MM, ALLOWED_SHARE, disagreement_mm, drawn
@@ -67,3 +68,14 @@ def test_a_batch_that_is_not_checked_says_nothing_of_convergence() -> None:
 
 def test_a_plain_turn_is_converged() -> None:
     assert simulate(load_robot("barrel"), Command.constant(33.3, 14.4), np.linspace(0, 5, 31)).unsettled_mm == 0.0
+
+
+def test_two_solutions_agree_within_a_micrometre_and_half_a_thousandth_of_the_way() -> None:
+    way = np.column_stack([np.linspace(0, 10, 50), np.zeros((50, 5))])
+    for apart, found in ((0.0058, 0.0), (0.0062, 0.0062)):  # 0.001 + 5e-4 · 10 mm
+        other = way.copy()
+        other[20:30, 1] = apart
+        assert unsettled_mm(other, way, 0.001) == pytest.approx(found)
+    assert settled_mm({"time_unit": np.array([1.0, 3.0])}).tolist() == pytest.approx([0.001, 0.009])
+    beside = commands_beside(np.array([[2.0, 50.0, -30.0]]))
+    np.testing.assert_allclose(beside, [[[2.0, 50.005, -29.997]], [[2.0, 49.995, -30.003]]])
