@@ -135,6 +135,21 @@ def test_implicit_steps_of_a_linear_world_are_its_resolvents_and_differ_by_that_
     assert not work.end[1, :3].any()
 
 
+def test_newtons_method_needs_one_step_in_a_linear_world_and_gives_up_where_it_is_singular(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    lives_in(rolling, monkeypatch)
+    work, step, residual, change = worked((1.5, -0.6, 1.1)), 0.05, np.zeros(3), np.zeros(3)
+    guess = np.array([0.0, 0.0, 0.0, 3.0, 2.0, -1.0])
+    size = EULER.excess(0.3, step, work.y, guess, MODEL, work, residual)
+    assert size == pytest.approx(np.linalg.norm(residual * [1.0, 1.0, 2.0]))  # a lever of 2 mm
+    assert EULER.newton_change(step, residual, work, change)
+    end = np.linalg.solve(np.eye(3) + step * K, work.y[3:] + step * DRIVEN)
+    np.testing.assert_allclose(guess[3:] + change, end, rtol=1e-7)
+    work.bent[1:4] = np.eye(3) / step
+    assert not EULER.newton_change(step, residual, work, change)
+
+
 def test_implicit_steps_take_the_drive_at_their_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     lives_in(lambda *said: (7.0 * said[4], 0.0, -said[3][4]), monkeypatch)
     work = worked((0.0, 0.0, 0.0))
@@ -159,27 +174,6 @@ def test_a_robot_sticks_below_the_friction_that_a_bend_of_nanometres_holds_and_m
         expected = start + force - 1 if start + force > 1 else 0.0
         assert out[3] == pytest.approx(expected, abs=1e-6)
         assert out[0] == pytest.approx((start + out[3]) / 2)
-
-
-def test_each_start_of_newtons_method_is_tried_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
-    tried = []
-
-    def descend(_time: float, _step: float, _start: Any, patient: bool, _model: Any, _work: Any, out: Any) -> bool:
-        tried.append((out[3:].round(9).tolist(), patient))
-        return False
-
-    monkeypatch.setattr(EULER, "descend", descend)
-    start, out, stopped = (
-        np.array([0.0, 0.0, 0.0, 1.5, 1.8, 0.9]),
-        np.array([0.0, 0.0, 0.0, 9.0, 9.0, 9.0]),
-        np.zeros(6),
-    )
-    assert not EULER.euler(0.0, 1.0, start, MODEL, None, out)
-    expected = [([9.0, 9.0, 9.0], False)]
-    for wheel in (1, 0):  # the slowest one, then the next
-        EULER.stop_wheel(wheel, start, MODEL, stopped)
-        expected.append((stopped[3:].round(9).tolist(), False))
-    assert tried == [*expected, ([0.0, 0.0, 0.0], False), ([1.5, 1.8, 0.9], True)]
 
 
 def stepping(monkeypatch: pytest.MonkeyPatch, name: str, taken: list[bool], norms: list[float]) -> list[float]:
