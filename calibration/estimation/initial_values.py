@@ -36,7 +36,7 @@ def rough_prior(size_px: tuple[int, int]) -> Prior:
 
 def rough_start(views: list[View], size_px: tuple[int, int], prior: Prior) -> list[Fit]:
     """Solved rough states, best first, with focal length and k1 free and the principal point in the middle."""
-    few = [_spread(view, size_px) for view in views]
+    few = [_spread(view) for view in views]
     fits = []
     for model, widths in LADDER:
         lens = prior.mean.copy()
@@ -62,9 +62,8 @@ def _undistorted(points_px: Array, camera: Camera) -> Array:
     return undistort(normalised, camera.distortion, camera.lens) * camera.focal_xy_px + camera.principal_px
 
 
-def _spread(view: View, size_px: tuple[int, int]) -> View:
+def _spread(view: View) -> View:
     """At most FEW dots, evenly over the list."""
-    del size_px
     keep = np.zeros(len(view), dtype=bool)
     keep[np.linspace(0, len(view) - 1, min(len(view), FEW)).astype(int)] = True
     return view.take(keep)

@@ -66,7 +66,7 @@ def uncertainty_budget(
     geometry: MarkGeometry,
     camera: Camera | None = None,
     *,
-    known: Knowledge | None = None,
+    known: Knowledge,
     start_s: float | None = None,
     stop_s: float | None = None,
 ) -> Budget:
@@ -75,7 +75,6 @@ def uncertainty_budget(
     marks: a marks table. Without a camera, or columns in px, the sources that they would tell of are left out.
     Raises InputError as poses_from_marks does.
     """
-    known = known or Knowledge()
 
     def measured(places: MarkGeometry, seen: pd.DataFrame, through: Camera | None) -> tuple[Poses, Turning]:
         poses = poses_from_marks(seen, places, through)

@@ -27,11 +27,10 @@ def poses_at(motion: Motion, robot: Robot, times_s: Array) -> Array:
     stop_s = np.inf if motion.stop_s is None else motion.stop_s
     way_mm = motion.speed_mm_s * (np.clip(times_s, motion.start_s, max(stop_s, motion.start_s)) - motion.start_s)
     start = (motion.x_mm, motion.y_mm, np.radians(motion.heading_deg))
-    return _line(motion, way_mm, start) if isinstance(motion, Line) else _circle(motion, way_mm, start)
+    return _line(way_mm, start) if isinstance(motion, Line) else _circle(motion, way_mm, start)
 
 
-def _line(motion: Line, way_mm: Array, start: tuple[float, float, float]) -> Array:
-    del motion
+def _line(way_mm: Array, start: tuple[float, float, float]) -> Array:
     x, y, heading = start
     return np.stack(
         [x + way_mm * np.cos(heading), y + way_mm * np.sin(heading), np.full_like(way_mm, heading)], axis=-1

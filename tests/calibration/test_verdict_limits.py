@@ -69,7 +69,7 @@ def calibration(camera: Camera = CAMERA, **said: Any) -> Any:
 def test_sound_calibration_says_so_without_a_reason() -> None:
     verdict = assess(calibration(known(focal_px=0.1)))
     assert (verdict.level, verdict.reasons, verdict.next_steps) == ("sound", (), ())
-    assert verdict.coverage == 1.0
+    assert (verdict.coverage, verdict.mark_height_mm) == (1.0, 6.5)
     assert verdict.scale_sigma == pytest.approx(0.1 / FOCAL)  # lengths are in proportion to the focal length
     assert verdict.tilt_spread_deg == pytest.approx(np.degrees(2 * 0.4), abs=2.0)
 
@@ -135,6 +135,32 @@ def test_images_that_show_dots_in_a_part_are_judged_by_the_corners_or_not_believ
     verdict = assess(calibration(known(k2=corner_sigma)))
     assert verdict.level == level
     assert any("distortion is extrapolated" in note for note in verdict.notes) == noted
+    assert any("every part of the image" in step for step in verdict.next_steps) == (level == "limited")
+
+
+@pytest.mark.parametrize(
+    ("said", "reason", "step"),
+    [
+        ({"camera": known(focal_px=0.02 * FOCAL)}, "focal length is known to 2 % only", "five or more images"),
+        ({"fit": SimpleNamespace(variance=16.0, state=calibration().fit.state)}, "4 times", "flat, rigid gauge"),
+        ({"sightings": (SimpleNamespace(size_ratio=1.2, name="g.png", match=calibration().sightings[0].match),) * 5},
+         "1.20 times as wide", "measure pitch and dot diameter"),
+        ({"camera": known(translation_z_mm=0.5)}, "height correction open", "tilted by 10 to 30 degrees"),
+    ],
+)  # fmt: skip
+def test_every_doubt_comes_with_what_to_do(said: dict[str, Any], reason: str, step: str) -> None:
+    verdict = assess(calibration(**said), mark_height_mm=50.0)
+    assert len(verdict.reasons) == len(verdict.next_steps) == 1
+    assert reason in verdict.reasons[0]
+    assert step in verdict.next_steps[0]
+
+
+def test_an_image_that_was_left_out_and_an_origin_that_may_be_off_by_a_pitch_are_noted() -> None:
+    unsure = SimpleNamespace(size_ratio=1.0, name="g.png", match=type("M", (list,), {"certain": False})([0] * 100))
+    notes = _notes(calibration(sightings=(unsure,) * 5, left_out=(("h.png", "no dots"),)))
+    assert notes[0] == "left out h.png: no dots"
+    assert "off by whole pitches" in notes[-1]
+    assert not any("whole pitches" in note for note in _notes(calibration()))
 
 
 @pytest.mark.parametrize(("share", "enough"), [(0.00099, True), (0.00101, False)])

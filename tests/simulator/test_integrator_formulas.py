@@ -215,6 +215,27 @@ def test_slowest_wheel_is_the_one_that_moves_least_among_those_with_grip() -> No
     assert EULER.slowest_wheel(1, start, MODEL) == 0  # the third has no grip
 
 
+def test_each_start_of_newtons_method_is_tried_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried = []
+
+    def descend(_time: float, _step: float, _start: Any, patient: bool, _model: Any, _work: Any, out: Any) -> bool:
+        tried.append((out[3:].round(9).tolist(), patient))
+        return False
+
+    monkeypatch.setattr(EULER, "descend", descend)
+    start, out, stopped = (
+        np.array([0.0, 0.0, 0.0, 1.5, 1.8, 0.9]),
+        np.array([0.0, 0.0, 0.0, 9.0, 9.0, 9.0]),
+        np.zeros(6),
+    )
+    assert not EULER.euler(0.0, 1.0, start, MODEL, None, out)
+    expected = [([9.0, 9.0, 9.0], False)]
+    for wheel in (1, 0):  # the slowest one, then the next
+        EULER.stop_wheel(wheel, start, MODEL, stopped)
+        expected.append((stopped[3:].round(9).tolist(), False))
+    assert tried == [*expected, ([0.0, 0.0, 0.0], False), ([1.5, 1.8, 0.9], True)]
+
+
 @pytest.mark.parametrize("yaw", [0.8, -2.0, 1e-6, 0.0])
 def test_arc_of_a_steady_turn_is_a_circle_at_constant_velocity(yaw: float) -> None:
     work = SimpleNamespace(pose=np.array([1.0, 2.0, 0.3]), y=np.array([0.1, 0.02, 0.05, 2.0, -0.3, yaw]))

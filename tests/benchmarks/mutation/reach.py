@@ -92,7 +92,7 @@ class Chosen:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Unit:
     """A function, a method, or a statement outside of functions: first and last line, names it gives and mentions."""
 
@@ -147,6 +147,10 @@ def tests_of(path: Path, line: int, everything: list[Unit], called: dict[str, se
     for test, places in called.items():
         for place in places:
             callers.setdefault(place, set()).add(test)
+    users: dict[str, list[Unit]] = {}
+    for unit in everything:
+        for name in unit.mentions:
+            users.setdefault(name, []).append(unit)
     wait = [unit for unit in everything if unit.path == str(path) and unit.first <= line <= unit.last]
     seen: set[Unit] = set(wait)
     found: set[str] = set()
@@ -155,7 +159,7 @@ def tests_of(path: Path, line: int, everything: list[Unit], called: dict[str, se
         tests = callers.get((unit.path, unit.first), set()) if unit.function else set()
         found |= tests
         if not tests:
-            more = {other for other in everything if other.mentions & unit.gives} - seen
+            more = {user for name in unit.gives for user in users.get(name, ())} - seen
             seen |= more
             wait += more
     return frozenset(found)

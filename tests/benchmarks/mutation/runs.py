@@ -23,6 +23,7 @@ LIBRARIES = (
     "hypothesis",
 )
 WAITS = 30  # times its processor time that a run may take on a busy machine, before it is taken to wait for ever
+IDLE_S = 60.0  # and so is one that has done nothing at all for so long
 
 
 def prepare(*, jit: bool) -> None:
@@ -95,15 +96,26 @@ def _passes(
         resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(limit_s), math.ceil(limit_s) + 5))
         _run_and_leave(tests, changed, plugin, file)
     ends = time.monotonic() + WAITS * limit_s
-    while time.monotonic() < ends:
+    worked, idle_since = "", time.monotonic()
+    while time.monotonic() < min(ends, idle_since + IDLE_S):
         done, status = os.waitpid(child, os.WNOHANG)
         if done:
             code = os.waitstatus_to_exitcode(status)
             return None if code in (-signal.SIGXCPU, -signal.SIGKILL) else code == 0
+        if (now := _worked(child)) != worked or not now:
+            worked, idle_since = now, time.monotonic()
         time.sleep(0.02)
     os.killpg(child, signal.SIGKILL)
     os.waitpid(child, 0)
     return None
+
+
+def _worked(process: int) -> str:
+    """What a process and those that it waited for have worked so far, in ticks; nothing where the system tells none."""
+    try:
+        return " ".join(Path(f"/proc/{process}/stat").read_text(encoding="ascii").rpartition(")")[2].split()[11:15])
+    except OSError:
+        return ""
 
 
 def _run_and_leave(tests: list[str], changed: frozenset[str], plugin: Reach | Chosen, file: Path | None) -> NoReturn:

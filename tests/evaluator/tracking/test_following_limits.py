@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
 from evaluator.tracking.following.jumps import off_course
 from evaluator.tracking.following.pair import ENOUGH, Body
 from evaluator.tracking.following.repeated_frames import repeated_frames
-from evaluator.tracking.uncertainty.exposure import exposed
-from evaluator.tracking.uncertainty.rim import Rim
 
 HERE = (100.0, 50.0)
 
@@ -129,45 +125,3 @@ def test_a_jump_is_longer_than_the_usual_step_and_a_share_of_the_mark(
     points = course(1.0)
     points[30] += [off_px, off_px]
     assert off_course(TIME, points, radius_px).tolist() == [wrong and number == 30 for number in range(60)]
-
-
-def test_a_steady_change_of_speed_shows_where_a_mark_was_on_the_average() -> None:
-    """At 50 px/s² an exposure of half of 1/30 s is off its middle by a·T²/24; the share is known to a tenth."""
-    points = 0.5 * 50.0 * np.column_stack([TIME**2, -(TIME**2)])
-    shift, variance = exposed(TIME, points, np.full((60, 2), 1e-6), (0.5, 0.1))
-    size = 50.0 * (0.5 / 30) ** 2 / 24
-    np.testing.assert_allclose(shift, size * np.tile([1.0, -1.0], (60, 1)), rtol=1e-6)
-    np.testing.assert_allclose(variance, np.full((60, 2), (2 * size * 0.1 / 0.5) ** 2), rtol=1e-6)
-    assert (exposed(TIME[:2], points[:2], np.ones((2, 2)), (0.5, 0.1))[0] == 0).all()
-
-
-@pytest.mark.parametrize(("sigma_px", "counts"), [(0.07, True), (0.09, False)])
-def test_a_jump_of_speed_counts_from_three_sigmas_of_the_centres_on(sigma_px: float, counts: bool) -> None:
-    """From rest to 1 px a frame: three sigmas of its change of speed, √17.5 times a centre's, are 1 px at 0.08."""
-    along = np.maximum(np.arange(60.0) - 30, 0.0)
-    points = np.column_stack([along, np.zeros(60)])
-    shift, variance = exposed(TIME, points, np.full((60, 2), sigma_px**2), (0.5, 0.0))
-    assert np.abs(shift).max() < 1e-12
-    expected = (1.0 * 0.5) ** 2 / 320 if counts else 0.0
-    assert variance[30, 0] == pytest.approx(expected, rel=1e-6)
-    assert max(variance[:29].max(), variance[:, 1].max()) < 1e-24
-
-
-def noted(powers: list[float], own: float = 1.0) -> float:
-    rim = Rim()
-    for power in powers:
-        rim.note(power, own)
-    return rim.extra_px2
-
-
-def test_a_rim_that_noise_explains_adds_nothing_and_one_that_is_always_disturbed_half_as_much_again() -> None:
-    assert noted([1.0] * 30) == 0.0
-    # Beyond three sigmas of a mean of 20 frames of six squares: 1 + 3·√(2/120) = 1.387 times the noise.
-    assert noted([1.37] * 30) == 0.0
-    assert noted([1.41] * 30) == pytest.approx(1.5 * 0.41, rel=1e-6)  # of six squares: 6/4
-    assert noted([math.nan, 1.41] * 30) == noted([1.41] * 30)
-
-
-@pytest.mark.parametrize(("power", "shown"), [(2.7, 0.0), (2.9, 1.5 * 1.9)])
-def test_a_single_frame_is_disturbed_from_what_chance_makes_in_one_of_a_hundred(power: float, shown: float) -> None:
-    assert noted([*[1.0] * 30, power]) == pytest.approx(shown, abs=1e-9)

@@ -43,6 +43,21 @@ def test_the_rim_of_a_mark_that_is_cut_shows_how_far_its_centre_is_off_to_a_fact
     assert 0.5 < np.sqrt(np.mean(np.square(error)) / np.mean(power)) < 2.0
 
 
+def test_a_pixel_of_the_rim_pulls_half_as_far_as_it_is_off_at_the_softness_and_less_beyond() -> None:
+    """Pulls of 15, 30 and 60 levels at a softness of three sigmas of 10: r/(1 + (r/30)⁴) each, squared in the power."""
+    whole = np.rint(40 + 120 * coverage(SIZE, (20.0, 20.0), RADIUS, 0.8))
+    result = fit(whole.astype(np.uint8), (0, 1), (20.0, 20.0), DISC)
+    result[-2:] = 0.0
+    power = []
+    for off in (15, 30, 60):
+        image = whole.copy()
+        image[20, 28] += off
+        noise = np.array([100.0, 3.0])
+        power.append(rim_power(image.astype(np.uint8), 0.0, 1.0, result, DISC.numbers(), DISC.table, noise))
+    pulls = np.array([15 / (1 + 0.5**4), 30 / 2, 60 / (1 + 2**4)])
+    assert np.sqrt(np.array(power) / power[1]) == pytest.approx(pulls / pulls[1], abs=0.1)
+
+
 def test_the_shape_of_a_mark_that_a_wire_cuts_from_the_start_is_learnt_from_its_partner() -> None:
     rng = np.random.default_rng(7)
     truth = turning_marks(50, (118.0, 100.0), 36.0, 16.0, 0.004)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,20 @@ def test_outline_that_changes_as_slant_makes_it_or_is_seen_in_few_frames_widens_
         np.testing.assert_array_equal(values, before)
 
 
+@pytest.mark.parametrize(("frames", "told"), [(60, True), (59, False)])
+def test_length_may_change_smoothly_with_direction_and_from_sixty_frames_on_to_second_order_with_place(
+    frames: int, told: bool
+) -> None:
+    time, angle = FRAME_S * np.arange(frames), 0.1 * np.arange(frames)
+    x, y = 100 * (1 + 0.02 * angle) * np.array([np.cos(0.7 * angle), np.sin(0.7 * angle)])
+    slant = 0.3 * np.cos(2 * angle) - 0.2 * np.sin(2 * angle) + 0.2 * np.cos(4 * angle) + 0.1 * np.sin(4 * angle)
+    perspective = 1e-4 * (0.5 * x**2 - 0.3 * x * y - 0.4 * y**2) + 1e-3 * (x - y)
+    before = np.column_stack([x, y, np.tile([1e-6, 1e-6, 0.0], (frames, 1))])
+    values = before.copy()
+    widen_by_outline(time, values, list(zip(time, 20 + slant + perspective, 8 + slant, angle, strict=True)))
+    assert (values[:, 2].max() < 1e-5) == told
+
+
 def test_a_frame_whose_outline_is_noted_twice_counts_once() -> None:
     time, values, outline = outlined(29, np.random.default_rng(9), 0.2)
     widen_by_outline(time, values, [*outline, *outline])
@@ -113,6 +128,15 @@ def test_ratio_is_the_square_of_noise_over_what_is_stated_and_unknown_of_fewer_t
         one, other = pair(frames, 0.03)
         distance = Distance(one[:, :2], other[:, :2])
         assert np.isfinite(distance.ratio(distance.variance(one[:, 2:], other[:, 2:]))) == told
+
+
+def test_distances_beyond_twice_the_clip_are_wrong_ends_and_tell_nothing_of_the_usual_error() -> None:
+    """Of errors of 1 the robust sigma is 1.4826: squares count up to four of them, and not at all beyond eight."""
+    for far, mean in ((11.0, (95 + 5 * (4 * 1.4826) ** 2) / 100), (12.0, 1.0)):
+        distance: Any = SimpleNamespace(error=np.where(np.arange(100) < 5, far, 1.0), freedom=0.5)
+        distance.error[50:] *= -1
+        assert Distance.ratio(distance, np.ones(100)) == pytest.approx(mean / 0.5)
+        assert Distance.ratio(distance, np.full(100, 4.0)) == pytest.approx(mean / 0.5 / 4)
 
 
 @pytest.mark.parametrize(("sigmas", "wrong"), [(4.2, False), (4.8, True)])

@@ -5,6 +5,7 @@ import pytest
 
 from evaluator.pose import poses_from_marks
 from evaluator.turning import RobotShape, Turning, measure_turning
+from evaluator.turning.quantities import _spectral_arc_length
 
 from . import synthetic
 from .synthetic import FRAME_S, GEOMETRY, arc_poses, marks_of, resting, straight_poses, winding_poses
@@ -75,6 +76,20 @@ def test_jerky_drive_is_less_smooth_than_a_steady_one() -> None:
     turned = uneven / 5.0
     jerky = np.column_stack([5 * np.sin(turned), 5 * (1 - np.cos(turned)), turned - 0.1])
     assert measured(resting(jerky, 30, 30), 0.002).smoothness < measured(steady, 0.002).smoothness
+
+
+@pytest.mark.parametrize("apart_s", [0.0, 0.5])
+def test_smoothness_is_minus_the_arc_length_of_the_spectrum_to_where_it_is_below_a_twentieth_for_good(
+    apart_s: float,
+) -> None:
+    """Of one bump of speed the spectrum is a Gaussian; of two, that times a cosine, which fades and comes back."""
+    time = np.arange(-3, 3, 1 / 60)
+    speed = sum(np.exp(-((time - side * apart_s) ** 2) / (2 * 0.15**2)) for side in (-1, 1))
+    frequency = np.linspace(0, 9, 90001)
+    amplitude = np.abs(np.cos(2 * np.pi * frequency * apart_s)) * np.exp(-((2 * np.pi * frequency * 0.15) ** 2) / 2)
+    last = int(np.flatnonzero(amplitude >= 0.05)[-1])
+    length = np.hypot(np.diff(frequency[: last + 1]) / frequency[last], np.diff(amplitude[: last + 1])).sum()
+    assert _spectral_arc_length(speed, 1 / 60) == pytest.approx(-length, rel=0.02)
 
 
 def test_uncertainties_of_speed_and_slips_are_their_scatter_over_runs() -> None:

@@ -1,0 +1,149 @@
+"""Where a mark is expected, where it is looked for once it is lost, and what of its track is no course of a body."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.tracking.following import shape
+from evaluator.tracking.following.jumps import _worth, off_course
+from evaluator.tracking.following.motion import Motion
+from evaluator.tracking.following.tracker import Tracker
+from evaluator.tracking.observation import ABSENT, OK, Sighting
+from evaluator.tracking.settings import TrackingSettings
+
+
+def at(x: float, y: float) -> Sighting:
+    return Sighting(x, y, 1e-4, 1e-4, 0.0, OK)
+
+
+def frame(time_s: float = 0.0) -> Any:
+    return SimpleNamespace(time_s=time_s)
+
+
+def moving(**said: Any) -> Motion:
+    one = Motion()
+    usual = {"position": (10.0, 20.0), "velocity": (3.0, -4.0), "time_s": 2.0, "missed": 0}
+    for name, value in (usual | said).items():
+        setattr(one, name, value)
+    return one
+
+
+def test_a_mark_is_expected_at_constant_velocity() -> None:
+    assert moving().predicted(2.5) == pytest.approx((11.5, 18.0))
+    assert moving(position=None).predicted(2.5) is None
+    assert moving().step_px(0.5) == pytest.approx(3.5)  # both axes together
+
+
+@pytest.mark.parametrize(
+    ("missed", "time_s", "steady", "velocity"),
+    [(0, 2.25, True, (4.0, -8.0)), (0, 2.0, False, (3.0, -4.0)), (3, 2.25, False, (3.0, -4.0)),
+     (4, 2.25, False, (0.0, 0.0))],
+)  # fmt: skip
+def test_velocity_is_that_since_the_frame_before_and_nothing_after_more_than_three_misses(
+    missed: int, time_s: float, steady: bool, velocity: tuple[float, float]
+) -> None:
+    one = moving(missed=missed)
+    assert one.move(at(11.0, 18.0), time_s) == steady
+    assert one.velocity == pytest.approx(velocity)
+    assert (one.position, one.time_s, one.missed) == ((11.0, 18.0), time_s, 0)
+    assert not one.move(ABSENT["not seen"], 3.0)
+    assert (one.position, one.time_s, one.missed) == ((11.0, 18.0), time_s, 1)
+
+
+def test_pieces_that_stand_beside_one_that_moves_count_a_third_up_to_half_a_jump() -> None:
+    moves, stands = np.outer(np.arange(20.0), [3.0, 0.0]), np.full((30, 2), 7.0)
+    places = np.vstack([moves, stands])
+    assert _worth([slice(0, 20), slice(20, 32)], places, 1.5).tolist() == [20.0, 4.0]
+    assert _worth([slice(0, 20), slice(20, 50)], places, 1.5).tolist() == [20.0, 7.5]
+    assert _worth([slice(0, 20), slice(20, 40), slice(40, 50)], places, 1.5) == pytest.approx([20.0, 5.0, 2.5])
+    assert _worth([slice(20, 30), slice(30, 50)], places, 1.5).tolist() == [10.0, 20.0]  # nothing moves
+
+
+@pytest.mark.parametrize(("step_px", "told"), [(0.6, True), (0.4, False)])
+def test_standing_is_told_from_motion_of_half_a_pixel_a_frame_on(step_px: float, told: bool) -> None:
+    points = np.column_stack([step_px * np.arange(60.0), np.zeros(60)])
+    points[21:31] = points[20]
+    assert np.flatnonzero(off_course(np.arange(60) / 30, points, 4.0)).tolist() == (list(range(21, 31)) if told else [])
+
+
+def resting(monkeypatch: pytest.MonkeyPatch, places: np.ndarray) -> bool:
+    """Whether something else that moves is looked for instead of a mark that was seen at some places."""
+    asked = []
+    monkeypatch.setattr(shape, "candidates", lambda *_: [])
+    monkeypatch.setattr(shape, "mover", lambda *_: asked.append(True) or (None, []))
+    held = [(frame(), at(*place)) for place in places]
+    assert shape.try_mover("green", held, TrackingSettings(), np.zeros(4)) == (None, [])
+    return bool(asked)
+
+
+def test_something_that_moves_is_looked_for_instead_of_a_mark_that_rests(monkeypatch: pytest.MonkeyPatch) -> None:
+    still = np.tile([90.0, 30.0], (8, 1))
+    assert resting(monkeypatch, still)
+    assert not resting(monkeypatch, still[:2])
+    for axis in (0, 1):
+        moved = still + np.outer(np.arange(8), np.eye(2)[axis]) * 0.2
+        assert resting(monkeypatch, moved)
+        assert not resting(monkeypatch, still + np.outer(np.arange(8), np.eye(2)[axis]) * 0.22)
+
+
+class Probe(Motion):
+    """A follower that notes where it is looked for."""
+
+    radius_px = 8.0
+
+    def __init__(self, **said: Any) -> None:
+        vars(self).update(vars(moving(**said)))
+        self.last_sighting, self.asked = (None, 0.0), list[Any]()
+
+    def look_at(self, _frame: object, _cell: object, place: Any, reach: float, _interval: float) -> Sighting:
+        self.asked.append((place, reach))
+        return at(*place)
+
+    def look_again(self, _frame: object, _cell: object, place: Any, *_: object) -> Sighting:
+        self.asked.append(place)
+        return ABSENT["no disc"]
+
+
+def test_a_mark_is_looked_for_within_half_a_step_more_for_every_miss_and_after_eight_in_the_whole_image() -> None:
+    tracker: Any = Tracker(TrackingSettings())
+    tracker.interval_s = 0.5
+    for missed, reach in ((0, 3.75), (2, 11.25)):  # 2 px and half of a step of 3.5 px, for each frame
+        probe = Probe(missed=missed)
+        assert tracker._followed(probe, frame(), 2.5).status == OK
+        assert probe.asked == [(pytest.approx((11.5, 18.0)), pytest.approx(reach))]
+    assert tracker._followed(Probe(missed=9), frame(), 2.5).status == "not seen"
+    assert tracker._followed(Probe(position=None), frame(), 2.5).status == "not seen"
+
+
+@pytest.mark.parametrize("missed", [7, 8])
+def test_of_the_places_of_a_lost_mark_the_three_nearest_to_its_course_are_looked_at_or_the_first(missed: int) -> None:
+    tracker: Any = Tracker(TrackingSettings())
+    places = [(90.0, 18.0), (11.0, 30.0), (14.0, 18.0), (12.0, 19.0)]
+    probe, miss = Probe(missed=missed), ABSENT["not seen"]
+    assert tracker._found_again(probe, frame(2.5), places, (0.0, 0.0), miss) is miss
+    assert probe.asked == ([places[3], places[2], places[1]] if missed == 7 else places[:3])
+    assert probe.last_sighting == (probe.asked[0], 2.5)
+
+
+def test_a_lost_mark_can_have_come_as_far_as_its_partner_is_and_two_steps_for_every_frame() -> None:
+    tracker: Any = Tracker(TrackingSettings())
+    tracker.interval_s, tracker.body.distance_px = 0.5, 40.0
+    tracker.followers = {tracker.names[0]: Probe(missed=1)}  # 40 px and four steps of 3.5 px: 54 px
+    assert tracker._reached((10.0 + 30.0, 20.0 - 23.9), 0)
+    assert not tracker._reached((10.0 - 30.0, 20.0 + 24.1), 0)
+    tracker.followers = {tracker.names[0]: Probe(position=None)}
+    assert tracker._reached((500.0, 500.0), 0)
+
+
+def test_an_interval_is_the_time_since_the_frame_before_and_a_repeated_frame_shows_no_mark_that_moves() -> None:
+    tracker: Any = Tracker(TrackingSettings())
+    tracker._shape = (8, 8)
+    tracker.followers = {name: Probe(velocity=(0.0, 70.0)) for name in tracker.names}
+    for time_s, interval_s in ((0.0, 1 / 60), (0.1, 0.1), (0.1, 0.1), (0.15, 0.05)):
+        shown = SimpleNamespace(time_s=time_s, luma=np.zeros((8, 8)), repeated=True)
+        assert [one.status for one in tracker.step(shown)] == ["repeated frame"] * 2
+        assert tracker.interval_s == pytest.approx(interval_s)
