@@ -27,7 +27,7 @@ def watch_marks(settings: Path | None = None, image: Path | None = None) -> Call
     def look(frame: Frame) -> str:
         if frame.u is None:
             return "grey frames: no colour to tell marks by"
-        seen, _ = find_marks(frame, used, names)
+        seen = find_marks(frame, used, names).chosen
         if image is not None:
             shown = np.ascontiguousarray(frame.to_rgb())
             for mark in seen.values():

@@ -8,16 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.recording import Frame
-from evaluator.tracking.detection.find import (
-    LARGEST_RATIO,
-    SMALLEST_RATIO,
-    STRIPE,
-    ColorMap,
-    allowed_cells,
-    blobs_of,
-    color_map,
-    find_marks,
-)
+from evaluator.tracking.detection.color_map import ColorMap, allowed_cells, color_map
+from evaluator.tracking.detection.find import LARGEST_RATIO, SMALLEST_RATIO, STRIPE, blobs_of, find_marks
 from evaluator.tracking.detection.selection import Candidate
 from evaluator.tracking.settings import TrackingSettings
 
@@ -62,7 +54,7 @@ def explain(frame: Frame, settings: TrackingSettings) -> list[Seen]:
     if not anywhere.any():
         return []
     colors = color_map(frame, anywhere, share_of_floor=PALE)
-    chosen, _ = find_marks(frame, settings, list(settings.mark))
+    chosen = find_marks(frame, settings, list(settings.mark)).chosen
     hue = np.full(colors.chroma.size, np.nan, np.float32)
     hue[colors.colorful] = colors.hue_deg
     blobs = blobs_of("", colors, colors.colorful) if len(colors.colorful) else []
@@ -127,4 +119,5 @@ def _refusal(
         return f"{2 * blob.radius_px:.0f} px across is not about diameter_px = {diameter_px:g}"
     if blob.elongation > STRIPE:
         return f"a stripe: {blob.elongation:.1f} times as long as wide"
-    return "another is likelier by colour, shape, size and the distance of the pair"
+    cut = "cut by the border of the image: a mark is followed once all of it has been seen"
+    return cut if not blob.whole else "another is likelier by colour, shape, size and the distance of the pair"

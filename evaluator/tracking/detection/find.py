@@ -1,195 +1,90 @@
 """Find marks in a whole frame without knowing where they are: coloured blobs, their shape, the likeliest pair.
 
-Works on the colour planes at their own resolution. White balance: what most of the frame shows (plate, field) is
-taken as neutral, so that hues mean the same under any lamp; where that gives no good pair, the plate itself may be
-coloured, and the camera's own balance is taken.
+Works on the colour planes at their own resolution. Where the balance of `color_map` gives no good pair, the plate
+itself may be coloured, and the camera's own balance is taken.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.recording import Frame
-from evaluator.recording.frame import Plane
-from evaluator.tracking.detection import color_kernels
+from evaluator.tracking.detection.color_map import ColorMap, allowed_cells, color_map
 from evaluator.tracking.detection.selection import Candidate, choose
-from evaluator.tracking.settings import Box, MarkSettings, TrackingSettings
+from evaluator.tracking.settings import MarkSettings, TrackingSettings
 
-Array = NDArray[np.float64]
 LEAST_AREA_PX2 = 6.0  # a mark of 1.4 px radius: below that no shape can be distinguished from noise
 LEVELS = 5  # doublings of the least chroma: from the faintest tint to the strongest colour that 8 bits hold
 SAME = 1.25  # blobs of two levels are one where their radii differ by less, and their centres by half a radius
 # Share of the plate's tint that the lamp has, degrees by which hues lie beyond their usual ranges, and the log odds
 # against it: a plate may be coloured itself, a camera may render yellow as orange.
 UNUSUAL = ((0.0, 0.0, 2.0), (1.0, 15.0, 4.0), (0.0, 15.0, 6.0))
-SAMPLE = 1 << 14  # cells that medians are taken of: known to a hundredth of their spread
 GOOD = -4.0  # log-likelihood of two blobs that look like marks (98 % of pairs that are): nothing unusual is tried
+# Chroma of a blob over the level that cuts it off: nearer to it are the noisy summits of a blob of the level below.
+SUMMIT = 1.15
 STRIPE = 6.0  # longer than a sticker, or a disc smeared by twice its diameter, is
 SMALLEST_RATIO, LARGEST_RATIO = 0.6, 1.7  # of a blob's diameter over diameter_px: about, as thresholds tell it
+MOST = 12  # blobs looked at a mark
 UNSEEN = 30.0  # as bad as a mark can score, and more
 
 
-@dataclass(frozen=True)
-class ColorMap:
-    """A frame's colours at the resolution of its colour planes.
+class Reading(NamedTuple):
+    """What a frame shows under one reading of its colours.
 
-    chroma: (rows, columns), largest minus smallest of the balanced R, G, B, levels of 8 bits. floor: chroma that the
-    frame's own noise and tints reach. colorful: (m,), the cells above it, counted along the rows; hue_deg: (m,),
-    their HSV hue against the neutral. u, v: the planes, levels of their own depth.
+    chosen: the likeliest blob of each mark, as far as there is one. blobs: all that could be marks. balance: of
+    `color_map`.
     """
 
-    chroma: NDArray[np.float32]
-    floor: float
-    colorful: NDArray[np.intp]
-    hue_deg: NDArray[np.float32]
-    u: Plane
-    v: Plane
-    cell_px: tuple[float, float]
-    origin_px: tuple[float, float]
+    chosen: dict[str, Candidate]
+    blobs: list[Candidate]
+    balance: float
 
 
-def cell_of(frame: Frame) -> tuple[int, int]:
-    """Luma samples across and down that one chroma sample covers."""
-    assert frame.u is not None
-    return -(-frame.luma.shape[1] // frame.u.shape[1]), -(-frame.luma.shape[0] // frame.u.shape[0])
-
-
-def color_map(frame: Frame, allowed: NDArray[np.bool_], balance: float = 1.0, share_of_floor: float = 1.0) -> ColorMap:
-    """Balance a frame's colours.
-
-    allowed: (rows, columns) of the colour planes, where to look. balance: share of the plate's tint that the lamp has.
-    share_of_floor: from which cells count as colourful.
-    """
-    assert frame.u is not None
-    assert frame.v is not None
-    rows, columns = frame.u.shape
-    across, down = cell_of(frame)
-    luma: Plane = np.asarray(
-        cv2.resize(np.ascontiguousarray(frame.luma), (columns, rows), interpolation=cv2.INTER_AREA), frame.luma.dtype
-    )
-    to_rgb = _rgb_from_planes(frame)
-    sample = sampled(allowed)
-    middle = np.maximum(np.median(_rgb(to_rgb, luma[sample], frame.u[sample], frame.v[sample]), axis=1), 1.0)
-    # Lamps from candle to blue sky stay within a factor of two between channels.
-    to_rgb *= (np.clip(middle.mean() / middle, 0.6, 1.7) ** balance)[:, None]
-    chroma = np.empty((rows, columns), np.float32)
-    color_kernels.chroma_plane(luma, frame.u, frame.v, to_rgb.astype(np.float32), chroma)
-    typical = chroma[sample]
-    spread = float(np.median(np.abs(typical - np.median(typical)))) * 1.4826
-    floor = max(float(np.median(typical)) + 6 * spread, 14.0)
-    colorful = np.flatnonzero(chroma > share_of_floor * floor)
-    cells = np.unravel_index(colorful, chroma.shape)
-    hue = _hue(_rgb(to_rgb, luma[cells], frame.u[cells], frame.v[cells]))
-    cell = float(across), float(down * frame.row_step)
-    origin = (across - 1) / 2, frame.row_origin + (down - 1) / 2 * frame.row_step
-    return ColorMap(chroma, floor, colorful, hue, frame.u, frame.v, cell, origin)
-
-
-def _rgb_from_planes(frame: Frame) -> Array:
-    """(3, 4): R, G, B, levels of 8 bits, from luma, u, v of the frame's own depth and 1."""
-    scale = 2.0 ** (8 - frame.depth)
-    kr, kb = (0.2126, 0.0722) if frame.matrix == "bt709" else (0.299, 0.114)
-    luma, color, black = (1.0, 1.0, 0.0) if frame.full_range else (255 / 219, 255 / 224, 16.0)
-    red, blue = 2 * (1 - kr) * color, 2 * (1 - kb) * color
-    of_planes = np.array([[0.0, red], [-kb * blue / (1 - kr - kb), -kr * red / (1 - kr - kb)], [blue, 0.0]])
-    constant = -luma * black - 128.0 * of_planes.sum(axis=1)
-    return np.column_stack([np.full(3, luma * scale), of_planes * scale, constant])
-
-
-def _rgb(to_rgb: Array, luma: Plane, u: Plane, v: Plane) -> NDArray[np.float32]:
-    """(3, m): R, G, B of m cells."""
-    return np.asarray(to_rgb[:, :3] @ np.stack([luma, u, v]) + to_rgb[:, 3:], np.float32)
-
-
-def neutral_of(frame: Frame, allowed: NDArray[np.bool_]) -> tuple[float, float]:
-    """(u, v) of what most of the frame shows, in levels of the planes' own depth."""
-    assert frame.u is not None
-    assert frame.v is not None
-    sample = sampled(allowed)
-    return float(np.median(frame.u[sample])), float(np.median(frame.v[sample]))
-
-
-def sampled(allowed: NDArray[np.bool_]) -> tuple[NDArray[np.intp], ...]:
-    """Every so many of the allowed cells, as an index of a plane: what is usual in a frame takes no more."""
-    step = max(int(np.count_nonzero(allowed)) // SAMPLE, 1) | 1  # odd, and so in all columns
-    return np.unravel_index(step * np.flatnonzero(allowed.ravel()[::step]), allowed.shape)
-
-
-def _hue(rgb: NDArray[np.float32]) -> NDArray[np.float32]:
-    """HSV hue in degrees."""
-    red, green, blue = rgb
-    most, least = rgb.max(axis=0), rgb.min(axis=0)
-    chroma = np.maximum(most - least, np.float32(1e-6))
-    of_green, of_blue = (blue - red) / chroma + 2, (red - green) / chroma + 4
-    hue = np.where(most == red, np.mod((green - blue) / chroma, 6), np.where(most == green, of_green, of_blue))
-    return np.asarray(hue * np.float32(60), np.float32)
-
-
-def allowed_cells(frame: Frame, settings: TrackingSettings, mark: MarkSettings | None = None) -> NDArray[np.bool_]:
-    """Where colour may be sought: the regions, less the masks."""
-    assert frame.u is not None
-    across, down = cell_of(frame)
-    allowed = np.ones(frame.u.shape, bool)
-
-    def cells(box: Box) -> tuple[slice, slice]:
-        left, top, right, bottom = box
-        height = down * frame.row_step
-        return (
-            slice(max(int(np.floor(top / height)), 0), max(int(np.ceil(bottom / height)), 0)),
-            slice(max(int(np.floor(left / across)), 0), max(int(np.ceil(right / across)), 0)),
-        )
-
-    for region in (settings.region_px, mark.region_px if mark else None):
-        if region is not None:
-            inside = np.zeros_like(allowed)
-            inside[cells(region)] = True
-            allowed &= inside
-    for box in settings.mask_px:
-        allowed[cells(box)] = False
-    return allowed
-
-
-def find_marks(
-    frame: Frame, settings: TrackingSettings, names: list[str]
-) -> tuple[dict[str, Candidate], list[Candidate]]:
-    """The likeliest blob of each of the named marks, as far as there is one; and all blobs of the usual colours."""
-    found = candidates(frame, settings, names)
-    best, most = choose(found, settings)
-    unseen = [name for name in names if name not in best and settings.mark[name].said]
-    if unseen:
-        # Who says a colour has read it off the image as it is: hues mean what they do without white balance, then.
-        best |= choose(candidates(frame, settings, unseen, balance=0.0), settings)[0]
-    if len(names) == 1 or (len(best) == len(names) and most > GOOD):
-        return best, found
-    most -= UNSEEN * (len(names) - len(best))
-    for balance, wider_deg, odds in UNUSUAL:
-        chosen, score = choose(candidates(frame, settings, names, balance, wider_deg), settings)
-        # Less than a good pair is no reason to read the colours in another way.
-        if len(chosen) == len(names) and score > GOOD and score - odds > most:
-            best, most = chosen, score - odds
-    return best, found
-
-
-def candidates(
-    frame: Frame,
-    settings: TrackingSettings,
-    names: list[str],
-    balance: float = 1.0,
-    wider_deg: float = 0.0,
-    limit: int = 12,
-) -> list[Candidate]:
-    """All blobs that could be one of the named marks, the most colourful first, at most `limit` a mark.
-
-    balance: of `color_map`. wider_deg: for how much hues count beyond their ranges, away from those of other marks.
-    """
+def find_marks(frame: Frame, settings: TrackingSettings, names: list[str]) -> Reading:
+    """Find the named marks anywhere in a frame."""
     anywhere = allowed_cells(frame, settings)
     if not anywhere.any():
-        return []
-    colors = color_map(frame, anywhere, balance)
+        return Reading({}, [], 1.0)
+
+    balanced = color_map(frame, anywhere)
+
+    def read(balance: float, wider_deg: float = 0.0) -> tuple[Reading, float]:
+        colors = balanced if balance == 1.0 else color_map(frame, anywhere, balance)
+        blobs = _candidates(frame, colors, settings, names, wider_deg)
+        chosen, score = choose(blobs, settings)
+        return Reading(chosen, blobs, balance), score - UNSEEN * (len(names) - len(chosen))
+
+    best, most = read(1.0)
+    # Who says a colour has read it off the image as it is: hues mean what they do without white balance, then.
+    if balanced.motley or all(settings.mark[name].said for name in names):
+        best, most = max((best, most), read(0.0), key=lambda one: one[1])
+    if len(names) == 1 or most > GOOD:
+        return best
+    for balance, wider_deg, odds in UNUSUAL:
+        reading, score = read(balance, wider_deg)
+        # Less than a good pair is no reason to read the colours in another way.
+        if score > GOOD and score - odds > most:
+            best, most = reading, score - odds
+    return best
+
+
+def candidates(frame: Frame, settings: TrackingSettings, names: list[str]) -> list[Candidate]:
+    """All blobs that could be one of the named marks."""
+    anywhere = allowed_cells(frame, settings)
+    return _candidates(frame, color_map(frame, anywhere), settings, names) if anywhere.any() else []
+
+
+def _candidates(
+    frame: Frame, colors: ColorMap, settings: TrackingSettings, names: list[str], wider_deg: float = 0.0
+) -> list[Candidate]:
+    """All blobs that could be one of the named marks, the most colourful first, at most MOST a mark.
+
+    wider_deg: for how much hues count beyond their ranges, away from those of other marks.
+    """
     found = []
     for name in names:
         mark = settings.mark[name]
@@ -209,8 +104,10 @@ def candidates(
             cells, chroma = cells[chroma > level], chroma[chroma > level]
             if not len(cells):
                 break
-            blobs += [one for one in blobs_of(name, colors, cells) if _fits(one, mark) and not _known(one, blobs)]
-        found += sorted(blobs, key=lambda blob: -blob.chroma * min(blob.radius_px, 3.0))[:limit]
+            least = SUMMIT * level if level > colors.floor else 0.0
+            here = (one for one in blobs_of(name, colors, cells) if one.chroma > least and _fits(one, mark))
+            blobs += [one for one in here if not _known(one, blobs)]
+        found += sorted(blobs, key=lambda blob: -blob.chroma * min(blob.radius_px, 3.0))[:MOST]
     return found
 
 
@@ -243,7 +140,7 @@ def blobs_of(name: str, colors: ColorMap, cells: NDArray[np.intp]) -> list[Candi
     window[y - first_y, x - first_x] = 1
     count, labels, stats, _ = cv2.connectedComponentsWithStats(window, connectivity=8)
     stats[:, :2] += first_x, first_y
-    cell_area = colors.cell_px[0] * colors.cell_px[1]
+    cell_area, (rows, columns) = colors.cell_px[0] * colors.cell_px[1], colors.chroma.shape
     blobs = []
     for label in range(1, count):
         left, top, width, height, area = stats[label]
@@ -275,6 +172,7 @@ def blobs_of(name: str, colors: ColorMap, cells: NDArray[np.intp]) -> list[Candi
                 elongation=float(np.sqrt(large / max(small, 1e-9))),
                 chroma=float(np.mean(chroma[core])),
                 chroma_uv=(float(colors.u[part][core].mean()), float(colors.v[part][core].mean())),
+                whole=bool(left > 0 and top > 0 and left + width < columns and top + height < rows),
             )
         )
     return blobs

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from evaluator.recording import Frame
 from evaluator.tracking.detection import color_kernels
-from evaluator.tracking.detection.find import allowed_cells
+from evaluator.tracking.detection.color_map import allowed_cells
 from evaluator.tracking.following.follow import Follower
 from evaluator.tracking.following.follow_blob import BlobFollower
 from evaluator.tracking.settings import TrackingSettings

@@ -12,6 +12,7 @@ from evaluator.tracking.settings import MarkSettings, TrackingSettings
 # Spread of the logarithm of a pair's distance in diameters: of one robot, as coloured blobs show it; of all robots.
 SAID, OTHER = 0.05, 0.2
 USUAL, ANY_ROBOT = 3.0, 1.0  # distance in diameters where nobody says it, and the spread of its logarithm
+CUT = -4.0  # log odds of a mark that the border of the image cuts: floors and walls are cut, too
 OBLONG = -2.0  # log odds of a mark that is a sticker of any shape, not a disc
 # Log-likelihood by which two pairs of the same geometry differ: blobs are 2 % uncertain (0.1), light 10 % uneven (0.4).
 ALIKE = 0.7
@@ -19,7 +20,11 @@ ALIKE = 0.7
 
 @dataclass(frozen=True)
 class Candidate:
-    """A coloured blob. center_px: (x, y); radius_px: of the disc of equal area; chroma_uv: mean (u, v) of its core."""
+    """A coloured blob.
+
+    center_px: (x, y); radius_px: of the disc of equal area; chroma_uv: mean (u, v) of its core. whole: the border of
+    the image does not cut it.
+    """
 
     mark: str
     center_px: tuple[float, float]
@@ -27,6 +32,7 @@ class Candidate:
     elongation: float
     chroma: float
     chroma_uv: tuple[float, float]
+    whole: bool = True
 
 
 def choose(found: list[Candidate], settings: TrackingSettings) -> tuple[dict[str, Candidate], float]:
@@ -75,7 +81,7 @@ def alike(found: list[Candidate], settings: TrackingSettings) -> list[dict[str, 
 def _own_score(one: Candidate, mark: MarkSettings, strongest: float) -> float:
     """Log-likelihood, up to a constant, of a blob being a mark; spreads are those of real marks."""
     round_or_not = np.logaddexp(-0.5 * (np.log(one.elongation) / 0.3) ** 2, OBLONG)
-    score = round_or_not + 2.0 * np.log(one.chroma / strongest)
+    score = round_or_not + 2.0 * np.log(one.chroma / strongest) + CUT * (not one.whole)
     if mark.diameter_px is not None:
         score -= 0.5 * (np.log(2 * one.radius_px / mark.diameter_px) / 0.15) ** 2
     elif one.radius_px > 3:

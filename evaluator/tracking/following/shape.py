@@ -9,7 +9,8 @@ import numpy as np
 
 from evaluator.recording import Frame
 from evaluator.tracking.detection.appearance import learn_color
-from evaluator.tracking.detection.find import allowed_cells, candidates, neutral_of
+from evaluator.tracking.detection.color_map import allowed_cells, neutral_of
+from evaluator.tracking.detection.find import candidates
 from evaluator.tracking.detection.lookalikes import RESTING_PX, mover
 from evaluator.tracking.detection.selection import Candidate
 from evaluator.tracking.following.follow_blob import Array, BlobFollower, start_blob

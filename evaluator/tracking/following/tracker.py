@@ -9,7 +9,8 @@ import numpy as np
 from evaluator.errors import InputError
 from evaluator.recording import Frame
 from evaluator.tracking.detection.appearance import Appearance, learn_color, learn_shape, patch_of, with_disc
-from evaluator.tracking.detection.find import allowed_cells, cell_of, find_marks, neutral_of
+from evaluator.tracking.detection.color_map import allowed_cells, cell_of, neutral_of
+from evaluator.tracking.detection.find import find_marks
 from evaluator.tracking.detection.lookalikes import Rivals
 from evaluator.tracking.detection.search import Search, mean_light
 from evaluator.tracking.detection.selection import Candidate
@@ -74,10 +75,9 @@ class Tracker:
             held.append((frame, sightings))
             if len(held) == LEARNING_FRAMES:
                 break
-        self._choose_shapes(held)
         self._refine(held)
-        for frame, sightings in held:
-            yield frame, [self._again(name, frame, one) for name, one in zip(self.names, sightings, strict=True)]
+        self._choose_shapes(held)
+        yield from held
         held.clear()
         for frame in images:
             yield frame, self.step(frame)
@@ -215,7 +215,7 @@ class Tracker:
     def _discover(self, frame: Frame) -> None:
         """Find marks that were never seen yet."""
         wanted = [name for name in self.names if name not in self.followers]
-        chosen, found = find_marks(frame, self.settings, wanted)
+        chosen, found, balance = find_marks(frame, self.settings, wanted)
         pair = len(self.names) > 1 and not self.followers
         self._waited += 1
         waiting = self._waited < PATIENCE or self._rivals.undecided
@@ -223,13 +223,15 @@ class Tracker:
             return
         if self.settings.pair and len(chosen) == len(self.settings.pair):
             chosen = self._rivals.decide(found, self.settings, chosen)
-        neutral = neutral_of(frame, allowed_cells(frame, self.settings))
+        neutral = neutral_of(frame, allowed_cells(frame, self.settings), balance)
         for name, candidate in chosen.items():
             others = [other.chroma_uv for key, other in chosen.items() if key != name]
             others += [tuple(known.color[:2] + known.color[2:4]) for known in self.followers.values()]
             self._start(name, frame, candidate, learn_color(candidate, others, neutral))
 
     def _start(self, name: str, frame: Frame, candidate: Candidate, color: Array) -> None:
+        if not candidate.whole:
+            return  # cut by the border of the image it does not tell its shape
         disc = finished(learn_shape([patch_of(frame, candidate.center_px, candidate.radius_px)], candidate.radius_px))
         where = candidate.center_px, candidate.radius_px
         blob = start_blob(frame, self.cell, *where, color, self.settings.exposure)
@@ -268,7 +270,7 @@ class Tracker:
                     sightings[k] = one
 
     def _refine(self, held: list[tuple[Frame, list[Sighting]]]) -> None:
-        """Learn the shapes anew from the frames held."""
+        """Learn the shapes anew from the frames held, and measure in them anew; in place."""
         for k, name in enumerate(self.names):
             follower = self.followers.get(name)
             if not isinstance(follower, Follower):
@@ -279,6 +281,11 @@ class Tracker:
             if disc is not None:
                 follower.take_look(with_disc(follower.look, disc))
         agree(self.followers, self.settings.pair, Follower.take_look)
+        for frame, sightings in held:
+            for k, one in enumerate(sightings):
+                follower = self.followers.get(self.names[k])
+                if one.status == OK and isinstance(follower, Follower):
+                    sightings[k] = follower.look_at(frame, self.cell, (one.x, one.y), 2.0, 0.0)
 
     def _learn_on(self) -> None:
         """Take some steps in learning a shape anew: no frame waits for all of it."""
@@ -291,8 +298,3 @@ class Tracker:
             if end.value is not None:
                 follower.take_shape(with_disc(follower.look, end.value))
                 agree(self.followers, self.settings.pair, Follower.take_shape)
-
-    def _again(self, name: str, frame: Frame, one: Sighting) -> Sighting:
-        if one.status != OK or isinstance(self.followers[name], BlobFollower):
-            return one
-        return self.followers[name].look_at(frame, self.cell, (one.x, one.y), 2.0, 0.0)

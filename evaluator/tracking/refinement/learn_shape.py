@@ -71,6 +71,8 @@ def learn_disc(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0)
     for _ in range(3):
         shared, own, residual = yield from _solve(samples, shared, own)
         left = residual[np.isfinite(residual)]
+        if not len(left):
+            raise np.linalg.LinAlgError("no sample is left")
         spread = max(1.4826 * float(np.median(np.abs(left))), 0.3)  # rounding to whole levels leaves 0.29
         if np.mean(np.abs(left) > BEYOND * spread) < FEW:
             break

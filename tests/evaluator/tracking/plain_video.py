@@ -135,6 +135,13 @@ def texture(rng: np.random.Generator, size: tuple[int, int] = SIZE, strength: fl
     return 105.0 + strength / 3**0.5 * grain[..., None] * np.array([1.0, 1.0, 0.97])
 
 
+def colorful(rng: np.random.Generator) -> Array:
+    """Return a floor of brown wood on which things of all colours lie; (rows, columns, 3)."""
+    layers = [cv2.GaussianBlur(rng.normal(size=(SIZE[1], SIZE[0])), (0, 0), 8.0) for _ in range(3)]
+    things = np.stack([layer / layer.std() for layer in layers], axis=-1)
+    return np.clip(texture(rng) - 105.0 + np.array([150.0, 95.0, 55.0]) + 35.0 * things, 0.0, 255.0)
+
+
 def finished(rng: np.random.Generator, canvas: Array, noise: float = 2.0) -> Image:
     """Add sensor noise and round."""
     return np.clip(np.rint(canvas + rng.normal(0, noise, canvas.shape)), 0, 255).astype(np.uint8)
@@ -150,10 +157,11 @@ def loop(frames: int, center: tuple[float, float], radius: tuple[float, float], 
 def pair(
     rng: np.random.Generator, shape: Shape, half_px: float, apart_px: float, encoding: Encoding = GOOD,
     *, frames: int = 90, step: float = 0.05, light: float = 0.0, noise: float = 2.0, strength: float = 12.0,
+    floor: Array | None = None, center: tuple[float, float] = (SIZE[0] / 2, SIZE[1] / 2),
 ) -> Clip:  # fmt: skip
     """Two marks of one shape on a black body that drives around; light: share by which the lamp swings."""
-    floor = texture(rng, strength=strength)
-    path, heading = loop(frames, (SIZE[0] / 2, SIZE[1] / 2), (70.0, 55.0), step)
+    floor = texture(rng, strength=strength) if floor is None else floor
+    path, heading = loop(frames, center, (70.0, 55.0), step)
     across = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
     truth = {"green": path - apart_px / 2 * across, "yellow": path + apart_px / 2 * across}
     images = []
@@ -258,6 +266,7 @@ KINDS: dict[str, Callable[[np.random.Generator], Clip]] = {
     "discs": lambda rng: pair(rng, ellipse(14, 14), 7.0, 51.0),
     "discs, varying light": lambda rng: pair(rng, ellipse(14, 14), 7.0, 51.0, light=0.3),
     "discs, slanted 60 deg": lambda rng: pair(rng, ellipse(18, 9), 4.5, 51.0),
+    "discs, colourful floor": lambda rng: pair(rng, ellipse(14, 14), 7.0, 51.0, frames=40, floor=colorful(rng)),
     "squares": lambda rng: pair(rng, box(13, 13), 6.5, 48.0),
     "oblong stickers, two": lambda rng: pair(rng, box(20, 9), 4.5, 48.0),
     "oblong sticker 3:1": sticker,

@@ -10,7 +10,7 @@ import pytest
 
 from evaluator.recording import open_recording
 from evaluator.tracking import track
-from tests.evaluator.tracking.plain_video import KINDS, Clip
+from tests.evaluator.tracking.plain_video import KINDS, SIZE, Clip, ellipse, pair
 from tests.evaluator.tracking.scoring import Score, score, threshold_and_centroid
 
 
@@ -42,6 +42,24 @@ def test_marks_of_any_shape_are_found_and_measured_at_least_as_well_as_by_a_thre
     assert ours.found >= min(simple.found, 0.99)
     assert ours.scatter_px <= simple.scatter_px
     assert 0.3 < ours.normalised < 1.5
+
+
+def test_marks_are_found_on_a_floor_of_all_colours(tmp_path: Path) -> None:
+    ours, simple, _, _ = measured("discs, colourful floor", tmp_path)
+    assert simple.found == 0.0
+    assert ours.found == 1.0
+    assert ours.wrong == 0
+    assert 0.6 < ours.normalised < 1.5
+
+
+def test_a_mark_that_the_border_cuts_at_first_is_followed_once_all_of_it_is_in_view(tmp_path: Path) -> None:
+    clip = pair(
+        np.random.default_rng(1), ellipse(14, 14), 7.0, 51.0, frames=40, step=-0.05, center=(SIZE[0] * 0.75, 120.0)
+    )
+    table = track(open_recording(clip.write(tmp_path)))
+    whole = clip.truth["green"][:, 0] < SIZE[0] - 10
+    assert (clip.truth["green"][:6, 0] > SIZE[0] - 10).all()
+    assert (table.loc[whole, "green_status"] == "ok").all()
 
 
 def test_a_mark_of_low_bitrate_has_an_uncertainty_that_holds(tmp_path: Path) -> None:
