@@ -110,7 +110,7 @@ class KnownTo(Table):
     start_common_s: NotNegative | None = None  # an offset of start_s common to all runs; default: one frame
     start_per_run_s: NotNegative | None = None  # and one per run; default: half a frame
     time_base: NotNegative = 1e-4  # relative: quartz is better, a camera's nominal rate is not
-    plane_scale: NotNegative = 1e-3  # relative: pitch tolerance of a printed or etched gauge
+    plane_scale: NotNegative = 1e-3  # relative, also from place to place: pitch tolerance of a gauge, a lens
 
 
 class Relevant(Table):

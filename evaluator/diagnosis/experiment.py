@@ -13,7 +13,7 @@ from calibration.store import load_camera
 from evaluator.diagnosis.likelihood.known_to import LEVEL, Quantity, quantities, start_per_run_s
 from evaluator.diagnosis.likelihood.noise.outliers import without_outliers
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData
-from evaluator.diagnosis.likelihood.shared_errors import Sighting, shared_errors
+from evaluator.diagnosis.likelihood.shared_errors import Sighting, plane_errors, shared_errors
 from evaluator.diagnosis.mistakes.recognise import recognise
 from evaluator.diagnosis.mistakes.recognised import Mistake
 from evaluator.errors import InputError
@@ -141,8 +141,9 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
             else None
         )
     _check_tolerances(used)
-    errors = shared_errors(sightings)
-    shared = tuple(replace(run, systematic=error) for run, error in zip(data, errors, strict=True))
+    placed = [None if seen or run.from_poses else run.marks_mm for seen, run in zip(sightings, data, strict=True)]
+    errors = zip(shared_errors(sightings), plane_errors(placed, experiment.known_to.plane_scale), strict=True)
+    shared = tuple(replace(run, systematic=seen | plane) for run, (seen, plane) in zip(data, errors, strict=True))
     session = without_mistakes(Session(shared, tuple(used), skipped, relevant=experiment.relevant))
     return with_knowledge(session, experiment.known_to)
 

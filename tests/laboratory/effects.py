@@ -7,22 +7,29 @@ world or the view with the effect added. Where the contract leaves a choice open
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from tests.laboratory.reference import Array, FrictionFactor, Now, Pull, Robot, Sliding, World
 
+LENS = tuple((i, j) for i in range(4) for j in range(4) if 2 <= i + j <= 3)  # powers of x and y: bent and cubic
+LENS_MM = 45.0  # from the middle of the plate to where they are 1
+
 
 @dataclass(frozen=True)
 class View:
-    """What the camera and the clock make of marks: factors of time and length, keystone per mm, marks of the robot."""
+    """What the camera and the clock make of marks: factors of time and length, keystone per mm, marks of the robot.
+
+    lens_mm: errors of place that a calibration left, rows x and y, at the powers LENS of the place in LENS_MM.
+    """
 
     time_factor: float = 1.0
     scale: float = 1.0
     keystone_per_mm: tuple[float, float] = (0.0, 0.0)
     mark_shift_mm: tuple[float, float] = (0.0, 0.0)
     mark_turn_rad: float = 0.0
+    lens_mm: Array = field(default_factory=lambda: np.zeros((2, len(LENS))))
 
     def marks_mm(self, robot: Robot, pose: Array) -> Array:
         """Where marks appear in the plate frame: green x, y, yellow x, y, (4, times). pose: x, y, heading, (3, times).
@@ -37,7 +44,9 @@ class View:
             by = np.sin(turn) * mark[0] + np.cos(turn) * mark[1] + self.mark_shift_mm[1]
             px, py = self.scale * (x + c * bx - s * by), self.scale * (y + s * bx + c * by)
             shrink = 1 - self.keystone_per_mm[0] * px - self.keystone_per_mm[1] * py
-            seen += [px / shrink, py / shrink]
+            place = np.stack([px, py]) / shrink
+            powers = [(place[0] / LENS_MM) ** i * (place[1] / LENS_MM) ** j for i, j in LENS]
+            seen += list(place + np.tensordot(self.lens_mm, np.stack(powers), axes=1))
         return np.stack(seen)
 
 

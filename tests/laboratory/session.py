@@ -33,6 +33,8 @@ class Noise:
     gap_s: float = 0.0  # one gap a run, of this length
     outlier_share: float = 0.0  # of frames in which one mark is somewhere else
     round_s: float = 1e-6  # of the times in the file
+    shake_mm: float = 0.0  # amplitude in which camera or plate shake, both marks alike
+    shake_hz: float = 10.0
 
     @property
     def floor_mm(self) -> float:
@@ -151,7 +153,10 @@ def noise_of(noise: Noise, shape: tuple[int, ...], rng: np.random.Generator) -> 
     drive = rng.normal(0, 1, shape) * np.sqrt(1 - keeps**2)
     drive[:, 0] = rng.normal(0, 1, shape[0])
     slow = np.asarray(lfilter([1.0], [1.0, -keeps], drive, axis=1))
-    return white + noise.slow_mm * slow
+    way, begin = rng.uniform(0, 2 * np.pi, 2)
+    wave = np.sin(begin + 2 * np.pi * noise.shake_hz * FRAME_S * np.arange(shape[1]))
+    shake = np.outer(np.resize([np.cos(way), np.sin(way)], shape[0]), wave)
+    return white + noise.slow_mm * slow + noise.shake_mm * shake
 
 
 def _losses(noise: Noise, times: Array, seen: Array, rng: np.random.Generator) -> Array:

@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 # twenty runs of H.264 at 12 px/mm, is known to about as much.
 NEGLIGIBLE_MM = 5e-5
 SAMPLES = 40  # frames of a run in which directions are compared: a lens is smooth
+BENDS = [(i, j) for i in range(4) for j in range(4) if 2 <= i + j <= 3]  # powers of x and y: a keystone, a lens
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,38 @@ def shared_errors(sightings: Sequence[Sighting | None]) -> list[dict[str, Floats
             own = np.concatenate([shift @ chosen, _fixed_to_body(item, where)], axis=2)
             found[number] = {f"{name}, error {k + 1}": np.nan_to_num(own[:, :, k]) for k in range(own.shape[2])}
     return found
+
+
+def plane_errors(places_mm: Sequence[Floats | None], scale: float) -> list[dict[str, Floats]]:
+    """What one standard deviation of each smooth error of a plane does to marks (n, 4) placed on it, mm, by a key.
+
+    Whoever knows lengths to a scale (relative, one standard deviation) knows them no better from place to place: a
+    calibration leaves errors that bend the plane and grow toward its edges. Each power of the place has there a slope
+    of that scale. None for marks that a camera placed whose errors are known by themselves.
+    """
+    there = [where for where in places_mm if where is not None]
+    if not there or scale <= 0:
+        return [{} for _ in places_mm]
+    xy = np.concatenate([where.reshape(-1, 2) for where in there])
+    middle, reach = np.nanmedian(xy, axis=0), float(np.nanmax(np.ptp(xy[np.isfinite(xy).all(axis=1)], axis=0))) / 2
+    points = [{"first": where[:, :2], "second": where[:, 2:]} for where in there]
+    shifts = [_bent(where, middle, reach, scale) for where in there]
+    chosen = _main_directions(points, shifts)
+    own = iter([np.nan_to_num(shift @ chosen) for shift in shifts])
+    return [
+        {} if where is None else {f"plane, error {k + 1}": part for k, part in enumerate(np.moveaxis(next(own), 2, 0))}
+        for where in places_mm
+    ]
+
+
+def _bent(where: Floats, middle: Floats, reach: float, scale: float) -> Floats:
+    """Shifts (n, 4, k) of marks (n, 4) by each power of the place, along x and along y."""
+    places = (where.reshape(-1, 2, 2) - middle) / reach
+    shifts = np.zeros((len(where), 2, 2, 2, len(BENDS)))
+    for number, (i, j) in enumerate(BENDS):
+        size = scale * reach / (i + j) * places[..., 0] ** i * places[..., 1] ** j
+        shifts[:, :, 0, 0, number] = shifts[:, :, 1, 1, number] = size
+    return shifts.reshape(len(where), 4, -1)
 
 
 def _points(item: Sighting) -> dict[str, Floats]:

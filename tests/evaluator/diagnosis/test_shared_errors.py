@@ -15,7 +15,7 @@ from evaluator.diagnosis.experiment import Session, session_of
 from evaluator.diagnosis.inference.fit import Fit, fit_model
 from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Task
-from evaluator.diagnosis.likelihood.shared_errors import Sighting, shared_errors
+from evaluator.diagnosis.likelihood.shared_errors import BENDS, Sighting, plane_errors, shared_errors
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.marks import columns_of
 from evaluator.settings import load_experiment
@@ -96,3 +96,44 @@ def test_a_shared_error_moves_the_marks_as_its_unit_says(sessions: tuple[Session
     plain, moved = simulated.marks([Task(2, own), Task(2, own, {key: 2 * SHARED_UNIT})])
     assert np.allclose(moved - plain, 2 * shift, atol=1e-12)
     assert np.abs(shift).max() > 1e-3
+
+
+def scattered(rng: np.random.Generator, middle_mm: float = 30.0) -> np.ndarray:
+    """Two marks (200, 4), 3 mm apart at any heading, all over a plate of 80 mm."""
+    first = rng.uniform(-40, 40, (200, 2)) + middle_mm
+    turn = rng.uniform(0, 2 * np.pi, 200)
+    return np.concatenate([first, first + 3 * np.stack([np.cos(turn), np.sin(turn)], axis=1)], axis=1)
+
+
+def test_a_plane_whose_scale_is_known_to_a_share_may_bend_by_so_much_at_its_edges() -> None:
+    """Keystone and lens in each of x and y; scaled with the share, wherever the origin lies, and none of it is rigid."""
+    rng = np.random.default_rng(3)
+    runs = [scattered(rng), scattered(rng)]
+    errors = plane_errors([runs[0], None, runs[1]], 1e-3)
+    assert errors[1] == {}
+    assert list(errors[0]) == list(errors[2]) == [f"plane, error {k + 1}" for k in range(2 * len(BENDS))]
+    shifts = np.stack(list(errors[0].values()), axis=2)
+    place = (runs[0] - 30.0) / 41.5  # in half of what the marks cover
+    keystone = (
+        1e-3 * 41.5 / 2 * np.stack([place[:, 0] ** 2, place[:, 1] * 0, place[:, 2] ** 2, place[:, 3] * 0], axis=1)
+    )
+    basis = shifts.reshape(-1, shifts.shape[2])
+    found = np.linalg.lstsq(basis, keystone.ravel(), rcond=None)[0]
+    np.testing.assert_allclose(basis @ found, keystone.ravel(), atol=4e-4)
+    assert np.linalg.norm(found) == pytest.approx(1.0, rel=0.05)  # one standard deviation
+    halved = plane_errors(runs, 5e-4)[0]
+    np.testing.assert_allclose(halved["plane, error 1"], errors[0]["plane, error 1"] / 2, atol=1e-12)
+
+
+def test_a_plane_known_exactly_or_seen_on_a_spot_has_no_errors_of_its_own() -> None:
+    marks = scattered(np.random.default_rng(4))
+    assert plane_errors([marks], 0.0) == [{}]
+    assert plane_errors([None], 1e-3) == [{}]
+    spot = marks.copy()
+    spot[:, :2] = marks[:, :2] * 1e-3
+    spot[:, 2:] = spot[:, :2] + 0.05
+    assert plane_errors([spot], 1e-3) == [{}]
+    spot[7] = np.nan
+    lost = marks.copy()
+    lost[7] = np.nan
+    assert all(np.all(shift[7] == 0.0) and np.isfinite(shift).all() for shift in plane_errors([lost], 1e-3)[0].values())
