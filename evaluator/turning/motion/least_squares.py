@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
+from scipy import optimize, special
 
 from evaluator.turning.motion.whitening import whitened_moments
 
@@ -199,15 +199,17 @@ def responses(averaged: Averaged, block: Block, columns: Array) -> Array:
 
 
 def _mixture_quantile(level: float, weight: Array, center: Array, width: Array, freedom: float) -> float:
-    """Quantile of a mixture of Student distributions by bisection."""
+    """Quantile of a mixture of Student distributions, between the least and the greatest of its members."""
     keep = weight > NEGLIGIBLE * weight.max()
     weight, center, width = weight[keep] / weight[keep].sum(), center[keep], np.maximum(width[keep], 1e-300)
     ends = center + width * float(special.stdtrit(freedom, level))
     low, high = float(ends.min()), float(ends.max())
-    for _ in range(40):
-        middle = (low + high) / 2
-        if not low < middle < high:
-            break
-        below = float(weight @ special.stdtr(freedom, (middle - center) / width))
-        low, high = (middle, high) if below < level else (low, middle)
-    return (low + high) / 2
+
+    def excess(value: float) -> float:
+        return float(weight @ special.stdtr(freedom, (value - center) / width)) - level
+
+    if excess(low) >= 0:  # within rounding: the members agree
+        return low
+    if excess(high) <= 0:
+        return high
+    return float(optimize.brentq(excess, low, high, xtol=1e-12 * (high - low)))

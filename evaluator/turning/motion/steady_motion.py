@@ -171,4 +171,5 @@ def _complement(twist: Array) -> Array:
     left = np.array([-twist[1], twist[0], 0.0])
     norm = np.linalg.norm(left)
     left = left / norm if norm > 1e-9 else np.array([0.0, 1.0, 0.0])
-    return np.stack([left, np.cross(twist, left)], axis=1)
+    (x, y, turn), (a, b, _) = twist, left
+    return np.array([[a, -turn * b], [b, turn * a], [0.0, x * b - y * a]])  # the second column is twist × left

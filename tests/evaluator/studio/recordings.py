@@ -9,6 +9,7 @@ from typing import Any
 from evaluator.workflow import calibrate
 from evaluator.workflow.samples import sample_folder
 from simulator.robot import shipped_robot_text
+from tests.waiting import HANGS_S
 
 RUN = "turn-33-5"
 EXPERIMENT = """format = 1
@@ -43,5 +44,12 @@ def two_runs(folder: Path) -> Path:
 
 
 def finished(page: Any, words: str) -> None:
-    """Wait until a sentence says that a job is done; jobs start processes that compile."""
-    page.locator("#said", has_text=words).wait_for(timeout=300_000)
+    """Wait until a sentence says that something is done; what is said of a failure instead ends the wait."""
+    said = page.wait_for_function(
+        """(words) => { const text = document.querySelector("#said").textContent;
+        const failed = document.querySelector("#said .bad, #jobs .warn");
+        return text.includes(words) ? text : failed && failed.textContent; }""",
+        arg=words,
+        timeout=1000 * HANGS_S,
+    ).json_value()
+    assert words in said, said

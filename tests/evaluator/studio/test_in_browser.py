@@ -9,10 +9,11 @@ from typing import Any
 
 import pytest
 
+from tests.evaluator.browser import OpenPage, needs_browser
 from tests.evaluator.diagnosis.hidden import write_hidden
-from tests.evaluator.studio.browser import needs_browser, page_of
 from tests.evaluator.studio.recordings import finished
 from tests.evaluator.studio.serving import Serving, serving
+from tests.waiting import HANGS_S
 
 pytestmark = needs_browser()
 
@@ -24,10 +25,10 @@ def gap_mm(page: Any) -> float:
     return float(figure.get_attribute("data-value"))
 
 
-def test_main_job_by_mouse(studio: Serving, tmp_path: Path) -> None:
+def test_main_job_by_mouse(studio: Serving, tmp_path: Path, open_page: OpenPage) -> None:
     """A start is dragged, runs are analysed, an effect is added to the robot, and the gap changes; names stay text."""
     toml = tmp_path / "folder" / "experiment.toml"
-    with page_of(studio.link) as page:
+    with open_page(studio.link) as page:
         page.get_by_text("two runs").click()
         page.locator("h1", has_text="<img src=x").wait_for()  # shown as text, not run
         page.locator(".axis").wait_for()
@@ -64,9 +65,9 @@ def test_main_job_by_mouse(studio: Serving, tmp_path: Path) -> None:
     assert 'id = "drive-speed-scale"' in (tmp_path / "folder" / "robot.toml").read_text()
 
 
-def test_table_and_player_by_keyboard(studio: Serving, tmp_path: Path) -> None:
+def test_table_and_player_by_keyboard(studio: Serving, tmp_path: Path, open_page: OpenPage) -> None:
     toml = tmp_path / "folder" / "experiment.toml"
-    with page_of(studio.link) as page:
+    with open_page(studio.link) as page:
         page.locator("a.card").first.focus()
         page.keyboard.press("Enter")
         cell = page.get_by_label("left, rpm, run left")
@@ -91,8 +92,8 @@ def test_table_and_player_by_keyboard(studio: Serving, tmp_path: Path) -> None:
         page.get_by_label("Pause", exact=True).wait_for()
 
 
-def test_pasted_rows_and_faults_in_place(studio: Serving) -> None:
-    with page_of(studio.link) as page:
+def test_pasted_rows_and_faults_in_place(studio: Serving, open_page: OpenPage) -> None:
+    with open_page(studio.link) as page:
         page.get_by_text("two runs").click()
         page.get_by_label("run, run right").focus()
         block = "second\t10\t20\nthird\t-30,5\tnonsense\n"
@@ -108,34 +109,35 @@ def test_pasted_rows_and_faults_in_place(studio: Serving) -> None:
         assert page.locator("td.fault input[data-row='2'][data-key='right_rpm']").count() == 1
 
 
-def test_the_second_tab_is_told_and_shows_what_the_first_wrote(studio: Serving, tmp_path: Path) -> None:
+def test_the_second_tab_is_told_and_shows_what_the_first_wrote(studio: Serving, open_page: OpenPage) -> None:
     from playwright.sync_api import expect
 
-    with page_of(studio.link) as page:
+    with open_page(studio.link) as page:
         page.get_by_text("two runs").click()
+        page.get_by_label("group, run left").wait_for()
         other = page.context.new_page()
         other.goto(page.url)
         other.get_by_label("group, run left").fill("second tab")
         other.keyboard.press("Enter")
-        while not any("second tab" in file.read_text() for file in tmp_path.rglob("experiment.toml")):
-            other.wait_for_timeout(50)
+        expect(other.get_by_role("button", name="Undo", exact=True)).to_be_enabled()  # it is written
         page.get_by_label("group, run left").fill("first tab")
         page.keyboard.press("Enter")
         page.locator("#said", has_text="changed meanwhile").wait_for()
         expect(page.get_by_label("group, run left")).to_have_value("second tab")
 
 
-def test_no_screen_is_wider_than_its_window_and_all_controls_have_names(studio: Serving) -> None:
+def test_no_screen_is_wider_than_its_window_and_all_controls_have_names(studio: Serving, open_page: OpenPage) -> None:
     identifier = studio.get("/api/home")["experiments"][0]["id"]
     screens = ["#/", "#/camera", "#/sandbox"]
     screens += [f"#/x/{identifier}/{name}" for name in ("runs", "marks", "results", "diagnosis", "sandbox")]
-    with page_of(studio.link) as page:
+    with open_page(studio.link) as page:
         for (width, theme), screen in product(((1024, "light"), (1280, "dark"), (3840, "light")), screens):
             page.set_viewport_size({"width": width, "height": width * 3 // 5})
             page.emulate_media(color_scheme=theme)
             page.goto(f"{studio.origin}/{screen}")
+            page.locator(f".screen.{screen.rsplit('/', 1)[1] or 'home'}").wait_for()
+            page.locator("#main [role=status]").wait_for(state="detached")  # what is shown until the screen is there
             page.locator("h1").first.wait_for()
-            page.wait_for_timeout(200)
             wide = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
             assert wide <= 0, (screen, width)
             nameless = page.evaluate(
@@ -161,8 +163,8 @@ def contrast(one: str, other: str) -> float:
     return (light + 0.05) / (dim + 0.05)
 
 
-def test_text_has_contrast_aa_light_and_dark(studio: Serving) -> None:
-    with page_of(studio.link) as page:
+def test_text_has_contrast_aa_light_and_dark(studio: Serving, open_page: OpenPage) -> None:
+    with open_page(studio.link) as page:
         light, dark = colour_pairs(page, "light"), colour_pairs(page, "dark")
     assert light != dark
     for pairs in (light, dark):
@@ -192,12 +194,12 @@ def test_colours_are_those_of_the_report() -> None:
         assert f"{variable}: {in_the_dark};" in dark
 
 
-def test_a_hidden_effect_is_found_added_to_the_robot_and_the_gap_shrinks(tmp_path: Path) -> None:
+def test_a_hidden_effect_is_found_added_to_the_robot_and_the_gap_shrinks(tmp_path: Path, open_page: OpenPage) -> None:
     write_hidden(tmp_path / "monday", {"drive-speed-mismatch": {"left_over_right": 1.05}}, exact=True)
-    with serving(tmp_path) as studio, page_of(studio.link) as page:
+    with serving(tmp_path) as studio, open_page(studio.link) as page:
         page.locator("a.card").click()
         page.get_by_role("button", name="Diagnose").click()
-        page.locator("#said", has_text="The diagnosis is done").wait_for(timeout=600_000)
+        finished(page, "The diagnosis is done")
         page.locator("nav").get_by_role("link", name="Results").click()
         before = gap_mm(page)
         page.get_by_role("link", name="Diagnosis").click()
@@ -217,6 +219,6 @@ def test_a_hidden_effect_is_found_added_to_the_robot_and_the_gap_shrinks(tmp_pat
         page.wait_for_function(
             "(before) => Number(document.querySelector('[data-figure=gap]')?.dataset.value ?? 1) < before / 4",
             arg=before,
-            timeout=300_000,
+            timeout=1000 * HANGS_S,
         )
     assert 'id = "drive-speed-mismatch"' in (tmp_path / "monday" / "robot.toml").read_text()

@@ -10,16 +10,17 @@ from typing import Any
 import cv2
 import numpy as np
 
-from tests.evaluator.studio.browser import needs_browser, page_of
+from tests.evaluator.browser import OpenPage, needs_browser
 from tests.evaluator.studio.live_camera import camera_file
 from tests.evaluator.studio.recordings import finished
 from tests.evaluator.studio.serving import Serving
+from tests.waiting import HANGS_S
 
 pytestmark = needs_browser()
 
 
 def test_the_form_of_an_unknown_verdict_becomes_an_effect_by_keyboard_and_is_undone(
-    studio: Serving, tmp_path: Path
+    studio: Serving, tmp_path: Path, open_page: OpenPage
 ) -> None:
     from simulator.own_effects.template import template
 
@@ -32,7 +33,7 @@ def test_the_form_of_an_unknown_verdict_becomes_an_effect_by_keyboard_and_is_und
     (out / "diagnosis.json").write_text(json.dumps({**told, **empty, **rest}))
     identifier = studio.get("/api/home")["experiments"][0]["id"]
     file = tmp_path / "folder" / "effects" / "mixed-drive.toml"
-    with page_of(studio.link) as page:
+    with open_page(studio.link) as page:
         page.goto(f"{studio.origin}/#/x/{identifier}/diagnosis")
         page.get_by_role("button", name="Add this as your effect").focus()
         page.keyboard.press("Enter")
@@ -57,17 +58,17 @@ def test_the_form_of_an_unknown_verdict_becomes_an_effect_by_keyboard_and_is_und
         assert not file.exists()
 
 
-def test_an_image_is_taken_from_a_live_camera_and_undone(studio: Serving, tmp_path: Path) -> None:
+def test_an_image_is_taken_from_a_live_camera_and_undone(studio: Serving, tmp_path: Path, open_page: OpenPage) -> None:
     folder = tmp_path / "folder"
     camera_file(
         folder / "camera.mkv", [np.asarray(cv2.imread(str(folder / "gauge-3-tilted.png"), cv2.IMREAD_GRAYSCALE))] * 3
     )
-    with page_of(studio.link) as page:
+    with open_page(studio.link) as page:
         page.get_by_role("link", name="Camera").click()
         page.get_by_text("Live camera", exact=True).click()
         page.get_by_label("Camera", exact=True).select_option("recording camera.mkv, as if it were a camera")
         page.get_by_role("button", name="Start", exact=True).click()
-        page.get_by_text("Focus: edges").wait_for(timeout=120_000)
+        page.get_by_text("Focus: edges").wait_for(timeout=1000 * HANGS_S)
         page.locator("h1").click()
         page.keyboard.press("t")
         finished(page, "Taken: gauge-5.png")
@@ -80,13 +81,13 @@ def test_an_image_is_taken_from_a_live_camera_and_undone(studio: Serving, tmp_pa
         page.get_by_role("button", name="Stop", exact=True).click()
 
 
-def test_marks_and_robot_come_back_by_undo(studio: Serving, tmp_path: Path) -> None:
+def test_marks_and_robot_come_back_by_undo(studio: Serving, tmp_path: Path, open_page: OpenPage) -> None:
     folder = tmp_path / "folder"
     before = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
     identifier = studio.get("/api/home")["experiments"][0]["id"]
-    with page_of(studio.link) as page:
+    with open_page(studio.link) as page:
         page.goto(f"{studio.origin}/#/x/{identifier}/marks")
-        page.get_by_title("all marks found").first.wait_for(timeout=120_000)  # what finds marks is compiled
+        page.get_by_title("all marks found").first.wait_for(timeout=1000 * HANGS_S)  # what finds marks is compiled
         page.locator("h1").click()
         page.keyboard.press("Delete")
         page.get_by_text("taken away by hand in this frame").wait_for()
@@ -113,11 +114,13 @@ def slowly(page: Any) -> None:
     )
 
 
-def test_undo_takes_back_the_latest_change_however_slowly_the_server_answers(studio: Serving, tmp_path: Path) -> None:
+def test_undo_takes_back_the_latest_change_however_slow_the_answers(
+    studio: Serving, tmp_path: Path, open_page: OpenPage
+) -> None:
     from playwright.sync_api import expect
 
     toml = tmp_path / "folder" / "experiment.toml"
-    with page_of(studio.link) as page:
+    with open_page(studio.link) as page:
         page.get_by_text("two runs").click()
         cell, undo = page.get_by_label("group, run left"), page.get_by_role("button", name="Undo", exact=True)
         cell.fill("first")
@@ -132,11 +135,13 @@ def test_undo_takes_back_the_latest_change_however_slowly_the_server_answers(stu
     assert 'group = "first"' in toml.read_text()
 
 
-def test_what_is_typed_stays_when_the_answer_to_the_cell_before_it_comes(studio: Serving, tmp_path: Path) -> None:
+def test_what_is_typed_stays_when_another_cell_is_answered(
+    studio: Serving, tmp_path: Path, open_page: OpenPage
+) -> None:
     from playwright.sync_api import expect
 
     answers: list[Any] = []
-    with page_of(studio.link) as page:
+    with open_page(studio.link) as page:
         page.get_by_text("two runs").click()
         page.route("**/edit", lambda edit: answers.append((edit, edit.fetch())) if not answers else edit.continue_())
         page.get_by_label("left, rpm, run left").focus()
@@ -154,11 +159,11 @@ def test_what_is_typed_stays_when_the_answer_to_the_cell_before_it_comes(studio:
     assert [run["left_rpm"] for run in written] == [12.5, 30.5]
 
 
-def test_a_change_waits_for_the_undo_before_it(studio: Serving, tmp_path: Path) -> None:
+def test_a_change_waits_for_the_undo_before_it(studio: Serving, tmp_path: Path, open_page: OpenPage) -> None:
     from playwright.sync_api import expect
 
     toml = tmp_path / "folder" / "experiment.toml"
-    with page_of(studio.link) as page:
+    with open_page(studio.link) as page:
         page.get_by_text("two runs").click()
         cell, undo = page.get_by_label("group, run left"), page.get_by_role("button", name="Undo", exact=True)
         cell.fill("first")
@@ -174,8 +179,10 @@ def test_a_change_waits_for_the_undo_before_it(studio: Serving, tmp_path: Path) 
     assert (left.get("group"), right.get("group")) == (None, "second")
 
 
-def test_a_click_is_not_lost_when_its_button_is_drawn_anew_before_it_is_let_go(studio: Serving) -> None:
-    with page_of(studio.link) as page:
+def test_a_click_is_not_lost_when_its_button_is_drawn_anew_before_it_is_let_go(
+    studio: Serving, open_page: OpenPage
+) -> None:
+    with open_page(studio.link) as page:
         page.locator("h1").wait_for()
         page.evaluate(
             """async () => { const { fill, h } = await import("/static/js/dom.js"), box = h("div");
@@ -193,10 +200,12 @@ def test_a_click_is_not_lost_when_its_button_is_drawn_anew_before_it_is_let_go(s
         assert page.evaluate("window.clicked") == 1
 
 
-def test_what_was_said_of_a_change_stays_when_the_motion_is_drawn_after_it(studio: Serving) -> None:
+def test_what_was_said_of_a_change_stays_when_the_motion_is_drawn_after_it(
+    studio: Serving, open_page: OpenPage
+) -> None:
     identifier = studio.get("/api/home")["experiments"][0]["id"]
     motions: list[Any] = []
-    with page_of(studio.link) as page:
+    with open_page(studio.link) as page:
         page.goto(f"{studio.origin}/#/x/{identifier}/sandbox")
         row = page.locator("tbody tr").first
         row.wait_for()
@@ -214,12 +223,37 @@ def test_what_was_said_of_a_change_stays_when_the_motion_is_drawn_after_it(studi
     assert len(motions) == 1
 
 
-def test_marks_are_placed_and_exclusions_drawn_by_keyboard(studio: Serving, tmp_path: Path) -> None:
+def test_an_answer_to_a_screen_that_was_left_is_not_drawn(studio: Serving, open_page: OpenPage) -> None:
+    identifier = studio.get("/api/home")["experiments"][0]["id"]
+    with open_page(studio.link) as page:
+        page.goto(f"{studio.origin}/#/x/{identifier}/marks")
+        page.get_by_title("all marks found").first.wait_for(timeout=1000 * HANGS_S)
+        page.evaluate(
+            """() => { const real = window.createImageBitmap; window.createImageBitmap = async (blob) => {
+            if (blob.type !== "image/png") return real(blob);
+            await new Promise((go) => { window.go = go; });
+            const found = await real(blob);
+            setTimeout(() => { window.gone = true; });
+            return found; }; }"""
+        )
+        page.locator("h1").click()
+        page.keyboard.press("ArrowRight")
+        page.wait_for_function("() => window.go")  # the mask is being unpacked
+        page.goto(f"{studio.origin}/#/x/{identifier}/results")
+        page.locator(".screen.results").wait_for()
+        page.evaluate("window.go()")
+        page.wait_for_function("() => { window.go(); return window.gone; }")
+        assert page.locator("#said").inner_text() == ""
+
+
+def test_marks_are_placed_and_exclusions_drawn_by_keyboard(
+    studio: Serving, tmp_path: Path, open_page: OpenPage
+) -> None:
     """What a click and a drag do in a frame, the arrows and Enter do."""
     identifier = studio.get("/api/home")["experiments"][0]["id"]
-    with page_of(studio.link) as page:
+    with open_page(studio.link) as page:
         page.goto(f"{studio.origin}/#/x/{identifier}/marks")
-        page.get_by_title("all marks found").first.wait_for(timeout=120_000)  # what finds marks is compiled
+        page.get_by_title("all marks found").first.wait_for(timeout=1000 * HANGS_S)  # what finds marks is compiled
         page.get_by_role("button", name="Draw an exclusion").press("Enter")
         frame = page.locator("canvas.pick")
         for key in ("Enter", *["Shift+ArrowRight"] * 2, "Shift+ArrowDown", "Enter"):

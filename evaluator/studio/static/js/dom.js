@@ -83,7 +83,7 @@ export function surface(draw, signal, attributes = {}) {
   const canvas = h("canvas", attributes);
   let width = 0, height = 0;
   const redraw = () => {
-    if (!width || !height) return;
+    if (!width || !height || signal.aborted) return; // the images of a screen that was left are closed
     const scale = window.devicePixelRatio || 1;
     if (canvas.width !== Math.round(width * scale) || canvas.height !== Math.round(height * scale)) {
       canvas.width = Math.round(width * scale);
