@@ -70,6 +70,12 @@ def test_standing_is_told_from_motion_of_half_a_pixel_a_frame_on(step_px: float,
     assert np.flatnonzero(off_course(np.arange(60) / 30, points, 4.0)).tolist() == (list(range(21, 31)) if told else [])
 
 
+def test_seven_frames_tell_a_place_that_a_mark_cannot_have_come_to() -> None:
+    points = np.column_stack([2.0 * np.arange(7.0), np.zeros(7)])
+    points[3] += 60.0
+    assert np.flatnonzero(off_course(np.arange(7) / 30, points, 8.0)).tolist() == [3]
+
+
 def resting(monkeypatch: pytest.MonkeyPatch, places: np.ndarray) -> bool:
     """Whether something else that moves is looked for instead of a mark that was seen at some places."""
     asked = []
