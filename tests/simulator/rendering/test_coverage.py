@@ -85,3 +85,5 @@ def test_share_of_a_square_is_its_area_on_one_side_of_a_line() -> None:
         normal = np.array([np.cos(angle), np.sin(angle)])
         area = float((normal[0] * x + normal[1] * y < distance).mean())
         assert square_share(distance, abs(normal[0]) / 2, abs(normal[1]) / 2) == pytest.approx(area, abs=2e-3)
+    assert square_share(0.2, 0.5, 0.0) == pytest.approx(0.7)  # an edge along the square's own
+    assert (square_share(0.5, 0.5, 0.0), square_share(-0.5, 0.0, 0.5)) == (1.0, 0.0)
