@@ -96,6 +96,8 @@ def test_a_recording_whose_clock_stops_is_refused(tmp_path: Path) -> None:
         ("ffv1", "yuv420p10le"),
         ("ffv1", "yuv422p"),
         ("ffv1", "bgr0"),
+        ("ffv1", "gbrp16le"),
+        ("ffv1", "gray16le"),
         ("mjpeg", "yuvj420p"),
     ],
 )
@@ -106,7 +108,7 @@ def test_planes_convert_back_to_the_image_in_every_pixel_format(tmp_path: Path, 
     video = write_video(tmp_path / "v.mkv", [smooth] * 2, codec=codec, pixels=pixels, options=options)
     frame = next(iter(open_recording(video)))
     expected = smooth
-    if pixels == "gray":
+    if pixels.startswith("gray"):
         grey = np.rint(smooth @ [0.299, 0.587, 0.114])
         expected = np.repeat(grey[..., None], 3, axis=2)
     assert np.abs(frame.to_rgb().astype(float) - expected).mean() < 3.0
