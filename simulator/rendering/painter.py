@@ -110,7 +110,7 @@ class RobotLook:
     lights: Sequence[Light]
     rim_loss: float
     planes: Sequence[PlaneMap]  # of each mark
-    gain: float = 1.0
+    gain: float
 
     @cached_property
     def squares(self) -> dict[str, tuple[Array, Array, Array]]:
@@ -232,6 +232,5 @@ def distractor_disc(distractor: Distractor, plane: PlaneMap, time_s: float, gain
 
 def moments_of_exposure(times_s: tuple[float, float], way_px: float) -> Array:
     """Middles of equal parts of an exposure, enough that the image moves a quarter pixel or less in each."""
-    count = math.ceil(min(max(4 * way_px, 1), 256))
     count = math.ceil(min(max(4 * way_px, 1), 256))
     return times_s[0] + (np.arange(count) + 0.5) / count * (times_s[1] - times_s[0])

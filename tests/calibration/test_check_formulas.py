@@ -11,6 +11,7 @@ import pytest
 from calibration.assessment import camera_check
 from calibration.assessment.camera_check import Check, _lens_sigma, _pose, _pose_change, _unseen, check_camera
 from calibration.camera import PARAMETERS, Camera, camera_above
+from calibration.errors import CalibrationError
 from calibration.estimation.bundle_adjustment import State, View, with_disc_offsets
 from tests.calibration.bundles import CAMERA, GAUGE, seen
 
@@ -104,6 +105,17 @@ def test_sentence_of_a_check_counts_no_sigmas_beyond_counting_and_gives_no_sign_
     assert same.startswith("the calibration holds: ")
     assert "degrees, 0.000 mm" in same
     assert "lengths by up to 0.000 %" in same
+
+
+@pytest.mark.parametrize("shape", [(300, 400), (300, 400, 3)])
+def test_an_image_of_another_size_than_the_calibration_is_refused(
+    shape: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(camera_check, "sight", lambda *_: None)
+    monkeypatch.setattr(camera_check, "view_of", lambda *_, **__: exact_view(above()))
+    assert check_camera(above(), GAUGE, np.zeros(shape)).outcome == "holds"
+    with pytest.raises(CalibrationError, match="400×300 pixels, the calibration holds for 300×400"):
+        check_camera(above(size_px=(300, 400)), GAUGE, np.zeros(shape))
 
 
 def test_tilt_and_place_of_the_gauge_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:

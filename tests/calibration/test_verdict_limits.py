@@ -240,6 +240,10 @@ def test_lengths_change_with_the_distance_of_the_camera_from_the_height_of_the_m
     assert _length_change(moved, CAMERA, 0.0) == pytest.approx(higher_mm / DISTANCE, rel=1e-6)
 
 
+def test_lengths_change_along_one_axis_where_the_aspect_does() -> None:
+    assert _length_change(with_values(aspect=1.01), CAMERA, 0.0) == pytest.approx(1 / 1.01 - 1, rel=1e-6)
+
+
 def test_length_change_of_a_tilt_is_that_near_the_rim() -> None:
     """To first order by 2·tilt·tan(angle off the axis) along the tilt, at 0.4 of the width."""
     tilted = camera_above(size_px=SIZE, focal_px=FOCAL, distance_mm=DISTANCE, tilt_deg=0.2)

@@ -15,7 +15,7 @@ from evaluator.recording.fields import field_order, fields_of
 from evaluator.recording.frame import Frame
 from evaluator.recording.groups import Groups, groups_of
 from evaluator.recording.layout import _same
-from evaluator.recording.seek import Contents, Frames
+from evaluator.recording.seek import Contents, Frames, _Seeking
 from evaluator.recording.timing import clock_runs, in_order, summarise
 
 COLORS = np.array([[255, 255, 255], [0, 0, 0], [200, 30, 60], [20, 220, 90], [40, 60, 210], [128, 128, 128]], float)
@@ -219,3 +219,11 @@ def test_frames_that_were_asked_for_last_are_kept_up_to_the_size_of_the_cache(mo
         assert frames.image(index) == f"image {index}"
         assert len(decoded) == again
     assert [frames.key_frame(index) for index in (0, 3, 4, 7, 8)] == [0, 0, 4, 4, 8]
+
+
+def test_a_recording_is_closed_once_it_was_opened() -> None:
+    closed = []
+    source = _Seeking.__new__(_Seeking)
+    for source._container in (None, SimpleNamespace(close=lambda: closed.append(True))):
+        source.close()
+    assert closed == [True]

@@ -96,6 +96,8 @@ def test_a_recording_whose_clock_stops_is_refused(tmp_path: Path) -> None:
         ("ffv1", "yuv420p10le"),
         ("ffv1", "yuv422p"),
         ("ffv1", "bgr0"),
+        ("ffv1", "gbrp16le"),
+        ("ffv1", "gray16le"),
         ("mjpeg", "yuvj420p"),
     ],
 )
@@ -106,7 +108,7 @@ def test_planes_convert_back_to_the_image_in_every_pixel_format(tmp_path: Path, 
     video = write_video(tmp_path / "v.mkv", [smooth] * 2, codec=codec, pixels=pixels, options=options)
     frame = next(iter(open_recording(video)))
     expected = smooth
-    if pixels == "gray":
+    if pixels.startswith("gray"):
         grey = np.rint(smooth @ [0.299, 0.587, 0.114])
         expected = np.repeat(grey[..., None], 3, axis=2)
     assert np.abs(frame.to_rgb().astype(float) - expected).mean() < 3.0
@@ -222,6 +224,31 @@ def test_a_recording_may_be_left_before_its_end(tmp_path: Path, codec: str) -> N
         if frame.index == 5:
             break
     assert threading.active_count() == before
+
+
+@pytest.mark.parametrize("threads", [1, 0])
+def test_a_caller_with_one_thread_decodes_in_it_and_others_beside_it(tmp_path: Path, threads: int) -> None:
+    before = set(threading.enumerate())
+    recording = iter(open_recording(write_video(tmp_path / "v.mkv", noise_images(30)), threads=threads))
+    next(recording)
+    assert bool(set(threading.enumerate()) - before) == (threads == 0)
+    assert len(list(recording)) == 29
+
+
+def test_length_of_a_recording_is_expected_of_a_file_that_holds_nothing_else(tmp_path: Path) -> None:
+    silent = write_video(tmp_path / "v.mkv", noise_images(6))
+    assert open_recording(silent).expected_s == pytest.approx(0.1, abs=0.01)
+    with av.open(str(silent)) as source, av.open(str(tmp_path / "sound.mkv"), "w") as container:
+        video = container.add_stream_from_template(source.streams.video[0])
+        sound = container.add_stream("pcm_s16le", rate=8000)
+        for packet in source.demux(video=0):
+            if packet.size:
+                packet.stream = video
+                container.mux(packet)
+        noise = av.AudioFrame.from_ndarray(np.zeros((1, 16000), np.int16), layout="mono")
+        noise.sample_rate, noise.pts = 8000, 0
+        container.mux([*sound.encode(noise), *sound.encode(None)])
+    assert open_recording(tmp_path / "sound.mkv").expected_s is None
 
 
 @pytest.mark.parametrize("container", ["mp4", "mkv"])

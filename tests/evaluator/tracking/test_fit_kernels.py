@@ -177,6 +177,24 @@ def test_pulls_of_all_parts_of_a_rim_are_those_of_the_whole_and_leave_out_what_i
     assert squares == pytest.approx(np.sum(planes[LEFT][used & ~covered] ** 2) / 4.0, rel=0.05)
 
 
+@pytest.mark.parametrize(("weight", "left"), [(11.9, False), (12.1, True)])
+def test_nothing_is_told_where_fewer_than_twelve_pixels_are_left_to_fit(
+    weight: float, left: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    luma, fitted, result = drawn(STATE), np.zeros(kernels.RESULTS), np.zeros(kernels.RESULTS)
+    luma[:, 17:19] = 30.0  # a dark wire
+    fitted[: kernels.BASE + 1], fitted[kernels.SLOPE_X :] = STATE[:4], STATE[4:]
+    pull = occlusion._pull
+    monkeypatch.setattr(occlusion, "_pull", lambda *said: (weight, *pull(*said)[1:]))
+    seeming, share = occlusion.fit_uncovered(
+        np.rint(luma).astype(np.uint8), 0.0, 1.0, fitted, DISC.numbers(), DISC.table, np.array([4.0, 5.0]), result,
+        None, occluded_pixels.CORE, 0.03,
+    )  # fmt: skip
+    assert seeming > 0.03
+    assert (share < 1.0) == left
+    assert result.any() == left
+
+
 def path(**said: float) -> SlowPath:
     """A slow path whose plain and sloped fits are as said."""
     result, sloped = np.zeros(kernels.RESULTS), np.zeros(kernels.RESULTS)

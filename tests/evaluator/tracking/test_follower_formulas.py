@@ -257,6 +257,20 @@ def test_every_tenth_clear_view_is_kept_before_the_last_lesson(monkeypatch: pyte
     assert len(one.views) == 23
 
 
+@pytest.mark.parametrize(
+    ("said", "noted"), [({}, True), ({"missed": 1}, False), ({"slope": 0.1}, False), ({"occluded": True}, False)]
+)
+def test_light_is_noted_on_a_mark_that_is_seen_plainly(
+    said: dict[str, Any], noted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, places = follower(position=(50.0, 40.0), missed=said.get("missed", 0)), list[Any]()
+    monkeypatch.setattr(one.light, "note", lambda _, place: places.append(place))
+    one._slow_path.occluded = said.get("occluded", False)
+    one._fitted[kernels.SLOPE_X] = said.get("slope", 0.0)
+    one.note_light(frame())
+    assert places == [(50.0, 40.0)] * noted
+
+
 def test_what_is_usual_of_a_mark_follows_slow_changes_by_a_tenth_and_jumps_at_once() -> None:
     for measured, amplitude in ((140.0, 122.0), (101.0, 118.1), (145.0, 145.0), (99.0, 99.0)):
         one = found(AMPLITUDE=measured, BASE=50.0)
@@ -280,11 +294,3 @@ def test_noise_steps_toward_the_median_of_residuals_within_its_range(residual: f
     for _ in range(99):
         fast_path.settle(one._usual, one._noise, one.color, found(RESIDUAL=1.0)._found, found(RESIDUAL=1.0)._result)
     assert one._usual[fast_path.U_SCATTER] == pytest.approx(0.1)  # chance of 200 pixels
-
-
-def test_a_smear_is_no_longer_than_the_mark() -> None:
-    disc = DISC.numbers()
-    fast_path.smear(disc, 3.0, -4.0)
-    assert disc[5:7] == pytest.approx([3.0, -4.0])
-    fast_path.smear(disc, 30.0, -40.0)
-    assert disc[5:7] == pytest.approx([9.6, -12.8])  # a diameter of 16 px

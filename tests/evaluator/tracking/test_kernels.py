@@ -40,17 +40,18 @@ def test_what_kernels_call_is_compiled_into_them_so_that_the_cache_changes_no_re
 def fitted(columns: int, *, sloping: bool = False) -> np.ndarray:
     """Fit a disc of 6 px radius whose centre lies 3 px inside the right border of the frame, or in the middle."""
     disc, (j, i) = make_disc(6.0, 0.8, (0.05, -0.02), (100.0, 30.0), 1.0), np.indices((41, columns))
-    r = np.sqrt(1.05 * (i - 20.0) ** 2 - 0.04 * (i - 20.0) * (j - 20.0) + 0.95 * (j - 20.0) ** 2)
+    r = np.sqrt(1.05 * (i - 20.0) ** 2 - 0.04 * (i - 20.0) * (j - 21.0) + 0.95 * (j - 21.0) ** 2)
     luma = np.round(30.0 + 100.0 * np.interp(r, np.arange(len(disc.profile)) / 32, disc.profile)).astype(np.uint8)
-    result, start = np.zeros(kernels.RESULTS), np.array([20.3, 19.8, 90.0, 35.0])
+    result, start = np.zeros(kernels.RESULTS), np.array([20.3, 20.8, 90.0, 35.0])
     kernels.fit_disc(luma, 0.0, 1.0, start, sloping, disc.numbers(), disc.table, np.array([1.0, 4.0]), result)
     return result
 
 
 def test_share_of_a_mark_inside_the_frame_is_of_the_pixels_that_it_has_elsewhere() -> None:
     whole, cut = fitted(41), fitted(24)
-    assert whole[[kernels.X, kernels.Y]] == pytest.approx([20.0, 20.0], abs=0.02)
-    assert cut[[kernels.X, kernels.Y]] == pytest.approx([20.0, 20.0], abs=0.05)
+    assert whole[[kernels.X, kernels.Y]] == pytest.approx([20.0, 21.0], abs=0.02)
+    assert cut[[kernels.X, kernels.Y]] == pytest.approx([20.0, 21.0], abs=0.05)
+    assert whole[[kernels.AMPLITUDE, kernels.BASE]] == pytest.approx([100.0, 30.0], abs=0.5)
     assert whole[kernels.INSIDE] == 1.0
     assert cut[kernels.INSIDE] == pytest.approx(cut[kernels.PIXELS] / whole[kernels.PIXELS], abs=1e-9)
     assert 0.5 < cut[kernels.INSIDE] < 0.9
@@ -59,5 +60,5 @@ def test_share_of_a_mark_inside_the_frame_is_of_the_pixels_that_it_has_elsewhere
 def test_a_fit_with_slopes_takes_the_kernel_that_one_without_has_compiled() -> None:
     fitted(41)
     known = list(kernels._fit_disc.signatures)
-    assert fitted(41, sloping=True)[[kernels.X, kernels.Y]] == pytest.approx([20.0, 20.0], abs=0.02)
+    assert fitted(41, sloping=True)[[kernels.X, kernels.Y]] == pytest.approx([20.0, 21.0], abs=0.02)
     assert kernels._fit_disc.signatures == known

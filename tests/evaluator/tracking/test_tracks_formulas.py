@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluator.tracking.following import shape
+from evaluator.tracking.following import shape, tracker
+from evaluator.tracking.following.background import _steady
 from evaluator.tracking.following.jumps import _worth, off_course
 from evaluator.tracking.following.motion import Motion
 from evaluator.tracking.following.tracker import Tracker
 from evaluator.tracking.observation import ABSENT, OK, Sighting
+from evaluator.tracking.refinement import fast_path
+from evaluator.tracking.refinement.disc import make_disc
 from evaluator.tracking.settings import TrackingSettings
 
 
@@ -70,6 +73,12 @@ def test_standing_is_told_from_motion_of_half_a_pixel_a_frame_on(step_px: float,
     assert np.flatnonzero(off_course(np.arange(60) / 30, points, 4.0)).tolist() == (list(range(21, 31)) if told else [])
 
 
+def test_seven_frames_tell_a_place_that_a_mark_cannot_have_come_to() -> None:
+    points = np.column_stack([2.0 * np.arange(7.0), np.zeros(7)])
+    points[3] += 60.0
+    assert np.flatnonzero(off_course(np.arange(7) / 30, points, 8.0)).tolist() == [3]
+
+
 def resting(monkeypatch: pytest.MonkeyPatch, places: np.ndarray) -> bool:
     """Whether something else that moves is looked for instead of a mark that was seen at some places."""
     asked = []
@@ -109,41 +118,74 @@ class Probe(Motion):
 
 
 def test_a_mark_is_looked_for_within_half_a_step_more_for_every_miss_and_after_eight_in_the_whole_image() -> None:
-    tracker: Any = Tracker(TrackingSettings())
-    tracker.interval_s = 0.5
+    one: Any = Tracker(TrackingSettings())
+    one.interval_s = 0.5
     for missed, reach in ((0, 3.75), (2, 11.25)):  # 2 px and half of a step of 3.5 px, for each frame
         probe = Probe(missed=missed)
-        assert tracker._followed(probe, frame(), 2.5).status == OK
+        assert one._followed(probe, frame(), 2.5).status == OK
         assert probe.asked == [(pytest.approx((11.5, 18.0)), pytest.approx(reach))]
-    assert tracker._followed(Probe(missed=9), frame(), 2.5).status == "not seen"
-    assert tracker._followed(Probe(position=None), frame(), 2.5).status == "not seen"
+    assert one._followed(Probe(missed=9), frame(), 2.5).status == "not seen"
+    assert one._followed(Probe(position=None), frame(), 2.5).status == "not seen"
 
 
 @pytest.mark.parametrize("missed", [7, 8])
 def test_of_the_places_of_a_lost_mark_the_three_nearest_to_its_course_are_looked_at_or_the_first(missed: int) -> None:
-    tracker: Any = Tracker(TrackingSettings())
+    one: Any = Tracker(TrackingSettings())
     places = [(90.0, 18.0), (11.0, 30.0), (14.0, 18.0), (12.0, 19.0)]
     probe, miss = Probe(missed=missed), ABSENT["not seen"]
-    assert tracker._found_again(probe, frame(2.5), places, (0.0, 0.0), miss) is miss
+    assert one._found_again(probe, frame(2.5), places, (0.0, 0.0), miss) is miss
     assert probe.asked == ([places[3], places[2], places[1]] if missed == 7 else places[:3])
     assert probe.last_sighting == (probe.asked[0], 2.5)
 
 
 def test_a_lost_mark_can_have_come_as_far_as_its_partner_is_and_two_steps_for_every_frame() -> None:
-    tracker: Any = Tracker(TrackingSettings())
-    tracker.interval_s, tracker.body.distance_px = 0.5, 40.0
-    tracker.followers = {tracker.names[0]: Probe(missed=1)}  # 40 px and four steps of 3.5 px: 54 px
-    assert tracker._reached((10.0 + 30.0, 20.0 - 23.9), 0)
-    assert not tracker._reached((10.0 - 30.0, 20.0 + 24.1), 0)
-    tracker.followers = {tracker.names[0]: Probe(position=None)}
-    assert tracker._reached((500.0, 500.0), 0)
+    one: Any = Tracker(TrackingSettings())
+    one.interval_s, one.body.distance_px = 0.5, 40.0
+    one.followers = {one.names[0]: Probe(missed=1)}  # 40 px and four steps of 3.5 px: 54 px
+    assert one._reached((10.0 + 30.0, 20.0 - 23.9), 0)
+    assert not one._reached((10.0 - 30.0, 20.0 + 24.1), 0)
+    one.followers = {one.names[0]: Probe(position=None)}
+    assert one._reached((500.0, 500.0), 0)
 
 
 def test_an_interval_is_the_time_since_the_frame_before_and_a_repeated_frame_shows_no_mark_that_moves() -> None:
-    tracker: Any = Tracker(TrackingSettings())
-    tracker._shape = (8, 8)
-    tracker.followers = {name: Probe(velocity=(0.0, 70.0)) for name in tracker.names}
+    one: Any = Tracker(TrackingSettings())
+    one._shape = (8, 8)
+    one.followers = {name: Probe(velocity=(0.0, 70.0)) for name in one.names}
     for time_s, interval_s in ((0.0, 1 / 60), (0.1, 0.1), (0.1, 0.1), (0.15, 0.05)):
         shown = SimpleNamespace(time_s=time_s, luma=np.zeros((8, 8)), repeated=True)
-        assert [one.status for one in tracker.step(shown)] == ["repeated frame"] * 2
-        assert tracker.interval_s == pytest.approx(interval_s)
+        assert [one.status for one in one.step(shown)] == ["repeated frame"] * 2
+        assert one.interval_s == pytest.approx(interval_s)
+
+
+@pytest.mark.parametrize(("far", "steady"), [(53.9, True), (54.1, False)])
+def test_distances_of_one_body_differ_by_two_seventh_parts_and_two_pixels(far: float, steady: bool) -> None:
+    """Of 40 px: 0.3 of them for slant and perspective, 2 px for noise; a tenth may lie beyond at either end."""
+    assert _steady(np.array([1.0, *[40.0] * 9, *[far] * 9, 900.0])) == steady
+
+
+@pytest.mark.parametrize(("origin", "step", "cell"), [(0, 1, (2, 2, 0.5, 0.5)), (1, 2, (2, 4, 0.5, 2.0))])
+def test_a_chroma_sample_lies_amid_the_pixels_that_it_colours(
+    origin: int, step: int, cell: tuple[float, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tracker, "Search", lambda *_: None)
+    one, planes = Tracker(TrackingSettings()), np.zeros((10, 12), np.uint8)
+    seen: Any = SimpleNamespace(luma=planes, u=planes[::2, ::2], v=planes[::2, ::2], row_origin=origin, row_step=step)
+    one._prepare(seen)
+    assert one.cell == pytest.approx(cell)
+
+
+def test_what_was_measured_is_measured_again_where_it_was_once_its_shape_is_learnt() -> None:
+    one: Any = Tracker(TrackingSettings())
+    one.followers = {"green": (probe := Probe())}
+    assert one._again("green", frame(), at(5.0, 6.0)) == at(5.0, 6.0)
+    assert probe.asked == [((5.0, 6.0), 2.0)]
+    assert one._again("green", frame(), ABSENT["faded"]).status == "faded"
+
+
+def test_a_smear_is_no_longer_than_the_mark() -> None:
+    disc = make_disc(8.0, 0.9, (0.0, 0.0), (120.0, 40.0), 4.0).numbers()
+    fast_path.smear(disc, 3.0, -4.0)
+    assert disc[5:7] == pytest.approx([3.0, -4.0])
+    fast_path.smear(disc, 30.0, -40.0)
+    assert disc[5:7] == pytest.approx([9.6, -12.8])  # a diameter of 16 px

@@ -189,6 +189,14 @@ def test_forty_frames_tell_the_scatter_of_a_shape_and_a_smaller_one_narrows_noth
     assert calm["a"][0, 2] == 4e-4
 
 
+def test_shapes_that_a_wire_bends_tell_nothing_of_the_usual_scatter() -> None:
+    clean, bent = tag(400, 0.06, 0.02), tag(400, 0.06, 0.02)
+    bent["a"][::20, :2] += 0.06 * 10.0  # a mode holds a quarter of it, and scatters half as much as a corner: 5 sigmas
+    for numbers in (clean, bent):
+        widen_by_shape(numbers, ["a", "b", "c", "d"], "center")
+    assert bent["center"][0, 2] == pytest.approx(clean["center"][0, 2], rel=0.1)
+
+
 def rims(powers: list[float], own: float = 1.0) -> list[float]:
     rim, extra = Rim(), []
     for power in powers:

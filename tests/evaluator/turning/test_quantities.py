@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from evaluator.pose import poses_from_marks
 from evaluator.turning import RobotShape, Turning, measure_turning
-from evaluator.turning.quantities import _spectral_arc_length
+from evaluator.turning.quantities import _spectral_arc_length, with_sigmas
 
 from . import synthetic
 from .synthetic import FRAME_S, GEOMETRY, arc_poses, marks_of, resting, straight_poses, winding_poses
@@ -90,6 +93,24 @@ def test_smoothness_is_minus_the_arc_length_of_the_spectrum_to_where_it_is_below
     last = int(np.flatnonzero(amplitude >= 0.05)[-1])
     length = np.hypot(np.diff(frequency[: last + 1]) / frequency[last], np.diff(amplitude[: last + 1])).sum()
     assert _spectral_arc_length(speed, 1 / 60) == pytest.approx(-length, rel=0.02)
+
+
+def test_uncertainty_of_a_linear_quantity_is_that_of_steps_camera_and_rate_in_quadrature() -> None:
+    rng = np.random.default_rng(3)
+    base, by_step, quantity = rng.normal(size=3), rng.normal(size=(4, 3)), rng.normal(size=(2, 3))
+    mean, root, systematic, gradient = 0.1 * rng.normal(size=4), *rng.normal(size=(3, 4, 4))[:2], rng.normal(size=4)
+    fit: Any = SimpleNamespace(
+        averaged=SimpleNamespace(mean=lambda: mean, spread=lambda: root @ root.T),
+        body_twists=lambda steps, _: base + steps @ by_step,
+        systematic=systematic,
+    )
+    rate: Any = SimpleNamespace(value=1.7, sigma=0.3, gradient=gradient)
+    values, sigmas = with_sigmas(lambda twist: quantity @ twist, fit, rate)
+    twist = base + mean @ by_step
+    np.testing.assert_allclose(values, quantity @ twist * 1.7)
+    slope = by_step @ quantity.T * 1.7 + np.outer(gradient, quantity @ twist)
+    variance = ((root.T @ slope) ** 2).sum(axis=0) + ((systematic.T @ slope) ** 2).sum(axis=0)
+    np.testing.assert_allclose(sigmas, np.sqrt(variance + (0.3 * quantity @ twist) ** 2), rtol=1e-6)
 
 
 def test_uncertainties_of_speed_and_slips_are_their_scatter_over_runs() -> None:

@@ -85,3 +85,19 @@ def test_share_of_a_square_is_its_area_on_one_side_of_a_line() -> None:
         normal = np.array([np.cos(angle), np.sin(angle)])
         area = float((normal[0] * x + normal[1] * y < distance).mean())
         assert square_share(distance, abs(normal[0]) / 2, abs(normal[1]) / 2) == pytest.approx(area, abs=2e-3)
+    assert square_share(0.2, 0.5, 0.0) == pytest.approx(0.7)  # an edge along the square's own
+    assert (square_share(0.5, 0.5, 0.0), square_share(-0.5, 0.0, 0.5)) == (1.0, 0.0)
+
+
+def test_disc_that_loses_light_toward_its_rim_loses_half_of_that_on_the_whole() -> None:
+    """Light 1 - s·(r/R)² over a disc: 1 - s/2 in the mean."""
+    camera = camera_above(size_px=(64, 64), focal_px=1500, distance_mm=150)
+    kernel = blur_kernel(0.8)
+    plane, total = plane_map(camera, 0.0, kernel.margin + 2), []
+    for shading in (0.0, 0.4):
+        out = np.zeros((64, 64))
+        disc = (0.03, -0.02, 1.5, shading)
+        add_disc(plane.x_mm, plane.y_mm, plane.pad, (0, 0, 64, 64), disc, kernel.parts, kernel.weights, 0.5, out)
+        total.append(out.sum())
+    assert total[0] == pytest.approx(0.5 * np.pi * 15**2, rel=1e-3)  # 10 px a mm
+    assert total[1] / total[0] == pytest.approx(0.8, rel=1e-3)

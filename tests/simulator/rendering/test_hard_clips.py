@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from simulator.rendering import Scene, render_clip, render_frames, set_stage, truth_of
+from simulator.rendering.video import encode
 
 SMALL: dict[str, Any] = {
     "format": 1,
@@ -88,6 +89,28 @@ def test_robot_that_leaves_the_image_is_truthfully_invisible() -> None:
     assert set(np.sign(np.diff(table["green_visible"]))) == {0.0, -1.0}
 
 
+@pytest.mark.parametrize(("axis", "edge_px"), [("x", -0.5), ("x", 319.5), ("y", -0.5), ("y", 239.5)])
+def test_half_of_a_mark_is_visible_whose_centre_lies_on_the_edge_of_the_image(axis: str, edge_px: float) -> None:
+    px_per_mm = (1 if axis == "x" else -1) * 1800 / (150 - 6.5)
+    off_mm = (edge_px - truth()[f"green_{axis}_px"].iloc[0]) / px_per_mm
+    table = truth(motion={"kind": "line", "speed_mm_s": 0.0, f"{axis}_mm": off_mm})
+    assert table["green_visible"].iloc[0] == pytest.approx(0.5, abs=0.02)
+
+
+def test_side_of_the_body_is_darker_than_its_top_where_it_is_seen_from_beside() -> None:
+    said: dict[str, Any] = {
+        "sensor": {"full_well_e": 0.0, "bits": 16, "black_level": 0.0},
+        "optics": {"vignetting": 0.0},
+    }
+    straight = first_image(**said, exposure={"gain": 1.5}) / 65535
+    assert straight[120, 160] == pytest.approx([1.5 * 0.045, 1.5 * 0.045, 1.5 * 0.048], abs=2e-4)
+    beside = first_image(**said, motion={"kind": "line", "speed_mm_s": 0.0, "x_mm": 11.0}) / 65535
+    # What stands up leans away from the middle of the image: the side that is seen is the one toward it.
+    side = int(np.argmin(beside[120, :, 0]))
+    assert 160 < side < 160 + 11 * 12
+    assert beside[120, side] == pytest.approx([0.012, 0.012, 0.014], abs=2e-3)  # what is left of the blur
+
+
 def test_repeated_frame_is_the_one_before_it_and_keeps_its_time() -> None:
     moving = {"motion": {"kind": "line", "speed_mm_s": 50.0, "start_s": -1.0}, "timing": {"repeated": (3,)}}
     frames = list(render_frames(Scene.model_validate(SMALL | moving | {"sensor": {}})))
@@ -117,14 +140,14 @@ def test_fields_weave_images_of_two_times() -> None:
     assert np.array_equal(woven[1::2], late[1::2])
 
 
-def test_coded_fields_are_the_same_whenever_they_are_rendered(tmp_path: Path) -> None:
+def test_fields_are_coded_the_same_whenever_they_are_written(tmp_path: Path) -> None:
     scene = Scene.model_validate(
         SMALL | {"motion": {"kind": "circle", "radius_mm": 3.0, "speed_mm_s": 8.0}, "duration_s": 1.5}
         | {"timing": {"interlaced": "top_first"}, "frame_rate": "30"}
     )  # fmt: skip
-    contents = []
+    contents, frames = [], [(frame.presentation_s, frame.image) for frame in render_frames(scene)]
     for name in ("one.mp4", "two.mp4"):
-        render_clip(scene, tmp_path / name)
+        encode(frames, scene, Fraction(1, 30), (320, 240), tmp_path / name)
         with av.open(str(tmp_path / name)) as container:
             contents.append([bytes(packet) for packet in container.demux(video=0)])
     assert contents[0] == contents[1]
@@ -152,12 +175,11 @@ def test_smear_is_the_mean_over_the_exposure() -> None:
     }
     whole = Scene.model_validate(sharp | {"exposure": {"time_s": 0.01}, "frame_rate": "100", "duration_s": 0.02})
     smeared = list(render_frames(whole))[1].image.astype(float)
-    instants = Scene.model_validate(
-        sharp | {"exposure": {"time_s": 0.0}, "frame_rate": "12800", "duration_s": 193 / 12800}
-    )
-    moments = [frame.image.astype(float) for frame in render_frames(instants) if frame.index >= 64]
-    assert len(moments) == 129
-    exact = (np.sum(moments, axis=0) - (moments[0] + moments[-1]) / 2) / 128
+    # The second frame is open from 5 to 15 ms: the same turn, begun 5 ms sooner, in 64 steps.
+    sooner = {"motion": sharp["motion"] | {"start_s": -1.005}, "exposure": {"time_s": 0.0}}
+    instants = Scene.model_validate(sharp | sooner | {"frame_rate": "6400", "duration_s": 65 / 6400})
+    moments = [frame.image.astype(float) for frame in render_frames(instants)]
+    exact = (np.sum(moments, axis=0) - (moments[0] + moments[-1]) / 2) / 64
     assert np.abs(smeared - exact).max() / 65535 < 2e-3
 
 

@@ -1,0 +1,94 @@
+"""How much later than its log a run moves: found from exact arcs before and after every change, with its interval."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evaluator.turning.clock import Lateness, _left_over, lateness
+
+FRAME_S = 0.05
+Twist = tuple[float, float, float]  # forward and leftward mm/s, yaw rad/s
+STRAIGHT, TURN, BACK = (4.0, 0.3, 0.0), (3.0, -0.5, 1.2), (-2.0, 0.4, -0.7)
+
+
+def moved(start: np.ndarray, twist: Twist, time_s: float) -> np.ndarray:
+    """Pose after a constant twist: an arc."""
+    u, v, r = twist
+    steps = np.linspace(0, time_s, 2001)
+    heading = start[2] + r * steps
+    path = (u + 1j * v) * np.exp(1j * heading)
+    way = np.trapezoid(path, steps)
+    return np.array([start[0] + way.real, start[1] + way.imag, heading[-1]])
+
+
+def driven(time: np.ndarray, changes_s: list[float], *twists: Twist) -> np.ndarray:
+    """Poses of a run whose twist changes at some times, (n, 3)."""
+    starts, begin = [np.array([1.0, -2.0, 0.4])], [float(time[0]), *changes_s]
+    for k in range(len(changes_s)):
+        starts.append(moved(starts[-1], twists[k], begin[k + 1] - begin[k]))
+    part = np.searchsorted(changes_s, time, side="right")
+    return np.array([moved(starts[k], twists[k], t - begin[k]) for k, t in zip(part, time, strict=True)])
+
+
+def noisy(pose: np.ndarray, seed: int, share: float = 0.0) -> np.ndarray:
+    """Poses with noise of 0.02 mm and 0.01 rad; share: of each frame's that the next one keeps."""
+    rng, noise = np.random.default_rng(seed), np.zeros_like(pose)
+    fresh = rng.normal(size=pose.shape)
+    noise[0] = fresh[0]
+    for k in range(1, len(pose)):
+        noise[k] = share * noise[k - 1] + np.sqrt(1 - share**2) * fresh[k]
+    return pose + noise * [0.02, 0.02, 0.01]
+
+
+@pytest.mark.parametrize("late", [-0.4, 0.0, 0.73])
+def test_lateness_common_to_all_changes_is_found_whatever_its_sign(late: float) -> None:
+    time, changes = np.arange(0, 9, FRAME_S), [2.5, 6.0]
+    pose = driven(time, [change + late for change in changes], STRAIGHT, TURN, BACK)
+    found = lateness(time, noisy(pose, 1), [-5.0, *changes, 40.0])
+    assert found.value_s == pytest.approx(late, abs=0.01)
+    assert found.low_s < late < found.high_s
+    assert found.is_known
+
+
+def test_constant_velocities_on_either_side_of_a_change_leave_nothing_of_their_arcs() -> None:
+    since = np.arange(-1, 1, FRAME_S)
+    headings, places = _left_over(since, driven(since, [0.0], TURN, BACK))
+    assert np.abs(headings).max() < 1e-9
+    assert np.abs(places).max() < 1e-5  # of the arcs drawn above
+    assert np.abs(_left_over(since, driven(since, [0.2], TURN, BACK))[1]).max() > 0.05
+
+
+def scatter(share: float) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of 25 runs, and half the widths of their intervals."""
+    time = np.arange(0, 3, FRAME_S)
+    pose = driven(time, [1.62], STRAIGHT, TURN)
+    found = [lateness(time, noisy(pose, seed, share), [1.5]) for seed in range(25)]
+    return np.array([one.value_s - 0.12 for one in found]), np.array([one.high_s - one.low_s for one in found]) / 2
+
+
+def test_interval_is_that_of_95_percent_and_wider_where_noise_lasts() -> None:
+    error, half = scatter(0.0)
+    assert (np.abs(error) < half).sum() >= 21
+    assert half.mean() == pytest.approx(1.96 * error.std(), rel=0.35)
+    _, lasting = scatter(0.7)
+    assert lasting.mean() > 1.15 * half.mean()
+
+
+@pytest.mark.parametrize(("frames", "known"), [(5, False), (7, True)])
+def test_a_change_needs_six_frames_on_either_side(frames: int, known: bool) -> None:
+    time = FRAME_S * np.arange(60)
+    change = (frames - 0.5) * FRAME_S
+    pose = noisy(driven(time, [change], STRAIGHT, TURN), 3)
+    # Half the time before the change is the most that a run may be late.
+    late = lateness(time, pose, [change])
+    assert np.isfinite(late.value_s) == known
+
+
+def test_nothing_is_known_without_a_change_in_the_recording_and_little_of_a_wide_interval() -> None:
+    time = np.arange(0, 3, FRAME_S)
+    pose = noisy(driven(time, [1.5], STRAIGHT, STRAIGHT), 2)
+    assert not lateness(time, pose, []).is_known
+    assert not lateness(time, pose, [-1.0, 3.5]).is_known
+    assert Lateness(0.1, -0.35, 0.64).is_known
+    assert not Lateness(0.1, -0.35, 0.66).is_known
