@@ -156,7 +156,7 @@ def test_a_jump_of_speed_counts_from_three_sigmas_of_the_centres_on(sigma_px: fl
 def noted(powers: list[float], own: float = 1.0) -> float:
     rim = Rim()
     for power in powers:
-        rim.note(power, own)
+        rim.note((power, power), own)
     return rim.extra_px2
 
 

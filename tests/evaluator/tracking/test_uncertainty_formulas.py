@@ -168,7 +168,7 @@ def test_forty_frames_tell_the_scatter_of_a_shape_and_a_smaller_one_narrows_noth
 def rims(powers: list[float], own: float = 1.0) -> list[float]:
     rim, extra = Rim(), []
     for power in powers:
-        rim.note(power, own)
+        rim.note((power, power), own)
         extra.append(rim.extra_px2)
     return extra
 
