@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.assignment.completion import DARKER, WIDER
-from calibration.assignment.lattice import Lattice, assign_grid, rows_and_columns
+from calibration.assignment.lattice import NO_LATTICE, Lattice, assign_grid, rows_and_columns
+from calibration.assignment.regularity import evidence
 from calibration.detection.dots import Dots, detect_dots, every_dot
 
 # An array of at least so many dots, most of those found, is not improved by a slower search.
@@ -36,7 +37,7 @@ def find_array(
             lattice = assign_grid(some)
             if _weight(some, lattice) > _weight(*best) * (1 + 1e-9):
                 best = some, lattice
-    return best
+    return best if _weight(*best) > 0.0 else (best[0], NO_LATTICE)
 
 
 def _convinces(dots: Dots, lattice: Lattice) -> bool:
@@ -49,7 +50,7 @@ def _convinces(dots: Dots, lattice: Lattice) -> bool:
     if len(lattice) < columns * rows:
         return False
     many = len(lattice) >= CONVINCING and len(lattice) >= MOST * len(dots)
-    return many or _weight(dots, lattice) >= MOST * float(dots.diameter_px.sum())
+    return many or float(dots.diameter_px[lattice.dot].sum()) >= MOST * float(dots.diameter_px.sum())
 
 
 def _size_classes(dots: Dots) -> list[Dots]:
@@ -79,5 +80,6 @@ def _alike(found: Dots, dots: Dots, lattice: Lattice) -> list[Dots]:
 
 
 def _weight(dots: Dots, lattice: Lattice) -> float:
-    """Sum of the diameters of an array's dots: an array of dots outweighs one that specks form by chance."""
-    return float(dots.diameter_px[lattice.dot].sum())
+    """Sum of the diameters of an array's dots, by how straight its rows are: it outweighs one that specks form."""
+    straight = evidence(dots.centers_px[lattice.dot], lattice.index)
+    return float(dots.diameter_px[lattice.dot].sum()) * straight

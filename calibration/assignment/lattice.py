@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from calibration.assignment.completion import completed, without_strays
 from calibration.assignment.growth import NEIGHBOURS, OPPOSITE, SLANTED, bucket, grow, seed_bases
 from calibration.assignment.neighbours import nearest
+from calibration.assignment.regularity import regular
 from calibration.assignment.relative_size import relative_size
 from calibration.detection.dots import Dots
 
@@ -53,20 +54,24 @@ class Lattice:
         return len(self.dot)
 
 
+NO_LATTICE = Lattice(np.empty(0, dtype=np.int64), np.empty((0, 2), dtype=np.int64))
+
+
 def assign_grid(dots: Dots) -> Lattice:
     """Find the largest lattice among the dots; an empty one where there is none."""
     points = np.ascontiguousarray(dots.centers_px)
-    empty = Lattice(np.empty(0, dtype=np.int64), np.empty((0, 2), dtype=np.int64))
     if len(points) < SMALLEST_LATTICE:
-        return empty
+        return NO_LATTICE
     best = _largest(dots, points, OPPOSITE)
     if len(points) <= FEW or len(best) <= FEW:
         slanted = _completed(dots, _largest(dots, points, SLANTED))
         best = _completed(dots, best)
         best = slanted if len(slanted) > len(best) else best
     if not len(best):
-        return empty
-    return _without_specks(dots, replace(best, index=_reduced(points[best.dot], best.index)))
+        return NO_LATTICE
+    best = _without_specks(dots, replace(best, index=_reduced(points[best.dot], best.index)))
+    keep = regular(points[best.dot], dots.covariance_px2[best.dot], best.index)
+    return Lattice(best.dot[keep], best.index[keep], best.others)
 
 
 def _completed(dots: Dots, lattice: Lattice) -> Lattice:
@@ -102,7 +107,7 @@ def _largest(dots: Dots, points: Array, opposite_share: float) -> Lattice:
         if (~taken).sum() <= max((len(lattice) for lattice in found), default=0) // 4:
             break
     if not found:
-        return Lattice(np.empty(0, dtype=np.int64), np.empty((0, 2), dtype=np.int64))
+        return NO_LATTICE
     best = max(found, key=len)
     rest = sorted((lattice for lattice in found if lattice is not best), key=len, reverse=True)
     for lattice in list(rest):

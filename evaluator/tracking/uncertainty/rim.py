@@ -26,6 +26,9 @@ Array = NDArray[np.float64]
 FIRST, LAST, SYMMETRIC = 3, 5, 4
 SQUARES = 6.0  # harmonics of one frame, cosines and sines
 ODD = 2.8  # mean of the squares over what it usually is, from which a frame is disturbed: by chance in one of 100
+# All harmonics over the odd ones, from which it is the shape that is not round: a square or oblong mark has even ones
+# alone, which shift nothing. Of a disturbance, whose spectrum is flat, the ratio is that large in 3 of 100 (F(2, 4)).
+ANGULAR = 4.0
 LATELY = 20.0  # frames that what is usual is the mean of
 SURE = 3.0  # sigmas, of chance in its mean, from which noise alone does not explain what is usual
 # Mean of a variance that is known from n squares alone, n/(n - 2): where frames repeat each other, or one is
@@ -39,30 +42,34 @@ class Rim:
     def __init__(self) -> None:
         """Start with none."""
         self.extra_px2 = 0.0
-        self._usual, self._count = 0.0, 0.0
+        self._usual, self._count = (0.0, 0.0), 0.0  # of all harmonics, of the odd ones; frames
 
-    def note(self, power_px2: float, own_px2: float) -> None:
+    def note(self, power_px2: tuple[float, float], own_px2: float) -> None:
         """Take in a frame: `rim_power` and the variance that the fit states, per axis; NaN tells nothing."""
-        if not (math.isfinite(power_px2) and math.isfinite(own_px2)):
+        if not (math.isfinite(power_px2[0]) and math.isfinite(own_px2)):
             return
-        odd = power_px2 > ODD * max(self._usual, own_px2)
-        self._count = min(self._count + 1.0, LATELY)
-        self._usual += (power_px2 - self._usual) / self._count
+        before, self._count = self._usual, min(self._count + 1.0, LATELY)
+        every, odd = (old + (new - old) / self._count for old, new in zip(before, power_px2, strict=True))
+        self._usual = every, odd
+        angular = self._usual[0] > ANGULAR * self._usual[1]
+        power, usual = power_px2[angular], self._usual[angular]
+        disturbed = power > ODD * max(before[angular], own_px2)
         chance = 1.0 + SURE * math.sqrt(2.0 / (SQUARES * self._count))
-        shown = power_px2 if odd else self._usual if self._usual > chance * own_px2 else 0.0
+        shown = power if disturbed else usual if usual > chance * own_px2 else 0.0
         self.extra_px2 = FEW_SQUARES * max(shown - own_px2, 0.0)
 
 
 def rim_power(
     luma: NDArray[np.unsignedinteger], row_origin: float, row_step: float, result: Array, disc: Array,
     table: NDArray[np.float32], noise: Array,
-) -> float:  # fmt: skip
-    """Mean square, px², of the rim's harmonics FIRST to LAST about a fitted disc; NaN without a rim.
+) -> tuple[float, float]:  # fmt: skip
+    """Mean square, px², of the rim's harmonics FIRST to LAST about a fitted disc, and of the odd ones; NaN without one.
 
     Arguments as of `kernels.fit_disc`, after the fit.
     """
     sums = np.zeros((2, LAST + 1))
-    return float(_rim_power(luma, row_origin, row_step, result, disc, table, path_of(disc), noise, sums))
+    every, odd = _rim_power(luma, row_origin, row_step, result, disc, table, path_of(disc), noise, sums)
+    return float(every), float(odd)
 
 
 @compiled(nogil=True)
@@ -108,11 +115,13 @@ def _rim_power(luma, row_origin, row_step, result, disc, table, path, noise, sum
                 sums[0, m] += pull * cos_m
                 sums[1, m] += pull * sin_m
     if total <= 0.0:
-        return np.nan
-    count = 0
-    mean = 0.0
+        return np.nan, np.nan
+    odd, even = 0.0, 0.0
     for m in range(FIRST, LAST + 1):
-        if path is None or m != SYMMETRIC:
-            mean += 2.0 * (sums[0, m] * sums[0, m] + sums[1, m] * sums[1, m]) / (total * total)
-            count += 1
-    return mean / count
+        power = 2.0 * (sums[0, m] * sums[0, m] + sums[1, m] * sums[1, m]) / (total * total)
+        if m == SYMMETRIC:
+            even += power
+        else:
+            odd += power
+    odd_mean = odd / (LAST - FIRST)
+    return (odd + even) / (LAST - FIRST + 1) if path is None else odd_mean, odd_mean

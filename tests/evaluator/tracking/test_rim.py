@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
@@ -25,7 +26,7 @@ def seen(rng: np.random.Generator, cut_px: float) -> tuple[np.ndarray, float, np
     image = np.clip(np.rint(40 + 120 * share + rng.normal(0, NOISE, share.shape)), 0, 255).astype(np.uint8)
     result = fit(image, (0, 1), (20.0, 20.0), DISC)
     result[-2:] = 0.0  # no slopes
-    power = rim_power(image, 0.0, 1.0, result, DISC.numbers(), DISC.table, np.array([DISC.noise, SOFTNESS]))
+    power, _ = rim_power(image, 0.0, 1.0, result, DISC.numbers(), DISC.table, np.array([DISC.noise, SOFTNESS]))
     return result, float(power), result[[X, Y]] - center
 
 
@@ -53,7 +54,7 @@ def test_a_pixel_of_the_rim_pulls_half_as_far_as_it_is_off_at_the_softness_and_l
         image = whole.copy()
         image[20, 28] += off
         noise = np.array([100.0, 3.0])
-        power.append(rim_power(image.astype(np.uint8), 0.0, 1.0, result, DISC.numbers(), DISC.table, noise))
+        power.append(rim_power(image.astype(np.uint8), 0.0, 1.0, result, DISC.numbers(), DISC.table, noise)[0])
     pulls = np.array([15 / (1 + 0.5**4), 30 / 2, 60 / (1 + 2**4)])
     assert np.sqrt(np.array(power) / power[1]) == pytest.approx(pulls / pulls[1], abs=0.1)
 
@@ -77,10 +78,31 @@ def test_the_shape_of_a_mark_that_a_wire_cuts_from_the_start_is_learnt_from_its_
     assert np.abs(error[:30]).max() < 0.15  # a disc that is learnt from what is left of it lies off by 0.3
 
 
+def test_the_corners_of_a_square_mark_widen_nothing_and_a_cut_of_one_of_them_does() -> None:
+    """What has a centre of symmetry has even harmonics alone, which shift nothing."""
+    fine, side = 8, 14.0
+    y, x = (np.mgrid[: SIZE[1] * fine, : SIZE[0] * fine] + 0.5) / fine - 0.5 - 20.0
+    extra = []
+    for cut in (0.0, 5.0):
+        rim = Rim()
+        for angle in np.linspace(0, 0.7, 12):
+            along, across = np.cos(angle) * x + np.sin(angle) * y, np.cos(angle) * y - np.sin(angle) * x
+            inside = (np.maximum(np.abs(along), np.abs(across)) < side / 2) & (along + across < side - cut)
+            share = cv2.GaussianBlur(inside.astype(float), (0, 0), 0.7 * fine)
+            image = np.rint(40 + 120 * share.reshape(SIZE[1], fine, SIZE[0], fine).mean(axis=(1, 3))).astype(np.uint8)
+            result = fit(image, (0, 1), (20.0, 20.0), DISC)
+            result[-2:] = 0.0  # no slopes
+            where = image, 0.0, 1.0, result, DISC.numbers(), DISC.table, np.array([400.0, SOFTNESS])
+            rim.note(rim_power(*where), 1e-4)
+        extra.append(rim.extra_px2)
+    assert extra[0] < 1e-4
+    assert extra[1] > 100 * 1e-4
+
+
 def test_noise_alone_widens_nothing() -> None:
     rng, rim, widened = np.random.default_rng(6), Rim(), []
     for power in rng.chisquare(6, 3000) / 6:
-        rim.note(float(power), 1.0)
+        rim.note((float(power), float(power)), 1.0)
         widened.append(rim.extra_px2)
     assert np.mean(widened) < 0.08  # 4 % of sigma
 

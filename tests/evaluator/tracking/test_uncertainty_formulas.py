@@ -200,7 +200,7 @@ def test_shapes_that_a_wire_bends_tell_nothing_of_the_usual_scatter() -> None:
 def rims(powers: list[float], own: float = 1.0) -> list[float]:
     rim, extra = Rim(), []
     for power in powers:
-        rim.note(power, own)
+        rim.note((power, power), own)
         extra.append(rim.extra_px2)
     return extra
 
