@@ -39,7 +39,7 @@ class Answer:
 def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> Answer:
     """What a search over all runs says; free: the free-form terms that were tried."""
     table, named = rank_named(search, len(free))
-    least_material = material_gain(len(search.runs)) if search.problem.length > 1 else -math.inf
+    least_material = material_gain(len(search.runs)) if search.problem.open_ground else -math.inf
     chosen, verdict, reason = decide(search, table, len(free), named, least_material)
     if verdict in ("none", "effect"):
         wider = name_what_is_off(search, chosen, session.known, len(free))
@@ -54,7 +54,7 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     left = adequacy(search.fits[chosen], session.data)
     constant = constancy(search.fits[named], session.data, search.tolerance)
     reserve = "" if verdict == "unknown" else doubts(left, constant)
-    if reserve and verdict == "effect" and search.problem.length > 1:  # ground leaves more than any model says
+    if reserve and verdict == "effect" and search.problem.open_ground:  # ground leaves more than any model says
         reason = f"{reason}; {reserve}"
     elif reserve:
         verdict, reason = "unknown", reserve

@@ -48,6 +48,7 @@ from evaluator.diagnosis.likelihood.run_data import is_shared
 from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.diagnosis.mistakes.outlying import has_kin, outlying_run
 from evaluator.diagnosis.output.effect_tables import corrected_robot
+from evaluator.diagnosis.search_ground import searched_on_ground
 from evaluator.diagnosis.search_runs import (
     challenge_with_free_terms,
     fit_on_all_runs,
@@ -198,6 +199,8 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagn
     everything = fit_on_all_runs(part, terms)
     free = {effect: term for effect, term in terms.items() if is_free(effect)}
     challenge_with_free_terms(everything, free, progress)
+    if part.problem.open_ground:
+        part, everything = searched_on_ground(part, everything, len(free), progress)
     said = answer(everything, session, free)
     progress("where and what next", 0.95)
     apart = separations(everything, said.named) if said.verdict == "effect" else {}

@@ -11,7 +11,6 @@ from evaluator.diagnosis.assessment.knowledge import knowledge
 from evaluator.diagnosis.assessment.model_comparison import (
     Set,
     Standing,
-    is_free,
     score,
     separations,
     standing,
@@ -23,20 +22,18 @@ from evaluator.diagnosis.experiment import Session, held_out_runs
 from evaluator.diagnosis.inference.fit import Fit, fit_model
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.screening import screen
-from evaluator.diagnosis.inference.search import LARGEST_SET, Search, fit_set
+from evaluator.diagnosis.inference.search import LARGEST_SET, RIVALS_KEPT, Search, fit_set
+from evaluator.diagnosis.inference.settled_noise import settled_noise
 from evaluator.diagnosis.inference.short_horizon import helps_itself, is_large, recalibrated, short_horizon_fits
-from evaluator.diagnosis.inference.strategy import BEAM, HOPELESS, extend, run_search
+from evaluator.diagnosis.inference.strategy import HOPELESS, run_search
 from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.known_to import Quantity, predicted_sigmas
 from evaluator.diagnosis.likelihood.preparation import build_problem, with_noise_of
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
-from evaluator.diagnosis.likelihood.random_effects import place_runs
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.progress import Progress
 from simulator.effects.coordinates import Candidate
 
-SETTLED_NOISE = 0.9  # a search is repeated where its best model lowers the noise below this share
-RIVALS_KEPT = 4
 UNSEEN_SIGMAS = 0.5  # a standard deviation of a nominal value that shows by less, in all runs together, is left out
 SWAP_SIGMAS, SWAPS = 10.0, 4
 FREE_REFITTED, FREE_HOPELESS = 8, 3  # free-form terms to be fitted, at most; so many far from the best in a row end it
@@ -125,11 +122,8 @@ def _with_settled_noise(part: Search, nominal: Point, progress: Progress) -> Sea
     and gains that suited another model, a fit that had converged before may not find its way again.
     """
     for _ in range(2):
-        best = part.fits[part.ranked()[0]]
-        point = place_runs(part.problem, best.point, range(len(part.problem.data)), best.posterior.scatter)
-        problem = with_noise_of(part.problem, point)
-        pairs = zip(problem.noise, part.problem.noise, strict=True)
-        if np.median([new[0].sigma_mm / old[0].sigma_mm for new, old in pairs]) > SETTLED_NOISE:
+        problem = settled_noise(part, part.ranked()[0])
+        if problem is None:
             break
         seeds, null = [part.fits[ids] for ids in part.ranked()[:RIVALS_KEPT]], part.null.point
         part = Search(problem, part.terms, part.tolerance, part.runs)
@@ -175,7 +169,7 @@ def fit_on_all_runs(part: Search, terms: Mapping[str, Candidate]) -> Search:
 def refit_without_held_out(part: Search, whole: Search, ids: Set) -> Fit:
     """A set fitted on the runs of part, from its fit on all runs."""
     source = whole.fits[ids]
-    wider = Search(part.problem, whole.terms, part.tolerance, part.runs)
+    wider = Search(whole.problem, whole.terms, part.tolerance, part.runs)
     return fit_set(wider, ids, dict(source.point.terms), source) or source
 
 
@@ -185,7 +179,7 @@ def challenge_with_free_terms(search: Search, free: Mapping[str, Candidate], pro
     ranked = sorted(search.fits, key=lambda ids: -search.fits[ids].posterior.log_evidence)
     top = search.fits[ranked[0]].posterior.log_evidence
     beside = [frozenset[str](), ranked[0]]
-    if search.problem.length > 1:  # on open ground a named effect may stand in for what has no name, beside a true one
+    if search.problem.open_ground:  # a named effect may stand in for what has no name, beside a true one
         beside += [frozenset([effect]) for effect in sorted(ranked[0])]
     for ids in dict.fromkeys(beside):
         fit = search.fits.get(ids) or fit_set(search, ids, {}, search.null) or search.reached(ids)
@@ -202,25 +196,6 @@ def challenge_with_free_terms(search: Search, free: Mapping[str, Candidate], pro
             found = fit_set(search, ids | {effect}, {effect: view.start_of((effect, extra))}, fit, search.explained)
             near = found is not None and found.posterior.log_evidence > top - HOPELESS
             hopeless = 0 if near else hopeless + 1
-    if search.problem.length > 1:
-        name_beside_free_terms(search)
-
-
-def name_beside_free_terms(search: Search) -> None:
-    """Fit named effects beside the leading free-form terms.
-
-    On open ground what has no name may be most of the misfit, as where a drive mixes its sides. Until it is in the
-    model, an effect beside it, such as motors that follow late, is lost in what is left over.
-    """
-    named = {effect for effect in search.terms if not is_free(effect)}
-    for size in range(1, LARGEST_SET):
-        leading = [ids for ids in search.ranked() if len(ids) == size and any(map(is_free, ids))][: BEAM[size - 1]]
-        for ids in leading:
-            extend(search, ids, named)
-    for ids in [ids for ids in search.ranked()[:RIVALS_KEPT] if len(ids) > 1]:  # for the drop-one tests
-        for rest in [ids - {effect} for effect in sorted(ids)]:
-            if rest not in search.fits:
-                fit_set(search, rest, {}, search.fits[ids])
 
 
 def name_what_is_off(search: Search, ids: Set, known: Sequence[Quantity], families: int) -> Set:
@@ -231,7 +206,7 @@ def name_what_is_off(search: Search, ids: Set, known: Sequence[Quantity], famili
     finding: a laboratory that measured a mark worse than it said is untidy, and no physics. Not on open ground, whose
     left-overs are no noise and move such quantities.
     """
-    if search.problem.length > 1:
+    if search.problem.open_ground:
         return ids
     while len(ids) < LARGEST_SET:
         off = [item for item in knowledge(known, search.fits[ids]) if item.is_finding]

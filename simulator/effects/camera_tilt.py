@@ -30,7 +30,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("per_mm_x", "1/mm", 0.0, 1e-4, -0.02, 0.02, shown=0.01),
         Parameter("per_mm_y", "1/mm", 0.0, 1e-4, -0.02, 0.02, shown=0.01),
-        Parameter("perspective", "", 0.0, 0.2, 0.0, 1.0, at_least=0.0, shown=1.0),
+        Parameter("perspective", "", 0.0, 0.2, 0.0, 1.0, at_least=0.0, shown=1.0, closed=True),
     ),
     view=_view,
 )

@@ -32,7 +32,7 @@ def _fitted(scene: Scene) -> Candidate:
 
     delay = Coordinate("delay_s", 0.0, DEAD_TIME.step, DEAD_TIME.low, DEAD_TIME.high)
     starts = () if scene.size == PAPER_SIZE else DELAYS
-    return Candidate("command-lag", (delay, Coordinate("share", 0.0, 0.1, 0.0, 1.0)), physical, starts)
+    return Candidate("command-lag", (delay, Coordinate("share", 0.0, 0.1, 0.0, 1.0, closed=True)), physical, starts)
 
 
 EFFECT = Effect(

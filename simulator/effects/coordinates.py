@@ -19,13 +19,17 @@ Parameters = dict[str, float]
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One number of a candidate: its value where the effect is absent, a small visible step, and physical bounds."""
+    """One number of a candidate: its value where the effect is absent, a small visible step, and physical bounds.
+
+    closed: nothing lies beyond the bounds (a share is 0 to 1), so that a fit may end there as anywhere else.
+    """
 
     name: str
     absent: float
     step: float
     low: float = -inf
     high: float = inf
+    closed: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,7 @@ class Candidate:
 
 def coordinate(parameter: Parameter) -> Coordinate:
     """The coordinate that is the parameter itself."""
-    return Coordinate(parameter.name, parameter.absent, parameter.step, parameter.low, parameter.high)
+    return Coordinate(parameter.name, parameter.absent, parameter.step, parameter.low, parameter.high, parameter.closed)
 
 
 def plain(effect_id: str, parameters: Sequence[Parameter]) -> Candidate:

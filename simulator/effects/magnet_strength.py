@@ -30,7 +30,9 @@ def _fitted(scene: Scene) -> Candidate:
     weakness = Coordinate("weakness", 1.0, DRIVING.step, 1 / DRIVING.high, 1 / DRIVING.low)
     most = DRIVEN.high / DRIVING.high
     return Candidate(
-        "magnet-strength", (weakness, Coordinate("driven_over_driving", 1.0, DRIVEN.step, 0.0, most)), physical
+        "magnet-strength",
+        (weakness, Coordinate("driven_over_driving", 1.0, DRIVEN.step, 0.0, most, closed=True)),
+        physical,
     )
 
 

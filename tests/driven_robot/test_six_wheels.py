@@ -15,7 +15,7 @@ from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.preparation import build_problem, with_noise_of
 from evaluator.diagnosis.likelihood.random_effects import place_runs
 from evaluator.diagnosis.likelihood.simulation import Simulated
-from evaluator.diagnosis.search_runs import name_beside_free_terms
+from evaluator.diagnosis.search_ground import name_beside_free_terms
 from evaluator.settings import load_experiment
 from evaluator.workflow import analyze
 from simulator.robot import load_robot

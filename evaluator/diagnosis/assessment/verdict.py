@@ -66,9 +66,10 @@ def pays(search: Search, table: Standing, families: int, ids: Set) -> bool:
     """Whether each effect of a set pays for itself, and all together, and what is known holds: it may be an answer.
 
     A single named effect need earn no more than a second one where it stands for what else several values together
-    would have to be off by more than chance allows: something is missing then anyway.
+    would have to be off by more than chance allows: something is missing then anyway. A set with an effect at the bound
+    of what it may be stands for something that it is not.
     """
-    if ids and _strains(search, ids):
+    if ids and (_strains(search, ids) or _at_bounds(search, ids)):
         return False
     least, first = least_gain(ids), KEEP[1]
     if len(ids) == 1 and not any(map(is_free, ids)) and _relieves(search, ids):
@@ -82,6 +83,11 @@ def _relieves(search: Search, ids: Set) -> bool:
     """Whether what is known to a tolerance is off beyond chance without a set, all together, and not with it."""
     without, with_it = (together(fit, search.tolerance) for fit in (search.null, search.fits[ids]))
     return without.is_finding and not with_it.is_finding
+
+
+def _at_bounds(search: Search, ids: Set) -> bool:
+    """Whether a set has an effect at the bound of what it may be: it stands for something that it is not."""
+    return bool(search.fits[ids].at_bounds)
 
 
 def _strains(search: Search, ids: Set) -> bool:
@@ -111,8 +117,9 @@ def decide(
     def gain(ids: Set) -> float:
         return table.of(ids) - score(search, named_of(ids), families)
 
-    free = [ids for ids in table.sets if ids != named_of(ids) and gain(ids) > least_material]
-    answers = [ids for ids in table.sets if len(ids) == 1 or pays(search, table, families, ids)]
+    within = [ids for ids in table.sets if not _at_bounds(search, ids)]
+    free = [ids for ids in within if ids != named_of(ids) and gain(ids) > least_material]
+    answers = [ids for ids in within if len(ids) == 1 or pays(search, table, families, ids)]
     likely = [ids for ids in answers if ids in free]
     doubted = bool(likely) and table.share_of(likely, answers) > DOUBT
     if doubted and pays(search, table, families, likely[0]):

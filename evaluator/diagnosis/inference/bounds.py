@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 # runs, known to a frame, 6 sigmas are 0.1 s: a larger error is a mistake of the experiment file.
 MOST_TOLERANCES = 6.0
 MOST_DEVIATION = 0.5
+AT_BOUND = 1e-3  # visible steps from a bound within which a fit has ended there
 
 
 def bounds(columns: Sequence[Column], tolerance: Mapping[str, float]) -> tuple[Floats, Floats]:
@@ -30,3 +31,12 @@ def _bounds_of(column: Column, tolerance: Mapping[str, float]) -> tuple[float, f
         return -most, most
     coordinate = column.term.coordinates[column.coordinate]
     return coordinate.low - column.absent, coordinate.high - column.absent
+
+
+def is_at_bound(column: Column, value: float) -> bool:
+    """Whether an effect's coordinate, measured from where it is absent, is at a bound beyond which it might lie."""
+    if column.term is None or column.term.coordinates[column.coordinate].closed:
+        return False
+    low, high = _bounds_of(column, {})
+    near = AT_BOUND * column.term.coordinates[column.coordinate].step
+    return (low < 0 and value - low < near) or (high > 0 and high - value < near)

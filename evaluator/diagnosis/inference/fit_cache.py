@@ -31,7 +31,6 @@ class End:
     converged: bool
     steps: int = 1
     shortfall: float = 0.0
-    slopeless: tuple[int, ...] = ()
 
 
 class FitCache:
@@ -97,13 +96,12 @@ def _content_of(end: End | None) -> list[Any] | None:
         end.converged,
         end.steps,
         end.shortfall,
-        list(end.slopeless),
     ]
 
 
 def _end_of(content: list[Any] | None) -> End | None:
     if content is None:
         return None
-    own, nominal, terms, converged, steps, shortfall, slopeless = content
+    own, nominal, terms, converged, steps, shortfall = content
     placed = {key: tuple(values) for key, values in terms.items()}
-    return End(np.array(own), nominal, placed, converged, steps, shortfall, tuple(slopeless))
+    return End(np.array(own), nominal, placed, converged, steps, shortfall)

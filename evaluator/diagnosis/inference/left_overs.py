@@ -23,7 +23,8 @@ def left_overs(views: Sequence[Linearized], columns: Sequence[Column], theta: Fl
     squares, freedom = np.zeros(len(views)), np.zeros(len(views))
     for number, view in enumerate(views):
         left = view.response - view.common @ theta
-        basis = np.linalg.qr(np.column_stack([view.start, view.scatter, view.common[:, effects]]))[0]
+        taken = np.column_stack([view.start, view.scatter, view.common[:, effects]])
+        basis = np.linalg.qr(taken[:, taken.any(axis=0)])[0]
         squares[number] = float(left @ left) - float(np.sum((basis.T @ left) ** 2))
         freedom[number] = max(len(left) - basis.shape[1], 1)
     return squares, freedom

@@ -16,6 +16,7 @@ from simulator.effects.coordinates import Candidate
 # Prior of no, one, two, three effects. A lab that asks is as likely as not to have one; each further one is rarer.
 SIZE_PRIOR = (0.5, 0.35, 0.12, 0.03)
 LARGEST_SET = 3
+RIVALS_KEPT = 4  # sets that go on to a search under another noise, or on all runs
 POSE = 3  # of a run's own numbers, those of its start pose come first
 # Friction and gains: what wet or dusty plates and DC motors show; starts as they are stated.
 USUAL_SCATTER = (0.03, 0.006, 0.006, 1.0)
@@ -49,6 +50,8 @@ class Search:
     @property
     def explained(self) -> float:
         """Log evidence of the best fit where that explains the runs, else minus infinity."""
+        if self.problem.open_ground:  # the noise is made of what a model leaves: any one explains the runs
+            return -np.inf
         best = max(self.fits.values(), key=lambda fit: fit.posterior.log_evidence, default=None)
         explains = best is not None and best.converged and best.excess < EXPLAINED
         return best.posterior.log_evidence if best is not None and explains else -np.inf

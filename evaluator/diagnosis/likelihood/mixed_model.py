@@ -105,7 +105,9 @@ class MixedModel:
 
     def __init__(self, reduced: Reduced, prior_precision: Floats) -> None:
         """reduced: the runs. prior_precision: (p,) 1/σ² of columns with a prior, 0 for effects."""
-        friction, gain = (axis.ravel() for axis in np.meshgrid(FRICTION_SCATTER, GAIN_SCATTER, indexing="ij"))
+        told = bool(reduced.A[:, :-1, :-1].any())  # else runs have no friction and gains of their own: one scatter
+        axes = (FRICTION_SCATTER, GAIN_SCATTER) if told else (FRICTION_SCATTER[:1], GAIN_SCATTER[:1])
+        friction, gain = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
         self.tau = np.column_stack([friction, gain, gain, np.full(len(gain), START_SCATTER)])
         self.runs = len(reduced.s)
         self.prior = prior_precision

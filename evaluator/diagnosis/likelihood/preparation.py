@@ -76,7 +76,7 @@ def with_noise_of(problem: Problem, point: Point) -> Problem:
         (*parts[:3], replace(parts[3], white_mm=NO_DISTANCE_MM)) if run.from_poses else parts
         for run, parts in zip(problem.data, noise, strict=True)
     ]
-    if problem.length > 1:
+    if problem.open_ground:
         noise = with_discrepancy(noise, [run.time_s for run in problem.data], _left_over(problem, point))
     compressions = tuple(
         compression(run.time_s, used, parts, problem.length * MODEL_FLOOR_MM)

@@ -29,6 +29,7 @@ Floats = NDArray[np.float64]
 OWN_STEPS = (1e-3, 1e-3, 1e-4, 1e-3, 2e-4, 2e-4, 0.1)
 OWN = len(OWN_STEPS)
 START_POSE = 3  # of them, the first: x, y, heading
+OF_GROUND = (0, 1, 2, 6)  # of them, those that runs on open ground have: start pose and start, no friction and gains
 NOMINAL_STEP = 5e-4
 NOMINAL_STEPS = {"body": 5e-3}  # mass does little but to inertia
 SHARED_STEP = 0.05 * SHARED_UNIT  # a twentieth of a standard deviation
@@ -114,6 +115,21 @@ class Problem:
         return hashlib.sha256(b"".join(np.ascontiguousarray(item).data for item in self.channels)).hexdigest()
 
     @property
+    def open_ground(self) -> bool:
+        """Whether the robot is larger than one of a plate: what runs leave over is then part of their noise.
+
+        Friction and gains of each run would be the same once more: three numbers for two seconds of poses, which took
+        up whatever the drive did (each mixes its sides by another factor of the wheels' speeds), so that scatter ran
+        to the end of its grid and hardly a fit settled. See noise/discrepancy.py.
+        """
+        return self.length > 1
+
+    @property
+    def varied(self) -> NDArray[np.int64]:
+        """Which of a run's own numbers (OWN) differ from run to run."""
+        return np.array(OF_GROUND if self.open_ground else range(OWN))
+
+    @property
     def own_steps(self) -> Floats:
         """Differences (7,) of a run's own numbers that make derivatives."""
         return np.array(OWN_STEPS) * [self.length, self.length, 1.0, 1.0, 1.0, 1.0, 1.0]
@@ -160,7 +176,7 @@ class Problem:
 
     def attempted(self, point: Point, columns: Sequence[Column], runs: Sequence[int]) -> list[Linearized | None]:
         """Response and derivatives of the runs at a point; None for runs that cannot be simulated there."""
-        at_once = max(1, TASKS_AT_ONCE // (len(columns) + OWN + 1))
+        at_once = max(1, TASKS_AT_ONCE // (len(columns) + len(self.varied) + 1))
         groups = [runs[first : first + at_once] for first in range(0, len(runs), at_once)]
         work = partial(self._attempted, point, columns, *_points(point, columns))
         return [item for part in self.watch.each(work, groups) for item in part]
@@ -174,7 +190,7 @@ class Problem:
         runs: Sequence[int],
     ) -> list[Linearized | None]:
         """One piece of the work of `attempted`; points, bases: from _points."""
-        size = len(points) + OWN
+        size = len(points) + len(self.varied)
         features = self.features([task for run in runs for task in self._tasks(point, points, run)])
         return [
             self._linearized(point, columns, run, np.array(features[number * size : (number + 1) * size]), bases)
@@ -183,7 +199,9 @@ class Problem:
 
     def _tasks(self, point: Point, points: Sequence[Point], run: int) -> list[Task]:
         """What to simulate for the derivatives of one run, those by its own numbers last."""
-        return [at.task(run) for at in points] + [point.task(run, step) for step in np.diag(self.own_steps)]
+        return [at.task(run) for at in points] + [
+            point.task(run, step) for step in np.diag(self.own_steps)[self.varied]
+        ]
 
     def seen_again(self, point: Point, views: Sequence[Linearized], runs: Sequence[int]) -> list[Linearized | None]:
         """Views of runs without common columns at a point nearby: the response anew, the slopes as they were."""
@@ -203,17 +221,19 @@ class Problem:
         bases: Mapping[tuple[str, tuple[float, ...]], int],
     ) -> Linearized | None:
         """View of a run from the features (m, k) of its tasks; None where it cannot be simulated."""
+        varied = self.varied
         sound: NDArray[np.bool_] = np.asarray(np.isfinite(features).all(axis=1))
-        if not (sound[0] and sound[-OWN:].all()):
+        if not (sound[0] and sound[-len(varied) :].all()):
             return None
         base = features[0]
         common = np.zeros((len(base), len(columns)))
         for i, column in enumerate(columns):
             before = bases.get((column.key, column.start), 0) if column.start is not None else 0
-            after = len(features) - OWN - len(columns) + i
+            after = len(features) - len(varied) - len(columns) + i
             if sound[before] and sound[after]:  # a candidate that cannot be simulated offers nothing
                 common[:, i] = (features[before] - features[after]) / column.step
-        own = ((base - features[-OWN:]) / self.own_steps[:, None]).T
+        own = np.zeros((len(base), OWN))
+        own[:, varied] = ((base - features[-len(varied) :]) / self.own_steps[varied, None]).T
         theta = np.array([0.0 if c.start is not None else point.value(c) for c in columns])
         response = base + common @ theta + own[:, 3:] @ point.own[run, 3:]
         return Linearized(response, common, own[:, :3], own[:, 3:])

@@ -5,8 +5,6 @@ from __future__ import annotations
 import tomllib
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -15,10 +13,8 @@ from evaluator.diagnosis.assessment.verdict import material_gain
 from evaluator.diagnosis.candidates.coordinates import named_terms, size_of
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.design.candidate_runs import commands_at
-from evaluator.diagnosis.inference.fit import Fit, _short_of
 from evaluator.diagnosis.likelihood.features import channels_of
 from evaluator.diagnosis.likelihood.known_to import quantities, start_per_run_s
-from evaluator.diagnosis.likelihood.mixed_model import Posterior
 from evaluator.diagnosis.likelihood.noise.discrepancy import left_over, with_discrepancy
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.preparation import build_problem, with_noise_of
@@ -214,16 +210,3 @@ def test_logs_of_computers_know_the_start_better_than_a_sensor_that_seldom_measu
     assert [item["start_common_s"] for item in starts] == pytest.approx([0.02, 0.1])
     assert [start_per_run_s(KnownTo(), data) for data in (logged, by_frame)] == pytest.approx([0.01, 0.05])
     assert start_per_run_s(KnownTo(start_per_run_s=0.3), logged) == 0.3
-
-
-def test_a_fit_on_ground_that_stops_early_is_the_less_probable_for_it_and_on_a_plate_no_evidence() -> None:
-    fit: Any = Fit(frozenset(), cast("Any", None), (), POSTERIOR, cast("Any", None), (), converged=False, runs=())
-    ground, plate = SimpleNamespace(length=100.0), SimpleNamespace(length=1.0)
-    stopped = _short_of(fit, 6.0, cast("Any", ground))
-    assert stopped.converged
-    assert stopped.posterior.log_evidence == pytest.approx(POSTERIOR.log_evidence - 3.0)
-    assert not _short_of(fit, 6.0, cast("Any", plate)).converged
-    assert not _short_of(fit, 400.0, cast("Any", ground)).converged
-
-
-POSTERIOR = Posterior(-50.0, np.zeros(0), np.zeros((0, 0)), np.zeros(4), 100.0, 0)

@@ -46,10 +46,37 @@ def test_what_speaks_for_named_effects_and_what_against_them(
     module = "evaluator.diagnosis.assessment.verdict"
     monkeypatch.setattr(f"{module}.score", lambda _, ids, __: scores.get(ids, -np.inf))
     monkeypatch.setattr(f"{module}._strains", lambda *_: False)
+    monkeypatch.setattr(f"{module}._at_bounds", lambda *_: False)
     monkeypatch.setattr(f"{module}._relieves", lambda *_: False)
     monkeypatch.setattr(f"{module}._predicts", lambda _, ids, __: ids == BESIDE)
     order = sorted(scores, key=lambda ids: -scores[ids])
     search, table = cast("Search", None), Standing(tuple(order), np.array([scores[ids] for ids in order]))
+    assert decide(search, table, 95, best_named(search, table, 95))[:2] == (chosen, verdict)
+
+
+@pytest.mark.parametrize(
+    ("at_bound", "verdict", "chosen"),
+    [
+        ({PAIR}, "effect", OFFSET),  # whatever its second effect gains, it is not what it is called
+        ({PAIR, OFFSET}, "none", NOTHING),
+        ({PAIR, OFFSET, FREE}, "none", NOTHING),
+        ({FREE}, "effect", PAIR),
+        (set(), "unknown", FREE),
+    ],
+)
+def test_what_ends_at_a_bound_is_no_answer_however_probable(
+    at_bound: set[frozenset[str]], verdict: str, chosen: frozenset[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = "evaluator.diagnosis.assessment.verdict"
+    scores = {PAIR: 60.0, OFFSET: 30.0, FREE: 61.0 if FREE in at_bound or not at_bound else 5.0, NOTHING: 0.0}
+    monkeypatch.setattr(f"{module}.score", lambda _, ids, __: scores.get(ids, -np.inf))
+    monkeypatch.setattr(f"{module}._relieves", lambda *_: False)
+    monkeypatch.setattr(f"{module}._strains", lambda *_: False)
+    monkeypatch.setattr(f"{module}._predicts", lambda *_: False)
+    fits = {ids: SimpleNamespace(at_bounds=ids if ids in at_bound else NOTHING) for ids in scores}
+    order = sorted(scores, key=lambda ids: -scores[ids])
+    search = cast("Search", SimpleNamespace(fits=fits))
+    table = Standing(tuple(order), np.array([scores[ids] for ids in order]))
     assert decide(search, table, 95, best_named(search, table, 95))[:2] == (chosen, verdict)
 
 
@@ -74,7 +101,7 @@ def test_a_set_that_moves_two_values_beyond_what_is_known_is_no_answer(
         values = dict(zip(keys, (*sigmas, 9.0), strict=True))  # a start that is late by any time is no strain
         columns = [SimpleNamespace(key=key, term=None) for key in keys]
         point = SimpleNamespace(value=lambda column: 0.02 * values[column.key])
-        return SimpleNamespace(columns=columns, point=point)
+        return SimpleNamespace(columns=columns, point=point, at_bounds=frozenset())
 
     fits = {PAIR: fit(*marks), OFFSET: fit(0.0, 0.0), NOTHING: fit(*null)}
     search = SimpleNamespace(fits=fits, null=fits[NOTHING], tolerance=dict.fromkeys(keys, 0.02))
@@ -103,9 +130,8 @@ def test_one_effect_is_preferred_to_several_values_off_together(
     def fit(sigmas: float) -> SimpleNamespace:
         columns = [SimpleNamespace(key=key, term=None) for key in keys]
         posterior = SimpleNamespace(covariance=1e-4 * 0.02**2 * np.eye(len(keys)))
-        return SimpleNamespace(
-            columns=columns, point=SimpleNamespace(value=lambda _: 0.02 * sigmas), posterior=posterior
-        )
+        point = SimpleNamespace(value=lambda _: 0.02 * sigmas)
+        return SimpleNamespace(columns=columns, point=point, posterior=posterior, at_bounds=frozenset())
 
     fits = {OFFSET: fit(with_it), NOTHING: fit(without)}
     search = SimpleNamespace(fits=fits, null=fits[NOTHING], tolerance=dict.fromkeys(keys, 0.02))

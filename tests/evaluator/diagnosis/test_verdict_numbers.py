@@ -32,6 +32,7 @@ FREE = frozenset({"free:x"})
 def ranked(monkeypatch: pytest.MonkeyPatch, scores: dict[frozenset[str], float]) -> tuple[Search, Standing]:
     """A search whose sets have these scores and strain nothing; sets that are not named were never fitted."""
     monkeypatch.setattr(verdict, "_strains", lambda *_: False)
+    monkeypatch.setattr(verdict, "_at_bounds", lambda *_: False)
     monkeypatch.setattr(verdict, "_relieves", lambda *_: False)
     monkeypatch.setattr(verdict, "score", lambda _, ids, __: scores.get(ids, -np.inf))
     order = sorted(scores, key=lambda ids: -scores[ids])

@@ -1,0 +1,63 @@
+"""Where the linear view of a model leads: the most probable parameters, and the density that it predicts there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.likelihood.mixed_model import Linearized, Reduced, run_effects, solve_within
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """Common parameters (p,) theta now and at the goal, and each run's own numbers (n, 4) there.
+
+    now: -2 log density of each run, the last of the priors (n + 1,). predicted: its decrease.
+    """
+
+    theta: Floats
+    goal: Floats
+    own: Floats
+    prior: Floats
+    scatter: Floats
+    now: Floats
+    predicted: float
+
+
+def ahead_of(
+    linear: Sequence[Linearized],
+    reduced: Reduced,
+    theta: Floats,
+    own: Floats,
+    prior: Floats,
+    scatter: Floats,
+    bounds: tuple[Floats, Floats],
+) -> Ahead:
+    """The most probable parameters within bounds, seen from theta (p,) and the runs' own numbers (n, 4) there."""
+    now = objective(linear, theta, own, prior, scatter)
+    goal = solve_within(reduced, prior, scatter, *bounds)
+    there = run_effects(reduced, goal, scatter)[0]
+    predicted = float(np.sum(now - objective(linear, goal, there, prior, scatter)))
+    return Ahead(theta, goal, there, prior, scatter, now, predicted)
+
+
+def objective(
+    linear: Sequence[Linearized], theta: Floats, own: Floats, prior: Floats, scatter: Floats, *, project: bool = True
+) -> Floats:
+    """-2 log of the density of each run in the linear view, and last of the common parameters, (n + 1,).
+
+    project: with the best start poses, not the present ones.
+    """
+    values = []
+    for number, item in enumerate(linear):
+        left = item.response - item.common @ theta - item.scatter @ own[number]
+        if project:
+            basis = np.linalg.qr(item.start)[0]
+            left = left - basis @ (basis.T @ left)
+        values.append(float(left @ left) + float(np.sum((own[number] / scatter) ** 2)))
+    return np.array([*values, float(prior @ theta**2)])

@@ -1,0 +1,111 @@
+"""Fits to a robot of a metre: jumps of its motion, what runs have of their own, and estimates at a bound."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.candidates.coordinates import named_terms
+from evaluator.diagnosis.inference.bounds import is_at_bound
+from evaluator.diagnosis.inference.fit import Fit, fit_model
+from evaluator.diagnosis.likelihood.features import Compression
+from evaluator.diagnosis.likelihood.mixed_model import MixedModel, reduce_runs
+from evaluator.diagnosis.likelihood.noise.tracking import Noise
+from evaluator.diagnosis.likelihood.problem import OF_GROUND, Column, Point, Problem
+from evaluator.diagnosis.likelihood.run_data import RunData, Task
+from simulator.effects.coordinates import Candidate, Coordinate
+
+FRAMES = 12
+TRUTH = 3.0
+EDGE = 0.05  # of the parameter: beyond it the second run turns over; the shortest step from 0 leads farther
+
+
+@dataclass(frozen=True)
+class Steps:
+    """A world of one parameter, by which runs drift across; beyond EDGE run 1 drifts by a jump more."""
+
+    jump_mm: float
+    robots: tuple[Any, ...] = ()
+
+    def marks(self, tasks: list[Task]) -> list[Any]:
+        """Marks of every task, 2 mm apart, on a line along x."""
+        time = np.linspace(0.0, 1.0, FRAMES)
+        result = []
+        for task in tasks:
+            (size,) = task.terms.get("drift", (0.0,))
+            aside = self.jump_mm if task.run == 1 and size > EDGE else 0.0
+            x, y = task.own[0] + (1 + task.own[3] + task.own[4]) * time, task.own[1] + (size + aside) * time**2
+            angle = task.own[2] + np.zeros(FRAMES)
+            result.append(np.column_stack([x - np.sin(angle), y + np.cos(angle), x + np.sin(angle), y - np.cos(angle)]))
+        return result
+
+
+DRIFT = Candidate("drift", (Coordinate("size", 0.0, 0.1, -10.0, 10.0),), lambda values: {"size": values[0]})
+
+
+def problem_of(world: Steps, length: float) -> Problem:
+    """Three runs of the world at the truth, without noise; their features are the channels themselves."""
+    time = np.linspace(0.0, 1.0, FRAMES)
+    true = Steps(0.0).marks([Task(run, (0.0,) * 7, {}, {"drift": (TRUTH,)}) for run in range(3)])
+    data = tuple(RunData(str(run), 30.0, 60.0, 0.0, None, time, marks, run) for run, marks in enumerate(true))
+    channels = tuple(np.column_stack([np.zeros(FRAMES)] * 4) for _ in data)
+    for channel, marks in zip(channels, true, strict=True):
+        channel[:, 0], channel[:, 1] = (marks[:, 0] + marks[:, 2]) / 2, (marks[:, 1] + marks[:, 3]) / 2
+        channel[:, 2], channel[:, 3] = np.pi / 2, 2.0
+    whole = Compression(np.ones(FRAMES, dtype=np.bool_), (np.eye(FRAMES),) * 4)
+    noise = ((Noise(1.0, 0.0, 0.1),) * 4,) * 3
+    return Problem(data, cast("Any", world), channels, (whole,) * 3, noise, 1.0, length)
+
+
+def fit_of(world: Steps, length: float) -> Fit:
+    """The fit of the drift from where it is absent."""
+    return fit_model(problem_of(world, length), Point(np.zeros((3, 7))), [DRIFT], {})
+
+
+def test_a_fit_on_ground_goes_on_over_a_jump_of_one_run_and_keeps_the_best_point() -> None:
+    """At 0 three runs miss by 3 each, 27 in squares; beyond, run 1 wants 3 + 6: at 5 they miss by 2, 4 and 2, 24.
+
+    Every step from 0 makes it worse, also the whole one to 3: 36.
+    """
+    over = fit_of(Steps(-6.0), 100.0)
+    assert over.point.terms["drift"][0] == pytest.approx(TRUTH + 6 / 3, abs=0.01)
+    assert over.shortfall < 0.1
+    assert fit_of(Steps(-6.0), 1.0).point.terms["drift"] == (0.0,)  # a plate's only goes down
+
+
+def test_what_no_step_reached_is_taken_from_the_evidence_on_ground_and_is_no_evidence_on_a_plate() -> None:
+    ground, plate = (fit_of(Steps(-40.0), length) for length in (100.0, 1.0))
+    assert ground.converged
+    assert ground.point.terms["drift"] == (0.0,)
+    there = fit_of(Steps(0.0), 100.0).posterior.log_evidence  # what the view at 0 promises
+    assert ground.posterior.log_evidence == pytest.approx(there - ground.shortfall / 2)
+    assert ground.shortfall > 5
+    assert not plate.converged
+
+
+def test_runs_on_ground_have_a_start_of_their_own_but_no_friction_and_gains() -> None:
+    for length, has in ((1.0, True), (100.0, False)):
+        problem = problem_of(Steps(0.0), length)
+        (view,) = problem.linearized(Point(np.zeros((3, 7))), (), [0])
+        assert view.start.any(axis=0).all()
+        assert view.scatter[:, :2].any() == has
+        model = MixedModel(reduce_runs([view]), np.zeros(0))
+        assert (len(model.tau) > 1) == has
+        assert model.logdet.min() == pytest.approx(0.0, abs=1e-6 if not has else 1e-3)
+    assert len(OF_GROUND) == 4
+
+
+def test_an_estimate_is_at_a_bound_where_more_might_lie_beyond() -> None:
+    lag = named_terms(20.0, (30.0,))["command-lag"]
+    delay, share = Column("command-lag", 0, lag), Column("command-lag", 1, lag)
+    assert [is_at_bound(delay, value) for value in (0.0, 0.3, 2.0)] == [False, False, True]  # absent at 0
+    assert not is_at_bound(share, 1.0)  # a share ends at one
+    level = named_terms(20.0, (30.0,))["friction-level"]
+    assert [is_at_bound(Column("friction-level", 0, level), value - 1) for value in (0.2, 1.0, 5.0)] == [
+        True,
+        False,
+        True,
+    ]
