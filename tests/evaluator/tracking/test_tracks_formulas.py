@@ -175,14 +175,6 @@ def test_a_chroma_sample_lies_amid_the_pixels_that_it_colours(
     assert one.cell == pytest.approx(cell)
 
 
-def test_what_was_measured_is_measured_again_where_it_was_once_its_shape_is_learnt() -> None:
-    one: Any = Tracker(TrackingSettings())
-    one.followers = {"green": (probe := Probe())}
-    assert one._again("green", frame(), at(5.0, 6.0)) == at(5.0, 6.0)
-    assert probe.asked == [((5.0, 6.0), 2.0)]
-    assert one._again("green", frame(), ABSENT["faded"]).status == "faded"
-
-
 def test_a_smear_is_no_longer_than_the_mark() -> None:
     disc = make_disc(8.0, 0.9, (0.0, 0.0), (120.0, 40.0), 4.0).numbers()
     fast_path.smear(disc, 3.0, -4.0)
