@@ -148,7 +148,7 @@ def test_a_fit_that_is_no_mark_is_refused_with_its_reason(
 ) -> None:
     one = found(**said)
     monkeypatch.setattr(one, "_crowd", lambda *_: "ambiguous")
-    monkeypatch.setattr(follow, "rim_power", lambda *_: math.nan)
+    monkeypatch.setattr(follow, "rim_power", lambda *_: (math.nan, math.nan))
     judged = one._judged(frame(), np.zeros(4), (50.0, 40.0), 3.0).status
     assert judged == ("ambiguous" if status == "crowded" else status)
 
