@@ -8,6 +8,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,7 +26,11 @@ FIRST = ("tests/evaluator/tracking/test_track.py", "tests/simulator/test_integra
 
 
 def pytest_configure() -> None:
-    """Keep libraries that a plugin has loaded already to one thread, too."""
+    """Keep libraries that a plugin has loaded already to one thread, too; draw the same examples on every machine."""
+    # A failure is then one of what was changed; the usual limits of time are claims about a machine.
+    quietly = [HealthCheck.too_slow]
+    settings.register_profile("turnscope", deadline=None, derandomize=True, suppress_health_check=quietly)
+    settings.load_profile("turnscope")
     if "numpy" in sys.modules and find_spec("threadpoolctl"):
         from threadpoolctl import threadpool_limits
 
