@@ -227,9 +227,15 @@ def _notes(calibration: Calibration) -> list[str]:
             f"contradict the rest; most in {calibration.sightings[worst].name}, {left_out[worst]} of {found[worst]}"
         )
     notes += _flatness_notes(calibration)
-    if not calibration.sightings[0].match.certain:
+    plate, gauge = calibration.sightings[0], calibration.gauge
+    if not plate.match.certain and len(plate.match) == int(gauge.present().sum()):
         notes.append(
-            f"{calibration.sightings[0].name}: part of the array is hidden or out of view and no fiducial tells "
+            f"{plate.name}: the array looks the same from several sides and no fiducial tells them apart, so which way "
+            "x and y point on the plate was chosen (lengths and radii are not affected)"
+        )
+    elif not plate.match.certain:
+        notes.append(
+            f"{plate.name}: part of the array is hidden or out of view and no fiducial tells "
             "which, so the origin of the plate frame may be off by whole pitches (lengths and radii are not affected)"
         )
     return notes

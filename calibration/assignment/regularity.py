@@ -18,9 +18,9 @@ ROWS = np.array([(1, 0), (0, 1), (1, 1), (1, -1)])
 # Of a pitch: what chance takes within 0.28 of its place leaves its rows by 0.2; the dots of photographs, fisheyes
 # included, leave them by 0.0001 to 0.005.
 CHANCE, SOUND = 0.1, 0.01
-# A member that leaves all of its rows by more, and by so many times what is usual, is none; one of SOUND already where
-# it is less sharp than the others.
-OFF, UNUSUAL = 0.05, 6.0
+# A member that leaves all of its rows by more, and by so many times what is usual, is none; one that is less sharp than
+# the others already where it leaves them by more than dots do.
+OFF, OFF_BLURRED, UNUSUAL = 0.05, 0.005, 6.0
 FEWEST = 6  # members that stand in rows, and rows: fewer tell nothing
 
 
@@ -67,8 +67,9 @@ def regular(points: Array, covariance_px2: Array, index: Integers) -> NDArray[np
             return keep
         # Where dots are missing one may stand alone, but not beyond all rows of the others.
         first, last = index[rows[in_row]].min(axis=0), index[rows[in_row]].max(axis=0)
-        off[~in_row & ((index[rows] >= first) & (index[rows] <= last)).all(axis=1)] = 0.0
-        least = np.where(useful(covariance_px2[rows]), OFF, SOUND)
+        sharp = useful(covariance_px2[rows])
+        off[~in_row & sharp & ((index[rows] >= first) & (index[rows] <= last)).all(axis=1)] = 0.0
+        least = np.where(sharp, OFF, OFF_BLURRED)
         sound = off < np.maximum(least, UNUSUAL * float(np.median(off[in_row])))
         if sound.all() or sound.sum() < FEWEST:
             return keep
