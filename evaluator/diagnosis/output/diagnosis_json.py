@@ -262,7 +262,10 @@ def _noise(diagnosis: Diagnosis) -> Json:
     return {
         "mark_sigma_mm": rounded(float(np.median([p[0].sigma_mm for p in parts])) * math.sqrt(2)),
         "correlation_s": rounded(parts[0][0].correlation_s),
-        "run_to_run": {"friction": rounded(float(tau[0])), "wheel_speed": rounded(float(tau[1]))},
+        # on ground that is part of the noise
+        "run_to_run": None
+        if problem.open_ground
+        else {"friction": rounded(float(tau[0])), "wheel_speed": rounded(float(tau[1]))},
     }
 
 

@@ -146,11 +146,14 @@ def _small_print(content: Json) -> Section | None:
     noise, nominal = content.get("noise") or {}, content.get("nominal") or {}
     text = []
     if noise:
-        scatter = noise.get("run_to_run") or {}
+        scatter = noise.get("run_to_run")
+        varies = "what differs from run to run is part of that"
+        if scatter:
+            friction, speed = (percent_text(scatter.get(key)) for key in ("friction", "wheel_speed"))
+            varies = f"from run to run friction varies by {friction} and wheel speed by {speed}"
         text.append(
             f"Estimated from these runs: marks scatter by {length(noise['mark_sigma_mm'])}, "
-            f"correlated over {value_text(noise['correlation_s'])} s; from run to run friction varies by "
-            f"{percent_text(scatter.get('friction'))} and wheel speed by {percent_text(scatter.get('wheel_speed'))}."
+            f"correlated over {value_text(noise['correlation_s'])} s; {varies}."
         )
     text.append(_left_out(content.get("skipped_runs") or {}))
     text.append(not_tried_sentence(content))

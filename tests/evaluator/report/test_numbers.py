@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import pytest
 
+from evaluator.report.diagnosis.sections import _small_print
 from evaluator.report.diagnosis.words import percent_text
 from evaluator.report.numbers import number, significant
 from evaluator.report.pages.html import prose
@@ -21,6 +22,17 @@ def test_nothing_is_neither_negative_nor_a_power() -> None:
     assert [percent_text(share) for share in (0.997, 0.821, 0.036, 0.0061, 0.00001, None)] == [
         "100 %", "82 %", "3.6 %", "0.61 %", "< 0.01 %", "–",
     ]  # fmt: skip
+
+
+def test_noise_on_ground_claims_no_friction_of_single_runs() -> None:
+    noise = {"mark_sigma_mm": 80.0, "correlation_s": 0.3}
+    for scatter, said in (
+        (None, "what differs from run to run is part of that"),
+        ({"friction": 0.02, "wheel_speed": 0.004}, "friction varies by 2.0 % and wheel speed by 0.40 %"),
+    ):
+        section = _small_print({"noise": {**noise, "run_to_run": scatter}})
+        assert section is not None
+        assert said in " ".join(section.text)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,8 @@ A microrobot on a plate repeats its runs to some micrometres, so that all that i
 A robot of a metre on a floor or outdoors does not: the same command, driven twice, ends decimetres apart within two
 seconds. Its slow left-overs are therefore part of the noise, as the residual variance is in a regression, and are
 estimated anew whenever the model has improved. Models then compete by how much less they leave, and none can be called
-inadequate by its left-overs alone.
+inadequate by its left-overs alone. Friction and gains of single runs are part of it, not beside it: see
+problem.Problem.open_ground.
 Source: Kennedy & O'Hagan (2001), J. R. Stat. Soc. B 63, 425.
 """
 

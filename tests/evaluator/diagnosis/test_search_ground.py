@@ -1,0 +1,58 @@
+"""The best set on ground is challenged from within: what stood in for something that was found later is taken out."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from evaluator.diagnosis import search_ground
+from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.search_ground import exchange
+
+FORM = "free:mixed"
+NAMES = ("lag", "proxy", "other", FORM)
+EVIDENCE = {
+    frozenset(ids): value
+    for ids, value in (
+        (("proxy",), 100.0),
+        ((FORM,), 150.0),
+        (("lag",), 20.0),
+        (("proxy", FORM), 200.0),
+        (("lag", FORM), 400.0),
+        (("lag", "proxy"), 110.0),
+        (("lag", "proxy", FORM), 401.0),  # the proxy gains no more than chance
+    )
+}
+
+
+def fit_of(ids: frozenset[str], at_bound: Collection[frozenset[str]] = ()) -> Any:
+    return SimpleNamespace(
+        posterior=SimpleNamespace(log_evidence=EVIDENCE.get(ids, 0.0)), at_bounds=ids if ids in at_bound else ()
+    )
+
+
+@pytest.mark.parametrize(
+    ("at_bound", "best"),
+    [((), {"lag", FORM}), ((frozenset({"lag", FORM}),), {"lag", "proxy", FORM})],
+)
+def test_a_proxy_that_was_picked_first_gives_way_to_what_is_better_in_its_place(
+    at_bound: tuple[frozenset[str], ...], best: set[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fitted(search: Search, ids: frozenset[str], *_: object) -> Any:
+        return search.fits.setdefault(ids, fit_of(ids, at_bound))
+
+    def extended(search: Search, ids: frozenset[str], among: Collection[str]) -> None:
+        for effect in set(among) - ids:
+            fitted(search, ids | {effect})
+
+    monkeypatch.setattr(search_ground, "fit_set", fitted)
+    monkeypatch.setattr(search_ground, "extend", extended)
+    search = Search(cast("Any", SimpleNamespace(open_ground=True)), dict.fromkeys(NAMES, cast("Any", None)), {}, (0,))
+    for ids in (frozenset[str](), frozenset({"proxy"}), frozenset({"proxy", FORM})):
+        fitted(search, ids)
+    exchange(search, 95)
+    assert search_ground._ranked(search, 95)[0] == best
+    assert frozenset({FORM}) in search.fits  # what each effect stands against was fitted
