@@ -47,4 +47,4 @@ def test_the_valid_file_gives_results(entry: Entry, valid: Path, capfd: pytest.C
     del capfd
     if entry.is_slow:
         pytest.skip("takes a second; its command has tests of its own")
-    assert attempt(entry, (valid / entry.name).read_bytes(), valid, strict=True) == ""
+    assert attempt(entry, (valid / entry.name).read_bytes(), valid, strict=True, limit_s=LIMIT_S) == ""
