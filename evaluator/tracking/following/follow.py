@@ -31,6 +31,7 @@ SHUTTERS, SHUTTER_STEP = (0.1, 0.3, 0.5, 0.7, 0.9, 1.1), 0.2
 SMEARED_PX = 2.0  # motion in an interval from which the share matters
 STEADY = 2.0  # ratio of speeds, either way, beyond which a mark starts, stops or was pushed: that is no turn
 
+VAGUE = 0.2  # of the radius: uncertainty of a centre where the disc is hardly what is seen
 VIEW_EVERY = 10
 RELEARN_AT = (60, 240)  # frames in which a mark was seen: a second and four seconds of most recordings
 
@@ -57,7 +58,7 @@ class Follower(Motion):
         self.shutter = (0.5, 12**-0.5) if self.exposure is None else (self.exposure, 0.0)
         self._found, self._result = np.zeros(5), np.zeros(kernels.RESULTS)
         self._fitted, self._start = self._result.tolist(), np.zeros(4)
-        self.seen, self.views = 0, list[Patch]()
+        self.seen, self.unlike, self.views = 0, 0, list[Patch]()
         self.light, self.rim = LightNotes(), Rim()
         self.last_sighting: tuple[Point | None, float] = None, 0.0  # where and when it was seen last but not measured
         self._usual = np.zeros(5)
@@ -260,6 +261,9 @@ class Follower(Motion):
     def accept(self, sighting: Sighting, time_s: float) -> None:
         """Take over a measurement, or count a miss."""
         before, lapse = self.velocity, time_s - self.time_s
+        vague = sighting.status == OK and sighting.var_x + sighting.var_y > 2.0 * (VAGUE * self.radius_px) ** 2
+        unlike = vague or sighting.status in {"no disc", "partly hidden", "not seen"}
+        self.unlike = self.unlike + 1 if unlike and not self._slow_path.occluded else 0
         if self.move(sighting, time_s):
             self.turn_rad_s = self._turn(before, lapse)
         if sighting.status == OK:

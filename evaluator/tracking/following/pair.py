@@ -12,8 +12,9 @@ from typing import TypeVar
 Point = tuple[float, float]
 Place = TypeVar("Place", bound=Sequence[float])
 
-# Perspective and slant change the distance of two marks in a frame by this at most: a camera tilted by 20 degrees
-# gives 6 % with direction and as much across the plate.
+# Perspective and slant change the distance of two marks in a frame by this at most, beyond what they were seen at: a
+# camera tilted by 20 degrees gives 6 % with direction and as much across the plate. Seen more slanted it changes by
+# more, but from frame to frame.
 TOLERANCE = 0.15
 ENOUGH = 6  # frames with both marks from which their distance is believed
 SHARE = 0.05  # of a new distance in the running mean
@@ -25,6 +26,7 @@ class Body:
     def __init__(self) -> None:
         """Start with nothing known."""
         self._count, self.distance_px = 0, 0.0
+        self._shortest, self._longest = math.inf, 0.0
         self.confirmed = False  # both marks were seen at their distance since one of them was found anew
 
     @property
@@ -39,6 +41,7 @@ class Body:
             return
         self._count += 1
         self.confirmed = True
+        self._shortest, self._longest = min(self._shortest, apart), max(self._longest, apart)
         self.distance_px += max(SHARE, 1.0 / self._count) * (apart - self.distance_px)
 
     def fits(self, one: Sequence[float], other: Sequence[float]) -> bool:
@@ -50,4 +53,4 @@ class Body:
         return [one for one in mine if any(self.fits(one, other) for other in others)]
 
     def _near(self, apart: float) -> bool:
-        return abs(apart - self.distance_px) < TOLERANCE * self.distance_px + 1.0
+        return (1 - TOLERANCE) * self._shortest - 1.0 < apart < (1 + TOLERANCE) * self._longest + 1.0

@@ -13,6 +13,7 @@ from evaluator.tracking.detection.color_map import allowed_cells, neutral_of
 from evaluator.tracking.detection.find import candidates
 from evaluator.tracking.detection.lookalikes import RESTING_PX, mover
 from evaluator.tracking.detection.selection import Candidate
+from evaluator.tracking.following.follow import Follower
 from evaluator.tracking.following.follow_blob import Array, BlobFollower, start_blob
 from evaluator.tracking.observation import OK, REPEATED, Sighting
 from evaluator.tracking.refinement.blob import elongation
@@ -25,6 +26,9 @@ OBLONG = 1.45
 SHUTTERS = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of the interval that the smear is tried for
 FEW = 3  # frames that tell
 SELDOM = 0.5  # of the frames that show the blob: where no more hold a disc, it is none
+# Frames, one after the other, in which a mark is unlike its disc, and its area then, of what it was, from which it is
+# another view of it.
+UNLIKE, SMALLER = 6, 0.7
 NEARBY = 3.0  # radii that a mark may be from where it was going to, while nothing is known of its speed
 
 
@@ -58,6 +62,25 @@ def try_blob(
     if len(ratios) < FEW or (np.median(ratios) < OBLONG and discs >= SELDOM * len(ratios)):
         return None
     return blob, sightings
+
+
+def resized(follower: Follower, frame: Frame, cell: Array, one: Sighting) -> BlobFollower | None:
+    """Go on as a blob where a mark has long been unlike its disc and is smaller: seen at a slant it went away.
+
+    one: what was measured in the frame. What hides a part of a mark makes it smaller, too, but seldom for so long.
+    """
+    if follower.unlike < UNLIKE:
+        return None
+    place = (one.x, one.y) if one.status == OK else follower.last_sighting[0]
+    if place is None or (one.status != OK and follower.last_sighting[1] < frame.time_s):
+        return None
+    blob = start_blob(frame, cell, place, follower.radius_px, follower.color, follower.exposure)
+    found = blob.look_at(frame, cell, place, follower.radius_px, 0.0)
+    if found.status != OK or blob.area_px2 > SMALLER * follower.look.area_px2:
+        return None
+    blob.velocity = follower.velocity
+    blob.accept(found, frame.time_s)
+    return blob
 
 
 def try_mover(

@@ -19,7 +19,7 @@ from evaluator.tracking.following.follow import RELEARN_AT, Array, Follower
 from evaluator.tracking.following.follow_blob import BlobFollower, start_blob
 from evaluator.tracking.following.motion import Point
 from evaluator.tracking.following.pair import Body
-from evaluator.tracking.following.shape import OBLONG, try_blob, try_mover
+from evaluator.tracking.following.shape import OBLONG, resized, try_blob, try_mover
 from evaluator.tracking.observation import ABSENT, OK, REPEATED, Sighting
 from evaluator.tracking.refinement.disc import Disc, shaped_as
 from evaluator.tracking.refinement.learn_shape import Steps, finished
@@ -55,8 +55,7 @@ class Tracker:
         self._shape: tuple[int, ...] = ()
         self._search: Search | None = None
         self._waited, self._source = 0, "the recording"
-        self.body, self._rivals = Body(), Rivals()
-        self._light, self._dimmed = 0.0, 1.0
+        self.body, self._rivals, self._light, self._dimmed = Body(), Rivals(), 0.0, 1.0
         self._lessons: list[tuple[Follower, Steps[Disc | None]]] = []
 
     def run(self, recording: Iterable[Frame]) -> Iterator[tuple[Frame, list[Sighting]]]:
@@ -113,7 +112,9 @@ class Tracker:
     def _note(self, name: str, frame: Frame, one: Sighting) -> None:
         """Gather what is learnt on the way: shape from more places, light; give up what never fitted anything."""
         follower = self.followers[name]
-        if one.status == OK:
+        if isinstance(follower, Follower) and self._settled and (blob := resized(follower, frame, self.cell, one)):
+            self.followers[name] = blob
+        elif one.status == OK:
             if isinstance(follower, BlobFollower):
                 return
             follower.keep_view(frame)
@@ -230,10 +231,10 @@ class Tracker:
             self._start(name, frame, candidate, learn_color(candidate, others, neutral))
 
     def _start(self, name: str, frame: Frame, candidate: Candidate, color: Array) -> None:
-        if not candidate.whole:
-            return  # cut by the border of the image it does not tell its shape
-        disc = finished(learn_shape([patch_of(frame, candidate.center_px, candidate.radius_px)], candidate.radius_px))
+        if not candidate.whole:  # cut by the border of the image it does not tell its shape
+            return
         where = candidate.center_px, candidate.radius_px
+        disc = finished(learn_shape([patch_of(frame, *where)], candidate.radius_px))
         blob = start_blob(frame, self.cell, *where, color, self.settings.exposure)
         self._starts[name] = frame.index, blob
         self._discless[name] += disc is None
@@ -283,8 +284,7 @@ class Tracker:
         agree(self.followers, self.settings.pair, Follower.take_look)
         for frame, sightings in held:
             for k, one in enumerate(sightings):
-                follower = self.followers.get(self.names[k])
-                if one.status == OK and isinstance(follower, Follower):
+                if one.status == OK and isinstance(follower := self.followers.get(self.names[k]), Follower):
                     sightings[k] = follower.look_at(frame, self.cell, (one.x, one.y), 2.0, 0.0)
 
     def _learn_on(self) -> None:

@@ -32,6 +32,16 @@ def test_distance_of_a_pair_is_believed_from_six_frames_on() -> None:
     assert not body().fits(HERE, apart(400.0))
 
 
+def test_a_distance_that_changes_from_frame_to_frame_is_that_of_a_body_seen_at_a_slant() -> None:
+    seen = body(40.0)
+    for distance in range(40, 20, -1):
+        seen.note(HERE, apart(float(distance)))
+    assert seen.fits(HERE, apart(20.0))
+    assert seen.fits(HERE, apart(40.0))
+    assert not seen.fits(HERE, apart(10.0))  # no body turns so far in a frame
+    assert not seen.fits(HERE, apart(60.0))
+
+
 @pytest.mark.parametrize(("distance", "fits"), [(33.2, True), (32.8, False), (46.8, True), (47.2, False)])
 def test_marks_of_a_pair_keep_their_distance_to_a_seventh_and_a_pixel(distance: float, fits: bool) -> None:
     known = body(40.0)  # 15 % of it are 6 px

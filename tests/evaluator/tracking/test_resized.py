@@ -1,0 +1,53 @@
+"""A disc that drives away from a slanted camera is no longer the disc that was learnt: it is followed as a blob."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evaluator.recording import Frame
+from evaluator.tracking.following.follow import Follower
+from evaluator.tracking.following.follow_blob import BlobFollower
+from evaluator.tracking.following.shape import UNLIKE, resized
+from evaluator.tracking.following.tracker import Tracker
+from evaluator.tracking.observation import OK, Sighting
+from evaluator.tracking.settings import TrackingSettings
+from tests.evaluator.tracking.synthetic import draw, frames_in_memory
+
+SIZE, PLACE = (160, 120), (80.0, 60.0)
+
+
+def followed(radius_px: float) -> tuple[Tracker, Follower, Frame]:
+    """A disc of 8 px that was followed for 15 frames, and a frame in which it has another radius."""
+    rng = np.random.default_rng(2)
+    images = [draw(rng, SIZE, {"green": PLACE}, 8.0, 0.8, 2.0) for _ in range(15)]
+    *first, last = frames_in_memory([*images, draw(rng, SIZE, {"green": PLACE}, radius_px, 0.8, 2.0)])
+    tracker = Tracker(TrackingSettings.model_validate({"mark": {"green": {}}}))
+    list(tracker.run(first))
+    follower = tracker.followers["green"]
+    assert isinstance(follower, Follower)
+    return tracker, follower, last
+
+
+@pytest.mark.parametrize(
+    ("radius_px", "unlike", "is_blob"), [(5.0, UNLIKE, True), (5.0, UNLIKE - 1, False), (8.0, UNLIKE, False)]
+)
+def test_a_mark_long_unlike_its_disc_and_smaller_goes_on_as_a_blob(
+    radius_px: float, unlike: int, *, is_blob: bool
+) -> None:
+    tracker, follower, frame = followed(radius_px)
+    follower.unlike = unlike
+    blob = resized(follower, frame, tracker.cell, Sighting(*PLACE, 9.0, 9.0, 0.0, OK))
+    assert isinstance(blob, BlobFollower) == is_blob
+    if blob is not None:
+        assert blob.radius_px == pytest.approx(radius_px, rel=0.1)
+
+
+def test_frames_whose_centre_is_vague_or_missing_count_as_unlike_the_disc_until_one_is_sharp() -> None:
+    _, follower, _ = followed(8.0)
+    x, y = PLACE
+    for k, one in enumerate((Sighting(x, y, 9.0, 9.0, 0.0, OK), Sighting(np.nan, np.nan, 0, 0, 0, "no disc"))):
+        follower.accept(one, 1.0 + k)
+        assert follower.unlike == k + 1
+    follower.accept(Sighting(x, y, 0.01, 0.01, 0.0, OK), 3.0)
+    assert follower.unlike == 0
