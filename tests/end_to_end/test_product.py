@@ -50,7 +50,7 @@ def test_a_fresh_experiment_is_complete_but_for_camera_and_recordings(tmp_path: 
     assert done.returncode == 2
     faults = json.loads(done.stdout)["faults"]
     assert len(faults) == 3
-    for word in ("camera.json does not exist", "r01.mp4: no such file", "r02.mp4: no such file"):
+    for word in ("camera.json: does not exist", "r01.mp4: no such file", "r02.mp4: no such file"):
         assert any(word in fault for fault in faults)
 
 

@@ -76,11 +76,13 @@ def test_a_wheel_beyond_three_tolerances_is_a_mismatch_of_the_drive(
         )
 
     fits = {nothing: at(tolerances_off), mismatch: at(0.1)}
-    search = SimpleNamespace(fits=fits, terms={"drive-speed-mismatch": None}, problem=SimpleNamespace(length=1.0))
+    search = SimpleNamespace(
+        fits=fits, terms={"drive-speed-mismatch": None}, problem=SimpleNamespace(open_ground=False)
+    )
     monkeypatch.setattr(search_runs, "score", lambda _, ids, __: gain * len(ids))
     found = search_runs.name_what_is_off(search, nothing, [quantity], 95)  # type: ignore[arg-type]
     assert found == (mismatch if named else nothing)
-    search.problem.length = 100.0  # on open ground what is left over moves such values
+    search.problem.open_ground = True  # on open ground what is left over moves such values
     assert search_runs.name_what_is_off(search, nothing, [quantity], 95) == nothing  # type: ignore[arg-type]
 
 
