@@ -170,22 +170,24 @@ def seen_shift(found: Mapping[str, float], marks_mm: Floats, robot: SeenMarks) -
     shift = np.empty_like(marks_mm)
     ahead = abs(robot.line_mm) / robot.line_mm if robot.place_keys else 0j
     moved = ahead * np.array([found.get(key, 0.0) for key in robot.place_keys] or [0.0] * 4).view(complex)
-    _shift_into(marks_mm, found.get(SCALE, 0.0), moved.view(float), shift)
+    _shift_into(marks_mm, found.get(SCALE, 0.0), moved.view(float), abs(robot.line_mm), shift)
     return shift
 
 
 @compiled(nogil=True)
-def _shift_into(marks_mm: Floats, scale: float, moved_mm: Floats, shift: Floats) -> None:
-    """Shifts (n, 4) of marks (n, 4) by a scale and by places moved (4,), along and across the line of the marks."""
+def _shift_into(marks_mm: Floats, scale: float, moved_mm: Floats, line_mm: float, shift: Floats) -> None:
+    """Shifts (n, 4) of marks (n, 4) by a scale and by places moved (4,), along and across the line of the marks.
+
+    line_mm: length of that line on the robot. Where a camera shows it longer, it shows the shift longer too.
+    """
     moving = moved_mm[0] != 0.0 or moved_mm[1] != 0.0 or moved_mm[2] != 0.0 or moved_mm[3] != 0.0
     for row in range(len(marks_mm)):
         for column in range(4):
             shift[row, column] = scale * marks_mm[row, column]
         if moving:
             x, y = marks_mm[row, 0] - marks_mm[row, 2], marks_mm[row, 1] - marks_mm[row, 3]
-            size = math.sqrt(x * x + y * y)
-            if size > 0.0:  # 0 where a mark is missing: it moves nothing
-                cos, sin = x / size, y / size
+            if x != 0.0 or y != 0.0:  # 0 where a mark is missing: it moves nothing
+                cos, sin = x / line_mm, y / line_mm
                 shift[row, 0] += cos * moved_mm[0] - sin * moved_mm[1]
                 shift[row, 1] += cos * moved_mm[1] + sin * moved_mm[0]
                 shift[row, 2] += cos * moved_mm[2] - sin * moved_mm[3]
