@@ -11,7 +11,6 @@ the marks): those shift the marks as predicted.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
