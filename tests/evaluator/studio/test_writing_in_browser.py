@@ -58,6 +58,23 @@ def test_the_form_of_an_unknown_verdict_becomes_an_effect_by_keyboard_and_is_und
         assert not file.exists()
 
 
+def test_a_form_in_which_somebody_types_stays_when_a_job_ends(
+    studio: Serving, tmp_path: Path, open_page: OpenPage
+) -> None:
+    identifier = studio.get("/api/home")["experiments"][0]["id"]
+    for recording in (tmp_path / "folder").glob("*.mp4"):
+        recording.unlink()  # the job ends soon
+    with open_page(studio.link) as page:
+        page.goto(f"{studio.origin}/#/x/{identifier}/diagnosis")
+        page.get_by_role("button", name="New effect").click()
+        page.keyboard.type("half-ty")
+        with page.expect_response(lambda answer: answer.url.endswith(f"{identifier}/diagnosis"), timeout=300_000):
+            studio.post(f"/api/experiments/{identifier}/jobs", {"kind": "analyse"})
+        page.wait_for_function("() => document.activeElement.value === 'half-ty'")
+        page.keyboard.type("ped")
+        assert page.get_by_label("Id, and name of its file").input_value() == "half-typed"
+
+
 def test_an_image_is_taken_from_a_live_camera_and_undone(studio: Serving, tmp_path: Path, open_page: OpenPage) -> None:
     folder = tmp_path / "folder"
     camera_file(

@@ -14,11 +14,19 @@ const MENDED = { reversed: "Turn both commands round", "sides-swapped": "Swap le
 
 export async function show(view, { id, signal }) {
   const undo = undoing("diagnosis", id, signal, () => load());
+  let shown = null;
+  // A form in which somebody types stays when a job ends.
+  const effects = (typing) => (typing && view.querySelector("#own-effects form") ? shown : own_effects(id, signal, undo.make, () => load()));
   const load = latest(
-    () => Promise.all([get(`/api/experiments/${id}/diagnosis`, signal), own_effects(id, signal, undo.make, () => load())]),
-    ([found, own]) => fill(view, h("div", { class: "stack", style: { gap: "1.4rem" } }, found.content ? screen(found, id, signal, { load, own, undo }) : nothing(id), own.box, h("div", { class: "row" }, undo.undo, undo.redo))),
+    ({ typing = false } = {}) => Promise.all([get(`/api/experiments/${id}/diagnosis`, signal), effects(typing)]),
+    ([found, own]) => {
+      const active = document.activeElement;
+      shown = own;
+      fill(view, h("div", { class: "stack", style: { gap: "1.4rem" } }, found.content ? screen(found, id, signal, { load, own, undo }) : nothing(id), own.box, h("div", { class: "row" }, undo.undo, undo.redo)));
+      if (view.contains(active)) active.focus();
+    },
   );
-  onJobs((_, ended) => { if (ended.some((job) => job.experiment === id)) undo.make(load).catch(say); }, signal);
+  onJobs((_, ended) => { if (ended.some((job) => job.experiment === id)) undo.make(() => load({ typing: true })).catch(say); }, signal);
   await load();
 }
 
