@@ -39,25 +39,19 @@ def ahead_of(
     bounds: tuple[Floats, Floats],
 ) -> Ahead:
     """The most probable parameters within bounds, seen from theta (p,) and the runs' own numbers (n, 4) there."""
-    now = objective(linear, theta, own, prior, scatter)
+    now = _objective(linear, theta, own, prior, scatter)
     goal = solve_within(reduced, prior, scatter, *bounds)
     there = run_effects(reduced, goal, scatter)[0]
-    predicted = float(np.sum(now - objective(linear, goal, there, prior, scatter)))
+    predicted = float(np.sum(now - _objective(linear, goal, there, prior, scatter)))
     return Ahead(theta, goal, there, prior, scatter, now, predicted)
 
 
-def objective(
-    linear: Sequence[Linearized], theta: Floats, own: Floats, prior: Floats, scatter: Floats, *, project: bool = True
-) -> Floats:
-    """-2 log of the density of each run in the linear view, and last of the common parameters, (n + 1,).
-
-    project: with the best start poses, not the present ones.
-    """
+def _objective(linear: Sequence[Linearized], theta: Floats, own: Floats, prior: Floats, scatter: Floats) -> Floats:
+    """-2 log density of each run in the linear view, with its best start pose, and last of the priors, (n + 1,)."""
     values = []
     for number, item in enumerate(linear):
         left = item.response - item.common @ theta - item.scatter @ own[number]
-        if project:
-            basis = np.linalg.qr(item.start)[0]
-            left = left - basis @ (basis.T @ left)
+        basis = np.linalg.qr(item.start)[0]
+        left = left - basis @ (basis.T @ left)
         values.append(float(left @ left) + float(np.sum((own[number] / scatter) ** 2)))
     return np.array([*values, float(prior @ theta**2)])

@@ -257,7 +257,7 @@ def _line_search(problem: Problem, fit: Fit, ahead: Ahead) -> tuple[Point, bool]
         problem.watch.look()
         trial = ahead.theta + damping * (ahead.goal - ahead.theta)
         try:
-            there = _at(fit.point, fit.columns, trial)
+            there = fit.point.at(fit.columns, trial)
             moved, values = settled_by_run(problem, there, fit.runs, ahead.scatter, fit.linearized)
         except FloatingPointError:
             continue
@@ -265,14 +265,3 @@ def _line_search(problem: Problem, fit: Fit, ahead: Ahead) -> tuple[Point, bool]
             return moved, True
         farthest = farthest or moved
     return farthest or fit.point, False
-
-
-def _at(point: Point, columns: Sequence[Column], theta: Floats) -> Point:
-    """The point with common parameters at these values, measured from where they change nothing."""
-    nominal, values = dict(point.nominal), {effect: list(value) for effect, value in point.terms.items()}
-    for column, value in zip(columns, theta, strict=True):
-        if column.term is None:
-            nominal[column.key] = float(value)
-        else:
-            values[column.key][column.coordinate] = float(value + column.absent)
-    return Point(point.own, nominal, {effect: tuple(value) for effect, value in values.items()})

@@ -87,6 +87,16 @@ class Point:
         values = self.terms.get(column.key)
         return 0.0 if values is None else values[column.coordinate] - column.absent
 
+    def at(self, columns: Sequence[Column], theta: Floats) -> Point:
+        """The point with common parameters at values (p,), measured from where they change nothing."""
+        nominal, values = dict(self.nominal), {effect: list(value) for effect, value in self.terms.items()}
+        for column, value in zip(columns, theta, strict=True):
+            if column.term is None:
+                nominal[column.key] = float(value)
+            else:
+                values[column.key][column.coordinate] = float(value + column.absent)
+        return Point(self.own, nominal, {effect: tuple(value) for effect, value in values.items()})
+
     def task(self, run: int, own_shift: Floats | None = None) -> Task:
         """What to simulate for one run."""
         own = self.own[run] if own_shift is None else self.own[run] + own_shift

@@ -71,7 +71,8 @@ def plane_errors(places_mm: Sequence[Floats | None], scale: float) -> list[dict[
     if not there or scale <= 0:
         return [{} for _ in places_mm]
     xy = np.concatenate([where.reshape(-1, 2) for where in there])
-    middle, reach = np.nanmedian(xy, axis=0), float(np.nanmax(np.ptp(xy[np.isfinite(xy).all(axis=1)], axis=0))) / 2
+    xy = xy[np.isfinite(xy).all(axis=1)]
+    middle, reach = np.median(xy, axis=0), float(np.ptp(xy, axis=0).max()) / 2
     points = [{"first": where[:, :2], "second": where[:, 2:]} for where in there]
     shifts = [_bent(where, middle, reach, scale) for where in there]
     chosen = _main_directions(points, shifts)

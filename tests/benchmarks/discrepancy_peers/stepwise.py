@@ -155,22 +155,10 @@ def _refit(regression: Regression, begin: Point, effects: Sequence[str]) -> Fitt
         if arrived:
             break
         goal = _squares(response, common, ridge, _bounds(columns, regression.tolerance))[1]
-        point = _moved(inputs, best.point, columns, at + (goal - at))
+        point = place_starts(inputs.problem, best.point.at(columns, at + (goal - at)), inputs.fitted)
     if best is None:  # cannot be simulated: as bad as can be
         return Fitted(begin, np.inf, np.inf)
     return best
-
-
-def _moved(inputs: Inputs, point: Point, columns: Sequence[Column], values: Floats) -> Point:
-    """A point with its common parameters at values, and the start poses that suit them."""
-    nominal, terms = dict(point.nominal), {effect: list(held) for effect, held in point.terms.items()}
-    for column, value in zip(columns, values, strict=True):
-        if column.term is None:
-            nominal[column.key] = float(value)
-        else:
-            terms[column.key][column.coordinate] = float(value + column.absent)
-    moved = Point(point.own, nominal, {effect: tuple(held) for effect, held in terms.items()})
-    return place_starts(inputs.problem, moved, inputs.fitted)
 
 
 def _stacked(views: Sequence[Linearized]) -> tuple[Floats, Floats]:

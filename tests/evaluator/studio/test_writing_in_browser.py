@@ -131,6 +131,18 @@ def slowly(page: Any) -> None:
     )
 
 
+def with_a_change(page: Any) -> tuple[Any, Any]:
+    """The runs' screen once "first" is written into the group of the run "left": that cell, and the button Undo."""
+    from playwright.sync_api import expect
+
+    page.get_by_text("two runs").click()
+    cell, undo = page.get_by_label("group, run left"), page.get_by_role("button", name="Undo", exact=True)
+    cell.fill("first")
+    page.keyboard.press("Enter")
+    expect(undo).to_be_enabled()
+    return cell, undo
+
+
 def test_undo_takes_back_the_latest_change_however_slow_the_answers(
     studio: Serving, tmp_path: Path, open_page: OpenPage
 ) -> None:
@@ -138,11 +150,7 @@ def test_undo_takes_back_the_latest_change_however_slow_the_answers(
 
     toml = tmp_path / "folder" / "experiment.toml"
     with open_page(studio.link) as page:
-        page.get_by_text("two runs").click()
-        cell, undo = page.get_by_label("group, run left"), page.get_by_role("button", name="Undo", exact=True)
-        cell.fill("first")
-        page.keyboard.press("Enter")
-        expect(undo).to_be_enabled()
+        cell, undo = with_a_change(page)
         slowly(page)
         cell.fill("second")
         page.keyboard.press("Enter")
@@ -185,11 +193,7 @@ def test_a_change_waits_for_the_undo_before_it(studio: Serving, tmp_path: Path, 
 
     toml = tmp_path / "folder" / "experiment.toml"
     with open_page(studio.link) as page:
-        page.get_by_text("two runs").click()
-        cell, undo = page.get_by_label("group, run left"), page.get_by_role("button", name="Undo", exact=True)
-        cell.fill("first")
-        page.keyboard.press("Enter")
-        expect(undo).to_be_enabled()
+        cell, undo = with_a_change(page)
         slowly(page)
         with page.expect_response("**/edit"):
             undo.click()
