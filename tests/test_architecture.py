@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import subprocess
 import sys
 from collections.abc import Collection, Mapping
@@ -119,3 +120,34 @@ def _modules(path: Path) -> str:
         elif isinstance(node, ast.ImportFrom):
             found += [f"{node.module}.{alias.name}" for alias in node.names]
     return " ".join(found)
+
+
+def test_what_benchmarks_and_tests_import_is_there() -> None:
+    """No test runs the benchmarks: a name that moved would be noticed by whoever measures next."""
+    missing = [
+        f"{path.relative_to(ROOT)}: from {node.module} import {alias.name}"
+        for path in sorted((ROOT / "tests").rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in ("tests", *ROOMS)
+        for alias in node.names
+        if alias.name not in names_in(str(node.module))
+    ]
+    assert missing == []
+
+
+@functools.cache
+def names_in(module: str) -> set[str]:
+    """What can be imported from a module of this project: what it and its stub define, and modules inside."""
+    place = ROOT / module.replace(".", "/")
+    files = [place.with_suffix(".py"), place / "__init__.py", place / "__init__.pyi"]
+    found = {path.stem for path in place.glob("*") if path.suffix == ".py" or path.is_dir()}
+    for path in files:
+        if path.is_file():
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                    found.add(node.name)
+                elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                    found.add(node.id)
+                elif isinstance(node, ast.Import | ast.ImportFrom):
+                    found |= {(alias.asname or alias.name).split(".")[0] for alias in node.names}
+    return found

@@ -94,7 +94,7 @@ def memory_mb(process_id: int) -> float:
 
 def first_paint_ms(folder: Path) -> list[float]:
     """First contentful paint of the first screen, three times, in Chromium; empty where there is none."""
-    from tests.evaluator.studio.browser import BROWSER
+    from tests.evaluator.browser import BROWSER
 
     if BROWSER is None:
         return []

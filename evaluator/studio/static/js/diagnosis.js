@@ -20,10 +20,8 @@ export async function show(view, { id, signal }) {
   const load = latest(
     ({ typing = false } = {}) => Promise.all([get(`/api/experiments/${id}/diagnosis`, signal), effects(typing)]),
     ([found, own]) => {
-      const active = document.activeElement;
       shown = own;
       fill(view, h("div", { class: "stack", style: { gap: "1.4rem" } }, found.content ? screen(found, id, signal, { load, own, undo }) : nothing(id), own.box, h("div", { class: "row" }, undo.undo, undo.redo)));
-      if (view.contains(active)) active.focus();
     },
   );
   onJobs((_, ended) => { if (ended.some((job) => job.experiment === id)) undo.make(() => load({ typing: true })).catch(say); }, signal);

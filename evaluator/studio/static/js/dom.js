@@ -18,9 +18,29 @@ export function fill(parent, ...children) {
   if (pressed && parent.contains(pressed)) held.set(parent, nodes);
   else {
     held.delete(parent);
-    parent.replaceChildren(...nodes);
+    replace(parent, nodes);
   }
   return parent;
+}
+
+// What is drawn anew keeps the place of who works by keyboard: the same element, what bears its name, what stands where
+// it stood, or at least the part of the page.
+const FOCUSABLE = ["a[href]", "button", "input", "select", "textarea", "summary", "[tabindex='0']"].map((one) => `${one}:not(:disabled)`).join();
+const nameOf = (element) => element.getAttribute("aria-label") ?? element.labels?.[0]?.textContent ?? element.textContent;
+const pathTo = (element, parent) => (element === parent ? [] : [...pathTo(element.parentElement, parent), [...element.parentElement.children].indexOf(element)]);
+function replace(parent, nodes) {
+  const before = document.activeElement, lost = parent !== before && parent.contains(before);
+  const name = lost && nameOf(before), path = lost && pathTo(before, parent);
+  parent.replaceChildren(...nodes);
+  if (!lost) return;
+  const namesake = [...parent.querySelectorAll(FOCUSABLE)].find((one) => one.tagName === before.tagName && nameOf(one) === name);
+  let next = parent.contains(before) ? before : namesake;
+  for (let there = path.reduce((found, k) => found.children[k] ?? found, parent); !next && parent.contains(there); there = there.parentElement)
+    next = there.matches(FOCUSABLE) ? there : there.querySelector(FOCUSABLE);
+  (next ?? parent).focus({ preventScroll: true });
+  if (document.activeElement !== document.body) return;
+  parent.tabIndex = -1;
+  parent.focus({ preventScroll: true });
 }
 
 // What a press began on stays until it is let go: a browser drops the click on a button that was replaced meanwhile.
@@ -28,7 +48,7 @@ let pressed = null;
 const held = new Map(); // what is to be shown then, by parent
 const let_go = () => {
   pressed = null;
-  for (const [parent, nodes] of held) parent.replaceChildren(...nodes);
+  for (const [parent, nodes] of held) replace(parent, nodes);
   held.clear();
 };
 const OWN_PRESS = "select, input"; // what these open takes the end of the press for itself

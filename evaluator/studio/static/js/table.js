@@ -55,7 +55,11 @@ export function sheet(columns, { edit, chosen, signal }) {
     if (fault) input.setAttribute("aria-invalid", "true"); else input.removeAttribute("aria-invalid");
   };
 
-  const mark = () => [...body.children].forEach((row, index) => row.setAttribute("aria-selected", String(index === active)));
+  // Tab goes through the chosen row and on to its recording; arrows and Enter go from row to row.
+  const mark = () => lines.forEach(({ row, cells, remove }, index) => {
+    row.setAttribute("aria-selected", String(index === active));
+    for (const one of [...cells.map(({ input }) => input), remove]) one.tabIndex = index === active ? 0 : -1;
+  });
   const tell = (sentences) => fill(problems, sentences.map((sentence) => h("li", {}, sentence)));
   const at = (row, key) => body.querySelector(`input[data-row="${row}"][data-key="${key}"]`);
 
