@@ -28,11 +28,14 @@ export function fill(parent, ...children) {
 const FOCUSABLE = ["a[href]", "button", "input", "select", "textarea", "summary", "[tabindex='0']"].map((one) => `${one}:not(:disabled)`).join();
 const nameOf = (element) => element.getAttribute("aria-label") ?? element.labels?.[0]?.textContent ?? element.textContent;
 const pathTo = (element, parent) => (element === parent ? [] : [...pathTo(element.parentElement, parent), [...element.parentElement.children].indexOf(element)]);
+let entered = null; // what has the focus, also once it was taken out of the page to be shown again
+document.addEventListener("focusin", (event) => { entered = event.target; });
 function replace(parent, nodes) {
-  const before = document.activeElement, lost = parent !== before && parent.contains(before);
-  const name = lost && nameOf(before), path = lost && pathTo(before, parent);
+  const taken = entered && !entered.isConnected ? entered : null, active = document.activeElement;
+  const before = taken ?? active, lost = !taken && parent !== active && parent.contains(active);
+  const name = lost && nameOf(before), path = lost ? pathTo(before, parent) : [];
   parent.replaceChildren(...nodes);
-  if (!lost) return;
+  if (!(lost || (taken && parent.contains(taken)))) return;
   const namesake = [...parent.querySelectorAll(FOCUSABLE)].find((one) => one.tagName === before.tagName && nameOf(one) === name);
   let next = parent.contains(before) ? before : namesake;
   for (let there = path.reduce((found, k) => found.children[k] ?? found, parent); !next && parent.contains(there); there = there.parentElement)
