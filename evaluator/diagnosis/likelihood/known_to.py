@@ -6,7 +6,7 @@ common to all runs of the session; the start has besides one number per run (mix
 within what is known, and says where the data want them.
 
 Some act in the simulation (start, clock, wheels, level, centre of gravity), some only on what is seen (scale, places of
-the marks): those shift the marks as predicted.
+the marks): those need no simulation of their own.
 """
 
 from __future__ import annotations
@@ -17,10 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.compilation import compiled
 from evaluator.diagnosis.candidates.coordinates import size_of
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData, is_shared
-from evaluator.robot_geometry import reference_line, reference_pair
+from evaluator.robot_geometry import reference_pair
 from evaluator.settings import KnownTo
 from simulator.robot import Robot
 
@@ -137,65 +136,14 @@ def frame_interval_s(data: Sequence[RunData]) -> float:
     return float(np.median([np.median(np.diff(run.time_s)) for run in data]))
 
 
-@dataclass(frozen=True)
-class SeenMarks:
-    """What the shifts of marks depend on of a robot, found once: to read its layout takes longer than to shift a run.
-
-    place_keys: of the places of its reference pair, x, y of the first and of the second. line_mm: from the second to
-    the first, body frame, x + iy. A robot with one mark has none of either.
-    """
-
-    place_keys: tuple[str, ...]
-    line_mm: complex
-
-    @property
-    def keys(self) -> tuple[str, ...]:
-        """Keys of the quantities that act only on what is seen of the robot."""
-        return SCALE, *self.place_keys
-
-
-def seen_marks(robot: Robot) -> SeenMarks:
-    """The reference pair of a robot as its shifts see it."""
-    keys = tuple(key for key, _, _ in _mark_keys(robot))
-    return SeenMarks(keys, complex(*reference_line(robot)) if keys else 0j)
-
-
-def seen_shift(found: Mapping[str, float], marks_mm: Floats, robot: SeenMarks) -> Floats:
-    """Shifts (n, 4) of marks (n, 4), mm, in the plate frame by seen quantities at values in their unit; NaN stays.
-
-    To be taken of marks as predicted. Those measured hold their noise: a scale of theirs explains it to the last frame
-    against a scale of the prediction (plane-scale), and a mark moved along their line explains that of the heading.
-    """
-    shift = np.empty_like(marks_mm)
-    ahead = abs(robot.line_mm) / robot.line_mm if robot.place_keys else 0j
-    moved = ahead * np.array([found.get(key, 0.0) for key in robot.place_keys] or [0.0] * 4).view(complex)
-    _shift_into(marks_mm, found.get(SCALE, 0.0), moved.view(float), abs(robot.line_mm), shift)
-    return shift
-
-
-@compiled(nogil=True)
-def _shift_into(marks_mm: Floats, scale: float, moved_mm: Floats, line_mm: float, shift: Floats) -> None:
-    """Shifts (n, 4) of marks (n, 4) by a scale and by places moved (4,), along and across the line of the marks.
-
-    line_mm: length of that line on the robot. Where a camera shows it longer, it shows the shift longer too.
-    """
-    moving = moved_mm[0] != 0.0 or moved_mm[1] != 0.0 or moved_mm[2] != 0.0 or moved_mm[3] != 0.0
-    for row in range(len(marks_mm)):
-        for column in range(4):
-            shift[row, column] = scale * marks_mm[row, column]
-        if moving:
-            x, y = marks_mm[row, 0] - marks_mm[row, 2], marks_mm[row, 1] - marks_mm[row, 3]
-            if x != 0.0 or y != 0.0:  # 0 where a mark is missing: it moves nothing
-                cos, sin = x / line_mm, y / line_mm
-                shift[row, 0] += cos * moved_mm[0] - sin * moved_mm[1]
-                shift[row, 1] += cos * moved_mm[1] + sin * moved_mm[0]
-                shift[row, 2] += cos * moved_mm[2] - sin * moved_mm[3]
-                shift[row, 3] += cos * moved_mm[3] + sin * moved_mm[2]
-
-
 def mark_shifts(robot: Robot, found: Mapping[str, float]) -> tuple[float, ...]:
     """Shifts of the two marks, x, y of the first and of the second, mm in the body frame, among found quantities."""
     return tuple(found.get(key, 0.0) for key, _, _ in _mark_keys(robot))
+
+
+def mark_keys(robot: Robot) -> tuple[str, ...]:
+    """Keys of the places of a robot's reference pair, x, y of the first, then of the second; none with one mark."""
+    return tuple(key for key, _, _ in _mark_keys(robot))
 
 
 def _mark_keys(robot: Robot) -> list[tuple[str, str, str]]:

@@ -4,29 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.compilation import compiled
-from evaluator.diagnosis.likelihood.known_to import SeenMarks, seen_shift
+from evaluator.diagnosis.likelihood.known_to import SCALE, amount_of
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Floats, RunData, Task
 from simulator.effects.view import View
 
 
-def marks_of_states(states: Floats, times_s: Floats, views: Sequence[View], edges: NDArray[np.int64]) -> list[Floats]:
-    """Marks (n, 4) of every task from stacked states (edges[-1], 6), the first of each, its start, left out."""
+def marks_of_states(states: Floats, times_s: Floats, view: View, moved_mm: Sequence[float] = ()) -> Floats:
+    """Marks (n, 4) of states (n, 6) at their times; moved_mm: how far either mark is off on the robot, x, y, x, y."""
+    places = view.places_mm
+    if moved_mm:
+        x, y, other_x, other_y = moved_mm
+        places = ((places[0][0] + x, places[0][1] + y), (places[1][0] + other_x, places[1][1] + other_y))
     marks = np.empty((len(states), 4))
-    parts = [slice(begin + 1, end) for begin, end in pairwise(edges.tolist())]
-    for view, part in zip(views, parts, strict=True):
-        if view.is_plain:
-            (ahead, left), (other_ahead, other_left) = view.places_mm
-            _plain_marks_into(states[part], view.scale, (ahead, left, other_ahead, other_left), marks[part])
-        else:
-            x, y, heading = states[part, :3].T
-            marks[part] = np.concatenate(view.marks(x, y, heading, times_s[part]), axis=1)
-    return [marks[part] for part in parts]
+    if view.is_plain:
+        _plain_marks_into(states, view.scale, (*places[0], *places[1]), marks)
+    else:
+        x_mm, y_mm, heading = states[:, :3].T
+        np.concatenate(replace(view, places_mm=places).marks(x_mm, y_mm, heading, times_s), axis=1, out=marks)
+    return marks
 
 
 @compiled(nogil=True)
@@ -43,11 +43,14 @@ def _plain_marks_into(
         marks[row, 3] = scale * (y + other_ahead * sin + other_left * cos)
 
 
-def with_shared_errors(marks: Floats, task: Task, run: RunData, robot: SeenMarks, known: Mapping[str, float]) -> Floats:
-    """Marks (n, 4) as seen with the errors that runs share; known: known_to.predicted_sigmas."""
+def with_shared_errors(marks: Floats, task: Task, run: RunData, known: Mapping[str, float]) -> Floats:
+    """Marks (n, 4) as seen with the errors that runs share; known: known_to.predicted_sigmas.
+
+    The scale is one of the marks as predicted. Those measured hold their noise: a scale of theirs explains it to the
+    last frame against a scale of the prediction (plane-scale).
+    """
     amounts = {key: amount for key, amount in task.nominal.items() if amount}
-    seen = {key: amounts[key] * known[key] for key in robot.keys if key in amounts and key in known}
     shared = [amount / SHARED_UNIT * run.systematic[key] for key, amount in amounts.items() if key in run.systematic]
-    if seen:
-        shared.append(seen_shift(seen, marks, robot))
+    if SCALE in amounts and SCALE in known:
+        shared.append(amount_of(amounts, SCALE, known) * marks)
     return marks + sum(shared) if shared else marks

@@ -8,11 +8,12 @@ start at rest has at its first frame the velocity that its commands have given i
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.likelihood.known_to import START, amount_of, seen_marks
+from evaluator.diagnosis.likelihood.known_to import START, amount_of, mark_keys
 from evaluator.diagnosis.likelihood.observed_marks import marks_of_states, with_shared_errors
 from evaluator.diagnosis.likelihood.run_data import Floats, RunData, Task
 from evaluator.diagnosis.likelihood.variants import Variant, Variants
@@ -49,7 +50,7 @@ class Simulated:
         self.known = dict(known or {})
         self.start_sigma_s = start_sigma_s
         self.robots: tuple[Robot, ...] = tuple(robots)
-        self._seen = [seen_marks(robot) for robot in self.robots]
+        self._mark_keys = [mark_keys(robot) for robot in self.robots]
         self._data = tuple(data)
         self._terms = terms
         told = [run.told for run in data]
@@ -64,7 +65,7 @@ class Simulated:
     def marks(self, tasks: Sequence[Task]) -> list[Floats]:
         """Marks (n, 4) of every task at the frame times of its run; NaN where the simulation fails.
 
-        Tasks that differ only in errors which runs share (of the camera) have one simulation.
+        Tasks that differ only in how the marks are seen (errors of the camera, places of the marks) share a simulation.
         """
         variants = self._variants.of(tasks, self._data)
         keys = [
@@ -72,12 +73,18 @@ class Simulated:
         ]
         distinct = dict(zip(keys, zip(tasks, variants, strict=True), strict=True))
         simulated = dict(zip(distinct, self._simulated(*zip(*distinct.values(), strict=True)), strict=True))
-        return [
-            with_shared_errors(simulated[key], task, self._data[task.run], self._seen[task.run], self.known)
-            for key, task in zip(keys, tasks, strict=True)
-        ]
+        seen: dict[tuple[object, ...], Floats] = {}
+        result = []
+        for key, task, variant in zip(keys, tasks, variants, strict=True):
+            moved = tuple(amount_of(task.nominal, name, self.known) for name in self._mark_keys[task.run])
+            if (key, moved) not in seen:
+                states, times_s = simulated[key]
+                seen[key, moved] = marks_of_states(states, times_s, variant.view, moved)
+            result.append(with_shared_errors(seen[key, moved], task, self._data[task.run], self.known))
+        return result
 
-    def _simulated(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[Floats]:
+    def _simulated(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[tuple[Floats, Floats]]:
+        """States (n, 6) of every task at its frames, NaN where it cannot be simulated, and their true times."""
         # friction must stay above zero
         pairs = list(zip(tasks, variants, strict=True))
         able = [n for n, (task, variant) in enumerate(pairs) if variant.record is not None and task.own[3] > -1.0]
@@ -86,15 +93,17 @@ class Simulated:
         able_tasks, able_variants = [tasks[n] for n in able], [variants[n] for n in able]
         times = self._true_times(able_tasks, able_variants)
         edges = np.cumsum([0, *map(len, times)])
-        stacked_s = np.concatenate(times)
-        states = self._states(able_tasks, able_variants, stacked_s, edges)
-        marks = marks_of_states(states, stacked_s, [variant.view for variant in able_variants], edges)
-        made = dict(zip(able, marks, strict=True))
+        states = self._states(able_tasks, able_variants, np.concatenate(times), edges)
+        # the first of each is its start
+        made = {
+            n: (states[begin + 1 : end], t[1:]) for n, t, (begin, end) in zip(able, times, pairwise(edges), strict=True)
+        }
         return [made[n] if n in made else self._nothing(task) for n, task in enumerate(tasks)]
 
-    def _nothing(self, task: Task) -> Floats:
-        """Marks of a task that cannot be simulated."""
-        return np.full((len(self._data[task.run].time_s), 4), np.nan)
+    def _nothing(self, task: Task) -> tuple[Floats, Floats]:
+        """States of a task that cannot be simulated."""
+        times_s = self._data[task.run].time_s
+        return np.full((len(times_s), 6), np.nan), times_s
 
     def _states(
         self, tasks: Sequence[Task], variants: Sequence[Variant], times_s: Floats, edges: NDArray[np.int64]

@@ -59,12 +59,16 @@ def test_residual_of_marks_is_that_of_their_channels() -> None:
     np.testing.assert_allclose(residual_of_marks(measured, marks, 1.8), expected, atol=1e-13)
 
 
-def test_marks_of_states_are_those_of_the_view_of_each_task() -> None:
+def test_marks_of_states_are_those_of_the_view() -> None:
     rng = np.random.default_rng(5)
     states, times = rng.normal(0, 5, (12, 6)), np.arange(12.0)
     plain = View(((1.0, 2.0), (-1.5, -2.0)), scale=1.01)
     tilted = View(plain.places_mm, keystone_per_mm=(1e-3, 0.0))
-    found = marks_of_states(states, times, [plain, tilted], np.array([0, 5, 12]))
-    for view, part, marks in zip((plain, tilted), (slice(1, 5), slice(6, 12)), found, strict=True):
-        expected = np.concatenate(view.marks(*states[part, :3].T, times[part]), axis=1)
-        np.testing.assert_allclose(marks, expected, rtol=1e-12)
+    for view in (plain, tilted):
+        moved = View(((1.03, 2.0), (-1.5, -2.05)), view.scale, view.keystone_per_mm)
+        for found, expected in (
+            (marks_of_states(states, times, view), view),
+            (marks_of_states(states, times, view, (0.03, 0.0, 0.0, -0.05)), moved),
+        ):
+            there = np.concatenate(expected.marks(*states[:, :3].T, times), axis=1)
+            np.testing.assert_allclose(found, there, rtol=1e-12)

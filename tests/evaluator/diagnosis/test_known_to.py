@@ -14,11 +14,13 @@ from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.diagnosis import Diagnosis, diagnose
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.fit import fit_model
-from evaluator.diagnosis.likelihood.known_to import predicted_sigmas, quantities, seen_marks, seen_shift
+from evaluator.diagnosis.likelihood.known_to import predicted_sigmas, quantities
 from evaluator.diagnosis.likelihood.preparation import build_problem
+from evaluator.diagnosis.likelihood.run_data import Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.progress import no_progress
 from evaluator.settings import KnownTo
+from simulator.effects.view import View
 from tests.evaluator.diagnosis.hidden import hidden_session
 
 LATE_S = 0.010
@@ -80,17 +82,24 @@ def test_knowledge_of_nothing_less_than_exact_leaves_no_parameter(tmp_path: Path
     assert {"green_x_mm", "wheels.radius_mm", "plate_level_x_deg"} <= keys
 
 
-def test_a_mark_that_is_elsewhere_moves_with_the_robot(tmp_path: Path) -> None:
+def test_scale_and_places_of_marks_are_seen_as_the_camera_sees_everything(tmp_path: Path) -> None:
+    """A tilted camera shows a mark that is glued elsewhere where it shows that place."""
     session = hidden_session(tmp_path, {})
-    robot = session.robots[0]
-    (quantity,) = (item for item in quantities(KnownTo(), robot, session.data) if item.key == "green_x_mm")
-    run = session.data[2]
-    shift = seen_shift({quantity.key: quantity.sigma}, run.marks_mm, seen_marks(robot))
-    seen = np.isfinite(run.marks_mm).all(axis=1)
-    across = run.marks_mm[seen, :2] - run.marks_mm[seen, 2:]
-    assert np.allclose(np.hypot(*shift[seen, :2].T), quantity.sigma, rtol=0.01)  # these marks are noisy
-    assert np.abs(np.sum(shift[seen, :2] * across, axis=1)).max() < 1e-9  # ahead is at right angles to the marks' line
-    assert np.all(shift[seen, 2:] == 0.0)
+    terms, known = named_terms(20.0, (30.0, 60.0)), predicted_sigmas(session.known)
+    forward = Simulated(session.robots, session.data, terms, known)
+    own, tilt = (10.0, 5.0, 2.0, 0.0, 0.0, 0.0, 0.0), {"camera-tilt": (0.003, 0.001, 1.0)}
+    straight, moved, scaled = forward.marks(
+        [
+            Task(2, own),
+            Task(2, own, {"yellow_y_mm": 0.05 / known["yellow_y_mm"]}, tilt),
+            Task(2, own, {"plane_scale": 1e-3 / known["plane_scale"]}, tilt),
+        ]
+    )
+    camera = View((), keystone_per_mm=(0.003, 0.001), perspective=1.0)
+    green, yellow = straight[:, :2], straight[:, 2:]
+    left = (green - yellow) / np.linalg.norm(green - yellow, axis=1)[:, None]  # of the robot: green is on its left
+    np.testing.assert_allclose(moved, np.hstack([camera.place(green), camera.place(yellow + 0.05 * left)]), atol=1e-6)
+    np.testing.assert_allclose(scaled, 1.001 * np.hstack([camera.place(green), camera.place(yellow)]), atol=1e-6)
 
 
 def test_a_scale_of_the_plate_against_one_of_the_prediction_does_not_explain_the_noise(tmp_path: Path) -> None:

@@ -18,8 +18,6 @@ from evaluator.diagnosis.likelihood.known_to import (
     frame_interval_s,
     predicted_sigmas,
     quantities,
-    seen_marks,
-    seen_shift,
     start_per_run_s,
 )
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
@@ -89,19 +87,6 @@ def test_a_length_without_a_stated_sigma_is_known_to_two_readings_of_callipers()
     assert (found["wheels.wheelbase_mm"], found["wheels.track_mm"]) == pytest.approx((0.01, 0.2))
     held = robot.model_copy(update={"tolerance": {"wheels.track_mm": 0.1}})
     assert "wheels.track_mm" not in {item.key for item in quantities(KnownTo(), held, [frames_of(0.02)])}
-
-
-def test_shifts_of_scale_and_of_a_mark_to_the_left_of_the_robot() -> None:
-    robot = load_robot("barrel")
-    marks = np.tile([8.0, 5.0, 11.66, 5.0], (4, 1))  # the left is along -x: it faces +y
-    scaled, moved = (
-        seen_shift({key: size}, marks, seen_marks(robot))
-        for key, size in (("plane_scale", 1e-3), ("yellow_y_mm", 0.05))
-    )
-    np.testing.assert_allclose(scaled[0], 1e-3 * marks[0])
-    np.testing.assert_allclose(moved[0], [0.0, 0.0, -0.05, 0.0], atol=1e-12)
-    nearer = seen_shift({"yellow_y_mm": 0.05}, 1.1 * marks, seen_marks(robot))  # where a tilted camera shows all larger
-    np.testing.assert_allclose(nearer, 1.1 * moved, atol=1e-12)
 
 
 def test_nominal_values_are_multiplied_by_one_plus_their_deviation() -> None:
