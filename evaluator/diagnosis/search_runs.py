@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluator.diagnosis.assessment.knowledge import knowledge
 from evaluator.diagnosis.assessment.model_comparison import (
@@ -33,6 +34,8 @@ from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.progress import Progress
 from simulator.effects.coordinates import Candidate
+
+Floats = NDArray[np.float64]
 
 UNSEEN_SIGMAS = 0.5  # a standard deviation of a nominal value that shows by less, in all runs together, is left out
 SWAP_SIGMAS, SWAPS = 10.0, 4
@@ -74,6 +77,7 @@ def search_named(
     forward = Simulated(session.robots, data, terms, predicted_sigmas(session.known), session.start_sigma_s)
     problem, start = build_problem(data, forward, fits, progress)
     tolerance = told_of(problem, start, session.tolerance)
+    problem = replace(problem, starts_show=show_starts(problem, start))
     aside = held_out_runs(data)
     part = Search(problem, named, tolerance, tuple(run for run in range(len(data)) if run not in aside))
     begin, large = start, is_large(problem, start)
@@ -94,17 +98,33 @@ def told_of(problem: Problem, point: Point, tolerance: Mapping[str, float]) -> d
     It could only lend noise of the differences to a fit.
     """
     columns = [Column(key) for key, value in tolerance.items() if value > 0]
-    square = np.zeros(len(columns))
-    for item in problem.attempted(point, columns, range(len(problem.data))):
-        if item is not None:
-            basis = np.linalg.qr(item.start)[0]
-            left = item.common - basis @ (basis.T @ item.common)
-            square += np.sum(left**2, axis=0)
+    square, _ = _squares_shown(problem, point, columns)
     return {
         column.key: tolerance[column.key]
         for column, size in zip(columns, square, strict=True)
         if size * tolerance[column.key] ** 2 > UNSEEN_SIGMAS**2
     }
+
+
+def show_starts(problem: Problem, point: Point) -> bool:
+    """Whether standard deviations of the runs' starts show: otherwise each would be fitted for nothing.
+
+    Clocks of computers that agree to 0.01 s leave nothing to find in runs that scatter by decimetres.
+    """
+    return bool(_squares_shown(problem, point, ())[1] > UNSEEN_SIGMAS**2)
+
+
+def _squares_shown(problem: Problem, point: Point, columns: Sequence[Column]) -> tuple[Floats, float]:
+    """Squares of what common parameters (p,) do, per unit, and of the runs' starts, each at its standard deviation."""
+    square, of_starts = np.zeros(len(columns)), 0.0
+    for item in problem.attempted(point, columns, range(len(problem.data))):
+        if item is not None:
+            basis = np.linalg.qr(item.start)[0]
+            both = np.column_stack([item.common, item.scatter[:, -1]])
+            left = np.sum((both - basis @ (basis.T @ both)) ** 2, axis=0)
+            square += left[:-1]
+            of_starts += float(left[-1])
+    return square, of_starts
 
 
 def _reach(session: Session) -> float:

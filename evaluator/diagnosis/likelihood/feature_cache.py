@@ -1,7 +1,9 @@
-"""Features of simulations made before: a search returns to the same points again and again.
+"""Features and motions of simulations made before: a search returns to the same points again and again.
 
 A fit ends with a linear view of where it is, a screening begins with that view and adds candidates, the next fit begins
-there. One simulation in five was made before.
+there. One simulation in five was made before. And a robot drives alike everywhere on even ground: where nothing depends
+on the place, or on place and direction, runs that differ only in their start pose have one motion. A fit asks for such
+runs most of all: slopes by the start pose, and start poses fitted anew at each step.
 """
 
 from __future__ import annotations
@@ -14,12 +16,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.compilation import compiled
 from evaluator.diagnosis.likelihood.run_data import Task
 
 Floats = NDArray[np.float64]
 
 # Of one run: the last ten linear views with all candidates, some 2 MB.
 MOST_OF_A_RUN = 1000
+MOST_PATHS = 8  # motions of one run: the latest points of a fit, at which only start poses change, are asked for again
 MOST_POINTS = 5000  # common parameters that are told apart at a time, 2 kB each: far more than those views have
 
 Parameters = tuple[tuple[str, Any], ...]
@@ -66,3 +70,56 @@ class FeatureCache:
                 met[shared] = self._points.setdefault(point, next(self._number))
             keys.append((met[shared], task.own))
         return keys
+
+
+class Paths:
+    """The latest motions of every run that do not depend on where it starts; threads that share it share no run."""
+
+    def __init__(self) -> None:
+        """Nothing has been simulated yet."""
+        self._of_run: dict[int, dict[Hashable, tuple[Floats, Any]]] = defaultdict(dict)
+
+    def of(
+        self,
+        runs: Sequence[int],
+        keys: Sequence[Hashable],
+        models: Sequence[Any],
+        simulated: Callable[[Sequence[int]], Sequence[Floats]],
+    ) -> list[Floats]:
+        """States (n, 6) of every item; simulated: gives those of items, by number, that are not known.
+
+        runs, keys: what an item is of; equal ones are simulated once. models: kept as long as their states, so that
+        keys may hold their identity.
+        """
+        missing: dict[tuple[int, Hashable], int] = {}
+        for number, (run, key) in enumerate(zip(runs, keys, strict=True)):
+            if key not in self._of_run[run]:
+                missing.setdefault((run, key), number)
+        made = simulated(list(missing.values())) if missing else ()
+        for ((run, key), number), states in zip(missing.items(), made, strict=True):
+            self._of_run[run][key] = states, models[number]
+        found = [self._of_run[run][key][0] for run, key in zip(runs, keys, strict=True)]
+        for run in {run for run, _ in missing}:
+            known = self._of_run[run]
+            for key in list(islice(known, max(len(known) - MOST_PATHS, 0))):
+                del known[key]
+        return found
+
+
+def laid(states: Floats, begins: Floats, starts: Floats, edges: NDArray[np.int64]) -> Floats:
+    """States (edges[-1], 6) of runs that were simulated from poses begins (n, 3), as they are from starts (n, 3)."""
+    found = states.copy()
+    _lay(found, begins, starts, edges)
+    return found
+
+
+@compiled(nogil=True)
+def _lay(states: Floats, begins: Floats, starts: Floats, edges: NDArray[np.int64]) -> None:
+    for run in range(len(begins)):
+        turn = starts[run, 2] - begins[run, 2]
+        cos, sin = np.cos(turn), np.sin(turn)
+        for row in range(edges[run], edges[run + 1]):
+            x, y = states[row, 0] - begins[run, 0], states[row, 1] - begins[run, 1]
+            states[row, 0] = starts[run, 0] + cos * x - sin * y
+            states[row, 1] = starts[run, 1] + sin * x + cos * y
+            states[row, 2] += turn

@@ -18,6 +18,7 @@ from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.feature_cache import FeatureCache
 from evaluator.diagnosis.likelihood.features import Compression, residual_of_marks
+from evaluator.diagnosis.likelihood.jumps import jumps, smooth_slope, with_slopes
 from evaluator.diagnosis.likelihood.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Forward, RunData, Task, is_shared
@@ -29,7 +30,8 @@ Floats = NDArray[np.float64]
 OWN_STEPS = (1e-3, 1e-3, 1e-4, 1e-3, 2e-4, 2e-4, 0.1)
 OWN = len(OWN_STEPS)
 START_POSE = 3  # of them, the first: x, y, heading
-OF_GROUND = (0, 1, 2, 6)  # of them, those that runs on open ground have: start pose and start, no friction and gains
+START = 6  # of them, the last
+OF_GROUND = (0, 1, 2, START)  # those that runs on open ground have: start pose and start, no friction and gains
 NOMINAL_STEP = 5e-4
 NOMINAL_STEPS = {"body": 5e-3}  # mass does little but to inertia
 SHARED_STEP = 0.05 * SHARED_UNIT  # a twentieth of a standard deviation
@@ -114,6 +116,7 @@ class Problem:
     noise: tuple[tuple[Noise, ...], ...]
     half_distance_mm: float
     length: float = 1.0  # of the robots over that of the paper's
+    starts_show: bool = True  # whether a run's start of motion, as far as it is unknown, can be seen in what it leaves
     horizon_s: float = np.inf  # only frames up to so long after the start of the motors count
     fits: FitCache = field(default_factory=FitCache)  # of the fits made before
     watch: Watch = field(default_factory=Watch)  # looked at between the steps of a fit; shares work among cores
@@ -137,7 +140,8 @@ class Problem:
     @property
     def varied(self) -> NDArray[np.int64]:
         """Which of a run's own numbers (OWN) differ from run to run."""
-        return np.array(OF_GROUND if self.open_ground else range(OWN))
+        every = OF_GROUND if self.open_ground else range(OWN)
+        return np.array([number for number in every if number != START or self.starts_show])
 
     @property
     def own_steps(self) -> Floats:
@@ -201,11 +205,22 @@ class Problem:
     ) -> list[Linearized | None]:
         """One piece of the work of `attempted`; points, bases: from _points."""
         size = len(points) + len(self.varied)
-        features = self.features([task for run in runs for task in self._tasks(point, points, run)])
-        return [
-            self._linearized(point, columns, run, np.array(features[number * size : (number + 1) * size]), bases)
-            for number, run in enumerate(runs)
-        ]
+        every = self.features([task for run in runs for task in self._tasks(point, points, run)])
+        features = [np.array(every[number * size : (number + 1) * size]) for number in range(len(runs))]
+        before = [bases.get((column.key, column.start), 0) if column.start is not None else 0 for column in columns]
+        views = [self._linearized(point, columns, run, item, before) for run, item in zip(runs, features, strict=True)]
+        if not self.open_ground:
+            return views
+        steps = np.array([0.0 if column.whole_change is not None else column.step for column in columns])
+        jumped = [(number, i) for number, view in enumerate(views) if view for i in jumps(view.common, steps)]
+        behind = self.features(
+            [points[before[i]].moved(columns[i], -steps[i]).task(runs[number]) for number, i in jumped]
+        )
+        slopes = {
+            at: smooth_slope(features[at[0]][before[at[1]]], item, steps[at[1]])
+            for at, item in zip(jumped, behind, strict=True)
+        }
+        return with_slopes(views, slopes, _theta(point, columns))
 
     def _tasks(self, point: Point, points: Sequence[Point], run: int) -> list[Task]:
         """What to simulate for the derivatives of one run, those by its own numbers last."""
@@ -228,7 +243,7 @@ class Problem:
         columns: Sequence[Column],
         run: int,
         features: Floats,
-        bases: Mapping[tuple[str, tuple[float, ...]], int],
+        before: Sequence[int],
     ) -> Linearized | None:
         """View of a run from the features (m, k) of its tasks; None where it cannot be simulated."""
         varied = self.varied
@@ -238,15 +253,18 @@ class Problem:
         base = features[0]
         common = np.zeros((len(base), len(columns)))
         for i, column in enumerate(columns):
-            before = bases.get((column.key, column.start), 0) if column.start is not None else 0
             after = len(features) - len(varied) - len(columns) + i
-            if sound[before] and sound[after]:  # a candidate that cannot be simulated offers nothing
-                common[:, i] = (features[before] - features[after]) / column.step
+            if sound[before[i]] and sound[after]:  # a candidate that cannot be simulated offers nothing
+                common[:, i] = (features[before[i]] - features[after]) / column.step
         own = np.zeros((len(base), OWN))
         own[:, varied] = ((base - features[-len(varied) :]) / self.own_steps[varied, None]).T
-        theta = np.array([0.0 if c.start is not None else point.value(c) for c in columns])
-        response = base + common @ theta + own[:, 3:] @ point.own[run, 3:]
+        response = base + common @ _theta(point, columns) + own[:, 3:] @ point.own[run, 3:]
         return Linearized(response, common, own[:, :3], own[:, 3:])
+
+
+def _theta(point: Point, columns: Sequence[Column]) -> Floats:
+    """Values (p,) of common parameters where their slopes are seen; a term at a starting place has none yet."""
+    return np.array([0.0 if column.start is not None else point.value(column) for column in columns])
 
 
 def _points(point: Point, columns: Sequence[Column]) -> tuple[list[Point], dict[tuple[str, tuple[float, ...]], int]]:

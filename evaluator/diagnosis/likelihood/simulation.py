@@ -8,11 +8,13 @@ start at rest has at its first frame the velocity that its commands have given i
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.diagnosis.likelihood.feature_cache import Paths, laid
 from evaluator.diagnosis.likelihood.known_to import START, amount_of, mark_keys
 from evaluator.diagnosis.likelihood.observed_marks import marks_of_states, with_shared_errors
 from evaluator.diagnosis.likelihood.run_data import Floats, RunData, Task
@@ -23,6 +25,7 @@ from simulator.integrator.batch import integrate_many
 from simulator.robot import Robot
 from simulator.simulation import RUN_IN_S
 
+START_POSE = 3  # of a run's own numbers, and of a state, the first: x, y, heading
 # Runs of a robot take up to some hundred steps. Where a fit tries what makes wheels chatter they would take any number:
 # such a point is as good as one that cannot be simulated.
 MOST_STEPS = 1500
@@ -57,6 +60,7 @@ class Simulated:
         self._knots = [item.command.knots for item in told]
         self._from_rest = np.array([item.starts_at_rest for item in told], dtype=np.bool_)
         self._variants = variants or Variants(self.robots, terms, self.known)
+        self._paths = Paths()
 
     def of_frames(self, data: Sequence[RunData]) -> Simulated:
         """The same runs, of which only these frames are asked for; robots compiled for one serve the other."""
@@ -92,8 +96,10 @@ class Simulated:
             return [self._nothing(task) for task in tasks]
         able_tasks, able_variants = [tasks[n] for n in able], [variants[n] for n in able]
         times = self._true_times(able_tasks, able_variants)
+        paths, begins = self._paths_of(able_tasks, able_variants, times)
         edges = np.cumsum([0, *map(len, times)])
-        states = self._states(able_tasks, able_variants, np.concatenate(times), edges)
+        starts = np.array([task.own[:START_POSE] for task in able_tasks])
+        states = laid(np.concatenate(paths), begins, starts, edges)
         # the first of each is its start
         made = {
             n: (states[begin + 1 : end], t[1:]) for n, t, (begin, end) in zip(able, times, pairwise(edges), strict=True)
@@ -104,6 +110,26 @@ class Simulated:
         """States of a task that cannot be simulated."""
         times_s = self._data[task.run].time_s
         return np.full((len(times_s), 6), np.nan), times_s
+
+    def _paths_of(
+        self, tasks: Sequence[Task], variants: Sequence[Variant], times: Sequence[Floats]
+    ) -> tuple[list[Floats], Floats]:
+        """States (n, 6) of every task from a pose that all tasks with the same motion share, and these poses (n, 3)."""
+        begins = np.array([variant.begin(task.own[:START_POSE]) for task, variant in zip(tasks, variants, strict=True)])
+
+        def simulated(numbers: Sequence[int]) -> list[Floats]:
+            moved = [replace(tasks[n], own=(*begins[n].tolist(), *tasks[n].own[START_POSE:])) for n in numbers]
+            edges = np.cumsum([0, *(len(times[n]) for n in numbers)])
+            stacked_s = np.concatenate([times[n] for n in numbers])
+            states = self._states(moved, [variants[n] for n in numbers], stacked_s, edges)
+            return np.split(states, edges[1:-1])
+
+        keys = [
+            (tuple(begin), task.own[START_POSE:], self._late_s(task), id(variant.record), variant.view.time_factor)
+            for begin, task, variant in zip(begins.tolist(), tasks, variants, strict=True)
+        ]
+        records = [variant.record for variant in variants]
+        return self._paths.of([task.run for task in tasks], keys, records, simulated), begins
 
     def _states(
         self, tasks: Sequence[Task], variants: Sequence[Variant], times_s: Floats, edges: NDArray[np.int64]

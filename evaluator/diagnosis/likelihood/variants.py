@@ -24,6 +24,7 @@ from evaluator.diagnosis.likelihood.known_to import (
 from evaluator.diagnosis.likelihood.run_data import RunData, Task, Values, is_shared
 from evaluator.robot_geometry import reference_places
 from simulator.dynamics.model import apply_effects, record_of, room_for
+from simulator.dynamics.terms import is_of_plate
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.coordinates import Candidate
 from simulator.effects.draft import Draft
@@ -40,11 +41,22 @@ _compiling = Lock()  # threads share the variants
 class Variant:
     """A robot with nominal values moved and terms added, which many runs share.
 
-    record: compiled at nominal friction, the words of a record, None where it cannot be simulated.
+    record: compiled at nominal friction, the words of a record, None where it cannot be simulated; one for all variants
+    that drive alike, however they are seen. of_place, of_direction: whether it drives in another way elsewhere on the
+    plate, and in another direction.
     """
 
     record: NDArray[np.int64] | None
     view: View
+    of_place: bool = True
+    of_direction: bool = True
+
+    def begin(self, pose: Sequence[float]) -> tuple[float, float, float]:
+        """The pose from which to simulate a run that starts at a pose: one for all starts from which it moves alike."""
+        x, y, heading = pose
+        if self.of_place:
+            return x, y, heading
+        return 0.0, 0.0, heading if self.of_direction else 0.0
 
 
 class Variants:
@@ -60,6 +72,7 @@ class Variants:
         self._kinds = [self._robots.index(robot) for robot in self._robots]  # equal robots have equal variants
         self._places = {kind: reference_places(self._robots[kind]) for kind in self._kinds}  # of the file
         self._found: dict[tuple[object, ...], Variant] = {}
+        self._records: dict[bytes, NDArray[np.int64]] = {}
 
     def of(self, tasks: Sequence[Task], data: Sequence[RunData]) -> list[Variant]:
         """The variant of every task; tasks of a linearization share theirs, and so do those of later ones."""
@@ -69,6 +82,7 @@ class Variants:
     def _of(self, tasks: Sequence[Task], data: Sequence[RunData]) -> list[Variant]:
         if len(self._found) > MOST_VARIANTS:
             self._found.clear()
+            self._records.clear()
         met: dict[tuple[object, ...], Variant] = {}
         result = []
         for task in tasks:
@@ -100,7 +114,11 @@ class Variants:
             self._add_known(nominal, draft, view)
             for effect, values in terms.items():
                 add_term(self._terms[effect], values, draft, view)
-            return Variant(record_of(draft, slots=self.slots).view(np.int64), view)
+            record = record_of(draft, slots=self.slots).view(np.int64)
+            record = self._records.setdefault(record.tobytes(), record)
+            of_place = any(term.depends_on_place for term in draft.terms)
+            of_direction = any(is_of_plate(term.channel, term.basis) for term in draft.terms)
+            return Variant(record, view, of_place, of_direction)
         except SimulationError:
             return Variant(None, view)  # outside what can be simulated; the caller sees NaN and steps back
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -12,10 +12,12 @@ from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.inference.bounds import is_at_bound
 from evaluator.diagnosis.inference.fit import Fit, fit_model
 from evaluator.diagnosis.likelihood.features import Compression
+from evaluator.diagnosis.likelihood.jumps import smooth_slope
 from evaluator.diagnosis.likelihood.mixed_model import MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
-from evaluator.diagnosis.likelihood.problem import OF_GROUND, Column, Point, Problem
+from evaluator.diagnosis.likelihood.problem import OF_GROUND, START, Column, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
+from evaluator.diagnosis.search_runs import show_starts
 from simulator.effects.coordinates import Candidate, Coordinate
 
 FRAMES = 12
@@ -109,3 +111,31 @@ def test_an_estimate_is_at_a_bound_where_more_might_lie_beyond() -> None:
         False,
         True,
     ]
+
+
+def test_slopes_on_ground_hold_no_jump() -> None:
+    """The step of the derivative is 0.02; at 0.04 it leads over the edge at 0.05, and the other side is smooth."""
+    at = Point(np.zeros((3, 7)), terms={"drift": (0.04,)})
+    column = Column("drift", 0, DRIFT)
+    for length, over in ((100.0, False), (1.0, True)):
+        first, second, _ = problem_of(Steps(-60.0), length).linearized(at, [column])
+        assert (np.abs(second.common).max() > 100) == over
+        smooth = np.allclose(second.common, first.common, atol=1e-9)
+        assert smooth != over
+        for view in (first, second):  # what is left of the response at the point is what the model leaves there
+            left = view.response - view.common @ [0.04]
+            assert np.abs(left).max() == pytest.approx(TRUTH - 0.04, abs=1e-9)
+
+
+def test_a_run_that_jumps_to_both_sides_says_nothing_of_a_parameter() -> None:
+    here = np.array([1.0, 2.0])
+    assert smooth_slope(here, here + np.array([0.0, 0.1]), 0.5).tolist() == pytest.approx([0.0, 0.2])
+    assert smooth_slope(here, here + np.array([0.0, 5.0]), 0.5).tolist() == [0.0, 0.0]
+    assert smooth_slope(here, here * np.nan, 0.5).tolist() == [0.0, 0.0]
+
+
+def test_starts_are_fitted_where_what_is_unknown_of_them_shows() -> None:
+    problem, at = problem_of(Steps(0.0), 100.0), Point(np.zeros((3, 7)))
+    assert not show_starts(problem, at)  # in this world nothing depends on them
+    assert list(replace(problem, starts_show=False).varied) == [0, 1, 2]
+    assert START in problem.varied

@@ -10,12 +10,14 @@ import pytest
 
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.candidates.free_form import free_terms
+from evaluator.diagnosis.likelihood import simulation
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData, Task, aligned_starts
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.likelihood.variants import depends_on_place, varied_robot
 from evaluator.interchange.commands import Told
 from simulator.command import Command
 from simulator.effects.entry import EffectEntry
+from simulator.integrator.batch import integrate_many
 from simulator.observation import marks_of_run
 from simulator.robot import Robot, load_robot
 from simulator.run import State
@@ -269,3 +271,29 @@ def test_effects_that_depend_on_place_are_those_by_which_a_run_elsewhere_is_anot
 
 def gradient() -> EffectEntry:
     return EffectEntry(id="friction-gradient", per_mm_x=1e-3, per_mm_y=0.0)
+
+
+def test_runs_that_differ_in_their_start_pose_are_simulated_once_where_no_place_differs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    counts: list[int] = []
+
+    def counted(*given: Any) -> Any:
+        counts.append(len(given[5]))
+        return integrate_many(*given)
+
+    monkeypatch.setattr(simulation, "integrate_many", counted)
+    there = [task({0: 40.0, 1: -3.0, 2: -2.1}), task({0: 40.0}), task({2: -2.1})]
+    tilt, slope = {"plate-tilt": (2.0, 0.4)}, {"friction-gradient": (0.002, 0.001)}
+    terms = named_terms(20.0, (30.0, 60.0))
+    cases: list[tuple[dict[str, Any], int]] = [({}, 1), ({"terms": tilt}, 2), ({"terms": slope}, 3)]
+    for values, wanted in cases:
+        simulated = Simulated([BARREL], [RUN], terms, KNOWN, SIGMA_S)
+        counts.clear()
+        once = simulated.marks([replace(item, **values) for item in there])
+        simulated.marks([replace(there[0], **values)])
+        assert sum(counts) == wanted
+        for item, marks in zip(there, once, strict=True):
+            alone = Simulated([BARREL], [RUN], terms, KNOWN, SIGMA_S).marks([replace(item, **values)])[0]
+            np.testing.assert_allclose(marks, alone, atol=1e-9)
+    np.testing.assert_allclose(found(there[0]), expected(pose=(40.0, -3.0, -2.1)), atol=1e-4)
