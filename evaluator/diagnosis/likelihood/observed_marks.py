@@ -10,7 +10,7 @@ import numpy as np
 
 from calibration.compilation import compiled
 from evaluator.diagnosis.likelihood.known_to import SCALE, amount_of
-from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Floats, RunData, Task
+from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Floats, RunData
 from simulator.effects.view import View
 
 
@@ -43,14 +43,21 @@ def _plain_marks_into(
         marks[row, 3] = scale * (y + other_ahead * sin + other_left * cos)
 
 
-def with_shared_errors(marks: Floats, task: Task, run: RunData, known: Mapping[str, float]) -> Floats:
-    """Marks (n, 4) as seen with the errors that runs share; known: known_to.predicted_sigmas.
+class SharedErrors:
+    """Errors of the measurement that a run shares with others, together what they do to its marks."""
 
-    The scale is one of the marks as predicted. Those measured hold their noise: a scale of theirs explains it to the
-    last frame against a scale of the prediction (plane-scale).
-    """
-    amounts = {key: amount for key, amount in task.nominal.items() if amount}
-    shared = [amount / SHARED_UNIT * run.systematic[key] for key, amount in amounts.items() if key in run.systematic]
-    if SCALE in amounts and SCALE in known:
-        shared.append(amount_of(amounts, SCALE, known) * marks)
-    return marks + sum(shared) if shared else marks
+    def __init__(self, run: RunData, known: Mapping[str, float]) -> None:
+        """known: known_to.predicted_sigmas."""
+        self._keys = tuple(run.systematic)
+        self._shifts = np.array([run.systematic[key].ravel() / SHARED_UNIT for key in self._keys])
+        self._known = known
+
+    def of(self, nominal: Mapping[str, float]) -> tuple[float, Floats | None]:
+        """Scale of the plate, and shifts (n, 4) of the marks, where there are any; nominal: of a Task.
+
+        The scale is one of the marks as predicted. Those measured hold their noise: a scale of theirs explains it to
+        the last frame against a scale of the prediction (plane-scale).
+        """
+        amounts = np.array([nominal.get(key, 0.0) for key in self._keys])
+        shift = (amounts @ self._shifts).reshape(-1, 4) if amounts.any() else None
+        return 1 + amount_of(nominal, SCALE, self._known), shift

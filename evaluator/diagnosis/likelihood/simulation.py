@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.feature_cache import Paths, laid
 from evaluator.diagnosis.likelihood.known_to import START, amount_of, mark_keys
-from evaluator.diagnosis.likelihood.observed_marks import marks_of_states, with_shared_errors
+from evaluator.diagnosis.likelihood.observed_marks import SharedErrors, marks_of_states
 from evaluator.diagnosis.likelihood.run_data import Floats, RunData, Task
 from evaluator.diagnosis.likelihood.variants import Variant, Variants
 from simulator.dynamics.record import model_type
@@ -55,6 +55,7 @@ class Simulated:
         self.robots: tuple[Robot, ...] = tuple(robots)
         self._mark_keys = [mark_keys(robot) for robot in self.robots]
         self._data = tuple(data)
+        self._errors = [SharedErrors(run, self.known) for run in data]
         self._terms = terms
         told = [run.told for run in data]
         self._knots = [item.command.knots for item in told]
@@ -78,13 +79,19 @@ class Simulated:
         distinct = dict(zip(keys, zip(tasks, variants, strict=True), strict=True))
         simulated = dict(zip(distinct, self._simulated(*zip(*distinct.values(), strict=True)), strict=True))
         seen: dict[tuple[object, ...], Floats] = {}
+        errors: dict[tuple[int, int], tuple[float, Floats | None]] = {}
         result = []
         for key, task, variant in zip(keys, tasks, variants, strict=True):
             moved = tuple(amount_of(task.nominal, name, self.known) for name in self._mark_keys[task.run])
             if (key, moved) not in seen:
                 states, times_s = simulated[key]
                 seen[key, moved] = marks_of_states(states, times_s, variant.view, moved)
-            result.append(with_shared_errors(seen[key, moved], task, self._data[task.run], self.known))
+            place = task.run, id(task.nominal)  # a mapping lives as long as its task
+            if place not in errors:
+                errors[place] = self._errors[task.run].of(task.nominal)
+            scale, shift = errors[place]
+            scaled = scale * seen[key, moved]
+            result.append(scaled if shift is None else scaled + shift)
         return result
 
     def _simulated(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[tuple[Floats, Floats]]:
