@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from tests.benchmarks.studio import memory_mb
-from tests.evaluator.studio.browser import BROWSER
+from tests.evaluator.browser import BROWSER
 
 PLAYED_S = 10.0
 SHOWN = """(seconds) => new Promise((done) => { const axis = document.querySelector(".axis"), seen = new Set();
