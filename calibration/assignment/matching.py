@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve
+from scipy.fft import irfft2, next_fast_len, rfft2
 
 from calibration.assignment.fiducials import features_promised, features_seen, of_equal_size
 from calibration.assignment.lattice import BARE, Lattice, places_without_dot
@@ -192,8 +192,12 @@ def _placements(
     observed[tuple((seen - corner).T)] = 1.0
     vacant[tuple((void - corner).T)] = 1.0
 
+    lags = tuple((gauge_extent + extent - 1).tolist())
+    padded = tuple(next_fast_len(count, real=True) for count in lags)
+
     def correlated(kernel: Array, image: Array) -> Array:
-        return np.asarray(fftconvolve(kernel, image[::-1, ::-1]))
+        product_of_spectra = rfft2(kernel, padded) * rfft2(image[::-1, ::-1], padded)
+        return np.asarray(irfft2(product_of_spectra, padded))[: lags[0], : lags[1]]
 
     inside, hollow = np.rint(correlated(mask, observed)), np.rint(correlated(mask, vacant))
     likeness = np.zeros_like(inside)

@@ -39,7 +39,7 @@ from evaluator.diagnosis.design.next_runs import NextRuns, best_next_runs
 from evaluator.diagnosis.experiment import Session, held_out_runs, shortcomings
 from evaluator.diagnosis.inference.fit import Fit
 from evaluator.diagnosis.inference.fit_cache import FitCache
-from evaluator.diagnosis.inference.profile_likelihood import Profile, profile_of
+from evaluator.diagnosis.inference.profile_likelihood import Profile, profiles_of
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.inference.watch import Cores, SearchStoppedError, Watch
 from evaluator.diagnosis.likelihood.problem import Point, Problem
@@ -215,7 +215,7 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagn
         standing=said.standing,
         chosen=said.chosen,
         named=said.named,
-        profiles=_profiles(everything, said.chosen) if said.verdict == "effect" else {},
+        profiles=profiles_of(everything, said.chosen) if said.verdict == "effect" else {},
         separation=apart,
         leftover=said.leftover,
         terms=terms,
@@ -227,13 +227,6 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagn
         known_together=said.known_together,
     )
     return _looked_at_again(found, start)
-
-
-def _profiles(search: Search, ids: Set) -> dict[str, Profile]:
-    """Profiles of the effects of a fitted set whose posterior is not normal."""
-    smooth = [effect for effect in sorted(ids) if not search.terms[effect].stepwise]
-    found = {effect: profile_of(search, search.fits[ids], search.terms[effect]) for effect in smooth}
-    return {effect: profile for effect, profile in found.items() if profile is not None}
 
 
 def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:

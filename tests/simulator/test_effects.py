@@ -283,22 +283,3 @@ def test_faulty_effect_is_refused_with_the_nearest_remedy(tmp_path: Path, entry:
     with pytest.raises(InputError, match="effect") as caught:
         read_with(load_robot, path_)
     assert said in str(caught.value)
-
-
-@pytest.mark.parametrize(("direction_deg", "factor"), [(90.0, 1.2), (0.0, 0.8)])
-def test_grain_acts_on_driven_wheels_along_their_axle_the_only_way_in_which_they_slide(
-    barrel: Robot, direction_deg: float, factor: float
-) -> None:
-    # Straight along x under a pull to the left; the light rear gives way, along y as long as the heading stays.
-    pulled = affected(barrel, "tether-pull", x_mN=0.0, y_mN=2.0)
-    headings = [
-        float(simulate(robot, Command.constant(30.0, 30.0), TIMES_S[:4], State(0.0, 0.0, 0.0)).heading_rad[-1])
-        for robot in (
-            pulled,
-            affected(pulled, "friction-level", factor=factor),
-            affected(pulled, "friction-grain", amplitude=0.2, direction_deg=direction_deg),
-        )
-    ]
-    nominal, everywhere, grain = headings
-    # The driving wheels slide a little along x too, so the grain does somewhat less than the level of friction.
-    assert 0.5 < (grain - nominal) / (everywhere - nominal) < 1.0

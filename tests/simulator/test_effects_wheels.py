@@ -11,6 +11,7 @@ from simulator.command import Command
 from simulator.dynamics.model import compile_robot
 from simulator.dynamics.wheel import COS_STEER, GRIP_X, GRIP_Y, SIN_STEER, STEEP_X, STEEP_Y
 from simulator.robot import Robot, load_robot
+from simulator.run import State
 from simulator.simulation import simulate
 from simulator.steady import steady_turn
 from tests.simulator.effect_probe import affected, contacts, wheel_loads
@@ -188,3 +189,26 @@ def test_friction_grain_lies_in_the_plate_and_turns_under_the_robot(barrel: Robo
     for heading_deg, factor in ((50.0, 1.2), (140.0, 0.8), (80.0, 1.1)):
         found = contacts(robot, (0.0, 0.0, math.radians(heading_deg)), rpm=(60.0, 60.0))
         assert found[GRIP_X, :2] == pytest.approx([factor, factor])
+
+
+@pytest.mark.parametrize(("direction_deg", "factor"), [(90.0, 1.2), (0.0, 0.8)])
+def test_grain_acts_on_driven_wheels_along_their_axle_the_only_way_in_which_they_slide(
+    barrel: Robot, direction_deg: float, factor: float
+) -> None:
+    # Straight along x under a pull to the left; the light rear gives way, along y as long as the heading stays.
+    pulled = affected(barrel, "tether-pull", x_mN=0.0, y_mN=2.0)
+    headings = [
+        float(
+            simulate(robot, Command.constant(30.0, 30.0), np.linspace(0.0, 0.3, 4), State(0.0, 0.0, 0.0)).heading_rad[
+                -1
+            ]
+        )
+        for robot in (
+            pulled,
+            affected(pulled, "friction-level", factor=factor),
+            affected(pulled, "friction-grain", amplitude=0.2, direction_deg=direction_deg),
+        )
+    ]
+    nominal, everywhere, grain = headings
+    # The driving wheels slide a little along x too, so the grain does somewhat less than the level of friction.
+    assert 0.5 < (grain - nominal) / (everywhere - nominal) < 1.0

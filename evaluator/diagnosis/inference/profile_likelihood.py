@@ -60,6 +60,13 @@ class Profile:
         return np.asarray(self.follow(walked) + beside)
 
 
+def profiles_of(search: Search, ids: frozenset[str]) -> dict[str, Profile]:
+    """Profiles of the effects of a fitted set whose posterior is not normal."""
+    smooth = [effect for effect in sorted(ids) if not search.terms[effect].stepwise]
+    found = {effect: profile_of(search, search.fits[ids], search.terms[effect]) for effect in smooth}
+    return {effect: profile for effect, profile in found.items() if profile is not None}
+
+
 def profile_of(search: Search, fit: Fit, term: Candidate) -> Profile | None:
     """The profile of that coordinate of a term that the linear view describes worst; None where it describes all."""
     worst, found = np.log1p(NONLINEAR), None

@@ -84,6 +84,12 @@ def draw(
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
+def noise_images(count: int, size: tuple[int, int] = (64, 48)) -> list[NDArray[np.uint8]]:
+    """Frames in which nothing repeats."""
+    rng = np.random.default_rng(1)
+    return [rng.integers(0, 255, (size[1], size[0], 3)).astype(np.uint8) for _ in range(count)]
+
+
 def write_video(
     path: Path,
     images: list[NDArray[np.uint8]],
