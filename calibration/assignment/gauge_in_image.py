@@ -54,7 +54,7 @@ def sight(image: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
         raise ImageError(
             name,
             f"{len(dots)} dots of color {gauge.dots.color} found, at least {fewest} are needed; "
-            "is it a sharp image of the gauge?",
+            "is it a sharp image of the gauge, and is that one of dots (no checkerboard, no ChArUco board)?",
         )
     if len(lattice) < fewest:
         raise ImageError(
@@ -79,7 +79,7 @@ def sight(image: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
         raise ImageError(
             name,
             f"the marks are not discs but {NAMES[order]}: their rims depart from an ellipse by "
-            f"{100 * depth:.0f} % of the radius; is it the gauge of this image?",
+            f"{100 * depth:.0f} % of the radius; is it the gauge of this image, and did nothing move in the exposure?",
         )
     ratio = size_ratio(dots.centers_px[match.dot], dots.diameter_px[match.dot], match.column, match.row, gauge)
     if ratio > FOREIGN_SIZE or ratio < 1 / FOREIGN_SIZE:

@@ -178,7 +178,8 @@ def rows_and_columns(lattice: Lattice) -> tuple[str, Integers]:
     """
     a, b = lattice.index.T
     options = [("square", a, b)]
-    options += [("staggered", *pair) for pair in ((a - b, a + b), (a + b, b - a), (2 * a + b, b), (2 * b + a, a))]
+    pairs = ((a - b, a + b), (a + b, b - a), (2 * a + b, b), (2 * b + a, a), (2 * a - b, b), (2 * b - a, a))
+    options += [("staggered", *pair) for pair in pairs]
     best, most = options[0], 0.0
     for layout, across, down in options:
         columns, rows = np.ptp(across) + 1, np.ptp(down) + 1

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from calibration.assignment.array_in_image import find_array
-from calibration.assignment.lattice import array_size
+from calibration.assignment.lattice import Lattice, array_size
 from calibration.assignment.regularity import evidence, off_rows, regular
 
 Array = NDArray[np.float64]
@@ -31,6 +32,15 @@ def test_rows_of_a_slanted_array_are_straight_and_those_of_specks_are_not() -> N
     assert off_rows(seen(), PLACES).max() < 1e-9
     assert evidence(seen(), PLACES) > 1.5
     assert evidence(grown, PLACES) == 0.0
+    assert evidence(pitch * PLACES + 0.5 * (grown - pitch * PLACES), PLACES) == 0.0  # the best that chance gives
+
+
+@pytest.mark.parametrize("aside", [(0.5, 1.0), (-0.5, 1.0)])  # pitches from a row to the next: either way is a basis
+def test_a_staggered_array_is_one_in_either_basis(aside: tuple[float, float]) -> None:
+    column, row = (each.ravel() for each in np.meshgrid(range(4), range(5), indexing="ij"))
+    points = 20.0 * np.column_stack([column + 0.5 * (row % 2), row])
+    index = np.rint(points / 20.0 @ np.linalg.inv([[1.0, 0.0], aside])).astype(np.int64)
+    assert array_size(Lattice(np.arange(20), index), points) == ("staggered", 4, 5)
 
 
 def test_a_speck_beside_the_array_is_no_member_and_a_dot_without_a_row_is_none() -> None:
