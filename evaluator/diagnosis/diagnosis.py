@@ -291,7 +291,7 @@ def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
             f"adjusted within all tolerances, the model still misses something: {missed.sentence}" if missed else ""
         )
     elif found.verdict == "effect":
-        reason = grown_gap(found.gap)
+        reason = grown_gap(found.gap, found.held_out)
     if reason and (few := too_few_runs(found.search, frozenset(), found.session)):
         plain = replace(found, verdict="insufficient", reason=f"{reason}; {few}", chosen=frozenset(), profiles={})
         return _looked_at_again(plain, nominal)

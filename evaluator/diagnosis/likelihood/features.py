@@ -9,7 +9,7 @@ algebra.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from scipy.linalg import solve_triangular
 from calibration.compilation import compiled
 from evaluator.diagnosis.likelihood.noise.tracking import (
     FEWEST_MODES,
+    QUANTIZATION_MM,
     TAPERED,
     Noise,
     Spectrum,
@@ -125,15 +126,28 @@ def channel_noise(spectra_by_run: list[tuple[Spectrum, ...]]) -> list[tuple[Nois
     """Noise of every channel of every run: one correlation for all runs, an amplitude for each run.
 
     The two midpoint coordinates share their noise. A run's own amplitude is taken from hundreds of fast modes, so a
-    recording in bad light counts for less.
+    recording in bad light counts for less. Direction and distance are two coordinates of one difference, that of the
+    marks, and err alike: a correlation in time that one shows, the other has. Slow errors of a heading that are taken
+    for white noise look like motion.
     """
     midpoint = fit_noise([item for run in spectra_by_run for item in run[:2]])
-    direction = fit_noise([run[2] for run in spectra_by_run])
-    distance = fit_noise([run[3] for run in spectra_by_run])
+    across, along = ([run[channel] for run in spectra_by_run] for channel in (2, 3))
+    both = [*_of_one_level(across), *_of_one_level(along)]
+    difference = fit_noise(both) if both else None
+    direction, distance = fit_noise(across, difference), fit_noise(along, difference)
     return [
         (*(_of_run(run[:2], midpoint),) * 2, _of_run(run[2:3], direction), _of_run(run[3:], distance))
         for run in spectra_by_run
     ]
+
+
+def _of_one_level(spectra: list[Spectrum]) -> list[Spectrum]:
+    """Spectra over the median power of their fast modes, to be compared in shape; none where nothing was measured."""
+    fast = [item.power_mm2[item.frequency_hz > FASTEST_HZ] for item in spectra]
+    level = float(np.median(np.concatenate(fast))) if sum(map(len, fast)) else 0.0
+    if level <= QUANTIZATION_MM**2:
+        return []
+    return [replace(item, power_mm2=item.power_mm2 / level) for item in spectra]
 
 
 def _of_run(spectra: tuple[Spectrum, ...], noise: Noise) -> Noise:

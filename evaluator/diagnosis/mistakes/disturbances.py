@@ -15,7 +15,7 @@ from evaluator.diagnosis.mistakes.motion import (
     displacement_over,
     jump,
     motion_of,
-    onset_s,
+    onset,
 )
 from evaluator.diagnosis.mistakes.phases import phases_of
 from evaluator.diagnosis.mistakes.recognised import Found
@@ -32,6 +32,8 @@ UNITS = {"m": 1e-3, "cm": 0.1, "inch": 1 / 25.4, "µm": 1e3}
 UNIT_SHARE = 0.06  # how near to such a ratio the distance of the marks must be
 PX_RATIO = 3.0  # marks so many times too far apart, and of no length unit, are pixels
 LATE_S = 0.1  # beyond what anyone misses a start by, counting frames
+LATE_SPREADS = 6.0  # times what the starts of the session scatter
+LATE_SIGMAS = 5.0  # of what the noise leaves open of this start: any of two dozen may stand out, by tails a little more
 STANDS_SHARE = 0.05  # of the way that the wheels would roll without slip
 HELD_SHARE, PUSHED_SHARE = 0.4, 1.6  # of the usual speed of the run: no effect of physics changes it so for a moment
 HELD_S = 0.25  # a disturbance lasts longer than a window of the velocity
@@ -79,7 +81,9 @@ def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
 def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
     """Runs that start at another time than the file says, against the other runs of the session, or outside."""
     del robots
-    found, late = [], {}
+    found: list[Found] = []
+    late: dict[str, float] = {}
+    sigma: dict[str, float] = {}
     for run in data:
         first, last = float(run.time_s[0]), float(run.time_s[-1])
         if run.start_s >= last:
@@ -87,9 +91,9 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
             found.append(Found(run.id, "late-start", seen, "correct start_s in experiment.toml"))
             continue
         from_rest = run.told.starts_at_rest and bool(run.left_rpm or run.right_rpm)
-        begins = onset_s(run) if from_rest else None
+        begins = onset(run) if from_rest else None
         if begins is not None:
-            late[run.id] = begins - run.start_s
+            late[run.id], sigma[run.id] = begins.time_s - run.start_s, begins.sigma_s
     if not late:
         return found
     # what is common to all runs, a lag of the motors or of the clock, is the diagnosis's to find
@@ -97,12 +101,12 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
     spread = 1.4826 * float(np.median(np.abs(np.array(list(late.values())) - usual))) if len(late) > 2 else 0.0
     starts = {run.id: run.start_s for run in data}
     for run_id, value in late.items():
-        if abs(value - usual) > max(LATE_S, 6 * spread):
-            begins = starts[run_id] + value - usual
+        if abs(value - usual) > max(LATE_S, LATE_SPREADS * spread, LATE_SIGMAS * sigma[run_id]):
+            at_s = starts[run_id] + value - usual
             way = "later" if value > usual else "earlier"
-            seen = f"motion begins at about {begins:.2f} s, {abs(value - usual):.2f} s {way} than start_s says"
+            seen = f"motion begins at about {at_s:.2f} s, {abs(value - usual):.2f} s {way} than start_s says"
             correction = Correction(later_s=value - usual)
-            found.append(Found(run_id, "late-start", seen, f"set start_s = {begins:.2f}", correction=correction))
+            found.append(Found(run_id, "late-start", seen, f"set start_s = {at_s:.2f}", correction=correction))
     return found
 
 

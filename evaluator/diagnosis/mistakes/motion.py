@@ -77,8 +77,16 @@ def motion_of(run: RunData, between: tuple[float, float] | None = None) -> Motio
     return Motion(*np.array(rows).T)
 
 
-def onset_s(run: RunData) -> float | None:
-    """When motion begins, s: the distance of the faster mark from its place of rest, extrapolated back to nothing.
+@dataclass(frozen=True)
+class Onset:
+    """When motion begins, s, and the standard error of that, s: slow marks in noise leave it open by tenths."""
+
+    time_s: float
+    sigma_s: float
+
+
+def onset(run: RunData) -> Onset | None:
+    """When motion begins: the distance of the faster mark from its place of rest, extrapolated back to nothing.
 
     None where no rest before it is seen, or no motion. A lag of the motors delays it by its time constant.
     """
@@ -102,12 +110,16 @@ def onset_s(run: RunData) -> float | None:
     part = slice(first, int(np.searchsorted(time, time[first] + ONSET_SPAN_S)))
     if len(time[part]) < FEWEST_AT_REST:
         return None
-    slope, level, _, _ = stats.theilslopes(away[part], time[part] - time[first])
+    since = time[part] - time[first]
+    slope, level, _, _ = stats.theilslopes(away[part], since)
     if slope <= 0:
         return None
-    onset = float(time[first] - level / slope)
+    begins = float(-level / slope)
+    # of a line carried back from its middle, and of the place of rest, a median of so many frames
+    line = 1 / len(since) + (since.mean() - begins) ** 2 / max(float(np.sum((since - since.mean()) ** 2)), 1e-300)
+    sigma = scatter / slope * float(np.sqrt(line + np.pi / 2 / rest))
     # a robot that moves already would seem to begin in the middle of what was taken for its rest
-    return onset if onset > max(time[0] + REST_S, time[rest - 1]) else None
+    return Onset(time[first] + begins, sigma) if time[first] + begins > max(time[0] + REST_S, time[rest - 1]) else None
 
 
 def jump(run: RunData) -> tuple[float, float] | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.motion import onset
 
 RATE = 60
 NOISE_MM = 1e-4
@@ -27,3 +28,9 @@ def recorded(marks: np.ndarray, time: np.ndarray | None = None, noise_mm: float 
 
 
 TIME = np.arange(180) / RATE
+
+
+def onset_s(run: RunData) -> float | None:
+    """When motion begins, s; None where that is not seen."""
+    found = onset(run)
+    return None if found is None else found.time_s

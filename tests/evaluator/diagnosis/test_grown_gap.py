@@ -57,6 +57,14 @@ def test_a_refitted_gap_must_shrink() -> None:
     assert "after refitting does not shrink (0.1 to 0.11 mm)" in grown_gap(gap(0.11))
 
 
+@pytest.mark.parametrize(("after_mm", "speaks"), [(0.005, False), (0.102, False), (0.103, True)])
+def test_the_gap_of_runs_held_out_may_not_grow_by_half_the_noise_floor(after_mm: float, speaks: bool) -> None:
+    found = gap(0.01)
+    found.after_mm[3] = after_mm  # 0.1 mm before
+    assert grown_gap(found) == ""
+    assert ("runs held out grows" in grown_gap(found, (3,))) == speaks
+
+
 def test_where_nothing_is_added_the_gap_after_is_never_worse_than_that_of_the_file() -> None:
     """Backlash that no fit followed: refitted values ended farther from the marks, and were told as the gap after."""
     worse = gap(0.11).answered(added=False)

@@ -15,10 +15,10 @@ from evaluator.diagnosis.mistakes.motion import (
     jump,
     midpoint_and_heading,
     motion_of,
-    onset_s,
+    onset,
 )
 from evaluator.diagnosis.mistakes.spacing import by_keystone, spacing
-from tests.evaluator.diagnosis.marks_of_motion import NOISE_MM, RATE, TIME, moving, recorded
+from tests.evaluator.diagnosis.marks_of_motion import NOISE_MM, RATE, TIME, moving, onset_s, recorded
 
 
 @pytest.mark.parametrize("yaw", [0.8, -2.5, 0.0])
@@ -85,6 +85,18 @@ def test_one_frame_beside_its_place_is_no_onset() -> None:
     marks = run.marks_mm.copy()
     marks[20] += 0.5
     assert onset_s(replace(run, marks_mm=marks)) == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("speed", "rate"), [(0.157, 25), (0.3, 60), (1.0, 60)])
+def test_onset_is_as_uncertain_as_the_noise_leaves_it(speed: float, rate: int) -> None:
+    """The slowest is a wheel at 3 rpm: in 0.01 mm of noise its start is known to a tenth of a second."""
+    rng = np.random.default_rng(2)
+    time = np.arange(3 * rate) / rate
+    marks = moving(np.maximum(time - 1.0, 0.0), speed, 0.1)
+    found = [onset(recorded(marks + rng.normal(0.0, 0.01, marks.shape), time)) for _ in range(100)]
+    off = np.array([(one.time_s - 1.0) / one.sigma_s for one in found if one is not None])
+    assert len(off) == 100
+    assert np.sqrt(np.mean(off**2)) == pytest.approx(1.1, abs=0.25)
 
 
 @pytest.mark.parametrize("size_mm", [0.5, 3.0])

@@ -13,10 +13,10 @@ import pytest
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.hypotheses import _beyond_the_others
-from evaluator.diagnosis.mistakes.motion import onset_s
 from evaluator.diagnosis.mistakes.recognise import recognise
 from evaluator.diagnosis.mistakes.recognised import Found
 from tests.evaluator.diagnosis.hidden import hidden_session
+from tests.evaluator.diagnosis.marks_of_motion import onset_s
 
 Change = Callable[[RunData], RunData]
 TURN = 4  # number of the run that is changed: a turn driven backward

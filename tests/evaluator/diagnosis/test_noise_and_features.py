@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.signal import lfilter
 
 from evaluator.diagnosis.likelihood.features import (
     MODEL_FLOOR_MM,
@@ -151,6 +152,35 @@ def test_each_channel_has_its_noise_and_each_run_its_own_amplitude() -> None:
     assert [part.sigma_mm for part in noise[0]] == pytest.approx([0.004, 0.004, 0.008, 0.012], rel=0.2)
     assert [part.sigma_mm for part in noise[5]] == pytest.approx([0.012, 0.012, 0.024, 0.036], rel=0.2)
     assert noise[0][0] == noise[0][1]
+
+
+def test_direction_has_the_correlation_that_distance_shows() -> None:
+    """Both are coordinates of the difference of the marks; 0.0023 mm lasting 0.25 s, in 0.0077 mm of white noise."""
+    rng, time, decay = np.random.default_rng(8), np.arange(420) / 60, np.exp(-1 / 15)
+
+    def error() -> np.ndarray:
+        slow = lfilter([1], [1, -decay], np.sqrt(1 - decay**2) * rng.normal(size=720))[300:]
+        return 0.0077 * rng.normal(size=420) + 0.0023 * slow
+
+    spectra = [
+        residual_spectra(time, np.column_stack([size * error() for size in (1, 1, 1, 2)]), 0.0) for _ in range(12)
+    ]
+    assert fit_noise([run[2] for run in spectra]).slow_mm == 0.0  # by itself it leaves that undecided
+    _, _, direction, distance = channel_noise(spectra)[0]
+    assert direction.slow_mm / direction.white_mm == pytest.approx(distance.slow_mm / distance.white_mm, rel=0.5)
+    assert direction.sigma_mm == pytest.approx(np.hypot(0.0077, 0.0023), rel=0.1)
+
+
+def test_a_distance_that_nobody_measured_says_nothing_of_the_direction() -> None:
+    for factor in (1.0, 1e-6):  # of poses that somebody simulated the direction has no noise either
+        spectra = [
+            tuple(
+                replace(item, power_mm2=item.power_mm2 * size**2)
+                for item, size in zip(run, (1, 1, factor, 1e-9), strict=True)
+            )
+            for run in white_spectra([0.004] * 5)
+        ]
+        assert channel_noise(spectra)[0][2].sigma_mm == pytest.approx(0.004 * factor, rel=0.2, abs=2e-5)
 
 
 def test_amplitude_of_a_run_is_one_within_what_chance_allows() -> None:

@@ -158,8 +158,12 @@ def _frame_slots(time_s: Floats) -> tuple[NDArray[np.int64], float]:
     return slots, float((time_s[-1] - time_s[0]) / slots[-1])
 
 
-def fit_noise(spectra: list[Spectrum]) -> Noise:
-    """Fit one noise to the fast modes of all spectra (Whittle likelihood, lines of narrow band held down)."""
+def fit_noise(spectra: list[Spectrum], shared: Noise | None = None) -> Noise:
+    """Fit one noise to the fast modes of all spectra (Whittle likelihood, lines of narrow band held down).
+
+    shared: the noise, but for its size, of these and of others that are made alike: where these alone do not show a
+    correlated part, they have that of all together.
+    """
     frequency = np.concatenate([item.frequency_hz for item in spectra])
     power = np.concatenate([item.power_mm2 for item in spectra])
     step_s = float(np.median([item.step_s for item in spectra]))
@@ -181,6 +185,9 @@ def fit_noise(spectra: list[Spectrum]) -> Noise:
     best, white_mm2 = chosen.x, float(np.mean(power))
     white_alone = known[3] * len(power) * (np.log(white_mm2) + 1)
     if white_alone - float(chosen.fun) < CORRELATED_AT:
+        if shared is not None and shared.slow_mm:
+            size = float(np.sqrt(np.mean(power / expected_power(shared, frequency, step_s))))
+            return shared.scaled(max(size, QUANTIZATION_MM / shared.sigma_mm))
         return Noise(max(float(np.sqrt(white_mm2)), QUANTIZATION_MM), 0.0, step_s)
     decay = _decay(best[2])
     return Noise(
