@@ -52,6 +52,7 @@ from evaluator.diagnosis.search_ground import searched_on_ground
 from evaluator.diagnosis.search_runs import (
     challenge_with_free_terms,
     fit_on_all_runs,
+    prepared,
     refit_without_held_out,
     search_named,
 )
@@ -195,12 +196,14 @@ def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diag
 
 def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagnosis:
     """The diagnosis of runs that may decide."""
-    part, start, terms = search_named(session, progress, fits)
-    everything = fit_on_all_runs(part, terms)
-    free = {effect: term for effect, term in terms.items() if is_free(effect)}
-    challenge_with_free_terms(everything, free, progress)
-    if part.problem.open_ground:
-        part, everything = searched_on_ground(part, everything, len(free), progress)
+    ready = prepared(session, progress, fits)
+    free = ready.free
+    if ready.problem.open_ground:
+        part, everything = searched_on_ground(ready, progress)
+    else:
+        part = search_named(ready, progress)
+        everything = fit_on_all_runs(part, ready.terms)
+        challenge_with_free_terms(everything, free, progress)
     said = answer(everything, session, free)
     progress("where and what next", 0.95)
     apart = separations(everything, said.named) if said.verdict == "effect" else {}
@@ -218,7 +221,7 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagn
         profiles=profiles_of(everything, said.chosen) if said.verdict == "effect" else {},
         separation=apart,
         leftover=said.leftover,
-        terms=terms,
+        terms=ready.terms,
         next_runs=best_next_runs(everything, said.chosen, said.standing, apart, session.known),
         constancy=said.constancy,
         changes=said.changes,
@@ -226,7 +229,7 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagn
         known=said.known,
         known_together=said.known_together,
     )
-    return _looked_at_again(found, start)
+    return _looked_at_again(found, ready.start)
 
 
 def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from evaluator.diagnosis.assessment.knowledge import knowledge
 from evaluator.diagnosis.assessment.model_comparison import (
     Set,
     Standing,
+    is_free,
     score,
     separations,
     standing,
@@ -31,6 +32,7 @@ from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.known_to import Quantity, predicted_sigmas
 from evaluator.diagnosis.likelihood.preparation import build_problem, with_noise_of
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
+from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.progress import Progress
 from simulator.effects.coordinates import Candidate
@@ -62,10 +64,28 @@ def rank_named(search: Search, families: int) -> tuple[Standing, Set]:
     return table, best
 
 
-def search_named(
-    session: Session, progress: Watch, fits: FitCache | None
-) -> tuple[Search, Point, dict[str, Candidate]]:
-    """The search over named effects without the runs held out, the nominal point, and all terms by id."""
+@dataclass(frozen=True)
+class Prepared:
+    """Runs ready for a search: the problem, its nominal point, tolerances that show, and all terms by id."""
+
+    problem: Problem
+    start: Point
+    tolerance: Mapping[str, float]
+    terms: Mapping[str, Candidate]
+
+    @property
+    def free(self) -> dict[str, Candidate]:
+        """Terms without a name."""
+        return {effect: term for effect, term in self.terms.items() if is_free(effect)}
+
+    @property
+    def named(self) -> dict[str, Candidate]:
+        """Terms of the catalogue and of the user."""
+        return {effect: term for effect, term in self.terms.items() if not is_free(effect)}
+
+
+def prepared(session: Session, progress: Watch, fits: FitCache | None) -> Prepared:
+    """The runs of a session, their noise, and everything that may be missing in the model of them."""
     data = session.data
     given = {entry.id for entry in session.robots[0].effect}
     size = size_of(session.robots[0])
@@ -77,19 +97,29 @@ def search_named(
     forward = Simulated(session.robots, data, terms, predicted_sigmas(session.known), session.start_sigma_s)
     problem, start = build_problem(data, forward, fits, progress)
     tolerance = told_of(problem, start, session.tolerance)
-    problem = replace(problem, starts_show=show_starts(problem, start))
-    aside = held_out_runs(data)
-    part = Search(problem, named, tolerance, tuple(run for run in range(len(data)) if run not in aside))
+    return Prepared(replace(problem, starts_show=show_starts(problem, start)), start, tolerance, terms)
+
+
+def search_named(ready: Prepared, progress: Progress) -> Search:
+    """The search over named effects without the runs held out."""
+    problem, start = ready.problem, ready.start
+    part = Search(problem, ready.named, ready.tolerance, fitted_runs(problem.data))
     begin, large = start, is_large(problem, start)
     if large:
-        begin = recalibrated(problem, start, tolerance)
+        begin = recalibrated(problem, start, ready.tolerance)
         problem = with_noise_of(problem, begin)
         part = replace(part, problem=problem)
         large = is_large(problem, begin) or helps_itself(begin)
     run_search(part, begin, start, progress, short_horizon_fits(part, start, progress) if large else ())
     part = _with_settled_noise(part, start, progress)
     _swap(part)
-    return part, start, terms
+    return part
+
+
+def fitted_runs(data: Sequence[RunData]) -> tuple[int, ...]:
+    """Numbers of the runs that are not held out."""
+    aside = held_out_runs(data)
+    return tuple(run for run in range(len(data)) if run not in aside)
 
 
 def told_of(problem: Problem, point: Point, tolerance: Mapping[str, float]) -> dict[str, float]:
@@ -198,10 +228,7 @@ def challenge_with_free_terms(search: Search, free: Mapping[str, Candidate], pro
     progress("free-form terms", 0.85)
     ranked = sorted(search.fits, key=lambda ids: -search.fits[ids].posterior.log_evidence)
     top = search.fits[ranked[0]].posterior.log_evidence
-    beside = [frozenset[str](), ranked[0]]
-    if search.problem.open_ground:  # a named effect may stand in for what has no name, beside a true one
-        beside += [frozenset([effect]) for effect in sorted(ranked[0])]
-    for ids in dict.fromkeys(beside):
+    for ids in dict.fromkeys([frozenset[str](), ranked[0]]):
         fit = search.fits.get(ids) or fit_set(search, ids, {}, search.null) or search.reached(ids)
         if fit is None:
             continue

@@ -1,6 +1,6 @@
 """How far predictions from commands are off after one window (2 s) of a driven robot, on steps that were not fitted.
 
-    python -m tests.benchmarks.husky FOLDER [--robot robot.toml] [--diagnose STEPS]
+    python -m tests.benchmarks.husky FOLDER [--robot robot.toml] [--diagnose STEPS] [--choice N]
 
 FOLDER: see tests/driven_robot/drive.py. robot.toml: in SI units if you like; that of a Clearpath Husky without it.
 Encoders, where there are any, check what was found and are never an input.
@@ -35,6 +35,7 @@ from tests.driven_robot.predicted import Predicted, predicted
 Array = NDArray[np.float64]
 SETTLED_S = 2.0  # after a change of command: motors have come up
 LEAST_CHANGE_RAD_S = 3.0  # of a command whose response is drawn out of the encoders
+LATER_STEPS = 3  # of one choice of steps to be diagnosed than of the choice before: of eight, nine choices share none
 GAINS = {"common": np.array([0.5, 0.5]), "difference": np.array([-1.0, 1.0])}
 
 
@@ -44,11 +45,12 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--robot", type=Path, default=Path(__file__).parents[1] / "driven_robot" / "husky.toml")
     parser.add_argument("--diagnose", type=int, default=0, metavar="STEPS", help="only diagnose so many steps")
+    parser.add_argument("--choice", type=int, default=0, metavar="N", help="which steps these are: 0, 1, 2, …")
     parser.add_argument("--folds", type=int, default=FOLDS, help="predict only so many of the folds")
     given = parser.parse_args()
     drive, robot = load(given.folder), load_robot(given.robot)
     if given.diagnose:
-        diagnose_some(drive, given.robot, given.diagnose)
+        diagnose_some(drive, given.robot, given.diagnose, given.choice)
         return
     print(
         f"{len(drive)} windows of {drive.time_s[-1]:g} s in {FOLDS} folds of whole steps, each predicted by the others"
@@ -151,15 +153,21 @@ def response(drive: Drive) -> Array:
     return np.asarray(np.median(curves, axis=0))
 
 
-def diagnose_some(drive: Drive, robot: Path, count: int) -> None:
+def chosen_steps(drive: Drive, count: int, choice: int) -> NDArray[np.int64]:
+    """So many steps, spread over the recording; those of another choice come later by some steps."""
+    steps = np.unique(drive.step)
+    spread = np.linspace(0, len(steps) - 1, count).astype(int)
+    return steps[np.unique((spread + LATER_STEPS * choice) % len(steps))]
+
+
+def diagnose_some(drive: Drive, robot: Path, count: int, choice: int) -> None:
     """What `turnscope diagnose` finds in whole steps, from commands and poses alone.
 
     A form without a name that it offers as an own effect is taken, and the steps are diagnosed again.
     """
     from evaluator.workflow.diagnosis.experiment import diagnose_experiment
 
-    steps = np.unique(drive.step)
-    steps = steps[np.unique(np.linspace(0, len(steps) - 1, count).astype(int))]
+    steps = chosen_steps(drive, count, choice)
     windows = np.flatnonzero(np.isin(drive.step, steps))
     with tempfile.TemporaryDirectory() as name:
         path, out = write_experiment(drive, windows, robot, Path(name)), Path(name) / "out"

@@ -15,7 +15,7 @@ from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.preparation import build_problem, with_noise_of
 from evaluator.diagnosis.likelihood.random_effects import place_runs
 from evaluator.diagnosis.likelihood.simulation import Simulated
-from evaluator.diagnosis.search_ground import name_beside_free_terms
+from evaluator.diagnosis.search_ground import grow
 from evaluator.settings import load_experiment
 from evaluator.workflow import analyze
 from simulator.robot import load_robot
@@ -65,7 +65,7 @@ def test_late_motors_are_found_beside_the_mixing_of_sides_with_their_sizes(tmp_p
     search.problem = with_noise_of(problem, place_runs(problem, first.point, runs, first.posterior.scatter))
     search.fits[frozenset()] = fit_model(search.problem, start, [], {})
     search.fits[frozenset({MIXED})] = fit_model(search.problem, first.point, [terms[MIXED]], {})
-    name_beside_free_terms(search)
+    grow(search, 1, size=1, count=1, additions=3)
     best = search.ranked()[0]
     assert best == {"command-lag", MIXED}
     found = search.fits[best].point.terms

@@ -80,8 +80,10 @@ def _from_the_null(search: Search) -> None:
     _refit(search, view, pairs, PAIRS_FROM_NULL, search.null)
 
 
-def extend(search: Search, ids: frozenset[str], among: Collection[str] | None = None) -> None:
-    """Linearize at a fitted set, and fit it with each of the most promising additions; among: all, or these."""
+def extend(
+    search: Search, ids: frozenset[str], among: Collection[str] | None = None, most: int = ADDITIONS_REFITTED
+) -> None:
+    """Linearize at a fitted set, and fit it with the most promising additions, so many; among: all, or these."""
     fit = search.reached(ids)
     assert fit is not None
     smooth = [effect for effect in sorted(ids) if not search.terms[effect].stepwise]
@@ -90,7 +92,7 @@ def extend(search: Search, ids: frozenset[str], among: Collection[str] | None = 
     ordered = _ordered(view, view.offers)
     base = view.evidence()
     worthwhile = [(offer,) for offer in ordered if view.evidence(offer) > base + PROMISING]
-    _refit(search, view, worthwhile, ADDITIONS_REFITTED, fit)
+    _refit(search, view, worthwhile, most, fit)
 
 
 def _ordered(view: Screen, offers: Sequence[tuple[str, tuple[int, ...]]]) -> list[tuple[str, tuple[int, ...]]]:

@@ -1,4 +1,4 @@
-"""The best set on ground is challenged from within: what stood in for something that was found later is taken out."""
+"""Sets on ground grow by names and forms alike, and what stood in for something that was found later is taken out."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from evaluator.diagnosis import search_ground
 from evaluator.diagnosis.inference.search import Search
-from evaluator.diagnosis.search_ground import exchange
+from evaluator.diagnosis.search_ground import exchange, grow
 
 FORM = "free:mixed"
 NAMES = ("lag", "proxy", "other", FORM)
@@ -34,6 +34,32 @@ def fit_of(ids: frozenset[str], at_bound: Collection[frozenset[str]] = ()) -> An
     )
 
 
+def search_of(monkeypatch: pytest.MonkeyPatch, at_bound: Collection[frozenset[str]] = ()) -> Search:
+    """A search whose fits have the evidence of the table, with the fit of nothing."""
+
+    def fitted(search: Search, ids: frozenset[str], *_: object) -> Any:
+        return search.fits.setdefault(ids, fit_of(ids, at_bound))
+
+    def extended(search: Search, ids: frozenset[str], among: Collection[str], most: int = 9) -> None:
+        more = sorted(set(among) - ids, key=lambda effect: -EVIDENCE.get(ids | {effect}, 0.0))
+        for effect in more[:most]:
+            fitted(search, ids | {effect})
+
+    monkeypatch.setattr(search_ground, "fit_set", fitted)
+    monkeypatch.setattr(search_ground, "extend", extended)
+    search = Search(cast("Any", SimpleNamespace(open_ground=True)), dict.fromkeys(NAMES, cast("Any", None)), {}, (0,))
+    fitted(search, frozenset())
+    return search
+
+
+def test_sets_grow_by_the_leading_additions_whether_they_have_a_name_or_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = search_of(monkeypatch)
+    grow(search, 95, size=0, count=1, additions=2)
+    assert set(search.fits) == {frozenset(), frozenset({"proxy"}), frozenset({FORM})}
+    grow(search, 95, size=1, count=1, additions=1)  # the leading one alone, though another of its size was fitted
+    assert set(search.fits) - {frozenset(), frozenset({"proxy"}), frozenset({FORM})} == {frozenset({"lag", FORM})}
+
+
 @pytest.mark.parametrize(
     ("at_bound", "best"),
     [((), {"lag", FORM}), ((frozenset({"lag", FORM}),), {"lag", "proxy", FORM})],
@@ -41,18 +67,9 @@ def fit_of(ids: frozenset[str], at_bound: Collection[frozenset[str]] = ()) -> An
 def test_a_proxy_that_was_picked_first_gives_way_to_what_is_better_in_its_place(
     at_bound: tuple[frozenset[str], ...], best: set[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fitted(search: Search, ids: frozenset[str], *_: object) -> Any:
-        return search.fits.setdefault(ids, fit_of(ids, at_bound))
-
-    def extended(search: Search, ids: frozenset[str], among: Collection[str]) -> None:
-        for effect in set(among) - ids:
-            fitted(search, ids | {effect})
-
-    monkeypatch.setattr(search_ground, "fit_set", fitted)
-    monkeypatch.setattr(search_ground, "extend", extended)
-    search = Search(cast("Any", SimpleNamespace(open_ground=True)), dict.fromkeys(NAMES, cast("Any", None)), {}, (0,))
-    for ids in (frozenset[str](), frozenset({"proxy"}), frozenset({"proxy", FORM})):
-        fitted(search, ids)
+    search = search_of(monkeypatch, at_bound)
+    for ids in (frozenset({"proxy"}), frozenset({"proxy", FORM})):
+        search.fits[ids] = fit_of(ids, at_bound)
     exchange(search, 95)
     assert search_ground._ranked(search, 95)[0] == best
     assert frozenset({FORM}) in search.fits  # what each effect stands against was fitted
