@@ -102,7 +102,7 @@ class Place(Protocol):
 
 
 def _sign(value: float) -> float:
-    return float((value > 0) - (value < 0))
+    return float(value > 0) - float(value < 0)
 
 
 def _ahead(wheel: Place, wheels: Sequence[Place]) -> float:

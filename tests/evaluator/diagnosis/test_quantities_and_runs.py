@@ -25,6 +25,7 @@ from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData, Task
 from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.settings import KnownTo
+from simulator.dynamics.terms import pattern_weights
 from simulator.robot import load_robot
 from tests.evaluator.diagnosis.synthetic import linear_runs
 
@@ -95,6 +96,12 @@ def test_nominal_values_are_multiplied_by_one_plus_their_deviation() -> None:
     assert moved.slip.lateral_friction == pytest.approx(1.1 * robot.slip.lateral_friction)
     assert moved.body.mass_g == pytest.approx(0.8 * robot.body.mass_g)
     assert moved.wheels == robot.wheels
+
+
+def test_wheels_of_a_list_whose_places_were_varied_still_have_a_side() -> None:
+    """Deviations of a fit are numbers of NumPy, whose comparisons do not subtract."""
+    moved = varied_robot(load_robot("four_driven"), {"wheel.y_mm": np.float64(0.01)})
+    assert pattern_weights("left-right", moved.wheel) == (1, -1, 1, -1)
 
 
 class Line:
