@@ -104,7 +104,10 @@ def _gap(content: Json) -> Section | None:
     if held:
         gain = gap.get("held_out_gain_sigmas")
         tail = f": the effect predicts them better by {gain:.0f} sigmas" if gain else ""
-        text.append(f"Held out from the beginning, whole runs: {', '.join(held)}{tail}.")
+        text.append(
+            f"Held out, whole runs: {', '.join(held)}{tail}. No effect was fitted to them; which effects the model "
+            "has was decided with all runs."
+        )
     if lost and closes(content):
         text.append(f"Not followed by the model that was chosen: {', '.join(lost)}. Look at these recordings first.")
     constancy = content.get("constancy") or {}

@@ -52,8 +52,8 @@ def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, a
         "gap",
         "The gap, before and after" if after else "The gap",
         f"Squares: the model as robot.toml has it{AFTER if after else ''}. Points at the strokes mean that nothing is "
-        "left but noise. Start pose and the scatter of the run are taken out. The shaded runs were held out from the "
-        f"beginning: they took no part in finding anything.{shown}",
+        "left but noise. Start pose and the scatter of the run are taken out. The shaded runs were held out: no "
+        f"effect was fitted to them; which effects the model has was decided with all runs.{shown}",
         (canvas.svg,),
         pd.DataFrame(
             {
