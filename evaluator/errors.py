@@ -1,5 +1,9 @@
-"""The one error a user of this package can cause."""
+"""The errors that a user of this package can cause, or the disk."""
 
 
 class InputError(ValueError):
     """A file or command line cannot be used; the message is one sentence: file, place, what was found, what to do."""
+
+
+class UnwritableError(InputError):
+    """A result cannot be written; no recording is to blame, and what was written before is whole."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import errno
 import math
 import os
 import tempfile
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from evaluator.errors import InputError
+from evaluator.errors import InputError, UnwritableError
 
 if TYPE_CHECKING:  # they take long to import, and reading a TOML file does not need them
     import numpy as np
@@ -22,6 +23,7 @@ if TYPE_CHECKING:  # they take long to import, and reading a TOML file does not 
     from numpy.typing import NDArray
 
 Value = TypeVar("Value")
+NO_ROOM = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
 
 
@@ -29,7 +31,8 @@ IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
 def written_whole(path: Path) -> Iterator[Path]:
     """Give a temporary name beside path and rename it to path when the block ends without an error.
 
-    The suffix is kept, so that encoders choose their format by it. What stood at path stays until the rename.
+    The suffix is kept, so that encoders choose their format by it. What stood at path stays until the rename. Raises
+    UnwritableError where it is the writing that fails.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -42,6 +45,13 @@ def written_whole(path: Path) -> Iterator[Path]:
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)  # mkstemp makes private files; a result is as readable as any other file
         temporary.replace(path)
+    except OSError as error:  # others are of what the block reads
+        if error.errno not in NO_ROOM and str(error.filename) != str(temporary):
+            raise
+        reason = str(error.strerror).lower()
+        raise UnwritableError(
+            f"{path}: cannot be written ({reason}); make room, or write elsewhere, and run the same command again"
+        ) from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -90,7 +100,8 @@ def write_image(image: NDArray[np.generic], path: Path) -> None:
         raise InputError(f"{path}: an image is written as {', '.join(IMAGES)}")
     stored = image[..., ::-1] if image.ndim == 3 else image  # OpenCV writes blue, green, red
     with written_whole(path) as temporary:
-        cv2.imwrite(str(temporary), np.ascontiguousarray(stored))
+        if not cv2.imwrite(str(temporary), np.ascontiguousarray(stored)):  # it does not say why
+            raise OSError(errno.EIO, os.strerror(errno.EIO), str(temporary))
 
 
 def plain(value: Any) -> Any:

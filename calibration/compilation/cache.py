@@ -81,8 +81,9 @@ class _OnDisk:
             return None
 
     def save_overload(self, signature: Any, result: Any) -> None:
-        """Keep what was compiled, and drop what was compiled of this kernel long ago."""
-        self._cache.save_overload(signature, result)
+        """Keep what was compiled, where there is room, and drop what was compiled of this kernel long ago."""
+        with suppress(OSError):  # then it is compiled again the next time
+            self._cache.save_overload(signature, result)
         if self.index is not None:
             for file in self.index.parent.glob(f"{self.index.name.split('-')[0]}-*"):
                 with suppress(OSError):  # another process may be first

@@ -66,13 +66,14 @@ def read_scene(path: Path | str, output: Path | None = None, truth: Path | None 
 
 def render_scene(order: SceneOrder, progress: Progress = no_progress) -> Rendered:
     """Render a scene to its files. Raises as reading does, and OSError."""
-    from simulator.rendering import GaugeScene, render_clip, render_gauge
+    from simulator.rendering import GaugeScene, check_container, render_clip, render_gauge
 
     scene = order.scene
     if isinstance(scene, GaugeScene):
         image, table = render_gauge(scene)
         write_image(image, order.output)
     else:
+        check_container(scene.encoding, order.output)
         with written_whole(order.output) as temporary:
             table = render_clip(scene, temporary, counting(progress, "rendering"))
     with written_whole(order.truth) as temporary:

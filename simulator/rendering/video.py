@@ -27,6 +27,13 @@ CONTAINERS = {
 }
 
 
+def check_container(encoding: Encoding, path: Path) -> None:
+    """Raise SimulationError where frames of this codec do not go into a file of this ending."""
+    if path.suffix.lstrip(".").lower() not in CONTAINERS[encoding.codec]:
+        fit = ", ".join(f".{name}" for name in CONTAINERS[encoding.codec])
+        raise SimulationError(f'{path}: codec "{encoding.codec}" goes into {fit}; name the video so')
+
+
 def encode(
     frames: Iterable[tuple[Fraction, NDArray[np.uint8] | NDArray[np.uint16]]],
     scene: Scene,
@@ -39,10 +46,7 @@ def encode(
     Raises SimulationError where codec, container, bits and size do not go together.
     """
     codec, pixel_format, options = _codec(scene.encoding, scene)
-    ending = path.suffix.lstrip(".").lower()
-    if ending not in CONTAINERS[scene.encoding.codec]:
-        fit = ", ".join(f".{name}" for name in CONTAINERS[scene.encoding.codec])
-        raise SimulationError(f'{path.name}: codec "{scene.encoding.codec}" goes into {fit}; name the video so')
+    check_container(scene.encoding, path)
     if pixel_format.startswith("yuv420") and (size_px[0] % 2 or size_px[1] % 2):
         raise SimulationError(
             f"an image of {size_px[0]} × {size_px[1]} px has no halves for 4:2:0 colour; "
@@ -51,7 +55,7 @@ def encode(
     # The edit list of an mp4 counts in a clock of its own, 1 ms if not told: too coarse for a first frame after 0.
     muxing = (
         {"movie_timescale": str(clock.denominator * max(1, 1_000_000 // clock.denominator))}
-        if ending in {"mp4", "mov"}
+        if path.suffix.lower() in {".mp4", ".mov"}
         else {}
     )
     with av.open(str(path), "w", options=muxing) as container:

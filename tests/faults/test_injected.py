@@ -20,7 +20,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluator.errors import InputError
+from evaluator.errors import InputError, UnwritableError
+from evaluator.files import write_image
 from evaluator.workflow import analyze
 from tests.end_to_end.commands import ROOT
 from tests.evaluator.synthetic import circling_marks, write_experiment
@@ -101,7 +102,7 @@ def test_every_single_failure_leaves_whole_files_and_the_next_run_the_identical_
             with contextlib.suppress(OSError, InputError):
                 analyze(experiment, out, workers=1)
         left = contents(out) if out.exists() else {}
-        torn = [file for file in left if left[file] != expected.get(file) and not _is_whole_table(file, left[file])]
+        torn = [file for file in left if is_torn(file, left, expected) and not _is_whole_table(file, left[file])]
         assert torn == [], f"call {number}"
         if (state := frozenset(left.items())) not in states:  # the next run depends on nothing else
             states.add(state)
@@ -208,3 +209,37 @@ def test_an_output_folder_that_cannot_be_written_is_one_sentence(
     assert len(said.splitlines()) == 1
     assert str(tmp_path / "out") in said
     assert (tmp_path / "out").read_text(encoding="utf-8").startswith("a file")
+
+
+@contextlib.contextmanager
+def files_of_at_most(size: int) -> Iterator[None]:
+    """Let the system refuse larger files to this process, whoever writes them."""
+    resource = pytest.importorskip("resource", reason="this system has no such limit")
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, usual[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
+
+
+def test_a_disk_without_room_is_one_sentence_that_names_the_file_and_loses_nothing(
+    one_run: tuple[Path, dict[str, bytes]], tmp_path: Path
+) -> None:
+    experiment, expected = one_run
+    out = tmp_path / "out"
+    analyze(experiment, out, workers=1)
+    (out / "poses" / "r00.csv").unlink()
+    left = contents(out)
+    with files_of_at_most(1024), pytest.raises(UnwritableError, match=r"r00\.csv: cannot be written \(file too"):
+        analyze(experiment, out, workers=1)
+    assert contents(out) == left
+    analyze(experiment, out, workers=1)
+    assert contents(out) == expected
+
+
+def test_an_image_for_which_there_is_no_room_is_not_said_to_be_written(tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).integers(0, 255, (99, 99), np.uint8)
+    with files_of_at_most(4096), pytest.raises(UnwritableError, match=r"a\.png: cannot be written"):
+        write_image(noise, tmp_path / "a.png")
+    assert list(tmp_path.iterdir()) == []
