@@ -126,7 +126,7 @@ def slowly(page: Any) -> None:
     """Let changes and undo reach the server only after 0.6 s, as on a slow machine."""
     page.evaluate(
         """() => { const real = window.fetch; window.fetch = async (path, ...rest) => {
-        if (/undo|edit$/.test(path)) await new Promise((done) => setTimeout(done, 600));
+        if (/undo|(edit|corrections)$/.test(path)) await new Promise((done) => setTimeout(done, 600));
         return real(path, ...rest); }; }"""
     )
 
@@ -290,5 +290,12 @@ def test_marks_are_placed_and_exclusions_drawn_by_keyboard(
         frame.press("Enter")
         page.get_by_text("placed by hand at").wait_for()
         assert page.locator(".clock").inner_text().endswith("frame 0")  # no arrow stepped a frame
+        page.locator("h1").click()
+        slowly(page)
+        for key in ("ArrowRight", "Delete", "ArrowRight", "Delete"):  # the second before the first is answered
+            page.keyboard.press(key)
+        page.get_by_text("taken away by hand in this frame").wait_for()
+        rows = studio.get(f"/api/experiments/{identifier}/runs/left/corrections")["rows"]
+        assert [(row["frame"], row["x"] is None) for row in rows] == [(0, False), (1, True), (2, True)]
     (box,) = tomllib.loads((tmp_path / "folder" / "tracking.toml").read_text(encoding="utf-8"))["mask_px"]
     assert [box[2] - box[0], box[3] - box[1]] == [20, 10]
