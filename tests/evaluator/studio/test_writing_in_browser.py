@@ -204,27 +204,6 @@ def test_a_change_waits_for_the_undo_before_it(studio: Serving, tmp_path: Path, 
     assert (left.get("group"), right.get("group")) == (None, "second")
 
 
-def test_a_click_is_not_lost_when_its_button_is_drawn_anew_before_it_is_let_go(
-    studio: Serving, open_page: OpenPage
-) -> None:
-    with open_page(studio.link) as page:
-        page.locator("h1").wait_for()
-        page.evaluate(
-            """async () => { const { fill, h } = await import("/static/js/dom.js"), box = h("div");
-            document.querySelector("h1").before(box);
-            window.clicked = 0;
-            const count = () => (window.clicked += 1);
-            window.anew = (words) => fill(box, h("button", { id: "drawn", onclick: count }, words));
-            window.anew("old"); }"""
-        )
-        page.locator("#drawn").hover()
-        page.mouse.down()
-        page.evaluate("window.anew('new')")
-        page.mouse.up()
-        page.locator("#drawn", has_text="new").wait_for()
-        assert page.evaluate("window.clicked") == 1
-
-
 def test_what_was_said_of_a_change_stays_when_the_motion_is_drawn_after_it(
     studio: Serving, open_page: OpenPage
 ) -> None:
@@ -246,29 +225,6 @@ def test_what_was_said_of_a_change_stays_when_the_motion_is_drawn_after_it(
         page.wait_for_function("(old) => document.querySelector('tbody tr').innerText !== old", arg=before)
         assert "Written to robot.toml" in page.locator("#said").inner_text()
     assert len(motions) == 1
-
-
-def test_an_answer_to_a_screen_that_was_left_is_not_drawn(studio: Serving, open_page: OpenPage) -> None:
-    identifier = studio.get("/api/home")["experiments"][0]["id"]
-    with open_page(studio.link) as page:
-        page.goto(f"{studio.origin}/#/x/{identifier}/marks")
-        page.get_by_title("all marks found").first.wait_for(timeout=1000 * HANGS_S)
-        page.evaluate(
-            """() => { const real = window.createImageBitmap; window.createImageBitmap = async (blob) => {
-            if (blob.type !== "image/png") return real(blob);
-            await new Promise((go) => { window.go = go; });
-            const found = await real(blob);
-            setTimeout(() => { window.gone = true; });
-            return found; }; }"""
-        )
-        page.locator("h1").click()
-        page.keyboard.press("ArrowRight")
-        page.wait_for_function("() => window.go")  # the mask is being unpacked
-        page.goto(f"{studio.origin}/#/x/{identifier}/results")
-        page.locator(".screen.results").wait_for()
-        page.evaluate("window.go()")
-        page.wait_for_function("() => { window.go(); return window.gone; }")
-        assert page.locator("#said").inner_text() == ""
 
 
 def test_marks_are_placed_and_exclusions_drawn_by_keyboard(

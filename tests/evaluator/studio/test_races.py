@@ -1,4 +1,4 @@
-"""Answers that are overtaken, and work that ends while a screen loads, in a real browser without the work itself."""
+"""What comes at a bad moment, in a real browser: answers overtaken, work that ends while a screen loads, presses."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 from tests.evaluator.browser import OpenPage, needs_browser
 from tests.evaluator.studio.serving import Serving
+from tests.waiting import HANGS_S
 
 pytestmark = needs_browser()
 
@@ -73,3 +74,47 @@ def test_the_mask_of_a_frame_is_drawn_on_no_other(studio: Serving, open_page: Op
         )
         assert page.evaluate("redIn(0)") > 100
         assert page.evaluate("redIn(1)") == 0
+
+
+def test_an_answer_to_a_screen_that_was_left_is_not_drawn(studio: Serving, open_page: OpenPage) -> None:
+    identifier = studio.get("/api/home")["experiments"][0]["id"]
+    with open_page(studio.link) as page:
+        page.goto(f"{studio.origin}/#/x/{identifier}/marks")
+        page.get_by_title("all marks found").first.wait_for(timeout=1000 * HANGS_S)
+        page.evaluate(
+            """() => { const real = window.createImageBitmap; window.createImageBitmap = async (blob) => {
+            if (blob.type !== "image/png") return real(blob);
+            await new Promise((go) => { window.go = go; });
+            const found = await real(blob);
+            setTimeout(() => { window.gone = true; });
+            return found; }; }"""
+        )
+        page.locator("h1").click()
+        page.keyboard.press("ArrowRight")
+        page.wait_for_function("() => window.go")  # the mask is being unpacked
+        page.goto(f"{studio.origin}/#/x/{identifier}/results")
+        page.locator(".screen.results").wait_for()
+        page.evaluate("window.go()")
+        page.wait_for_function("() => { window.go(); return window.gone; }")
+        assert page.locator("#said").inner_text() == ""
+
+
+def test_a_click_is_not_lost_when_its_button_is_drawn_anew_before_it_is_let_go(
+    studio: Serving, open_page: OpenPage
+) -> None:
+    with open_page(studio.link) as page:
+        page.locator("h1").wait_for()
+        page.evaluate(
+            """async () => { const { fill, h } = await import("/static/js/dom.js"), box = h("div");
+            document.querySelector("h1").before(box);
+            window.clicked = 0;
+            const count = () => (window.clicked += 1);
+            window.anew = (words) => fill(box, h("button", { id: "drawn", onclick: count }, words));
+            window.anew("old"); }"""
+        )
+        page.locator("#drawn").hover()
+        page.mouse.down()
+        page.evaluate("window.anew('new')")
+        page.mouse.up()
+        page.locator("#drawn", has_text="new").wait_for()
+        assert page.evaluate("window.clicked") == 1
