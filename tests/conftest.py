@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from importlib.util import find_spec
@@ -11,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Generator, Iterator
 
     from xdist.remote import Producer
     from xdist.scheduler import Scheduling
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
 # of noise took 1.5 times the processor time. Read by libraries that are still to be loaded, and by processes of tests.
 for _name in ("OPENBLAS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
     os.environ.setdefault(_name, "1")
+
+# Python looks for garbage after every 700 new objects, and collecting the tests alone leaves half a million: that was a
+# tenth of the processor time.
+NEW_OBJECTS = 50_000
 
 # On a fresh clone two workers then begin by compiling different kernels: of the tracker, and of the simulator.
 FIRST = ("tests/evaluator/tracking/test_track.py", "tests/simulator/test_integration.py")
@@ -51,6 +56,17 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Schedul
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the tests that compile the most first."""
     items.sort(key=lambda item: not item.nodeid.startswith(FIRST))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Look for garbage seldom, and never among modules and tests, which stay to the end."""
+    gc.disable()
+    found = yield
+    gc.freeze()
+    gc.set_threshold(NEW_OBJECTS)
+    gc.enable()
+    return found
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -152,7 +152,7 @@ def _fit(
         return np.empty((0, 10)), np.empty((0, 2, 2)), np.empty(0)
     gap = np.full(len(candidates), np.inf)
     if len(candidates) > 1:
-        gap = nearest(candidates.center_px, 1)[0][:, 0]
+        gap = np.ascontiguousarray(nearest(candidates.center_px, 1)[0][:, 0])
     starts, reach, possible = start_values(plane, candidates.center_px, candidates.moments_px2, gap)
     starts, reach = starts[possible], reach[possible]
     fitted, covariance, noise = found = fit_dots(plane, starts, reach)

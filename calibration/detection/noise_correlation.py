@@ -39,36 +39,39 @@ def correlation_factors(plane: NDArray[np.float32], fitted: Array, reach: Array,
     return np.asarray(np.sqrt(np.maximum((correlation * influence).sum(axis=(1, 2)), 1.0)))
 
 
-@compiled(fastmath=True)
-def _autocorrelations(plane, fitted, reach, noise):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _autocorrelations(
+    plane: NDArray[np.float32], fitted: Array, reach: Array, noise: Array
+) -> tuple[Array, Array, Array]:
     """Autocorrelations by lag: of residuals (n, 7, 7), what the fit takes out (7, 7), influence on it (2, 7, 7)."""
     n, size = len(fitted), 2 * REACH + 1
     residual, own, influence = np.zeros((n, size, size)), np.zeros((size, size)), np.zeros((2, size, size))
     every = max(1, n // SHAPES)
-    for i in range(n):
-        p = fitted[i]
-        longest = np.sqrt(max(p[2], p[4]) / (p[2] * p[4] - p[3] * p[3]))
+    for i, p in enumerate(fitted):
+        longest = float(np.sqrt(max(p[2], p[4]) / (p[2] * p[4] - p[3] * p[3])))
         half = int(longest + reach[i] + 2.5)
         box, room = 2 * (half + REACH) + 1, min(2 * half + 1, MOST_PIXELS) ** 2
         pixels, rows = np.empty((3, room)), np.empty((11, room))
-        count = collect_pixels(plane, p, reach[i], longest, pixels)
-        derivatives(pixels, count, p, rows)
-        rows[10] /= noise[i]
-        pixels[0] += half + REACH - round(p[0])
-        pixels[1] += half + REACH - round(p[1])
-        lags = np.maximum(_lags(pixels, np.ones((1, count)), box)[0], 1.0)
-        residual[i] = _lags(pixels, rows[10:, :count], box)[0] / lags
+        count = _rows_of(plane, p, reach[i], longest, pixels, rows)
+        places = pixels[:2, :count] + half + REACH - np.rint(p[:2])[:, None]
+        lags = np.maximum(_lags(places, np.ones((1, count)), box)[0], 1.0)
+        residual[i] = _lags(places, rows[10:, :count] / noise[i], box)[0] / lags
         if i % every == 0:
-            by = np.ascontiguousarray(rows[:10, :count])
-            for m in range(10):  # of one size, for the factor's sake; neither result depends on it
-                by[m] /= np.sqrt((by[m] ** 2).sum())
+            by = rows[:10, :count]
+            by /= np.sqrt((by**2).sum(axis=1))[:, None]  # of one size, for the factor's sake; no result depends on it
             normal = by @ by.T
-            own += _lags(pixels, np.linalg.solve(np.linalg.cholesky(normal), by), box).sum(axis=0) / lags
-            moved = _lags(pixels, np.linalg.solve(normal, by)[:2], box)
-            for axis in range(2):
-                influence[axis] += moved[axis] / moved[axis, REACH, REACH]
+            own += _lags(places, np.linalg.solve(np.linalg.cholesky(normal), by), box).sum(axis=0) / lags
+            moved = _lags(places, np.ascontiguousarray(np.linalg.solve(normal, by)[:2]), box)
+            influence += moved / moved[:, REACH, REACH, None, None]
     shapes = (n + every - 1) // every
     return residual, own / shapes, influence / shapes
+
+
+@compiled(fastmath=True)
+def _rows_of(plane, p, reach, longest, pixels, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Fill pixels (3, m) and rows (11, m) with those of a fitted dot; returns how many there are."""
+    count = collect_pixels(plane, p, reach, longest, pixels)
+    derivatives(pixels, count, p, rows)
+    return count
 
 
 @compiled(fastmath=True)

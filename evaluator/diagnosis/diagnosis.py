@@ -82,9 +82,7 @@ class Diagnosis:
     standing: Standing | None = None
     chosen: Set = frozenset()
     named: Set = frozenset()  # the best set of named effects
-    profiles: Mapping[str, Profile] = field(
-        default_factory=dict
-    )  # of chosen effects, where the linear view is not enough
+    profiles: Mapping[str, Profile] = field(default_factory=dict)  # of effects that the linear view does not describe
     separation: Mapping[str, Mapping[str, float]] | None = None
     leftover: Adequacy | None = None
     gap: Gap | None = None

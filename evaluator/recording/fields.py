@@ -39,9 +39,9 @@ def fields_of(frame: Frame, first: str, half_ticks: int, index: int) -> Iterator
             index=index + place,
             ticks=2 * frame.ticks + place * half_ticks,
             tick=frame.tick / 2,
-            luma=frame.luma[parity::2],
-            u=None if frame.u is None else frame.u[parity::2],
-            v=None if frame.v is None else frame.v[parity::2],
+            luma=np.ascontiguousarray(frame.luma[parity::2]),
+            u=None if frame.u is None else np.ascontiguousarray(frame.u[parity::2]),
+            v=None if frame.v is None else np.ascontiguousarray(frame.v[parity::2]),
             row_origin=parity,
             row_step=2,
         )

@@ -56,7 +56,7 @@ class Layout:
         return bool(image.width == self.width and image.height == self.height and image.format.name == self.name)
 
     def frame(self, image: Any, index: int, ticks: int, tick: Fraction, before: Frame | None) -> Frame:
-        """Take a frame's planes as views, without copying where the format allows.
+        """Take a frame's planes as views, without copying where the format allows and no row is padded.
 
         before: the frame before, to tell a repeated frame.
         """
@@ -72,7 +72,8 @@ class Layout:
 
     def _view(self, plane: Any, shape: tuple[int, int]) -> Plane:
         kind, size = (np.uint16, 2) if self.depth > 8 else (np.uint8, 1)
-        return np.ndarray(shape, kind, plane, 0, (plane.line_size, size))
+        # Kernels are compiled for rows without gaps; a padded plane is copied, which takes less than to compile for it.
+        return np.ascontiguousarray(np.ndarray(shape, kind, plane, 0, (plane.line_size, size)))
 
 
 def _same(one: Plane, other: Plane) -> bool:

@@ -205,7 +205,7 @@ def _break_cut_labels(canvas: Canvas) -> None:
             lines[lines.index(longest)] = f"{longest[:middle]}\n{longest[middle + 1 :]}"
             text.set_text("\n".join(lines))
     if not cut:
-        canvas.set_layout_engine("none")  # else it would be found again while the drawing is written
+        canvas.set_layout_engine(None)  # else all would be laid out and drawn once more before it is written
 
 
 def _labels(canvas: Canvas) -> list[Text]:

@@ -48,7 +48,7 @@ def normalized_forces(
     """
     ratio, angle = np.broadcast_arrays(np.asarray(slip_ratio, float), np.asarray(slip_angle_rad, float))
     along, across = np.empty(ratio.size), np.empty(ratio.size)
-    _fill(np.asarray(parameters, float), ratio.ravel(), angle.ravel(), along, across)
+    _fill(np.array(parameters, float), ratio.ravel(), angle.ravel(), along, across)
     return along.reshape(ratio.shape), across.reshape(ratio.shape)
 
 

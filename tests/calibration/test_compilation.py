@@ -53,36 +53,46 @@ def written(folder: Path) -> Path:
     return folder
 
 
-def test_parts_are_compiled_into_their_caller_and_only_what_is_called_or_shared_is_kept(tmp_path: Path) -> None:
-    assert run(written(tmp_path / "a"), tmp_path / "kept") == ["42.0", "1"]
-    names = {file.name.split("-")[0] for file in (tmp_path / "kept").glob("*.nbc")}
+@pytest.fixture(scope="module")
+def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder whose kernels have been compiled once, and in it what was kept of them; nobody writes into it."""
+    folder = written(tmp_path_factory.mktemp("once") / "a")
+    assert run(folder, folder / "kept") == ["42.0", "1"]
+    return folder
+
+
+@pytest.fixture
+def compiled_before(once: Path, tmp_path: Path) -> Path:
+    """The sources in another place, with what was kept of them: all that a second installation finds."""
+    folder = shutil.copytree(once, tmp_path / "elsewhere", ignore=shutil.ignore_patterns("__pycache__"))
+    os.utime(folder / "own_kernels.py")
+    return Path(folder)
+
+
+def test_parts_are_compiled_into_their_caller_and_only_what_is_called_or_shared_is_kept(once: Path) -> None:
+    names = {file.name.split("-")[0] for file in (once / "kept").glob("*.nbc")}
     assert names == {"own_kernels.whole", "own_kernels.linked"}
 
 
-def test_a_second_installation_of_the_same_sources_compiles_nothing(tmp_path: Path) -> None:
-    first = run(written(tmp_path / "a"), tmp_path / "kept")
-    shutil.copytree(tmp_path / "a", tmp_path / "elsewhere")
-    os.utime(tmp_path / "elsewhere" / "own_kernels.py")
-    assert run(tmp_path / "elsewhere", tmp_path / "kept") == [first[0], "0"]
+def test_a_second_installation_of_the_same_sources_compiles_nothing(compiled_before: Path) -> None:
+    assert run(compiled_before, compiled_before / "kept") == ["42.0", "0"]
 
 
-def test_a_changed_kernel_is_compiled_anew_and_both_versions_are_kept(tmp_path: Path) -> None:
-    folder = written(tmp_path / "a")
-    run(folder, tmp_path / "kept")
+def test_a_changed_kernel_is_compiled_anew_and_both_versions_are_kept(compiled_before: Path) -> None:
+    folder, kept = compiled_before, compiled_before / "kept"
     (folder / "own_kernels.py").write_text(KERNELS.replace("+ 0.5", "+ 1.5"), encoding="utf-8")
-    assert run(folder, tmp_path / "kept") == ["44.0", "1"]
+    assert run(folder, kept) == ["44.0", "1"]
     (folder / "own_kernels.py").write_text(KERNELS, encoding="utf-8")
-    assert run(folder, tmp_path / "kept") == ["42.0", "0"]
+    assert run(folder, kept) == ["42.0", "0"]
 
 
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
-def test_a_damaged_file_is_compiled_anew_and_mended(tmp_path: Path, kind: str) -> None:
-    folder = written(tmp_path / "a")
-    run(folder, tmp_path / "kept")
-    for file in (tmp_path / "kept").glob(f"own_kernels.whole-*.{kind}"):
+def test_a_damaged_file_is_compiled_anew_and_mended(compiled_before: Path, kind: str) -> None:
+    folder, kept = compiled_before, compiled_before / "kept"
+    for file in kept.glob(f"own_kernels.whole-*.{kind}"):
         file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-    assert run(folder, tmp_path / "kept") == ["42.0", "1"]
-    assert run(folder, tmp_path / "kept") == ["42.0", "0"]
+    assert run(folder, kept) == ["42.0", "1"]
+    assert run(folder, kept) == ["42.0", "0"]
 
 
 def test_kernels_work_where_nothing_can_be_kept(tmp_path: Path) -> None:

@@ -57,7 +57,7 @@ def channel_residual(measured: Floats, predicted: Floats, half_distance_mm: floa
 def residual_of_marks(measured: Floats, marks_mm: Floats, half_distance_mm: float) -> Floats:
     """Residual (n, 4) in mm of measured channels (n, 4) over marks (n, 4) that a model predicts."""
     residual = np.empty((len(marks_mm), len(CHANNELS)))
-    _residual_into(measured, marks_mm, half_distance_mm, residual)
+    _residual_into(np.ascontiguousarray(measured), marks_mm, half_distance_mm, residual)
     return residual
 
 

@@ -40,7 +40,7 @@ PER_MEDIAN = 1.4826  # sigma over median deviation
 
 
 def fit_mark(
-    luma: Plane, u: Plane | None, v: Plane | None, row_origin: float, row_step: float, cell: Array, x: float, y: float,
+    luma: Plane, u: Plane | None, v: Plane | None, row_origin: int, row_step: int, cell: Array, x: float, y: float,
     reach: float, path_x: float, path_y: float, color: Array, usual: Array, disc: Array, table: NDArray[np.float32],
     noise: Array, start: Array, found: Array, result: Array,
 ) -> int:  # fmt: skip

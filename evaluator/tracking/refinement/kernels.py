@@ -37,7 +37,7 @@ LANES = 8  # pixels that processors of today take at once
 
 
 def fit_disc(
-    luma: NDArray[np.unsignedinteger], row_origin: float, row_step: float, start: Array, sloping: bool, disc: Array,
+    luma: NDArray[np.unsignedinteger], row_origin: int, row_step: int, start: Array, sloping: bool, disc: Array,
     table: NDArray[np.float32], noise: Array, result: Array,
 ) -> None:  # fmt: skip
     """Fit centre, amplitude and base of a blurred disc to the luma by iteratively reweighted least squares.
@@ -187,7 +187,7 @@ def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, p
     return float(certain * squares), float(bb), float(count)
 
 
-def _pixels_without_border(row_origin: float, row_step: float, result: Array, disc: Array) -> int:
+def _pixels_without_border(row_origin: int, row_step: int, result: Array, disc: Array) -> int:
     """Count the pixels that `accumulate` would use around a fitted centre if the frame had no border."""
     x, y, (radius, blur, e1, e2, outer, smear_x, smear_y, _) = result.item(X), result.item(Y), disc.tolist()
     reach = outer / math.sqrt(1.0 - math.hypot(e1, e2))
@@ -249,7 +249,7 @@ def invert_leading(lower, size, column, result):
 
 
 def interior_slope(
-    luma: NDArray[np.unsignedinteger], row_origin: float, row_step: float, x: float, y: float, radius: float,
+    luma: NDArray[np.unsignedinteger], row_origin: int, row_step: int, x: float, y: float, radius: float,
     slope: Array,
 ) -> None:  # fmt: skip
     """Fit a plane to the luma within a radius of (x, y); fills slope with its slopes along x and y, levels a px."""

@@ -70,7 +70,7 @@ FLAT = 1e-3  # of the steepest slope: pixels below it tell only amplitude and ba
 
 
 def fit_uncovered(
-    luma: NDArray[np.unsignedinteger], row_origin: float, row_step: float, fitted: Array, disc: Array,
+    luma: NDArray[np.unsignedinteger], row_origin: int, row_step: int, fitted: Array, disc: Array,
     table: NDArray[np.float32], noise: Array, result: Array, shown: NDArray[np.bool_] | None,
     core: tuple[float, float], least: float,
 ) -> tuple[float, float]:  # fmt: skip
@@ -184,7 +184,7 @@ class Parts:
 
 
 def _window(
-    shape: tuple[int, ...], row_origin: float, row_step: float, fitted: Array, disc: Array
+    shape: tuple[int, ...], row_origin: int, row_step: int, fitted: Array, disc: Array
 ) -> tuple[int, int, int, int]:
     """Rows and columns (first, and one beyond the last) of the pixels used, and one more on every side."""
     x, y = fitted.item(X), fitted.item(Y)

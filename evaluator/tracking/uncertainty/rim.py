@@ -60,7 +60,7 @@ class Rim:
 
 
 def rim_power(
-    luma: NDArray[np.unsignedinteger], row_origin: float, row_step: float, result: Array, disc: Array,
+    luma: NDArray[np.unsignedinteger], row_origin: int, row_step: int, result: Array, disc: Array,
     table: NDArray[np.float32], noise: Array,
 ) -> tuple[float, float]:  # fmt: skip
     """Mean square, px², of the rim's harmonics FIRST to LAST about a fitted disc, and of the odd ones; NaN without one.

@@ -157,7 +157,7 @@ def _first_along(scaled: Array, start: Array, twist: Array, length: float) -> Ar
 def linearised(scaled: Array, start: Array, twist: Array, along: Array, length: float) -> SteadyMotion:
     """Closest points on the motion, residuals across it, and their derivatives."""
     across = _complement(twist)
-    along, residual, design = linearise(scaled, start, twist, along, across, length)
+    along, residual, design = linearise(np.ascontiguousarray(scaled), start, twist, along, across, length)
     return SteadyMotion(length, start, twist, along, residual, design, across)
 
 

@@ -36,10 +36,12 @@ def whitened_moments(
     log_spread = 0.0
     for i in range(n):
         if i > 0:
-            fade = abs(correlation) ** steps[i - 1]
+            # Most steps are of one interval, and half of the models do not turn: a power or a cosine takes as long
+            # as all the rest.
+            fade = abs(correlation) if steps[i - 1] == 1.0 else abs(correlation) ** steps[i - 1]
             if correlation < 0 and round(steps[i - 1]) % 2 == 1:
                 fade = -fade
-            cos, sin = np.cos(turns[i - 1]), np.sin(turns[i - 1])
+            cos, sin = (np.cos(turns[i - 1]), np.sin(turns[i - 1])) if turns[i - 1] != 0.0 else (1.0, 0.0)
             a, b = fade * cos, fade * sin
             fresh = (1.0 - fade * fade) * process
             q11 = a * a * p11 + 2 * a * b * p12 + b * b * p22 + fresh

@@ -43,7 +43,7 @@ def fitted(columns: int, *, sloping: bool = False) -> np.ndarray:
     r = np.sqrt(1.05 * (i - 20.0) ** 2 - 0.04 * (i - 20.0) * (j - 21.0) + 0.95 * (j - 21.0) ** 2)
     luma = np.round(30.0 + 100.0 * np.interp(r, np.arange(len(disc.profile)) / 32, disc.profile)).astype(np.uint8)
     result, start = np.zeros(kernels.RESULTS), np.array([20.3, 20.8, 90.0, 35.0])
-    kernels.fit_disc(luma, 0.0, 1.0, start, sloping, disc.numbers(), disc.table, np.array([1.0, 4.0]), result)
+    kernels.fit_disc(luma, 0, 1, start, sloping, disc.numbers(), disc.table, np.array([1.0, 4.0]), result)
     return result
 
 

@@ -26,7 +26,7 @@ def seen(rng: np.random.Generator, cut_px: float) -> tuple[np.ndarray, float, np
     image = np.clip(np.rint(40 + 120 * share + rng.normal(0, NOISE, share.shape)), 0, 255).astype(np.uint8)
     result = fit(image, (0, 1), (20.0, 20.0), DISC)
     result[-2:] = 0.0  # no slopes
-    power, _ = rim_power(image, 0.0, 1.0, result, DISC.numbers(), DISC.table, np.array([DISC.noise, SOFTNESS]))
+    power, _ = rim_power(image, 0, 1, result, DISC.numbers(), DISC.table, np.array([DISC.noise, SOFTNESS]))
     return result, float(power), result[[X, Y]] - center
 
 
@@ -54,7 +54,7 @@ def test_a_pixel_of_the_rim_pulls_half_as_far_as_it_is_off_at_the_softness_and_l
         image = whole.copy()
         image[20, 28] += off
         noise = np.array([100.0, 3.0])
-        power.append(rim_power(image.astype(np.uint8), 0.0, 1.0, result, DISC.numbers(), DISC.table, noise)[0])
+        power.append(rim_power(image.astype(np.uint8), 0, 1, result, DISC.numbers(), DISC.table, noise)[0])
     pulls = np.array([15 / (1 + 0.5**4), 30 / 2, 60 / (1 + 2**4)])
     assert np.sqrt(np.array(power) / power[1]) == pytest.approx(pulls / pulls[1], abs=0.1)
 
@@ -92,7 +92,7 @@ def test_the_corners_of_a_square_mark_widen_nothing_and_a_cut_of_one_of_them_doe
             image = np.rint(40 + 120 * share.reshape(SIZE[1], fine, SIZE[0], fine).mean(axis=(1, 3))).astype(np.uint8)
             result = fit(image, (0, 1), (20.0, 20.0), DISC)
             result[-2:] = 0.0  # no slopes
-            where = image, 0.0, 1.0, result, DISC.numbers(), DISC.table, np.array([400.0, SOFTNESS])
+            where = image, 0, 1, result, DISC.numbers(), DISC.table, np.array([400.0, SOFTNESS])
             rim.note(rim_power(*where), 1e-4)
         extra.append(rim.extra_px2)
     assert extra[0] < 1e-4

@@ -29,8 +29,8 @@ export function drawMarks(context, width, height, state, frames) {
   const seen = state.seen.get(state.index);
   if (seen) {
     const chosen = seen.marks[state.mark];
-    if (state.showMask && chosen && state.masks.has(state.mark)) {
-      const mask = state.masks.get(state.mark);
+    if (state.showMask && chosen && state.masks.frame === state.index && state.masks.of.has(state.mark)) {
+      const mask = state.masks.of.get(state.mark);
       context.globalAlpha = 0.5;
       context.imageSmoothingEnabled = false;
       context.drawImage(mask, (chosen.origin_px[0] - chosen.cell_px[0] / 2) * scale, (chosen.origin_px[1] - chosen.cell_px[1] / 2) * scale, mask.width * chosen.cell_px[0] * scale, mask.height * chosen.cell_px[1] * scale);

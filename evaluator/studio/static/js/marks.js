@@ -26,7 +26,7 @@ export async function show(view, { id, rest, signal }) {
 
 async function workbench(place, id, run, file, signal) {
   const base = `/api/experiments/${id}/runs/${encodeURIComponent(run.id)}`;
-  const state = { index: 0, bitmap: null, said: settings(file), version: file.version, mark: "green", tool: "color", seen: new Map(), masks: new Map(), draft: null, cursor: null, showMask: true, rows: [], correctionsVersion: "" };
+  const state = { index: 0, bitmap: null, said: settings(file), version: file.version, mark: "green", tool: "color", seen: new Map(), masks: { of: new Map(), frame: -1 }, draft: null, cursor: null, showMask: true, rows: [], correctionsVersion: "" };
   if (!state.said.mark[state.mark]) [state.mark] = Object.keys(state.said.mark);
   const frames = new Frames(base, signal, (index, bitmap) => { state.bitmap = bitmap; if (index === state.index) screen.redraw(); });
   frames.failed = say;
@@ -63,7 +63,7 @@ async function workbench(place, id, run, file, signal) {
         const index = state.index;
         const { frames: [seen] } = await post(`${base}/look`, { frames: [index], said: state.said }, signal);
         state.seen.set(index, seen);
-        state.masks = await maskImages(seen);
+        state.masks = { of: await maskImages(seen), frame: index };
         if (index === state.index) { screen.redraw(); tell(); }
       }
     } catch (error) { say(error); } finally { asking = false; }
