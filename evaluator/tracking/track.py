@@ -15,9 +15,9 @@ from evaluator.recording import Frame
 from evaluator.tracking.following.tracker import Tracker
 from evaluator.tracking.luma_marks.lights import LightFinder
 from evaluator.tracking.luma_marks.tags import TagFinder, tag_names
-from evaluator.tracking.observation import Sighting
+from evaluator.tracking.observation import MISTAKEN, Sighting
 from evaluator.tracking.settings import TrackingSettings
-from evaluator.tracking.uncertainty.combine import refine
+from evaluator.tracking.uncertainty.combine import refine, take_out
 
 Array = NDArray[np.float64]
 PARTS = ("x_px", "y_px", "x_sigma_px", "y_sigma_px", "xy_cov_px2", "status")
@@ -58,6 +58,8 @@ def track(
     progress("tracking", len(times), len(times))
     time_s = np.array(times)
     numbers = {name: np.array(values).reshape(-1, 5) for name, values in measured.items()}
+    for name, first in tracker.began.items():
+        take_out(numbers[name], status[name], np.isfinite(numbers[name][:, 0]) & (np.array(frames) < first), MISTAKEN)
     corners = {name: parts[1:] for name, parts in watched.parts.items()}
     refine(time_s, kinds, numbers, status, tracker.followers, wanted.rigid, corners)
     return to_table(frames, time_s, numbers, status)
