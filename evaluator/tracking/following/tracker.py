@@ -103,7 +103,7 @@ class Tracker:
             # The recorder filled a gap with the frame before: it shows where the marks were, not where they are.
             return [AGAIN] * len(self.names)
         self._discover(frame)
-        sightings = [self._followed(followers.get(name), frame, time_s) for name in self.names]
+        sightings = self._all_followed(frame, time_s)
         if any(one.status != OK for one in sightings):
             self._recover(frame, sightings)
         elif not frame.index & LIGHT_MASK:
@@ -145,6 +145,12 @@ class Tracker:
         self.cell = np.array([across, down * step, (across - 1) / 2, frame.row_origin + (down - 1) / 2 * step], float)
         self._search = Search(frame, self.settings, self.cell)
         self._shape = frame.luma.shape
+
+    def _all_followed(self, frame: Frame, time_s: float) -> list[Sighting]:
+        found = [self._followed(self.followers.get(name), frame, time_s) for name in self.names]
+        if self.settings.pair and self.body.at_one_place(found[0][:2], found[1][:2]):
+            return [AMBIGUOUS] * 2
+        return found
 
     def _followed(self, follower: Follower | BlobFollower | None, frame: Frame, time_s: float) -> Sighting:
         place = None if follower is None else follower.predicted(time_s)
