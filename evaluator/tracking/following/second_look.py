@@ -1,8 +1,8 @@
 """Whether the two marks that are followed are those that a search of the whole frame would choose now.
 
 What is in view when a recording begins (a cup, a sleeve, one mark taken for the other in the dark) may be the likeliest
-pair there and then, and is none once the robot comes in or a lamp is lit. While a mark has never moved, or has no
-partner, frames are searched anew; where some in a row show a good pair elsewhere, that pair is followed.
+pair there and then, and is none once the robot comes in or a lamp is lit. Until two marks have travelled as one body,
+frames are searched anew; where some in a row show a good pair elsewhere, that pair is followed.
 """
 
 from __future__ import annotations
@@ -12,16 +12,17 @@ from collections.abc import Mapping
 
 from evaluator.recording import Frame
 from evaluator.tracking.detection.find import GOOD, Reading, find_marks
-from evaluator.tracking.detection.lookalikes import MOVED
 from evaluator.tracking.detection.selection import Candidate, alike, choose
+from evaluator.tracking.following.background import TRAVELS
 from evaluator.tracking.following.follow import Follower
 from evaluator.tracking.following.follow_blob import BlobFollower
 from evaluator.tracking.following.motion import Point
+from evaluator.tracking.following.pair import TOLERANCE
 from evaluator.tracking.settings import TrackingSettings
 
 Pair = dict[str, Candidate]
 Followers = Mapping[str, Follower | BlobFollower]
-# A search takes as long as ten frames of following: of a robot that never moves, every sixteenth frame is searched; of
+# A search takes as long as ten frames of following: of a robot at rest, every sixteenth frame is searched; of
 # marks one of which is sought anyway, every fourth.
 SELDOM_MASK, OFTEN_MASK = 15, 3
 IN_A_ROW = 3  # frames that show another pair before it is believed: blinks and residues of a codec last for less
@@ -29,18 +30,17 @@ NEARBY = 2.0  # radii that a mark lies from where it should be, beside the way t
 
 
 class SecondLook:
-    """Doubts what is followed until both marks have moved."""
+    """Doubts what is followed until both marks have travelled as one body."""
 
     def __init__(self) -> None:
         """Start with nothing followed."""
-        self._began: dict[str, Point] = {}
-        self._moved: set[str] = set()
+        self._began: dict[str, Point] = {}  # where both were when they were first followed together
+        self._sure = False
         self._in_a_row = 0
 
-    def begin(self, name: str, place: Point) -> None:
-        """Note where a mark begins to be followed."""
-        self._began[name] = place
-        self._moved.discard(name)
+    def begin(self) -> None:
+        """Note that a mark begins to be followed."""
+        self._began, self._sure = {}, False
 
     def better(self, frame: Frame, settings: TrackingSettings, followers: Followers) -> Reading | None:
         """Give the pair to follow from this frame on, None while what is followed may stay."""
@@ -60,11 +60,15 @@ class SecondLook:
         return found
 
     def _doubtful(self, settings: TrackingSettings, followers: Followers) -> bool:
-        for name, follower in followers.items():
-            place = follower.position
-            if place is not None and math.dist(place, self._began.get(name, place)) > MOVED * follower.radius_px:
-                self._moved.add(name)
-        return len(followers) < len(settings.pair) or not self._moved.issuperset(followers)
+        """Whether the marks have not travelled as one body yet."""
+        places = {name: one.position for name, one in followers.items() if one.position is not None and not one.missed}
+        if self._sure or len(places) < len(settings.pair):
+            return not self._sure
+        self._began = self._began or places
+        way = min(math.dist(places[name], self._began[name]) / followers[name].radius_px for name in places)
+        before, now = math.dist(*self._began.values()), math.dist(*places.values())
+        self._sure = way > TRAVELS and abs(now - before) < TOLERANCE * before
+        return not self._sure
 
 
 def at_place_of(one: Candidate, follower: Follower | BlobFollower | None, time_s: float) -> bool:

@@ -264,7 +264,7 @@ class Tracker:
         if not candidate.whole:  # cut by the border of the image it does not tell its shape
             return
         where = candidate.center_px, candidate.radius_px
-        self._second_look.begin(name, candidate.center_px)
+        self._second_look.begin()
         disc = finished(learn_shape([patch_of(frame, *where)], candidate.radius_px))
         blob = start_blob(frame, self.cell, *where, color, self.settings.exposure)
         self._starts[name] = frame.index, blob

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from evaluator.recording import open_recording
-from evaluator.tracking import track
+from evaluator.tracking import TrackingSettings, track
+from evaluator.tracking.following.second_look import SecondLook
 from evaluator.tracking.observation import MISTAKEN
 from tests.evaluator.tracking.plain_video import (
     GREEN,
@@ -23,6 +27,7 @@ from tests.evaluator.tracking.plain_video import (
 )
 
 LATE = 20
+Place = tuple[float, float]
 
 
 def scored(clip: Clip, folder: Path) -> tuple[int, float]:
@@ -50,3 +55,28 @@ def test_a_robot_that_comes_in_is_followed_rather_than_what_lay_there_before(tmp
     wrong, found = scored(clip, tmp_path)
     assert wrong == 0
     assert found == 1.0
+
+
+@pytest.mark.parametrize(
+    ("green", "yellow", "sure"),
+    [
+        ((20.0, 0.0), (20.0, 40.0), True),  # four radii, as one body
+        ((14.0, 0.0), (14.0, 40.0), False),  # hardly moved
+        ((0.0, 0.0), (20.0, 40.0), False),  # one of them rests: the robot turns about it, or it is none of the robot's
+        ((20.0, 0.0), (60.0, 40.0), False),  # on no one body
+    ],
+)
+def test_what_is_followed_is_doubted_until_both_marks_have_travelled_as_one_body(
+    green: Place, yellow: Place, sure: bool
+) -> None:
+    look, settings = SecondLook(), TrackingSettings()
+
+    def at(one: Place, other: Place) -> Any:
+        places = {"green": one, "yellow": other}
+        return {name: SimpleNamespace(position=place, missed=0, radius_px=5.0) for name, place in places.items()}
+
+    assert look._doubtful(settings, at((0.0, 0.0), (0.0, 40.0)))
+    assert look._doubtful(settings, at(green, yellow)) != sure
+    look.begin()
+    assert look._doubtful(settings, at(green, yellow))
+    assert look._doubtful(settings, {})
