@@ -8,6 +8,8 @@ OK = "ok"
 REPEATED = "repeated frame"  # the recording shows the frame before once more
 BACKGROUND = "at rest while the robot moves"  # something of its colour that is not on the robot: found afterwards
 ALONE = "at rest, without its partner"  # nothing shows that it is a mark of a robot: found afterwards
+MISTAKEN = "something else, not the mark found later"  # a likelier pair came into view or into light: found afterwards
+AMBIGUOUS = "ambiguous"
 STRANGER = "not on the other mark's body"  # their distance changes as much as they move: found afterwards
 OFF_COURSE = "off its course"  # where it cannot have come to, as codec residue is: found afterwards
 WRONG_DISTANCE = "wrong distance"  # it and its partner lie farther apart or nearer than on one body: found afterwards
@@ -34,7 +36,7 @@ ABSENT = {
         "disturbed",  # its luma is not that of a disc: glare, a wire, a shadow
         "faded",  # its colour is there but much paler than it was: what a codec left behind, or a shadow
         "no disc",  # its colour is there but no disc of its size and brightness
-        "ambiguous",  # something else of its colour is beside it or in its place
+        AMBIGUOUS,  # something else of its colour is beside it or in its place
         REPEATED,
     )
 }

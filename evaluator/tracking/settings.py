@@ -118,6 +118,11 @@ class TrackingSettings(Table):
         return self.rigid if colored and len(self.rigid) == len(self.mark) == 2 else ()
 
     @property
+    def twins(self) -> tuple[str, ...]:
+        """The pair, where both have one colour; else nothing."""
+        return self.pair if len({self.mark[name].hue_range(name) for name in self.pair}) == 1 else ()
+
+    @property
     def pair_distance(self) -> float | None:
         """Distance of the pair over the diameter, where it is known: the default is that of the default marks."""
         said = "distance_diameters" in self.model_fields_set or set(self.pair) == set(DEFAULT_MARKS)

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from evaluator.errors import InputError
 from evaluator.progress import Progress, no_progress
 from evaluator.recording import Frame
+from evaluator.tracking.following.same_color import exchanged
 from evaluator.tracking.following.tracker import Tracker
 from evaluator.tracking.luma_marks.lights import LightFinder
 from evaluator.tracking.luma_marks.tags import TagFinder, tag_names
-from evaluator.tracking.observation import Sighting
+from evaluator.tracking.observation import AMBIGUOUS, MISTAKEN, Sighting
 from evaluator.tracking.settings import TrackingSettings
-from evaluator.tracking.uncertainty.combine import refine
+from evaluator.tracking.uncertainty.combine import refine, take_out
 
 Array = NDArray[np.float64]
 PARTS = ("x_px", "y_px", "x_sigma_px", "y_sigma_px", "xy_cov_px2", "status")
@@ -58,9 +59,24 @@ def track(
     progress("tracking", len(times), len(times))
     time_s = np.array(times)
     numbers = {name: np.array(values).reshape(-1, 5) for name, values in measured.items()}
+    for name, first in tracker.began.items():
+        take_out(numbers[name], status[name], np.isfinite(numbers[name][:, 0]) & (np.array(frames) < first), MISTAKEN)
+    if wanted.twins:
+        _put_in_order(time_s, [(numbers[name], status[name]) for name in wanted.twins])
     corners = {name: parts[1:] for name, parts in watched.parts.items()}
     refine(time_s, kinds, numbers, status, tracker.followers, wanted.rigid, corners)
     return to_table(frames, time_s, numbers, status)
+
+
+def _put_in_order(time_s: Array, marks: list[tuple[Array, list[str]]]) -> None:
+    """Give two marks of one colour back their names where these were exchanged, in place."""
+    (one, its), (other, their) = marks
+    swapped, unknown = exchanged(time_s, one[:, :2], other[:, :2])
+    one[swapped], other[swapped] = other[swapped], one[swapped].copy()
+    for row in np.flatnonzero(swapped):
+        its[row], their[row] = their[row], its[row]
+    for values, status in marks:
+        take_out(values, status, unknown & np.isfinite(values[:, 0]), AMBIGUOUS)
 
 
 class _Watched:

@@ -73,7 +73,9 @@ def alike(found: list[Candidate], settings: TrackingSettings) -> list[dict[str, 
     for score, one, other in sorted(scored, key=lambda pair: -pair[0]):
         if score < best - ALIKE:
             break
-        if all(one is not pair[first] and other is not pair[second] for pair in chosen):
+        if all(one is not pair[first] and other is not pair[second] for pair in chosen) and not any(
+            _same_place(one, pair[second]) and _same_place(other, pair[first]) for pair in chosen
+        ):  # marks of one colour the other way round are no other pair
             chosen.append({first: one, second: other})
     return chosen
 

@@ -39,6 +39,13 @@ class Motion:
         """How far the mark moves in an interval, along both axes together."""
         return (abs(self.velocity[0]) + abs(self.velocity[1])) * interval_s
 
+    def may_be_at(self, place: Point, interval_s: float, slack_px: float) -> bool:
+        """Whether it can have come to a place since it was lost; slack_px: beside twice the way it went."""
+        if self.position is None:
+            return True
+        reach = slack_px + 2.0 * self.step_px(interval_s) * (1 + self.missed)
+        return abs(place[0] - self.position[0]) + abs(place[1] - self.position[1]) < reach
+
     def move(self, sighting: Sighting, time_s: float) -> bool:
         """Take over a place, or count a miss; whether it was measured in the frame before, too."""
         if sighting.status != OK:

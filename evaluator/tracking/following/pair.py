@@ -16,6 +16,7 @@ Place = TypeVar("Place", bound=Sequence[float])
 # camera tilted by 20 degrees gives 6 % with direction and as much across the plate. Seen more slanted it changes by
 # more, but from frame to frame.
 TOLERANCE = 0.15
+HALFWAY = 0.5  # of the shortest distance: nearer to each other marks are seen at no slant that shows them as discs
 ENOUGH = 6  # frames with both marks from which their distance is believed
 SHARE = 0.05  # of a new distance in the running mean
 
@@ -47,6 +48,10 @@ class Body:
     def fits(self, one: Sequence[float], other: Sequence[float]) -> bool:
         """Whether two places can be those of the two marks."""
         return not self.known or self._near(math.hypot(one[0] - other[0], one[1] - other[1]))
+
+    def at_one_place(self, one: Point, other: Point) -> bool:
+        """Whether one mark is taken for both; NaN where one is absent."""
+        return self.known and math.dist(one, other) < HALFWAY * self._shortest
 
     def paired(self, mine: Sequence[Place], others: Sequence[Sequence[float]]) -> list[Place]:
         """Of my places those that have a fitting place of the other mark."""

@@ -8,17 +8,22 @@ from dataclasses import replace
 import numpy as np
 
 from evaluator.recording import Frame
-from evaluator.tracking.detection.appearance import learn_color
+from evaluator.tracking.detection.appearance import learn_color, learn_shape, patch_of, with_disc
 from evaluator.tracking.detection.color_map import allowed_cells, neutral_of
 from evaluator.tracking.detection.find import candidates
-from evaluator.tracking.detection.lookalikes import RESTING_PX, mover
+from evaluator.tracking.detection.lookalikes import RESTING_PX, Rivals, mover
 from evaluator.tracking.detection.selection import Candidate
+from evaluator.tracking.following.equal_discs import agree
 from evaluator.tracking.following.follow import Follower
 from evaluator.tracking.following.follow_blob import Array, BlobFollower, start_blob
 from evaluator.tracking.observation import OK, REPEATED, Sighting
 from evaluator.tracking.refinement.blob import elongation
+from evaluator.tracking.refinement.learn_shape import finished
 from evaluator.tracking.settings import TrackingSettings
 
+Held = tuple[Frame, list[Sighting]]
+Followers = dict[str, Follower | BlobFollower]
+Starts = dict[str, tuple[int, BlobFollower]]  # by mark: index of the frame, and what was found there
 Tried = tuple[BlobFollower, list[Sighting]] | None  # a follower after some frames, and what it measured in them
 
 # A disc seen at 45 degrees is 1.41 as long as wide; more is told apart from the shortest smear that leaves it rounder.
@@ -103,3 +108,39 @@ def try_mover(
     start = start_blob(first, cell, found.center_px, found.radius_px, color, settings.exposure)
     tried = try_blob(start, first.index, held, cell, surely=True)
     return tried, resting if tried is not None else []
+
+
+def learn_anew(followers: Followers, settings: TrackingSettings, held: Sequence[Held], cell: Array) -> None:
+    """Learn the shapes of discs from all the frames held, and measure in those once more; in place."""
+    marks = [followers.get(name) for name in settings.mark]
+    discs = [(k, mark) for k, mark in enumerate(marks) if isinstance(mark, Follower)]
+    for k, follower in discs:
+        seen = [(frame, (s[k].x, s[k].y)) for frame, s in held if s[k].status == OK]
+        patches = [patch_of(frame, place, follower.radius_px) for frame, place in seen[::2]]
+        disc = finished(learn_shape(patches, follower.radius_px, follower.look.disc.blur_px))
+        if disc is not None:
+            follower.take_look(with_disc(follower.look, disc))
+    agree(followers, settings.pair, Follower.take_look)
+    for frame, sightings in held:
+        for k, follower in discs:
+            if (one := sightings[k]).status == OK:
+                sightings[k] = follower.look_at(frame, cell, (one.x, one.y), 2.0, 0.0)
+
+
+def choose_shapes(
+    followers: Followers, settings: TrackingSettings, held: Sequence[Held], cell: Array, starts: Starts, rivals: Rivals
+) -> None:
+    """Follow marks that are no discs as blobs, from the first frame held on; in place."""
+    for k, name in enumerate(settings.mark):
+        follower, mine = followers.get(name), [(frame, sightings[k]) for frame, sightings in held]
+        tried = None
+        if follower is not None and not settings.pair:
+            tried, resting = try_mover(name, mine, settings, cell)
+            rivals.exclude(resting)
+        if tried is None and isinstance(follower, Follower):
+            first, start = starts[name]
+            tried = try_blob(start, first, mine, cell)
+        if tried is not None:
+            followers[name] = tried[0]
+            for (_, sightings), one in zip(held, tried[1], strict=True):
+                sightings[k] = one

@@ -10,7 +10,7 @@ from evaluator.errors import InputError
 from evaluator.recording import Frame
 from evaluator.tracking.detection.appearance import Appearance, learn_color, learn_shape, patch_of, with_disc
 from evaluator.tracking.detection.color_map import allowed_cells, cell_of, neutral_of
-from evaluator.tracking.detection.find import find_marks
+from evaluator.tracking.detection.find import Reading, find_marks
 from evaluator.tracking.detection.lookalikes import Rivals
 from evaluator.tracking.detection.search import Search, mean_light
 from evaluator.tracking.detection.selection import Candidate
@@ -19,7 +19,8 @@ from evaluator.tracking.following.follow import RELEARN_AT, Array, Follower
 from evaluator.tracking.following.follow_blob import BlobFollower, start_blob
 from evaluator.tracking.following.motion import Point
 from evaluator.tracking.following.pair import Body
-from evaluator.tracking.following.shape import OBLONG, resized, try_blob, try_mover
+from evaluator.tracking.following.second_look import SecondLook, at_place_of
+from evaluator.tracking.following.shape import OBLONG, Starts, choose_shapes, learn_anew, resized
 from evaluator.tracking.observation import ABSENT, OK, REPEATED, Sighting
 from evaluator.tracking.refinement.disc import Disc, shaped_as
 from evaluator.tracking.refinement.learn_shape import Steps, finished
@@ -46,7 +47,7 @@ class Tracker:
         self.settings = settings
         self.names = list(settings.mark)
         self.followers: dict[str, Follower | BlobFollower] = {}
-        self._starts: dict[str, tuple[int, BlobFollower]] = {}  # where each was found first, as if it were no disc
+        self._starts: Starts = {}  # where each was found first, as if it were no disc
         self._discless = dict.fromkeys(self.names, 0)  # frames in which its colour was found, but no disc
         self._settled = False  # whether the first frames have told which marks are discs
         self.cell: Array = np.zeros(4)
@@ -57,6 +58,8 @@ class Tracker:
         self._waited, self._source = 0, "the recording"
         self.body, self._rivals, self._light, self._dimmed = Body(), Rivals(), 0.0, 1.0
         self._lessons: list[tuple[Follower, Steps[Disc | None]]] = []
+        self._second_look = SecondLook()
+        self.began: dict[str, int] = {}  # index of the frame before which something else was taken for a mark
 
     def run(self, recording: Iterable[Frame]) -> Iterator[tuple[Frame, list[Sighting]]]:
         """Give every frame with the sightings of its marks, in the order of `names`.
@@ -64,22 +67,28 @@ class Tracker:
         The first LEARNING_FRAMES frames with a mark are held back until its shape is learnt from them.
         """
         self._source = getattr(recording, "name", self._source)
-        images = iter(recording)
         held: list[tuple[Frame, list[Sighting]]] = []
-        for frame in images:
-            sightings = self.step(frame)
-            if not self.followers:
+        learnt = False
+        for frame in recording:
+            began, sightings = dict(self.began), self.step(frame)
+            if self.began != began:  # other marks than before: what was held showed something else
+                yield from held
+                held, learnt = [], False
+            if not self.followers or learnt:
                 yield frame, sightings
                 continue
             held.append((frame, sightings))
             if len(held) == LEARNING_FRAMES:
-                break
-        self._refine(held)
-        self._choose_shapes(held)
-        yield from held
-        held.clear()
-        for frame in images:
-            yield frame, self.step(frame)
+                yield from self._learnt(held)
+                held, learnt = [], True
+        yield from self._learnt(held)
+
+    def _learnt(self, held: list[tuple[Frame, list[Sighting]]]) -> list[tuple[Frame, list[Sighting]]]:
+        """Give the first frames with marks, measured anew with the shapes that are learnt from them."""
+        learn_anew(self.followers, self.settings, held, self.cell)
+        self._settled = True
+        choose_shapes(self.followers, self.settings, held, self.cell, self._starts, self._rivals)
+        return held
 
     def step(self, frame: Frame) -> list[Sighting]:
         """Measure all marks in the next frame."""
@@ -93,9 +102,8 @@ class Tracker:
         if frame.repeated and any(f.step_px(self.interval_s) > STILL_PX for f in followers.values()):
             # The recorder filled a gap with the frame before: it shows where the marks were, not where they are.
             return [AGAIN] * len(self.names)
-        if len(followers) < len(self.names):
-            self._discover(frame)
-        sightings = [self._followed(followers.get(name), frame, time_s) for name in self.names]
+        self._discover(frame)
+        sightings = self._all_followed(frame, time_s)
         if any(one.status != OK for one in sightings):
             self._recover(frame, sightings)
         elif not frame.index & LIGHT_MASK:
@@ -138,6 +146,12 @@ class Tracker:
         self._search = Search(frame, self.settings, self.cell)
         self._shape = frame.luma.shape
 
+    def _all_followed(self, frame: Frame, time_s: float) -> list[Sighting]:
+        found = [self._followed(self.followers.get(name), frame, time_s) for name in self.names]
+        if self.settings.pair and self.body.at_one_place(found[0][:2], found[1][:2]):
+            return [AMBIGUOUS] * 2
+        return found
+
     def _followed(self, follower: Follower | BlobFollower | None, frame: Frame, time_s: float) -> Sighting:
         place = None if follower is None else follower.predicted(time_s)
         if follower is None or place is None or follower.missed > NEAR_MISSES:
@@ -163,7 +177,9 @@ class Tracker:
                 mine = body.paired(mine, [partner[:2]])
                 guide = self.followers[self.names[1 - k]].velocity
             elif pair and body.known:
-                mine = body.paired(mine, places.get(1 - k, [])) or [place for place in mine if self._reached(place, k)]
+                mine = body.paired(mine, places.get(1 - k, [])) or [
+                    place for place in mine if follower.may_be_at(place, self.interval_s, body.distance_px)
+                ]
             sightings[k] = self._found_again(follower, frame, mine, guide, sightings[k])
             if sightings[k].status == OK and partner.status != OK:
                 body.confirmed = False
@@ -186,14 +202,6 @@ class Tracker:
         places = self._search.places(name, frame, self.followers[name], self._dimmed)
         return [place for place in places if not self._rivals.there(place, self.followers[name].radius_px)]
 
-    def _reached(self, place: Point, k: int) -> bool:
-        """Whether a robot can have come to a place since its mark was lost."""
-        follower = self.followers[self.names[k]]
-        if follower.position is None:
-            return True
-        reach = self.body.distance_px + 2.0 * follower.step_px(self.interval_s) * (1 + follower.missed)
-        return abs(place[0] - follower.position[0]) + abs(place[1] - follower.position[1]) < reach
-
     def _found_again(
         self, follower: Follower | BlobFollower, frame: Frame, places: list[Point], guide: Point, miss: Sighting
     ) -> Sighting:
@@ -214,8 +222,12 @@ class Tracker:
             self.body.note(sightings[0][:2], sightings[1][:2])
 
     def _discover(self, frame: Frame) -> None:
-        """Find marks that were never seen yet."""
+        """Find marks that were never seen yet, and a likelier pair than the one that is followed."""
+        if better := self._second_look.better(frame, self.settings, self.followers):
+            self._begin_anew(frame, better)
         wanted = [name for name in self.names if name not in self.followers]
+        if not wanted:
+            return
         chosen, found, balance = find_marks(frame, self.settings, wanted)
         pair = len(self.names) > 1 and not self.followers
         self._waited += 1
@@ -224,8 +236,26 @@ class Tracker:
             return
         if self.settings.pair and len(chosen) == len(self.settings.pair):
             chosen = self._rivals.decide(found, self.settings, chosen)
+        self._start_all(frame, chosen, balance)
+
+    def _begin_anew(self, frame: Frame, better: Reading) -> None:
+        """Follow another pair: what was followed elsewhere was something else."""
+        known, self._lessons, self.body = dict(self.followers), [], Body()
+        self.followers.clear()
+        for name, one in better.chosen.items():
+            if at_place_of(one, known.get(name), frame.time_s):
+                self.followers[name] = known[name]
+            else:
+                self.began[name] = frame.index
+        self._start_all(
+            frame, {name: better.chosen[name] for name in self.names if name not in self.followers}, better.balance
+        )
+
+    def _start_all(self, frame: Frame, chosen: dict[str, Candidate], balance: float) -> None:
         neutral = neutral_of(frame, allowed_cells(frame, self.settings), balance)
         for name, candidate in chosen.items():
+            if any(at_place_of(candidate, known, frame.time_s) for known in self.followers.values()):
+                continue  # two marks are never at one place
             others = [other.chroma_uv for key, other in chosen.items() if key != name]
             others += [tuple(known.color[:2] + known.color[2:4]) for known in self.followers.values()]
             self._start(name, frame, candidate, learn_color(candidate, others, neutral))
@@ -234,6 +264,7 @@ class Tracker:
         if not candidate.whole:  # cut by the border of the image it does not tell its shape
             return
         where = candidate.center_px, candidate.radius_px
+        self._second_look.begin()
         disc = finished(learn_shape([patch_of(frame, *where)], candidate.radius_px))
         blob = start_blob(frame, self.cell, *where, color, self.settings.exposure)
         self._starts[name] = frame.index, blob
@@ -252,40 +283,6 @@ class Tracker:
         follower = Follower(Appearance(color, area, disc), self.settings.exposure)
         follower.position, follower.time_s = candidate.center_px, frame.time_s
         self.followers[name] = follower
-
-    def _choose_shapes(self, held: list[tuple[Frame, list[Sighting]]]) -> None:
-        """Follow marks that are no discs as blobs, from the first frame on; in place."""
-        self._settled = True
-        for k, name in enumerate(self.names):
-            follower, mine = self.followers.get(name), [(frame, sightings[k]) for frame, sightings in held]
-            tried = None
-            if follower is not None and not self.settings.pair:
-                tried, resting = try_mover(name, mine, self.settings, self.cell)
-                self._rivals.exclude(resting)
-            if tried is None and isinstance(follower, Follower):
-                first, start = self._starts[name]
-                tried = try_blob(start, first, mine, self.cell)
-            if tried is not None:
-                self.followers[name] = tried[0]
-                for (_, sightings), one in zip(held, tried[1], strict=True):
-                    sightings[k] = one
-
-    def _refine(self, held: list[tuple[Frame, list[Sighting]]]) -> None:
-        """Learn the shapes anew from the frames held, and measure in them anew; in place."""
-        for k, name in enumerate(self.names):
-            follower = self.followers.get(name)
-            if not isinstance(follower, Follower):
-                continue
-            seen: list[tuple[Frame, Point]] = [(f, (s[k].x, s[k].y)) for f, s in held if s[k].status == OK]
-            patches = [patch_of(frame, place, follower.radius_px) for frame, place in seen[::2]]
-            disc = finished(learn_shape(patches, follower.radius_px, follower.look.disc.blur_px))
-            if disc is not None:
-                follower.take_look(with_disc(follower.look, disc))
-        agree(self.followers, self.settings.pair, Follower.take_look)
-        for frame, sightings in held:
-            for k, one in enumerate(sightings):
-                if one.status == OK and isinstance(follower := self.followers.get(self.names[k]), Follower):
-                    sightings[k] = follower.look_at(frame, self.cell, (one.x, one.y), 2.0, 0.0)
 
     def _learn_on(self) -> None:
         """Take some steps in learning a shape anew: no frame waits for all of it."""

@@ -46,7 +46,7 @@ def refine(
     kind, times, time_s = np.array(list(kinds), dtype=str), time_s, steady_times(time_s)
     again = dict(zip(numbers, repeated_frames([values[:, :2] for values in numbers.values()]), strict=True))
     for name, shown in again.items():
-        _take_out(numbers[name], status[name], shown, REPEATED)
+        take_out(numbers[name], status[name], shown, REPEATED)
     _take_out_impossible(time_s, numbers, status, followers, body)
     for center, corners in tags.items():
         widen_by_shape(numbers, corners, center)
@@ -89,7 +89,7 @@ def _hold_together(time_s: Array, numbers: dict[str, Array], status: dict[str, l
             one[:, 2:5] *= ratio
             other[:, 2:5] *= ratio
         for name, wrong in zip((first, second), wrong_ends(time_s, (one, other), distance), strict=True):
-            _take_out(numbers[name], status[name], wrong, WRONG_DISTANCE)
+            take_out(numbers[name], status[name], wrong, WRONG_DISTANCE)
 
 
 def _take_out_impossible(
@@ -108,15 +108,15 @@ def _take_out_impossible(
         for name, other in ((first, second), (second, first)):
             rests = background(places[name], places[other], radii.get(other, usual))
             alone = not np.isfinite(places[other][:, 0]).any()
-            _take_out(numbers[name], status[name], rests, ALONE if alone else BACKGROUND)
+            take_out(numbers[name], status[name], rests, ALONE if alone else BACKGROUND)
         rarer, other = sorted(body, key=lambda name: int(np.isfinite(numbers[name][:, 0]).sum()))
         if strangers(numbers[rarer][:, :2], numbers[other][:, :2], usual):
-            _take_out(numbers[rarer], status[rarer], np.isfinite(numbers[rarer][:, 0]), STRANGER)
+            take_out(numbers[rarer], status[rarer], np.isfinite(numbers[rarer][:, 0]), STRANGER)
     for name, values in numbers.items():
-        _take_out(values, status[name], off_course(time_s, values[:, :2], radii.get(name, usual)), OFF_COURSE)
+        take_out(values, status[name], off_course(time_s, values[:, :2], radii.get(name, usual)), OFF_COURSE)
 
 
-def _take_out(values: Array, status: list[str], rows: NDArray[np.bool_], why: str) -> None:
+def take_out(values: Array, status: list[str], rows: NDArray[np.bool_], why: str) -> None:
     """Make a mark absent in some frames (n,), in place; values: (n, 5)."""
     values[rows] = np.nan
     for row in np.flatnonzero(rows):

@@ -3,7 +3,8 @@
 A codec that saves bits leaves an end of a sticker where it was, or smears it, for many frames: the course of the mark
 stays smooth, and nothing between frames shows the error. But its length changes, which a rigid mark's does not. Where
 both ends err by themselves, half the length scatters as much as the centre does along it; measured on drawn clips of
-H.264 and MPEG-4 of a few quantisers the ratio is 0.8 to 1.3 along the longer axis, 1.5 to 2.5 across.
+H.264 and MPEG-4 of a few quantisers the ratio is 0.8 to 1.3 along the longer axis, 1.5 to 2.5 across. What hides an end
+in some frames (a wire, under which a recording begins) makes a length of its own in those.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ Array = NDArray[np.float64]
 FEWEST = 30  # frames that tell how a length scatters beside what slant and place do to it
 SECOND_ORDER = 60  # and that tell perspective beyond its first order, too
 ALONG, ACROSS = 0.5, 0.25  # error of the centre over that of the length, along the longer axis and across
+HIDDEN = 0.5  # error of the centre over what is hidden of a length, either way: one end is not where it was
 CLIPPED = 4.0  # robust sigmas beyond which a length (something touches the mark) tells nothing
 
 
@@ -39,11 +41,11 @@ def widen_by_outline(times_s: Array, values: Array, outline: Sequence[tuple[floa
     usual = _smooth(values[rows, :2], shapes[:, 3])
     cos, sin = np.cos(shapes[:, 3]), np.sin(shapes[:, 3])
     for side, share, (ahead, left) in ((1, ALONG, (cos, sin)), (2, ACROSS, (-sin, cos))):
-        scatter = (share * _scatter(shapes[:, side], usual)) ** 2
+        scatter, odd_px = _scatter(shapes[:, side], usual)
         x, y, both = values[rows, 2:5].T
         known = float(np.median(ahead**2 * x + left**2 * y + 2 * ahead * left * both))
-        lacking = max(scatter - known, 0.0)
-        values[rows, 2:5] += lacking * np.stack([ahead**2, left**2, ahead * left], axis=1)
+        lacking = max((share * scatter) ** 2 - known, 0.0) + (HIDDEN * odd_px) ** 2
+        values[rows, 2:5] += lacking[:, None] * np.stack([ahead**2, left**2, ahead * left], axis=1)
 
 
 def _smooth(places_px: Array, angle: Array) -> Array:
@@ -55,13 +57,13 @@ def _smooth(places_px: Array, angle: Array) -> Array:
     return np.stack(terms, axis=1)
 
 
-def _scatter(length: Array, usual: Array) -> float:
-    """Standard deviation of a length about what is usual there, without outliers."""
-    kept = np.ones(len(length), bool)
+def _scatter(length: Array, usual: Array) -> tuple[float, Array]:
+    """Standard deviation of a length about what is usual there, without outliers, and how far these are off, else 0."""
     left = length - np.median(length)
+    kept = np.abs(left) <= CLIPPED * 1.4826 * float(np.median(np.abs(left))) + 1e-9
     for _ in range(3):
         left = length - usual @ np.linalg.lstsq(usual[kept], length[kept], rcond=1e-9)[0]
         sigma = 1.4826 * float(np.median(np.abs(left[kept])))
         kept = np.abs(left) <= CLIPPED * sigma + 1e-9
     freedom = max(int(kept.sum()) - usual.shape[1], 1)
-    return float(np.sqrt((left[kept] ** 2).sum() / freedom))
+    return float(np.sqrt((left[kept] ** 2).sum() / freedom)), np.where(kept, 0.0, left)

@@ -139,13 +139,10 @@ def test_of_the_places_of_a_lost_mark_the_three_nearest_to_its_course_are_looked
 
 
 def test_a_lost_mark_can_have_come_as_far_as_its_partner_is_and_two_steps_for_every_frame() -> None:
-    one: Any = Tracker(TrackingSettings())
-    one.interval_s, one.body.distance_px = 0.5, 40.0
-    one.followers = {one.names[0]: Probe(missed=1)}  # 40 px and four steps of 3.5 px: 54 px
-    assert one._reached((10.0 + 30.0, 20.0 - 23.9), 0)
-    assert not one._reached((10.0 - 30.0, 20.0 + 24.1), 0)
-    one.followers = {one.names[0]: Probe(position=None)}
-    assert one._reached((500.0, 500.0), 0)
+    lost = moving(missed=1)  # 40 px and four steps of 3.5 px: 54 px
+    assert lost.may_be_at((10.0 + 30.0, 20.0 - 23.9), 0.5, 40.0)
+    assert not lost.may_be_at((10.0 - 30.0, 20.0 + 24.1), 0.5, 40.0)
+    assert moving(position=None).may_be_at((500.0, 500.0), 0.5, 40.0)
 
 
 def test_an_interval_is_the_time_since_the_frame_before_and_a_repeated_frame_shows_no_mark_that_moves() -> None:

@@ -74,6 +74,16 @@ def test_outline_that_changes_as_slant_makes_it_or_is_seen_in_few_frames_widens_
         np.testing.assert_array_equal(values, before)
 
 
+def test_where_something_hides_an_end_of_a_mark_its_centre_is_unsure_by_half_of_what_is_hidden() -> None:
+    """A recording may begin so, with the mark at rest, when a third of all frames are alike."""
+    time, values, outline = outlined(200, np.random.default_rng(9), 0.005)
+    values[:60, :2] = values[0, :2]
+    hidden = [(t, long - 4.0 * (k < 60), short, angle) for k, (t, long, short, angle) in enumerate(outline)]
+    widen_by_outline(time, values, hidden)
+    assert np.sqrt(values[:60, 2:4].sum(axis=1)) == pytest.approx(2.0, rel=0.2)
+    assert np.sqrt(values[60:, 2:4].sum(axis=1)).max() < 0.05
+
+
 @pytest.mark.parametrize(("frames", "told"), [(60, True), (59, False)])
 def test_length_may_change_smoothly_with_direction_and_from_sixty_frames_on_to_second_order_with_place(
     frames: int, told: bool

@@ -1,0 +1,85 @@
+"""Whether the two marks that are followed are those that a search of the whole frame would choose now.
+
+What is in view when a recording begins (a cup, a sleeve, one mark taken for the other in the dark) may be the likeliest
+pair there and then, and is none once the robot comes in or a lamp is lit. Until two marks have travelled as one body,
+frames are searched anew; where some in a row show a good pair elsewhere, that pair is followed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from evaluator.recording import Frame
+from evaluator.tracking.detection.find import GOOD, Reading, find_marks
+from evaluator.tracking.detection.selection import Candidate, alike, choose
+from evaluator.tracking.following.background import TRAVELS
+from evaluator.tracking.following.follow import Follower
+from evaluator.tracking.following.follow_blob import BlobFollower
+from evaluator.tracking.following.motion import Point
+from evaluator.tracking.following.pair import TOLERANCE
+from evaluator.tracking.settings import TrackingSettings
+
+Pair = dict[str, Candidate]
+Followers = Mapping[str, Follower | BlobFollower]
+# A search takes as long as ten frames of following: of a robot at rest, every sixteenth frame is searched; of
+# marks one of which is sought anyway, every fourth.
+SELDOM_MASK, OFTEN_MASK = 15, 3
+IN_A_ROW = 3  # frames that show another pair before it is believed: blinks and residues of a codec last for less
+NEARBY = 2.0  # radii that a mark lies from where it should be, beside the way that it goes in a frame
+
+
+class SecondLook:
+    """Doubts what is followed until both marks have travelled as one body."""
+
+    def __init__(self) -> None:
+        """Start with nothing followed."""
+        self._began: dict[str, Point] = {}  # where both were when they were first followed together
+        self._sure = False
+        self._in_a_row = 0
+
+    def begin(self) -> None:
+        """Note that a mark begins to be followed."""
+        self._began, self._sure = {}, False
+
+    def better(self, frame: Frame, settings: TrackingSettings, followers: Followers) -> Reading | None:
+        """Give the pair to follow from this frame on, None while what is followed may stay."""
+        if not followers or not settings.pair or not self._doubtful(settings, followers):
+            return None
+        alone = len(followers) < len(settings.pair)
+        if not self._in_a_row and frame.index & (OFTEN_MASK if alone else SELDOM_MASK):
+            return None
+        found = find_marks(frame, settings, list(settings.pair))
+        complete = len(found.chosen) == len(settings.pair) and all(one.whole for one in found.chosen.values())
+        good = complete and choose(found.blobs, settings)[1] > GOOD
+        known = good and any(_followed(pair, followers, frame.time_s) for pair in alike(found.blobs, settings))
+        self._in_a_row = self._in_a_row + 1 if good and not known else 0
+        if self._in_a_row < IN_A_ROW:
+            return None
+        self._in_a_row = 0
+        return found
+
+    def _doubtful(self, settings: TrackingSettings, followers: Followers) -> bool:
+        """Whether the marks have not travelled as one body yet."""
+        places = {name: one.position for name, one in followers.items() if one.position is not None and not one.missed}
+        if self._sure or len(places) < len(settings.pair):
+            return not self._sure
+        self._began = self._began or places
+        way = min(math.dist(places[name], self._began[name]) / followers[name].radius_px for name in places)
+        before, now = math.dist(*self._began.values()), math.dist(*places.values())
+        self._sure = way > TRAVELS and abs(now - before) < TOLERANCE * before
+        return not self._sure
+
+
+def at_place_of(one: Candidate, follower: Follower | BlobFollower | None, time_s: float) -> bool:
+    """Whether a blob is where a mark is followed."""
+    place = None if follower is None else follower.predicted(time_s)
+    if follower is None or place is None:
+        return False
+    way = math.dist(place, follower.position or place)
+    return math.dist(one.center_px, place) < NEARBY * max(one.radius_px, 1.0) + way
+
+
+def _followed(pair: Pair, followers: Followers, time_s: float) -> bool:
+    """Whether all marks that are followed are those of a pair."""
+    return all(at_place_of(pair[name], follower, time_s) for name, follower in followers.items())
