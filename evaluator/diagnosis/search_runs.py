@@ -224,11 +224,16 @@ def refit_without_held_out(part: Search, whole: Search, ids: Set) -> Fit:
 
 
 def challenge_with_free_terms(search: Search, free: Mapping[str, Candidate], progress: Progress) -> None:
-    """Let free-form terms compete: instead of the named effects, and beside them."""
+    """Let free-form terms compete: instead of the named effects, and beside them.
+
+    Beside the best set, and beside what would be the answer: a best set that ends at a bound is none, and what it does
+    better than the answer a free-form term may say.
+    """
     progress("free-form terms", 0.85)
     ranked = sorted(search.fits, key=lambda ids: -search.fits[ids].posterior.log_evidence)
     top = search.fits[ranked[0]].posterior.log_evidence
-    for ids in dict.fromkeys([frozenset[str](), ranked[0]]):
+    answer = rank_named(search, len(free))[1]
+    for ids in dict.fromkeys([frozenset[str](), ranked[0], answer]):
         fit = search.fits.get(ids) or fit_set(search, ids, {}, search.null) or search.reached(ids)
         if fit is None:
             continue
