@@ -54,7 +54,7 @@ def grow(search: Search, families: int, size: int, count: int, additions: int) -
     _afford(search)
     leading = [ids for ids in _ranked(search, families) if len(ids) == size][:count]
     for ids in leading:
-        extend(search, ids, _untried(search, ids), additions)
+        _extend_once(search, ids, additions)
 
 
 def exchange(search: Search, families: int) -> None:
@@ -67,16 +67,18 @@ def exchange(search: Search, families: int) -> None:
         _afford(search)
         for rest in [best - {effect} for effect in sorted(best)]:
             if fit_set(search, rest, {}, search.fits[best]) or search.reached(rest):
-                extend(search, rest, _untried(search, rest))
+                _extend_once(search, rest)
         if len(best) < LARGEST_SET:
-            extend(search, best, _untried(search, best))
+            _extend_once(search, best)
         if _ranked(search, families)[0] == best:
             break
 
 
-def _untried(search: Search, ids: Set) -> set[str]:
-    """Effects with which a set was not fitted yet."""
-    return {effect for effect in search.terms if ids | {effect} not in search.fits}
+def _extend_once(search: Search, ids: Set, additions: int = ADDITIONS_REFITTED) -> None:
+    """Fit a set with what promises most beside it; a view of all candidates costs as much as several fits."""
+    if ids not in search.extended:
+        search.extended.add(ids)
+        extend(search, ids, {effect for effect in search.terms if ids | {effect} not in search.fits}, additions)
 
 
 def _ranked(search: Search, families: int) -> list[Set]:

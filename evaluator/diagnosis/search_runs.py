@@ -18,6 +18,7 @@ from evaluator.diagnosis.assessment.model_comparison import (
     standing,
 )
 from evaluator.diagnosis.assessment.verdict import KEEP, best_named
+from evaluator.diagnosis.candidates.already_said import is_said_by
 from evaluator.diagnosis.candidates.coordinates import named_terms, size_of
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.experiment import Session, held_out_runs
@@ -35,6 +36,7 @@ from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.progress import Progress
+from simulator.effects.catalogue import EFFECTS
 from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
@@ -92,7 +94,10 @@ def prepared(session: Session, progress: Watch, fits: FitCache | None) -> Prepar
     frame = session.one_frame
     every = named_terms(_reach(session), _levels(session), session.own, size, one_frame=frame)
     named = {effect: term for effect, term in every.items() if effect not in given}
-    terms: dict[str, Candidate] = {**named, **free_terms(size, one_frame=frame)}
+    own = [EFFECTS[effect] for effect in session.own]
+    forms = free_terms(size, one_frame=frame)
+    new = {form: term for form, term in forms.items() if not any(is_said_by(term, effect) for effect in own)}
+    terms: dict[str, Candidate] = {**named, **new}
     progress("noise", 0.0)
     forward = Simulated(session.robots, data, terms, predicted_sigmas(session.known), session.start_sigma_s)
     problem, start = build_problem(data, forward, fits, progress)

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from simulator.dynamics.terms import Term
 from simulator.effects.coordinates import Candidate, Scene, plain
 from simulator.effects.draft import Draft
 from simulator.effects.parameter import Parameter
@@ -42,6 +43,7 @@ class Effect:
     varies_by_run: acts differently in each run of a session, by its number.
     of_plate: acts by the place or the direction of the robot on the plate, so that only runs in one frame can show it.
     fitted: the coordinates of a fit; without it, the parameters themselves.
+    sum_of: of an effect that is a sum of terms, each with the parameter that it is times; else empty.
     """
 
     id: str
@@ -58,6 +60,7 @@ class Effect:
     of_plate: bool = False
     fitted: Callable[[Scene], Candidate] | None = None
     single_cause: SingleCause | None = None
+    sum_of: tuple[tuple[str, Term], ...] = ()
 
     def absent(self) -> dict[str, float]:
         """Parameters at which the effect vanishes."""

@@ -154,6 +154,7 @@ def effect_of(content: Mapping[str, Any]) -> Effect:
         act=act if felt else None,
         view=view if seen else None,
         of_plate=any(is_of_plate(CHANNELS[row["channel"]], BASES[row["depends_on"]]) for row in rows),
+        sum_of=tuple(drive_or_force),
     )
 
 

@@ -10,12 +10,11 @@ import pytest
 from evaluator.diagnosis.candidates.coordinates import named_terms, size_of
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.experiment import session_of
-from evaluator.diagnosis.inference.fit import fit_model
-from evaluator.diagnosis.inference.search import Search
-from evaluator.diagnosis.likelihood.preparation import build_problem, with_noise_of
-from evaluator.diagnosis.likelihood.random_effects import place_runs
+from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.simulation import Simulated
-from evaluator.diagnosis.search_ground import grow
+from evaluator.diagnosis.search_ground import searched_on_ground
+from evaluator.diagnosis.search_runs import Prepared
+from evaluator.progress import no_progress
 from evaluator.settings import load_experiment
 from evaluator.workflow import analyze
 from simulator.robot import load_robot
@@ -59,13 +58,8 @@ def test_late_motors_are_found_beside_the_mixing_of_sides_with_their_sizes(tmp_p
     terms = {name: term for name, term in named_terms(5e3, (30.0,), size=size).items() if name in named}
     terms[MIXED] = free_terms(size)[MIXED]
     problem, start = build_problem(session.data, Simulated(session.robots, session.data, terms))
-    runs = tuple(range(len(session.data)))
-    search = Search(problem, terms, {}, runs)
-    first = fit_model(problem, start, [terms[MIXED]], {})
-    search.problem = with_noise_of(problem, place_runs(problem, first.point, runs, first.posterior.scatter))
-    search.fits[frozenset()] = fit_model(search.problem, start, [], {})
-    search.fits[frozenset({MIXED})] = fit_model(search.problem, first.point, [terms[MIXED]], {})
-    grow(search, 1, size=1, count=1, additions=3)
+    part, search = searched_on_ground(Prepared(problem, start, {}, terms), no_progress)
+    assert set(part.runs) < set(search.runs)
     best = search.ranked()[0]
     assert best == {"command-lag", MIXED}
     found = search.fits[best].point.terms

@@ -39,6 +39,7 @@ class Search:
     fits: dict[frozenset[str], Fit] = field(default_factory=dict)
     # sets whose fit did not converge: where it stopped, or None where runs cannot be simulated
     failed: dict[frozenset[str], Fit | None] = field(default_factory=dict)
+    extended: set[frozenset[str]] = field(default_factory=set)  # sets of which it was asked what to add
     steps: int = 0  # that all its fits took together
     most_steps: int = MOST_STEPS
 

@@ -89,6 +89,11 @@ class Point:
         values = self.terms.get(column.key)
         return 0.0 if values is None else values[column.coordinate] - column.absent
 
+    def is_within_bounds(self, column: Column) -> bool:
+        """Whether a term has a value in its bounds: a motor that turns faster under load would chatter for long."""
+        values = self.terms.get(column.key, ())
+        return column.term is None or column.term.clipped(values) == tuple(values)
+
     def at(self, columns: Sequence[Column], theta: Floats) -> Point:
         """The point with common parameters at values (p,), measured from where they change nothing."""
         nominal, values = dict(self.nominal), {effect: list(value) for effect, value in self.terms.items()}
@@ -213,13 +218,12 @@ class Problem:
             return views
         steps = np.array([0.0 if column.whole_change is not None else column.step for column in columns])
         jumped = [(number, i) for number, view in enumerate(views) if view for i in jumps(view.common, steps)]
-        behind = self.features(
-            [points[before[i]].moved(columns[i], -steps[i]).task(runs[number]) for number, i in jumped]
-        )
-        slopes = {
-            at: smooth_slope(features[at[0]][before[at[1]]], item, steps[at[1]])
-            for at, item in zip(jumped, behind, strict=True)
-        }
+        behind = [points[before[i]].moved(columns[i], -steps[i]) for _, i in jumped]
+        able = [(at, place) for at, place in zip(jumped, behind, strict=True) if place.is_within_bounds(columns[at[1]])]
+        slopes = {(number, i): np.zeros_like(features[number][0]) for number, i in jumped}
+        found = self.features([place.task(runs[number]) for (number, _), place in able])
+        for ((number, i), _), item in zip(able, found, strict=True):
+            slopes[number, i] = smooth_slope(features[number][before[i]], item, steps[i])
         return with_slopes(views, slopes, _theta(point, columns))
 
     def _tasks(self, point: Point, points: Sequence[Point], run: int) -> list[Task]:

@@ -127,6 +127,22 @@ def test_slopes_on_ground_hold_no_jump() -> None:
             assert np.abs(left).max() == pytest.approx(TRUTH - 0.04, abs=1e-9)
 
 
+def test_beyond_its_bounds_no_parameter_is_tried() -> None:
+    tried: list[float] = []
+
+    @dataclass(frozen=True)
+    class Watched(Steps):
+        def marks(self, tasks: list[Task]) -> list[Any]:
+            tried.extend(size for task in tasks for size in task.terms.get("drift", ()))
+            return super().marks(tasks)
+
+    bounded = replace(DRIFT, coordinates=(Coordinate("size", 0.0, 0.1, 0.03, 10.0),))
+    at = Point(np.zeros((3, 7)), terms={"drift": (0.04,)})
+    _, second, _ = problem_of(Watched(-60.0), 100.0).linearized(at, [Column("drift", 0, bounded)])
+    assert min(tried) == 0.04
+    assert not second.common.any()
+
+
 def test_a_run_that_jumps_to_both_sides_says_nothing_of_a_parameter() -> None:
     here = np.array([1.0, 2.0])
     assert smooth_slope(here, here + np.array([0.0, 0.1]), 0.5).tolist() == pytest.approx([0.0, 0.2])

@@ -34,13 +34,17 @@ def fit_of(ids: frozenset[str], at_bound: Collection[frozenset[str]] = ()) -> An
     )
 
 
-def search_of(monkeypatch: pytest.MonkeyPatch, at_bound: Collection[frozenset[str]] = ()) -> Search:
-    """A search whose fits have the evidence of the table, with the fit of nothing."""
+def search_of(
+    monkeypatch: pytest.MonkeyPatch, at_bound: Collection[frozenset[str]] = ()
+) -> tuple[Search, list[frozenset[str]]]:
+    """A search whose fits have the evidence of the table, with the fit of nothing; and the sets that were extended."""
+    asked: list[frozenset[str]] = []
 
     def fitted(search: Search, ids: frozenset[str], *_: object) -> Any:
         return search.fits.setdefault(ids, fit_of(ids, at_bound))
 
-    def extended(search: Search, ids: frozenset[str], among: Collection[str], most: int = 9) -> None:
+    def extended(search: Search, ids: frozenset[str], among: Collection[str], most: int) -> None:
+        asked.append(ids)
         more = sorted(set(among) - ids, key=lambda effect: -EVIDENCE.get(ids | {effect}, 0.0))
         for effect in more[:most]:
             fitted(search, ids | {effect})
@@ -49,11 +53,11 @@ def search_of(monkeypatch: pytest.MonkeyPatch, at_bound: Collection[frozenset[st
     monkeypatch.setattr(search_ground, "extend", extended)
     search = Search(cast("Any", SimpleNamespace(open_ground=True)), dict.fromkeys(NAMES, cast("Any", None)), {}, (0,))
     fitted(search, frozenset())
-    return search
+    return search, asked
 
 
 def test_sets_grow_by_the_leading_additions_whether_they_have_a_name_or_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    search = search_of(monkeypatch)
+    search, _ = search_of(monkeypatch)
     grow(search, 95, size=0, count=1, additions=2)
     assert set(search.fits) == {frozenset(), frozenset({"proxy"}), frozenset({FORM})}
     grow(search, 95, size=1, count=1, additions=1)  # the leading one alone, though another of its size was fitted
@@ -67,9 +71,11 @@ def test_sets_grow_by_the_leading_additions_whether_they_have_a_name_or_not(monk
 def test_a_proxy_that_was_picked_first_gives_way_to_what_is_better_in_its_place(
     at_bound: tuple[frozenset[str], ...], best: set[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    search = search_of(monkeypatch, at_bound)
+    search, asked = search_of(monkeypatch, at_bound)
     for ids in (frozenset({"proxy"}), frozenset({"proxy", FORM})):
         search.fits[ids] = fit_of(ids, at_bound)
     exchange(search, 95)
+    exchange(search, 95)
     assert search_ground._ranked(search, 95)[0] == best
     assert frozenset({FORM}) in search.fits  # what each effect stands against was fitted
+    assert len(asked) == len(set(asked))  # each once: a view of all candidates is dear
