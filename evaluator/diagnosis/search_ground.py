@@ -31,7 +31,8 @@ GROWN = ((1, SINGLES_REFITTED), *((count, ADDITIONS_REFITTED) for count in BEAM)
 def searched_on_ground(ready: Prepared, progress: Progress) -> tuple[Search, Search]:
     """Searches without the runs held out and of all: of the first only the model without effects is fitted."""
     families = len(ready.free)
-    whole = Search(ready.problem, ready.terms, ready.tolerance, tuple(range(len(ready.problem.data))))
+    every = tuple(range(len(ready.problem.data)))
+    whole = Search(ready.problem, ready.terms, ready.tolerance, every, asked=ready.own)
     whole.fits[frozenset()] = fit_model(whole.problem, ready.start, [], whole.tolerance, whole.runs)
     for size, (count, additions) in enumerate(GROWN):
         progress(f"{size + 1} effects", 0.1 + 0.2 * size)
@@ -44,7 +45,7 @@ def searched_on_ground(ready: Prepared, progress: Progress) -> tuple[Search, Sea
         if quieter is None:
             break
         whole = quieter
-    part = Search(whole.problem, whole.terms, whole.tolerance, fitted_runs(whole.problem.data))
+    part = whole.anew(runs=fitted_runs(whole.problem.data))
     part.fits[frozenset()] = fit_model(part.problem, whole.null.point, [], part.tolerance, part.runs)
     return part, whole
 
@@ -100,7 +101,7 @@ def _quieter(search: Search, families: int) -> Search | None:
 
 def _under(problem: Problem, search: Search, leading: Sequence[Set]) -> Search:
     """The leading sets of a search, and the model without effects, fitted again under another noise."""
-    found = Search(problem, search.terms, search.tolerance, search.runs)
+    found = search.anew(problem=problem)
     found.fits[frozenset()] = fit_model(problem, search.null.point, [], search.tolerance, search.runs)
     for ids in leading:
         if ids:

@@ -68,12 +68,13 @@ def rank_named(search: Search, families: int) -> tuple[Standing, Set]:
 
 @dataclass(frozen=True)
 class Prepared:
-    """Runs ready for a search: the problem, its nominal point, tolerances that show, and all terms by id."""
+    """Runs ready for a search: the problem, its nominal point, tolerances that show, all terms by id, the user's own."""
 
     problem: Problem
     start: Point
     tolerance: Mapping[str, float]
     terms: Mapping[str, Candidate]
+    own: frozenset[str]
 
     @property
     def free(self) -> dict[str, Candidate]:
@@ -102,13 +103,14 @@ def prepared(session: Session, progress: Watch, fits: FitCache | None) -> Prepar
     forward = Simulated(session.robots, data, terms, predicted_sigmas(session.known), session.start_sigma_s)
     problem, start = build_problem(data, forward, fits, progress)
     tolerance = told_of(problem, start, session.tolerance)
-    return Prepared(replace(problem, starts_show=show_starts(problem, start)), start, tolerance, terms)
+    problem = replace(problem, starts_show=show_starts(problem, start))
+    return Prepared(problem, start, tolerance, terms, frozenset(terms).intersection(session.own))
 
 
 def search_named(ready: Prepared, progress: Progress) -> Search:
     """The search over named effects without the runs held out."""
     problem, start = ready.problem, ready.start
-    part = Search(problem, ready.named, ready.tolerance, fitted_runs(problem.data))
+    part = Search(problem, ready.named, ready.tolerance, fitted_runs(problem.data), asked=ready.own)
     begin, large = start, is_large(problem, start)
     if large:
         begin = recalibrated(problem, start, ready.tolerance)
@@ -181,7 +183,7 @@ def _with_settled_noise(part: Search, nominal: Point, progress: Progress) -> Sea
         if problem is None:
             break
         seeds, null = [part.fits[ids] for ids in part.ranked()[:RIVALS_KEPT]], part.null.point
-        part = Search(problem, part.terms, part.tolerance, part.runs)
+        part = part.anew(problem=problem)
         run_search(part, null, nominal, progress, seeds)
     return part
 
@@ -203,7 +205,7 @@ def _swap(part: Search) -> None:
 
 def fit_on_all_runs(part: Search, terms: Mapping[str, Candidate]) -> Search:
     """The best sets of a search fitted again, on all runs."""
-    whole = Search(part.problem, terms, part.tolerance, tuple(range(len(part.problem.data))))
+    whole = part.anew(terms=terms, runs=tuple(range(len(part.problem.data))))
     leading = part.ranked()[:RIVALS_KEPT]
     # the null is kept even where its misfit is too large to converge: everything is measured against it
     whole.fits[frozenset()] = fit_model(part.problem, part.null.point, [], part.tolerance, whole.runs)
@@ -217,14 +219,14 @@ def fit_on_all_runs(part: Search, terms: Mapping[str, Candidate]) -> Search:
                 origin = part.fits.get(rest) or whole.fits.get(ids) or part.fits[ids]
                 fit_set(whole, rest, {effect: origin.point.terms[effect] for effect in rest}, origin, explained)
     if leading[0] in whole.failed:  # a run held out is not followed: the verdict stays with those that were fitted
-        return Search(part.problem, terms, part.tolerance, part.runs, dict(part.fits))
+        return part.anew(terms=terms, fits=dict(part.fits))
     return whole
 
 
 def refit_without_held_out(part: Search, whole: Search, ids: Set) -> Fit:
     """A set fitted on the runs of part, from its fit on all runs."""
     source = whole.fits[ids]
-    wider = Search(whole.problem, whole.terms, part.tolerance, part.runs)
+    wider = whole.anew(tolerance=part.tolerance, runs=part.runs)
     return fit_set(wider, ids, dict(source.point.terms), source) or source
 
 

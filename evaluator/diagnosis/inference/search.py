@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -39,9 +40,16 @@ class Search:
     fits: dict[frozenset[str], Fit] = field(default_factory=dict)
     # sets whose fit did not converge: where it stopped, or None where runs cannot be simulated
     failed: dict[frozenset[str], Fit | None] = field(default_factory=dict)
+    asked: frozenset[str] = frozenset()  # effects of the user's own: fitted wherever anything is added to a set
     extended: set[frozenset[str]] = field(default_factory=set)  # sets of which it was asked what to add
     steps: int = 0  # that all its fits took together
     most_steps: int = MOST_STEPS
+
+    def anew(self, **changes: Any) -> Search:
+        """This search with other fields, and nothing fitted yet."""
+        return replace(
+            self, **{"fits": {}, "failed": {}, "extended": set(), "steps": 0, "most_steps": MOST_STEPS, **changes}
+        )
 
     @property
     def exhausted(self) -> bool:

@@ -72,7 +72,7 @@ def short_horizon_fits(whole: Search, start: Point, progress: Progress) -> list[
     point = start
     for horizon_s in within(whole.problem, HORIZONS_S):
         short = within_horizon(whole.problem, point, horizon_s)
-        search = Search(short, whole.terms, whole.tolerance, whole.runs, most_steps=MOST_STEPS)
+        search = whole.anew(problem=short, most_steps=MOST_STEPS)
         run_search(search, start, start, progress, best)
         best = [search.fits[ids] for ids in search.ranked()[:CARRIED_ON]]
         point = best[0].point

@@ -73,6 +73,7 @@ def _from_the_null(search: Search) -> None:
     ordered = _ordered(view, view.offers)
     # over a short horizon the misfit is large and the linear view a poor guide: there every single effect is fitted
     most = SINGLES_REFITTED if search.problem.horizon_s == np.inf else len(search.terms)
+    _fit_asked(search, view, ordered, search.null)
     _refit(search, view, [(offer,) for offer in ordered], most, search.null)
     pairs = [pair for pair in itertools.combinations(ordered[:PAIRED], 2) if pair[0][0] != pair[1][0]]
     gain = {pair: view.evidence(*pair) - max(view.evidence(pair[0]), view.evidence(pair[1])) for pair in pairs}
@@ -92,7 +93,13 @@ def extend(
     ordered = _ordered(view, view.offers)
     base = view.evidence()
     worthwhile = [(offer,) for offer in ordered if view.evidence(offer) > base + PROMISING]
+    _fit_asked(search, view, ordered, fit)
     _refit(search, view, worthwhile, most, fit)
+
+
+def _fit_asked(search: Search, view: Screen, ordered: Sequence[tuple[str, tuple[int, ...]]], fit: Fit) -> None:
+    """Fit what the user asks for, whatever the linear view promises of it: of many numbers it promises little."""
+    _refit(search, view, [(offer,) for offer in ordered if offer[0] in search.asked], len(search.asked), fit)
 
 
 def _ordered(view: Screen, offers: Sequence[tuple[str, tuple[int, ...]]]) -> list[tuple[str, tuple[int, ...]]]:
