@@ -68,7 +68,7 @@ def rank_named(search: Search, families: int) -> tuple[Standing, Set]:
 
 @dataclass(frozen=True)
 class Prepared:
-    """Runs ready for a search: the problem, its nominal point, tolerances that show, all terms by id, the user's own."""
+    """Runs ready for a search: the problem, its nominal point, tolerances that show, terms by id, the user's own."""
 
     problem: Problem
     start: Point

@@ -46,10 +46,9 @@ class Search:
     most_steps: int = MOST_STEPS
 
     def anew(self, **changes: Any) -> Search:
-        """This search with other fields, and nothing fitted yet."""
-        return replace(
-            self, **{"fits": {}, "failed": {}, "extended": set(), "steps": 0, "most_steps": MOST_STEPS, **changes}
-        )
+        """The search with these fields changed, and nothing fitted yet."""
+        empty: dict[str, Any] = {"fits": {}, "failed": {}, "extended": set(), "steps": 0, "most_steps": MOST_STEPS}
+        return replace(self, **(empty | changes))
 
     @property
     def exhausted(self) -> bool:
