@@ -74,7 +74,7 @@ class Prepared:
     start: Point
     tolerance: Mapping[str, float]
     terms: Mapping[str, Candidate]
-    own: frozenset[str]
+    own: frozenset[str] = frozenset()
 
     @property
     def free(self) -> dict[str, Candidate]:

@@ -1,0 +1,51 @@
+"""Which sets a search fits: what the view from the null overlooks, and what the user asks for."""
+
+from __future__ import annotations
+
+import pytest
+
+from evaluator.diagnosis.candidates.coordinates import named_terms
+from evaluator.diagnosis.inference import strategy
+from evaluator.diagnosis.inference.fit import fit_model
+from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.inference.strategy import extend, run_search
+from evaluator.diagnosis.likelihood.preparation import build_problem
+from evaluator.diagnosis.likelihood.problem import Point
+from evaluator.diagnosis.likelihood.simulation import Simulated
+from evaluator.progress import no_progress
+from tests.evaluator.diagnosis.hidden import hidden_session
+
+TRIED = ("drive-speed-scale", "plate-tilt", "mark-offset", "rolling-drag", "tether-pull")
+SCALE, NOTHING = frozenset({"drive-speed-scale"}), frozenset[str]()
+
+
+@pytest.fixture(scope="module")
+def faster(tmp_path_factory: pytest.TempPathFactory) -> tuple[Search, Point]:
+    """A search of runs with faster wheels, nothing fitted, and the nominal point."""
+    session = hidden_session(tmp_path_factory.mktemp("faster"), {"drive-speed-scale": {"factor": 1.01}}, exact=True)
+    every = named_terms(20.0, (30.0, 60.0))
+    terms = {effect: every[effect] for effect in TRIED}
+    problem, start = build_problem(session.data, Simulated(session.robots, session.data, terms))
+    return Search(problem, terms, session.tolerance, tuple(range(len(session.data)))), start
+
+
+def test_what_the_view_from_the_null_overlooks_is_fitted_from_the_model_as_its_file_says(
+    faster: tuple[Search, Point], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    empty, nominal = faster
+    search = empty.anew()
+    monkeypatch.setattr(strategy, "_from_the_null", lambda _: None)
+    run_search(search, nominal, nominal, no_progress)
+    assert search.ranked()[0] == SCALE
+
+
+def test_what_the_user_asks_for_is_fitted_whatever_is_promised_of_it(
+    faster: tuple[Search, Point], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    empty, nominal = faster
+    monkeypatch.setattr(strategy, "PROMISING", 1e9)
+    for asked in (NOTHING, frozenset({"mark-offset"})):
+        search = empty.anew(asked=asked)
+        search.fits[NOTHING] = fit_model(search.problem, nominal, [], search.tolerance)
+        extend(search, NOTHING)
+        assert set(search.fits) == {NOTHING, *({asked} if asked else ())}
