@@ -237,12 +237,12 @@ def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
     assert everything is not None
     problem, runs = part.problem, range(len(found.session.data))
     gap_fit = part.fits.get(chosen) or refit_without_held_out(part, everything, chosen)
-    after = place_runs(problem, replace(gap_fit.point, own=fit.point.own), runs, fit.posterior.scatter)
+    after = place_runs(problem, replace(gap_fit.point, per_run=fit.point.per_run), runs, fit.posterior.scatter)
     after_mm, floor_mm = run_gaps(problem, after, runs), noise_floor(problem, runs)
     outlying = tuple(int(run) for run in np.flatnonzero(after_mm > MISSED * floor_mm))
     follows = len(outlying) <= most_odd(len(runs))
     # what a model that does not follow the marks says of each run's friction and gains is worth nothing
-    before = place_starts(problem, Point(after.own) if follows else nominal, runs)
+    before = place_starts(problem, Point(after.per_run) if follows else nominal, runs)
     seen = pieces(problem, before)
     seen_after = pieces(problem, place_runs(problem, fit.point, runs, fit.posterior.scatter))
     assert found.terms is not None

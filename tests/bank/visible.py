@@ -35,7 +35,7 @@ def visible_sigmas(diagnosis: Diagnosis, shifts: Sequence[Floats], others: Colle
         return float("nan")
     terms = [search.terms[effect] for effect in others if not search.terms[effect].stepwise]
     near = {effect: values for fit in search.fits.values() for effect, values in fit.point.terms.items()}
-    start = Point(search.null.point.own, search.null.point.nominal, {t.id: near.get(t.id, t.absent) for t in terms})
+    start = Point(search.null.point.per_run, search.null.point.nominal, {t.id: near.get(t.id, t.absent) for t in terms})
     misfit = []
     for shift in ([np.zeros(1)] * len(shifts), shifts):
         data = tuple(

@@ -1,6 +1,6 @@
 """Is what a model leaves over noise? Absolute tests that no comparison between models can replace.
 
-Left-overs of every run, freed of start pose and the run's own friction and gains, are compared with the tracking
+Left-overs of every run, freed of start pose and random effects, are compared with the tracking
 noise mode by mode: slow modes hold motion, fast ones noise, so their ratio does not depend on the level of the noise.
 What is left to chance between runs, friction and gains, must look like chance: it must not depend on anything known.
 """
@@ -32,15 +32,16 @@ class Adequacy:
     """What is left over under a fit.
 
     excess: mean square of whitened left-overs, 1 for pure noise; excess_sigma: its distance from 1 in standard errors.
-    by_run: the same per run. own: friction, gains and start of each run (n, 4). order_p: probability that these depend
-    so much on something known were they chance, Bonferroni over all that was asked; depends_on: on what. widest: what
-    differs so much from run to run that no laboratory leaves it to chance, in words; empty where nothing does.
+    by_run: the same per run. random_effects: friction, gains and start of each run (n, 4). order_p: probability that
+    these depend so much on something known were they chance, Bonferroni over all that was asked; depends_on: on what.
+    widest: what differs so much from run to run that no laboratory leaves it to chance, in words; empty where nothing
+    does.
     """
 
     excess: float
     excess_sigma: float
     by_run: Floats
-    own: Floats
+    random_effects: Floats
     order_p: float
     depends_on: str
     widest: str = ""
@@ -53,11 +54,13 @@ def adequacy(fit: Fit, data: Sequence[RunData]) -> Adequacy:
     squares, freedom = left_overs(fit.linearized, columns, theta)
     excess = float(squares.sum() / freedom.sum())
     scatter = fit.posterior.scatter
-    own, unknown = run_effects(fit.reduced, theta, scatter)
+    random_effects, unknown = run_effects(fit.reduced, theta, scatter)
     told = 1 - np.diagonal(unknown, axis1=1, axis2=2) / scatter**2
     sigma = np.sqrt(2 / freedom.sum())
-    order_p, depends_on = _order(own / scatter, told, [data[run] for run in fit.runs])
-    return Adequacy(excess, (excess - 1) / sigma, squares / freedom, own, order_p, depends_on, _widest(scatter))
+    order_p, depends_on = _order(random_effects / scatter, told, [data[run] for run in fit.runs])
+    return Adequacy(
+        excess, (excess - 1) / sigma, squares / freedom, random_effects, order_p, depends_on, _widest(scatter)
+    )
 
 
 def _widest(scatter: Floats) -> str:
@@ -71,17 +74,17 @@ def _widest(scatter: Floats) -> str:
     return ""
 
 
-def _order(own: Floats, told: Floats, data: Sequence[RunData]) -> tuple[float, str]:
+def _order(random_effects: Floats, told: Floats, data: Sequence[RunData]) -> tuple[float, str]:
     """F test of each run effect on each thing that is known of a run: the smallest probability and its reason.
 
-    own: (n, 4) in standard deviations of the scatter; told: (n, 4), the share of that variance which the run tells. An
-    effect is seen shrunk to its share and varies as much, so it is divided by the root of the share, and what it may
-    depend on is multiplied by that.
+    random_effects: (n, 4) in standard deviations of the scatter; told: (n, 4), the share of that variance which the run
+    tells. An effect is seen shrunk to its share and varies as much, so it is divided by the root of the share, and what
+    it may depend on is multiplied by that.
     """
     tests = 0
     least, reason = 1.0, ""
     for by, columns in _known(data).items():
-        for what, column, share in zip(SCATTER, own.T, told.T, strict=True):
+        for what, column, share in zip(SCATTER, random_effects.T, told.T, strict=True):
             seen = share > LEAST_TOLD
             weight = np.sqrt(share[seen])
             design = np.column_stack([np.ones(seen.sum()), columns[seen]]) * weight[:, None]

@@ -1,10 +1,9 @@
 """The gap between simulation and measurement in millimetres, on fitted runs and on runs held out.
 
 Refitted: the RMS distance of a run between the measured and the simulated midpoint of the marks. After: parameters
-come from the fitted runs alone; start pose and the run's own friction, gains and start are fitted within the run-to-run
-scatter. Before: the robot file as it is, for the same friction, gains and start of each run and the start pose that
-suits it best. The floor is what tracking noise alone leaves, and never less than two programs of the same model differ
-by.
+come from the fitted runs alone; start pose and random effects (friction, gains and start) are fitted within the
+run-to-run scatter. Before: the robot file as it is, for the same random effects and the start pose that suits it best.
+The floor is what tracking noise alone leaves, and never less than two programs of the same model differ by.
 Predicted: the RMS distance of the robot's centre where a robot file is simulated from the start pose alone, as
 `turnscope compare` does it; nothing of the run is fitted. What the fitted runs say of the session as a whole (start of
 motion, clock, scale, level, places of the marks; session_as_found) holds in it, before and after alike.
@@ -118,7 +117,7 @@ def _predicted_gap(run: RunData, robot: Robot, measured_by: Robot) -> float:
 
 
 def run_gaps(problem: Problem, placed: Point, runs: Sequence[int]) -> Floats:
-    """RMS distance of the midpoint by run, mm, at a point in which every run has its own numbers."""
+    """RMS distance of the midpoint by run, mm, at a point."""
     residuals = problem.residuals([placed.task(run) for run in runs])
     return np.array([np.sqrt(np.nanmean(np.sum(item[:, :2] ** 2, axis=1))) for item in residuals])
 

@@ -78,10 +78,10 @@ def _without(reduced: Reduced, k: int) -> Reduced:
 
 
 def _misfits(fit: Fit) -> Floats:
-    """What a fit leaves over of each run, -2 log, with its own friction, gains and start within the scatter, (n,)."""
+    """What a fit leaves over of each run, -2 log, with its random effects within the scatter, (n,)."""
     reduced, tau = fit.reduced, fit.posterior.scatter
     theta = np.array([fit.point.value(column) for column in fit.columns])
     square = reduced.s - 2 * reduced.g @ theta + np.einsum("p,npq,q->n", theta, reduced.G, theta)
     slope = reduced.c - reduced.C @ theta
-    own = np.linalg.inv(reduced.A + np.diag(tau**-2.0))
-    return np.asarray(square - np.einsum("ni,nij,nj->n", slope, own, slope))
+    per_run = np.linalg.inv(reduced.A + np.diag(tau**-2.0))
+    return np.asarray(square - np.einsum("ni,nij,nj->n", slope, per_run, slope))

@@ -33,7 +33,7 @@ from evaluator.diagnosis.likelihood.known_to import Quantity, predicted_sigmas
 from evaluator.diagnosis.likelihood.mixed_model import at_scatter, reduce_runs
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
-from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, Forward, RunData
+from evaluator.diagnosis.likelihood.run_data import PER_RUN, Forward, RunData
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.likelihood.variants import depends_on_place
 from simulator.effects.coordinates import Candidate
@@ -74,9 +74,9 @@ def hypothetical(
     )
     same = (like.known, like.start_sigma_s) if isinstance(like, Simulated) else (predicted_sigmas(known), start_sigma_s)
     forward = Simulated((robot,) * len(data), data, terms, *same)
-    own = np.zeros((len(data), OWN_NUMBERS))
-    own[:, :3] = [(item.x_mm, item.y_mm, np.radians(item.heading_deg)) for item in runs]
-    placed_at = replace(point, own=own)
+    per_run = np.zeros((len(data), PER_RUN))
+    per_run[:, :3] = [(item.x_mm, item.y_mm, np.radians(item.heading_deg)) for item in runs]
+    placed_at = replace(point, per_run=per_run)
     marks = forward.marks([placed_at.task(run) for run in range(len(data))])
     data = tuple(replace(run, marks_mm=item) for run, item in zip(data, marks, strict=True))
     channels = tuple(channels_of(item) for item in marks)
@@ -130,7 +130,7 @@ def from_rival(problem: Problem, placed: Point, rival: Rival) -> Information:
     """
     fit = rival.fit
     at = np.array([fit.point.value(column) for column in fit.columns])
-    s, g, G = _inner(problem, replace(fit.point, own=placed.own), fit.columns, fit.posterior.scatter)
+    s, g, G = _inner(problem, replace(fit.point, per_run=placed.per_run), fit.columns, fit.posterior.scatter)
     # the response is measured from where they change nothing: shift it to the rival's own parameters
     misfit = s - 2 * g @ at + np.einsum("p,npq,q->n", at, G, at)
     known = np.asarray(np.linalg.pinv(fit.posterior.covariance))
@@ -150,7 +150,7 @@ def from_chosen(search: Search, chosen: Fit, problem: Problem, placed: Point, ri
     size = np.array([chosen.point.value(column) for column in columns])[own]
     tau = chosen.posterior.scatter
     _, _, at_hand = _inner(search.problem, chosen.point, columns, tau)
-    _, _, G = _inner(problem, replace(chosen.point, own=placed.own), columns, tau)
+    _, _, G = _inner(problem, replace(chosen.point, per_run=placed.per_run), columns, tau)
     K = at_hand.sum(axis=0)
     return Information(
         np.einsum("p,npq,q->n", size, G[:, own][:, :, own], size),

@@ -22,7 +22,7 @@ from evaluator.diagnosis.likelihood.known_to import FRAMES_COMMON, FRAMES_PER_RU
 from evaluator.diagnosis.likelihood.mixed_model import at_scatter, reduce_runs
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.problem import Column, Point
-from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS
+from evaluator.diagnosis.likelihood.run_data import PER_RUN
 from evaluator.errors import InputError
 from evaluator.settings import KnownTo
 from simulator.effects.coordinates import Candidate
@@ -207,7 +207,7 @@ def _information(
 ) -> tuple[Floats, list[Column]]:
     """Information (n, p, p) of each run about all columns, start poses and run-to-run scatter free."""
     columns = [*nominal, *_columns(terms)]
-    point = Point(np.zeros((len(runs), OWN_NUMBERS)))
+    point = Point(np.zeros((len(runs), PER_RUN)))
     per_run_s = FRAMES_PER_RUN * FRAME_S
     problem, at = hypothetical(robot, dict(terms), USUAL_NOISE, runs, orders, point, None, known, per_run_s)
     found = problem.attempted(at, columns, range(len(runs)))

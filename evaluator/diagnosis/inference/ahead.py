@@ -15,14 +15,14 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Ahead:
-    """Common parameters (p,) theta now and at the goal, and each run's own numbers (n, 4) there.
+    """Common parameters (p,) theta now and at the goal, and the random effects (n, 4) of the runs there.
 
     now: -2 log density of each run, the last of the priors (n + 1,). predicted: its decrease.
     """
 
     theta: Floats
     goal: Floats
-    own: Floats
+    per_run: Floats
     prior: Floats
     scatter: Floats
     now: Floats
@@ -33,25 +33,25 @@ def ahead_of(
     linear: Sequence[Linearized],
     reduced: Reduced,
     theta: Floats,
-    own: Floats,
+    per_run: Floats,
     prior: Floats,
     scatter: Floats,
     bounds: tuple[Floats, Floats],
 ) -> Ahead:
-    """The most probable parameters within bounds, seen from theta (p,) and the runs' own numbers (n, 4) there."""
-    now = _objective(linear, theta, own, prior, scatter)
+    """The most probable parameters within bounds, seen from theta (p,) and random effects (n, 4) of the runs there."""
+    now = _objective(linear, theta, per_run, prior, scatter)
     goal = solve_within(reduced, prior, scatter, *bounds)
     there = run_effects(reduced, goal, scatter)[0]
     predicted = float(np.sum(now - _objective(linear, goal, there, prior, scatter)))
     return Ahead(theta, goal, there, prior, scatter, now, predicted)
 
 
-def _objective(linear: Sequence[Linearized], theta: Floats, own: Floats, prior: Floats, scatter: Floats) -> Floats:
+def _objective(linear: Sequence[Linearized], theta: Floats, per_run: Floats, prior: Floats, scatter: Floats) -> Floats:
     """-2 log density of each run in the linear view, with its best start pose, and last of the priors, (n + 1,)."""
     values = []
     for number, item in enumerate(linear):
-        left = item.response - item.common @ theta - item.scatter @ own[number]
+        left = item.response - item.common @ theta - item.scatter @ per_run[number]
         basis = np.linalg.qr(item.start)[0]
         left = left - basis @ (basis.T @ left)
-        values.append(float(left @ left) + float(np.sum((own[number] / scatter) ** 2)))
+        values.append(float(left @ left) + float(np.sum((per_run[number] / scatter) ** 2)))
     return np.array([*values, float(prior @ theta**2)])

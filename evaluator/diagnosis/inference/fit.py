@@ -89,8 +89,8 @@ class Fit:
     @property
     def overreaches(self) -> bool:
         """Whether the model wants friction or gains of some run that no run can have: a misfit taken for scatter."""
-        own = run_effects(self.reduced, self.posterior.mean, self.posterior.scatter)[0]
-        return bool(np.any(np.abs(own) > MOST_SCATTER))
+        per_run = run_effects(self.reduced, self.posterior.mean, self.posterior.scatter)[0]
+        return bool(np.any(np.abs(per_run) > MOST_SCATTER))
 
     def counting(self, parameters: int) -> Fit:
         """The fit with its evidence lowered for parameters that were chosen among alternatives, not fitted (BIC)."""
@@ -133,7 +133,7 @@ def fit_model(
     values = {term.id: start.terms.get(term.id, term.absent) for term in terms}
     begin = replace(start, terms={**(fixed or {}), **values})
     question = question_of(
-        *(begin.own, begin.nominal, begin.terms, sorted(values), chosen, dict(tolerance), most_scatter),
+        *(begin.per_run, begin.nominal, begin.terms, sorted(values), chosen, dict(tolerance), most_scatter),
         *(problem.horizon_s, [[astuple(noise) for noise in parts] for parts in problem.noise], problem.fingerprint),
         held and (held.key, held.coordinate),
         round(rival) if np.isfinite(rival) else None,
@@ -145,13 +145,13 @@ def fit_model(
             problem.fits[question] = None
             raise
         problem.fits[question] = End(
-            fit.point.own, fit.point.nominal, fit.point.terms, fit.converged, fit.steps, fit.shortfall
+            fit.point.per_run, fit.point.nominal, fit.point.terms, fit.converged, fit.steps, fit.shortfall
         )
         return fit
     end = problem.fits[question]
     if end is None:
         raise FloatingPointError("a run cannot be simulated on the way of this fit")
-    point = Point(end.own, end.nominal, end.terms)
+    point = Point(end.per_run, end.nominal, end.terms)
     seen = _viewed(problem, point, columns, tolerance, chosen)
     seen = replace(seen, converged=end.converged, steps=end.steps)
     return _with_shortfall(seen, end.shortfall)
@@ -223,7 +223,7 @@ def _fitted(
             continue
         if ahead.predicted < SETTLED:
             return replace(fit, converged=True)
-        if ahead.predicted > NO_PROGRESS * before and np.any(np.abs(ahead.own) > MOST_SCATTER):
+        if ahead.predicted > NO_PROGRESS * before and np.any(np.abs(ahead.per_run) > MOST_SCATTER):
             return fit
         lag = rival - fit.posterior.log_evidence
         if lag > max(LAGGING, CLOSING * lagged):
@@ -237,9 +237,9 @@ def _fitted(
 
 def _ahead(fit: Fit, tolerance: Mapping[str, float], most_scatter: Floats) -> Ahead:
     theta = np.array([fit.point.value(column) for column in fit.columns])
-    own, scatter = fit.point.own[list(fit.runs), 3:], np.minimum(fit.posterior.scatter, most_scatter)
+    per_run, scatter = fit.point.per_run[list(fit.runs), 3:], np.minimum(fit.posterior.scatter, most_scatter)
     prior, within = prior_precision(fit.columns, tolerance), bounds(fit.columns, tolerance)
-    return ahead_of(fit.linearized, fit.reduced, theta, own, prior, scatter, within)
+    return ahead_of(fit.linearized, fit.reduced, theta, per_run, prior, scatter, within)
 
 
 def _with_shortfall(fit: Fit, predicted: float) -> Fit:
@@ -250,7 +250,7 @@ def _with_shortfall(fit: Fit, predicted: float) -> Fit:
 def _line_search(problem: Problem, fit: Fit, ahead: Ahead) -> tuple[Point, bool]:
     """The first point on the way to the goal that is better than now, and whether there is one; else the farthest.
 
-    Every run's own numbers are fitted anew; the slopes by them of the view at hand serve nearby.
+    Start pose and random effects of every run are fitted anew; the slopes by them of the view at hand serve nearby.
     """
     farthest = None
     for damping in DAMPINGS:

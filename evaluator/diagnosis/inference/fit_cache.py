@@ -23,9 +23,9 @@ DIGITS = 9  # of the numbers of a question: processes that compile the kernels a
 
 @dataclass(frozen=True)
 class End:
-    """Where a fit ended: own (n, 7), nominal, terms as in Point; after how many steps; the rest: see Fit."""
+    """Where a fit ended: per_run (n, 7), nominal, terms as in Point; after how many steps; the rest: see Fit."""
 
-    own: NDArray[np.float64]
+    per_run: NDArray[np.float64]
     nominal: Mapping[str, float]
     terms: Mapping[str, tuple[float, ...]]
     converged: bool
@@ -90,7 +90,7 @@ def _content_of(end: End | None) -> list[Any] | None:
     if end is None:
         return None
     return [
-        end.own.tolist(),
+        end.per_run.tolist(),
         dict(end.nominal),
         dict(end.terms),
         end.converged,
@@ -102,6 +102,6 @@ def _content_of(end: End | None) -> list[Any] | None:
 def _end_of(content: list[Any] | None) -> End | None:
     if content is None:
         return None
-    own, nominal, terms, converged, steps, shortfall = content
+    per_run, nominal, terms, converged, steps, shortfall = content
     placed = {key: tuple(values) for key, values in terms.items()}
-    return End(np.array(own), nominal, placed, converged, steps, shortfall)
+    return End(np.array(per_run), nominal, placed, converged, steps, shortfall)

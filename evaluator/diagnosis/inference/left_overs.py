@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 def left_overs(views: Sequence[Linearized], columns: Sequence[Column], theta: Floats) -> tuple[Floats, Floats]:
     """Sums of squares that runs leave over and their degrees of freedom, (n,), (n,), at common parameters theta (p,).
 
-    Start pose, the run's own numbers and effects are free in every run: what they could take up is not counted. Values
+    Start pose, random effects and effects are free in every run: what they could take up is not counted. Values
     known to a tolerance belong to the session: they stand where they were fitted.
     """
     effects = np.array([column.term is not None for column in columns], dtype=np.bool_)

@@ -18,7 +18,7 @@ from simulator.effects.coordinates import Candidate
 SIZE_PRIOR = (0.5, 0.35, 0.12, 0.03)
 LARGEST_SET = 3
 RIVALS_KEPT = 4  # sets that go on to a search under another noise, or on all runs
-POSE = 3  # of a run's own numbers, those of its start pose come first
+POSE = 3  # of the numbers per run, those of its start pose come first
 # Friction and gains: what wet or dusty plates and DC motors show; starts as they are stated.
 USUAL_SCATTER = (0.03, 0.006, 0.006, 1.0)
 # Left-overs, mean square over that of the noise, below which a model counts as explaining the runs: the noise of slow
@@ -111,11 +111,11 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit, ri
     smooth = [search.terms[effect] for effect in sorted(ids) if not search.terms[effect].stepwise]
     fixed = {effect: values[effect] for effect in ids if search.terms[effect].stepwise}
     values = {effect: values.get(effect, search.terms[effect].absent) for effect in ids}
-    fit = _fit_from(search, Point(origin.point.own, origin.point.nominal, values), smooth, fixed, rival=rival)
+    fit = _fit_from(search, Point(origin.point.per_run, origin.point.nominal, values), smooth, fixed, rival=rival)
     lags = fit is not None and fit.posterior.log_evidence < rival - LAGGING
     if fit is None or not (fit.converged or lags):
         # friction and gains with which a wrong model helped itself may be a place from which no step leads on
-        without_scatter = origin.point.own.copy()
+        without_scatter = origin.point.per_run.copy()
         without_scatter[:, POSE:] = 0.0
         usual = _fit_from(search, Point(without_scatter, {}, values), smooth, fixed, USUAL_SCATTER, rival)
         if usual is not None and usual.converged and not usual.overreaches:

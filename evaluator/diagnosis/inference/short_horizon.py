@@ -42,7 +42,7 @@ def is_large(problem: Problem, point: Point) -> bool:
 
 def helps_itself(point: Point) -> bool:
     """Whether some run has friction or gains far beyond chance: they hide how large the misfit of the model is."""
-    return bool(np.any(np.abs(point.own[:, POSE:]) > BEYOND_CHANCE * np.array(USUAL_SCATTER)))
+    return bool(np.any(np.abs(point.per_run[:, POSE:]) > BEYOND_CHANCE * np.array(USUAL_SCATTER)))
 
 
 def within(problem: Problem, horizons_s: Sequence[float]) -> list[float]:

@@ -68,7 +68,7 @@ class FeatureCache:
             if shared not in met:
                 point = tuple(task.nominal.items()), tuple(task.terms.items())
                 met[shared] = self._points.setdefault(point, next(self._number))
-            keys.append((met[shared], task.own))
+            keys.append((met[shared], task.per_run))
         return keys
 
 

@@ -105,7 +105,7 @@ class MixedModel:
 
     def __init__(self, reduced: Reduced, prior_precision: Floats) -> None:
         """reduced: the runs. prior_precision: (p,) 1/σ² of columns with a prior, 0 for effects."""
-        told = bool(reduced.A[:, :-1, :-1].any())  # else runs have no friction and gains of their own: one scatter
+        told = bool(reduced.A[:, :-1, :-1].any())  # else friction and gains are no random effects: one scatter
         axes = (FRICTION_SCATTER, GAIN_SCATTER) if told else (FRICTION_SCATTER[:1], GAIN_SCATTER[:1])
         friction, gain = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
         self.tau = np.column_stack([friction, gain, gain, np.full(len(gain), START_SCATTER)])
@@ -218,14 +218,14 @@ def _normal_at(reduced: Reduced, prior_precision: Floats, tau: Floats) -> tuple[
 
 
 def run_effects(reduced: Reduced, theta: Floats, tau: Floats) -> tuple[Floats, Floats]:
-    """Each run's own friction, gains and start given the common parameters: means (n, 4), covariances (n, 4, 4)."""
+    """Random effects of each run (friction, gains, start) at common parameters: means (n, 4), covariances (n, 4, 4)."""
     covariance = np.linalg.inv(reduced.A + np.diag(tau**-2.0))
     mean = np.einsum("nij,nj->ni", covariance, reduced.c - reduced.C @ theta)
     return np.asarray(mean, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
 
 
 def at_scatter(reduced: Reduced, tau: Floats) -> tuple[Floats, Floats, Floats]:
-    """Inner products of every run, (n,), (n, p), (n, p, p), with its own friction and gains free within the scatter."""
+    """Inner products of every run, (n,), (n, p), (n, p, p), with its random effects free within the scatter."""
     weight = np.linalg.inv(reduced.A + np.diag(tau**-2.0))
     weighted = np.einsum("nij,njp->nip", weight, reduced.C)
     s = reduced.s - np.einsum("ni,nij,nj->n", reduced.c, weight, reduced.c)

@@ -21,8 +21,8 @@ from evaluator.diagnosis.likelihood.features import (
 from evaluator.diagnosis.likelihood.noise.discrepancy import left_over, with_discrepancy
 from evaluator.diagnosis.likelihood.noise.drift import with_drift
 from evaluator.diagnosis.likelihood.noise.outliers import CHANNELS, without_outliers
-from evaluator.diagnosis.likelihood.problem import OWN, START_POSE, Point, Problem
-from evaluator.diagnosis.likelihood.run_data import Forward, RunData, aligned_starts
+from evaluator.diagnosis.likelihood.problem import START_POSE, Point, Problem
+from evaluator.diagnosis.likelihood.run_data import PER_RUN, Forward, RunData, aligned_starts
 
 Floats = NDArray[np.float64]
 
@@ -99,7 +99,7 @@ def within_horizon(problem: Problem, point: Point, horizon_s: float) -> Problem:
 
 def _left_over(problem: Problem, point: Point) -> Floats:
     """What the common parameters of a point leave over in every run, (runs, 2) mm: see discrepancy.left_over."""
-    same = replace(point, own=point.own * (np.arange(OWN) < START_POSE))
+    same = replace(point, per_run=point.per_run * (np.arange(PER_RUN) < START_POSE))
     marks = problem.forward.marks([same.task(run) for run in range(len(problem.data))])
     pairs = zip(problem.channels, marks, strict=True)
     left = np.array([left_over(seen, channels_of(part), problem.half_distance_mm) for seen, part in pairs])

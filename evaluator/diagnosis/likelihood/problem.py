@@ -21,14 +21,13 @@ from evaluator.diagnosis.likelihood.features import Compression, residual_of_mar
 from evaluator.diagnosis.likelihood.jumps import jumps, smooth_slope, with_slopes
 from evaluator.diagnosis.likelihood.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
-from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Forward, RunData, Task, is_shared
+from evaluator.diagnosis.likelihood.run_data import PER_RUN, SHARED_UNIT, Forward, RunData, Task, is_shared
 from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
 
 # mm, mm, rad, relative, standard deviations of the start: far above rounding, far below curvature; of the paper's robot
-OWN_STEPS = (1e-3, 1e-3, 1e-4, 1e-3, 2e-4, 2e-4, 0.1)
-OWN = len(OWN_STEPS)
+PER_RUN_STEPS = (1e-3, 1e-3, 1e-4, 1e-3, 2e-4, 2e-4, 0.1)
 START_POSE = 3  # of them, the first: x, y, heading
 START = 6  # of them, the last
 OF_GROUND = (0, 1, 2, START)  # those that runs on open ground have: start pose and start, no friction and gains
@@ -68,9 +67,9 @@ class Column:
 
 @dataclass(frozen=True)
 class Point:
-    """Nominal deviations, term coordinates, and every run's own numbers (n, 7) as in Task."""
+    """Nominal deviations, term coordinates, and the numbers per run (n, 7) as in Task."""
 
-    own: Floats
+    per_run: Floats
     nominal: Mapping[str, float] = field(default_factory=dict)
     terms: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
@@ -102,12 +101,12 @@ class Point:
                 nominal[column.key] = float(value)
             else:
                 values[column.key][column.coordinate] = float(value + column.absent)
-        return Point(self.own, nominal, {effect: tuple(value) for effect, value in values.items()})
+        return Point(self.per_run, nominal, {effect: tuple(value) for effect, value in values.items()})
 
-    def task(self, run: int, own_shift: Floats | None = None) -> Task:
+    def task(self, run: int, shift: Floats | None = None) -> Task:
         """What to simulate for one run."""
-        own = self.own[run] if own_shift is None else self.own[run] + own_shift
-        return Task(run, tuple(own.tolist()), self.nominal, self.terms)
+        per_run = self.per_run[run] if shift is None else self.per_run[run] + shift
+        return Task(run, tuple(per_run.tolist()), self.nominal, self.terms)
 
 
 @dataclass(frozen=True)
@@ -144,14 +143,14 @@ class Problem:
 
     @property
     def varied(self) -> NDArray[np.int64]:
-        """Which of a run's own numbers (OWN) differ from run to run."""
-        every = OF_GROUND if self.open_ground else range(OWN)
+        """Which of the numbers per run differ from run to run."""
+        every = OF_GROUND if self.open_ground else range(PER_RUN)
         return np.array([number for number in every if number != START or self.starts_show])
 
     @property
-    def own_steps(self) -> Floats:
-        """Differences (7,) of a run's own numbers that make derivatives."""
-        return np.array(OWN_STEPS) * [self.length, self.length, 1.0, 1.0, 1.0, 1.0, 1.0]
+    def per_run_steps(self) -> Floats:
+        """Differences (7,) of the numbers per run that make derivatives."""
+        return np.array(PER_RUN_STEPS) * [self.length, self.length, 1.0, 1.0, 1.0, 1.0, 1.0]
 
     def counting_frames(self, run: int) -> NDArray[np.bool_]:
         """Frames (n,) of a run that count: both marks seen, within the horizon."""
@@ -227,9 +226,9 @@ class Problem:
         return with_slopes(views, slopes, _theta(point, columns))
 
     def _tasks(self, point: Point, points: Sequence[Point], run: int) -> list[Task]:
-        """What to simulate for the derivatives of one run, those by its own numbers last."""
+        """What to simulate for the derivatives of one run, those by its numbers per run last."""
         return [at.task(run) for at in points] + [
-            point.task(run, step) for step in np.diag(self.own_steps)[self.varied]
+            point.task(run, step) for step in np.diag(self.per_run_steps)[self.varied]
         ]
 
     def seen_again(self, point: Point, views: Sequence[Linearized], runs: Sequence[int]) -> list[Linearized | None]:
@@ -237,7 +236,7 @@ class Problem:
         result: list[Linearized | None] = []
         for run, view, features in zip(runs, views, self.features([point.task(run) for run in runs]), strict=True):
             sound = bool(np.isfinite(features).all())
-            response = features + view.scatter @ point.own[run, 3:]
+            response = features + view.scatter @ point.per_run[run, 3:]
             result.append(replace(view, response=response) if sound else None)
         return result
 
@@ -260,10 +259,10 @@ class Problem:
             after = len(features) - len(varied) - len(columns) + i
             if sound[before[i]] and sound[after]:  # a candidate that cannot be simulated offers nothing
                 common[:, i] = (features[before[i]] - features[after]) / column.step
-        own = np.zeros((len(base), OWN))
-        own[:, varied] = ((base - features[-len(varied) :]) / self.own_steps[varied, None]).T
-        response = base + common @ _theta(point, columns) + own[:, 3:] @ point.own[run, 3:]
-        return Linearized(response, common, own[:, :3], own[:, 3:])
+        per_run = np.zeros((len(base), PER_RUN))
+        per_run[:, varied] = ((base - features[-len(varied) :]) / self.per_run_steps[varied, None]).T
+        response = base + common @ _theta(point, columns) + per_run[:, 3:] @ point.per_run[run, 3:]
+        return Linearized(response, common, per_run[:, :3], per_run[:, 3:])
 
 
 def _theta(point: Point, columns: Sequence[Column]) -> Floats:

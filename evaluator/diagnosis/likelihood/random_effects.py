@@ -1,4 +1,4 @@
-"""What each run has of its own, start pose, friction, gains and start, fitted at given common parameters."""
+"""The start pose and the random effects of each run, friction, gains and start, fitted at given common parameters."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from evaluator.diagnosis.likelihood.problem import Point, Problem
 
 Floats = NDArray[np.float64]
 
-OWN_PASSES = 9
+PER_RUN_PASSES = 9
 # Passes in which slopes are only corrected by what each step changed, for an eighth of the simulations; in most fits
 # runs settle within five.
 SLOPES_LAST = 6
-OWN_SETTLED = 0.02  # of one run's -2 log density: a hundredth of a sigma
+PER_RUN_SETTLED = 0.02  # of one run's -2 log density: a hundredth of a sigma
 SHORTER = 0.3
 # Relative friction and gains of one run, and its start in standard deviations (0.1 s of half frames): beyond, a linear
 # step has lost its way, and a start is a mistake of the experiment file.
@@ -50,14 +50,14 @@ def settled_by_run(
     of these runs nearby, whose slopes serve to begin with. FloatingPointError where a run cannot be simulated at the
     point.
     """
-    best = point.own.copy()
+    best = point.per_run.copy()
     value = np.full(len(best), np.inf)
     step = np.zeros_like(best)
     share = np.ones(len(best))
     views = {} if seen is None else dict(zip(runs, seen, strict=True))
     pending = list(runs)
-    for number in range(OWN_PASSES):
-        trial = replace(point, own=best + share[:, None] * step)
+    for number in range(PER_RUN_PASSES):
+        trial = replace(point, per_run=best + share[:, None] * step)
         anew = number % SLOPES_LAST == 0 and not (number == 0 and views)
         if anew:
             found = problem.attempted(trial, (), pending)
@@ -65,8 +65,8 @@ def settled_by_run(
             found = problem.seen_again(trial, [views[run] for run in pending], pending)
         going_on = []
         for run, item in zip(pending, found, strict=True):
-            now = np.inf if item is None else _own_value(item, trial.own[run], scatter)
-            if share[run] == 1.0 and value[run] < now <= value[run] + OWN_SETTLED:
+            now = np.inf if item is None else _per_run_value(item, trial.per_run[run], scatter)
+            if share[run] == 1.0 and value[run] < now <= value[run] + PER_RUN_SETTLED:
                 continue  # settled: where a whole step leads is as good
             if now > value[run]:
                 share[run] *= SHORTER
@@ -76,44 +76,49 @@ def settled_by_run(
                 raise FloatingPointError(f"run {problem.data[run].id} cannot be simulated at this point")
             gained = value[run] - now
             as_seen = anew or not np.isfinite(value[run])
-            view = item if as_seen else secant(views[run], item, best[run], trial.own[run], problem.own_steps)
-            views[run], best[run], value[run], share[run] = view, trial.own[run], now, 1.0
-            step[run] = _own_goal(view, best[run], scatter) - best[run]
-            if gained > OWN_SETTLED:
+            view = item if as_seen else secant(views[run], item, best[run], trial.per_run[run], problem.per_run_steps)
+            views[run], best[run], value[run], share[run] = view, trial.per_run[run], now, 1.0
+            step[run] = _per_run_goal(view, best[run], scatter) - best[run]
+            if gained > PER_RUN_SETTLED:
                 going_on.append(run)
         pending = going_on
         if not pending:
             break
-    return replace(point, own=best), value[list(runs)]
+    return replace(point, per_run=best), value[list(runs)]
 
 
-def secant(before: Linearized, after: Linearized, own_before: Floats, own_after: Floats, steps: Floats) -> Linearized:
+def secant(
+    before: Linearized, after: Linearized, per_run_before: Floats, per_run_after: Floats, steps: Floats
+) -> Linearized:
     """The view after a step (7,) with slopes that explain what the step changed, and no more: Broyden's update.
 
     before, after: views with the same slopes. steps: sizes (7,) in which numbers are compared.
     Source: Broyden (1965), Mathematics of Computation 19, 577.
     """
-    moved = own_after - own_before
+    moved = per_run_after - per_run_before
     square = float(np.sum((moved / steps) ** 2))
     if square == 0.0:
         return after
     slopes = np.column_stack([after.start, after.scatter])
-    left = [view.response - view.scatter @ own[3:] for view, own in ((before, own_before), (after, own_after))]
+    left = [
+        view.response - view.scatter @ per_run[3:]
+        for view, per_run in ((before, per_run_before), (after, per_run_after))
+    ]
     missed = left[1] - left[0] + slopes @ moved
     slopes = slopes - np.outer(missed, moved / steps**2 / square)
-    response = left[1] + slopes[:, 3:] @ own_after[3:]
+    response = left[1] + slopes[:, 3:] @ per_run_after[3:]
     return replace(after, response=response, start=slopes[:, :3], scatter=slopes[:, 3:])
 
 
-def _own_value(item: Linearized, own: Floats, scatter: Floats | None) -> float:
+def _per_run_value(item: Linearized, per_run: Floats, scatter: Floats | None) -> float:
     """-2 log density of one run where it was linearized."""
-    left = item.response - item.scatter @ own[3:]
-    return float(left @ left) + (0.0 if scatter is None else float(np.sum((own[3:] / scatter) ** 2)))
+    left = item.response - item.scatter @ per_run[3:]
+    return float(left @ left) + (0.0 if scatter is None else float(np.sum((per_run[3:] / scatter) ** 2)))
 
 
-def _own_goal(item: Linearized, own: Floats, scatter: Floats | None) -> Floats:
+def _per_run_goal(item: Linearized, per_run: Floats, scatter: Floats | None) -> Floats:
     """Most probable start pose, friction, gains and start (7,) of one run in its linear view."""
-    goal = own.copy()
+    goal = per_run.copy()
     if scatter is not None:
         basis = np.linalg.qr(item.start)[0]
         slopes = item.scatter - basis @ (basis.T @ item.scatter)

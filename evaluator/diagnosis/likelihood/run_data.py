@@ -17,7 +17,7 @@ Values = Mapping[str, tuple[float, ...]]
 # One standard deviation of what is not a value of robot.toml (an error that runs share, a quantity of the laboratory),
 # as a deviation: that of a nominal value known to two per cent.
 SHARED_UNIT = 0.02
-OWN_NUMBERS = 7  # of a run: start x, y, heading; friction, left gain, right gain; start of motion
+PER_RUN = 7  # of a run: start x, y, heading; friction, left gain, right gain; start of motion
 
 
 def is_shared(key: str) -> bool:
@@ -73,12 +73,13 @@ class Task:
 
     nominal: relative deviations of nominal values, by dotted key of robot.toml; errors that runs share and quantities
     of the laboratory, by their key, in SHARED_UNIT to the standard deviation. terms: coordinates of candidate effects
-    by id. own: OWN_NUMBERS of the run: start x, y (mm), heading (rad) of the robot's centre; relative deviations of
-    friction, left and right wheel speed; how much later than stated it starts, in standard deviations of that.
+    by id. per_run: PER_RUN numbers, the start pose x, y (mm), heading (rad) of the robot's centre, and random effects:
+    relative deviations of friction, left and right wheel speed; how much later than stated it starts, in standard
+    deviations of that.
     """
 
     run: int
-    own: tuple[float, ...]
+    per_run: tuple[float, ...]
     nominal: Mapping[str, float] = field(default_factory=dict)
     terms: Values = field(default_factory=dict)
 
@@ -99,8 +100,8 @@ class Forward(Protocol):
 
 def aligned_starts(data: Sequence[RunData], forward: Forward) -> Floats:
     """Start poses that lay the nominal prediction on the first part of every run, (n, 7) with zero scatter."""
-    own = np.zeros((len(data), OWN_NUMBERS))
-    predicted = forward.marks([Task(run, (0.0,) * OWN_NUMBERS) for run in range(len(data))])
+    per_run = np.zeros((len(data), PER_RUN))
+    predicted = forward.marks([Task(run, (0.0,) * PER_RUN) for run in range(len(data))])
     for run, (item, marks) in enumerate(zip(data, predicted, strict=True)):
         seen = np.flatnonzero(np.isfinite(item.marks_mm).all(axis=1))
         early = seen[: max(len(seen) // 8, 5)]
@@ -109,5 +110,5 @@ def aligned_starts(data: Sequence[RunData], forward: Forward) -> Floats:
         measured_z, model_z = (a[:, 0] + 1j * a[:, 1] for a in (measured, model))
         turn = np.angle(np.sum((measured_z - measured_z.mean()) * np.conj(model_z - model_z.mean())))
         shift = measured_z.mean() - np.exp(1j * turn) * model_z.mean()
-        own[run, :3] = shift.real, shift.imag, turn
-    return own
+        per_run[run, :3] = shift.real, shift.imag, turn
+    return per_run

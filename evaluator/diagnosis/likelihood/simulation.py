@@ -25,7 +25,7 @@ from simulator.integrator.batch import integrate_many
 from simulator.robot import Robot
 from simulator.simulation import RUN_IN_S
 
-START_POSE = 3  # of a run's own numbers, and of a state, the first: x, y, heading
+START_POSE = 3  # of the numbers per run, and of a state, the first: x, y, heading
 # Runs of a robot take up to some hundred steps. Where a fit tries what makes wheels chatter they would take any number:
 # such a point is as good as one that cannot be simulated.
 MOST_STEPS = 1500
@@ -74,7 +74,8 @@ class Simulated:
         """
         variants = self._variants.of(tasks, self._data)
         keys = [
-            (task.run, task.own, self._late_s(task), id(variant)) for task, variant in zip(tasks, variants, strict=True)
+            (task.run, task.per_run, self._late_s(task), id(variant))
+            for task, variant in zip(tasks, variants, strict=True)
         ]
         distinct = dict(zip(keys, zip(tasks, variants, strict=True), strict=True))
         simulated = dict(zip(distinct, self._simulated(*zip(*distinct.values(), strict=True)), strict=True))
@@ -98,14 +99,14 @@ class Simulated:
         """States (n, 6) of every task at its frames, NaN where it cannot be simulated, and their true times."""
         # friction must stay above zero
         pairs = list(zip(tasks, variants, strict=True))
-        able = [n for n, (task, variant) in enumerate(pairs) if variant.record is not None and task.own[3] > -1.0]
+        able = [n for n, (task, variant) in enumerate(pairs) if variant.record is not None and task.per_run[3] > -1.0]
         if not able:
             return [self._nothing(task) for task in tasks]
         able_tasks, able_variants = [tasks[n] for n in able], [variants[n] for n in able]
         times = self._true_times(able_tasks, able_variants)
         paths, begins = self._paths_of(able_tasks, able_variants, times)
         edges = np.cumsum([0, *map(len, times)])
-        starts = np.array([task.own[:START_POSE] for task in able_tasks])
+        starts = np.array([task.per_run[:START_POSE] for task in able_tasks])
         states = laid(np.concatenate(paths), begins, starts, edges)
         # the first of each is its start
         made = {
@@ -122,17 +123,19 @@ class Simulated:
         self, tasks: Sequence[Task], variants: Sequence[Variant], times: Sequence[Floats]
     ) -> tuple[list[Floats], Floats]:
         """States (n, 6) of every task from a pose that all tasks with the same motion share, and these poses (n, 3)."""
-        begins = np.array([variant.begin(task.own[:START_POSE]) for task, variant in zip(tasks, variants, strict=True)])
+        begins = np.array(
+            [variant.begin(task.per_run[:START_POSE]) for task, variant in zip(tasks, variants, strict=True)]
+        )
 
         def simulated(numbers: Sequence[int]) -> list[Floats]:
-            moved = [replace(tasks[n], own=(*begins[n].tolist(), *tasks[n].own[START_POSE:])) for n in numbers]
+            moved = [replace(tasks[n], per_run=(*begins[n].tolist(), *tasks[n].per_run[START_POSE:])) for n in numbers]
             edges = np.cumsum([0, *(len(times[n]) for n in numbers)])
             stacked_s = np.concatenate([times[n] for n in numbers])
             states = self._states(moved, [variants[n] for n in numbers], stacked_s, edges)
             return np.split(states, edges[1:-1])
 
         keys = [
-            (tuple(begin), task.own[START_POSE:], self._late_s(task), id(variant.record), variant.view.time_factor)
+            (tuple(begin), task.per_run[START_POSE:], self._late_s(task), id(variant.record), variant.view.time_factor)
             for begin, task, variant in zip(begins.tolist(), tasks, variants, strict=True)
         ]
         records = [variant.record for variant in variants]
@@ -143,12 +146,12 @@ class Simulated:
     ) -> Floats:
         """States (edges[-1], 6) of all tasks, stacked."""
         count = len(tasks)
-        own = np.array([task.own for task in tasks])
+        per_run = np.array([task.per_run for task in tasks])
         models = np.array([variant.record for variant in variants]).view(model_type(self._variants.slots))[:, 0]
-        _with_friction(models, own)
+        _with_friction(models, per_run)
         states = np.zeros((count, 6))
-        states[:, :3] = own[:, :3]
-        knots, knot_edges = self._told(tasks, own)
+        states[:, :3] = per_run[:, :3]
+        knots, knot_edges = self._told(tasks, per_run)
         moving = np.flatnonzero(~self._from_rest[[task.run for task in tasks]])
         if len(moving):
             begin = times_s[edges[:-1]][moving]
@@ -159,18 +162,18 @@ class Simulated:
             states[moving, 3:] = ends[1::2, 3:]
         return _integrated(models, knots, knot_edges, states, times_s, edges, np.arange(count))
 
-    def _told(self, tasks: Sequence[Task], own: Floats) -> tuple[Floats, NDArray[np.int64]]:
-        """Commands of all tasks, stacked, and where each begins and ends: a run's own gains are those of its motors."""
+    def _told(self, tasks: Sequence[Task], per_run: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        """Commands of all tasks, stacked, where each begins and ends; gains of a run are those of its motors."""
         parts = [self._knots[task.run] for task in tasks]
         sizes = [len(part) for part in parts]
         knots = np.concatenate(parts)
-        knots[:, 1:] *= np.repeat(1 + own[:, 4:6], sizes, axis=0)
+        knots[:, 1:] *= np.repeat(1 + per_run[:, 4:6], sizes, axis=0)
         knots[:, 0] += np.repeat([self._late_s(task) for task in tasks], sizes)
         return knots, np.cumsum([0, *sizes])
 
     def _late_s(self, task: Task) -> float:
         """How much later than stated the motors of a task start."""
-        return task.own[6] * self.start_sigma_s + amount_of(task.nominal, START, self.known)
+        return task.per_run[6] * self.start_sigma_s + amount_of(task.nominal, START, self.known)
 
     def _true_times(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[Floats]:
         """Start of the simulation, then the frames; a measured time is the true one times the time factor."""
@@ -217,9 +220,9 @@ def _integrated(
     return out
 
 
-def _with_friction(models: NDArray[np.void], own: Floats) -> None:
-    """Give every record (n,) the friction of its run, own (n, 7); as simulator.dynamics.model compiles it."""
-    friction = 1 + own[:, 3:4]
+def _with_friction(models: NDArray[np.void], per_run: Floats) -> None:
+    """Give every record (n,) the friction of its run, per_run (n, 7); as simulator.dynamics.model compiles it."""
+    friction = 1 + per_run[:, 3:4]
     for name in ("grip_x", "grip_y"):
         models[name] *= friction
     for name in ("steep_x", "steep_y"):

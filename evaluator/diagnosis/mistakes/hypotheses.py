@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.features import rms_apart
-from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, RunData, Task
+from evaluator.diagnosis.likelihood.run_data import PER_RUN, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.mistakes.alternatives import Alternative, alternatives, correction_to, thinned
 from evaluator.diagnosis.mistakes.recognised import Found, Kind
@@ -125,7 +125,7 @@ def _judgements(ways: Sequence[list[Alternative]], robots: Sequence[Robot]) -> l
     """Simulate every way of every run at once."""
     flat = [way.run for of_run in ways for way in of_run]
     owners = [robot for robot, of_run in zip(robots, ways, strict=True) for _ in of_run]
-    predicted = Simulated(owners, flat, {}).marks([Task(k, (0.0,) * OWN_NUMBERS) for k in range(len(flat))])
+    predicted = Simulated(owners, flat, {}).marks([Task(k, (0.0,) * PER_RUN) for k in range(len(flat))])
     judgements, k = [], 0
     for of_run in ways:
         parts = [_misfit(way.run.marks_mm, predicted[k + i]) for i, way in enumerate(of_run)]

@@ -20,7 +20,7 @@ from evaluator.diagnosis.experiment import Session, held_out_runs, session_of
 from evaluator.diagnosis.likelihood.known_to import predicted_sigmas
 from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.problem import Point, Problem
-from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, RunData, Task
+from evaluator.diagnosis.likelihood.run_data import PER_RUN, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.marks import columns_of
 from evaluator.pose import Poses, poses_from_marks
@@ -60,8 +60,8 @@ class Inputs:
 
     def simulated(self, run: int, terms: Mapping[str, tuple[float, ...]] | None = None) -> Floats:
         """Path of a run as the robot file has it, with effects by the coordinates of their candidates."""
-        own = np.zeros(OWN_NUMBERS)
-        own[:3] = self.nominal.own[run, :3]
+        own = np.zeros(PER_RUN)
+        own[:3] = self.nominal.per_run[run, :3]
         (marks,) = self.problem.forward.marks([Task(run, tuple(own), {}, terms or {})])
         return unwrapped(_channels(marks))
 

@@ -211,7 +211,7 @@ def _squares(
 def _gaps(inputs: Inputs, point: Point) -> dict[str, float]:
     """The gaps of inputs.gaps_mm, of robots that the simulator can simulate."""
     session, aside = inputs.session, list(inputs.aside)
-    placed = place_starts(inputs.problem, replace(point, own=inputs.nominal.own), aside)
+    placed = place_starts(inputs.problem, replace(point, per_run=inputs.nominal.per_run), aside)
     robots = [
         with_session(corrected_robot(robot, inputs.terms, point), session.known, point) for robot in session.robots
     ]

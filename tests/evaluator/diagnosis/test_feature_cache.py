@@ -18,14 +18,14 @@ def test_a_task_is_simulated_once_and_each_of_its_numbers_makes_it_another() -> 
 
     def simulated(tasks: list[Task]) -> list[np.ndarray]:
         asked.extend(tasks)
-        return [np.array([task.run, task.own[0], len(asked)]) for task in tasks]
+        return [np.array([task.run, task.per_run[0], len(asked)]) for task in tasks]
 
     cache, first = FeatureCache(), _task(0, 1.0)
     others = [
         _task(1, 1.0),
         _task(0, 2.0),
-        Task(0, first.own, {"body.mass_g": 0.02}, first.terms),
-        Task(0, first.own, first.nominal, {"plane-scale": (2.0,)}),
+        Task(0, first.per_run, {"body.mass_g": 0.02}, first.terms),
+        Task(0, first.per_run, first.nominal, {"plane-scale": (2.0,)}),
     ]
     before = cache.of([first, first, *others], simulated)
     assert asked == [first, *others]
@@ -36,7 +36,7 @@ def test_a_task_is_simulated_once_and_each_of_its_numbers_makes_it_another() -> 
 
 def test_cache_gives_what_it_was_asked_for_however_many_and_forgets_the_oldest() -> None:
     def simulated(tasks: list[Task]) -> list[np.ndarray]:
-        return [np.array([task.own[0]]) for task in tasks]
+        return [np.array([task.per_run[0]]) for task in tasks]
 
     def never(tasks: list[Task]) -> list[np.ndarray]:
         raise AssertionError(tasks)

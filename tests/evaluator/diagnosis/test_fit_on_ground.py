@@ -39,8 +39,11 @@ class Steps:
         for task in tasks:
             (size,) = task.terms.get("drift", (0.0,))
             aside = self.jump_mm if task.run == 1 and size > EDGE else 0.0
-            x, y = task.own[0] + (1 + task.own[3] + task.own[4]) * time, task.own[1] + (size + aside) * time**2
-            angle = task.own[2] + np.zeros(FRAMES)
+            x, y = (
+                task.per_run[0] + (1 + task.per_run[3] + task.per_run[4]) * time,
+                task.per_run[1] + (size + aside) * time**2,
+            )
+            angle = task.per_run[2] + np.zeros(FRAMES)
             result.append(np.column_stack([x - np.sin(angle), y + np.cos(angle), x + np.sin(angle), y - np.cos(angle)]))
         return result
 

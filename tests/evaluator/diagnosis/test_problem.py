@@ -16,7 +16,7 @@ from evaluator.diagnosis.likelihood.features import channels_of
 from evaluator.diagnosis.likelihood.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.preparation import NO_DISTANCE_MM, build_problem
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
-from evaluator.diagnosis.likelihood.random_effects import MOST_SCATTER, _own_goal, secant, settled
+from evaluator.diagnosis.likelihood.random_effects import MOST_SCATTER, _per_run_goal, secant, settled
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
 from simulator.robot import load_robot
 from tests.evaluator.diagnosis.synthetic import linear_runs
@@ -45,7 +45,7 @@ class Circle:
         self.asked.append(len(tasks))
         found = []
         for task in tasks:
-            own, (pull, power) = task.own, task.terms.get("pull", (0.0, 1.0))
+            own, (pull, power) = task.per_run, task.terms.get("pull", (0.0, 1.0))
             turned = (1 + own[3] + 0.5 * own[4] - 0.5 * own[5] - 0.02 * own[6]) * self.data[task.run].time_s
             drag = 0.1 * pull * self.data[task.run].time_s ** power
             x, y = own[0] + 5 * np.sin(own[2] + turned) + drag, own[1] - 5 * np.cos(own[2] + turned)
@@ -68,7 +68,7 @@ def test_noise_of_an_experiment_is_that_of_its_frames_and_starts_are_laid_on_the
     data = measured(runs=8)
     problem, point = build_problem(data, Circle(data))  # type: ignore[arg-type]
     assert problem.half_distance_mm == pytest.approx(2.0, abs=1e-3)
-    np.testing.assert_allclose(point.own[:, :3], [[n, 2.0, 0.3 * n] for n in range(8)], atol=0.01)
+    np.testing.assert_allclose(point.per_run[:, :3], [[n, 2.0, 0.3 * n] for n in range(8)], atol=0.01)
     # Middle and direction of two marks: that of a coordinate over √2; their distance: times √2.
     sizes = np.mean([[part.sigma_mm for part in parts] for parts in problem.noise], axis=0)
     assert sizes == pytest.approx(SIGMA_MM * np.sqrt([0.5, 0.5, 0.5, 2.0]), rel=0.2)
@@ -110,7 +110,7 @@ def pull(power: float) -> Column:
 def built() -> tuple[Problem, Point]:
     data = measured()
     problem, point = build_problem(data, Circle(data))  # type: ignore[arg-type]
-    return problem, replace(point, own=np.add(point.own, [0, 0, 0, 0.01, 0, 0, 0]))
+    return problem, replace(point, per_run=np.add(point.per_run, [0, 0, 0, 0.01, 0, 0, 0]))
 
 
 @pytest.mark.parametrize("power", [1.0, 2.0])
@@ -132,23 +132,23 @@ def test_an_effect_seen_from_a_place_of_its_own_has_the_derivative_of_that_place
 def test_starts_far_from_where_a_run_began_are_found_in_more_steps_than_one(built: tuple[Problem, Point]) -> None:
     """Headings off by half a radian are beyond what one linear step makes good."""
     problem, point = built
-    off = replace(point, own=np.array([[number, 2.0, 0.3 * number + 0.5, 0, 0, 0, 0] for number in range(3)]))
+    off = replace(point, per_run=np.array([[number, 2.0, 0.3 * number + 0.5, 0, 0, 0, 0] for number in range(3)]))
     found, value = settled(problem, off, range(3), None)
-    np.testing.assert_allclose(found.own[:, :3], [[n, 2.0, 0.3 * n] for n in range(3)], atol=0.01)
+    np.testing.assert_allclose(found.per_run[:, :3], [[n, 2.0, 0.3 * n] for n in range(3)], atol=0.01)
     assert value / sum(len(view.response) for view in problem.linearized(found, [])) < 1.5
 
 
 def test_slopes_from_nearby_lead_to_the_same_place_with_fewer_simulations(built: tuple[Problem, Point]) -> None:
     problem, point = built
     forward: Any = problem.forward
-    off = replace(point, own=np.add(point.own, [0.05, -0.05, 0.02, -0.01, 0, 0, 0]))
+    off = replace(point, per_run=np.add(point.per_run, [0.05, -0.05, 0.02, -0.01, 0, 0, 0]))
     views = problem.linearized(point, [])
     found = []
     for seen in (None, views):
         forward.asked.clear()
         found.append((*settled(problem, off, range(3), None, seen), sum(forward.asked)))
     (there, value, simulated), (other, same, fewer) = found
-    np.testing.assert_allclose(other.own[:, :3], there.own[:, :3], atol=2e-3)
+    np.testing.assert_allclose(other.per_run[:, :3], there.per_run[:, :3], atol=2e-3)
     assert same == pytest.approx(value, abs=0.06)  # three runs, each settled to 0.02
     assert fewer < 0.7 * simulated
 
@@ -227,7 +227,7 @@ def test_own_numbers_of_a_run_stay_where_a_linear_step_can_be_trusted() -> None:
     (run,) = linear_runs(count=1)
     loose = np.array([1e3, 1e3, 1e3, 1e3])
     wild = replace(run, response=run.scatter @ np.array([10.0, -10.0, 10.0, -50.0]))
-    np.testing.assert_allclose(_own_goal(wild, np.zeros(7), loose)[3:], [0.5, -0.5, 0.5, -12.0])
+    np.testing.assert_allclose(_per_run_goal(wild, np.zeros(7), loose)[3:], [0.5, -0.5, 0.5, -12.0])
     tame = replace(run, response=run.scatter @ np.array([0.45, -0.45, 0.45, -11.0]))
-    np.testing.assert_allclose(_own_goal(tame, np.zeros(7), loose)[3:], [0.45, -0.45, 0.45, -11.0], rtol=1e-4)
+    np.testing.assert_allclose(_per_run_goal(tame, np.zeros(7), loose)[3:], [0.45, -0.45, 0.45, -11.0], rtol=1e-4)
     assert MOST_SCATTER.tolist() == [0.5, 0.5, 0.5, 12.0]

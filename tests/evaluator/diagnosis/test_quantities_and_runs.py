@@ -115,7 +115,7 @@ class Line:
     def marks(self, tasks: list[Task]) -> list[np.ndarray]:
         found = []
         for task in tasks:
-            time, own = self.data[task.run].time_s, task.own
+            time, own = self.data[task.run].time_s, task.per_run
             speed = 2.0 * (1 + own[4]) * (1 + task.nominal.get("wheels.radius_mm", 0.0))
             along = own[0] + speed * (time - 0.01 * own[6])
             y = np.full(len(time), own[1] + 0.5 * own[3])
@@ -145,12 +145,14 @@ def test_linear_view_of_a_run_predicts_its_features_at_any_parameters() -> None:
     (view,) = problem.linearized(point, [column])
     own = np.array([1.2, 3.1, 0.0, 0.1, 0.06, 0.0, 0.3])
     direct = problem.compressions[0].features(problem.residuals([Task(0, tuple(own))])[0])
-    linear = view.response - view.scatter @ own[3:] - view.start @ (own[:3] - point.own[0, :3])
+    linear = view.response - view.scatter @ own[3:] - view.start @ (own[:3] - point.per_run[0, :3])
     np.testing.assert_allclose(linear, direct, atol=1e-3 * np.abs(direct).max())
-    wide = problem.compressions[0].features(problem.residuals([Task(0, tuple(point.own[0]), {column.key: 0.01})])[0])
-    here = view.response - view.scatter @ point.own[0, 3:]
+    wide = problem.compressions[0].features(
+        problem.residuals([Task(0, tuple(point.per_run[0]), {column.key: 0.01})])[0]
+    )
+    here = view.response - view.scatter @ point.per_run[0, 3:]
     np.testing.assert_allclose(here - 0.01 * view.common[:, 0], wide, atol=1e-6)
-    (again,) = problem.seen_again(replace(point, own=own[None]), [view], [0])
+    (again,) = problem.seen_again(replace(point, per_run=own[None]), [view], [0])
     assert again is not None
     np.testing.assert_allclose(again.response - view.scatter @ own[3:], direct, atol=1e-9)
 
@@ -171,16 +173,16 @@ def test_own_numbers_of_a_run_settle_where_the_measured_line_lies() -> None:
     problem, _ = line_problem()
     wide = np.array([10.0, 10.0, 10.0, 1e-4])
     point, value = random_effects.settled(problem, Point(np.zeros((1, 7))), [0], wide)
-    assert point.own[0, :2] == pytest.approx([1.0, 3.0], abs=0.01)
-    assert point.own[0, 4] == pytest.approx(0.05, abs=1e-3)
+    assert point.per_run[0, :2] == pytest.approx([1.0, 3.0], abs=0.01)
+    assert point.per_run[0, 4] == pytest.approx(0.05, abs=1e-3)
     assert value < 1e-2
     tight = np.array([1e-6, 1e-6, 1e-6, 1e-4])
     held, worse = random_effects.settled(problem, Point(np.zeros((1, 7))), [0], tight)
-    assert abs(held.own[0, 4]) < 1e-6
+    assert abs(held.per_run[0, 4]) < 1e-6
     assert worse > 10.0
     starts = random_effects.place_starts(problem, Point(np.zeros((1, 7))), [0])
-    assert starts.own[0, 3:] == pytest.approx(np.zeros(4))
-    assert starts.own[0, 0] == pytest.approx(1.0 + 0.1 * 1.475, abs=0.02)  # in the middle of the run it lies right
+    assert starts.per_run[0, 3:] == pytest.approx(np.zeros(4))
+    assert starts.per_run[0, 0] == pytest.approx(1.0 + 0.1 * 1.475, abs=0.02)  # in the middle of the run it lies right
 
 
 def test_value_and_goal_of_a_runs_own_numbers_are_those_of_the_penalised_least_squares() -> None:
@@ -188,9 +190,9 @@ def test_value_and_goal_of_a_runs_own_numbers_are_those_of_the_penalised_least_s
     tau = np.array([0.05, 0.02, 0.02, 1.0])
     own = np.concatenate([np.zeros(3), tau * [1.0, -1.0, 0.5, 2.0]])
     left = run.response - run.scatter @ own[3:]
-    assert random_effects._own_value(run, own, None) == pytest.approx(left @ left)
-    assert random_effects._own_value(run, own, tau) == pytest.approx(left @ left + 1 + 1 + 0.25 + 4)
-    goal = random_effects._own_goal(run, np.zeros(7), tau)
+    assert random_effects._per_run_value(run, own, None) == pytest.approx(left @ left)
+    assert random_effects._per_run_value(run, own, tau) == pytest.approx(left @ left + 1 + 1 + 0.25 + 4)
+    goal = random_effects._per_run_goal(run, np.zeros(7), tau)
     design = np.column_stack([run.start, run.scatter])
     best = np.linalg.solve(design.T @ design + np.diag([0, 0, 0, *tau**-2.0]), design.T @ run.response)
     np.testing.assert_allclose(goal, best, rtol=1e-8)

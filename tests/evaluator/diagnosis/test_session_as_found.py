@@ -10,7 +10,7 @@ import pytest
 from evaluator.diagnosis.assessment.session_as_found import later_started, with_session
 from evaluator.diagnosis.likelihood.known_to import predicted_sigmas, quantities
 from evaluator.diagnosis.likelihood.problem import Point
-from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, RunData, Task
+from evaluator.diagnosis.likelihood.run_data import PER_RUN, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.settings import KnownTo
 from simulator.effects.entry import EffectEntry
@@ -38,7 +38,7 @@ def test_a_quantity_of_the_session_moves_predicted_marks_as_in_the_fit(key: str)
     item = next(item for item in KNOWN if item.key == key)
     nominal = {key: 2 * item.tolerance}
     fitted = Simulated([ROBOT], [RUN], {}, predicted_sigmas(KNOWN)).marks([Task(0, START, nominal)])[0]
-    point = Point(np.zeros((1, OWN_NUMBERS)), nominal)
+    point = Point(np.zeros((1, PER_RUN)), nominal)
     robot = with_session(ROBOT, KNOWN, point)
     predicted = Simulated([robot], later_started([RUN], KNOWN, point), {}).marks([Task(0, START)])[0]
     moved = float(np.abs(fitted - RUN.marks_mm).max())
@@ -73,7 +73,7 @@ def test_an_effect_that_the_session_has_too_stands_once_and_does_what_both_do() 
     given = {"plate-tilt": {"angle_deg": 4.0, "azimuth_deg": 90.0}, "time-base": {"factor": 1.01}}
     entries = tuple(EffectEntry.model_validate({"id": name, **values}) for name, values in given.items())
     tilted = ROBOT.model_copy(update={"effect": entries})
-    robot = with_session(tilted, KNOWN, Point(np.zeros((1, OWN_NUMBERS)), deviation))
+    robot = with_session(tilted, KNOWN, Point(np.zeros((1, PER_RUN)), deviation))
     found = {entry.id: entry.given for entry in robot.effect}
     assert len(found) == len(robot.effect) == 2
     assert found["time-base"]["factor"] == pytest.approx(1.01 * (1 + clock))
@@ -82,6 +82,6 @@ def test_an_effect_that_the_session_has_too_stands_once_and_does_what_both_do() 
 
 
 def test_a_session_as_its_files_say_changes_nothing() -> None:
-    point = Point(np.zeros((1, OWN_NUMBERS)))
+    point = Point(np.zeros((1, PER_RUN)))
     assert with_session(ROBOT, KNOWN, point) == ROBOT
     assert later_started([RUN], KNOWN, point) == (RUN,)

@@ -15,7 +15,7 @@ from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.inference.fit import Fit, prior_precision
 from evaluator.diagnosis.likelihood.mixed_model import Linearized, MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.problem import Column, Point
-from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS
+from evaluator.diagnosis.likelihood.run_data import PER_RUN
 from tests.evaluator.diagnosis.synthetic import column, fit_of, linear_runs, minus_two_log
 
 RUNS, FEATURES = 10, 60
@@ -39,7 +39,7 @@ def search(sizes: list[float]) -> Any:
         reduced = reduce_runs(parts)
         posterior = MixedModel(reduced, prior_precision(columns, TOLERANCE)).posterior(range(len(columns)))
         terms = {c.key: (c.absent + m,) for c, m in zip(columns[1:], posterior.mean[1:], strict=True)}
-        point = Point(np.zeros((len(sizes), OWN_NUMBERS)), {}, terms)
+        point = Point(np.zeros((len(sizes), PER_RUN)), {}, terms)
         runs = tuple(range(len(sizes)))
         fits[frozenset(terms)] = Fit(
             frozenset(terms), point, columns, posterior, reduced, tuple(parts), converged=True, runs=runs

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from evaluator.diagnosis.experiment import session_of
-from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, Task
+from evaluator.diagnosis.likelihood.run_data import PER_RUN, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.files import read_with
 from evaluator.report.build import write_report
@@ -99,7 +99,7 @@ def test_the_diagnosis_simulates_the_log_that_the_run_was_driven_by(tmp_path: Pa
     (run,) = session.data
     assert run.command == PHASES[0]
     assert (run.start_s, run.stop_s) == (1.0, 14.0)
-    own = (5.0, -3.0, 0.6, *([0.0] * (OWN_NUMBERS - 3)))
+    own = (5.0, -3.0, 0.6, *([0.0] * (PER_RUN - 3)))
     (marks,) = Simulated(session.robots, session.data, {}).marks([Task(0, own)])
     assert np.allclose(marks, run.marks_mm, atol=2e-4)
 
@@ -120,7 +120,7 @@ def test_a_run_that_does_not_start_at_rest_is_compared_and_diagnosed_from_its_fi
     session = session_of(found.experiment, {"r01": tmp_path / "r01.csv"})
     motion = simulate(load_robot("barrel"), Command.always(33.3, 14.4), whole["time_s"], State(5.0, -3.0, 0.6))
     at = int(np.searchsorted(whole["time_s"], 5.0))
-    own = (float(motion.x_mm[at]), float(motion.y_mm[at]), float(motion.heading_rad[at]), *([0.0] * (OWN_NUMBERS - 3)))
+    own = (float(motion.x_mm[at]), float(motion.y_mm[at]), float(motion.heading_rad[at]), *([0.0] * (PER_RUN - 3)))
     (marks,) = Simulated(session.robots, session.data, {}).marks([Task(0, own)])
     # The simulation starts a millisecond before the first frame, 2 µm of way.
     assert np.abs(marks - session.data[0].marks_mm).max() < 4e-3

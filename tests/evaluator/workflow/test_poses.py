@@ -10,7 +10,7 @@ import pytest
 
 from evaluator.diagnosis.experiment import session_of
 from evaluator.diagnosis.likelihood.preparation import build_problem
-from evaluator.diagnosis.likelihood.run_data import OWN_NUMBERS, Task
+from evaluator.diagnosis.likelihood.run_data import PER_RUN, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.errors import InputError
 from evaluator.interchange.poses import holds_poses, poses_of, read_poses
@@ -165,7 +165,7 @@ def test_the_distance_of_marks_that_stand_for_poses_says_nothing_in_a_diagnosis(
     found = analyze(experiment(tmp_path), tmp_path / "out", workers=1)
     (run,) = session_of(found.experiment, {"r01": found.outputs.marks("r01")}).data
     assert run.from_poses
-    own = (5.0, -3.0, 3.0, *([0.0] * (OWN_NUMBERS - 3)))
+    own = (5.0, -3.0, 3.0, *([0.0] * (PER_RUN - 3)))
     problem, _ = build_problem((run,), Simulated((load_robot("barrel"),), (run,), {}))
     (residual,) = problem.residuals([Task(0, own)])
     features = problem.compressions[0].features
