@@ -29,6 +29,8 @@ IMPORTED = re.compile(
     r"^[ \t]*from[ \t]+((?:calibration|simulator|evaluator)[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|.*)", re.MULTILINE
 )
 OLD_S = 60 * 86400.0  # what was compiled so long ago goes when its kernel is compiled anew
+LONGEST_S = 120.0  # the largest kernel takes 18 s on an idle machine; on a busy one several times that
+POLLED_S = 0.05
 
 
 def keep_on_disk(kernel: Any) -> None:
@@ -183,7 +185,8 @@ def _alone(index: Path | None) -> Iterator[None]:
     """Hold the lock of a kernel, where the system has such locks: no other process compiles it.
 
     A shared kernel is compiled while the lock of its caller is held, never the other way round, so that processes do
-    not wait for each other in a circle.
+    not wait for each other in a circle. A process that was suspended while it compiles is not waited for without end:
+    then the kernel is compiled twice.
     """
     if index is None or sys.platform == "win32":
         yield
@@ -195,9 +198,17 @@ def _alone(index: Path | None) -> Iterator[None]:
     except OSError:
         yield
         return
+    ends = time.monotonic() + LONGEST_S
     with lock:
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(lock, fcntl.LOCK_EX)
+        while time.monotonic() < ends:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                time.sleep(POLLED_S)
+            except OSError:  # a file system without locks
+                break
+            else:
+                break
         yield
 
 

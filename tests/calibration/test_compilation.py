@@ -173,3 +173,14 @@ def test_parts_divide_by_zero_as_numpy_does_and_raise_what_they_raise() -> None:
     assert np.isinf(_both(np.zeros(2), 1))
     with pytest.raises(ValueError, match="no such row"):
         _both(np.zeros(2), 2)
+
+
+def test_a_process_that_was_suspended_while_it_compiles_is_not_waited_for_without_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fcntl = pytest.importorskip("fcntl", reason="this system has no such locks")
+    monkeypatch.setattr(cache, "LONGEST_S", 0.1)
+    with (tmp_path / "kernel.lock").open("wb") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        with cache._alone(tmp_path / "kernel.nbi"):
+            pass  # it got here
