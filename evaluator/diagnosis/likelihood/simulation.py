@@ -151,7 +151,7 @@ class Simulated:
         _with_friction(models, per_run)
         states = np.zeros((count, 6))
         states[:, :3] = per_run[:, :3]
-        knots, knot_edges = self._told(tasks, per_run)
+        knots, knot_edges = self._told(tasks, per_run, [variant.view.time_factor for variant in variants])
         moving = np.flatnonzero(~self._from_rest[[task.run for task in tasks]])
         if len(moving):
             begin = times_s[edges[:-1]][moving]
@@ -162,29 +162,32 @@ class Simulated:
             states[moving, 3:] = ends[1::2, 3:]
         return _integrated(models, knots, knot_edges, states, times_s, edges, np.arange(count))
 
-    def _told(self, tasks: Sequence[Task], per_run: Floats) -> tuple[Floats, NDArray[np.int64]]:
-        """Commands of all tasks, stacked, where each begins and ends; gains of a run are those of its motors."""
+    def _told(
+        self, tasks: Sequence[Task], per_run: Floats, time_factors: Sequence[float]
+    ) -> tuple[Floats, NDArray[np.int64]]:
+        """Commands of all tasks in true time, stacked, where each begins and ends; a run's gains are its motors'."""
         parts = [self._knots[task.run] for task in tasks]
         sizes = [len(part) for part in parts]
         knots = np.concatenate(parts)
         knots[:, 1:] *= np.repeat(1 + per_run[:, 4:6], sizes, axis=0)
         knots[:, 0] += np.repeat([self._late_s(task) for task in tasks], sizes)
+        knots[:, 0] /= np.repeat(time_factors, sizes)
         return knots, np.cumsum([0, *sizes])
 
     def _late_s(self, task: Task) -> float:
-        """How much later than stated the motors of a task start."""
+        """How much later than stated the motors of a task start, by the clock of the recording."""
         return task.per_run[6] * self.start_sigma_s + amount_of(task.nominal, START, self.known)
 
     def _true_times(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[Floats]:
-        """Start of the simulation, then the frames; a measured time is the true one times the time factor."""
+        """Start of the simulation, then the frames; measured times, of the start too, are true ones times a factor."""
         known: dict[tuple[int, float, float], Floats] = {}
         result = []
         for task, variant in zip(tasks, variants, strict=True):
             key = task.run, variant.view.time_factor, self._late_s(task)
             if key not in known:
                 run = self._data[task.run]
-                frames = run.time_s / variant.view.time_factor
-                known[key] = np.concatenate([[min(frames[0], run.start_s + key[2]) - 1e-3], frames])
+                begin = min(run.time_s[0], run.start_s + key[2])
+                known[key] = np.concatenate([[begin / key[1] - 1e-3], run.time_s / key[1]])
             result.append(known[key])
         return result
 

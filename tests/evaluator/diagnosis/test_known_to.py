@@ -113,3 +113,14 @@ def test_a_scale_of_the_plate_against_one_of_the_prediction_does_not_explain_the
         for ids in ((), ("plane-scale",))
     )
     assert both.excess == pytest.approx(alone.excess, rel=0.1)
+
+
+def test_motors_start_when_a_clock_that_is_off_says_so(tmp_path: Path) -> None:
+    """Start and frames are read off one clock: seconds counted too long move neither against the other."""
+    session = hidden_session(tmp_path, {})
+    forward = Simulated(session.robots, session.data, named_terms(20.0, (30.0, 60.0)))
+    own = (10.0, 5.0, 2.0, 0.0, 0.0, 0.0, 0.0)
+    slow, right = forward.marks([Task(2, own, {}, {"time-base": (0.5,)}), Task(2, own)])
+    run = session.data[2]
+    moving = [run.time_s[np.flatnonzero(np.hypot(*(marks - marks[0])[:, :2].T) > 0.02)[0]] for marks in (slow, right)]
+    assert moving == pytest.approx([run.start_s, run.start_s], abs=0.05)
