@@ -11,14 +11,13 @@ import numpy as np
 
 from evaluator.diagnosis.inference.fit import LAGGING, Fit, fit_model
 from evaluator.diagnosis.likelihood.problem import Point, Problem
-from evaluator.diagnosis.likelihood.run_data import Values
+from evaluator.diagnosis.likelihood.run_data import START_POSE, Values
 from simulator.effects.coordinates import Candidate
 
 # Prior of no, one, two, three effects. A lab that asks is as likely as not to have one; each further one is rarer.
 SIZE_PRIOR = (0.5, 0.35, 0.12, 0.03)
 LARGEST_SET = 3
 RIVALS_KEPT = 4  # sets that go on to a search under another noise, or on all runs
-POSE = 3  # of the numbers per run, those of its start pose come first
 # Friction and gains: what wet or dusty plates and DC motors show; starts as they are stated.
 USUAL_SCATTER = (0.03, 0.006, 0.006, 1.0)
 # Left-overs, mean square over that of the noise, below which a model counts as explaining the runs: the noise of slow
@@ -116,7 +115,7 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit, ri
     if fit is None or not (fit.converged or lags):
         # friction and gains with which a wrong model helped itself may be a place from which no step leads on
         without_scatter = origin.point.per_run.copy()
-        without_scatter[:, POSE:] = 0.0
+        without_scatter[:, START_POSE:] = 0.0
         usual = _fit_from(search, Point(without_scatter, {}, values), smooth, fixed, USUAL_SCATTER, rival)
         if usual is not None and usual.converged and not usual.overreaches:
             again = _fit_from(search, usual.point, smooth, fixed, rival=rival)

@@ -12,10 +12,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from evaluator.diagnosis.inference.fit import Fit, fit_model
-from evaluator.diagnosis.inference.search import POSE, USUAL_SCATTER, Search
+from evaluator.diagnosis.inference.search import USUAL_SCATTER, Search
 from evaluator.diagnosis.inference.strategy import run_search
 from evaluator.diagnosis.likelihood.preparation import within_horizon
 from evaluator.diagnosis.likelihood.problem import Point, Problem
+from evaluator.diagnosis.likelihood.run_data import START_POSE
 from evaluator.progress import Progress
 
 HORIZONS_S = (1.0, 2.5)
@@ -42,7 +43,7 @@ def is_large(problem: Problem, point: Point) -> bool:
 
 def helps_itself(point: Point) -> bool:
     """Whether some run has friction or gains far beyond chance: they hide how large the misfit of the model is."""
-    return bool(np.any(np.abs(point.per_run[:, POSE:]) > BEYOND_CHANCE * np.array(USUAL_SCATTER)))
+    return bool(np.any(np.abs(point.per_run[:, START_POSE:]) > BEYOND_CHANCE * np.array(USUAL_SCATTER)))
 
 
 def within(problem: Problem, horizons_s: Sequence[float]) -> list[float]:

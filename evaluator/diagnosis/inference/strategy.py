@@ -76,7 +76,7 @@ def _from_the_null(search: Search) -> None:
     # over a short horizon the misfit is large and the linear view a poor guide: there every single effect is fitted
     most = SINGLES_REFITTED if search.problem.horizon_s == np.inf else len(search.terms)
     _fit_asked(search, view, ordered, search.null)
-    _refit(search, view, [(offer,) for offer in ordered], most, search.null)
+    _refit(search, view, [(offer,) for offer in ordered if offer[0] not in search.asked], most, search.null)
     pairs = [pair for pair in itertools.combinations(ordered[:PAIRED], 2) if pair[0][0] != pair[1][0]]
     gain = {pair: view.evidence(*pair) - max(view.evidence(pair[0]), view.evidence(pair[1])) for pair in pairs}
     pairs = sorted((pair for pair in pairs if gain[pair] > PROMISING), key=lambda pair: -view.evidence(*pair))
@@ -109,7 +109,8 @@ def extend(
     view = screen(search, fit.point, smooth, others)
     ordered = _ordered(view, view.offers)
     base = view.evidence()
-    worthwhile = [(offer,) for offer in ordered if view.evidence(offer) > base + PROMISING]
+    unasked = [offer for offer in ordered if offer[0] not in search.asked]
+    worthwhile = [(offer,) for offer in unasked if view.evidence(offer) > base + PROMISING]
     _fit_asked(search, view, ordered, fit)
     _refit(search, view, worthwhile, most, fit)
 

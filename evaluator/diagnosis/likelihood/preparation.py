@@ -21,8 +21,8 @@ from evaluator.diagnosis.likelihood.features import (
 from evaluator.diagnosis.likelihood.noise.discrepancy import left_over, with_discrepancy
 from evaluator.diagnosis.likelihood.noise.drift import with_drift
 from evaluator.diagnosis.likelihood.noise.outliers import CHANNELS, without_outliers
-from evaluator.diagnosis.likelihood.problem import START_POSE, Point, Problem
-from evaluator.diagnosis.likelihood.run_data import PER_RUN, Forward, RunData, aligned_starts
+from evaluator.diagnosis.likelihood.problem import Point, Problem
+from evaluator.diagnosis.likelihood.run_data import PER_RUN, START_POSE, Forward, RunData, aligned_starts
 
 Floats = NDArray[np.float64]
 

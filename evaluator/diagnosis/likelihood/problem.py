@@ -28,7 +28,6 @@ Floats = NDArray[np.float64]
 
 # mm, mm, rad, relative, standard deviations of the start: far above rounding, far below curvature; of the paper's robot
 PER_RUN_STEPS = (1e-3, 1e-3, 1e-4, 1e-3, 2e-4, 2e-4, 0.1)
-START_POSE = 3  # of them, the first: x, y, heading
 START = 6  # of them, the last
 OF_GROUND = (0, 1, 2, START)  # those that runs on open ground have: start pose and start, no friction and gains
 NOMINAL_STEP = 5e-4

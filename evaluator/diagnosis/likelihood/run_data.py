@@ -17,6 +17,7 @@ Values = Mapping[str, tuple[float, ...]]
 # One standard deviation of what is not a value of robot.toml (an error that runs share, a quantity of the laboratory),
 # as a deviation: that of a nominal value known to two per cent.
 SHARED_UNIT = 0.02
+START_POSE = 3  # of the numbers per run, and of a state, the first: x, y, heading
 PER_RUN = 7  # of a run: start x, y, heading; friction, left gain, right gain; start of motion
 
 

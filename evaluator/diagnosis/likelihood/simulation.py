@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from evaluator.diagnosis.likelihood.feature_cache import Paths, laid
 from evaluator.diagnosis.likelihood.known_to import START, amount_of, mark_keys
 from evaluator.diagnosis.likelihood.observed_marks import SharedErrors, marks_of_states
-from evaluator.diagnosis.likelihood.run_data import Floats, RunData, Task
+from evaluator.diagnosis.likelihood.run_data import START_POSE, Floats, RunData, Task
 from evaluator.diagnosis.likelihood.variants import Variant, Variants
 from simulator.dynamics.record import model_type
 from simulator.effects.coordinates import Candidate
@@ -25,7 +25,6 @@ from simulator.integrator.batch import integrate_many
 from simulator.robot import Robot
 from simulator.simulation import RUN_IN_S
 
-START_POSE = 3  # of the numbers per run, and of a state, the first: x, y, heading
 # Runs of a robot take up to some hundred steps. Where a fit tries what makes wheels chatter they would take any number:
 # such a point is as good as one that cannot be simulated.
 MOST_STEPS = 1500

@@ -29,7 +29,7 @@ from evaluator.report.diagnosis.words import (
     with_interval,
 )
 from evaluator.report.figures.disagreement import disagreement_map, disagreement_panels
-from evaluator.report.figures.gap import gap_before_after
+from evaluator.report.figures.gap import HELD_OUT, gap_before_after
 from evaluator.report.numbers import UNKNOWN, number
 from evaluator.report.pages.html import Section, Table
 
@@ -104,10 +104,7 @@ def _gap(content: Json) -> Section | None:
     if held:
         gain = gap.get("held_out_gain_sigmas")
         tail = f": the effect predicts them better by {gain:.0f} sigmas" if gain else ""
-        text.append(
-            f"Held out, whole runs: {', '.join(held)}{tail}. No effect was fitted to them; which effects the model "
-            "has was decided with all runs."
-        )
+        text.append(f"Held out, whole runs: {', '.join(held)}{tail}; {HELD_OUT}.")
     if lost and closes(content):
         text.append(f"Not followed by the model that was chosen: {', '.join(lost)}. Look at these recordings first.")
     constancy = content.get("constancy") or {}

@@ -12,6 +12,7 @@ from evaluator.report.style import BLUE, FAINT, INK, SOFT, VERMILLION, Figure, d
 
 MOST_ROWS = 40
 AFTER = "; dots: with what was found"
+HELD_OUT = "no effect was fitted to them; which effects the model has was decided with all runs"
 
 
 def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, after: bool = True) -> Figure | None:
@@ -52,8 +53,8 @@ def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, a
         "gap",
         "The gap, before and after" if after else "The gap",
         f"Squares: the model as robot.toml has it{AFTER if after else ''}. Points at the strokes mean that nothing is "
-        "left but noise. Start pose and the scatter of the run are taken out. The shaded runs were held out: no "
-        f"effect was fitted to them; which effects the model has was decided with all runs.{shown}",
+        "left but noise. Start pose and the scatter of the run are taken out. The shaded runs were held out: "
+        f"{HELD_OUT}.{shown}",
         (canvas.svg,),
         pd.DataFrame(
             {

@@ -155,7 +155,7 @@ def _refit(regression: Regression, begin: Point, effects: Sequence[str]) -> Fitt
         if arrived:
             break
         goal = _squares(response, common, ridge, _bounds(columns, regression.tolerance))[1]
-        point = place_starts(inputs.problem, best.point.at(columns, at + (goal - at)), inputs.fitted)
+        point = place_starts(inputs.problem, best.point.at(columns, goal), inputs.fitted)
     if best is None:  # cannot be simulated: as bad as can be
         return Fitted(begin, np.inf, np.inf)
     return best
