@@ -170,6 +170,12 @@ def stand_shakes(session: Session, rng: np.random.Generator) -> Session:
     return replace(session, noise=replace(session.noise, **shakes))
 
 
+def camera_settles(session: Session, rng: np.random.Generator) -> Session:
+    """Camera and plate drift against each other by 3 to 12 µm over 2 to 20 s: a warming stand, a tripod, warm air."""
+    drift = {"drift_mm": rng.uniform(0.003, 0.012), "drift_s": np.exp(rng.uniform(np.log(2), np.log(20)))}
+    return replace(session, noise=replace(session.noise, **drift))
+
+
 def everything(session: Session, rng: np.random.Generator) -> Session:
     """All of the above at once, places apart."""
     for kind in ALL_AT_ONCE:
@@ -220,6 +226,7 @@ ALL_AT_ONCE: tuple[Mess, ...] = (
     clock_rounds,
     lens_leaves_errors,
     stand_shakes,
+    camera_settles,
 )
 KINDS: dict[str, Mess] = {
     kind.__name__.replace("_", "-"): kind

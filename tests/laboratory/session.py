@@ -35,11 +35,13 @@ class Noise:
     round_s: float = 1e-6  # of the times in the file
     shake_mm: float = 0.0  # amplitude in which camera or plate shake, both marks alike
     shake_hz: float = 10.0
+    drift_mm: float = 0.0  # Ornstein-Uhlenbeck, standard deviation: camera against plate, both marks alike
+    drift_s: float = 10.0  # and its correlation time
 
     @property
     def floor_mm(self) -> float:
         """RMS of what is drawn anew in every frame or wanders slowly; no outliers."""
-        return float(np.hypot(self.white_mm, self.slow_mm))
+        return float(np.sqrt(self.white_mm**2 + self.slow_mm**2 + self.drift_mm**2))
 
 
 @dataclass(frozen=True)
@@ -149,14 +151,20 @@ def noise_of(noise: Noise, shape: tuple[int, ...], rng: np.random.Generator) -> 
         white = rng.standard_t(3, shape) * noise.white_mm / np.sqrt(3)  # variance of t with 3 dof: 3
     else:
         white = rng.normal(0, noise.white_mm, shape)
-    keeps = np.exp(-FRAME_S / noise.slow_s)
-    drive = rng.normal(0, 1, shape) * np.sqrt(1 - keeps**2)
-    drive[:, 0] = rng.normal(0, 1, shape[0])
-    slow = np.asarray(lfilter([1.0], [1.0, -keeps], drive, axis=1))
+    slow = _wandering(noise.slow_s, shape, rng)
     way, begin = rng.uniform(0, 2 * np.pi, 2)
     wave = np.sin(begin + 2 * np.pi * noise.shake_hz * FRAME_S * np.arange(shape[1]))
     shake = np.outer(np.resize([np.cos(way), np.sin(way)], shape[0]), wave)
-    return white + noise.slow_mm * slow + noise.shake_mm * shake
+    drift = np.resize(_wandering(noise.drift_s, (2, shape[1]), rng), shape)
+    return white + noise.slow_mm * slow + noise.shake_mm * shake + noise.drift_mm * drift
+
+
+def _wandering(lasting_s: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+    """Ornstein-Uhlenbeck noise of unit variance (rows, frames), each row by itself."""
+    keeps = np.exp(-FRAME_S / lasting_s)
+    drive = rng.normal(0, 1, shape) * np.sqrt(1 - keeps**2)
+    drive[:, 0] = rng.normal(0, 1, shape[0])
+    return np.asarray(lfilter([1.0], [1.0, -keeps], drive, axis=1))
 
 
 def _losses(noise: Noise, times: Array, seen: Array, rng: np.random.Generator) -> Array:
