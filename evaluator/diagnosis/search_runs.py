@@ -26,7 +26,7 @@ from evaluator.diagnosis.inference.fit import Fit, fit_model
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import LARGEST_SET, RIVALS_KEPT, Search, fit_set
-from evaluator.diagnosis.inference.settled_noise import settled_noise
+from evaluator.diagnosis.inference.settled_noise import settled_noise, with_common_drift
 from evaluator.diagnosis.inference.short_horizon import helps_itself, is_large, recalibrated, short_horizon_fits
 from evaluator.diagnosis.inference.strategy import HOPELESS, run_search
 from evaluator.diagnosis.inference.watch import Watch
@@ -117,6 +117,8 @@ def search_named(ready: Prepared, progress: Progress) -> Search:
         problem = with_noise_of(problem, begin)
         part = replace(part, problem=problem)
         large = is_large(problem, begin) or helps_itself(begin)
+    if not large:
+        part, begin = _with_drift(part, begin)
     run_search(part, begin, start, progress, short_horizon_fits(part, start, progress) if large else ())
     part = _with_settled_noise(part, start, progress)
     _swap(part)
@@ -170,6 +172,19 @@ def _reach(session: Session) -> float:
 
 def _levels(session: Session) -> tuple[float, ...]:
     return tuple(sorted({abs(rpm) for run in session.data for rpm in run.command}))
+
+
+def _with_drift(part: Search, begin: Point) -> tuple[Search, Point]:
+    """The search with the drift of both marks that the model without effects leaves, and where to begin.
+
+    Asked for before anything is added, or effects that are none would explain it. A large misfit is no drift of a
+    camera; there it is asked for once something explains the runs.
+    """
+    null = fit_model(part.problem, begin, [], part.tolerance, part.runs)
+    problem = with_common_drift(part, null)
+    if problem is part.problem:
+        return part, begin
+    return replace(part, problem=with_noise_of(problem, null.point)), null.point
 
 
 def _with_settled_noise(part: Search, nominal: Point, progress: Progress) -> Search:

@@ -124,7 +124,14 @@ def run_gaps(problem: Problem, placed: Point, runs: Sequence[int]) -> Floats:
 
 def noise_floor(problem: Problem, runs: Sequence[int]) -> Floats:
     """RMS distance of the midpoint that tracking noise and the precision of the model alone make, by run, mm."""
-    noise = np.array([[part.sigma_mm for part in problem.noise[run][:2]] for run in runs])
+    # on ground, what drifts is by its definition what is left about the best start pose
+    spans_s = [0.0 if problem.open_ground else float(np.ptp(problem.data[run].time_s)) for run in runs]
+    noise = np.array(
+        [
+            [part.about_mean_mm(span) if span else part.sigma_mm for part in problem.noise[run][:2]]
+            for run, span in zip(runs, spans_s, strict=True)
+        ]
+    )
     return np.asarray(np.sqrt(np.sum(noise**2, axis=1) + (problem.length * MODEL_FLOOR_MM) ** 2))
 
 

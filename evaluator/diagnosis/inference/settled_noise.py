@@ -1,10 +1,14 @@
-"""Noise that the best model of a search leaves, where a misfit had been taken for noise before."""
+"""Noise that a fitted model of a search leaves, where a misfit had been taken for noise, or a drift for motion."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from evaluator.diagnosis.inference.fit import Fit, prior_precision
 from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.likelihood.noise.common_drift import common_drift
 from evaluator.diagnosis.likelihood.preparation import with_noise_of
 from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.random_effects import place_runs
@@ -13,9 +17,27 @@ SETTLED_NOISE = 0.9  # a search is repeated where its best model lowers the nois
 
 
 def settled_noise(search: Search, best: frozenset[str]) -> Problem | None:
-    """The problem with the noise that a fitted set leaves; None where that is no quieter."""
+    """The problem with the noise that a fitted set leaves; None where that is as it was, or no quieter."""
     fit, runs = search.fits[best], range(len(search.problem.data))
-    problem = with_noise_of(search.problem, place_runs(search.problem, fit.point, runs, fit.posterior.scatter))
+    drifting = with_common_drift(search, fit) if best else search.problem  # of no effect it was asked at the beginning
+    problem = with_noise_of(drifting, place_runs(search.problem, fit.point, runs, fit.posterior.scatter))
     pairs = zip(problem.noise, search.problem.noise, strict=True)
     ratio = np.median([new[0].sigma_mm / old[0].sigma_mm for new, old in pairs])
-    return problem if ratio <= SETTLED_NOISE else None
+    return problem if ratio <= SETTLED_NOISE or drifting is not search.problem else None
+
+
+def with_common_drift(search: Search, fit: Fit) -> Problem:
+    """The problem with the drift of both marks that a fit leaves, to be compressed anew; itself where that is known.
+
+    A model that misses an effect takes it for drift, as far as drift can be: then the effect must bring more than the
+    drift explained, and once it is in the model the drift is asked for again.
+    """
+    problem = search.problem
+    found = common_drift(
+        fit.linearized,
+        [problem.compressions[run] for run in fit.runs],
+        [problem.data[run].time_s[problem.compressions[run].used] for run in fit.runs],
+        prior_precision(fit.columns, search.tolerance),
+        problem.common_drift,
+    )
+    return problem if found == problem.common_drift else replace(problem, common_drift=found)

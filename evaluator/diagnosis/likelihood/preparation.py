@@ -72,6 +72,8 @@ def with_noise_of(problem: Problem, point: Point) -> Problem:
     noise = with_drift(
         noise, [run.time_s for run in problem.data], rigid, residuals, [run.marks_mm for run in problem.data]
     )
+    common = problem.common_drift
+    noise = [(*(replace(part, common_drift=common) for part in parts[:2]), *parts[2:]) for parts in noise]
     noise = [
         (*parts[:3], replace(parts[3], white_mm=NO_DISTANCE_MM)) if run.from_poses else parts
         for run, parts in zip(problem.data, noise, strict=True)

@@ -20,7 +20,7 @@ from evaluator.diagnosis.likelihood.feature_cache import FeatureCache
 from evaluator.diagnosis.likelihood.features import Compression, residual_of_marks
 from evaluator.diagnosis.likelihood.jumps import jumps, smooth_slope, with_slopes
 from evaluator.diagnosis.likelihood.mixed_model import Linearized
-from evaluator.diagnosis.likelihood.noise.tracking import Noise
+from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, SHARED_UNIT, Forward, RunData, Task, is_shared
 from simulator.effects.coordinates import Candidate
 
@@ -120,6 +120,7 @@ class Problem:
     half_distance_mm: float
     length: float = 1.0  # of the robots over that of the paper's
     starts_show: bool = True  # whether a run's start of motion, as far as it is unknown, can be seen in what it leaves
+    common_drift: Drift = NO_DRIFT  # of the midpoint of the marks: see noise/common_drift.py
     horizon_s: float = np.inf  # only frames up to so long after the start of the motors count
     fits: FitCache = field(default_factory=FitCache)  # of the fits made before
     watch: Watch = field(default_factory=Watch)  # looked at between the steps of a fit; shares work among cores

@@ -259,8 +259,14 @@ def _noise(diagnosis: Diagnosis) -> Json:
     assert problem is not None
     parts = problem.noise
     tau = diagnosis.fit.posterior.scatter
+    common = problem.common_drift
+    span_s = float(np.median([np.ptp(run.time_s) for run in problem.data]))
+    # the midpoint of two marks that err independently has half the variance of one of them; a common drift is the same
+    own = [math.sqrt(p[0].sigma_mm ** 2 - common.size_mm**2) for p in parts]
     return {
-        "mark_sigma_mm": rounded(float(np.median([p[0].sigma_mm for p in parts])) * math.sqrt(2)),
+        "mark_sigma_mm": rounded(float(np.median(own)) * math.sqrt(2)),
+        # of both marks alike, a coordinate about its mean over a run
+        "common_drift_mm": rounded(common.about_mean_mm(span_s)),
         "correlation_s": rounded(parts[0][0].correlation_s),
         # on ground that is part of the noise
         "run_to_run": None

@@ -155,6 +155,11 @@ def _small_print(content: Json) -> Section | None:
             f"Estimated from these runs: marks scatter by {length(noise['mark_sigma_mm'])}, "
             f"correlated over {value_text(noise['correlation_s'])} s; {varies}."
         )
+        if noise.get("common_drift_mm"):
+            text.append(
+                f"Both marks drift together by {length(noise['common_drift_mm'])} within a run, as where the camera "
+                "moves against the plate (a stand that warms or settles, warm air). What is named is more than that."
+            )
     text.append(_left_out(content.get("skipped_runs") or {}))
     text.append(not_tried_sentence(content))
     rows = tuple(

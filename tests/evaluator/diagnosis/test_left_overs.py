@@ -18,7 +18,7 @@ from evaluator.diagnosis.inference.left_overs import left_overs
 from evaluator.diagnosis.likelihood.features import MODEL_FLOOR_MM
 from evaluator.diagnosis.likelihood.known_to import Quantity
 from evaluator.diagnosis.likelihood.mixed_model import Linearized
-from evaluator.diagnosis.likelihood.noise.tracking import Noise
+from evaluator.diagnosis.likelihood.noise.tracking import Drift, Noise
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.settings import Relevant
 from tests.evaluator.diagnosis.synthetic import (
@@ -137,8 +137,18 @@ def test_gap_of_a_run_is_the_rms_distance_of_its_midpoint() -> None:
 
 def test_floor_is_the_noise_of_both_coordinates_and_the_precision_of_the_model() -> None:
     noise = (Noise(0.003, 0.0, 0.1), Noise(0.004, 0.0, 0.1), Noise(9.0, 0.0, 0.1), Noise(9.0, 0.0, 0.1))
-    problem: Any = SimpleNamespace(noise=[noise], length=1.0)
+    data = [SimpleNamespace(time_s=np.linspace(0, 4, 240))]
+    problem: Any = SimpleNamespace(noise=[noise], length=1.0, data=data, open_ground=False)
     assert noise_floor(problem, [0]) == pytest.approx([np.sqrt(0.005**2 + MODEL_FLOOR_MM**2)])
+
+
+def test_floor_holds_what_a_start_pose_leaves_of_a_drift_but_on_ground_all_that_is_called_drift() -> None:
+    drifting = Noise(0.003, 0.0, 0.1, common_drift=Drift(0.020, 16.0))
+    data = [SimpleNamespace(time_s=np.linspace(0, 4, 240))]
+    for ground, per_coordinate in ((False, drifting.about_mean_mm(4.0)), (True, drifting.sigma_mm)):
+        problem: Any = SimpleNamespace(noise=[(drifting, drifting)], length=1.0, data=data, open_ground=ground)
+        assert noise_floor(problem, [0])[0] == pytest.approx(np.sqrt(2) * per_coordinate, rel=1e-3)
+    assert drifting.about_mean_mm(4.0) < 0.6 * drifting.sigma_mm
 
 
 def test_rms_over_runs_leaves_out_what_is_not_known() -> None:
@@ -162,6 +172,7 @@ def changed(present: np.ndarray, absent: np.ndarray, floor_mm: float = 0.005, **
     marks = {"effect": present, "": absent}
     noise = (Noise(floor_mm, 0.0, 0.1), Noise(0.0, 0.0, 0.1))
     problem: Any = SimpleNamespace(
+        open_ground=False,
         length=1.0,
         data=[replace(data, **run)],
         noise=[noise],

@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from evaluator.diagnosis.likelihood.noise.tracking import (
+    Drift,
     Noise,
     _whittle,
     expected_power,
@@ -113,7 +114,7 @@ def test_products_with_the_covariance_are_those_of_its_matrix() -> None:
     rng = np.random.default_rng(4)
     time = np.sort(rng.uniform(0, 10, 200))
     columns = rng.normal(size=(200, 5))
-    for noise in (Noise(0.001, 0.003, 0.1), Noise(0.002, 0.001, 0.02, drift_mm=0.004, drift_s=8.0)):
+    for noise in (Noise(0.001, 0.003, 0.1), Noise(0.002, 0.001, 0.02, drift=Drift(0.004, 8.0))):
         np.testing.assert_allclose(noise.times(time, columns), noise.covariance(time) @ columns, rtol=1e-9, atol=1e-16)
 
 

@@ -21,6 +21,7 @@ from evaluator.diagnosis.likelihood.features import (
 )
 from evaluator.diagnosis.likelihood.noise.drift import BELIEVED, Distance, drift, with_drift
 from evaluator.diagnosis.likelihood.noise.tracking import (
+    Drift,
     Noise,
     Spectrum,
     _banded,
@@ -55,7 +56,7 @@ def test_paths_apart_by_a_rigid_motion_are_none_and_by_a_stretch_are() -> None:
 
 
 def test_covariance_of_noise_is_white_and_two_exponentials() -> None:
-    noise = Noise(white_mm=0.003, slow_mm=0.004, correlation_s=0.5, drift_mm=0.012, drift_s=2.0)
+    noise = Noise(white_mm=0.003, slow_mm=0.004, correlation_s=0.5, drift=Drift(0.012, 2.0))
     covariance = noise.covariance(np.array([0.0, 1.0]))
     apart = 0.004**2 * np.exp(-2) + 0.012**2 * np.exp(-0.5)
     np.testing.assert_allclose(covariance, [[0.013**2, apart], [apart, 0.013**2]])
@@ -214,7 +215,7 @@ def distances(size_mm: float, lasting_s: float, runs: int = 8, seed: int = 0) ->
     time = np.arange(150) / 25
     noise = Noise(0.002, 0.0, 0.04)
     root = np.linalg.cholesky(
-        replace(noise, drift_mm=size_mm, drift_s=lasting_s).covariance(time) if size_mm else noise.covariance(time)
+        replace(noise, drift=Drift(size_mm, lasting_s)).covariance(time) if size_mm else noise.covariance(time)
     )
     angle = 0.3 * time
     arm = 2 * np.column_stack([np.cos(angle), np.sin(angle)])
@@ -251,8 +252,8 @@ def test_midpoint_and_direction_drift_half_as_much_as_the_distance() -> None:
     residuals = [np.column_stack([np.zeros((150, 3)), run.residual_mm]) for run in runs]
     found = with_drift(noise, [run.time_s for run in runs], frames, residuals, [run.marks_mm for run in runs])
     size = drift(runs)[0]
-    assert [part.drift_mm for part in found[3]] == pytest.approx([size / 2, size / 2, size / 2, size])
-    assert {part.drift_s for part in found[0]} == {2.0}
+    assert [part.drift.size_mm for part in found[3]] == pytest.approx([size / 2, size / 2, size / 2, size])
+    assert {part.drift.lasting_s for part in found[0]} == {2.0}
     assert [part.white_mm for part in found[0]] == [0.001, 0.001, 0.001, 0.002]
 
 

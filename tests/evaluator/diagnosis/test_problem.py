@@ -72,7 +72,7 @@ def test_noise_of_an_experiment_is_that_of_its_frames_and_starts_are_laid_on_the
     # Middle and direction of two marks: that of a coordinate over √2; their distance: times √2.
     sizes = np.mean([[part.sigma_mm for part in parts] for parts in problem.noise], axis=0)
     assert sizes == pytest.approx(SIGMA_MM * np.sqrt([0.5, 0.5, 0.5, 2.0]), rel=0.2)
-    assert all(part.drift_mm == 0 for parts in problem.noise for part in parts)
+    assert all(part.drift.size_mm == 0 for parts in problem.noise for part in parts)
     (view, *_) = problem.linearized(settled(problem, point, range(8), None)[0], [])
     assert view.response @ view.response / len(view.response) == pytest.approx(1.0, abs=0.5)
 

@@ -35,6 +35,14 @@ def test_noise_on_ground_claims_no_friction_of_single_runs() -> None:
         assert said in " ".join(section.text)
 
 
+def test_drift_of_both_marks_is_said_where_there_is_one() -> None:
+    noise = {"mark_sigma_mm": 0.003, "correlation_s": 0.3}
+    for drift_mm, said in ((0.0083, True), (0.0, False)):
+        section = _small_print({"noise": {**noise, "common_drift_mm": drift_mm}})
+        assert section is not None
+        assert ("Both marks drift together by 8.3 µm" in " ".join(section.text)) == said
+
+
 @pytest.mark.parametrize(
     ("three", "shown"),
     [

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.likelihood.noise.tracking import Noise
+from evaluator.diagnosis.likelihood.noise.tracking import Drift, Noise
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def with_discrepancy(
         size = usual * np.sqrt(np.maximum(own / (FAR_OUT * usual + 1e-300), 1.0))
         lasting_s = max(float(time[-1] - time[0]), 1e-9)
         drifting = tuple(
-            replace(part, drift_mm=float(np.sqrt(max(amount**2 - part.sigma_mm**2, 0.0))), drift_s=lasting_s)
+            replace(part, drift=Drift(float(np.sqrt(max(amount**2 - part.sigma_mm**2, 0.0))), lasting_s))
             for part, amount in zip(parts[:3], size[[0, 0, 1]], strict=True)
         )
         result.append((*drifting, *parts[3:]))

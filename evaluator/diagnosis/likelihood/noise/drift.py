@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.likelihood.noise.tracking import Noise, correlated
+from evaluator.diagnosis.likelihood.noise.tracking import Drift, Noise, correlated
 
 Floats = NDArray[np.float64]
 
@@ -69,7 +69,7 @@ def with_drift(
         return list(noise)
     shares = (0.5, 0.5, 0.5, 1.0)
     return [
-        tuple(replace(part, drift_mm=share * size, drift_s=lasting) for part, share in zip(parts, shares, strict=True))
+        tuple(replace(part, drift=Drift(share * size, lasting)) for part, share in zip(parts, shares, strict=True))
         for parts in noise
     ]
 

@@ -37,41 +37,70 @@ QUANTIZATION_MM = 1e-5  # marks files carry six decimals at most: noise below th
 
 
 @dataclass(frozen=True)
+class Drift:
+    """Standard deviation, mm, of what wanders for seconds, and the time after which it has forgotten itself, s."""
+
+    size_mm: float = 0.0
+    lasting_s: float = 1.0
+
+    def about_mean_mm(self, over_s: float) -> float:
+        """RMS distance from its own mean over a time, mm: less than its size where it lasts longer.
+
+        Mean of exp(-|lag| / lasting) over all pairs of moments: what the mean itself scatters.
+        """
+        share = over_s / self.lasting_s
+        return self.size_mm * float(np.sqrt(max(1 - 2 * (share - 1 + np.exp(-share)) / share**2, 0.0)))
+
+
+NO_DRIFT = Drift()
+
+
+@dataclass(frozen=True)
 class Noise:
     """White noise plus exponentially correlated noise of one channel, mm and s; drift: what lasts for seconds.
 
-    vibration_mm: what stands out of both in narrow bands of frequency, a stand that shakes or a lamp that flickers. It
-    is noise of a sample, and no part of the covariance: no slow mode sees it.
+    drift: of each mark by itself, or of what no model predicts. common_drift: of both marks alike. vibration_mm: what
+    stands out of both in narrow bands of frequency, a stand that shakes or a lamp that flickers. It is noise of a
+    sample, and no part of the covariance: no slow mode sees it.
     """
 
     white_mm: float
     slow_mm: float
     correlation_s: float
-    drift_mm: float = 0.0
-    drift_s: float = 1.0
+    drift: Drift = NO_DRIFT
+    common_drift: Drift = NO_DRIFT
     vibration_mm: float = 0.0
 
     def covariance(self, time_s: Floats) -> Floats:
         """Covariance between samples at time_s, (n, n), mm²."""
         lag = np.abs(time_s[:, None] - time_s[None, :])
         kernel: Floats = self.slow_mm**2 * np.exp(-lag / self.correlation_s)
-        if self.drift_mm:
-            kernel += self.drift_mm**2 * np.exp(-lag / self.drift_s)
+        for drift in self._drifts:
+            kernel += drift.size_mm**2 * np.exp(-lag / drift.lasting_s)
         kernel[np.diag_indices(len(time_s))] += self.white_mm**2
         return kernel
 
     def times(self, time_s: Floats, columns: Floats) -> Floats:
         """The covariance between samples at increasing time_s (n,) times columns (n, k), without the matrix, mm²."""
         product = self.white_mm**2 * columns + self.slow_mm**2 * correlated(time_s, self.correlation_s, columns)
-        if self.drift_mm:
-            product += self.drift_mm**2 * correlated(time_s, self.drift_s, columns)
+        for drift in self._drifts:
+            product += drift.size_mm**2 * correlated(time_s, drift.lasting_s, columns)
         return np.asarray(product)
 
     @property
     def sigma_mm(self) -> float:
         """Standard deviation of one sample, mm."""
-        parts = (self.white_mm, self.slow_mm, self.drift_mm, self.vibration_mm)
+        parts = (self.white_mm, self.slow_mm, self.vibration_mm, *(drift.size_mm for drift in self._drifts))
         return float(np.sqrt(np.sum(np.square(parts))))
+
+    def about_mean_mm(self, over_s: float) -> float:
+        """RMS distance from the mean over a time, mm: a start pose that is fitted takes the mean of a drift along."""
+        drifts = (drift.about_mean_mm(over_s) for drift in self._drifts)
+        return float(np.sqrt(np.sum(np.square((self.white_mm, self.slow_mm, self.vibration_mm, *drifts)))))
+
+    @property
+    def _drifts(self) -> tuple[Drift, ...]:
+        return tuple(drift for drift in (self.drift, self.common_drift) if drift.size_mm)
 
     def scaled(self, factor: float) -> Noise:
         """Noise with all amplitudes multiplied by factor, its correlation times unchanged."""

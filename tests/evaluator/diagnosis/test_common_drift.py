@@ -1,0 +1,97 @@
+"""The drift that both marks share, from slow left-overs that do not repeat themselves from run to run."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.likelihood.features import Compression, compression
+from evaluator.diagnosis.likelihood.mixed_model import Linearized
+from evaluator.diagnosis.likelihood.noise.common_drift import common_drift
+from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise, correlated
+
+Floats = NDArray[np.float64]
+
+FRAMES, RUNS = 240, 12
+TIME_S = np.arange(FRAMES) / 60
+WHITE = Noise(0.003, 0.0, 1 / 60)
+TRUE = Drift(0.008, 8.0)
+
+
+def _drifting(rng: np.random.Generator, drift: Drift) -> Floats:
+    """Ornstein-Uhlenbeck noise (n,), mm."""
+    root = np.linalg.cholesky(correlated(TIME_S, drift.lasting_s, np.eye(FRAMES)) + 1e-9 * np.eye(FRAMES))
+    return np.asarray(drift.size_mm * root @ rng.normal(size=FRAMES))
+
+
+def _path(run: int) -> Floats:
+    """What an effect of size one does to the midpoint in a run, (n, 4) mm: a sideways motion, to either side."""
+    effect = np.zeros((FRAMES, 4))
+    effect[:, 1] = (-1) ** run * TIME_S**2
+    return effect
+
+
+def _runs(
+    seed: int, drift: Drift, effect: float = 0.0, assumed: Drift = NO_DRIFT, offered: bool = False
+) -> tuple[list[Linearized], list[Compression]]:
+    """Views of runs with white noise, a drift of both marks and an effect; offered: as a common column."""
+    rng = np.random.default_rng(seed)
+    midpoint = Noise(WHITE.white_mm, 0.0, 1 / 60, common_drift=assumed)
+    views, compressions = [], []
+    for run in range(RUNS):
+        residual = rng.normal(0, WHITE.white_mm, (FRAMES, 4)) + effect * _path(run)
+        residual[:, 0] += _drifting(rng, drift)
+        residual[:, 1] += _drifting(rng, drift)
+        made = compression(TIME_S, np.ones(FRAMES, dtype=bool), (midpoint, midpoint, WHITE, WHITE))
+        start = np.zeros((3, FRAMES, 4))
+        start[0, :, 0] = start[1, :, 1] = start[2, :, 2] = 1.0
+        start[2, :, 1] = 10 * TIME_S  # a heading that is off leads away
+        common = made.features(_path(run)) if offered else np.zeros(made.features(residual).shape)
+        views.append(
+            Linearized(made.features(residual), common[:, None], made.features(start).T, np.zeros((len(common), 4)))
+        )
+        compressions.append(made)
+    return views, compressions
+
+
+def _found(views: list[Linearized], compressions: list[Compression], assumed: Drift = NO_DRIFT) -> Drift:
+    return common_drift(views, compressions, [TIME_S] * RUNS, np.array([0.0]), assumed)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_drift_is_found_by_what_it_does_within_a_run(seed: int) -> None:
+    found = _found(*_runs(seed, TRUE))
+    assert found.about_mean_mm(4.0) == pytest.approx(TRUE.about_mean_mm(4.0), rel=0.35)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_white_noise_is_no_drift(seed: int) -> None:
+    assert _found(*_runs(seed, NO_DRIFT)) == NO_DRIFT
+
+
+def test_effect_that_a_model_misses_looks_like_drift_and_that_it_holds_does_not() -> None:
+    assert _found(*_runs(1, NO_DRIFT, effect=0.002)) != NO_DRIFT
+    assert _found(*_runs(1, NO_DRIFT, effect=0.002, offered=True)) == NO_DRIFT
+
+
+def test_answer_does_not_depend_on_the_drift_that_was_assumed() -> None:
+    assert _found(*_runs(2, TRUE, assumed=Drift(0.004, 1.0)), Drift(0.004, 1.0)) == _found(*_runs(2, TRUE))
+    assert _found(*_runs(3, NO_DRIFT, assumed=TRUE), TRUE) == NO_DRIFT
+
+
+def test_drift_about_its_mean_over_a_time() -> None:
+    kernel = TRUE.size_mm**2 * np.exp(-np.abs(TIME_S[:, None] - TIME_S) / TRUE.lasting_s)
+    about_mean = np.trace(kernel) / FRAMES - kernel.mean()
+    assert TRUE.about_mean_mm(4.0) == pytest.approx(np.sqrt(about_mean), rel=0.01)
+    assert Noise(0.003, 0.0, 0.1, common_drift=TRUE).about_mean_mm(4.0) == pytest.approx(
+        np.hypot(0.003, TRUE.about_mean_mm(4.0))
+    )
+
+
+def test_common_drift_is_part_of_the_covariance() -> None:
+    noise = Noise(0.003, 0.001, 0.1, drift=Drift(0.002, 2.0), common_drift=TRUE)
+    lag = np.abs(TIME_S[:, None] - TIME_S)
+    expected = 1e-6 * (np.exp(-lag / 0.1) + 4 * np.exp(-lag / 2.0) + 64 * np.exp(-lag / 8.0) + 9 * (lag == 0))
+    assert noise.covariance(TIME_S) == pytest.approx(expected)
+    assert noise.times(TIME_S, np.eye(FRAMES)) == pytest.approx(expected)
