@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from simulator.dynamics.terms import FORCE_PLATE_X, FORCE_PLATE_Y, ONE, UN_PER_MN, Term, X, Y
 from simulator.effects.coordinates import Candidate, Coordinate, Parameters, Scene, coordinate
 from simulator.effects.definition import Effect, Values
@@ -25,7 +27,10 @@ def _act(draft: Draft, values: Values) -> None:
 
 
 def _fitted(scene: Scene) -> Candidate:
-    """Stiffness and the pull at the origin: linear in the force, where the anchor of no stiffness is undefined."""
+    """Stiffness and the pull at the origin: linear in the force, where the anchor of no stiffness is undefined.
+
+    A pull without stiffness is none of a spring, but tether-pull: a fit that comes to it has come to a bound.
+    """
     size = scene.size
     softest_mN_mm = SOFTEST_MN_MM * size.of(STIFFNESS.unit)
 
@@ -35,7 +40,8 @@ def _fitted(scene: Scene) -> Candidate:
         return {"stiffness_mN_mm": softest, "anchor_x_mm": pull_x / softest, "anchor_y_mm": pull_y / softest}
 
     pulls = tuple(Coordinate(name, 0.0, PULL_STEP_MN * size.of("mN")) for name in ("pull_x", "pull_y"))
-    return Candidate("tether-spring", (coordinate(STIFFNESS.sized(size)), *pulls), physical)
+    stiffness = replace(coordinate(STIFFNESS.sized(size)), low=-softest_mN_mm)
+    return Candidate("tether-spring", (stiffness, *pulls), physical)
 
 
 EFFECT = Effect(

@@ -108,6 +108,8 @@ def test_an_estimate_is_at_a_bound_where_more_might_lie_beyond() -> None:
     delay, share = Column("command-lag", 0, lag), Column("command-lag", 1, lag)
     assert [is_at_bound(delay, value) for value in (0.0, 0.3, 2.0)] == [False, False, True]  # absent at 0
     assert not is_at_bound(share, 1.0)  # a share ends at one
+    stiffness = Column("tether-spring", 0, named_terms(20.0, (30.0,))["tether-spring"])
+    assert [is_at_bound(stiffness, value) for value in (0.0, 0.001)] == [True, False]  # soft from afar: a tether-pull
     level = named_terms(20.0, (30.0,))["friction-level"]
     assert [is_at_bound(Column("friction-level", 0, level), value - 1) for value in (0.2, 1.0, 5.0)] == [
         True,
