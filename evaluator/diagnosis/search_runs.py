@@ -31,6 +31,7 @@ from evaluator.diagnosis.inference.short_horizon import helps_itself, is_large, 
 from evaluator.diagnosis.inference.strategy import HOPELESS, run_search
 from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.known_to import Quantity, predicted_sigmas
+from evaluator.diagnosis.likelihood.noise.common_drift import USUAL_DRIFT
 from evaluator.diagnosis.likelihood.preparation import build_problem, with_noise_of
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import RunData
@@ -180,10 +181,9 @@ def _with_drift(part: Search, begin: Point) -> tuple[Search, Point]:
     Asked for before anything is added, or effects that are none would explain it. A large misfit is no drift of a
     camera; there it is asked for once something explains the runs.
     """
-    null = fit_model(part.problem, begin, [], part.tolerance, part.runs)
-    problem = with_common_drift(part, null)
-    if problem is part.problem:
-        return part, begin
+    usual = replace(part, problem=with_noise_of(replace(part.problem, common_drift=USUAL_DRIFT), begin))
+    null = fit_model(usual.problem, begin, [], usual.tolerance, usual.runs)
+    problem = with_common_drift(usual, null)
     return replace(part, problem=with_noise_of(problem, null.point)), null.point
 
 

@@ -20,9 +20,9 @@ TRUE = Drift(0.008, 8.0)
 
 
 def _drifting(rng: np.random.Generator, drift: Drift) -> Floats:
-    """Ornstein-Uhlenbeck noise (n,), mm."""
+    """Ornstein-Uhlenbeck noise and a steady motion (n,), mm."""
     root = np.linalg.cholesky(correlated(TIME_S, drift.lasting_s, np.eye(FRAMES)) + 1e-9 * np.eye(FRAMES))
-    return np.asarray(drift.size_mm * root @ rng.normal(size=FRAMES))
+    return np.asarray(drift.size_mm * root @ rng.normal(size=FRAMES) + rng.normal(0, drift.creep_mm_s) * TIME_S)
 
 
 def _path(run: int) -> Floats:
@@ -60,9 +60,17 @@ def _found(views: list[Linearized], compressions: list[Compression], assumed: Dr
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_drift_is_found_by_what_it_does_within_a_run(seed: int) -> None:
-    found = _found(*_runs(seed, TRUE))
-    assert found.about_mean_mm(4.0) == pytest.approx(TRUE.about_mean_mm(4.0), rel=0.35)
+@pytest.mark.parametrize("true", [TRUE, Drift(creep_mm_s=0.003), Drift(0.008, 8.0, 0.004)])
+def test_drift_is_found_by_what_it_does_within_a_run(true: Drift, seed: int) -> None:
+    found = _found(*_runs(seed, true))
+    assert found.about_mean_mm(4.0) == pytest.approx(true.about_mean_mm(4.0), rel=0.35)
+
+
+def test_what_creeps_is_told_from_what_wanders() -> None:
+    creeping, wandering = _found(*_runs(5, Drift(creep_mm_s=0.004))), _found(*_runs(5, Drift(0.012, 1.0)))
+    assert creeping.creep_mm_s > 0.002
+    assert Drift(creeping.size_mm, creeping.lasting_s).about_mean_mm(4.0) < 0.001
+    assert wandering.creep_mm_s < 0.001
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -80,18 +88,20 @@ def test_answer_does_not_depend_on_the_drift_that_was_assumed() -> None:
     assert _found(*_runs(3, NO_DRIFT, assumed=TRUE), TRUE) == NO_DRIFT
 
 
-def test_drift_about_its_mean_over_a_time() -> None:
-    kernel = TRUE.size_mm**2 * np.exp(-np.abs(TIME_S[:, None] - TIME_S) / TRUE.lasting_s)
+@pytest.mark.parametrize("drift", [TRUE, Drift(creep_mm_s=0.003), Drift(0.008, 0.5, 0.003)])
+def test_drift_about_its_mean_over_a_time(drift: Drift) -> None:
+    kernel = drift.covariance(TIME_S)
     about_mean = np.trace(kernel) / FRAMES - kernel.mean()
-    assert TRUE.about_mean_mm(4.0) == pytest.approx(np.sqrt(about_mean), rel=0.01)
+    assert drift.about_mean_mm(4.0) == pytest.approx(np.sqrt(about_mean), rel=0.02)
     assert Noise(0.003, 0.0, 0.1, common_drift=TRUE).about_mean_mm(4.0) == pytest.approx(
         np.hypot(0.003, TRUE.about_mean_mm(4.0))
     )
 
 
 def test_common_drift_is_part_of_the_covariance() -> None:
-    noise = Noise(0.003, 0.001, 0.1, drift=Drift(0.002, 2.0), common_drift=TRUE)
+    noise = Noise(0.003, 0.001, 0.1, drift=Drift(0.002, 2.0), common_drift=Drift(0.008, 8.0, 0.005))
     lag = np.abs(TIME_S[:, None] - TIME_S)
     expected = 1e-6 * (np.exp(-lag / 0.1) + 4 * np.exp(-lag / 2.0) + 64 * np.exp(-lag / 8.0) + 9 * (lag == 0))
+    expected += 25e-6 * np.outer(TIME_S, TIME_S)
     assert noise.covariance(TIME_S) == pytest.approx(expected)
     assert noise.times(TIME_S, np.eye(FRAMES)) == pytest.approx(expected)

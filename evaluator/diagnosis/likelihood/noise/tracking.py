@@ -38,10 +38,32 @@ QUANTIZATION_MM = 1e-5  # marks files carry six decimals at most: noise below th
 
 @dataclass(frozen=True)
 class Drift:
-    """Standard deviation, mm, of what wanders for seconds, and the time after which it has forgotten itself, s."""
+    """What wanders for seconds, and what creeps on: standard deviations, mm, s and mm/s.
+
+    size_mm, lasting_s: of what wanders, and the time after which it has forgotten itself. creep_mm_s: of a speed that
+    lasts as long as a run.
+    """
 
     size_mm: float = 0.0
     lasting_s: float = 1.0
+    creep_mm_s: float = 0.0
+
+    def covariance(self, time_s: Floats) -> Floats:
+        """Covariance between samples at time_s, (n, n), mm², the place at the first of them aside."""
+        lag, since = np.abs(time_s[:, None] - time_s[None, :]), time_s - time_s[0]
+        return np.asarray(
+            self.size_mm**2 * np.exp(-lag / self.lasting_s) + self.creep_mm_s**2 * since[:, None] * since[None, :]
+        )
+
+    def times(self, time_s: Floats, columns: Floats) -> Floats:
+        """The covariance at increasing time_s (n,) times columns (n, k), without the matrix, mm²."""
+        product = np.zeros_like(columns)
+        if self.size_mm:
+            product += self.size_mm**2 * correlated(time_s, self.lasting_s, columns)
+        if self.creep_mm_s:
+            since = time_s - time_s[0]
+            product += self.creep_mm_s**2 * since[:, None] * (since @ columns)
+        return product
 
     def about_mean_mm(self, over_s: float) -> float:
         """RMS distance from its own mean over a time, mm: less than its size where it lasts longer.
@@ -49,7 +71,8 @@ class Drift:
         Mean of exp(-|lag| / lasting) over all pairs of moments: what the mean itself scatters.
         """
         share = over_s / self.lasting_s
-        return self.size_mm * float(np.sqrt(max(1 - 2 * (share - 1 + np.exp(-share)) / share**2, 0.0)))
+        wanders = self.size_mm**2 * max(1 - 2 * (share - 1 + np.exp(-share)) / share**2, 0.0)
+        return float(np.sqrt(wanders + (self.creep_mm_s * over_s) ** 2 / 12))
 
 
 NO_DRIFT = Drift()
@@ -76,7 +99,7 @@ class Noise:
         lag = np.abs(time_s[:, None] - time_s[None, :])
         kernel: Floats = self.slow_mm**2 * np.exp(-lag / self.correlation_s)
         for drift in self._drifts:
-            kernel += drift.size_mm**2 * np.exp(-lag / drift.lasting_s)
+            kernel += drift.covariance(time_s)
         kernel[np.diag_indices(len(time_s))] += self.white_mm**2
         return kernel
 
@@ -84,7 +107,7 @@ class Noise:
         """The covariance between samples at increasing time_s (n,) times columns (n, k), without the matrix, mm²."""
         product = self.white_mm**2 * columns + self.slow_mm**2 * correlated(time_s, self.correlation_s, columns)
         for drift in self._drifts:
-            product += drift.size_mm**2 * correlated(time_s, drift.lasting_s, columns)
+            product += drift.times(time_s, columns)
         return np.asarray(product)
 
     @property
@@ -100,7 +123,7 @@ class Noise:
 
     @property
     def _drifts(self) -> tuple[Drift, ...]:
-        return tuple(drift for drift in (self.drift, self.common_drift) if drift.size_mm)
+        return tuple(drift for drift in (self.drift, self.common_drift) if drift != NO_DRIFT)
 
     def scaled(self, factor: float) -> Noise:
         """Noise with all amplitudes multiplied by factor, its correlation times unchanged."""
