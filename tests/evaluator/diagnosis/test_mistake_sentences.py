@@ -117,6 +117,23 @@ def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkey
     assert named.sentence.endswith("say of the robot: it moves so; mirror it")
 
 
+@pytest.mark.parametrize(
+    ("pair", "alike"),
+    [
+        ((30.0, 20.0), True),  # between the others, though none drives at its speeds
+        ((-20.0, -30.0), True),
+        ((47.0, 28.0), True),  # 18 % faster than the fastest
+        ((52.0, 28.0), False),  # 30 % faster
+        ((24.0, 5.0), False),  # its slower wheel is slower by half than any other: a dead band may act in it alone
+        ((30.0, -20.0), False),  # turns on the spot
+    ],
+)
+def test_a_run_has_kin_among_runs_that_drive_alike_or_around_it(pair: tuple[float, float], alike: bool) -> None:
+    around = ((40.0, 12.0), (12.0, 40.0), (-25.0, -24.0), (-38.0, -10.0))
+    others = [replace(driven(k), left_rpm=left, right_rpm=right) for k, (left, right) in enumerate(around)]
+    assert has_kin(replace(driven(9), left_rpm=pair[0], right_rpm=pair[1]), others) == alike
+
+
 def test_a_run_known_to_disagree_is_read_however_small_its_misfit_and_at_any_rate(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
