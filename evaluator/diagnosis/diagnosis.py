@@ -135,13 +135,14 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
         suspect = _sole_run_of(found)
         if suspect is None:
             break
-        run, others = found.session.data[suspect], (*found.session.data[:suspect], *found.session.data[suspect + 1 :])
-        if not has_kin(run, others):  # it may be the only one in which an effect can show
-            tail = f"all of it rests on {run.id}, the only run with these wheel speeds: repeat that run"
-            return replace(found, reason=f"{found.reason}; {tail}")
-        again = _without(found, suspect, watch, fits)
+        run, others = found.session.data[suspect], found.session.data[:suspect] + found.session.data[suspect + 1 :]
+        alone = not has_kin(run, others)  # it may be the only one in which an effect can show
+        rests = f"all of it rests on {run.id}, and no other run drives like it: repeat that run"
+        again = None if alone and found.verdict == "effect" else _without(found, suspect, watch, fits)
         if again is None:
-            break
+            return replace(found, reason=f"{found.reason}; {rests}") if alone else found
+        if alone and again.verdict == "none":
+            return replace(again, verdict="insufficient", reason=f"what disagrees with the model: {rests}")
         found = again
     return found
 
@@ -153,20 +154,19 @@ def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None
     """
     data, robots = found.session.data, found.session.robots
     others = [number for number in range(len(data)) if number != suspect]
-    rest = replace(
-        found.session, data=tuple(data[number] for number in others), robots=tuple(robots[number] for number in others)
-    )
+    rest = replace(found.session, data=tuple(data[k] for k in others), robots=tuple(robots[k] for k in others))
     if shortcomings(rest.data):
         return None
     again = _diagnosed(rest, watch, fits)
     if again.stopped:
         tail = f"all that was found with {data[suspect].id}, {found.summary}, rests on this run alone"
         return Diagnosis("insufficient", f"{again.reason}; {tail}", found.session, stopped=True)
-    if again.verdict not in ("none", "effect") or not (found.verdict == "unknown" or again.chosen < found.chosen):
+    simpler = again.chosen < found.chosen or (again.chosen == found.chosen and suspect in found.outlying)
+    if again.verdict not in ("none", "effect") or not (found.verdict == "unknown" or simpler):
         return None
     nominal = {key: value for key, value in again.fit.point.nominal.items() if not is_shared(key)}
-    mistake = outlying_run(data[suspect], rest.data, varied_robot(robots[suspect], nominal))
-    return replace(again, session=replace(rest, mistakes=(*rest.mistakes, mistake)))
+    odd = outlying_run(data[suspect], rest.data, varied_robot(robots[suspect], nominal))
+    return replace(again, session=replace(rest, mistakes=(*rest.mistakes, odd)))
 
 
 def _sole_run_of(found: Diagnosis) -> int | None:
@@ -176,8 +176,9 @@ def _sole_run_of(found: Diagnosis) -> int | None:
     sole = sole_run(found.search, found.chosen, sum(map(is_free, found.terms)))
     if sole is not None:
         return sole.run
-    doubted = found.verdict == "unknown" and found.leftover is not None
-    return sole_misfit(found.leftover, found.fit.runs) if doubted and found.leftover is not None else None
+    if len(found.outlying) == 1:
+        return found.outlying[0]
+    return sole_misfit(found.leftover, found.fit.runs) if found.verdict == "unknown" and found.leftover else None
 
 
 def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diagnosis:

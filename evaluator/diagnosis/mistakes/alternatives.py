@@ -28,6 +28,7 @@ class Alternative:
     run: RunData
     words: str = ""
     own: bool = False  # something that only this run has speaks for it
+    later_s: float = 0.0  # of its command log, than the file says
 
 
 def alternatives(
@@ -145,6 +146,7 @@ def _offsets(run: RunData) -> list[Alternative]:
                 log=replace(run.log, command=run.log.command.retimed(later_s=offset)),
             ),
             f"follows its command log {abs(offset):.1f} s {'late' if offset > 0 else 'early'}",
+            later_s=offset,
         )
         for offset in OFFSETS_S
     ]

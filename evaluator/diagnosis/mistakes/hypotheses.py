@@ -33,6 +33,7 @@ ALIKE = 1.3  # times: two mistakes that fit so alike are told by what else is kn
 FEWEST_KIN = 2
 # Readings that change no speed of a wheel. Another command or rate, of many, fits by chance.
 SAME_SPEEDS: tuple[Kind, ...] = ("reversed", "sides-swapped", "marks-swapped", "mirrored")
+NEAR_S = 0.15  # offsets of logs that are one: neighbours among those tried
 SAME_INTERVAL = 0.04  # relative difference of frame intervals that says nothing
 
 
@@ -75,10 +76,21 @@ def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found
     if same and len(at_another_rate) <= len(judgements) / 2:
         # one clock for all runs: where straight runs alone seem too fast, it is the robot that is
         found = [item for item in found if item.kind != "wrong-rate"]
-    if sum(item.kind == "late-start" for item in found) > len(judgements) / 2:
-        # what all logs have in common, a lag of the motors or of the clock, is the diagnosis's to find
-        found = [item for item in found if item.kind != "late-start"]
+    alike = _late_alike(judgements)  # a lag of the motors or of the clock, which is the diagnosis's to find
+    found = [item for item in found if item.kind != "late-start" or item.run not in alike]
     return _without_regimes(_beyond_the_others(found, judgements), judgements)
+
+
+def _late_alike(judgements: Sequence[Judgement]) -> set[str]:
+    """The runs that fit their logs best when these are later, where most runs with a log do so by about as much."""
+    best = {
+        item.ways[0].run.id: item.ways[int(np.nanargmin(item.misfits_mm))].later_s
+        for item in judgements
+        if item.ways[0].run.log is not None and np.isfinite(item.misfits_mm).any()
+    }
+    common = float(np.median(list(best.values()))) if best else 0.0
+    alike = {run for run, later in best.items() if later and abs(later - common) < NEAR_S}
+    return alike if len(alike) > max(len(best) / 2, 2) else set()
 
 
 def _beyond_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) -> list[Found]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import ndimage, stats
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 
@@ -23,6 +23,11 @@ GAP_SIGMAS = 8.0  # of the scatter of a frame; a velocity over 15 frames is carr
 LEAST_LEAP_MM = 0.2  # three times what tails and slow errors of tracking made of 24 gaps; a hand moves it more
 # The most of about ten places along a run that ripples nearly is the most that it ever makes: twice that is no ripple.
 UNSTEADY_TIMES = 2.0
+AROUND_JUMP = 10  # frames on either side of a jump: a line is the path of so many
+MOST_JUMPS = 20  # places along a run that are looked at, those first where the marks step farthest off their way
+JUMP_WITHIN = 8  # frames: those next to a jump may have been taken for outliers, up to six
+LEAST_JUMP_MM = 0.05  # sides that start 10 ms apart, at a change of command from one way to the other, leap by 0.03
+MOST_LOST = 3  # frames in a row that recorders drop unnoticed
 REST_S = 0.08  # of a recording in which the robot is taken to rest; it is not where it moves already
 
 
@@ -126,31 +131,51 @@ def jump(run: RunData) -> tuple[float, float] | None:
     """The moment, s, and size, mm, of a jump of both marks between two frames; None where there is none.
 
     A robot moves by its speed times the time between frames; a camera that is knocked moves at once. Lines through
-    some frames before and after are carried to the moment between.
+    some frames before and after are carried to the moment between. Ordinary are a leap along the change of velocity,
+    as of motors that start between two frames, and one along the path, as of frames that were lost unnoticed.
     """
     time, middle, _ = midpoint_and_heading(run)
     if len(time) < 24:
         return None
-    step = np.hypot(*np.diff(middle, axis=0).T) / np.maximum(np.diff(time), 1e-6)
-    usual = float(np.median(step[step > 0])) if (step > 0).any() else 0.0
-    fastest = float(np.percentile(step, 95))
-    candidates = np.flatnonzero(step > 4 * max(fastest, usual))
+    frame_s = float(np.median(np.diff(time)))
+    spans = np.maximum(np.diff(time), 1e-6)
+    speeds = np.diff(middle, axis=0) / spans[:, None]
+    usual = ndimage.median_filter(speeds, size=(2 * AROUND_JUMP - 1, 1), mode="nearest")
+    excess = np.hypot(*((speeds - usual) * spans[:, None]).T)
+    candidates = np.argsort(-excess)[:MOST_JUMPS]
+    steps = np.hypot(*np.diff(middle, axis=0).T)
+    stepping = np.count_nonzero(steps) < len(steps) / 2  # poses that are held until the next move by steps alone
+    least_mm = max(LEAST_JUMP_MM, 4 * float(np.median(steps[steps > 0])) if stepping and steps.any() else 0.0)
     best: tuple[float, float] | None = None
-    for k in candidates[:20]:
-        before, after = slice(max(k - 9, 0), k + 1), slice(k + 1, k + 11)
-        if len(time[before]) < 5 or len(time[after]) < 5:
+    for k in candidates:
+        before, after = slice(max(k + 1 - AROUND_JUMP, 0), k + 1), slice(k + 1, k + 1 + AROUND_JUMP)
+        if min(len(time[before]), len(time[after])) < 5 or time[k + 1] - time[k] > JUMP_WITHIN * frame_s:
             continue
         at = (time[k] + time[k + 1]) / 2
-        ends, spread = [], []
+        ends, slopes, spread = [], [], []
         for part in (before, after):
             fit = np.polynomial.polynomial.polyfit(time[part] - at, middle[part], 1)
             left = middle[part] - np.polynomial.polynomial.polyval(time[part] - at, fit).T
             ends.append(fit[0])
+            slopes.append(fit[1])
             spread.append(float(np.sqrt(np.mean(left**2))))
-        size = float(np.hypot(*(ends[1] - ends[0])))
-        if size > 10 * max(*spread, 2e-3) and (best is None or size > best[1]):
+        leap = ends[1] - ends[0]
+        changed_s, lost_s = 2 * float(spans[k]), MOST_LOST * frame_s
+        ordinary = ((slopes[1] - slopes[0], (-changed_s, changed_s)), *((slope, (0.0, lost_s)) for slope in slopes))
+        size = float(np.hypot(*leap))
+        least = max(10 * max(spread), least_mm)
+        if any(_covers(speed, within_s, leap, least) for speed, within_s in ordinary):
+            continue
+        if size > least and (best is None or size > best[1]):
             best = (float(at), size)
     return best
+
+
+def _covers(speed: Floats, within_s: tuple[float, float], leap: Floats, least_mm: float) -> bool:
+    """Whether a speed (2,), mm/s, covers a leap (2,), mm, in a time between two bounds, up to least_mm across."""
+    fast = max(float(np.hypot(*speed)), 1e-9)
+    along, across = float(leap @ speed) / fast, float(leap[0] * speed[1] - leap[1] * speed[0]) / fast
+    return within_s[0] * fast <= along <= within_s[1] * fast and abs(across) <= least_mm
 
 
 def displacement_in_gap(run: RunData, between: tuple[float, float]) -> tuple[float, float, float] | None:

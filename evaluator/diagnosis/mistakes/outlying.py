@@ -9,10 +9,41 @@ from evaluator.diagnosis.mistakes.hypotheses import kin, reading_of
 from evaluator.diagnosis.mistakes.recognised import Mistake
 from simulator.robot import Robot
 
+# A neighbour that is a quarter faster or slower has 64 % of the evidence or more for what grows with speed: what speaks
+# loudly in one run cannot be silent in it. The share of the wheel speeds by which turns differ counts likewise.
+SPEED_FACTOR, SHARE_STEP = 1.25, 0.1
+
 
 def has_kin(run: RunData, others: Sequence[RunData]) -> bool:
-    """Whether the wheels of another run turn at the same speeds: else a regime of its own may speak in this run."""
-    return any(kin(other) == kin(run) for other in others)
+    """Whether other runs drive like it: else a regime of its own may speak in this run.
+
+    The wheels of another run turn at the same speeds, or both speeds and their ratio lie between those of others, or
+    next to them: what depends on speed or slip cannot act in this run and in none of those around it.
+    """
+    if any(kin(other) == kin(run) for other in others):
+        return True
+    around = [_drive(pair) for other in others for pair in _pairs(other)]
+    return bool(around) and all(_among(_drive(pair), around) for pair in _pairs(run))
+
+
+def _pairs(run: RunData) -> list[tuple[float, float]]:
+    return [(stretch.left_rpm, stretch.right_rpm) for stretch in run.told.driven]
+
+
+def _drive(pair: tuple[float, float]) -> tuple[float, float, float]:
+    """Speed of the faster wheel and of the slower, rpm, and the slower over the faster, with its sign."""
+    slower, faster = sorted(pair, key=abs)
+    return abs(faster), abs(slower), slower / faster
+
+
+def _among(drive: tuple[float, float, float], around: Sequence[tuple[float, float, float]]) -> bool:
+    """Whether every number of a way to drive lies between those of others, or next to them."""
+    lowest, highest = (tuple(pick(column) for column in zip(*around, strict=True)) for pick in (min, max))
+    speeds = all(
+        low / SPEED_FACTOR <= value <= high * SPEED_FACTOR
+        for value, low, high in zip(drive[:2], lowest[:2], highest[:2], strict=True)
+    )
+    return speeds and lowest[2] - SHARE_STEP <= drive[2] <= highest[2] + SHARE_STEP
 
 
 def outlying_run(run: RunData, others: Sequence[RunData], robot: Robot) -> Mistake:

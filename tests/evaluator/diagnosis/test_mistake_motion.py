@@ -109,6 +109,24 @@ def test_jump_has_its_moment_and_its_size_less_what_the_robot_moved(size_mm: flo
     assert found == pytest.approx((99.5 / RATE, size_mm), rel=2e-2)
 
 
+@pytest.mark.parametrize("size_mm", [0.08, 0.15])
+def test_a_light_knock_across_or_against_the_path_is_a_jump_though_lost_frames_move_as_far(size_mm: float) -> None:
+    run = recorded(moving(TIME, 2.0, 0.2), noise_mm=0.003)
+    ahead = run.marks_mm[101] - run.marks_mm[99]
+    ahead = ahead / np.hypot(*ahead[:2])
+    for direction, seen in ((-ahead, True), (ahead[[1, 0, 3, 2]] * [1, -1, 1, -1], True), (ahead, size_mm > 0.1)):
+        marks = run.marks_mm.copy()
+        marks[100:] += size_mm * direction
+        assert (jump(replace(run, marks_mm=marks)) is not None) == seen
+
+
+def test_neither_lost_frames_nor_a_start_or_a_reversal_of_the_motors_are_a_jump() -> None:
+    lost = recorded(moving(np.where(TIME > 1.5, TIME + 3 / RATE, TIME), 3.0, 0.2), noise_mm=0.003)
+    start = recorded(moving(np.maximum(TIME - 1.494, 0.0), 3.0, 0.2), noise_mm=0.003)
+    back = recorded(moving(1.494 - np.abs(TIME - 1.494), 3.0, 0.2), noise_mm=0.003)
+    assert [jump(run) for run in (lost, start, back)] == [None] * 3
+
+
 def test_the_larger_of_two_jumps_is_told_and_motion_is_none() -> None:
     run = recorded(moving(TIME, 2.0, 0.2))
     marks = run.marks_mm.copy()

@@ -94,6 +94,25 @@ def test_another_rate_is_believed_where_most_runs_show_it(
     assert len(misread_runs(data, [ROBOT] * 4)) == told
 
 
+def test_a_lag_that_logs_have_in_common_is_no_late_start_of_those_in_which_it_tells_most(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of five runs with logs all fit best later, two of them far better; six runs without a log say nothing of it."""
+
+    def judged(number: int, later_s: float, stated: float) -> Judgement:
+        log = Told(Command.steps([(0.0, 30.0, 20.0)]), logged=True) if number < 5 else None
+        run = replace(driven(number), log=log)
+        ways = [Alternative(None, run), Alternative("late-start", run, "follows late", later_s=later_s)]
+        return Judgement(ways, np.array([stated, 0.1]), 10.0, ((20.0, 30.0 + number),))
+
+    data = [driven(number) for number in range(11)]
+    for odd, told in ((0.1, []), (0.5, ["r1"])):
+        sizes = [9.0, 9.0, 1.0, 1.0, 1.0] + [0.05] * 6
+        judgements = [judged(number, odd if number == 1 else 0.1, size) for number, size in enumerate(sizes)]
+        monkeypatch.setattr(hypotheses, "_judgements", lambda *_, found=judgements: found)
+        assert [item.run for item in misread_runs(data, [ROBOT] * 11)] == told
+
+
 def test_a_run_at_other_intervals_than_the_session_may_be_of_another_rate_by_itself() -> None:
     run = driven(0)
     misfits = np.array([9.0, 0.1])
@@ -115,6 +134,23 @@ def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkey
     named = outlying_run(run, others, ROBOT)
     assert (named.kind, named.equivalent_kinds) == ("mirrored", ("reversed",))
     assert named.sentence.endswith("say of the robot: it moves so; mirror it")
+
+
+@pytest.mark.parametrize(
+    ("pair", "alike"),
+    [
+        ((30.0, 20.0), True),  # between the others, though none drives at its speeds
+        ((-20.0, -30.0), True),
+        ((47.0, 28.0), True),  # 18 % faster than the fastest
+        ((52.0, 28.0), False),  # 30 % faster
+        ((24.0, 5.0), False),  # its slower wheel is slower by half than any other: a dead band may act in it alone
+        ((30.0, -20.0), False),  # turns on the spot
+    ],
+)
+def test_a_run_has_kin_among_runs_that_drive_alike_or_around_it(pair: tuple[float, float], alike: bool) -> None:
+    around = ((40.0, 12.0), (12.0, 40.0), (-25.0, -24.0), (-38.0, -10.0))
+    others = [replace(driven(k), left_rpm=left, right_rpm=right) for k, (left, right) in enumerate(around)]
+    assert has_kin(replace(driven(9), left_rpm=pair[0], right_rpm=pair[1]), others) == alike
 
 
 def test_a_run_known_to_disagree_is_read_however_small_its_misfit_and_at_any_rate(

@@ -1,0 +1,79 @@
+"""What rests on one run alone is said of that run: it is set aside, or the runs do not decide."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from evaluator.diagnosis import diagnosis as module
+from evaluator.diagnosis.diagnosis import Diagnosis, diagnose
+from evaluator.diagnosis.experiment import Session
+from evaluator.diagnosis.mistakes.recognised import Mistake
+from evaluator.progress import no_progress
+
+TILT = frozenset({"plate-tilt"})
+ODD = 3
+
+
+def session_of(runs: int) -> Session:
+    data: Any = tuple(SimpleNamespace(id=f"r{number}") for number in range(runs))
+    return Session(data, (None,) * runs, {})  # type: ignore[arg-type]
+
+
+def diagnosed(monkeypatch: pytest.MonkeyPatch, whole: Diagnosis, rest: Diagnosis, *, kin: bool) -> Diagnosis:
+    """The diagnosis of 12 runs, one of which is suspected, where the others say rest."""
+    fit = SimpleNamespace(point=SimpleNamespace(nominal={}))
+    monkeypatch.setattr(Diagnosis, "fit", fit)
+    monkeypatch.setattr(
+        module, "_diagnosed", lambda asked, *_: whole if len(asked.data) == len(whole.session.data) else rest
+    )
+    monkeypatch.setattr(module, "_sole_run_of", lambda found: ODD if found is whole else None)
+    monkeypatch.setattr(module, "has_kin", lambda *_: kin)
+    monkeypatch.setattr(module, "shortcomings", lambda _: [])
+    monkeypatch.setattr(module, "varied_robot", lambda *_: None)
+    monkeypatch.setattr(module, "outlying_run", lambda run, *_: Mistake((run.id,), "outlying", f"{run.id} alone"))
+    return diagnose(whole.session, no_progress)
+
+
+NOTHING = Diagnosis("none", "explained", session_of(11))
+
+
+@pytest.mark.parametrize(
+    ("verdict", "kin", "said"),
+    [
+        ("unknown", True, "none"),  # a matter of that run
+        ("unknown", False, "insufficient"),  # of the run, or of the only drive of its kind
+        ("effect", True, "none"),
+        ("effect", False, "effect"),  # named by its law, which may act in such a drive only; the reason says so
+    ],
+)
+def test_what_others_do_not_need_is_no_physics_unless_no_other_drives_alike(
+    monkeypatch: pytest.MonkeyPatch, verdict: Any, kin: bool, said: str
+) -> None:
+    chosen = TILT if verdict == "effect" else frozenset[str]()
+    found = diagnosed(monkeypatch, Diagnosis(verdict, "so", session_of(12), chosen=chosen), NOTHING, kin=kin)
+    assert found.verdict == said
+    assert ("all of it rests on r3, and no other run drives like it" in found.reason) == (not kin)
+    assert [item.runs for item in found.session.mistakes] == ([] if said == "effect" else [("r3",)])
+
+
+def test_a_run_that_no_fit_follows_is_set_aside_though_the_others_show_the_effect_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rest = Diagnosis("effect", "it pays", session_of(11), chosen=TILT)
+    for outlying, named in (((ODD,), [("r3",)]), ((), [])):
+        whole = Diagnosis("effect", "it pays", session_of(12), chosen=TILT, outlying=outlying)
+        found = diagnosed(monkeypatch, whole, rest, kin=True)
+        assert (found.verdict, [item.runs for item in found.session.mistakes]) == ("effect", named)
+
+
+@pytest.mark.parametrize(("outlying", "suspect"), [((ODD,), ODD), ((1, ODD), None), ((), None)])
+def test_the_one_run_that_is_not_followed_is_suspected(
+    monkeypatch: pytest.MonkeyPatch, outlying: tuple[int, ...], suspect: int | None
+) -> None:
+    monkeypatch.setattr(module, "sole_run", lambda *_: None)
+    search: Any = SimpleNamespace()
+    found = Diagnosis("unknown", "so", session_of(12), search=search, terms={}, outlying=outlying)
+    assert module._sole_run_of(found) == suspect
