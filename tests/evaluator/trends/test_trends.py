@@ -62,6 +62,17 @@ def test_what_another_camera_leaves_open_is_no_change() -> None:
     assert not changes([*before, *levels([10.5, 10.51, 10.49], systematic=0.5, source="second")])
 
 
+def test_what_many_series_together_show_by_chance_is_no_change() -> None:
+    step = levels([0.0, 0.5, -0.5, 0.1, 6.0, 6.5, 5.5, 6.1], error=0.2)
+    (found,) = changes(step, series=1000)
+    assert found.at == 4
+    assert changes(step, series=100_000) == ()
+
+
+def test_an_interval_of_a_session_reaches_to_the_quantile_of_student() -> None:
+    assert Level(10.0, 0.5, 10.0).reach == pytest.approx(2.22814 * 0.5, rel=1e-5)
+
+
 def session(folder: Path, day: str | None, radius: float, speed: float = 1.0, effect: float | None = None) -> Path:
     """Results of three repetitions of two turns, as `turnscope analyze` leaves them."""
     folder.mkdir()
