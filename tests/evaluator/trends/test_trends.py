@@ -30,6 +30,12 @@ def test_a_step_is_found_where_it_is_with_its_size() -> None:
     assert found.low < 0.5 < found.high
 
 
+def test_a_change_lies_where_the_narrowest_window_that_shows_it_says() -> None:
+    # Cut after the first value the whole series differs as surely, as what follows then scatters most.
+    (found,) = changes([Level(value, 0.3, 50.0) for value in (-0.7, 1.2, 6.2, 5.9, 6.3, 6.6)])
+    assert found.at == 2
+
+
 def test_two_steps_are_measured_between_their_neighbours() -> None:
     found = changes(levels([10.0, 10.01, 9.99, 11.0, 11.01, 10.99, 10.0, 10.01, 9.99]))
     assert [change.at for change in found] == [3, 6]
