@@ -1,4 +1,4 @@
-"""Is anything lost where a command is killed? `python -m tests.benchmarks.kills --kills 50 --seed 1`.
+"""Is anything lost where a command is killed? `python -m tests.benchmarks.kills --kills 50 --seed 1 [--only diagnose]`.
 
 Four commands in turn: `analyze` of tables with one worker, `analyze` of recordings, `sweep` and `diagnose` with two.
 Each is run once undisturbed, and its files are kept in mind. Then it is begun in an empty folder and killed
@@ -134,13 +134,16 @@ def ended(command: Command, folder: Path) -> None:
 def main() -> None:
     """Kill, and print a line for every command."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--kills", type=int, default=50, help="of all four commands together")
+    parser.add_argument("--kills", type=int, default=50, help="of all commands together")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", default="", metavar="WORDS", help='commands whose name begins so, as "diagnose"')
     given = parser.parse_args()
     rng = np.random.default_rng(given.seed)
     with tempfile.TemporaryDirectory() as name:
         folder, lost = Path(name), 0
-        every = list(commands(folder))
+        every = [command for command in commands(folder) if command.name.startswith(given.only)]
+        if not every:
+            parser.error(f"--only {given.only}: no such command")
         for number, command in enumerate(every):
             out, began = folder / f"whole-{number}", time.monotonic()
             out.mkdir()
