@@ -22,6 +22,7 @@ from evaluator.report.figures.wheel_states import _on_page, wheel_states_figure
 from evaluator.report.pages.trends import _digits, _rounded
 from evaluator.report.player import IMAGE_BUDGET_BYTES, _fitted
 from evaluator.report.runs import RunView
+from evaluator.report.summary import headline
 from evaluator.workflow.results.outputs import Outputs
 from simulator.robot import load_robot
 
@@ -162,3 +163,19 @@ def test_frames_of_a_page_become_fewer_before_they_become_smaller(budgets: float
     image = cv2.imdecode(np.frombuffer(base64.b64decode(found[0][1]), np.uint8), cv2.IMREAD_COLOR)
     assert image is not None
     assert image.shape[1] == width
+
+
+def test_numbers_to_carry_away_are_the_tightest_turn_and_medians_in_percent() -> None:
+    def run(name: str, radius: float, off: float, share: float, spacing: float) -> Shown:
+        bounds = {"radius_mm": radius, "radius_low_mm": radius - 0.1, "radius_high_mm": radius + 0.1}
+        more = {"turned_deg": 90.0, "share_used": share, "mark_spacing_ratio": spacing}
+        return shown(name, 30.0, 20.0, {"radius_difference_percent": off}, **bounds, **more)
+
+    tightest, simulated, used, scale = headline(
+        [run("a", 8.0, -6.0, 1.0, 1.01), run("b", 5.0, 2.0, 0.5, 1.02), run("c", 9.0, 4.0, 0.9, 1.04)]
+    )
+    assert "run b" in tightest.range
+    assert tightest.value.startswith("5.0")
+    assert (simulated.value, simulated.range) == ("4.0 % off", "median; worst 6.0 %, run a")
+    assert (used.value, used.range) == ("90.0 %", "median; lowest 50.0 %")
+    assert scale.value == "+2.00 %"
