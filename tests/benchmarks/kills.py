@@ -4,9 +4,9 @@ Four commands in turn: `analyze` of tables with one worker, `analyze` of recordi
 Each is run once undisturbed, and its files are kept in mind. Then it is begun in an empty folder and killed
 (SIGKILL, to the process that the user started, or to it and all its children) at a random moment of the time it had
 taken, and begun again, until it comes to its end before the kill. After each kill every file that shows is one of the
-undisturbed run, byte for byte (a record of a run may lack its later stages; the fits of a diagnosis under way may end in
-half a line), and at the end all are; only
-provenance.json, which names the command, is left out. Exits with 1 where that does not hold.
+undisturbed run, byte for byte (a record of a run may lack its later stages, and the fits of a diagnosis under way may
+end in half a line), and at the end all are; only provenance.json, which names the command, is left out. Exits with 1
+where that does not hold.
 """
 
 from __future__ import annotations
