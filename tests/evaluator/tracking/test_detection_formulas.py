@@ -20,7 +20,7 @@ from evaluator.tracking.detection.color_kernels import (
     is_color,
 )
 from evaluator.tracking.detection.explain import _hue_around, _is_part
-from evaluator.tracking.detection.find import blobs_of
+from evaluator.tracking.detection.find import _fits, _known, _widened, blobs_of
 from evaluator.tracking.detection.selection import (
     Candidate,
     _log_odds,
@@ -184,14 +184,45 @@ def test_hue_of_a_place_is_the_mean_direction_also_across_red() -> None:
     assert _hue_around(planes, 0, 0, 1.0) == pytest.approx(200.0, abs=1e-4)
 
 
-def test_a_larger_blob_is_that_of_its_chosen_core_up_to_three_tenths_of_it() -> None:
-    core = replace(GREEN, radius_px=2.0)
-    near, reach = replace(GREEN, radius_px=20.0), 6.0
-    from evaluator.tracking.detection.explain import SAME_PLACE
+@pytest.mark.parametrize(("away", "part"), [(0.99, True), (1.01, False)])
+def test_a_larger_blob_is_that_of_its_chosen_core_up_to_three_tenths_of_it(away: float, *, part: bool) -> None:
+    core, large = replace(GREEN, radius_px=2.0), replace(GREEN, radius_px=20.0)
+    assert _is_part(core, replace(large, center_px=(50.0, 40.0 + 6.0 * away))) == part
+    assert _is_part(GREEN, replace(GREEN, center_px=(50.0 - 5.0 * away, 40.0))) == part
 
-    for away, part in ((0.99, True), (1.01, False)):
-        assert _is_part(core, replace(near, center_px=(50.0, 40.0 + away * SAME_PLACE * reach))) == part
-        assert _is_part(GREEN, replace(GREEN, center_px=(50.0 - away * SAME_PLACE * 5.0, 40.0))) == part
+
+@pytest.mark.parametrize(
+    ("radius", "elongation", "fits"),
+    [(3.05, 1.0, True), (2.95, 1.0, False), (8.45, 1.0, True), (8.55, 1.0, False), (5.0, 5.9, True), (5.0, 6.1, False)],
+)
+def test_a_mark_has_about_the_diameter_that_was_said_and_is_no_stripe(
+    radius: float, elongation: float, *, fits: bool
+) -> None:
+    assert _fits(replace(GREEN, radius_px=radius, elongation=elongation), SAID) == fits  # 10 px
+    assert _fits(replace(GREEN, radius_px=99.0, elongation=elongation), UNSAID) == (elongation < 6)
+
+
+NEAR = [(6.2, 2.4, True), (6.3, 2.4, False), (4.1, 2.0, True), (3.9, 0.0, False), (5.0, 2.6, False)]
+
+
+@pytest.mark.parametrize(("radius", "away", "known"), NEAR)
+def test_blobs_of_two_levels_are_one_of_about_the_same_size_and_place(
+    radius: float, away: float, *, known: bool
+) -> None:
+    assert _known(replace(GREEN, radius_px=radius, center_px=(50.0 + away, 40.0)), [GREEN]) == known
+
+
+def test_a_range_of_hues_is_widened_where_no_other_begins() -> None:
+    assert _widened(80.0, 160.0, 15.0, [(80.0, 160.0), (40.0, 80.0)]) == (80.0, 175.0)
+    assert _widened(80.0, 160.0, 15.0, [(80.0, 160.0), (160.0, 200.0)]) == (65.0, 160.0)
+
+
+@pytest.mark.parametrize(("cells", "counts"), [(3, True), (2, False)])  # of 2 px² each
+def test_a_blob_has_an_area_of_six_square_pixels_at_least(cells: int, *, counts: bool) -> None:
+    chroma = np.zeros((8, 16), np.float32)
+    chroma[3, 2 : 2 + cells] = 50.0
+    colors: Any = SimpleNamespace(chroma=chroma, u=chroma, v=chroma, cell_px=(2.0, 1.0), origin_px=(0.5, 0.0))
+    assert bool(blobs_of("green", colors, np.flatnonzero(chroma))) == counts
 
 
 def test_blobs_are_what_hangs_together_also_by_corners_with_place_size_and_whether_the_border_cuts_them() -> None:

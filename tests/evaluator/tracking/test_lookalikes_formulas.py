@@ -66,16 +66,24 @@ def test_what_moves_as_one_body_keeps_its_distance_to_a_tenth_of_the_way(wider: 
     assert decided(rivals, there, RESTING) == (there if moves else {})
 
 
-def test_a_pair_whose_distance_changes_by_three_pixels_is_no_rival_any_more() -> None:
+@pytest.mark.parametrize(("wider", "stays"), [(2.9, True), (3.1, False)])
+def test_a_pair_whose_distance_changes_by_three_pixels_is_no_rival_any_more(wider: float, *, stays: bool) -> None:
+    def large(one: Pair) -> Pair:  # three times as large: 3 px are 3 % of the distance, and the pair is still alike
+        places = {name: (3 * blob.center_px[0], 3 * blob.center_px[1]) for name, blob in one.items()}
+        return {name: replace(blob, center_px=places[name], radius_px=15.0) for name, blob in one.items()}
+
+    rivals, rests = Rivals(), large(RESTING)
+    decided(rivals, large(pair()), rests)
+    decided(rivals, large(pair(x=4.0, wider=wider / 3)), rests)
+    there = large(pair(x=9.0))  # from where it was first 1.8 radii, from where it would begin anew 1
+    assert decided(rivals, there, rests) == (there if stays else {})
+
+
+@pytest.mark.parametrize(("step", "known"), [(9.9, True), (10.1, False)])
+def test_a_pair_is_known_again_within_two_radii_from_frame_to_frame(step: float, *, known: bool) -> None:
     rivals = Rivals()
     decided(rivals, pair(), RESTING)
-    decided(rivals, pair(wider=3.1), RESTING)
-    assert decided(rivals, pair(), pair(x=9.0, y=100.0)) == pair(x=9.0, y=100.0)
-    kept = Rivals()
-    decided(kept, pair(), RESTING)
-    decided(kept, pair(wider=2.9), RESTING)
-    far = pair(x=9.0, wider=0.5)
-    assert decided(kept, far, RESTING) == far  # one of two that still stood
+    assert decided(rivals, there := pair(x=step), RESTING) == (there if known else {})
 
 
 def test_two_that_move_leave_it_undecided() -> None:
