@@ -86,6 +86,12 @@ def run_analysis(options: BatchOptions, *, simulate: bool) -> Analysis:
         )
     for run, fault in found.faults.items():
         click.echo(f"{run}: {fault}", err=True)
+    if found.changed:
+        named = ", ".join(str(path) for path in found.changed[:MOST_NAMED])
+        click.echo(
+            f"{named} changed during the analysis, whose results are those of before; run the same command again",
+            err=True,
+        )
     if not options.quiet:
         for note, runs in runs_by_note(found.notes).items():
             named = ", ".join(runs[:MOST_NAMED]) + (f", … ({len(runs)} runs)" if len(runs) > MOST_NAMED else "")

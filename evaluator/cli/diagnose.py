@@ -153,6 +153,8 @@ def _write_effect(found: DiagnosisResult, path: Path) -> None:
     from evaluator.workflow import Outputs
     from simulator.own_effects.template import ID_LINE, id_of_file
 
+    if changed := found.content.get("changed_meanwhile"):
+        click.echo(f"{', '.join(changed)} changed during the search, whose answer is for what was there before")
     form = Outputs(found.out).own_effect
     if found.verdict != "unknown" or not form.is_file():
         raise InputError(f"--write-effect {path}: the verdict is {found.verdict}; there is no new form to write")
@@ -169,6 +171,8 @@ def _say(found: DiagnosisResult) -> None:
     same = "" if found.anew else "  (nothing has changed since it was made)"
     click.echo("\n".join(verdict_lines(found.content)))
     click.echo(f"\n{found.out / 'diagnosis.json'}{same}")
+    if changed := found.content.get("changed_meanwhile"):
+        click.echo(f"{', '.join(changed)} changed during the search, whose answer is for what was there before")
     form = Outputs(found.out).own_effect
     if found.verdict == "unknown" and form.is_file():
         click.echo(f"{form}  (the form that explains the runs: put it into effects/ to add it as your effect)")

@@ -64,8 +64,6 @@ def changes(levels: Sequence[Level], series: int = 1) -> tuple[Change, ...]:
     if not tried:
         return ()
     edges = [0, *sorted(_search(known, windows, SIGNIFICANCE / (tried * series))), len(known)]
-    for place in range(1, len(edges) - 1):  # a narrow window knows that there is a change better than where
-        edges[place] = _best(known, edges[place - 1], edges[place + 1]).at
     found = [
         _change(known[start:at], known[at:stop], at)
         for start, at, stop in zip(edges, edges[1:], edges[2:], strict=False)

@@ -16,6 +16,7 @@ from evaluator.settings import Experiment, MeasuredRobot, load_any_robot, load_e
 from evaluator.workflow.execution.answers import answers_of
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.provenance import write_provenance
+from evaluator.workflow.results.unchanged import AsFound
 from evaluator.workflow.runs.job import Job, RunResult, known_result, lost_run, outdated_stages, step_of
 from evaluator.workflow.runs.mistakes import mistakes_of_marks, with_sentences
 from simulator.robot import Robot, load_robot
@@ -38,7 +39,8 @@ class Analysis:
     """What an analysis leaves: tables with a row per run, and the reason for every run that has no numbers.
 
     notes: what is odd about the recordings of runs. mistakes: runs that contradict their commands or the robot file.
-    pooled: a row per command, its repetitions pooled; directions: a row per command driven both ways.
+    pooled: a row per command, its repetitions pooled; directions: a row per command driven both ways. changed: inputs
+    that are no longer what was read, as they were written during the analysis.
     """
 
     experiment: Experiment
@@ -51,6 +53,7 @@ class Analysis:
     notes: dict[str, tuple[str, ...]]
     reused: int
     mistakes: tuple[Mistake, ...] = ()
+    changed: tuple[Path, ...] = ()
 
     @property
     def set_aside(self) -> frozenset[str]:
@@ -92,8 +95,11 @@ def analyze(
     Raises InputError where the experiment cannot be used, or none of its runs can.
     """
     path = Path(experiment)
+    as_found, text = AsFound.of([path]), read_with(_text_of, path)
     described = read_with(load_experiment, path)
     outputs = Outputs(Path(out))
+    inputs = input_files(described)
+    as_found |= AsFound.of(inputs)
     jobs = jobs_of(described, outputs, simulate=simulate)
     results = _results(jobs, workers, dask, progress)
     faults = {run.id: fault for run in described.run if (fault := results[run.id].fault)}
@@ -109,13 +115,14 @@ def analyze(
         write_table(comparison, outputs.comparison)
     elif any(not result.reused for result in results.values()):
         outputs.comparison.unlink(missing_ok=True)  # it compared what no longer is
-    write_provenance(outputs.provenance, experiment_path=path, inputs=input_files(described), command_line=command_line)
+    changed = tuple(as_found.changed())
+    write_provenance(outputs.provenance, path, text, inputs, changed, command_line)
     marks = {run.id: outputs.marks(run.id) for run in described.run if run.id not in faults}
     mistakes = tuple(mistakes_of_marks(described, marks))
     notes = with_sentences({run.id: found for run in described.run if (found := results[run.id].notes)}, mistakes)
     reused = sum(result.reused for result in results.values())
     empty = turning.iloc[:0]
-    measured = Analysis(described, outputs, turning, empty, empty, comparison, faults, notes, reused, mistakes)
+    measured = Analysis(described, outputs, turning, empty, empty, comparison, faults, notes, reused, mistakes, changed)
     pooled, directions = _pool(turning[~turning["run"].isin(measured.set_aside)], outputs)
     return replace(measured, pooled=pooled, directions=directions)
 
@@ -133,6 +140,10 @@ def compare(
     return analyze(
         experiment, out, simulate=True, workers=workers, dask=dask, progress=progress, command_line=command_line
     )
+
+
+def _text_of(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
 
 
 def _results(jobs: Sequence[Job], workers: int | None, dask: str | None, progress: Progress) -> dict[str, RunResult]:

@@ -27,6 +27,7 @@ from evaluator.tracking import (
     track,
 )
 from evaluator.wording import counted
+from evaluator.workflow.results.unchanged import CHANGED, AsFound
 
 Fields = Literal["auto", "none", "top", "bottom"]
 
@@ -87,16 +88,19 @@ def track_recording(
     marks above the plate, else that of the robot; rate_hz, fields: as for `open_recording`; corrections: CSV by hand.
     looked_at: called with what was tracked, also where no mark was found, to show what the search saw; where_to_look:
     says in that case where to see it.
-    Raises InputError for a file that cannot be used, and where no mark is found in any frame.
+    Raises InputError for a file that cannot be used or changes meanwhile, and where no mark is found in any frame.
     """
     wanted = read_with(load_settings, settings) if settings else None
     by_hand = read_corrections(corrections) if corrections else None
     seen_by = read_with(load_camera, camera) if camera is not None else None
     geometry = read_geometry(Path(robot))
     wanted = sought(geometry, wanted)
+    read = AsFound.of([Path(video)])
     recording = open_recording(video, rate_hz=rate_hz, fields=fields)
     frames = recording if seen_by is None else AsCalibrated(recording, seen_by)
     marks = track(frames, wanted, progress)
+    if read.changed():
+        raise InputError(f"{video}: {CHANGED}")
     if by_hand is not None:
         marks = correct(marks, by_hand, str(corrections))
     looked_at(recording, marks, wanted)

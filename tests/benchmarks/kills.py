@@ -1,11 +1,12 @@
-"""Is anything lost where a command is killed? `python -m tests.benchmarks.kills --kills 50 --seed 1`.
+"""Is anything lost where a command is killed? `python -m tests.benchmarks.kills --kills 50 --seed 1 [--only diagnose]`.
 
 Four commands in turn: `analyze` of tables with one worker, `analyze` of recordings, `sweep` and `diagnose` with two.
 Each is run once undisturbed, and its files are kept in mind. Then it is begun in an empty folder and killed
 (SIGKILL, to the process that the user started, or to it and all its children) at a random moment of the time it had
 taken, and begun again, until it comes to its end before the kill. After each kill every file that shows is one of the
-undisturbed run, byte for byte (a record of a run may lack its later stages), and at the end all are; only
-provenance.json, which names the command, is left out. Exits with 1 where that does not hold.
+undisturbed run, byte for byte (a record of a run may lack its later stages, and the fits of a diagnosis under way may
+end in half a line), and at the end all are; only provenance.json, which names the command, is left out. Exits with 1
+where that does not hold.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from pathlib import Path
 import numpy as np
 
 from evaluator.workflow import calibrate
+from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.samples import copy_samples
 from tests.benchmarks.batch import experiment_of
 from tests.evaluator.diagnosis.hidden import write_hidden
@@ -33,6 +35,7 @@ from tests.evaluator.synthetic import circling_marks, write_experiment
 
 ROOT = Path(__file__).parents[2]
 OWN = "provenance.json"  # names the command
+FITS = Outputs(Path()).diagnosis_fits.name
 GOING_S = 2.0  # a child sees within half a second that its parent is gone; four times that on a busy machine
 SWEEP = """format = 1
 name = "kills"
@@ -77,7 +80,12 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 def as_far_as_it_got(name: str, left: bytes, whole: bytes | None) -> bool:
-    """Whether a file is that of the undisturbed run; a record of a run, too, that lacks the later of its stages."""
+    """Whether a file is that of the undisturbed run; a record of a run, too, that lacks the later of its stages.
+
+    The fits of a diagnosis under way are lines, of which the last may be cut off; the undisturbed run has none left.
+    """
+    if Path(name).name == FITS:
+        return whole is None and all(map(is_json, left.splitlines()[1:-1]))
     if whole is None or left == whole or Path(name).parent.name != "records":
         return left == whole
     try:
@@ -86,6 +94,15 @@ def as_far_as_it_got(name: str, left: bytes, whole: bytes | None) -> bool:
         return False
     all_stages = json.loads(whole)
     return all(all_stages.get(stage) == content for stage, content in stages.items())
+
+
+def is_json(line: bytes) -> bool:
+    """Whether a line is JSON."""
+    try:
+        json.loads(line)
+    except ValueError:
+        return False
+    return True
 
 
 def commands(folder: Path) -> Iterator[Command]:
@@ -134,13 +151,16 @@ def ended(command: Command, folder: Path) -> None:
 def main() -> None:
     """Kill, and print a line for every command."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--kills", type=int, default=50, help="of all four commands together")
+    parser.add_argument("--kills", type=int, default=50, help="of all commands together")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", default="", metavar="WORDS", help='commands whose name begins so, as "diagnose"')
     given = parser.parse_args()
     rng = np.random.default_rng(given.seed)
     with tempfile.TemporaryDirectory() as name:
         folder, lost = Path(name), 0
-        every = list(commands(folder))
+        every = [command for command in commands(folder) if command.name.startswith(given.only)]
+        if not every:
+            parser.error(f"--only {given.only}: no such command")
         for number, command in enumerate(every):
             out, began = folder / f"whole-{number}", time.monotonic()
             out.mkdir()

@@ -288,3 +288,29 @@ def test_heading_of_few_frames_is_left_as_it_is(known: int) -> None:
     heading = np.full(4, np.nan)
     heading[:known] = 0.3
     np.testing.assert_array_equal(unwrapped_across_gaps(np.arange(4.0), heading), heading)
+
+
+def resting(places: dict[str, tuple[float, float]], frames: int) -> pd.DataFrame:
+    """Marks of a robot at rest at the origin, faced along x, without uncertainties."""
+    table = pd.DataFrame({"time_s": np.arange(frames) / 60})
+    for name, (x, y) in places.items():
+        table[f"{name}_x_mm"], table[f"{name}_y_mm"] = x, y
+    return table
+
+
+def test_the_centre_of_a_tag_tells_nothing_beside_its_corners() -> None:
+    corners = {
+        f"tag_corner{k}": place for k, place in enumerate([(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)], 1)
+    }
+    table = resting({"tag": (0.003, -0.002), **corners}, 5)  # of the same file, but off
+    poses = poses_from_marks(table, MarkGeometry({"tag": (0.0, 0.0), **corners}))
+    np.testing.assert_allclose(np.column_stack([poses.x_mm, poses.y_mm, poses.heading_rad]), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("frames", [3, 2])
+def test_three_distances_tell_the_noise_of_a_coordinate_and_two_none(frames: int) -> None:
+    table = resting({"green": (-1.55, 1.83), "yellow": (-1.55, -1.83)}, frames)
+    table["green_y_mm"] += [0.0, -0.01, 0.02][:frames]  # distances off from their median by 0, 10 and 20 µm
+    covariance = poses_from_marks(table, GEOMETRY).covariance
+    sigma = 1.4826 * 0.01 / np.sqrt(2) if frames == 3 else ROUNDING_SIGMA_MM
+    np.testing.assert_allclose(covariance[:, 2, 2], (sigma / 3.66) ** 2 * 2, rtol=0.02)  # of the heading

@@ -2,10 +2,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from evaluator.robot_geometry import read_geometry, robot_shape
+from evaluator.robot_geometry import RobotGeometry, read_geometry, reference_line, robot_shape, sought
+from simulator.mark_layout import Mark
 from simulator.robot import load_robot
+from simulator.units import in_standard_units
 
 
 @pytest.mark.parametrize("name", ["barrel", "two_driven_caster", "four_driven", "six_driven"])
@@ -13,3 +16,39 @@ def test_measurement_reads_the_shape_that_the_simulator_has(name: str) -> None:
     shape = read_geometry(Path(name)).shape
     assert shape is not None
     assert shape == robot_shape(load_robot(name))
+
+
+@pytest.mark.parametrize(
+    ("said", "wanted", "value"),
+    [
+        ({"yaw_inertia_kg_m2": 2e-9}, "yaw_inertia_g_mm2", 2.0),  # 1e3 g and 1e6 mm²
+        ({"left_rad_s": np.pi}, "left_rpm", 30.0),
+        ({"length_m": 0.25}, "length_mm", 250.0),
+        ({"pull_N": 0.5}, "pull_mN", 500.0),
+        ({"mass_kg": 0.004}, "mass_g", 4.0),
+        ({"place_m": [0.001, -0.002]}, "place_mm", [1.0, -2.0]),
+        ({"length_mm": 5}, "length_mm", 5),
+    ],
+)
+def test_units_are_brought_to_the_one_used_inside(said: dict[str, object], wanted: str, value: object) -> None:
+    assert in_standard_units(said, [wanted]) == {wanted: pytest.approx(value)}
+
+
+def test_a_value_in_two_units_is_refused() -> None:
+    with pytest.raises(ValueError, match="length_mm and length_m are both given"):
+        in_standard_units({"length_mm": 5.0, "length_m": 0.005}, ["length_mm"])
+
+
+def test_a_tracker_looks_for_marks_as_far_apart_in_diameters_as_the_robot_says() -> None:
+    shared = {"x_mm": 0.0, "height_mm": 6.5}
+    marks = tuple(
+        Mark.model_validate({"name": name, "y_mm": y, "diameter_mm": diameter, **shared})
+        for name, y, diameter in (("green", 3.0, 1.5), ("yellow", -3.0, 2.5))
+    )
+    wanted = sought(RobotGeometry(marks), None)
+    assert wanted.distance_diameters == pytest.approx(6.0 / 2.0)
+    assert wanted.body == ("green", "yellow")
+
+
+def test_the_reference_line_runs_from_the_second_mark_to_the_first() -> None:
+    np.testing.assert_allclose(reference_line(load_robot("barrel")), [0.0, 3.66])  # from yellow to green

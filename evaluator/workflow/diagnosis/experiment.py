@@ -22,7 +22,7 @@ from evaluator.files import read_with, write_table, write_text
 from evaluator.interchange.tracks import program_of
 from evaluator.progress import Progress, no_progress
 from evaluator.settings import Experiment, Run, load_experiment
-from evaluator.workflow.analysis import analyze, jobs_of
+from evaluator.workflow.analysis import analyze, input_files, jobs_of
 from evaluator.workflow.diagnosis.validity import (
     is_current,
     keep,
@@ -33,6 +33,7 @@ from evaluator.workflow.diagnosis.validity import (
 from evaluator.workflow.execution.machine import available_cores
 from evaluator.workflow.execution.sharing import one_core
 from evaluator.workflow.results.outputs import Outputs
+from evaluator.workflow.results.unchanged import CHANGED, AsFound
 from simulator.own_effects.files import file_of
 
 
@@ -115,10 +116,13 @@ def diagnose_experiment(
     """
     experiment, outputs = read_with(load_experiment, path), Outputs(Path(out))
     own = own_effect_ids(path, experiment, effects)
-    key = key_of_diagnosis(experiment, outputs, own)
+    read = AsFound.of([*input_files(experiment), *filter(None, map(file_of, own))])
+    key, robot = key_of_diagnosis(experiment, outputs, own), read_with(robot_text, experiment.robot)  # type: ignore[arg-type]
     if is_current(outputs, key):
         return None, load_diagnosis(outputs.diagnosis)
     session = replace(_session(path, experiment, outputs, progress, workers, dask), own=own)
+    if (changed := read.changed()) and key_of_diagnosis(experiment, outputs, own) != key:
+        raise InputError(f"{changed[0]}: {CHANGED}")  # the key is of another content than what was read
     try:
         with one_core():  # of the libraries; runs are shared among threads by the diagnosis
             found = diagnose_session(
@@ -133,15 +137,20 @@ def diagnose_experiment(
     content = record(found)
     if own:
         content["own_effects"] = {effect: str(file_of(effect) or "installed") for effect in own}
-    files = _written(found, content, experiment, outputs)
+    if changed := read.changed():
+        content["changed_meanwhile"] = [str(file) for file in changed]
+    files = _written(found, content, robot, outputs)
     if not found.stopped:
         keep(outputs, key, files)
         outputs.diagnosis_fits.unlink(missing_ok=True)
     return found, content
 
 
-def _written(found: Diagnosis, content: dict[str, Any], experiment: Experiment, outputs: Outputs) -> list[Path]:
-    """Write the results; what an earlier diagnosis left and this one does not have is removed."""
+def _written(found: Diagnosis, content: dict[str, Any], robot: str, outputs: Outputs) -> list[Path]:
+    """Write the results; what an earlier diagnosis left and this one does not have is removed.
+
+    robot: text of the robot file that was diagnosed.
+    """
     files = [outputs.diagnosis]
     table, added = disagreement(found), bool(found.chosen) and found.follows
     form = own_effect(found) if found.verdict == "unknown" else None
@@ -158,8 +167,7 @@ def _written(found: Diagnosis, content: dict[str, Any], experiment: Experiment, 
     if table is not None:
         write_table(table, outputs.disagreement)
     if outputs.robot_with_effect in files:
-        text = robot_with_effect(found, read_with(robot_text, experiment.robot))  # type: ignore[arg-type]
-        write_text(outputs.robot_with_effect, text)
+        write_text(outputs.robot_with_effect, robot_with_effect(found, robot))
     if form is not None:
         write_text(outputs.own_effect, form)
     for effect in sorted(found.chosen & set(found.session.own)):

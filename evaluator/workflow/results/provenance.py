@@ -16,13 +16,25 @@ from evaluator.files import write_text
 from evaluator.workflow.results.validity import code_hash, file_hash, installed_version, library_versions
 
 
-def write_provenance(path: Path, *, experiment_path: Path, inputs: Iterable[Path], command_line: Sequence[str]) -> None:
-    """Write provenance.json; paths in it are relative to the folder of the experiment file."""
+def write_provenance(
+    path: Path,
+    experiment_path: Path,
+    experiment: str,
+    inputs: Iterable[Path],
+    changed: Iterable[Path],
+    command_line: Sequence[str],
+) -> None:
+    """Write provenance.json; paths in it are relative to the folder of the experiment file.
+
+    experiment: text of the experiment file as it was read. changed: files that are no longer what was read: they are
+    named, without a hash.
+    """
     folder = experiment_path.resolve().parent
 
     def named(file: Path) -> str:
         return Path(os.path.relpath(Path(file).resolve(), folder)).as_posix()
 
+    others = set(changed)
     content = {
         "format": 1,
         "turnscope": installed_version("turnscope"),
@@ -32,8 +44,10 @@ def write_provenance(path: Path, *, experiment_path: Path, inputs: Iterable[Path
         "command_line": list(command_line),
         "experiment": experiment_path.name,
         "inputs_sha256": {
-            named(file): file_hash(file) for file in sorted({experiment_path, *inputs}) if file.is_file()
+            named(file): file_hash(file) for file in sorted({experiment_path, *inputs} - others) if file.is_file()
         },
-        "settings": tomllib.loads(experiment_path.read_text(encoding="utf-8")),
+        "settings": tomllib.loads(experiment),
     }
+    if others:
+        content["changed_meanwhile"] = sorted(map(named, others))
     write_text(path, json.dumps(content, indent=1, sort_keys=True, default=str) + "\n")

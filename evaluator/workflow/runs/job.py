@@ -55,6 +55,12 @@ class Job:
                 return None
         return self.run.camera
 
+    @property
+    def files(self) -> list[Path]:
+        """Files that are read, and whose content the keys hold."""
+        of_video = [self.tracking, self.run.corrections] if self.run.video else []
+        return [path for path in (self.run.source, self.camera, self.run.commands, *of_video) if path]
+
     def record(self) -> Record:
         """What is known of earlier results."""
         return Record.load(Outputs(self.out).record(self.run.id))

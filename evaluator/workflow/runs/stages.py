@@ -30,6 +30,7 @@ from evaluator.tracking import AsCalibrated, correct, load_settings, place_on_pl
 from evaluator.turning import Turning
 from evaluator.wording import counted
 from evaluator.workflow.results.outputs import Outputs
+from evaluator.workflow.results.unchanged import CHANGED, AsFound
 from evaluator.workflow.runs.job import Job, RunResult, outside_recording
 from evaluator.workflow.runs.phases import Phase, phases_of, rows_of
 from evaluator.workflow.runs.thumbnails import Glimpsed
@@ -53,6 +54,7 @@ class _Stages:
         self.run = job.run
         self.out = Outputs(job.out)
         self.record = job.record()
+        self.found = AsFound.of(job.files)
         self.keys = job.keys()
         self.reused = True
 
@@ -68,7 +70,16 @@ class _Stages:
         self.reused = False
         compute = {"track": self._track, "turn": self._turn, "simulate": self._simulate}[stage]
         files, values = compute()
+        self._refuse_changed(stage, files)
         return self.record.keep(stage, self.keys[stage], files, values)
+
+    def _refuse_changed(self, stage: str, files: list[Path]) -> None:
+        """Refuse, and take away, what was made from a file that changed while it was read: its key is of another."""
+        changed = self.found.changed()
+        if changed and self.job.keys()[stage] != self.keys[stage]:
+            for file in files:
+                file.unlink(missing_ok=True)
+            raise InputError(f"{changed[0]}: {CHANGED}")
 
     @cached_property
     def camera(self) -> Camera | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from evaluator.recording import open_recording
@@ -39,6 +40,20 @@ def test_nobody_knows_the_names_after_a_gap_in_which_the_body_may_have_turned_by
         swapped, unknown = exchanged(time_s, one, other)
         assert not swapped.any()
         assert unknown[20:].any() != known
+
+
+@pytest.mark.parametrize(("degrees", "back"), [(85.0, False), (-85.0, False), (95.0, True), (-95.0, True)])
+def test_names_are_exchanged_where_the_line_between_marks_turns_by_more_than_a_right_angle(
+    degrees: float, *, back: bool
+) -> None:
+    time_s, one, other = turning(40, 0.0)
+    angle = np.radians(degrees)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    middle = (one + other) / 2
+    one[20:], other[20:] = ((points - middle)[20:] @ turn.T + middle[20:] for points in (one, other))
+    swapped, unknown = exchanged(time_s, one, other)
+    assert np.array_equal(swapped, (np.arange(40) >= 20) & back)
+    assert not unknown.any()
 
 
 def test_two_marks_are_never_at_one_place() -> None:

@@ -30,6 +30,12 @@ def test_a_step_is_found_where_it_is_with_its_size() -> None:
     assert found.low < 0.5 < found.high
 
 
+def test_a_change_lies_where_the_narrowest_window_that_shows_it_says() -> None:
+    # Cut after the first value the whole series differs as surely, as what follows then scatters most.
+    (found,) = changes([Level(value, 0.3, 50.0) for value in (-0.7, 1.2, 6.2, 5.9, 6.3, 6.6)])
+    assert found.at == 2
+
+
 def test_two_steps_are_measured_between_their_neighbours() -> None:
     found = changes(levels([10.0, 10.01, 9.99, 11.0, 11.01, 10.99, 10.0, 10.01, 9.99]))
     assert [change.at for change in found] == [3, 6]
@@ -60,6 +66,17 @@ def test_what_another_camera_leaves_open_is_no_change() -> None:
     before = levels([10.0, 10.01, 9.99], systematic=0.5, source="first")
     assert changes([*before, *levels([10.5, 10.51, 10.49], systematic=0.5, source="first")])
     assert not changes([*before, *levels([10.5, 10.51, 10.49], systematic=0.5, source="second")])
+
+
+def test_what_many_series_together_show_by_chance_is_no_change() -> None:
+    step = levels([0.0, 0.5, -0.5, 0.1, 6.0, 6.5, 5.5, 6.1], error=0.2)
+    (found,) = changes(step, series=1200)
+    assert found.at == 4
+    assert changes(step, series=2200) == ()  # 5 % are shared among them: enough for up to 1640
+
+
+def test_an_interval_of_a_session_reaches_to_the_quantile_of_student() -> None:
+    assert Level(10.0, 0.5, 10.0).reach == pytest.approx(2.22814 * 0.5, rel=1e-5)
 
 
 def session(folder: Path, day: str | None, radius: float, speed: float = 1.0, effect: float | None = None) -> Path:

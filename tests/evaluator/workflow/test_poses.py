@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.spatial.transform import Rotation
 
 from evaluator.diagnosis.experiment import session_of
 from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.errors import InputError
-from evaluator.interchange.poses import holds_poses, poses_of, read_poses
+from evaluator.interchange.poses import _from_quaternions, _with_noise, held, holds_poses, poses_of, read_poses
 from evaluator.report.build import write_report
 from evaluator.workflow import analyze, check_experiment
 from evaluator.workflow.turning_tables import Request, measure_table
@@ -122,6 +123,30 @@ def test_metres_radians_tum_and_a_clock_that_counts_from_1970_give_the_same_pose
         for column in ("x_mm", "y_mm", "heading_deg"):
             assert np.allclose(other.table[column], first[column], atol=2e-6)
         assert other.zero_s == (0.0 if name == "m.csv" else zero_s)
+
+
+@pytest.mark.parametrize(("pitch", "roll"), [(0.0, 0.0), (0.4, -0.3), (-0.2, 0.7)])
+def test_heading_of_a_body_that_leans_is_that_of_its_x_axis_over_the_plane(pitch: float, roll: float) -> None:
+    heading = np.array([-170.0, -60.0, 0.0, 45.0, 130.0])
+    turned = [Rotation.from_euler("ZYX", [np.radians(angle), pitch, roll]).as_quat() for angle in heading]
+    rows = np.column_stack([np.arange(5.0), np.zeros((5, 3)), turned])
+    np.testing.assert_allclose(_from_quaternions(rows, 1.0, (4, 5, 6, 7))["heading_deg"], heading, atol=1e-9)
+
+
+@pytest.mark.parametrize(("rows", "groups", "holds"), [(40, 3, True), (40, 2, False), (103, 5, True), (106, 5, False)])
+def test_values_are_held_where_three_and_one_of_twenty_stand_in_groups(rows: int, groups: int, *, holds: bool) -> None:
+    values = np.arange(float(rows))
+    at = 5 * np.arange(1, groups + 1)
+    values[at] = values[at - 1]
+    expected = np.isin(np.arange(rows), at) & holds
+    np.testing.assert_array_equal(held(values[:, None]), expected)
+
+
+def test_poses_without_noise_have_the_least_that_a_simulation_leaves() -> None:
+    still = pd.DataFrame({"time_s": np.arange(20) / 10, "x_mm": 1.0, "y_mm": 2.0, "heading_deg": 30.0})
+    found = _with_noise(still)
+    assert found["x_sigma_mm"].tolist() == [1e-6] * 20
+    assert found["heading_sigma_deg"].tolist() == pytest.approx([np.degrees(1e-8)] * 20)
 
 
 def test_commands_and_poses_by_one_clock_that_counts_from_1970_stay_together(tmp_path: Path) -> None:

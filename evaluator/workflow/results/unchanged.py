@@ -1,0 +1,51 @@
+"""Did a file change while it was read? A recording that is still being copied, a table that is edited meanwhile.
+
+Results belong to the content whose hash they are kept under (`validity`). Where a file changed between its hash and the
+last read of it, they belong to neither content, and must not be kept.
+"""
+
+from __future__ import annotations
+
+import stat
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+CHANGED = "changed while it was read; wait until it is whole, then run the same command again"
+
+State = tuple[object, ...] | None  # None: not there
+
+
+@dataclass(frozen=True)
+class AsFound:
+    """Files as they were at one moment: place on the disk, size and time of the last write. Devices never change.
+
+    Every write changes one of the three, and asking for them costs microseconds, also of recordings of gigabytes.
+    """
+
+    states: dict[Path, State]
+
+    @staticmethod
+    def of(paths: Iterable[Path]) -> AsFound:
+        """Files, or folders of images, as they are now."""
+        return AsFound({path: _state(path) for path in paths})
+
+    def __or__(self, others: AsFound) -> AsFound:
+        """These files and others, each as it was when it was first looked at."""
+        return AsFound(others.states | self.states)
+
+    def changed(self) -> list[Path]:
+        """Those that were written, replaced or removed since."""
+        return [path for path, state in self.states.items() if _state(path) != state]
+
+
+def _state(path: Path) -> State:
+    try:
+        if path.is_dir():
+            return tuple((file.name, _state(file)) for file in sorted(path.iterdir()))
+        found = path.stat()
+    except OSError:
+        return None
+    if not stat.S_ISREG(found.st_mode):  # a camera, a pipe
+        return None
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
