@@ -51,9 +51,17 @@ def sight(image: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
     dots, lattice = find_array(image, gauge.dots.color, gauge.dots.background)
     fewest = fewest_dots(gauge)
     if len(dots) < fewest:
+        said = gauge.dots
+        inverse = find_array(image, said.background, said.color)[1]
+        if len(inverse) >= fewest:
+            raise ImageError(
+                name,
+                f"{len(dots)} dots of color {said.color} found, but {len(inverse)} of color {said.background} on "
+                f'{said.color}; exchange color = "{said.color}" and background = "{said.background}" of the gauge?',
+            )
         raise ImageError(
             name,
-            f"{len(dots)} dots of color {gauge.dots.color} found, at least {fewest} are needed; "
+            f"{len(dots)} dots of color {said.color} found, at least {fewest} are needed; "
             "is it a sharp image of the gauge, and is that one of dots (no checkerboard, no ChArUco board)?",
         )
     if len(lattice) < fewest:

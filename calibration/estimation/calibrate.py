@@ -129,9 +129,10 @@ class Faults:
         if self._strict or self._count == 1:
             raise error
         if error.image == self._plate:
+            end = "" if str(error).endswith("?") else "."
             raise CalibrationError(
-                f"{error}. This image defines the plate frame and cannot be left out: take it again or name another "
-                "with --plate"
+                f"{error}{end} This image defines the plate frame and cannot be left out: take it again or name"
+                " another with --plate"
             ) from error
         self.found = (*self.found, (error.image, error.reason))
         if self._count - len(self.found) < FEWEST_IMAGES:

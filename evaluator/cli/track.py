@@ -31,7 +31,7 @@ Examples:
 @click.option("--camera", type=PATH, help="camera.json: places the marks in mm on the plate.")
 @click.option("--robot", default="barrel", show_default=True, help="Robot (name or robot.toml): where its marks are.")
 @click.option("--height-mm", type=float, help="Height of the marks above the plate; else the robot's.")
-@click.option("--rate", type=float, help="Frames a second, where there are no times: a folder of images.")
+@click.option("--rate", type=float, help="Frames a second, where there are no times: images.")
 @click.option(
     "--fields",
     type=click.Choice(["auto", "none", "top", "bottom"]),
@@ -65,8 +65,8 @@ def track(
 ) -> None:
     """Track the marks of VIDEO: their centres with standard uncertainties, frame by frame.
 
-    VIDEO is any file that FFmpeg reads, a folder of images (with --rate), a camera device, an address, or "-" for
-    standard input. Without --camera the table is in px; with it, in mm on the plane of the marks as well.
+    VIDEO is any file that FFmpeg reads, a folder or TIFF stack of images (with --rate), a camera device, an address, or
+    "-" for standard input. Without --camera the table is in px; with it, in mm on the plane of the marks as well.
     """
     from evaluator.cli.progress import progress_bar
     from evaluator.wording import counted

@@ -3,10 +3,10 @@
 from evaluator.recording.fields import Fields
 from evaluator.recording.frame import Frame
 from evaluator.recording.images import ImageSequence
-from evaluator.recording.open import open_recording
+from evaluator.recording.open import has_no_clock, open_recording
 from evaluator.recording.timing import TimingReport
 from evaluator.recording.video import Recording
 
 Source = Recording | ImageSequence
 
-__all__ = ["Fields", "Frame", "ImageSequence", "Recording", "Source", "TimingReport", "open_recording"]
+__all__ = ["Fields", "Frame", "ImageSequence", "Recording", "Source", "TimingReport", "has_no_clock", "open_recording"]

@@ -1,4 +1,4 @@
-"""A folder of images as a recording: PNG, JPEG, TIFF in the order of their names, at a rate the user knows."""
+"""Images as a recording, at a rate the user knows: PNG, JPEG, TIFF in the order of their names, or one stack."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.image_file import read_pixels
+from calibration.image_file import count_images, read_pixels, read_stack
 from evaluator.errors import InputError
 from evaluator.recording.frame import Frame, Plane
 from evaluator.recording.timing import TimingReport, summarise
@@ -20,7 +20,8 @@ SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm")
 
 def images_in(folder: Path) -> list[Path]:
     """Images of a folder, frame 2 before frame 10."""
-    found = [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.is_file()]
+    here = (path for path in folder.iterdir() if not path.name.startswith("."))  # macOS leaves ._NAME beside NAME
+    found = [path for path in here if path.suffix.lower() in SUFFIXES and path.is_file()]
     return sorted(found, key=lambda path: [int(part) if part.isdigit() else part for part in _parts(path.name)])
 
 
@@ -29,28 +30,32 @@ def _parts(name: str) -> list[str]:
 
 
 class ImageSequence:
-    """Images of a folder at a constant rate; the same interface as `Recording`."""
+    """Images of a folder or of a TIFF stack at a constant rate; the same interface as `Recording`."""
 
-    def __init__(self, folder: Path, rate_hz: Fraction) -> None:
-        """folder: holds the images. Raises InputError where it holds none."""
-        self.name = str(folder)
-        self._paths = images_in(folder)
+    def __init__(self, place: Path, rate_hz: Fraction) -> None:
+        """place: a folder that holds the images, or a TIFF. Raises InputError where there are none."""
+        self.name = str(place)
+        self._paths = images_in(place) if place.is_dir() else [place]
         if not self._paths:
-            raise InputError(f"{folder}: holds no images ({', '.join(SUFFIXES)})")
+            raise InputError(f"{place}: holds no images ({', '.join(SUFFIXES)})")
         self.nominal_rate: Fraction | None = rate_hz
         self.tick = 1 / rate_hz
-        self.expected_frames = len(self._paths)
+        self._stacked = not place.is_dir()
+        self.expected_frames = count_images(place) if self._stacked else len(self._paths)
         self.expected_s: float | None = None
         self.threads = 0  # as of `Recording`; nothing here decodes in threads
         self._duplicates: list[int] = []
+        self._notes: list[str] = []
         self._done = 0
 
     def __iter__(self) -> Iterator[Frame]:
         """Read the images one after the other. Raises InputError for one that cannot be read or differs in size."""
-        self._duplicates, self._done = [], 0
+        self._duplicates, self._notes, self._done = [], [], 0
         before: Plane | None = None
-        for index, path in enumerate(self._paths):
-            image = read_pixels(path)
+        for index, (path, image) in enumerate(self._images()):
+            if image is None and index and self._stacked:
+                self._notes.append(f"its image {index + 1} cannot be read; the file is damaged or cut off there")
+                return
             if image is None:
                 raise InputError(f"{path}: not an image that can be read")
             luma, u, v, depth = _planes(image, path)
@@ -66,12 +71,25 @@ class ImageSequence:
             self._done += 1
             yield Frame(index, index, self.tick, luma, u, v, depth, True, "bt601", 0, 1, "", repeated, None)
 
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """(width, height) of the first image; (0, 0) where it cannot be read."""
+        _, image = next(self._images())
+        return (0, 0) if image is None else (image.shape[1], image.shape[0])
+
+    def _images(self) -> Iterator[tuple[str, NDArray[np.generic] | None]]:
+        """Every image with its name."""
+        if self._stacked:
+            yield from ((f"{self.name}: image {k}", image) for k, image in enumerate(read_stack(self._paths[0]), 1))
+        else:
+            yield from ((str(path), read_pixels(path)) for path in self._paths)
+
     def report(self) -> TimingReport:
         """Sum up what was read in the last iteration."""
-        return summarise(range(self._done), self.tick, self._duplicates, [])
+        return summarise(range(self._done), self.tick, self._duplicates, self._notes)
 
 
-def _planes(image: NDArray[np.generic], path: Path) -> tuple[Plane, Plane | None, Plane | None, int]:
+def _planes(image: NDArray[np.generic], path: str) -> tuple[Plane, Plane | None, Plane | None, int]:
     """Luma and colour planes (BT.601, full range) of a grey, BGR or BGRA image of 8 or 16 bits."""
     if image.dtype not in (np.uint8, np.uint16):
         raise InputError(

@@ -7,6 +7,7 @@ from fractions import Fraction
 from functools import partial
 from pathlib import Path
 
+from calibration.image_file import count_images
 from evaluator.errors import InputError
 from evaluator.recording.fields import Fields
 from evaluator.recording.images import ImageSequence
@@ -22,10 +23,10 @@ def open_recording(
 ) -> Recording | ImageSequence:
     """Open a recording: a video file, a folder of images, or a live source.
 
-    path: a file; a folder; "-" for a stream on standard input; a camera device (/dev/video0) or an address (rtsp://…,
-    udp://…). rate_hz: of a folder, or of a recording that brings no times; not used where there are times. fields:
-    whether frames are woven of two fields and which comes first; "auto" sees for itself. threads: of the decoder, 0
-    for one per core. Raises InputError with one sentence where there is no recording.
+    path: a file; a folder or a TIFF stack of images; "-" for a stream on standard input; a camera device (/dev/video0)
+    or an address (rtsp://…, udp://…). rate_hz: of images, or of a recording that brings no times; not used where there
+    are times. fields: whether frames are woven of two fields and which comes first; "auto" sees for itself. threads:
+    of the decoder, 0 for one per core. Raises InputError with one sentence where there is no recording.
     """
     name = str(path)
     if rate_hz is not None and not 0 < rate_hz < math.inf:
@@ -39,9 +40,10 @@ def open_recording(
     place = Path(name)
     if not place.exists():
         raise InputError(f"{name}: no such file")
-    if place.is_dir():
+    if has_no_clock(place):
         if rate is None:
-            raise InputError(f"{name}: a folder of images has no clock: say its rate (frames a second)")
+            kind = "a folder" if place.is_dir() else "a stack"
+            raise InputError(f"{name}: {kind} of images has no clock: say its rate (frames a second)")
         return ImageSequence(place, rate)
     if place.is_char_device():
         return opened(name, live=True, format_name="v4l2")
@@ -50,3 +52,8 @@ def open_recording(
     if place.stat().st_size == 0:
         raise InputError(f"{name}: the file is empty")
     return opened(name)
+
+
+def has_no_clock(place: Path) -> bool:
+    """Whether a recording is a folder of images or a TIFF of several, of which only the user knows the rate."""
+    return place.is_dir() or (place.is_file() and count_images(place) > 1)

@@ -22,7 +22,8 @@ from evaluator.errors import InputError
 from evaluator.recording.frame import Frame
 from evaluator.recording.images import ImageSequence
 from evaluator.recording.layout import Layout
-from evaluator.recording.open import open_recording
+from evaluator.recording.open import has_no_clock, open_recording
+from evaluator.recording.streams import videos_of
 from evaluator.recording.video import STREAMED, Recording
 
 Image = NDArray[np.uint8]
@@ -116,7 +117,7 @@ class _Seeking:
         self._container: Any = None
         self._images: Iterator[Any] = iter(())
         self._next = -1  # number of the frame that comes next from _images; -1: none
-        if path.is_dir() or not _frames_are_whole(path, rate_hz):
+        if has_no_clock(path) or not _frames_are_whole(path, rate_hz):
             raise CannotSeekError
         self._open()
         self._list()
@@ -126,7 +127,7 @@ class _Seeking:
             self._container = av.open(str(self._path))
         except (av.error.FFmpegError, OSError) as error:
             raise InputError(f"{self._path.name}: cannot be opened") from error
-        self._stream = next(s for s in self._container.streams.video if s.codec_context is not None)
+        self._stream = videos_of(self._container)[0]
         self._stream.thread_type = "AUTO"
 
     def _list(self) -> None:

@@ -16,6 +16,7 @@ from evaluator.recording.frame import Frame
 from evaluator.recording.groups import LONGEST, Groups
 from evaluator.recording.layout import Layout
 from evaluator.recording.parallel import decoded, decoders_for, first_packets, groups_for, threads_for
+from evaluator.recording.streams import Undiscarded, asked_of_viewers, videos_of
 from evaluator.recording.timing import TimingReport, clock_runs, in_order, summarise
 from evaluator.wording import counted, verb
 
@@ -24,6 +25,8 @@ from evaluator.wording import counted, verb
 PROBED, HELD_BYTES = 120, 100_000_000
 SLOWEST_PROGRESSIVE = 31  # interlaced cameras give 25 or 29.97 frames a second; faster ones are not looked at
 FIRST_PACKETS = 8  # packets whose times tell whether the clock of a file runs at all
+# Frames that lengths are taken to be off by: they count the last frame, and players' delays of sound and B-frames.
+LACKING = 10
 STREAMED = ("mpegts", "mpeg")  # containers whose clock starts anywhere: their times count from the first frame
 
 
@@ -53,7 +56,8 @@ class Recording:
         self.name, self.live, self.fields, self._threads = name, live, fields, threads
         self._format, self._rate = format_name, rate_hz
         container = self._open()
-        stream = _video_of(container)
+        stream = videos_of(container)[0]
+        self.size_px: tuple[int, int] = stream.width, stream.height
         self.nominal_rate: Fraction | None = stream.average_rate or stream.guessed_rate
         self.expected_frames: int = stream.frames  # 0 where the container does not say
         # What a container says of its whole length speaks of the frames only where it holds nothing else.
@@ -61,6 +65,7 @@ class Recording:
         self.expected_s: float | None = container.duration / av.time_base if alone else None
         self.tick: Fraction = stream.time_base
         self._opened: Any = container
+        self._packets: Undiscarded | None = None  # of the last iteration
         self._reset()
 
     def _reset(self) -> None:
@@ -85,7 +90,7 @@ class Recording:
             kinds = _kinds(container)
             container.close()
             raise InputError(f"{self.name}: holds no video, {kinds}; give a video file")
-        if _video_of(container) is None:
+        if not videos_of(container):
             container.close()
             raise InputError(
                 f"{self.name}: FFmpeg has no decoder for the codec of its video; convert it, for example to H.264"
@@ -121,6 +126,7 @@ class Recording:
         container, self._opened = self._opened or self._open(), None
         with ExitStack() as opened:
             opened.enter_context(container)
+            self._notes.extend(asked_of_viewers(container))
             first, images = self._under_way(container, opened)
             runs = clock_runs(first)
             layout: Layout | None = None
@@ -134,24 +140,25 @@ class Recording:
                     continue
                 last, origin = ticks, ticks if origin is None else origin
                 if layout is None:
-                    self._notes.extend(_asked_of_viewers(image))
+                    self._notes.extend(_turned_by_viewers(image))
                 if layout is None or not layout.fits(image):
                     layout = Layout.of(image)
                 frame = layout.frame(image, index, ticks - origin, self.tick, frame)
                 index += 1
                 yield frame
-        self._finish(index)
+        self._finish(index, 0 if last is None or origin is None else last - origin)
 
     def _under_way(self, container: Any, opened: ExitStack) -> tuple[list[Any], Iterator[Any]]:
         """Set up decoding as is fastest for the recording; gives its first packets, and all frames."""
-        stream, threads = _video_of(container), self._threads
+        stream, threads = videos_of(container)[0], self._threads
         # Frame threads are fastest but hold back a frame a thread; a live source must not wait for them.
         stream.thread_type = "SLICE" if self.live else "AUTO"
         if self.live:
             stream.codec_context.thread_count = threads
             return [], self._decoded(container.demux(stream), [stream], None)
+        self._packets = Undiscarded(container, stream)
         groups = groups_for(stream, threads)
-        first, packets = first_packets(container.demux(stream), FIRST_PACKETS if groups is None else LONGEST + 1)
+        first, packets = first_packets(iter(self._packets), FIRST_PACKETS if groups is None else LONGEST + 1)
         if groups is not None and not groups.several(first):
             groups = None
         stream.codec_context.thread_count = threads_for(stream, threads, groups)
@@ -184,7 +191,7 @@ class Recording:
     def _said_order(self) -> Literal["none", "top", "bottom"]:
         # FFmpeg's AVFieldOrder: 2 and 5 show the top field first, 3 and 4 the bottom field.
         self._opened = self._opened or self._open()
-        order = int(getattr(_video_of(self._opened).codec_context, "field_order", 0) or 0)
+        order = int(getattr(videos_of(self._opened)[0].codec_context, "field_order", 0) or 0)
         return "top" if order in {2, 5} else "bottom" if order in {3, 4} else "none"
 
     def _interval_ticks(self) -> int:
@@ -193,7 +200,7 @@ class Recording:
 
     def _again(self, opened: ExitStack) -> Any:
         """Open the stream once more, until `opened` is left."""
-        return _video_of(opened.enter_context(self._open()))
+        return videos_of(opened.enter_context(self._open()))[0]
 
     def _decoded(self, packets: Iterator[Any], streams: list[Any], groups: Groups | None) -> Iterator[Any]:
         """Every frame that decodes; stops, with a note, where nothing more can be read."""
@@ -235,7 +242,7 @@ class Recording:
                 self._notes.append(f"{float(self._rate):g}/s was said, but the recording has times: those are used")
         return count if self._counted else image.pts
 
-    def _finish(self, count: int) -> None:
+    def _finish(self, count: int, last: int) -> None:
         if count == 0:
             raise InputError(f"{self.name}: not a single frame can be decoded; the file is damaged or cut off")
         if self._standing > count:
@@ -245,11 +252,18 @@ class Recording:
                 " record it anew, or write it into a container with a frame rate"
             )
         if self._standing:
-            left_out = f"{counted(self._standing, 'frame')} {verb(self._standing, 'is', 'are')} left out"
-            self._notes.append(f"{left_out}: their times are not after those before them")
-        if self.expected_frames > count + self._standing:
+            said = f"{counted(self._standing, 'frame')} {verb(self._standing, 'is', 'are')} left out"
+            self._notes.append(f"{said}: their times are not after those before them")
+        left_out = self._standing + (self._packets.discarded if self._packets else 0)
+        if self.expected_frames > count + left_out:
             self._notes.append(
                 f"the file promises {counted(self.expected_frames, 'frame')} but only {count} could be decoded"
+            )
+        last_s, rate = float(last * self.tick), self.nominal_rate
+        if not self.expected_frames and self.expected_s and rate and (self.expected_s - last_s) * rate > LACKING:
+            self._notes.append(
+                f"the file promises {self.expected_s:.4g} s, but the last frame that could be decoded is at"
+                f" {last_s:.4g} s"
             )
 
     def report(self) -> TimingReport:
@@ -261,15 +275,10 @@ def _reason(error: BaseException) -> str:
     return str(getattr(error, "strerror", None) or error).split(":")[0].strip().lower()
 
 
-def _asked_of_viewers(image: Any) -> list[str]:
+def _turned_by_viewers(image: Any) -> list[str]:
     """What a viewer does with the frames and this package does not: their pixels are those of the sensor."""
     turn = abs(round(image.rotation))
     return [f"players turn this video by {turn}°; it is measured as the sensor saw it, unturned"] if turn else []
-
-
-def _video_of(container: Any) -> Any:
-    """Give the first video stream that FFmpeg has a decoder for, None where there is none."""
-    return next((stream for stream in container.streams.video if stream.codec_context is not None), None)
 
 
 def _kinds(container: Any) -> str:

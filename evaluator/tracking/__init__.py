@@ -1,7 +1,7 @@
 """Frames → sub-pixel centres of marks with their uncertainty."""
 
 from evaluator.tracking.corrections import correct, read_corrections
-from evaluator.tracking.placement import AsCalibrated, place_on_plate
+from evaluator.tracking.placement import AsCalibrated, of_another_size, place_on_plate
 from evaluator.tracking.settings import TrackingSettings, load_settings
 from evaluator.tracking.track import track
 
@@ -10,6 +10,7 @@ __all__ = [
     "TrackingSettings",
     "correct",
     "load_settings",
+    "of_another_size",
     "place_on_plate",
     "read_corrections",
     "track",

@@ -8,6 +8,7 @@ OK = "ok"
 REPEATED = "repeated frame"  # the recording shows the frame before once more
 BACKGROUND = "at rest while the robot moves"  # something of its colour that is not on the robot: found afterwards
 ALONE = "at rest, without its partner"  # nothing shows that it is a mark of a robot: found afterwards
+UNLIKE = "at rest, and unlike the marks of a robot"  # no pair ever looked like one, and nothing moved: found afterwards
 MISTAKEN = "something else, not the mark found later"  # a likelier pair came into view or into light: found afterwards
 AMBIGUOUS = "ambiguous"
 STRANGER = "not on the other mark's body"  # their distance changes as much as they move: found afterwards

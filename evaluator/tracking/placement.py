@@ -25,11 +25,11 @@ class AsCalibrated:
         """Pass the frames on."""
         for frame in self._recording:
             if frame.size_px != self._camera.size_px:
-                raise InputError(f"{self.name}: {_of_another_size(frame.size_px, self._camera.size_px)}")
+                raise InputError(f"{self.name}: {of_another_size(frame.size_px, self._camera.size_px)}")
             yield frame
 
 
-def _of_another_size(frame_px: tuple[int, int], camera_px: tuple[int, int]) -> str:
+def of_another_size(frame_px: tuple[int, int], camera_px: tuple[int, int]) -> str:
     """What is wrong, and what to do."""
     found = f"frames of {frame_px[0]}×{frame_px[1]} px, but the camera was calibrated with images of "
     found += f"{camera_px[0]}×{camera_px[1]} px"

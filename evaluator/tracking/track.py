@@ -64,7 +64,8 @@ def track(
     if wanted.twins:
         _put_in_order(time_s, [(numbers[name], status[name]) for name in wanted.twins])
     corners = {name: parts[1:] for name, parts in watched.parts.items()}
-    refine(time_s, kinds, numbers, status, tracker.followers, wanted.rigid, corners)
+    unlike = bool(wanted.pair) and not tracker.second_look.plausible
+    refine(time_s, kinds, numbers, status, tracker.followers, wanted.rigid, corners, unlike=unlike)
     return to_table(frames, time_s, numbers, status)
 
 

@@ -38,11 +38,33 @@ def check_experiment(path: Path) -> Check:
     runs = experiment.run if experiment else ()
     faults += [fault for run in runs for fault in _faults_of_bags(run)]
     faults += [fault for run in runs if (fault := _outside(run))]
+    if experiment is not None:
+        faults += _faults_of_sizes(experiment)
     mistakes: tuple[str, ...] = ()
     if experiment is not None and not faults:
         found = mistakes_of_marks(experiment, given_marks(experiment))
         mistakes = tuple(item.sentence for item in found)
     return Check(tuple(dict.fromkeys(faults)), len(runs), sum(run.video is not None for run in runs), mistakes)
+
+
+def _faults_of_sizes(experiment: Experiment) -> Iterator[str]:
+    """Images without a rate, and recordings of another size than the images that their camera was calibrated with."""
+    from calibration.store import load_camera
+    from evaluator.recording import open_recording
+    from evaluator.tracking import of_another_size
+
+    for run in experiment.run:
+        if run.video is None or run.camera is None:
+            continue
+        try:
+            found, expected = open_recording(run.video, rate_hz=run.rate_hz).size_px, load_camera(run.camera).size_px
+        except InputError as error:
+            yield str(error)
+            continue
+        except (OSError, ValueError):
+            continue  # said of the file itself
+        if found != expected:
+            yield f"{run.id}: {run.video}: {of_another_size(found, expected)}"
 
 
 def _faults_of_bags(run: Run) -> Iterator[str]:
@@ -113,10 +135,10 @@ def _tracking(folder: Path, name: str, experiment: Path) -> Iterator[str]:
 
 
 def _video(folder: Path, name: str, experiment: Path) -> Iterator[str]:
-    from evaluator.recording import open_recording
+    from evaluator.recording import has_no_clock, open_recording
 
     del experiment
-    if not (folder / name).is_dir():  # a folder of images is opened with the rate of its run
+    if not (folder / name).exists() or not has_no_clock(folder / name):  # images are opened with the rate of their run
         yield from _fault(open_recording, folder / name)
 
 

@@ -26,6 +26,7 @@ from evaluator.tracking import (
     read_corrections,
     track,
 )
+from evaluator.tracking.observation import UNLIKE
 from evaluator.wording import counted
 from evaluator.workflow.results.unchanged import CHANGED, AsFound
 
@@ -111,6 +112,8 @@ def track_recording(
                 f"{missed}: it has no colour, and coloured marks cannot be told apart in it; record in colour, or let"
                 ' the robot carry lights or tags (kind = "light", "aruco" or "apriltag")'
             )
+        if any((marks[f"{name}_status"] == UNLIKE).any() for name in wanted.mark):
+            missed += ": what has their colors never moves, and does not look like the two marks of a robot"
         raise InputError(
             f"{missed}; {where_to_look}, and say their color, diameter_px and region_px in a tracking.toml (--settings)"
         )

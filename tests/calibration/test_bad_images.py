@@ -43,7 +43,10 @@ def marked() -> np.ndarray:
         (gauge_of(columns=15, rows=11), "array of about 13 × 9 dots .* does not fit the gauge"),
         (gauge_of(layout="staggered"), "are pitch_mm and layout in its file those of this plate"),
         (gauge_of(pitch_mm=(3.0, 4.0)), "are pitch_mm and layout in its file those of this plate"),
-        (gauge_of(color="white", background="black"), "dots of color white found"),
+        (
+            gauge_of(color="white", background="black"),
+            r"dots of color white found, but \d+ of color black on white; exchange color",
+        ),
         (gauge_of(fiducial=FIDUCIALS), "fiducial dots that the gauge .* promises are not seen"),
     ],
 )
@@ -147,3 +150,16 @@ def test_a_file_that_is_no_image_is_told_apart_from_one_that_is_damaged(
     path.write_bytes(content)
     with pytest.raises(CalibrationError, match=said):
         read_image(path)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".jpg"])
+def test_a_photograph_that_is_cut_off_is_one_sentence_and_nothing_else(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], suffix: str
+) -> None:
+    path = tmp_path / f"cut{suffix}"
+    cv2.imwrite(str(path), np.random.default_rng(0).integers(0, 256, (60, 80, 3), dtype=np.uint8))
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    with pytest.raises(CalibrationError):
+        read_image(path)
+    assert capfd.readouterr().err == ""  # nothing of the libraries' own

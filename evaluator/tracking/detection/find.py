@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from evaluator.recording import Frame
 from evaluator.tracking.detection.color_map import ColorMap, allowed_cells, color_map
-from evaluator.tracking.detection.selection import Candidate, choose
+from evaluator.tracking.detection.selection import Candidate, choose, shortlist
 from evaluator.tracking.settings import MarkSettings, TrackingSettings
 
 LEAST_AREA_PX2 = 6.0  # a mark of 1.4 px radius: below that no shape can be distinguished from noise
@@ -28,7 +28,7 @@ GOOD = -4.0  # log-likelihood of two blobs that look like marks (98 % of pairs t
 SUMMIT = 1.15
 STRIPE = 6.0  # longer than a sticker, or a disc smeared by twice its diameter, is
 SMALLEST_RATIO, LARGEST_RATIO = 0.6, 1.7  # of a blob's diameter over diameter_px: about, as thresholds tell it
-MOST = 12  # blobs looked at a mark
+MOST = 12  # blobs looked at a mark: the most colourful ones, and as many of the likeliest pairs
 UNSEEN = 30.0  # as bad as a mark can score, and more
 
 
@@ -81,7 +81,7 @@ def candidates(frame: Frame, settings: TrackingSettings, names: list[str]) -> li
 def _candidates(
     frame: Frame, colors: ColorMap, settings: TrackingSettings, names: list[str], wider_deg: float = 0.0
 ) -> list[Candidate]:
-    """All blobs that could be one of the named marks, the most colourful first, at most MOST a mark.
+    """All blobs that could be one of the named marks, the most colourful of each first, as many as are worth a look.
 
     wider_deg: for how much hues count beyond their ranges, away from those of other marks.
     """
@@ -107,8 +107,8 @@ def _candidates(
             least = SUMMIT * level if level > colors.floor else 0.0
             here = (one for one in blobs_of(name, colors, cells) if one.chroma > least and _fits(one, mark))
             blobs += [one for one in here if not _known(one, blobs)]
-        found += sorted(blobs, key=lambda blob: -blob.chroma * min(blob.radius_px, 3.0))[:MOST]
-    return found
+        found += blobs
+    return shortlist(found, settings, MOST)
 
 
 def _widened(low: float, high: float, by: float, ranges: list[tuple[float, float]]) -> tuple[float, float]:

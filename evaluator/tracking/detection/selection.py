@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluator.tracking.settings import MarkSettings, TrackingSettings
 
+Array = NDArray[np.float64]
 # Spread of the logarithm of a pair's distance in diameters: of one robot, as coloured blobs show it; of all robots.
 SAID, OTHER = 0.05, 0.2
 USUAL, ANY_ROBOT = 3.0, 1.0  # distance in diameters where nobody says it, and the spread of its logarithm
@@ -43,18 +44,18 @@ def choose(found: list[Candidate], settings: TrackingSettings) -> tuple[dict[str
     by_mark = {name: [one for one in found if one.mark == name] for name in settings.mark}
     strongest = max((one.chroma for one in found), default=1.0)
     if settings.pair and all(by_mark[name] for name in settings.pair):
-        pairs = itertools.product(*(by_mark[name] for name in settings.pair))
-        scored = [(_pair_score(one, other, settings, strongest), one, other) for one, other in pairs]
-        score, one, other = max(scored, key=lambda pair: pair[0])
-        return {one.mark: one, other.mark: other}, score
+        ones, others = (by_mark[name] for name in settings.pair)
+        scores = _pair_scores(ones, others, settings, strongest)
+        best = divmod(int(np.argmax(scores)), len(others))
+        return {ones[best[0]].mark: ones[best[0]], others[best[1]].mark: others[best[1]]}, float(scores[best])
     chosen: dict[str, Candidate] = {}
     total = 0.0
     for name, ones in by_mark.items():
         free = [one for one in ones if not any(_same_place(one, other) for other in chosen.values())]
         if free:
-            scores = [_own_score(one, settings.mark[name], strongest) for one in free]
-            chosen[name] = free[int(np.argmax(scores))]
-            total += max(scores)
+            own = [_own_score(one, settings.mark[name], strongest) for one in free]
+            chosen[name] = free[int(np.argmax(own))]
+            total += max(own)
     return chosen, total
 
 
@@ -66,13 +67,11 @@ def _same_place(one: Candidate, other: Candidate) -> bool:
 def alike(found: list[Candidate], settings: TrackingSettings) -> list[dict[str, Candidate]]:
     """Pairs of the two marks that share no blob and are about as likely as the best one, which comes first."""
     first, second = settings.pair
-    sides = ([one for one in found if one.mark == name] for name in settings.pair)
-    strongest = max((one.chroma for one in found), default=1.0)
-    scored = [(_pair_score(one, other, settings, strongest), one, other) for one, other in itertools.product(*sides)]
-    best, chosen = max((pair[0] for pair in scored), default=0.0), list[dict[str, Candidate]]()
-    for score, one, other in sorted(scored, key=lambda pair: -pair[0]):
-        if score < best - ALIKE:
-            break
+    ones, others = ([one for one in found if one.mark == name] for name in settings.pair)
+    scores = _pair_scores(ones, others, settings, max((one.chroma for one in found), default=1.0))
+    near, chosen = np.argwhere(scores >= scores.max(initial=-np.inf) - ALIKE), list[dict[str, Candidate]]()
+    for i, j in sorted(near, key=lambda at: -scores[*at]):
+        one, other = ones[i], others[j]
         if all(one is not pair[first] and other is not pair[second] for pair in chosen) and not any(
             _same_place(one, pair[second]) and _same_place(other, pair[first]) for pair in chosen
         ):  # marks of one colour the other way round are no other pair
@@ -93,24 +92,45 @@ def _own_score(one: Candidate, mark: MarkSettings, strongest: float) -> float:
     return float(score)
 
 
-def _pair_score(one: Candidate, other: Candidate, settings: TrackingSettings, strongest: float) -> float:
-    """Log-likelihood of two blobs being the two marks of one robot: equal size, the known distance in diameters."""
-    score = _own_score(one, settings.mark[one.mark], strongest)
-    score += _own_score(other, settings.mark[other.mark], strongest)
-    score -= 0.5 * (np.log(one.radius_px / other.radius_px) / 0.15) ** 2
-    distance = float(np.hypot(*np.subtract(one.center_px, other.center_px)))
-    diameters = max(distance / (one.radius_px + other.radius_px), 1e-3)
+def shortlist(found: list[Candidate], settings: TrackingSettings, most: int) -> list[Candidate]:
+    """Blobs worth a closer look: the most colourful of each mark, which come first, and those of the likeliest pairs.
+
+    most: of either kind, a mark. Colour alone would leave out the marks where something stronger has many parts, such
+    as letters that a camera writes into its frames.
+    """
+    by_mark = [[one for one in found if one.mark == name] for name in settings.pair or settings.mark]
+    ranked = [sorted(blobs, key=lambda blob: -blob.chroma * min(blob.radius_px, 3.0)) for blobs in by_mark]
+    kept = {id(one) for blobs in ranked for one in blobs[:most]}
+    if settings.pair and all(by_mark):
+        ones, others = by_mark
+        scores = _pair_scores(ones, others, settings, max(one.chroma for one in found))
+        for blobs, of_best_pair in zip((ones, others), (scores.max(axis=1), scores.max(axis=0)), strict=True):
+            kept |= {id(blobs[k]) for k in np.argsort(-of_best_pair)[:most]}
+    return [one for blobs in ranked for one in blobs if id(one) in kept]
+
+
+def _pair_scores(ones: list[Candidate], others: list[Candidate], settings: TrackingSettings, strongest: float) -> Array:
+    """Log-likelihoods (n, m) of two blobs being the marks of one robot: equal size, the known distance in diameters.
+
+    ones, others: of the two marks of settings.pair, in its order.
+    """
+    own = [np.array([_own_score(one, settings.mark[one.mark], strongest) for one in blobs]) for blobs in (ones, others)]
+    radius = [np.array([one.radius_px for one in blobs]) for blobs in (ones, others)]
+    place = [np.array([one.center_px for one in blobs]).reshape(-1, 2) for blobs in (ones, others)]
+    score = own[0][:, None] + own[1] - 0.5 * (np.log(radius[0][:, None] / radius[1]) / 0.15) ** 2
+    distance = np.hypot(*np.moveaxis(place[0][:, None] - place[1], -1, 0))
+    diameters = np.maximum(distance / (radius[0][:, None] + radius[1]), 1e-3)
     if settings.pair_distance is not None:
-        score += _log_odds(float(np.log(diameters / settings.pair_distance)))
+        score += _log_odds(np.log(diameters / settings.pair_distance))
     elif settings.distance_diameters is not None:  # nothing said: on one robot they are some diameters apart
         score -= 0.5 * (np.log(diameters / USUAL) / ANY_ROBOT) ** 2
-    return float(score)
+    return np.asarray(score, float)
 
 
-def _log_odds(off: float) -> float:
+def _log_odds(off: Array) -> Array:
     """Log-likelihood, up to a constant, of the logarithm of a pair's distance over what it should be.
 
     Either the robot is the one that was said, or another: near it then, but bounded, for it may be any.
     """
-    said, other = np.exp(-0.5 * (off / SAID) ** 2) / SAID, np.exp(-min(0.5 * (off / OTHER) ** 2, 20.0)) / OTHER
-    return float(np.log(said + other) - np.log(1.0 / SAID + 1.0 / OTHER))
+    said, other = np.exp(-0.5 * (off / SAID) ** 2) / SAID, np.exp(-np.minimum(0.5 * (off / OTHER) ** 2, 20.0)) / OTHER
+    return np.asarray(np.log(said + other) - np.log(1.0 / SAID + 1.0 / OTHER))

@@ -19,6 +19,7 @@ TRAVELS = 3.0  # radii that a robot's mark must move by before what rests beside
 APART = 2.0  # times TOLERANCE that distances differ by, largest over smallest, of what is on no one body
 # Change of the distance of two marks over their steps: a body that turns, seen at 60 degrees, reaches 0.5.
 APART_STEPS = 0.6
+STEADY_STEP = 0.5  # change of a step over the step: a robot that turns by 28 degrees a frame, or starts in two
 FEW = 4  # frames in which the other mark must be seen
 
 
@@ -71,6 +72,20 @@ def _steady(distance_px: Array) -> bool:
     """Whether distances (n,) differ by no more than perspective and noise make those of one body differ."""
     near, far = np.quantile(distance_px, (0.1, 0.9))
     return bool(far < near * (1.0 + APART * TOLERANCE) + 2.0)
+
+
+def travels(places_px: Array, radius_px: float) -> bool:
+    """Whether a mark goes a way from frame to frame, rather than resting or jumping to and fro; places_px: (n, 2)."""
+    for rows, _ in stays(places_px, radius_px):
+        low, high = np.quantile(places_px[rows], (0.05, 0.95), axis=0)
+        if (high - low).max() > TRAVELS * radius_px:
+            return True
+    step = np.diff(places_px, axis=0)
+    way = np.hypot(*step.T)
+    # Of a fast mark every step is a jump; its steps are alike where those of things taken for one another are not.
+    alike = np.hypot(*np.diff(step, axis=0).T) < STEADY_STEP * np.minimum(way[1:], way[:-1])
+    fast = alike & (way[1:] > radius_px)
+    return bool(np.convolve(fast, np.ones(FEW), "valid").max(initial=0) >= FEW)
 
 
 def stays(places_px: Array, radius_px: float) -> list[tuple[NDArray[np.intp], bool]]:

@@ -33,7 +33,11 @@ class SecondLook:
     """Doubts what is followed until both marks have travelled as one body."""
 
     def __init__(self) -> None:
-        """Start with nothing followed."""
+        """Start with nothing followed.
+
+        plausible: in some frame the pair that is followed looked like the marks of a robot.
+        """
+        self.plausible = False
         self._began: dict[str, Point] = {}  # where both were when they were first followed together
         self._sure = False
         self._in_a_row = 0
@@ -41,6 +45,11 @@ class SecondLook:
     def begin(self) -> None:
         """Note that a mark begins to be followed."""
         self._began, self._sure = {}, False
+
+    def note(self, pair: Pair, settings: TrackingSettings) -> None:
+        """Note how a pair looks that is followed from now on; a user who says where each mark is vouches for it."""
+        said = all(settings.mark[name].region_px is not None for name in pair)
+        self.plausible |= said or choose(list(pair.values()), settings)[1] > GOOD
 
     def better(self, frame: Frame, settings: TrackingSettings, followers: Followers) -> Reading | None:
         """Give the pair to follow from this frame on, None while what is followed may stay."""
@@ -53,6 +62,7 @@ class SecondLook:
         complete = len(found.chosen) == len(settings.pair) and all(one.whole for one in found.chosen.values())
         good = complete and choose(found.blobs, settings)[1] > GOOD
         known = good and any(_followed(pair, followers, frame.time_s) for pair in alike(found.blobs, settings))
+        self.plausible |= known
         self._in_a_row = self._in_a_row + 1 if good and not known else 0
         if self._in_a_row < IN_A_ROW:
             return None

@@ -58,7 +58,7 @@ class Tracker:
         self._waited, self._source = 0, "the recording"
         self.body, self._rivals, self._light, self._dimmed = Body(), Rivals(), 0.0, 1.0
         self._lessons: list[tuple[Follower, Steps[Disc | None]]] = []
-        self._second_look = SecondLook()
+        self.second_look = SecondLook()
         self.began: dict[str, int] = {}  # index of the frame before which something else was taken for a mark
 
     def run(self, recording: Iterable[Frame]) -> Iterator[tuple[Frame, list[Sighting]]]:
@@ -223,7 +223,7 @@ class Tracker:
 
     def _discover(self, frame: Frame) -> None:
         """Find marks that were never seen yet, and a likelier pair than the one that is followed."""
-        if better := self._second_look.better(frame, self.settings, self.followers):
+        if better := self.second_look.better(frame, self.settings, self.followers):
             self._begin_anew(frame, better)
         wanted = [name for name in self.names if name not in self.followers]
         if not wanted:
@@ -253,6 +253,8 @@ class Tracker:
 
     def _start_all(self, frame: Frame, chosen: dict[str, Candidate], balance: float) -> None:
         neutral = neutral_of(frame, allowed_cells(frame, self.settings), balance)
+        if self.settings.pair and len(chosen) == len(self.settings.pair):
+            self.second_look.note(chosen, self.settings)
         for name, candidate in chosen.items():
             if any(at_place_of(candidate, known, frame.time_s) for known in self.followers.values()):
                 continue  # two marks are never at one place
@@ -264,7 +266,7 @@ class Tracker:
         if not candidate.whole:  # cut by the border of the image it does not tell its shape
             return
         where = candidate.center_px, candidate.radius_px
-        self._second_look.begin()
+        self.second_look.begin()
         disc = finished(learn_shape([patch_of(frame, *where)], candidate.radius_px))
         blob = start_blob(frame, self.cell, *where, color, self.settings.exposure)
         self._starts[name] = frame.index, blob

@@ -9,12 +9,12 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.tracking.following.background import background, strangers
+from evaluator.tracking.following.background import background, strangers, travels
 from evaluator.tracking.following.follow import Follower
 from evaluator.tracking.following.follow_blob import BlobFollower
 from evaluator.tracking.following.jumps import off_course
 from evaluator.tracking.following.repeated_frames import repeated_frames
-from evaluator.tracking.observation import ALONE, BACKGROUND, OFF_COURSE, REPEATED, STRANGER, WRONG_DISTANCE
+from evaluator.tracking.observation import ALONE, BACKGROUND, OFF_COURSE, REPEATED, STRANGER, UNLIKE, WRONG_DISTANCE
 from evaluator.tracking.uncertainty.codec import hidden_variance, steady_times
 from evaluator.tracking.uncertainty.exposure import exposed
 from evaluator.tracking.uncertainty.outline import widen_by_outline
@@ -37,17 +37,23 @@ def refine(
     followers: dict[str, Follower | BlobFollower],
     body: Sequence[str] = (),
     tags: Mapping[str, Sequence[str]] = MappingProxyType({}),
+    *,
+    unlike: bool = False,
 ) -> None:
     """Correct centres, complete variances and take out marks at a wrong distance, in place.
 
     kinds: of the frames. numbers: per mark (n, 5) of x, y, their variances and covariance, px and px², NaN if absent.
     status: per mark, of every frame. body: marks that sit on one; others may move apart. tags: the corners of each.
+    unlike: no two marks ever looked like those of a robot, so that only their motion can show that they are.
     """
     kind, times, time_s = np.array(list(kinds), dtype=str), time_s, steady_times(time_s)
     again = dict(zip(numbers, repeated_frames([values[:, :2] for values in numbers.values()]), strict=True))
     for name, shown in again.items():
         take_out(numbers[name], status[name], shown, REPEATED)
     _take_out_impossible(time_s, numbers, status, followers, body)
+    if unlike and not any(travels(numbers[name][:, :2], followers[name].radius_px) for name in followers):
+        for name, values in numbers.items():
+            take_out(values, status[name], np.isfinite(values[:, 0]), UNLIKE)
     for center, corners in tags.items():
         widen_by_shape(numbers, corners, center)
     for name, values in numbers.items():

@@ -1,0 +1,52 @@
+"""Which of the streams of a file is the recording, and what its container says that frames do not show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from av.stream import Disposition
+
+from evaluator.wording import counted
+
+
+def videos_of(container: Any) -> list[Any]:
+    """Video streams that FFmpeg has a decoder for, the recording first.
+
+    Cameras write previews beside the recording, and programs pictures of its cover: the most pixels count, as for
+    FFmpeg's own command, and no cover.
+    """
+    videos = [stream for stream in container.streams.video if stream.codec_context is not None]
+    return sorted(videos, key=lambda stream: (_is_cover(stream), -stream.width * stream.height))
+
+
+def _is_cover(stream: Any) -> bool:
+    return bool(stream.disposition & Disposition.attached_pic)
+
+
+def asked_of_viewers(container: Any) -> Iterator[str]:
+    """Sentences on other videos of a file, and on pixels that viewers stretch and this package does not."""
+    first, *others = videos_of(container)
+    size = f"{first.width}×{first.height}"
+    if others := [stream for stream in others if not _is_cover(stream)]:
+        yield f"holds {counted(len(others) + 1, 'video')}: the one of {size} px is measured, the first of the largest"
+    shape = first.sample_aspect_ratio
+    if shape and shape != 1:
+        yield (
+            f"its pixels are {float(shape):.3g} times as wide as high (players stretch them): lengths in px along x and"
+            " y differ, so measure with a camera.json, not with a ruler in the image"
+        )
+
+
+class Undiscarded:
+    """Packets of a stream; counts those that the file says are not to be shown, as where a phone has cut a video."""
+
+    def __init__(self, container: Any, stream: Any) -> None:
+        """Read nothing yet."""
+        self._packets, self.discarded = container.demux(stream), 0
+
+    def __iter__(self) -> Iterator[Any]:
+        """Pass all packets on: those that are not shown are needed to decode those that are."""
+        for packet in self._packets:
+            self.discarded += packet.is_discard
+            yield packet
