@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from simulator.dynamics.model import compile_robot
+from simulator.dynamics.motors import held_drive
 from simulator.dynamics.scale import state_units
 from simulator.errors import SimulationError
 from simulator.integrator.balance import newton
@@ -145,7 +146,8 @@ def balanced(model: Any, left: float, right: float, velocity: Array, linear: Arr
     """Newton's method from the velocity (3), in mm/s and rad/s, which becomes the balance if True is returned."""
     units, time = _units(model), float(model["time_unit"])
     velocity /= units
-    found = bool(newton(model, left * time, right * time, velocity, linear))
+    turning = held_drive(left * time, right * time, model)
+    found = bool(newton(model, *turning, velocity, linear))
     velocity *= units
     return found
 

@@ -183,7 +183,7 @@ def _sole_run_of(found: Diagnosis) -> int | None:
 
 def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diagnosis:
     """The diagnosis of the runs of a session, as they are."""
-    reasons = shortcomings(session.data)
+    reasons = shortcomings(session.data, session.skipped)
     if reasons:
         reasons = [item.sentence for item in session.mistakes if item.everywhere] + reasons
         return Diagnosis("insufficient", "; ".join(reasons), session)

@@ -115,7 +115,8 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
         values = table[["time_s", *columns_of(pairs[name])]].to_numpy(dtype=float)
         both = np.isfinite(values).all(axis=1)
         if both.sum() < FEWEST_FRAMES:
-            skipped[run.id] = f"both marks are seen in {both.sum()} frames; at least {FEWEST_FRAMES} are needed"
+            seen = "poses that do not repeat the one before" if run.poses else "frames in which both marks are seen"
+            skipped[run.id] = f"{both.sum()} {seen}; at least {FEWEST_FRAMES} are needed"
             continue
         inside = slice(int(np.flatnonzero(both)[0]), int(np.flatnonzero(both)[-1]) + 1)
         values = values[inside]
@@ -171,12 +172,18 @@ def _check_tolerances(robots: Sequence[Robot]) -> None:
                 raise InputError(f"{robot.name}: [tolerance] {key} is not a number of the robot file")
 
 
-def shortcomings(data: Sequence[RunData]) -> list[str]:
-    """Reasons why these runs cannot decide, whatever they show; empty where they can."""
+def shortcomings(data: Sequence[RunData], skipped: Mapping[str, str] | None = None) -> list[str]:
+    """Reasons why these runs cannot decide, whatever they show; empty where they can.
+
+    skipped: why runs were left out, by id.
+    """
     reasons = []
     moving = [run for run in data if run.left_rpm or run.right_rpm]
     if len(moving) < FEWEST_RUNS:
         reasons.append(f"{counted(len(moving), 'usable run')} with motors on; at least {FEWEST_RUNS} are needed")
+        if skipped:
+            first, why = next(iter(skipped.items()))
+            reasons.append(f"{counted(len(skipped), 'run')} left out ({first}: {why})")
     commands = {run.command for run in moving}
     if moving and len(commands) < FEWEST_COMMANDS:
         reasons.append(f"all runs have the same command, {moving[0].left_rpm:g} / {moving[0].right_rpm:g} rpm")

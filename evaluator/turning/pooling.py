@@ -63,7 +63,7 @@ def pooled(values: Array, sigmas: Array) -> Pooled:
         reach = Z_975 * error
         return Pooled(value, value - reach, value + reach, within=within, runs=1, error=error, freedom=np.inf)
     between = paule_mandel(values, sigmas)
-    least = 1e-12 * max(float(np.abs(values).max()), 1e-300)  # equal values of no uncertainty keep finite weights
+    least = 1e-12 * max(float(np.abs(values).max()), 1e-100)  # equal values of no uncertainty keep finite weights
     variance = sigmas**2 + between**2 + least**2
     weight = 1 / variance
     mean = float(weight @ values / weight.sum())

@@ -1,4 +1,4 @@
-"""What the motors really do between two breaks of the command: dead band, dead time and first-order lag applied.
+"""What the motors really do between two breaks of the command: limits, dead band, dead time and lag applied.
 
 A segment is a row: between two times the rotational frequency of each side is a + b·t + e·exp(-t/lag) in rpm, t from
 the start of the segment, and the motor has turned by an angle known in closed form.
@@ -53,7 +53,7 @@ def command_segments(knots: Any, begin: float, end: float, model: Any) -> Any:
     knots: (k, 3) time, left and right rpm. The lag starts settled on the first value.
     """
     count = len(knots)
-    knots = _mixed(knots, model.mix)
+    knots = _told(knots, model.mix, model.limits)
     segments = np.zeros((12 * (count + 2), COLUMNS))
     used = counter(0)
     lagged = np.zeros(2)
@@ -76,8 +76,12 @@ def command_segments(knots: Any, begin: float, end: float, model: Any) -> Any:
 
 
 @compiled()
-def _mixed(knots: Any, mix: Any) -> Any:
-    """Knots with what a drive that mixes its sides adds; mix (8,): see simulator.effects.draft.Draft."""
+def _told(knots: Any, mix: Any, limits: Any) -> Any:
+    """Knots as the motors are told them by a drive that mixes its sides and limits them.
+
+    mix (8,), limits (3,): see simulator.effects.draft.Draft.
+    """
+    wheel, ahead, turn = limits[0], limits[1], limits[2]
     told = np.empty((len(knots), 3))
     for row in range(len(knots)):
         left, right = knots[row, 1], knots[row, 2]
@@ -86,7 +90,23 @@ def _mixed(knots: Any, mix: Any) -> Any:
             more = mix[4 * side] * left + mix[4 * side + 1] * right
             more += mix[4 * side + 2] * abs(left) + mix[4 * side + 3] * abs(right)
             told[row, 1 + side] = knots[row, 1 + side] + more
+        left, right = told[row, 1], told[row, 2]
+        if max(abs(left), abs(right)) > min(wheel, ahead, turn):  # each part is at most as large as the larger side
+            common, half = _within(0.5 * (left + right), ahead), _within(0.5 * (right - left), turn)
+            told[row, 1], told[row, 2] = _within(common - half, wheel), _within(common + half, wheel)
     return told
+
+
+@compiled()
+def held_drive(left: float, right: float, model: Any) -> tuple[float, float]:
+    """Rotational frequencies, rpm, of motors that have been told one command for long."""
+    told = _told(np.array([[0.0, left, right]]), model.mix, model.limits)
+    return _banded(told[0, 1], model.dead_band), _banded(told[0, 2], model.dead_band)
+
+
+@compiled()
+def _within(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)
 
 
 @compiled()

@@ -51,7 +51,8 @@ class Candidate:
 
     starts: full vectors of coordinates at which a linear fit is worth beginning where the response at the absent effect
     says nothing (the place of an attraction whose force is zero). stepwise: the response is not differentiable, only
-    the starts are tried, and each stands for the interval of `between` around it, as (low, high).
+    the starts are tried, and each stands for the interval of `between` around it, as (low, high). begin: coordinates at
+    which a fit begins as they are, besides where a linear view leads; what an earlier fit found, or empty.
     """
 
     id: str
@@ -60,6 +61,7 @@ class Candidate:
     starts: tuple[tuple[float, ...], ...] = ()
     stepwise: bool = False
     between: tuple[tuple[float, float], ...] = ()
+    begin: tuple[float, ...] = ()
 
     @property
     def size(self) -> int:
@@ -84,10 +86,13 @@ def coordinate(parameter: Parameter) -> Coordinate:
 def plain(effect_id: str, parameters: Sequence[Parameter]) -> Candidate:
     """An effect fitted in its own parameters."""
     names = [parameter.name for parameter in parameters]
+    told = any(parameter.begin is not None for parameter in parameters)
+    begin = (parameter.absent if parameter.begin is None else parameter.begin for parameter in parameters)
     return Candidate(
         effect_id,
         tuple(map(coordinate, parameters)),
         lambda values: dict(zip(names, map(float, values), strict=True)),
+        begin=tuple(begin) if told else (),
     )
 
 

@@ -42,6 +42,8 @@ class Effect:
     kind: "dynamics" and "command" act on the Draft of a robot; "observation" acts on the View of its marks.
     varies_by_run: acts differently in each run of a session, by its number.
     of_plate: acts by the place or the direction of the robot on the plate, so that only runs in one frame can show it.
+    of_ground: sought only in robots that drive on open ground: the few commands of runs on a plate cannot distinguish
+    it from others.
     fitted: the coordinates of a fit; without it, the parameters themselves.
     sum_of: of an effect that is a sum of terms, each with the parameter that it is times; else empty.
     """
@@ -58,6 +60,7 @@ class Effect:
     view: Callable[[View, Values], None] | None = None
     varies_by_run: bool = False
     of_plate: bool = False
+    of_ground: bool = False
     fitted: Callable[[Scene], Candidate] | None = None
     single_cause: SingleCause | None = None
     sum_of: tuple[tuple[str, Term], ...] = ()

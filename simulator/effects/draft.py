@@ -14,6 +14,7 @@ from simulator.dynamics.terms import LEFT_COMMAND, LEFT_DRIVE, Term
 from simulator.nominal_robot import NominalRobot
 
 Array = NDArray[np.float64]
+NO_LIMIT_RPM = 1e6  # a limit that no wheel reaches
 
 
 @dataclass
@@ -22,7 +23,8 @@ class Draft:
 
     Arrays over wheels are in the order of the robot's, (n,); speed_factor: of the left and the right command.
     run_index counts the runs of a session from 0. mix: what is added to the left and right command per rpm of the left
-    and the right command and of their sizes.
+    and the right command and of their sizes. limits_rpm: of each wheel, of what both sides have in
+    common, and of half of their difference.
     """
 
     robot: NominalRobot
@@ -41,6 +43,7 @@ class Draft:
     terms: list[Term] = field(default_factory=list)
     last: list[Callable[[Draft], None]] = field(default_factory=list)
     mix: Array = field(default_factory=lambda: np.zeros((2, 4)))
+    limits_rpm: tuple[float, ...] = (NO_LIMIT_RPM,) * 3
 
     def __post_init__(self) -> None:
         """Take wheels and centre of gravity from the robot."""

@@ -71,7 +71,8 @@ class Parameter:
     the parameter; step: a small change that shows in the marks, for differences and scaling; low, high: bounds of a
     fit; at_least: values below make no sense and are refused; period: of an angle, in its unit, else None; shown: value
     at which the catalogue draws the effect, without it SHOWN_STEPS steps from absent; on_ground: bounds of a fit to a
-    robot of another size than the paper's, where they are not in proportion; closed: see Coordinate.
+    robot of another size than the paper's, where they are not in proportion; closed: see Coordinate; begin: of a user's
+    own effect, where a fit begins besides where a linear view leads.
     """
 
     name: str
@@ -85,6 +86,7 @@ class Parameter:
     shown: float | None = None
     on_ground: tuple[float, float] | None = None
     closed: bool = False
+    begin: float | None = None
 
     @property
     def shown_value(self) -> float:

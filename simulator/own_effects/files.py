@@ -15,6 +15,7 @@
     low = -1.0                      # bounds of a fit
     high = 1.0
     step = 0.01                     # a small change that shows in the marks
+    begin = 0.2                     # where a fit begins besides where the data point to: what an earlier one found
 
 Without a parameter the effect vanishes. Entry points of the group turnscope.effects give effects, too.
 """
@@ -45,7 +46,19 @@ FOLDER = "effects"  # beside an experiment or a robot file
 GROUP = "turnscope.effects"
 ID_FORM = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 _KEYS = ("format", "id", "name", "sentence", "law", "source", "limits", "term")
-_TERM_KEYS = ("channel", "depends_on", "pattern", "coefficient", "times", "unit", "low", "high", "step", "shown")
+_TERM_KEYS = (
+    "channel",
+    "depends_on",
+    "pattern",
+    "coefficient",
+    "times",
+    "unit",
+    "low",
+    "high",
+    "step",
+    "shown",
+    "begin",
+)
 _sources: dict[str, Path] = {}
 
 
@@ -172,7 +185,9 @@ def _term(row: Mapping[str, Any]) -> Term:
 def _parameter(row: Mapping[str, Any]) -> Parameter:
     UNITS.setdefault(row.get("unit", ""), Unit("", row.get("unit", "")))  # any unit is shown as it is written
     step, low, high = float(row["step"]), float(row.get("low", -math.inf)), float(row.get("high", math.inf))
-    return Parameter(row["coefficient"], row.get("unit", ""), 0.0, step, low, high, shown=row.get("shown"))
+    return Parameter(
+        *(row["coefficient"], row.get("unit", ""), 0.0, step, low, high), shown=row.get("shown"), begin=row.get("begin")
+    )
 
 
 def _law_of(row: Mapping[str, Any]) -> str:
@@ -212,7 +227,8 @@ def _faults_of_row(row: Mapping[str, Any], named: set[str]) -> Iterator[str]:
         yield f"coefficient = {name!r} must be the name of a parameter"
     if not isinstance(row.get("unit", ""), str):
         yield f"unit = {row['unit']!r} must be text"
-    numbers = [key for key in ("times", "low", "high", "step", "shown") if key in row and not _is_number(row[key])]
+    keys = ("times", "low", "high", "step", "shown", "begin")
+    numbers = [key for key in keys if key in row and not _is_number(row[key])]
     yield from (f"{key} = {row[key]!r} is not a finite number" for key in numbers)
     if name in named:
         return  # unit, step and bounds of a parameter that terms share stand with the first of them
@@ -222,6 +238,8 @@ def _faults_of_row(row: Mapping[str, Any], named: set[str]) -> Iterator[str]:
         yield f"step = {row['step']} must be more than 0"
     if not numbers and not row.get("low", -math.inf) <= 0.0 <= row.get("high", math.inf):
         yield "low and high must hold 0, where the effect vanishes"
+    elif not numbers and not row.get("low", -math.inf) <= row.get("begin", 0.0) <= row.get("high", math.inf):
+        yield f"begin = {row['begin']} must lie within low and high"
 
 
 def _unknown(table: Mapping[str, Any], known: Sequence[str], where: str) -> Iterator[str]:

@@ -13,7 +13,7 @@ from simulator.dynamics.terms import BASES, CHANNELS, PATTERNS
 
 @dataclass(frozen=True)
 class TermRow:
-    """One [[term]] of the file: as in simulator.own_effects.files; value: what a fit found, for a comment."""
+    """One [[term]] of the file: as in simulator.own_effects.files; value: where a fit begins, if told."""
 
     channel: str
     depends_on: str
@@ -93,6 +93,7 @@ sentence = {json.dumps(sentence, ensure_ascii=False)}
 #   u, v in mm/s, yaw rate in rad/s, time in s, x and y in mm; the drives take the commands (rpm) only.
 # pattern, of wheel channels: {_listed(PATTERNS)}.
 # unit of the coefficient: as it is to be shown. low, high: bounds of a fit, around 0. step: a change that shows.
+# begin: where a fit begins besides where the data point to, such as what an earlier one found.
 
 {terms}"""
 
@@ -116,14 +117,14 @@ def _listed(names: Iterable[str]) -> str:
 
 
 def _row(row: TermRow) -> str:
-    found = "" if row.value is None else f"    # fitted: {row.value:.4g}"
+    begin = "" if row.value is None else f"begin = {row.value:.4g}    # as fitted\n"
     return f"""[[term]]
 channel = {json.dumps(row.channel)}
 depends_on = {json.dumps(row.depends_on)}
 pattern = {json.dumps(row.pattern)}
-coefficient = {json.dumps(row.coefficient)}{found}
+coefficient = {json.dumps(row.coefficient)}
 unit = {json.dumps(row.unit, ensure_ascii=False)}
 low = {row.low!r}
 high = {row.high!r}
 step = {row.step!r}
-"""
+{begin}"""

@@ -27,6 +27,7 @@ CONTRACT = {
     "drive-speed-scale": "factor",
     "motor-droop": "rpm_per_uN_mm",
     "command-lag": "dead_time_s time_constant_s",
+    "speed-limit": "wheel_rpm ahead_rpm turn_rpm",
     "speed-ripple": "amplitude phase_deg",
     "dead-band": "rpm",
     "speed-drift": "per_run",
@@ -85,6 +86,9 @@ def visible(id_: str) -> dict[str, float]:
         "force_mN": 0.5,
         "rpm": 25.0,
         "dead_time_s": 0.0,
+        "wheel_rpm": 25.0,
+        "ahead_rpm": 20.0,
+        "turn_rpm": 8.0,
     }
     base = {item.name: sizes.get(item.name, item.absent) for item in EFFECTS[id_].parameters}
     if id_ == "stray-magnet":  # far enough from the path to pull, not to catch

@@ -16,7 +16,7 @@ from simulator.robot import load_robot
 from tests.simulator.effect_probe import affected
 
 SCENE = Scene(20.0, (30.0, 10.0, 0.0, 10.0 + 1e-9, 10.0))  # levels are rounded before they are compared
-OWN = {"command-lag", "magnet-strength", "tether-spring", "plate-tilt", "speed-ripple", "friction-grain"}
+OWN = {"speed-limit", "command-lag", "magnet-strength", "tether-spring", "plate-tilt", "speed-ripple", "friction-grain"}
 
 
 def candidate(effect_id: str) -> Candidate:
@@ -88,6 +88,15 @@ def test_delay_is_the_sum_of_dead_time_and_time_constant() -> None:
     assert bounds == [(0.0, 0.0, 2.0), (0.0, 0.0, 1.0)]  # a share is a share
     told = candidate("command-lag").physical((0.3, 0.04))
     assert told == pytest.approx({"dead_time_s": 0.24, "time_constant_s": 0.06})
+
+
+def test_a_limit_is_fitted_in_its_inverse_and_how_many_times_lower_the_others_are() -> None:
+    found = candidate("speed-limit")
+    assert found.physical((0.05, 2.0, 4.0)) == pytest.approx({"wheel_rpm": 20.0, "ahead_rpm": 10.0, "turn_rpm": 5.0})
+    assert found.physical((0.05, 0.0, 0.0)) == pytest.approx({"wheel_rpm": 20.0, "ahead_rpm": 1e6, "turn_rpm": 1e6})
+    assert set(found.physical(found.absent).values()) == {1e6}
+    assert [1 / start[0] for start in found.starts] == pytest.approx([18.0, 18.0])  # of 30 rpm, the largest command
+    assert EFFECTS["speed-limit"].candidate(Scene(20.0, ())).starts[0][0] == pytest.approx(1 / 36)
 
 
 def test_magnets_are_fitted_in_the_inverse_of_their_level_and_their_balance() -> None:

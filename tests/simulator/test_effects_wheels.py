@@ -14,7 +14,7 @@ from simulator.robot import Robot, load_robot
 from simulator.run import State
 from simulator.simulation import simulate
 from simulator.steady import steady_turn
-from tests.simulator.effect_probe import affected, contacts, wheel_loads
+from tests.simulator.effect_probe import affected, contacts, wheel_loads, with_effects
 
 PER_RPM = 2 * math.pi * 0.5 / 60  # surface speed of a wheel of 0.5 mm, mm/s
 WEIGHT_SHARE_UN, DRIVING_UN, DRIVEN_UN = 1225.0, 22050.0, 2450.0
@@ -116,6 +116,32 @@ def test_of_two_dead_bands_the_wider_holds(barrel: Robot) -> None:
     for rpm in (3.0, 7.0, 5.0):
         act(draft, {"rpm": rpm})
     assert draft.dead_band_rpm == 7.0
+
+
+def test_a_limited_drive_goes_no_faster_than_its_limit_and_as_told_below_it(barrel: Robot) -> None:
+    robot = affected(barrel, "speed-limit", wheel_rpm=20.0)
+    speeds = [steady_turn(robot, rpm, rpm).u_mm_s / PER_RPM for rpm in (12.0, 30.0, -30.0)]
+    assert speeds == pytest.approx([12.0, 20.0, -20.0], rel=1e-6)
+
+
+def test_a_steady_turn_is_that_of_the_sides_as_the_drive_mixes_them(barrel: Robot) -> None:
+    """A quarter of the right command added to the left: 24 and 16 rpm told are 28 and 16 turned."""
+    mixed = with_effects(
+        barrel, {"id": "free-form", "channel": "left_drive", "basis": "right_command", "coefficient": 0.25}
+    )
+    found, expected = steady_turn(mixed, 24.0, 16.0), steady_turn(barrel, 28.0, 16.0)
+    assert found.yaw_rate_rad_s == pytest.approx(expected.yaw_rate_rad_s, rel=1e-6)
+
+
+def test_of_two_limits_the_lower_holds(barrel: Robot) -> None:
+    from simulator.effects.catalogue import EFFECTS
+    from simulator.effects.draft import Draft
+
+    act, draft = EFFECTS["speed-limit"].act, Draft(barrel)
+    assert act is not None
+    for wheel, ahead, turn in ((30.0, 9.0, 1e6), (25.0, 12.0, 8.0), (40.0, 1e6, 1e6)):
+        act(draft, {"wheel_rpm": wheel, "ahead_rpm": ahead, "turn_rpm": turn})
+    assert draft.limits_rpm == (25.0, 9.0, 8.0)
 
 
 def test_magnet_imbalance_moves_attraction_from_the_right_driving_wheel_to_the_left(barrel: Robot) -> None:

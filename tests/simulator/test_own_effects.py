@@ -9,6 +9,7 @@ import pytest
 
 from simulator.command import Command
 from simulator.effects.catalogue import EFFECTS
+from simulator.effects.coordinates import Scene
 from simulator.errors import SimulationError
 from simulator.observation import marks_of_run
 from simulator.own_effects.files import load_own
@@ -61,6 +62,17 @@ def test_terms_of_the_camera_move_the_marks_and_not_the_robot(tmp_path: Path) ->
     assert shift["green_y_mm"].to_numpy() == pytest.approx(0.0)
 
 
+def test_a_fit_of_what_was_found_begins_where_it_was_found(tmp_path: Path) -> None:
+    rows = [
+        TermRow("left_drive", "left_command", "own", value=-0.12345),
+        TermRow("left_drive", "right_command", "other"),
+    ]
+    effect = load_own(written(tmp_path, template("found", rows)))
+    assert effect.candidate(Scene(20.0, ())).begin == (-0.1235, 0.0)
+    plain = load_own(written(tmp_path, template("plain"), "effects/plain.toml"))
+    assert plain.candidate(Scene(20.0, ())).begin == ()
+
+
 def test_a_python_file_is_an_effect_like_those_of_the_catalogue(tmp_path: Path) -> None:
     path = written(tmp_path, python_template("left-faster", "left-faster.py"), "left-faster.py")
     assert load_own(path).id == "left-faster"
@@ -81,6 +93,8 @@ def test_a_python_file_is_an_effect_like_those_of_the_catalogue(tmp_path: Path) 
         (("step = 0.01", "setp = 0.01"), "unknown key setp; did you mean step"),
         (("low = -1.0", "low = 0.5"), "low and high must hold 0"),
         (("step = 0.01", "step = 0"), "step = 0 must be more than 0"),
+        (("step = 0.01", "step = 0.01\nbegin = 2.0"), "begin = 2.0 must lie within low and high"),
+        (("step = 0.01", 'step = 0.01\nbegin = "here"'), "begin = 'here' is not a finite number"),
         (("[[term]]", "[term]"), "not valid TOML"),
     ],
 )

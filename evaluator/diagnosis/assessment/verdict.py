@@ -108,7 +108,8 @@ def decide(
 
     Several effects of which one does not pay speak for nothing: three that were refused for imitating what has no name
     do not support two of them, and a term without a name that gains little beside named ones casts no doubt on these.
-    least_material: see material_gain.
+    least_material: see material_gain; minus infinity but on open ground. There a term without a name makes an unknown
+    of the runs only if it predicts commands left out better, too.
     """
 
     def named_of(ids: Set) -> Set:
@@ -121,6 +122,10 @@ def decide(
     free = [ids for ids in within if ids != named_of(ids) and gain(ids) > least_material]
     answers = [ids for ids in within if len(ids) == 1 or pays(search, table, families, ids)]
     likely = [ids for ids in answers if ids in free]
+    if (
+        least_material > -math.inf
+    ):  # open ground: what is left is the noise, so that odds alone say little: it must carry over, too
+        likely = [ids for ids in likely if _gain_left_out(search, ids, named)[0] > BETTER_BY]
     doubted = bool(likely) and table.share_of(likely, answers) > DOUBT
     if doubted and pays(search, table, families, likely[0]):
         return likely[0], "unknown", "a free-form term explains the runs as well as the named effects, or better"
@@ -140,8 +145,13 @@ def decide(
 
 def _predicts(search: Search, ids: Set, other: Set) -> bool:
     """Whether a set predicts commands left out better than another, beyond chance."""
-    gain, error = advantage(search.fits[ids], search.fits[other], search.problem.data, search.tolerance)
+    gain, error = _gain_left_out(search, ids, other)
     return gain > BETTER_BY and gain > BETTER_SIGMAS * error
+
+
+def _gain_left_out(search: Search, ids: Set, other: Set) -> tuple[float, float]:
+    """Gain of a set over another in log density of commands left out, and its standard error."""
+    return advantage(search.fits[ids], search.fits[other], search.problem.data, search.tolerance)
 
 
 def doubts(left: Adequacy, constant: Sequence[Constancy]) -> str:

@@ -1,4 +1,4 @@
-"""Which free-form families say no more than an effect of the user's own does, and need not be tried beside it.
+"""Which terms say no more than an effect of the user's own does, and need not be tried beside it.
 
 Who takes up a form that a diagnosis found has an effect of the same terms. Nothing would distinguish the family from
 it, and each would have any share of what both do.
@@ -8,11 +8,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from evaluator.diagnosis.candidates.free_form import FreeTerm
+from evaluator.diagnosis.candidates.free_form import FreeTerm, own_commands
 from simulator.dynamics.terms import Term
 from simulator.effects.definition import Effect
 
 SPANNED = 1e-9  # of the size of a coefficient's terms, what may be left of them: rounding
+
+
+def named_that_say_no_more(effect: Effect) -> frozenset[str]:
+    """Ids of the effects of the catalogue that some values of an own effect's parameters do.
+
+    Of one speed for both sides a rotation by the own command alike on both says as much, of two speeds one for each.
+    """
+    same = {"drive-speed-scale": own_commands(alike=True), "drive-speed-mismatch": own_commands(alike=False)}
+    return frozenset(name for name, family in same.items() if is_said_by(family, effect))
 
 
 def is_said_by(family: FreeTerm, effect: Effect) -> bool:

@@ -40,9 +40,11 @@ def named_terms(
     reach_mm: how far from the origin the robot moved, for the places an attraction may sit. command_levels_rpm: the
     different |rpm| that were commanded; a dead band can only lie between them. size: of the robot; who writes an own
     effect states its steps and bounds for it. one_frame: whether the runs share a frame; in frames of their own they
-    cannot show effects of the plate, which are left out.
+    cannot show effects of the plate, which are left out; on the plate those of open ground are.
     """
     scene = Scene(reach_mm, command_levels_rpm, size)
     as_stated = replace(scene, size=PAPER_SIZE)
     scenes = dict.fromkeys(BUILT_IN, scene) | dict.fromkeys(own, as_stated)
-    return {id_: EFFECTS[id_].candidate(its) for id_, its in scenes.items() if one_frame or not EFFECTS[id_].of_plate}
+    left_out = {id_ for id_ in scenes if EFFECTS[id_].of_plate and not one_frame}
+    left_out |= {id_ for id_ in scenes if EFFECTS[id_].of_ground and size == PAPER_SIZE}
+    return {id_: EFFECTS[id_].candidate(its) for id_, its in scenes.items() if id_ not in left_out}

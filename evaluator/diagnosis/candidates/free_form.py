@@ -8,7 +8,7 @@ already says is left out, so a family that wins says something that no named eff
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -171,6 +171,8 @@ class FreeTerm(Candidate):
             words = " and ".join(TWIN_WORDS[item.name] for item in self.items)
             return f"a rotation of the wheels beside their command, alike on both sides, {words}"
         channels = {item.channel for item in self.items}
+        if {(item.channel, item.basis) for item in self.items} == {*OWN_COMMAND, *OTHER_COMMAND}:
+            return "a rotation of the wheels beside their command, on each side proportional to both commands"
         if len(channels) == 1:
             words = " and ".join(dict.fromkeys(BASIS_WORDS[item.basis][0] for item in self.items))
             return f"{CHANNEL_WORDS[self.items[0].channel][0]} {words}{self._wheels()}"
@@ -191,6 +193,12 @@ def free_terms(size: Size = PAPER_SIZE, *, one_frame: bool = True) -> dict[str, 
     """
     every = (_family(items, size) for items in _families())
     return {term.id: term for term in every if one_frame or not any(item.of_plate for item in term.items)}
+
+
+def own_commands(*, alike: bool) -> FreeTerm:
+    """The rotation of each side by its own command, with one coefficient for both sides or with two."""
+    left, right = (Item(*place) for place in OWN_COMMAND)
+    return _family((replace(left, twin=right),) if alike else (left, right), PAPER_SIZE)
 
 
 def _family(items: tuple[Item, ...], size: Size) -> FreeTerm:

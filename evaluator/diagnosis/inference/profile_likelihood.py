@@ -61,7 +61,12 @@ class Profile:
 
 
 def profiles_of(search: Search, ids: frozenset[str]) -> dict[str, Profile]:
-    """Profiles of the effects of a fitted set whose posterior is not normal."""
+    """Profiles of the effects of a fitted set whose posterior is not normal.
+
+    None on open ground, where the density is rough by tens: intervals there are those over commands (output/).
+    """
+    if search.problem.open_ground:
+        return {}
     smooth = [effect for effect in sorted(ids) if not search.terms[effect].stepwise]
     found = {effect: profile_of(search, search.fits[ids], search.terms[effect]) for effect in smooth}
     return {effect: profile for effect, profile in found.items() if profile is not None}

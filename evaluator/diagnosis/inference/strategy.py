@@ -116,7 +116,15 @@ def extend(
 
 
 def _fit_asked(search: Search, view: Screen, ordered: Sequence[tuple[str, tuple[int, ...]]], fit: Fit) -> None:
-    """Fit what the user asks for, whatever the linear view promises of it: of many numbers it promises little."""
+    """Fit what the user asks for, whatever the linear view promises of it: of many numbers it promises little.
+
+    It is fitted from where its file says as well. What a diagnosis offers as an own effect was found beside other
+    effects, and from nought, without these, a fit of its many numbers may not find its way.
+    """
+    for effect in sorted(search.asked - fit.terms):
+        begin = search.terms[effect].begin
+        if begin and len(fit.terms) < LARGEST_SET and not search.exhausted:
+            fit_set(search, fit.terms | {effect}, {effect: begin}, fit, search.explained)
     _refit(search, view, [(offer,) for offer in ordered if offer[0] in search.asked], len(search.asked), fit)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.diagnosis.assessment.cross_validation import covariance_over_commands
 from evaluator.diagnosis.assessment.disagreement import Interval, root_mean_squares
 from evaluator.diagnosis.assessment.model_comparison import SAME_SIGMAS, is_free
 from evaluator.diagnosis.candidates.free_form import FreeTerm
@@ -119,7 +120,7 @@ def parameters(diagnosis: Diagnosis, term: Candidate) -> Json:
 def _drawn(diagnosis: Diagnosis, terms: Sequence[Candidate]) -> dict[str, Floats]:
     """Draws of all physical parameters of some terms of the chosen set together, by name, (DRAWS,) each."""
     fit = diagnosis.fit
-    mean, covariance = np.array([fit.point.value(column) for column in fit.columns]), fit.posterior.covariance
+    mean, covariance = np.array([fit.point.value(column) for column in fit.columns]), _covariance(diagnosis)
     # the scatter is estimated from few runs: the spread over its grid is in the covariance, Student's tail is not
     # nor is a covariance that rounding has made a little uneven (effects that all but stand for each other) an error
     draws = np.random.default_rng(DRAW_SEED).multivariate_normal(
@@ -134,6 +135,15 @@ def _drawn(diagnosis: Diagnosis, terms: Sequence[Candidate]) -> dict[str, Floats
         physical = [term.physical(term.clipped(tuple(row))) for row in draws[:, own] + np.array(term.absent)]
         found |= {name: np.array([item[name] for item in physical]) for name in physical[0]}
     return found
+
+
+def _covariance(diagnosis: Diagnosis) -> Floats:
+    """Covariance of the parameters of the chosen set; on open ground it holds for other commands as well."""
+    search, fit = diagnosis.search, diagnosis.fit
+    assert search is not None
+    if not search.problem.open_ground:
+        return fit.posterior.covariance
+    return covariance_over_commands(fit, search.problem.data, search.tolerance)
 
 
 def _period(effect: str, name: str) -> float | None:

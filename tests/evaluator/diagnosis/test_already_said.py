@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from evaluator.diagnosis.candidates.already_said import is_said_by
+from evaluator.diagnosis.candidates.already_said import is_said_by, named_that_say_no_more
 from evaluator.diagnosis.candidates.free_form import free_terms
 from simulator.effects.catalogue import EFFECTS
 from simulator.own_effects.files import effect_of
@@ -36,6 +36,15 @@ def test_families_that_an_own_effect_spans_are_said_by_it() -> None:
     assert not is_said_by(families[FOUR], alike)  # four numbers, of which the effect has two
     assert not is_said_by(families[CROSSED], alike)
     assert is_said_by(families[TWINS], alike)
+
+
+def test_the_speed_of_both_sides_is_said_by_an_effect_of_the_own_command() -> None:
+    four = mixing({(a, b): f"{a}_{b}" for a in DRIVES for b in DRIVES})
+    alike = mixing({(a, b): "own" if a == b else "other" for a in DRIVES for b in DRIVES})
+    crossed = mixing({("left", "right"): "other", ("right", "left"): "other"})
+    assert named_that_say_no_more(four) == {"drive-speed-scale", "drive-speed-mismatch"}
+    assert named_that_say_no_more(alike) == {"drive-speed-scale"}
+    assert named_that_say_no_more(crossed) == frozenset()
 
 
 def test_an_effect_of_the_catalogue_keeps_no_family_out() -> None:

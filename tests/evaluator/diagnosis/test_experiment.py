@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.candidates.free_form import free_terms
@@ -11,12 +14,14 @@ from evaluator.diagnosis.likelihood.run_data import RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.likelihood.variants import varies_by_run
 from evaluator.diagnosis.output.effect_tables import PATTERN_SUMS
+from evaluator.workflow.diagnosis.experiment import diagnose_experiment
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot
 from simulator.dynamics.terms import pattern_weights
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.entry import EffectEntry
 from simulator.effects.free_form import ID as FREE_FORM
+from simulator.effects.parameter import Size
 from simulator.observation import marks_of_run
 from simulator.robot import load_robot
 from simulator.run import State
@@ -31,7 +36,7 @@ def _runs(commands: list[tuple[float, float]]) -> list[RunData]:
 
 
 def test_every_effect_of_the_catalogue_is_a_candidate_with_its_own_parameters() -> None:
-    terms = named_terms(20.0, (30.0, 60.0))
+    terms = named_terms(20.0, (30.0, 60.0), size=Size(100.0, 1e4))
     assert set(terms) == set(EFFECTS)
     for effect, term in terms.items():
         assert set(term.physical(term.absent)) == {parameter.name for parameter in EFFECTS[effect].parameters}
@@ -108,6 +113,26 @@ def test_a_whole_command_and_repeats_are_kept_aside() -> None:
 def test_one_command_alone_cannot_decide() -> None:
     assert "same command" in shortcomings(_runs([(30.0, 30.0)] * 8))[0]
     assert shortcomings(_runs([(30.0, 30.0), (33.3, 14.4)] * 4)) == []
+
+
+def test_where_too_few_runs_are_left_it_is_said_why_the_others_are_not() -> None:
+    few, skipped = _runs([(30.0, 30.0), (33.3, 14.4)]), {"w042": "7 poses that do not repeat the one before"}
+    assert shortcomings(few, skipped)[1] == "1 run left out (w042: 7 poses that do not repeat the one before)"
+    assert shortcomings(_runs([(30.0, 30.0), (33.3, 14.4)] * 4), skipped) == []
+
+
+def test_a_run_of_few_poses_is_left_out_for_poses_not_for_marks(tmp_path: Path) -> None:
+    for name, count in (("few", 9), ("many", 30)):
+        time_s = 0.2 * np.arange(count)
+        table = pd.DataFrame({"time_s": time_s, "x_mm": 3 * time_s, "y_mm": 0.0, "heading_deg": 0.0})
+        table.to_csv(tmp_path / f"{name}.csv", index=False)
+    runs = "".join(
+        f'[[run]]\nid = "{name}"\nposes = "{name}.csv"\nleft_rpm = 60.0\nright_rpm = 60.0\n' for name in ("few", "many")
+    )
+    path = tmp_path / "experiment.toml"
+    path.write_text(f'format = 1\nname = "poses"\nrobot = "barrel"\n{runs}', encoding="utf-8")
+    content = diagnose_experiment(path, tmp_path / "out", workers=1)[1]
+    assert content["skipped_runs"] == {"few": "9 poses that do not repeat the one before; at least 12 are needed"}
 
 
 def test_patterns_of_single_wheels_are_sums_of_the_patterns_of_robot_files() -> None:

@@ -9,12 +9,18 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evaluator.diagnosis.assessment.cross_validation import Constancy, _densities, advantage, constancy
+from evaluator.diagnosis.assessment.cross_validation import (
+    Constancy,
+    _densities,
+    advantage,
+    constancy,
+    covariance_over_commands,
+)
 from evaluator.diagnosis.assessment.model_comparison import (
     predictive_score,
 )
 from evaluator.diagnosis.inference.fit import prior_precision
-from evaluator.diagnosis.likelihood.mixed_model import MixedModel, reduce_runs
+from evaluator.diagnosis.likelihood.mixed_model import Linearized, MixedModel, reduce_runs
 from tests.evaluator.diagnosis.synthetic import (
     column,
     fit_of,
@@ -153,3 +159,33 @@ def test_slow_runs_are_those_up_to_the_median_of_the_speed_whichever_way_they_dr
     assert found["slow and fast"] == pytest.approx(stats.chi2.sf(0.4**2 / (0.02 + 0.05**2), 1), rel=1e-4)
     assert found["forward and backward"] == pytest.approx(1.0)
     assert "left and right" not in found
+
+
+def test_intervals_over_commands_hold_where_commands_differ_and_those_of_runs_do_not() -> None:
+    """Eight commands of three runs, each with a size of its own about 1 that scatters by 0.3."""
+    rng = np.random.default_rng(3)
+    holds = []
+    for _ in range(300):
+        sizes = np.repeat(1.0 + 0.3 * rng.normal(size=8), 3)
+        slopes = [3 * rng.normal(size=(9, 1)) for _ in sizes]
+        runs = [
+            Linearized(slope[:, 0] * size + rng.normal(size=9), slope, rng.normal(size=(9, 3)), np.zeros((9, 4)))
+            for slope, size in zip(slopes, sizes, strict=True)
+        ]
+        reduced = reduce_runs(runs)
+        information = reduced.G.sum(axis=0)[0, 0]
+        found = reduced.g.sum(axis=0) / information
+        fit = fit_of(runs, COLUMNS[:1], found, TAU, np.array([[1 / information]]))
+        data = [run_data(30.0, float(number // 3), number) for number in range(24)]
+        wide = covariance_over_commands(fit, data, TOLERANCE)
+        assert wide[0, 0] >= fit.posterior.covariance[0, 0]
+        holds.append([abs(found[0] - 1) < 1.96 * np.sqrt(item[0, 0]) for item in (wide, fit.posterior.covariance)])
+    over_commands, over_runs = np.mean(holds, axis=0)
+    assert 0.9 < over_commands < 0.99
+    assert over_runs < 0.6
+
+
+def test_a_single_command_leaves_the_covariance_as_it_is() -> None:
+    runs = linear_runs(3, parameters=1)
+    fit = fit_of(runs, COLUMNS[:1], np.zeros(1), TAU, np.array([[0.04]]))
+    assert covariance_over_commands(fit, [run_data(30.0, 20.0, n) for n in range(3)], TOLERANCE)[0, 0] == 0.04

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from evaluator.diagnosis.candidates.coordinates import named_terms
@@ -37,6 +39,21 @@ def test_what_the_view_from_the_null_overlooks_is_fitted_from_the_model_as_its_f
     monkeypatch.setattr(strategy, "_from_the_null", lambda _: None)
     run_search(search, nominal, nominal, no_progress)
     assert search.ranked()[0] == SCALE
+
+
+def test_a_fit_of_what_the_user_asks_for_begins_where_its_file_says(
+    faster: tuple[Search, Point], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    empty, nominal = faster
+    begun = []
+    monkeypatch.setattr(strategy, "fit_set", lambda _search, ids, starts, *_: begun.append((ids, starts)))
+    monkeypatch.setattr(strategy, "_refit", lambda *_: None)
+    for begin in ((), (0.2, -0.1, 3.0)):
+        told = replace(empty.terms["mark-offset"], begin=begin)
+        search = replace(empty, terms={**empty.terms, "mark-offset": told}).anew(asked=frozenset({"mark-offset"}))
+        search.fits[NOTHING] = fit_model(search.problem, nominal, [], search.tolerance)
+        extend(search, NOTHING)
+    assert begun == [(frozenset({"mark-offset"}), {"mark-offset": (0.2, -0.1, 3.0)})]
 
 
 def test_what_the_user_asks_for_is_fitted_whatever_is_promised_of_it(

@@ -10,17 +10,18 @@ from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.likelihood.run_data import RunData
 from simulator.effects.catalogue import BUILT_IN, EFFECTS
+from simulator.effects.parameter import Size
 
 TERMS = named_terms(30.0, (10.0, 30.0))
 
 
-@pytest.mark.parametrize("effect", sorted(EFFECTS))
+@pytest.mark.parametrize("effect", sorted(TERMS))
 def test_every_effect_has_a_term_with_its_parameters(effect: str) -> None:
     told = TERMS[effect].physical(TERMS[effect].absent)
     assert sorted(told) == sorted(EFFECTS[effect].absent())
 
 
-@pytest.mark.parametrize("effect", [effect for effect in sorted(EFFECTS) if "factor" in EFFECTS[effect].absent()])
+@pytest.mark.parametrize("effect", [effect for effect in sorted(TERMS) if "factor" in EFFECTS[effect].absent()])
 def test_factors_are_one_where_nothing_is_changed(effect: str) -> None:
     assert TERMS[effect].physical(TERMS[effect].absent) == EFFECTS[effect].absent()
 
@@ -54,6 +55,8 @@ def test_effects_and_terms_of_the_plate_are_not_tried_where_runs_share_no_frame(
     left_out = set(TERMS) - set(named_terms(30.0, (10.0, 30.0), one_frame=False))
     assert left_out == {effect for effect in BUILT_IN if BUILT_IN[effect].of_plate}
     assert {"plate-tilt", "camera-tilt"} < left_out
+    of_ground = {effect for effect in BUILT_IN if BUILT_IN[effect].of_ground}
+    assert set(named_terms(30.0, (10.0, 30.0), size=Size(100.0, 1e4))) - set(TERMS) == of_ground == {"speed-limit"}
     free = free_terms(one_frame=False)
     assert "free:moment.one" in free
     assert "free:moment.cos_heading+moment.sin_heading" in set(free_terms()) - set(free)

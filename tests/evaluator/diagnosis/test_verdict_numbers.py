@@ -81,6 +81,18 @@ def test_a_free_term_that_pays_and_has_a_fifth_of_the_probability_casts_doubt(
     assert (shares > 0.2) == (answer == "unknown")
 
 
+@pytest.mark.parametrize("carries_over", [True, False])
+@pytest.mark.parametrize(("least_material", "asked"), [(-np.inf, False), (5.0, True)])
+def test_on_open_ground_a_free_term_casts_doubt_only_where_it_predicts_commands_left_out(
+    least_material: float, asked: bool, carries_over: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search, table = ranked(monkeypatch, {FREE | A: 40.0, A: 20.0, FREE: 9.0, NONE: 0.0})
+    monkeypatch.setattr(verdict, "_predicts", lambda *_: False)
+    monkeypatch.setattr(verdict, "_gain_left_out", lambda *_: (4.1 if carries_over else 3.9, 9.0))
+    found = decide(search, table, 95, A, least_material)
+    assert found[:2] == ((FREE | A, "unknown") if carries_over or not asked else (A, "effect"))
+
+
 @pytest.mark.parametrize(
     ("gain", "error", "better"), [(4.1, 2.0, True), (3.9, 0.1, False), (6.0, 3.1, False), (6.0, 2.9, True)]
 )

@@ -109,6 +109,8 @@ def test_equal_values_of_no_uncertainty_keep_a_finite_interval() -> None:
     pool = pooled(np.array([2.0, 2.0, 2.0, 2.0]), np.zeros(4))
     assert (pool.mean, pool.between) == (2.0, 0.0)
     assert pool.error == pytest.approx(1e-12, rel=1e-6, abs=0)  # of 2e-12, the least that counts, and four values
+    nought = pooled(np.zeros(4), np.zeros(4))  # a heading that no sample changes
+    assert (nought.mean, nought.between) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(("apart", "scatter"), [(0.999, False), (1.001, True)])

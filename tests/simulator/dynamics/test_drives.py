@@ -22,12 +22,17 @@ KNOTS = np.array(
     ]
 )
 NO_MIX = np.zeros(8)
+NO_LIMITS = np.full(3, 1e6)
 
 
 def model_of(
-    lag: float = 0.0, dead_band: float = 0.0, dead_time: float = 0.0, mix: np.ndarray = NO_MIX
+    lag: float = 0.0,
+    dead_band: float = 0.0,
+    dead_time: float = 0.0,
+    mix: np.ndarray = NO_MIX,
+    limits: np.ndarray = NO_LIMITS,
 ) -> SimpleNamespace:
-    return SimpleNamespace(lag=lag, dead_band=dead_band, dead_time=dead_time, mix=mix)
+    return SimpleNamespace(lag=lag, dead_band=dead_band, dead_time=dead_time, mix=mix, limits=limits)
 
 
 def driven(model: Any, begin: float, end: float, times: np.ndarray, knots: np.ndarray = KNOTS) -> np.ndarray:
@@ -89,6 +94,32 @@ def test_sides_that_mix_add_what_either_is_told_and_its_size() -> None:
     found = driven(model_of(mix=mix), 0.0, 2.0, np.array([1.0]), knots)[0]
     assert found[:2] == pytest.approx([10 + 1 - 4 + 3 - 1, -20 - 2 - 1 + 0 + 8])
     assert found[2:] == pytest.approx(PER_RPM * found[:2])
+
+
+@pytest.mark.parametrize(
+    ("limits", "told", "turned"),
+    [
+        ((20.0, 1e6, 1e6), (30.0, -10.0), (20.0, -10.0)),  # the left wheel alone
+        ((1e6, 5.0, 1e6), (30.0, -10.0), (25.0, -15.0)),  # 10 ± 20: the common part becomes 5
+        ((1e6, 1e6, 15.0), (30.0, -10.0), (25.0, -5.0)),  # half of the difference becomes 15
+        ((1e6, 1e6, 15.0), (-10.0, 30.0), (-5.0, 25.0)),
+        ((18.0, 5.0, 15.0), (-30.0, 10.0), (-18.0, 10.0)),  # -5 ∓ 15 is -20 and 10; the wheel then -18
+        ((40.0, 40.0, 40.0), (30.0, -10.0), (30.0, -10.0)),
+    ],
+)
+def test_limits_hold_what_is_common_then_the_difference_then_each_wheel(
+    limits: tuple[float, float, float], told: tuple[float, float], turned: tuple[float, float]
+) -> None:
+    knots = np.array([[0.0, *told]])
+    found = driven(model_of(limits=np.array(limits)), 0.0, 2.0, np.array([1.0]), knots)[0]
+    assert found[:2] == pytest.approx(turned)
+
+
+def test_a_drive_limits_what_it_has_mixed() -> None:
+    """Both sides 10 rpm, doubled by the mixing, are 20: beyond a limit of 15."""
+    mix, limits = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), np.array([15.0, 1e6, 1e6])
+    found = driven(model_of(mix=mix, limits=limits), 0.0, 2.0, np.array([1.0]), np.array([[0.0, 10.0, 10.0]]))[0]
+    assert found[:2] == pytest.approx([15.0, 15.0])
 
 
 def test_command_on_the_edge_of_the_dead_band_moves_and_below_it_does_not() -> None:

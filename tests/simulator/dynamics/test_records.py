@@ -93,6 +93,7 @@ def test_motors_turn_their_wheels_by_the_circumference_a_revolution() -> None:
     assert row["droop"][:2] == pytest.approx([per_rpm * 0.01 * 0.5] * 2)  # mm/s per rpm, rpm per µN·mm, mm
     assert [float(row[name]) for name in ("dead_band", "dead_time", "lag")] == [3.0, 0.2, 0.3]
     assert row["compliance"] == pytest.approx(2e-5)  # rad per µN
+    assert row["limits"].tolist() == [1e6] * 3  # none
     assert row["side"].tolist() == [0, 1, NO_COMMAND, NO_COMMAND]
     assert row["driving"].tolist() == [1, 1, 0, 0]
 
@@ -105,6 +106,7 @@ def test_lengths_of_a_robot_count_in_its_unit(factor: float, unit: float) -> Non
     robot = affected(robot.model_copy(update={"body": body}), "mass-offset", x_mm=0.6, y_mm=-0.4)
     draft = Draft(robot)
     draft.droop_rpm_per_uN_mm, draft.dead_band_rpm, draft.dead_time_s, draft.lag_s = 0.01, 3.0, 0.2, 0.3
+    draft.limits_rpm = (30.0, 20.0, 10.0)
     from simulator.dynamics.model import apply_effects
 
     apply_effects(draft, robot.effect)
@@ -122,6 +124,7 @@ def test_lengths_of_a_robot_count_in_its_unit(factor: float, unit: float) -> Non
     assert [float(row[name]) for name in ("dead_band", "dead_time", "lag")] == pytest.approx(
         [3.0 * unit, 0.2 / unit, 0.3 / unit]
     )
+    assert row["limits"] == pytest.approx([30.0 * unit, 20.0 * unit, 10.0 * unit])
 
 
 def test_compliant_axles_are_the_two_of_the_wheels_that_grip() -> None:
