@@ -122,9 +122,8 @@ def decide(
     free = [ids for ids in within if ids != named_of(ids) and gain(ids) > least_material]
     answers = [ids for ids in within if len(ids) == 1 or pays(search, table, families, ids)]
     likely = [ids for ids in answers if ids in free]
-    if (
-        least_material > -math.inf
-    ):  # open ground: what is left is the noise, so that odds alone say little: it must carry over, too
+    # on open ground what is left is the noise, so that odds alone say little: it must carry over, too
+    if least_material > -math.inf:
         likely = [ids for ids in likely if _gain_left_out(search, ids, named)[0] > BETTER_BY]
     doubted = bool(likely) and table.share_of(likely, answers) > DOUBT
     if doubted and pays(search, table, families, likely[0]):
