@@ -31,7 +31,7 @@ def report_html(analysis: Analysis) -> str:
     robot = load_robot(analysis.experiment.robot)
     diagnosis = known_diagnosis(analysis.experiment, analysis.outputs)
     provenance = json.loads(analysis.outputs.provenance.read_text(encoding="utf-8"))
-    right = [run for run in runs if run.id not in analysis.set_aside]
+    right = [run for run in runs if run.run not in analysis.set_aside]
     page = Page(
         kind="turning report",
         title=analysis.experiment.name,
@@ -52,7 +52,8 @@ def report_html(analysis: Analysis) -> str:
 
 def _facts(analysis: Analysis, runs: Sequence[RunView], robot: Robot) -> tuple[str, ...]:
     total = len(analysis.experiment.run)
-    count = counted(total, "run") if len(runs) == total else f"{len(runs)} of {counted(total, 'run')}"
+    shown = len({run.run for run in runs})  # a run with a command log has a view for each of its phases
+    count = counted(total, "run") if shown == total else f"{shown} of {counted(total, 'run')}"
     videos = sum(run.video is not None for run in analysis.experiment.run)
     poses = sum(run.poses is not None for run in analysis.experiment.run)
     given = "from poses" if poses == total else "from marks"

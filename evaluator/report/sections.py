@@ -46,7 +46,7 @@ def sections(
     runs: Sequence[RunView], robot: Robot, cameras: Sequence[Path], diagnosis: DiagnosisView | None, analysis: Analysis
 ) -> tuple[Section, ...]:
     """Every section these runs have something to say in."""
-    right = [run for run in runs if run.id not in analysis.set_aside]
+    right = [run for run in runs if run.run not in analysis.set_aside]
     turning = [run for run in right if run.turns]
     there = [
         *diagnosis_sections(diagnosis),
@@ -177,7 +177,7 @@ def _mark_sigma_um(run: RunView, mark: str) -> float:
 
 def _run_table(runs: Sequence[RunView], set_aside: AbstractSet[str]) -> Section:
     columns: dict[str, Callable[[RunView], str]] = {
-        "run": lambda run: f"{run.id} (set aside)" if run.id in set_aside else run.id,
+        "run": lambda run: f"{run.id} (set aside)" if run.run in set_aside else run.id,
         "left / right, rpm": lambda run: command_text(run.left_rpm, run.right_rpm),
         "radius, mm": lambda run: number(run.value("radius_mm"), 3) if run.turns else UNKNOWN,
         "95 %, mm": lambda run: (

@@ -39,7 +39,8 @@ def summary(
     sentences.insert(0, _scale(runs))
     if faults:
         named = ", ".join(list(faults)[:5]) + (", …" if len(faults) > 5 else "")
-        sentences.append(f"{len(faults)} of {len(faults) + len(runs)} runs gave no result ({named}); reasons below.")
+        total = len(faults) + len({run.run for run in runs})
+        sentences.append(f"{len(faults)} of {total} runs gave no result ({named}); reasons below.")
     return [sentence for sentence in sentences if sentence]
 
 

@@ -80,3 +80,30 @@ def test_a_run_that_is_not_what_the_file_says_is_named_first_and_in_no_compariso
     assert summary is not None
     assert summary[1].startswith("r2: turns as if left and right were exchanged")
     assert summary[2].endswith("left out of every result that follows: r2.")
+
+
+def test_phases_of_a_run_that_is_set_aside_are_in_no_result_and_count_as_one_run(tmp_path: Path) -> None:
+    robot, times = load_robot("barrel"), [frame / 60 for frame in range(300)]
+    noise = np.random.default_rng(3)
+
+    def marks(command: Command) -> pd.DataFrame:
+        table = marks_of_run(robot, simulate(robot, command, times))
+        table.iloc[:, 1:5] += noise.normal(0, 0.002, (len(table), 4))
+        return table
+
+    commands = [(33.3, 14.4), (14.4, 33.3), (33.0, 22.0), (30.0, 30.0)]
+    runs = [(f"r{k}", left, right, marks(Command.constant(left, right))) for k, (left, right) in enumerate(commands)]
+    runs[2] = ("r2", 33.0, 5.0, marks(Command.steps([(0.0, 33.0, 5.0), (2.5, 33.0, 8.0)])))
+    path = write_experiment(tmp_path, runs)
+    swapped = "time_s,left_rpm,right_rpm\n0.0,5.0,33.0\n2.5,8.0,33.0\n"  # whoever wrote the log exchanged its sides
+    (tmp_path / "r2_commands.csv").write_text(swapped, encoding="utf-8")
+    text = path.read_text(encoding="utf-8").replace("left_rpm = 33.0\nright_rpm = 5.0", 'commands = "r2_commands.csv"')
+    path.write_text(text, encoding="utf-8")
+    found = analyze(path, tmp_path / "out", simulate=True, workers=1)
+    assert (found.set_aside, len(found.turning)) == ({"r2"}, 5)
+    page = report_html(found)
+    summary = re.search(r'<ul class="summary">(.*?)</ul>', page, re.DOTALL)
+    assert summary is not None
+    assert "r2 (" not in summary[1]  # though it turns tightest by far
+    assert "r2 (1) (set aside)" in page
+    assert re.search(r"\b4 runs, from marks", page)
