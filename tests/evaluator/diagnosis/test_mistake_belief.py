@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -57,10 +58,10 @@ def test_of_mistakes_that_fit_alike_the_usual_one_is_told() -> None:
 def test_logs_that_are_late_in_most_runs_are_a_lag_and_none_of_them_is_told(
     late: int, told: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    data = [driven(number) for number in range(4)]
+    data = [replace(driven(number), log=cast("Any", "of commands")) for number in range(4)]
     judgements = [
         Judgement(
-            [Alternative(None, run), Alternative("late-start", run, "follows its log late")],
+            [Alternative(None, run), Alternative("late-start", run, "follows its log late", later_s=0.3)],
             np.array([9.0, 0.1 if number < late else 8.0]),
             10.0,
             ((10.0, 30.0 + number),),
