@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +17,8 @@ from evaluator.diagnosis.mistakes.hypotheses import (
     _usual_kinds,
     misread_runs,
 )
+from evaluator.interchange.commands import Told
+from simulator.command import Command
 from tests.evaluator.diagnosis.straight_session import ROBOT, driven, kinds
 
 RUN = driven(0)
@@ -58,11 +60,12 @@ def test_of_mistakes_that_fit_alike_the_usual_one_is_told() -> None:
 def test_logs_that_are_late_in_most_runs_are_a_lag_and_none_of_them_is_told(
     late: int, told: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    data = [replace(driven(number), log=cast("Any", "of commands")) for number in range(4)]
+    log = Told(Command.steps([(0.0, 30.0, 20.0)]), logged=True)
+    data = [replace(driven(number), log=log) for number in range(4)]
     judgements = [
         Judgement(
             [Alternative(None, run), Alternative("late-start", run, "follows its log late", later_s=0.3)],
-            np.array([9.0, 0.1 if number < late else 8.0]),
+            np.array([9.0, 0.1 if number < late else 9.5]),
             10.0,
             ((10.0, 30.0 + number),),
         )
