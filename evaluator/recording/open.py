@@ -43,7 +43,7 @@ def open_recording(
     if has_no_clock(place):
         if rate is None:
             kind = "a folder" if place.is_dir() else "a stack"
-            raise InputError(f"{name}: {kind} of images has no clock: say its rate (frames a second)")
+            raise InputError(f"{name}: {kind} of images has no clock: say its rate (--rate, or rate_hz of a run)")
         return ImageSequence(place, rate)
     if place.is_char_device():
         return opened(name, live=True, format_name="v4l2")

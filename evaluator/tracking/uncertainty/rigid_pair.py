@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 BEYOND = 4.5
 NEAR = 10  # frames that a mark's course is taken from: a cubic through them follows all but starts and stops
 CLEARLY = 2.0  # a mark this much farther off its course than its partner is the wrong one
+FEWEST = 2 * LEAST  # frames: the surface's ten unknowns leave four fifths of their freedom
 CLIPPED = 4.0  # robust sigmas beyond which a distance does not shape the surface
 
 
@@ -36,7 +37,7 @@ class Distance:
         self.along = apart / np.maximum(distance, 1e-9)[:, None]
         self.freedom = 1.0
         seen = np.isfinite(distance)
-        if seen.sum() < 4 * LEAST:
+        if seen.sum() < FEWEST:
             return
         surface = _smooth((first_px[seen] + second_px[seen]) / 2, np.arctan2(apart[seen, 1], apart[seen, 0]))
         measured = distance[seen]

@@ -25,7 +25,7 @@ from evaluator.tracking.detection.selection import (
     Candidate,
     _log_odds,
     _own_score,
-    _pair_score,
+    _pair_scores,
     _same_place,
     alike,
     choose,
@@ -67,7 +67,7 @@ def of_pair(settings: TrackingSettings, other: Candidate, names: tuple[str, str]
     """Score of GREEN and another blob as the marks of these names, over their scores alone."""
     first, second = replace(GREEN, mark=names[0]), replace(other, mark=names[1])
     alone = [_own_score(one, settings.mark[one.mark], 80.0) for one in (first, second)]
-    return _pair_score(first, second, settings, 80.0) - sum(alone)
+    return float(_pair_scores([first], [second], settings, 80.0)[0, 0]) - sum(alone)
 
 
 def test_a_pair_loses_by_unequal_sizes_and_by_a_distance_that_is_not_that_of_the_robot() -> None:

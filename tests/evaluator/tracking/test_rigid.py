@@ -28,6 +28,14 @@ def test_perspective_and_slant_are_no_wrong_distance() -> None:
     assert not np.any(wrong_ends(np.arange(300) / 60, (one, other)))
 
 
+def test_two_seconds_of_a_recording_show_by_the_distance_what_the_stated_uncertainty_lacks() -> None:
+    one, other = measured(60)
+    distance = Distance(one[:, :2], other[:, :2])
+    stated = distance.variance(one[:, 2:], other[:, 2:])
+    assert 0.6 < distance.ratio(stated) < 1.5
+    assert 2.4 < distance.ratio(stated / 4.0) < 6.0
+
+
 @pytest.mark.parametrize("culprit", [0, 1])
 def test_of_two_marks_at_a_wrong_distance_the_one_off_its_course_is_wrong(culprit: int) -> None:
     marks = measured()

@@ -130,11 +130,11 @@ def test_distance_has_the_variance_of_both_marks_along_their_line() -> None:
     assert distance.variance(skew, skew) == pytest.approx(np.full(200, 2 * expected))
 
 
-def test_ratio_is_the_square_of_noise_over_what_is_stated_and_unknown_of_fewer_than_96_frames() -> None:
+def test_ratio_is_the_square_of_noise_over_what_is_stated_and_unknown_of_fewer_than_48_frames() -> None:
     one, other = pair(3000, 0.03)
     distance = Distance(one[:, :2], other[:, :2])
     assert distance.ratio(distance.variance(one[:, 2:], other[:, 2:])) == pytest.approx(9.0, rel=0.1)
-    for frames, told in ((95, False), (96, True)):
+    for frames, told in ((47, False), (48, True)):
         one, other = pair(frames, 0.03)
         distance = Distance(one[:, :2], other[:, :2])
         assert np.isfinite(distance.ratio(distance.variance(one[:, 2:], other[:, 2:]))) == told
