@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from evaluator.errors import InputError
 from evaluator.recording import parallel
 from evaluator.recording.groups import LONGEST, Groups
 from evaluator.recording.parallel import THREADED, _ahead, _dealt, _handed_out, decoders_for, groups_for, threads_for
@@ -189,3 +190,32 @@ def test_a_stream_that_is_live_is_decoded_at_once_and_by_slices() -> None:
         first, images = live._under_way(container, opened)
     assert (first, list(images)) == ([], [])
     assert (video.thread_type, video.codec_context.thread_count) == ("SLICE", 3)
+
+
+def finished(count: int, standing: int, promised: int) -> list[str]:
+    """Notes of a recording after so many frames, others whose times stand, and those that its container promised."""
+    played = Played()
+    played.name, played._standing, played.expected_frames = "a.mp4", standing, promised
+    played._finish(count)
+    return played.notes
+
+
+def test_frames_that_are_missing_are_those_that_were_neither_given_nor_left_out() -> None:
+    assert finished(8, 0, 8) == finished(8, 0, 0) == []
+    assert finished(7, 0, 8) == ["the file promises 8 frames but only 7 could be decoded"]
+    assert finished(6, 2, 8) == ["2 frames are left out: their times are not after those before them"]
+    assert len(finished(6, 1, 8)) == 2
+
+
+@pytest.mark.parametrize(("standing", "refused"), [(4, False), (5, True)])
+def test_a_recording_most_of_whose_times_stand_is_refused(standing: int, *, refused: bool) -> None:
+    if refused:
+        with pytest.raises(InputError, match="stand still or run backwards in 5 of 9 frames"):
+            finished(4, standing, 0)
+    else:
+        assert len(finished(4, standing, 0)) == 1
+
+
+def test_a_recording_without_a_frame_is_refused() -> None:
+    with pytest.raises(InputError, match="not a single frame can be decoded"):
+        finished(0, 0, 8)

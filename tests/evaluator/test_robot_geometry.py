@@ -52,3 +52,17 @@ def test_a_tracker_looks_for_marks_as_far_apart_in_diameters_as_the_robot_says()
 
 def test_the_reference_line_runs_from_the_second_mark_to_the_first() -> None:
     np.testing.assert_allclose(reference_line(load_robot("barrel")), [0.0, 3.66])  # from yellow to green
+
+
+def test_the_wheel_of_a_robot_is_the_mean_of_those_that_drive(tmp_path: Path) -> None:
+    wheels = [("left", 0.0, 20.0, 10.0), ("right", 0.0, -20.0, 12.0), ("none", -30.0, 0.0, 4.0)]
+    lines = ["format = 1", 'name = "cart"', "[body]", "length_mm = 80.0", "width_mm = 50.0"]
+    for side, x, y, radius in wheels:
+        lines += ["[[wheel]]", f'name = "{side}"', f"x_mm = {x}", f"y_mm = {y}", f"radius_mm = {radius}"]
+        lines.append(f'driven_by = "{side}"')
+    lines += ["[marks]", "green_mm = [1.0, 2.0]", "yellow_mm = [1.0, -2.0]", "diameter_mm = 1.0", "height_mm = 30.0"]
+    path = tmp_path / "robot.toml"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    shape = read_geometry(path).shape
+    assert shape is not None
+    assert shape.wheel_radius_mm == 11.0

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from simulator.observation import view_of
+from simulator.observation import marks_of_run, view_of
 from simulator.robot import Robot, load_robot
 from tests.simulator.effect_probe import affected, marks
 
@@ -83,3 +85,11 @@ def test_full_perspective_is_a_homography(barrel: Robot) -> None:
 
 def test_time_base_multiplies_measured_times(barrel: Robot) -> None:
     assert view_of(affected(barrel, "time-base", factor=1.02)).time_factor == pytest.approx(1.02)
+
+
+def test_measured_times_are_the_factor_times_the_true_ones_and_places_stay(barrel: Robot) -> None:
+    times = np.array([0.0, 0.5, 2.0])
+    still: Any = SimpleNamespace(time_s=times, x_mm=np.zeros(3), y_mm=np.zeros(3), heading_rad=np.zeros(3))
+    seen = marks_of_run(affected(barrel, "time-base", factor=1.25), still)
+    assert seen["time_s"].tolist() == [0.0, 0.625, 2.5]
+    assert seen["green_x_mm"].tolist() == pytest.approx([GREEN[0]] * 3)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -81,3 +83,32 @@ def test_gazebo_gets_the_creep_of_the_turn_and_all_of_the_mass() -> None:
     speeds = [float(item.text or "") for item in root.iter("initial_velocity")]
     assert speeds == pytest.approx([2 * np.pi, np.pi] * 2)
     assert any("Gazebo" in sentence for sentence in losses(robot, 60.0, 30.0, "sdf"))
+
+
+def test_gazebo_pulls_down_and_has_the_inertia_of_the_robot_in_si_units() -> None:
+    robot = load_robot("barrel")
+    root = ET.fromstring(sdf(robot, 33.3, 14.4))  # noqa: S314  # written here
+    assert [float(v) for v in (root.findtext("world/gravity") or "").split()] == pytest.approx([0, 0, -9.8], abs=0.01)
+    pulls = [[float(v) for v in (item.text or "").split()] for item in root.iter("force")]
+    assert pulls == [[0, 0, pytest.approx(-wheel.attraction_mN / 1e3)] for wheel in robot.all_wheels]
+    inertia = root.find("world/model[@name='robot']/link[@name='chassis']/inertial/inertia")
+    assert inertia is not None
+    tilting, yaw = (float(inertia.findtext(name) or "") for name in ("ixx", "izz"))
+    assert yaw == pytest.approx(robot.yaw_inertia_g_mm2 * 1e-9)  # g·mm² in kg·m²
+    body = robot.body
+    box = body.mass_g * (max(body.length_mm, body.width_mm) ** 2 + body.height_mm**2) / 12 * 1e-9
+    assert tilting == pytest.approx(box)
+
+
+def test_mujoco_has_the_inertia_about_the_vertical_last() -> None:
+    robot = load_robot("barrel")
+    root = ET.fromstring(mjcf(robot, 33.3, 14.4))  # noqa: S314  # written here
+    inertia = next(root.iter("inertial")).get("diaginertia", "")
+    assert float(inertia.split()[2]) == pytest.approx(robot.yaw_inertia_g_mm2)  # in g and mm
+    assert inertia.split()[0] == inertia.split()[1] != inertia.split()[2]
+
+
+@pytest.mark.parametrize(("length", "small"), [(99.0, True), (101.0, False)])
+def test_a_robot_below_ten_centimetres_is_said_to_be_small_for_gazebo(length: float, *, small: bool) -> None:
+    robot: Any = SimpleNamespace(all_wheels=(), extent_mm=(length, 20.0))
+    assert any("for a robot this small" in sentence for sentence in losses(robot, 33.3, 14.4, "sdf")) == small

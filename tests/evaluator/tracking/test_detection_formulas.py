@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 from math import exp, log
 from types import SimpleNamespace
 from typing import Any
@@ -10,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evaluator.recording import Frame
+from evaluator.tracking.detection import color_map as color_map_module
 from evaluator.tracking.detection.color_kernels import (
     AREA,
     CENTER_X,
@@ -242,3 +245,32 @@ def test_blobs_are_what_hangs_together_also_by_corners_with_place_size_and_wheth
     assert square.center_px == pytest.approx((0.5 + 2 * 13.0, 0.5 + 2 * 1.0))
     assert square.elongation == pytest.approx(1.0)
     assert (square.chroma, square.chroma_uv) == (60.0, (61.0, 62.0))
+
+
+USUAL = np.array([8.0] * 6 + [10.0] * 2 + [12.0] * 6 + [60.0])  # median 10, median deviation 2
+
+
+@pytest.mark.parametrize(
+    ("chroma", "floor", "motley"),
+    [
+        (USUAL, 10 + 6 * 1.4826 * 2, False),  # six robust sigmas above the middle
+        (4 * USUAL, 56.0, True),  # what is coloured all over leaves stickers
+        (0 * USUAL, 14.0, False),
+    ],
+)
+def test_the_least_chroma_is_above_what_noise_and_tints_of_a_frame_reach(
+    chroma: np.ndarray, floor: float, *, motley: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fill(*given: Any) -> None:
+        given[-1].flat[:] = chroma
+
+    monkeypatch.setattr(color_map_module.color_kernels, "chroma_plane", fill)
+    grey = np.full((3, 5), 128, np.uint8)
+    frame = Frame(
+        0, 0, Fraction(1, 60), np.full((6, 10), 99, np.uint8), grey, grey, 8, full_range=True, matrix="bt601",
+        row_origin=1, row_step=2, kind="", repeated=False, owner=None,
+    )  # fmt: skip
+    found = color_map_module.color_map(frame, np.ones((3, 5), bool))
+    assert (found.floor, found.motley) == (pytest.approx(floor), motley)
+    assert found.colorful.tolist() == np.flatnonzero(chroma > floor).tolist()
+    assert (found.cell_px, found.origin_px) == ((2.0, 4.0), (0.5, 2.0))  # of a field, whose rows are two apart
