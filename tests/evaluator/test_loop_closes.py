@@ -26,6 +26,7 @@ SIZES: dict[str, dict[str, float]] = {
     "command-lag": {"dead_time_s": 0.1, "time_constant_s": 0.15},
     "speed-ripple": {"amplitude": 0.08, "phase_deg": 40.0},
     "dead-band": {"rpm": 20.0},
+    "sliding-friction": {"share": 0.6},
     "speed-limit": {"wheel_rpm": 25.0, "ahead_rpm": 22.0, "turn_rpm": 5.0},
     "speed-drift": {"per_run": 0.01},
     "magnet-imbalance": {"left_over_right": 1.4},
