@@ -36,6 +36,7 @@ from simulator.dynamics.wheel import (
     STEEP_Y,
     SURFACE,
     drooping_speed,
+    law,
     wheel_response,
 )
 from simulator.slip.law import slip_ratio, wheel_force
@@ -136,6 +137,8 @@ def _touch_all(u: float, v: float, r: float, drive: Any, place: Any, rest: float
 @compiled(forceinline=True, fastmath=VECTORS)
 def friction(u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> Triple:
     """Force forward, to the left, and moment of all wheels."""
+    if model.sliding > 0.0:
+        return _sliding_friction(u, v, r, contacts, rest, model)
     along, across, moment = 0.0, 0.0, 0.0
     for wheel in range(len(model.wheel_x)):
         x, y = model.wheel_x[wheel], model.wheel_y[wheel]
@@ -156,6 +159,23 @@ def friction(u: float, v: float, r: float, contacts: Any, rest: float, model: An
             model.decrease[wheel],
             rest,
         )
+        f_x += contacts[DRAG_FORCE, wheel]
+        force_x, force_y = cos * f_x - sin * f_y, sin * f_x + cos * f_y
+        along += force_x
+        across += force_y
+        moment += x * force_y - y * force_x
+    return along, across, moment
+
+
+@compiled()
+def _sliding_friction(u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> Triple:
+    """As friction, where a share of it opposes the sliding of each wheel."""
+    along, across, moment = 0.0, 0.0, 0.0
+    for wheel in range(len(model.wheel_x)):
+        x, y = model.wheel_x[wheel], model.wheel_y[wheel]
+        body_u, body_v = u - r * y, v + r * x
+        cos, sin = contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel]
+        f_x, f_y = law(cos * body_u + sin * body_v, cos * body_v - sin * body_u, wheel, contacts, rest, model)
         f_x += contacts[DRAG_FORCE, wheel]
         force_x, force_y = cos * f_x - sin * f_y, sin * f_x + cos * f_y
         along += force_x

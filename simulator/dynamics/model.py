@@ -167,6 +167,7 @@ def _numbers_of_motors(draft: Draft, unit: float) -> dict[str, Sequence[float]]:
         "lag": (draft.lag_s / unit,),
         "compliance": (draft.compliance_rad_per_mN / UN_PER_MN,),
         "mix": draft.mix.ravel().tolist(),
+        "sliding": (draft.sliding_share,),
         "limits": [limit * unit for limit in draft.limits_rpm],
     }
 

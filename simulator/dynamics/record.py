@@ -39,6 +39,7 @@ NUMBERS: dict[str, int | str] = {
     "lag": 1,
     "compliance": 1,  # rad per µN
     "mix": 8,  # added to the left, then to the right command, per rpm of left, right and their sizes
+    "sliding": 1,  # share of friction that opposes the velocity at which a wheel slides
     "limits": 3,  # rpm, of each wheel, of what both sides have in common, and of half of their difference
 }
 # Numbers of the slip law of one wheel, in the order above.

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from simulator.compilation import compiled
-from simulator.slip.law import wheel_slopes
+from simulator.slip.law import sliding_slopes, wheel_slopes
 from simulator.slip.magic_formula import VECTORS
 
 SURFACE, COS_STEER, SIN_STEER, GRIP_X, GRIP_Y, STEEP_X, STEEP_Y, DRAG_FORCE, DROOP, GIVEN, ROWS = range(11)
@@ -37,6 +37,8 @@ def reset_contacts(contacts: Any) -> None:
 @compiled(forceinline=True, fastmath=VECTORS)
 def law_slopes(u: float, v: float, surface: float, wheel: int, scaled: Any, rest: float, model: Any) -> Any:
     """Friction along and across one wheel, then its derivatives; see simulator.slip.law.wheel_slopes."""
+    if model.sliding > 0.0:
+        return _sliding_law(u, v, surface, wheel, scaled, rest, model)
     return wheel_slopes(
         u,
         v,
@@ -51,6 +53,27 @@ def law_slopes(u: float, v: float, surface: float, wheel: int, scaled: Any, rest
         model.shape_y[wheel],
         model.decrease[wheel],
         rest,
+    )
+
+
+@compiled()
+def _sliding_law(u: float, v: float, surface: float, wheel: int, scaled: Any, rest: float, model: Any) -> Any:
+    """As law_slopes, of a mean of both laws: the share model.sliding is of friction that opposes the sliding."""
+    numbers = (
+        *(model.driving[wheel], model.grip_x[wheel] * scaled[0], model.grip_y[wheel] * scaled[1]),
+        *(model.steep_x[wheel] * scaled[2], model.steep_y[wheel] * scaled[3], model.ratio[wheel]),
+        *(model.shape_x[wheel], model.shape_y[wheel], model.decrease[wheel], rest),
+    )
+    one, other, share = wheel_slopes(u, v, surface, *numbers), sliding_slopes(u, v, surface, *numbers), model.sliding
+    return (
+        one[0] + share * (other[0] - one[0]),
+        one[1] + share * (other[1] - one[1]),
+        one[2] + share * (other[2] - one[2]),
+        one[3] + share * (other[3] - one[3]),
+        one[4] + share * (other[4] - one[4]),
+        one[5] + share * (other[5] - one[5]),
+        one[6] + share * (other[6] - one[6]),
+        one[7] + share * (other[7] - one[7]),
     )
 
 

@@ -40,6 +40,7 @@ class Draft:
     lag_s: float = 0.0
     droop_rpm_per_uN_mm: float = 0.0
     compliance_rad_per_mN: float = 0.0
+    sliding_share: float = 0.0
     terms: list[Term] = field(default_factory=list)
     last: list[Callable[[Draft], None]] = field(default_factory=list)
     mix: Array = field(default_factory=lambda: np.zeros((2, 4)))

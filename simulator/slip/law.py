@@ -99,6 +99,54 @@ def wheel_slopes(
     )
 
 
+@compiled(fastmath=VECTORS)
+def sliding_slopes(
+    u: float,
+    v: float,
+    surface_speed: float,
+    driving: float,
+    grip_x: float,
+    grip_y: float,
+    steep_x: float,
+    steep_y: float,
+    ratio: float,
+    shape_x: float,
+    shape_y: float,
+    decrease: float,
+    rest_speed: float,
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """Forces and derivatives as wheel_slopes has them, of friction that opposes the velocity at which a wheel slides.
+
+    Both slips are over one speed, the larger of the wheel's centre and of its surface: (u - r·phi', v) over it. Of a
+    wheel that rolls freely, and where the wheel hardly slides aside, this is the law of wheel_slopes. Where it does, in
+    a turn on the spot, that law has its slip angle from the wheel's centre however fast the wheel turns.
+    Source: theoretical slip, Pacejka (2012), Tire and Vehicle Dynamics, section 4.2.
+    """
+    speed = math.sqrt(u * u + v * v + rest_speed * rest_speed)
+    turning = driving * abs(surface_speed)
+    rolls = speed >= turning
+    per_speed = 1.0 / max(speed, turning)
+    scale = driving * ratio * per_speed
+    slide, aside = scale * (u - surface_speed), v * per_speed
+    by_u, by_v = (u * per_speed * per_speed, v * per_speed * per_speed) if rolls else (0.0, 0.0)
+    by_w = 0.0 if rolls else (per_speed if surface_speed > 0.0 else -per_speed)
+    slide_u, slide_v, slide_w = scale - slide * by_u, -slide * by_v, -scale - slide * by_w
+    side_u, side_v, side_w = -aside * by_u, per_speed - aside * by_v, -aside * by_w
+    sigma = math.sqrt(aside * aside + slide * slide + LEAST_SQUARE)
+    per_sigma = 1.0 / sigma
+    gain_u = (aside * side_u + slide * slide_u) * per_sigma
+    gain_v = (aside * side_v + slide * slide_v) * per_sigma
+    gain_w = (aside * side_w + slide * slide_w) * per_sigma
+    pull, pull_by = _secant(sigma, per_sigma, grip_x, steep_x, shape_x, decrease)
+    push, push_by = _secant(sigma, per_sigma, grip_y, steep_y, shape_y, decrease)
+    return (
+        *(-slide * pull, -aside * push),
+        *(-slide_u * pull - slide * pull_by * gain_u, -slide_v * pull - slide * pull_by * gain_v),
+        *(-side_u * push - aside * push_by * gain_u, -side_v * push - aside * push_by * gain_v),
+        *(-slide_w * pull - slide * pull_by * gain_w, -side_w * push - aside * push_by * gain_w),
+    )
+
+
 @compiled(forceinline=True, fastmath=VECTORS)
 def _secant(
     sigma: float, per_sigma: float, grip: float, steep: float, shape: float, decrease: float

@@ -28,6 +28,7 @@ CONTRACT = {
     "motor-droop": "rpm_per_uN_mm",
     "command-lag": "dead_time_s time_constant_s",
     "speed-limit": "wheel_rpm ahead_rpm turn_rpm",
+    "sliding-friction": "share",
     "speed-ripple": "amplitude phase_deg",
     "dead-band": "rpm",
     "speed-drift": "per_run",

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from evaluator.cli.group import turnscope
 from simulator.command import Command
+from simulator.effects.entry import EffectEntry
 from simulator.robot import load_robot
 from simulator.simulation import simulate
 from simulator.steady import steady_map, steady_turn, steady_turns
@@ -71,3 +72,16 @@ def test_the_command_writes_every_speed_and_ratio_with_the_radius_of_its_turn(tm
     row = table.iloc[6]
     assert row["radius_mm"] == pytest.approx(turn.radius_mm, rel=1e-6)
     assert row["speed_mm_s"] == pytest.approx(turn.speed_mm_s, rel=1e-6)
+
+
+def test_a_turn_on_the_spot_is_stable_where_friction_opposes_sliding_and_as_wide_as_coulomb_says() -> None:
+    """Of alike friction along and across: track²/(track² + wheelbase²) of the yaw rate without slip, on paper."""
+    robot = load_robot(Path(__file__).parents[1] / "driven_robot" / "husky.toml")
+    sliding = EffectEntry.model_validate({"id": "sliding-friction", "share": 1.0})
+    turns = [steady_turns(robot.model_copy(update={"effect": own}), -48.0, 48.0) for own in ((), (sliding,))]
+    assert [turn.stable for turn in turns[0]].count(True) == 2  # forward or backward, as the slip angle has it
+    (spot,) = turns[1]
+    assert spot.stable
+    assert spot.u_mm_s == pytest.approx(0.0, abs=1e-3)
+    ideal = 2 * 48.0 * np.pi / 30 * 0.165 / 0.555
+    assert spot.yaw_rate_rad_s / ideal == pytest.approx(0.555**2 / (0.555**2 + 0.512**2), rel=0.01)

@@ -56,7 +56,11 @@ def test_effects_and_terms_of_the_plate_are_not_tried_where_runs_share_no_frame(
     assert left_out == {effect for effect in BUILT_IN if BUILT_IN[effect].of_plate}
     assert {"plate-tilt", "camera-tilt"} < left_out
     of_ground = {effect for effect in BUILT_IN if BUILT_IN[effect].of_ground}
-    assert set(named_terms(30.0, (10.0, 30.0), size=Size(100.0, 1e4))) - set(TERMS) == of_ground == {"speed-limit"}
+    assert (
+        set(named_terms(30.0, (10.0, 30.0), size=Size(100.0, 1e4))) - set(TERMS)
+        == of_ground
+        == {"speed-limit", "sliding-friction"}
+    )
     free = free_terms(one_frame=False)
     assert "free:moment.one" in free
     assert "free:moment.cos_heading+moment.sin_heading" in set(free_terms()) - set(free)

@@ -94,6 +94,7 @@ def test_motors_turn_their_wheels_by_the_circumference_a_revolution() -> None:
     assert [float(row[name]) for name in ("dead_band", "dead_time", "lag")] == [3.0, 0.2, 0.3]
     assert row["compliance"] == pytest.approx(2e-5)  # rad per µN
     assert row["limits"].tolist() == [1e6] * 3  # none
+    assert row["sliding"] == 0.0
     assert row["side"].tolist() == [0, 1, NO_COMMAND, NO_COMMAND]
     assert row["driving"].tolist() == [1, 1, 0, 0]
 

@@ -159,3 +159,35 @@ def test_rest_is_rounded_far_below_the_slowest_wheel_in_use() -> None:
     slip = plain("law").slip_ratio(slowest, 0.5 * slowest, REST_SPEED_MM_S)
     assert slip == pytest.approx(0.5, abs=1e-6)
     assert pytest.approx(slowest / 1571, rel=1e-3) == REST_SPEED_MM_S
+
+
+@pytest.mark.parametrize("driving", [1.0, 0.0])
+@pytest.mark.parametrize(
+    ("u", "v", "surface"),
+    [(2.0, 0.5, 1.0), (1.3, 0.5, 2.0), (0.7, -0.5, -2.0), (-2.0, 0.4, -1.0), (-1.3, -0.4, -3.0), (0.3, 2.0, 0.1)],
+)
+def test_slopes_of_sliding_friction_are_its_derivatives(u: float, v: float, surface: float, driving: float) -> None:
+    law = plain("law")
+
+    def at(u: float, v: float, surface: float) -> np.ndarray:
+        return np.array(law.sliding_slopes(u, v, surface, driving, *LAW, REST))
+
+    step, found = 1e-6, at(u, v, surface)
+    by = [
+        (at(u + step * a, v + step * b, surface + step * c) - at(u - step * a, v - step * b, surface - step * c))[:2]
+        / (2 * step)
+        for a, b, c in np.eye(3)
+    ]
+    derivatives = np.array([by[0][0], by[1][0], by[0][1], by[1][1], by[2][0], by[2][1]])
+    assert found[2:] == pytest.approx(derivatives, rel=1e-5, abs=1e-6 * np.abs(derivatives).max())
+
+
+def test_friction_of_a_spinning_wheel_that_moves_aside_opposes_its_sliding() -> None:
+    """Isotropic: along (u - r·phi', v). The law of slip angles pushes such a wheel aside alone."""
+    law, same = plain("law"), (0.4, 0.4, 5.0, 5.0, 1.0, 1.0, 1.0, 0.0)
+    f_x, f_y = law.sliding_slopes(0.0, 0.6, 1.0, 1.0, *same, REST)[:2]
+    assert f_x / f_y == pytest.approx(-1.0 / 0.6)
+    assert f_x > 0
+    assert abs(law.wheel_slopes(0.0, 0.6, 1.0, 1.0, *same, REST)[0]) < 1e-3
+    rolling = [at(1.0, 0.3, 1.0, 0.0, *same, REST)[:2] for at in (law.sliding_slopes, law.wheel_slopes)]
+    assert rolling[0] == pytest.approx(rolling[1])
