@@ -83,11 +83,12 @@ def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found
 
 def _late_alike(judgements: Sequence[Judgement]) -> set[str]:
     """The runs that fit their logs best when these are later, where most runs with a log do so by about as much."""
-    best = {
-        item.ways[0].run.id: item.ways[int(np.nanargmin(item.misfits_mm))].later_s
-        for item in judgements
-        if item.ways[0].run.log is not None and np.isfinite(item.misfits_mm).any()
-    }
+    best = {}
+    for item in judgements:
+        if item.ways[0].run.log is not None and np.isfinite(item.misfits_mm[0]):
+            way = int(np.nanargmin(item.misfits_mm))
+            better = item.misfits_mm[0] > ALIKE * item.misfits_mm[way]
+            best[item.ways[0].run.id] = item.ways[way].later_s if better else 0.0
     common = float(np.median(list(best.values()))) if best else 0.0
     alike = {run for run, later in best.items() if later and abs(later - common) < NEAR_S}
     return alike if len(alike) > max(len(best) / 2, 2) else set()
