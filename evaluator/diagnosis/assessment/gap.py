@@ -66,9 +66,9 @@ def grown_gap(gap: Gap, held_out: Sequence[int] = ()) -> str:
     Refitted, the RMS over all runs must shrink: the fit had the freedom to. Of runs held out it had not, so that there
     it must not grow by what would be relevant: an effect that is there follows them to the noise, and what was only
     bent to the runs fitted does not. Predicted, an error of the start heading grows with the way, is the same before
-    and after, and may rule the RMS over runs. So what is asked is the typical run: of the runs whose gap changes by
-    more than half the noise floor, no more may grow than chance allows if growing and shrinking were as likely (sign
-    test).
+    and after, and may rule the RMS over runs. So what is asked is the typical run, of all and of those held out: of the
+    runs whose gap changes by more than half the noise floor, no more may grow than chance allows if growing and
+    shrinking were as likely (sign test).
     """
     if reason := not_shrunk(gap):
         return reason
@@ -76,12 +76,14 @@ def grown_gap(gap: Gap, held_out: Sequence[int] = ()) -> str:
     if after > before + CHANGED_FLOORS * floor:
         return f"with it the gap of the runs held out grows ({before:.3g} to {after:.3g} mm)"
     change = gap.predicted_after_mm - gap.predicted_before_mm
-    change = change[np.abs(change) > CHANGED_FLOORS * gap.floor_mm]  # not a number, not simulated, is no change
-    larger = int(np.count_nonzero(change > 0))
-    if larger and stats.binomtest(larger, len(change), 0.5, alternative="greater").pvalue < GROWN:
-        return (
-            f"the gap predicted from the start pose alone grows in {larger} of {len(change)} runs in which it changes"
-        )
+    changes = np.abs(change) > CHANGED_FLOORS * gap.floor_mm  # not a number, not simulated, is no change
+    aside = np.isin(np.arange(len(change)), held_out)
+    for asked, what in ((changes, "runs"), (changes & aside, "held-out runs")):
+        larger, count = int(np.count_nonzero(change[asked] > 0)), int(asked.sum())
+        if larger and stats.binomtest(larger, count, 0.5, alternative="greater").pvalue < GROWN:
+            return (
+                f"the gap predicted from the start pose alone grows in {larger} of {count} {what} in which it changes"
+            )
     return ""
 
 

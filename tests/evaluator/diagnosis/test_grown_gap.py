@@ -33,6 +33,14 @@ def test_a_predicted_gap_may_grow_in_no_more_runs_than_chance_allows(grown: int,
     assert (f"grows in {grown} of {RUNS} runs" in grown_gap(gap(0.01, grown=grown))) == speaks
 
 
+@pytest.mark.parametrize(("held_out", "speaks"), [(6, True), (5, False), (0, False)])
+def test_a_predicted_gap_may_not_grow_in_the_runs_held_out_though_it_shrinks_in_those_fitted(
+    held_out: int, speaks: bool
+) -> None:
+    said = grown_gap(gap(0.01, grown=held_out), tuple(range(held_out)))
+    assert (f"grows in {held_out} of {held_out} held-out runs" in said) == speaks
+
+
 @pytest.mark.parametrize(("grown", "of", "speaks"), [(7, 8, False), (8, 9, True), (5, 5, False), (6, 6, True)])
 def test_chance_is_one_side_of_a_95_percent_interval(grown: int, of: int, speaks: bool) -> None:
     """Tails of equal odds: 3.5 % and 2.0 %, 3.1 % and 1.6 %."""
