@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
 
@@ -183,6 +184,7 @@ def test_whole_frames_leave_no_note() -> None:
 
 def test_a_stream_that_is_live_is_decoded_at_once_and_by_slices() -> None:
     video: Any = stream("h264")
+    video.disposition, video.width, video.height = 0, 640, 480
     live = Played()
     live.live, live._threads = True, 3
     container: Any = SimpleNamespace(streams=SimpleNamespace(video=[video]), demux=lambda _: iter(()))
@@ -196,7 +198,9 @@ def finished(count: int, standing: int, promised: int) -> list[str]:
     """Notes of a recording after so many frames, others whose times stand, and those that its container promised."""
     played = Played()
     played.name, played._standing, played.expected_frames = "a.mp4", standing, promised
-    played._finish(count)
+    played.tick, played.nominal_rate, played.expected_s = Fraction(1, 60), Fraction(60), None
+    played._packets = None
+    played._finish(count, count - 1)
     return played.notes
 
 

@@ -151,6 +151,11 @@ def test_turns_whose_radii_differ_by_more_than_a_tenth_are_no_repetitions(radius
     assert said.startswith("2 repetitions: radius" if one else "not pooled, these are no repetitions")
 
 
+def said_stream(order: int) -> Any:
+    """A video stream whose container says an order of fields."""
+    return SimpleNamespace(codec_context=SimpleNamespace(field_order=order), disposition=0, width=8, height=8)
+
+
 @pytest.mark.parametrize(("rate", "looked_at"), [(30, True), (31, True), (32, False), (None, False)])
 def test_frames_are_looked_at_for_fields_up_to_thirty_one_a_second(rate: int | None, *, looked_at: bool) -> None:
     plane = np.zeros((8, 8), np.uint8)
@@ -164,9 +169,7 @@ def test_frames_are_looked_at_for_fields_up_to_thirty_one_a_second(rate: int | N
     taken = []
     recording: Any = Recording.__new__(Recording)
     recording.live, recording.nominal_rate = False, None if rate is None else Fraction(rate)
-    recording._opened = SimpleNamespace(
-        streams=SimpleNamespace(video=[SimpleNamespace(codec_context=SimpleNamespace(field_order=0))])
-    )
+    recording._opened = SimpleNamespace(streams=SimpleNamespace(video=[said_stream(0)]))
 
     def images() -> Any:
         for frame in frames:
@@ -184,7 +187,7 @@ def test_frames_are_looked_at_for_fields_up_to_thirty_one_a_second(rate: int | N
 )
 def test_order_of_fields_that_a_container_says(order: int, said: str) -> None:
     recording: Any = Recording.__new__(Recording)
-    stream = SimpleNamespace(codec_context=SimpleNamespace(field_order=order))
+    stream = said_stream(order)
     recording._opened = SimpleNamespace(streams=SimpleNamespace(video=[stream]))
     assert recording._said_order() == said
 
