@@ -66,7 +66,7 @@ notes = "n"
 id = "r02"
 left_rpm = 14.0
 right_rpm = 33.0
-video = "clip.mp4"
+video = "wide.mp4"
 camera = "camera.json"
 rate_hz = 60.0
 [known_to]
@@ -108,7 +108,7 @@ def _entries() -> Iterator[Entry]:
     yield Entry("tracking.toml", ("check", "experiment.toml"), OF_TOML)
     yield Entry("marks.csv", ("check", "experiment.toml"), OF_TABLE)
     yield Entry("camera.json", ("check", "experiment.toml"), (JSON, JSON, TEXT, BYTES))
-    yield Entry("clip.mp4", ("check", "experiment.toml"), OF_VIDEO)
+    yield Entry("wide.mp4", ("check", "experiment.toml"), OF_VIDEO)
     yield Entry("runs.toml", ("analyze", "runs.toml", "-o", OUT, "-q", "--workers", "1"), OF_TOML, is_slow=True)
     yield Entry("r01.csv", ("analyze", "runs.toml", "-o", OUT, "-q", "--workers", "1"), OF_TABLE, is_slow=True)
     yield Entry("robot.toml", ("turning", "marks.csv", "--robot", "robot.toml", "-o", f"{OUT}/t.csv"), OF_TOML)

@@ -36,7 +36,8 @@ class Drawn:
 def drawn(rng: np.random.Generator) -> Drawn:
     """Draw a run."""
     entries = []
-    for effect_id in rng.choice(sorted(EFFECTS), size=rng.integers(0, 3), replace=False):
+    of_plate = sorted(id_ for id_, effect in EFFECTS.items() if not effect.of_ground)  # the robots are small
+    for effect_id in rng.choice(of_plate, size=rng.integers(0, 3), replace=False):
         values = {}
         for item in EFFECTS[str(effect_id)].parameters:
             low = 0.0 if item.absent - STEPS_AWAY * item.step < item.at_least else -STEPS_AWAY

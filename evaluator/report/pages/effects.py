@@ -20,28 +20,28 @@ from simulator.robot import Robot, load_robot
 from simulator.run import State
 from simulator.simulation import simulate
 
-ROBOT = "barrel"
+ROBOT, OF_GROUND = "barrel", "four_driven"  # on a plate, effects of open ground hardly show
 LEFT_RPM, RIGHT_RPM, DURATION_S = 33.3, 14.4, 6.0  # the turn of the paper's Figure 19
 FRAMES_PER_S = 30
 RUN_INDEX = 10  # of what changes from run to run, the eleventh run is drawn
 SUMMARY = (
     f"Each drawing: the {ROBOT} robot at {LEFT_RPM:g}/{RIGHT_RPM:g} rpm for {DURATION_S:g} s, without and with the "
-    "effect, as a camera measures the robot's centre."
+    f"effect, as a camera measures the robot's centre. Effects of open ground: the {OF_GROUND} robot, of 50 kg."
 )
 HEAD = ("parameter", "unit", "if not given", "fitted from", "to")
 
 
 def effects_page() -> str:
     """The page as HTML text; it simulates every effect once."""
-    robot = load_robot(ROBOT)
-    plain = _measured(robot, robot)
+    robots = [load_robot(OF_GROUND if on_ground else ROBOT) for on_ground in (False, True)]
+    plain = [_measured(robot, robot) for robot in robots]
     return page_html(
         Page(
             kind="catalogue",
             title="Effects that turnscope can simulate and find",
             facts=(f"{len(EFFECTS)} effects",),
             summary=(SUMMARY,),
-            sections=tuple(_section(effect, robot, plain) for effect in EFFECTS.values()),
+            sections=tuple(_section(it, robots[it.of_ground], plain[it.of_ground]) for it in EFFECTS.values()),
             footer="Made by turnscope.",
         )
     )
