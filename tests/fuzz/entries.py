@@ -210,9 +210,8 @@ def _videos(folder: Path) -> None:
     ):  # fmt: skip
         write_video(folder / name, frames, codec=codec, pixels=pixels, rate=Fraction(50))
     wide = [draw(rng, (240, 180), {name: tuple(at[k]) for name, at in truth.items()}, 3.5, 0.7, 2.0) for k in range(10)]
-    write_video(
-        folder / "wide.mp4", wide, codec="libx264", pixels="yuv420p", rate=Fraction(50)
-    )  # as camera.json has it
+    # of the size that camera.json has
+    write_video(folder / "wide.mp4", wide, codec="libx264", pixels="yuv420p", rate=Fraction(50))
     far = [0, 1, 2, 3, 5_000_000, 5_000_001, 5_000_002, 5_000_003, 5_000_004, 5_000_005]
     write_video(folder / "times.mkv", frames, codec="libx264", pixels="yuv420p", pts=far)
     (folder / "images").mkdir()
