@@ -58,7 +58,7 @@ class Follower(Motion):
         self.shutter = (0.5, 12**-0.5) if self.exposure is None else (self.exposure, 0.0)
         self._found, self._result = np.zeros(5), np.zeros(kernels.RESULTS)
         self._fitted, self._start = self._result.tolist(), np.zeros(4)
-        self.seen, self.unlike, self.views = 0, 0, list[Patch]()
+        self.seen, self.unlike, self.hidden, self.views = 0, 0, False, list[Patch]()
         self.light, self.rim = LightNotes(), Rim()
         self.last_sighting: tuple[Point | None, float] = None, 0.0  # where and when it was seen last but not measured
         self._usual = np.zeros(5)
@@ -264,6 +264,8 @@ class Follower(Motion):
         vague = sighting.status == OK and sighting.var_x + sighting.var_y > 2.0 * (VAGUE * self.radius_px) ** 2
         unlike = vague or sighting.status in {"no disc", "partly hidden", "not seen"}
         self.unlike = self.unlike + 1 if unlike and not self._slow_path.occluded else 0
+        # What went out of sight comes back in parts, which are no smaller mark.
+        self.hidden = unlike and (self.hidden or (sighting.status == "not seen" and self.last_sighting[1] < time_s))
         if self.move(sighting, time_s):
             self.turn_rad_s = self._turn(before, lapse)
         if sighting.status == OK:

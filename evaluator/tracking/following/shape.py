@@ -82,9 +82,10 @@ def _variance(sightings: Sequence[Sighting]) -> float:
 def resized(follower: Follower, frame: Frame, cell: Array, one: Sighting) -> BlobFollower | None:
     """Go on as a blob where a mark has long been unlike its disc and is smaller: seen at a slant it went away.
 
-    one: what was measured in the frame. What hides a part of a mark makes it smaller, too, but seldom for so long.
+    one: what was measured in the frame. What hides a part of a mark makes it smaller, too, but seldom for so long, and
+    one that was hidden altogether is not believed to be smaller until it was seen whole.
     """
-    if follower.unlike < UNLIKE:
+    if follower.unlike < UNLIKE or follower.hidden:
         return None
     place = (one.x, one.y) if one.status == OK else follower.last_sighting[0]
     if place is None or (one.status != OK and follower.last_sighting[1] < frame.time_s):

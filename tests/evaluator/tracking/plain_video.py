@@ -111,17 +111,16 @@ def paint(
     top, bottom = max(int(center[1] - far), 0), min(int(center[1] + far) + 1, rows)
     if left >= right or top >= bottom:
         return
-    sub_x = left + (np.arange((right - left) * FINE) + 0.5) / FINE - 0.5 - center[0]
-    sub_y = top + (np.arange((bottom - top) * FINE) + 0.5) / FINE - 0.5 - center[1]
-    x, y = np.meshgrid(sub_x, sub_y)
+    x = left + (np.arange((right - left) * FINE, dtype=np.float32)[None, :] + 0.5) / FINE - 0.5 - center[0]
+    y = top + (np.arange((bottom - top) * FINE, dtype=np.float32)[:, None] + 0.5) / FINE - 0.5 - center[1]
     cos, sin = np.cos(angle), np.sin(angle)
     steps = np.linspace(-0.5, 0.5, 9) if np.hypot(*path) > 0.5 else np.zeros(1)
-    share = np.zeros(x.shape)
+    share = np.zeros((len(y), x.shape[1]), np.float32)
     for step in steps:
         dx, dy = x - step * path[0], y - step * path[1]
         share += shape.inside(cos * dx + sin * dy, -sin * dx + cos * dy)
     share = cv2.GaussianBlur(share / len(steps), (0, 0), blur * FINE, borderType=cv2.BORDER_REPLICATE)
-    share = share.reshape(bottom - top, FINE, right - left, FINE).mean(axis=(1, 3))[..., None]
+    share = cv2.resize(share, (right - left, bottom - top), interpolation=cv2.INTER_AREA)[..., None]  # means of FINE²
     part = canvas[top:bottom, left:right]
     part[:] = part * (1 - share) + share * np.array(color, float)
 

@@ -51,3 +51,17 @@ def test_frames_whose_centre_is_vague_or_missing_count_as_unlike_the_disc_until_
         assert follower.unlike == k + 1
     follower.accept(Sighting(x, y, 0.01, 0.01, 0.0, OK), 3.0)
     assert follower.unlike == 0
+
+
+def test_a_mark_that_was_hidden_altogether_is_no_smaller_one_until_it_was_seen_whole() -> None:
+    """Something dark that crosses a mark of a dark body leaves part of it for many frames, and then another part."""
+    tracker, follower, frame = followed(5.0)
+    gone, sharp = Sighting(np.nan, np.nan, 0, 0, 0, "not seen"), Sighting(*PLACE, 0.01, 0.01, 0.0, OK)
+    vague = Sighting(*PLACE, 9.0, 9.0, 0.0, OK)
+    for k, one in enumerate([*[gone] * UNLIKE, vague]):
+        follower.accept(one, 1.0 + k)
+    assert follower.unlike > UNLIKE
+    assert resized(follower, frame, tracker.cell, vague) is None
+    for k, one in enumerate([sharp, *[vague] * UNLIKE]):
+        follower.accept(one, 20.0 + k)
+    assert resized(follower, frame, tracker.cell, vague) is not None

@@ -87,5 +87,5 @@ def test_marks_of_one_colour_are_found_and_keep_their_names_under_a_bar(tmp_path
         ends = ends[::-1]
     errors = np.concatenate([np.hypot(*(seen - end).T) for seen, end in zip(places, ends, strict=True)])
     assert np.nanmax(errors) < 1.0
-    assert np.isfinite(errors).mean() > 0.6
+    assert np.isfinite(errors).mean() > 0.8
     assert np.isfinite(errors.reshape(2, -1)[:, -5:]).all()
