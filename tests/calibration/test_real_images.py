@@ -21,7 +21,12 @@ ASYMMETRIC = sorted((REAL / "dot_grids" / "asymmetric_grid").glob("*.png"))
 
 
 @pytest.mark.parametrize(
-    ("name", "least"), [("dot_pattern_01", 6300), ("dot_pattern_02", 1290), ("GoPro8_dot_pattern", 1550)]
+    ("name", "least"),
+    [
+        ("dot_pattern_01", 6300),
+        ("dot_pattern_02", 1290),
+        pytest.param("GoPro8_dot_pattern", 1550, marks=pytest.mark.exam),
+    ],
 )
 def test_dense_arrays_are_assigned(name: str, least: int) -> None:
     lattice = find_array(read_image(REAL / "dot_arrays" / f"{name}.jpg"))[1]
@@ -42,6 +47,7 @@ def test_asymmetric_photographs_are_assigned_whole(path: Path) -> None:
     assert (len(lattice), layout, (index.max(axis=0) + 1).tolist()) == (44, "staggered", [4, 11])
 
 
+@pytest.mark.exam
 def test_lines_of_the_dense_array_become_straight() -> None:
     # the array goes on beyond the image: any size that holds it will do
     dots = {"columns": 102, "rows": 80, "pitch_mm": 1.0, "diameter_mm": 0.48}
@@ -57,7 +63,7 @@ def test_lines_of_the_dense_array_become_straight() -> None:
     assert np.sqrt((off_mm**2).mean()) * 26.7 < 0.3  # of all that were given a place, at 26.7 px a pitch
 
 
-@pytest.mark.parametrize("kind", ["symmetric", "asymmetric"])
+@pytest.mark.parametrize("kind", ["symmetric", pytest.param("asymmetric", marks=pytest.mark.exam)])
 def test_published_degenerate_sets_are_called_so(kind: str) -> None:
     dots = {"columns": 6, "rows": 5, "pitch_mm": 10.0, "diameter_mm": 6.0}
     if kind == "asymmetric":

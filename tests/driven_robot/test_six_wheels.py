@@ -67,6 +67,7 @@ def test_late_motors_are_found_beside_the_mixing_of_sides_with_their_sizes(tmp_p
     assert found["command-lag"][0] == pytest.approx(truth.delay_s, abs=0.1)
 
 
+@pytest.mark.exam
 def test_bands_of_predictions_hold_steps_that_were_not_fitted() -> None:
     drive = recorded(36, 3)
     aside = drive.fold == 0

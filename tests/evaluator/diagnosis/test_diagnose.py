@@ -175,6 +175,7 @@ def test_clean_runs_of_two_robot_files_with_a_recording_missing_call_for_nothing
     assert not (tmp_path / "out" / "robot_with_effect.toml").exists()
 
 
+@pytest.mark.exam
 def test_marks_without_noise_from_another_simulator_of_the_same_model_call_for_nothing(tmp_path: Path) -> None:
     experiment = write_hidden(tmp_path, {}, sigma_mm=0.0, error_mm=1e-4, exact=True)
     assert run(experiment, "-q").return_value == 0

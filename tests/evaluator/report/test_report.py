@@ -128,6 +128,7 @@ def test_straight_runs_alone_make_a_report_without_a_radius(tmp_path: Path) -> N
     assert "No run turns" in html
 
 
+@pytest.mark.exam
 def test_fifty_runs_with_rich_images_make_a_page_below_five_megabytes(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     runs = [(f"r{k:02d}", 14.4, 33.3, circling_marks(6.0, seed=k, seconds=1)) for k in range(50)]

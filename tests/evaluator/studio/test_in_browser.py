@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from tests.evaluator.browser import OpenPage, needs_browser
-from tests.evaluator.diagnosis.hidden import write_hidden
+from tests.evaluator.diagnosis.hidden import COMMANDS, write_hidden
 from tests.evaluator.studio.recordings import finished
 from tests.evaluator.studio.serving import Serving, serving
 from tests.waiting import HANGS_S
@@ -195,7 +195,8 @@ def test_colours_are_those_of_the_report() -> None:
 
 
 def test_a_hidden_effect_is_found_added_to_the_robot_and_the_gap_shrinks(tmp_path: Path, open_page: OpenPage) -> None:
-    write_hidden(tmp_path / "monday", {"drive-speed-mismatch": {"left_over_right": 1.05}}, exact=True)
+    hidden = {"drive-speed-mismatch": {"left_over_right": 1.05}}
+    write_hidden(tmp_path / "monday", hidden, commands=COMMANDS[:6], seconds=3.0, exact=True)
     with serving(tmp_path) as studio, open_page(studio.link) as page:
         page.locator("a.card").click()
         page.get_by_role("button", name="Diagnose").click()

@@ -77,7 +77,11 @@ def test_wild_frames_are_set_aside_and_counted() -> None:
 
 @pytest.mark.parametrize(
     ("radius_mm", "turned_deg", "frames", "sigma_mm", "correlation"),
-    [(5.0, 80, 120, 0.01, 0.0), (5.0, 180, 120, 0.01, 0.8), (100.0, 15, 120, 0.01, 0.0)],
+    [
+        pytest.param(5.0, 80, 120, 0.01, 0.0, marks=pytest.mark.exam),
+        (5.0, 180, 120, 0.01, 0.8),
+        pytest.param(100.0, 15, 120, 0.01, 0.0, marks=pytest.mark.exam),
+    ],
 )
 def test_interval_holds_the_radius_as_often_as_it_says(
     radius_mm: float, turned_deg: float, frames: int, sigma_mm: float, correlation: float

@@ -19,7 +19,7 @@ def arcs(*pieces: tuple[float, float]) -> np.ndarray:
     )
 
 
-@pytest.mark.parametrize("sigma_mm", [0.003, 0.03])
+@pytest.mark.parametrize("sigma_mm", [pytest.param(0.003, marks=pytest.mark.exam), 0.03])
 def test_noise_does_not_make_a_circle_tighter(sigma_mm: float) -> None:
     """A minimum over sliding windows of 20 to 180 degrees reads 23 % to 0.07 % low on such runs."""
     runs = [measured(arc_poses(5.0, 540, 200), sigma_mm, seed) for seed in range(12)]
@@ -88,7 +88,7 @@ def ellipse(long_mm: float, short_mm: float, from_deg: float, to_deg: float, ste
     return np.interp(np.arange(0, length[-1], step_mm), length, long_mm * short_mm / speed**3)
 
 
-@pytest.mark.parametrize("sigma_mm", [0.002, 0.02])
+@pytest.mark.parametrize("sigma_mm", [pytest.param(0.002, marks=pytest.mark.exam), 0.02])
 @pytest.mark.parametrize(
     "curvature",
     [

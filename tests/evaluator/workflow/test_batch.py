@@ -115,6 +115,7 @@ def wait_until(condition: Callable[[], bool], seconds: float = HANGS_S) -> None:
 
 
 @pytest.mark.filterwarnings("ignore")  # a killed worker leaves its sockets to the interpreter
+@pytest.mark.exam
 def test_nothing_is_lost_when_a_dask_worker_is_killed_half_way(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="the optional extra dask is not installed")
     runs = [(f"r{k}", 14.4, 33.3, circling_marks(5.0 + k, seconds=2, seed=k)) for k in range(8)]
