@@ -89,8 +89,10 @@ def plan(
         raise click.UsageError("--ratio and --radius belong to --circular-test")
     from evaluator.files import plain
     from evaluator.workflow import plan as plan_experiment
-    from evaluator.workflow import write_plan
+    from evaluator.workflow import planned_files, write_plan
 
+    if output is not None:
+        planned_files(output, runs)  # what is there already is refused before the plan is computed
     found = plan_experiment(robot, runs, rpm=levels, plate_mm=plate)
     written = write_plan(found, robot, output) if output is not None else None
     if as_json:

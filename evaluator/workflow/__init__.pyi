@@ -20,6 +20,7 @@ from .demo import prepare_samples as prepare_samples
 from .diagnosis.batch import diagnose_each as diagnose_each
 from .diagnosis.experiment import DiagnosisResult as DiagnosisResult
 from .diagnosis.experiment import diagnose as diagnose
+from .diagnosis.planned_experiment import planned_files as planned_files
 from .diagnosis.planning import Plan as Plan
 from .diagnosis.planning import plan as plan
 from .diagnosis.planning import write_plan as write_plan

@@ -31,6 +31,19 @@ class PlannedRun(Protocol):
         """How long the motors are on."""
 
 
+def planned_files(output: Path | str, runs: int) -> list[Path]:
+    """Paths of an experiment.toml and of the command files r01.csv and so on of its runs, that are to be written.
+
+    Raises InputError where one is there already: asked before a plan is computed, it costs nobody a wait.
+    """
+    output = Path(output)
+    paths = [output, *(output.parent / COMMANDS / f"r{number:02d}.csv" for number in range(1, runs + 1))]
+    for path in paths:
+        if path.exists():
+            raise InputError(f"{path} is already there; give another name or folder, or remove it")
+    return paths
+
+
 def write_planned(
     runs: Sequence[PlannedRun],
     name: str,
@@ -43,12 +56,7 @@ def write_planned(
     robot: a shipped name, or a file. starts_mm_deg: where the robot's centre is to be put, x and y of the plate, and
     its heading; of every run, or none. Raises InputError where one of the files is there already: none is written then.
     """
-    output = Path(output)
-    names = [f"r{number:02d}" for number in range(1, len(runs) + 1)]
-    logs = [output.parent / COMMANDS / f"{run}.csv" for run in names]
-    for path in (output, *logs):
-        if path.exists():
-            raise InputError(f"{path} is already there; give another name or folder, or remove it")
+    output, *logs = planned_files(output, len(runs))
     if robot not in shipped_robots():
         robot = Path(os.path.relpath(robot, output.parent)).as_posix()
     lines = [
@@ -56,13 +64,13 @@ def write_planned(
         *("format = 1", f'name = "{name}"', f'robot = "{robot}"', 'camera = "camera.json"'),
     ]
     for number, (run, log) in enumerate(zip(runs, logs, strict=True)):
-        lines += ["", "[[run]]", f'id = "{names[number]}"']
+        lines += ["", "[[run]]", f'id = "{log.stem}"']
         if starts_mm_deg:
             x, y, heading = starts_mm_deg[number]
             lines.append(f"# Put the robot's centre at x = {x:.1f} mm, y = {y:.1f} mm, heading {heading:g} degrees.")
         lines += [
             *(f"left_rpm = {run.left_rpm:g}", f"right_rpm = {run.right_rpm:g}"),
-            *(f"start_s = {START_S:g}", f"stop_s = {START_S + run.duration_s:g}", f'video = "{names[number]}.mp4"'),
+            *(f"start_s = {START_S:g}", f"stop_s = {START_S + run.duration_s:g}", f'video = "{log.stem}.mp4"'),
         ]
         rows = [(0.0, run.left_rpm, run.right_rpm), (run.duration_s, 0.0, 0.0)]
         table = [f"{time:g},{left:g},{right:g}" for time, left, right in rows]

@@ -61,7 +61,9 @@ def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
     assert len(list((tmp_path / "commands").iterdir())) == 24
 
 
-def test_an_ordinary_plan_is_written_from_the_command_line_beside_what_programs_read(tmp_path: Path) -> None:
+def test_an_ordinary_plan_is_written_from_the_command_line_beside_what_programs_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     output = tmp_path / "planned.toml"
     told = ["plan", "--runs", "2", "--rpm", "30", "--plate", "30", "25", "--json", "-o", str(output)]
     done = CliRunner().invoke(turnscope, told)
@@ -72,6 +74,7 @@ def test_an_ordinary_plan_is_written_from_the_command_line_beside_what_programs_
         (run["left_rpm"], run["right_rpm"]) for run in runs
     ]
     assert sorted(path.name for path in (tmp_path / "commands").iterdir()) == ["r01.csv", "r02.csv"]
+    monkeypatch.setattr("evaluator.workflow.plan", None)  # refused before anything is computed
     again = CliRunner().invoke(turnscope, told)
     assert isinstance(again.exception, InputError)
     assert "already there" in str(again.exception)
