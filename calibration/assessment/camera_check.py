@@ -8,13 +8,14 @@ of another focal length at another distance that shows the plate alike; the chec
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
+from scipy import special
 
 from calibration.assessment.quality import SCALE_TOLERANCE
 from calibration.assignment.gauge_in_image import sight, view_of
@@ -236,10 +237,8 @@ def _rows(state: State, view: View) -> tuple[Array, State, Array, Array]:
 
 def _sigma(statistic: float, freedom: int) -> float:
     """Two-sided normal sigmas as improbable as a chi-square."""
-    log_probability = float(chi2.logsf(statistic, freedom))
-    if log_probability < -700:
-        return HIGHEST_SIGMA
-    return float(norm.isf(np.exp(log_probability) / 2))
+    probability = float(special.chdtrc(freedom, statistic))
+    return -float(special.ndtri(probability / 2)) if probability > sys.float_info.min else HIGHEST_SIGMA
 
 
 def _length_change(now: Camera, before: Camera, height_mm: float) -> float:

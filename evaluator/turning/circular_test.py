@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy import special
 
 from evaluator.errors import InputError
 
@@ -212,7 +212,7 @@ def _line(x: Array, y: Array, sigma: float) -> _Line:
     covariance = np.array(
         [[variance / len(x) + middle**2 * of_slope, -middle * of_slope], [-middle * of_slope, of_slope]]
     )
-    return _Line(at_zero, slope, covariance, float(student.ppf(0.975, free)))
+    return _Line(at_zero, slope, covariance, float(special.stdtrit(free, 0.975)))
 
 
 def _transformed(line: _Line, of: Callable[[float, float], float]) -> Estimate:

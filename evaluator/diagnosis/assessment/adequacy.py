@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from evaluator.diagnosis.inference.fit import Fit
 from evaluator.diagnosis.inference.left_overs import left_overs
@@ -93,7 +93,7 @@ def _order(random_effects: Floats, told: Floats, data: Sequence[RunData]) -> tup
                 continue
             tests += 1
             without, rest = (_left(part, column[seen] / weight) for part in (design[:, :1], design))
-            p = float(stats.f.sf((without - rest) / tested / max(rest / freedom, 1e-30), tested, freedom))
+            p = float(special.fdtrc(tested, freedom, (without - rest) / tested / max(rest / freedom, 1e-30)))
             if p < least:
                 least, reason = p, f"{what.replace('_', ' ')} of the runs depends on {by}"
     return min(1.0, least * max(tests, 1)), reason

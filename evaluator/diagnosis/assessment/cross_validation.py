@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from evaluator.diagnosis.experiment import runs_by_command
 from evaluator.diagnosis.inference.fit import Fit, prior_precision
@@ -38,7 +38,7 @@ def advantage(first: Fit, second: Fit, data: Sequence[RunData], tolerance: Mappi
     gains = _densities(first, aside, tolerance) - _densities(second, aside, tolerance)
     if len(gains) < 2:
         return float(gains.sum()), np.inf
-    wider = float(stats.t.isf(stats.norm.sf(2.0), len(gains) - 1)) / 2.0
+    wider = float(special.stdtrit(len(gains) - 1, special.ndtr(2.0))) / 2.0
     return float(gains.sum()), float(gains.std(ddof=1) * np.sqrt(len(gains)) * wider)
 
 
@@ -72,7 +72,7 @@ def covariance_over_commands(fit: Fit, data: Sequence[RunData], tolerance: Mappi
     _, g, G = at_scatter(fit.reduced, fit.posterior.scatter)
     means = np.array([mean for mean, _ in _told_without(g, G, aside, fit, tolerance)])
     freedom = len(aside) - 1
-    wider = float(stats.t.isf(0.025, freedom) / stats.norm.isf(0.025))
+    wider = float(special.stdtrit(freedom, 0.975) / special.ndtri(0.975))
     jackknife = wider * np.sqrt(freedom / len(aside) * np.sum((means - means.mean(axis=0)) ** 2, axis=0))
     told = np.sqrt(np.diag(fit.posterior.covariance))
     factor = np.maximum(jackknife / np.maximum(told, 1e-300), 1.0)
@@ -128,7 +128,7 @@ def constancy(fit: Fit, data: Sequence[RunData], tolerance: Mapping[str, float])
             covariances.append(covariance[np.ix_(effects, effects)])
         difference = sizes[0] - sizes[1]
         square = float(difference @ np.linalg.solve(covariances[0] + covariances[1] + slack, difference))
-        found.append(Constancy(halves, float(stats.chi2.sf(square, int(effects.sum())))))
+        found.append(Constancy(halves, float(special.chdtrc(int(effects.sum()), square))))
     return found
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 if TYPE_CHECKING:  # the report reads tables of pieces without a simulator
     from evaluator.diagnosis.likelihood.problem import Point, Problem
@@ -181,7 +181,7 @@ def _designs(table: pd.DataFrame, quantity: str) -> dict[tuple[str, str], tuple[
 def root_mean_squares(table: pd.DataFrame) -> dict[str, Interval]:
     """How large each disagreement is, whatever it depends on: RMS over all pieces with 95 % bounds over runs."""
     squares = (table[list(QUANTITIES)] ** 2).groupby(table["run"]).mean()
-    reach = float(stats.t.isf(0.025, max(len(squares) - 1, 1))) / np.sqrt(len(squares))
+    reach = float(special.stdtrit(max(len(squares) - 1, 1), 0.975)) / np.sqrt(len(squares))
     found = {}
     for name in QUANTITIES:
         mean, spread = float(squares[name].mean()), float(squares[name].std(ddof=1)) * reach
@@ -211,9 +211,9 @@ def _clustered(values: Floats, columns: Floats, runs: NDArray[np.object_], teste
     covariance = inverse @ (spread.T @ spread) @ inverse * (len(names) - 1) / len(names)
     part = covariance[-tested:, -tested:]
     ratio = float(size[-tested:] @ np.linalg.pinv(part) @ size[-tested:]) / tested
-    probability = float(stats.f.sf(ratio, tested, freedom))
-    half = float(stats.t.isf(0.025, freedom)) * np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    return size, half, float(stats.norm.isf(max(probability, 1e-300) / 2))
+    probability = float(special.fdtrc(tested, freedom, ratio))
+    half = float(special.stdtrit(freedom, 0.975)) * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return size, half, -float(special.ndtri(max(probability, 1e-300) / 2))
 
 
 def _sentence(quantity: str, by: str, parity: str, size: Floats, sigmas: float) -> str:

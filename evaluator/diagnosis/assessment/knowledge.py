@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from evaluator.diagnosis.inference.fit import Fit
 from evaluator.diagnosis.likelihood.known_to import CLOCK, GRAVITY, LEVEL, RADIUS_DIFFERENCE, SCALE, START, Quantity
@@ -95,12 +95,12 @@ class Together:
     @property
     def probability(self) -> float:
         """Of so large a square by chance."""
-        return float(stats.chi2.sf(self.square, self.freedom)) if self.freedom else 1.0
+        return float(special.chdtrc(self.freedom, self.square)) if self.freedom else 1.0
 
     @property
     def is_finding(self) -> bool:
         """Whether they are farther off than chance allows: as seldom as one of them beyond FINDING_SIGMAS."""
-        return self.probability < 2 * float(stats.norm.sf(FINDING_SIGMAS))
+        return self.probability < 2 * float(special.ndtr(-FINDING_SIGMAS))
 
     def sentence(self, quantities: Sequence[Quantity]) -> str:
         """What is off, in plain words."""

@@ -9,7 +9,7 @@ scatter between runs has to be told from the law.
 from __future__ import annotations
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from evaluator.diagnosis.assessment.adequacy import FEWEST_FREEDOM, Adequacy
 from evaluator.diagnosis.assessment.model_comparison import FREE_PRIOR
@@ -24,7 +24,7 @@ def most_odd(runs: int) -> int:
 
     More than these go wrong less often than a laboratory has such physics (FREE_PRIOR): of 4 runs 1, of 24 runs 3.
     """
-    return int(stats.binom.isf(FREE_PRIOR, runs, ODD_SHARE))
+    return int(np.argmax(special.bdtr(np.arange(runs + 1), runs, ODD_SHARE) >= 1 - FREE_PRIOR))
 
 
 def fewest_runs(parameters: int) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from evaluator.diagnosis.assessment.disagreement import Dependence
 from evaluator.diagnosis.assessment.gap import noise_floor
@@ -26,7 +26,7 @@ def unexplained(asked: Sequence[Dependence], problem: Problem, path_noise_floors
     asked: all that was asked of what it leaves over. It is believed where chance makes one so large among all of them
     with NOT_CHANCE, and matters where it moves the marks of a usual run by so many noise floors.
     """
-    believed = [item for item in asked if 2 * float(stats.norm.sf(item.sigmas)) * len(asked) < NOT_CHANCE]
+    believed = [item for item in asked if 2 * float(special.ndtr(-item.sigmas)) * len(asked) < NOT_CHANCE]
     left = [item for item in believed if moved_mm(item, problem) > path_noise_floors * _floor_mm(problem)]
     return max(left, key=lambda item: item.sigmas, default=None)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, stats
+from scipy import ndimage
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 
@@ -116,7 +116,7 @@ def onset(run: RunData) -> Onset | None:
     if len(time[part]) < FEWEST_AT_REST:
         return None
     since = time[part] - time[first]
-    slope, level, _, _ = stats.theilslopes(away[part], since)
+    slope, level = _robust_line(away[part], since)
     if slope <= 0:
         return None
     begins = float(-level / slope)
@@ -258,12 +258,19 @@ def _carried_mark(change: Floats, arm_mm: float) -> float:
     return float(np.hypot(*change[:2]) + arm_mm * abs(change[2]))
 
 
+def _robust_line(values: Floats, at: Floats) -> tuple[float, float]:
+    """Slope and level at 0 by Theil and Sen: the median slope of all pairs, and the line through both medians."""
+    rise, run = np.subtract.outer(values, values), np.subtract.outer(at, at)
+    slope = float(np.median(rise[run > 0] / run[run > 0]))
+    return slope, float(np.median(values) - slope * np.median(at))
+
+
 def _moving_at(time_s: Floats, middle: Floats, heading: Floats, at_s: float) -> tuple[Floats, Floats, float]:
     """Pose (3,) at a moment, velocity (3,) along, across (mm/s), in yaw (rad/s), and scatter, mm, of a few frames."""
     since = time_s - at_s
-    yaw, angle, _, _ = stats.theilslopes(heading, since)
+    yaw, angle = _robust_line(heading, since)
     # in the frame of the robot a steady turn is straight: the path turned back frame by frame
-    fits = [stats.theilslopes(middle[:, axis], since) for axis in (0, 1)]
+    fits = [_robust_line(middle[:, axis], since) for axis in (0, 1)]
     center = time_s.mean() - at_s
     rate = np.array([fit[0] for fit in fits])
     mid = np.array([fit[1] + fit[0] * center for fit in fits])
