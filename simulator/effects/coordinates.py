@@ -50,9 +50,10 @@ class Candidate:
     """An effect as it is fitted: coordinates, the effect's parameters from them, and where a fit may begin.
 
     starts: full vectors of coordinates at which a linear fit is worth beginning where the response at the absent effect
-    says nothing (the place of an attraction whose force is zero). stepwise: the response is not differentiable, only
-    the starts are tried, and each stands for the interval of `between` around it, as (low, high). begin: coordinates at
-    which a fit begins as they are, besides where a linear view leads; what an earlier fit found, or empty.
+    says nothing (the place of an attraction whose force is zero). The first coordinate is the size: an effect acts
+    where it is not absent. stepwise: the response is not differentiable, only the starts are tried, and each stands for
+    the interval of `between` around it, as (low, high). begin: coordinates at which a fit begins as they are, besides
+    where a linear view leads; what an earlier fit found, or empty.
     """
 
     id: str
@@ -72,6 +73,10 @@ class Candidate:
     def absent(self) -> tuple[float, ...]:
         """Coordinates where the effect is absent."""
         return tuple(item.absent for item in self.coordinates)
+
+    def acts_at(self, place: tuple[float, ...]) -> bool:
+        """Whether the effect does anything at a place."""
+        return place[0] != self.coordinates[0].absent
 
     def clipped(self, values: tuple[float, ...]) -> tuple[float, ...]:
         """Values moved inside the physical bounds."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from simulator.effects.coordinates import Candidate, Parameters, Scene, coordinate
 from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
-from simulator.effects.parameter import Parameter
+from simulator.effects.parameter import PAPER_SIZE, Parameter
 
 RPM = Parameter("rpm", "rpm", 0.0, 1.0, 0.0, 1e3, at_least=0.0)
 
@@ -15,9 +15,14 @@ def _act(draft: Draft, values: Values) -> None:
 
 
 def _fitted(scene: Scene) -> Candidate:
-    """The band lies between two commands that were given, or above the largest; where between, no run tells."""
+    """The band lies between two commands that were given, or above the largest; where between, no run tells.
+
+    Not above the largest on open ground: there the noise is what a model leaves, so that a robot that never moves may
+    be the best of several bad models, though every recording shows that it moved.
+    """
     levels = sorted({round(level, 6) for level in scene.command_levels_rpm if level > 0})
     gaps = tuple(zip(levels, [*levels[1:], 2 * levels[-1]], strict=True)) if levels else ()
+    gaps = gaps if scene.size == PAPER_SIZE else gaps[:-1]
 
     def physical(values: tuple[float, ...]) -> Parameters:
         return {"rpm": float(values[0])}

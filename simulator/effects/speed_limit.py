@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from simulator.effects.coordinates import Candidate, Coordinate, Parameters, Scene
 from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import NO_LIMIT_RPM, Draft
@@ -12,11 +14,7 @@ WHEEL, AHEAD, TURN = (
     for name in ("wheel_rpm", "ahead_rpm", "turn_rpm")
 )
 USUAL_RPM = 60.0  # of a session that commands nothing: some command for scale
-# Share of the largest command at which a fit begins to limit: a limit that nothing exceeds has no slope.
-BEGIN = 0.6
-# Of the largest command, what a step of a fit moves a limit of that size by, and the least that a limit may be.
-STEP, LEAST = 0.02, 0.02
-MOST_RATIO = 10.0  # of the limit of a wheel over that of speed ahead or of turning: beyond, the robot hardly does it
+STEP = 0.005  # of a limit, relative: as much of a speed shows (drive-speed-scale)
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -25,19 +23,23 @@ def _act(draft: Draft, values: Values) -> None:
 
 
 def _fitted(scene: Scene) -> Candidate:
-    """The inverse of the wheels' limit, nought where there is none, and how many times lower the other two are."""
-    largest = max(scene.command_levels_rpm, default=0.0) or USUAL_RPM
-    slowness = Coordinate("min_per_rev", 0.0, STEP / largest, 0.0, 1 / (LEAST * largest), closed=True)
-    ratios = (Coordinate(f"wheel_over_{part}", 0.0, STEP, 0.0, MOST_RATIO, closed=True) for part in ("ahead", "turn"))
+    """The inverses of the three limits, nought where there is none.
+
+    A limit that nothing exceeds has no slope, and one that everything exceeds says no more than a slower drive. A fit
+    begins with all three at the median of the commanded speeds, which holds back as many as it lets through.
+    """
+    levels = [level for level in scene.command_levels_rpm if level > 0] or [USUAL_RPM]
+    slowness = 1 / float(np.median(levels))
+    parts = tuple(
+        Coordinate(f"min_per_rev_{item.name.removesuffix('_rpm')}", 0.0, STEP * slowness, 0.0, closed=True)
+        for item in (WHEEL, AHEAD, TURN)
+    )
 
     def physical(values: tuple[float, ...]) -> Parameters:
-        slow, ahead, turn = values
-        inverse = (slow, slow * ahead, slow * turn)
         names = (WHEEL.name, AHEAD.name, TURN.name)
-        return {name: 1 / max(item, 1 / NO_LIMIT_RPM) for name, item in zip(names, inverse, strict=True)}
+        return {name: 1 / max(item, 1 / NO_LIMIT_RPM) for name, item in zip(names, values, strict=True)}
 
-    starts = tuple((1 / (BEGIN * largest), ratio, ratio) for ratio in (0.0, 1.0))
-    return Candidate("speed-limit", (slowness, *ratios), physical, starts)
+    return Candidate("speed-limit", parts, physical, ((slowness,) * 3,))
 
 
 EFFECT = Effect(

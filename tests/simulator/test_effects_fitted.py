@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from simulator.dynamics.model import NUMBERS, compile_robot
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.coordinates import Candidate, Scene, polar
-from simulator.effects.parameter import UNITS, Parameter
+from simulator.effects.parameter import UNITS, Parameter, Size
 from simulator.observation import view_of
 from simulator.robot import load_robot
 from tests.simulator.effect_probe import affected
@@ -90,13 +91,13 @@ def test_delay_is_the_sum_of_dead_time_and_time_constant() -> None:
     assert told == pytest.approx({"dead_time_s": 0.24, "time_constant_s": 0.06})
 
 
-def test_a_limit_is_fitted_in_its_inverse_and_how_many_times_lower_the_others_are() -> None:
+def test_limits_are_fitted_in_their_inverses_from_the_median_of_the_commanded_speeds() -> None:
     found = candidate("speed-limit")
-    assert found.physical((0.05, 2.0, 4.0)) == pytest.approx({"wheel_rpm": 20.0, "ahead_rpm": 10.0, "turn_rpm": 5.0})
+    assert found.physical((0.05, 0.1, 0.2)) == pytest.approx({"wheel_rpm": 20.0, "ahead_rpm": 10.0, "turn_rpm": 5.0})
     assert found.physical((0.05, 0.0, 0.0)) == pytest.approx({"wheel_rpm": 20.0, "ahead_rpm": 1e6, "turn_rpm": 1e6})
     assert set(found.physical(found.absent).values()) == {1e6}
-    assert [1 / start[0] for start in found.starts] == pytest.approx([18.0, 18.0])  # of 30 rpm, the largest command
-    assert EFFECTS["speed-limit"].candidate(Scene(20.0, ())).starts[0][0] == pytest.approx(1 / 36)
+    assert found.starts == (pytest.approx((0.1,) * 3),)  # of 10, 10, 10 and 30 rpm
+    assert EFFECTS["speed-limit"].candidate(Scene(20.0, ())).starts == (pytest.approx((1 / 60,) * 3),)
 
 
 def test_magnets_are_fitted_in_the_inverse_of_their_level_and_their_balance() -> None:
@@ -120,6 +121,11 @@ def test_a_dead_band_lies_between_commands_or_above_the_largest() -> None:
     assert found.between == ((10.0, 30.0), (30.0, 60.0))
     assert found.starts == ((20.0,), (45.0,))
     assert EFFECTS["dead-band"].candidate(Scene(20.0, (0.0,))).starts == ()
+
+
+def test_no_dead_band_lies_above_the_largest_command_of_a_robot_that_moved_over_ground() -> None:
+    ground = replace(SCENE, size=Size(250.0, 1e6))
+    assert EFFECTS["dead-band"].candidate(ground).starts == ((20.0,),)
 
 
 def test_a_magnet_is_looked_for_in_and_around_the_reach_of_the_runs() -> None:

@@ -1,9 +1,14 @@
-"""Linear screening: what every candidate promises, alone and together, from one linearization of all runs."""
+"""Linear screening: what every candidate promises, alone and together, from one linearization of all runs.
+
+A candidate that begins at a place where it acts (motors that are late already, a limit that holds some wheels back) is
+seen from there: what the whole change to that place does, and the slopes there. Slopes alone, laid on the motion
+without it, said nothing of what is gained by being there.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from evaluator.diagnosis.inference.fit import prior_precision
@@ -22,32 +27,38 @@ class Screen:
     beyond: MixedModel  # the same given base
     base: tuple[int, ...]  # nominal values and the terms already in
     offers: tuple[tuple[str, tuple[int, ...]], ...]  # candidate id (several starting places: several offers), columns
+    whole: Mapping[int, int]  # first column of an offer from a place where it acts: column of the whole change to there
 
     def evidence(self, *offers: tuple[str, tuple[int, ...]]) -> float:
         """Log evidence with some offers taken; all parameters of a candidate count, also those not yet varied."""
         columns: list[int] = []
         hidden = 0
+        model = self._begun(*offers)
         for _, extra in offers:
             columns += extra
             term = self.columns[extra[0]].term
             assert term is not None
             hidden += term.size - len(extra)
-        return self.beyond.posterior(columns).log_evidence - 0.5 * hidden * math.log(self.model.runs)
+        return model.posterior(columns).log_evidence - 0.5 * hidden * math.log(self.model.runs)
 
     def start_of(self, offer: tuple[str, tuple[int, ...]]) -> tuple[float, ...]:
         """Coordinates at which a full fit of an offer should begin."""
         _, extra = offer
         term = self.columns[extra[0]].term
         assert term is not None
-        place, whole_change = self.columns[extra[0]].start, self.columns[extra[0]].whole_change
-        if whole_change is not None:
-            return (term.absent[0] + whole_change,)
+        place, to = self.columns[extra[0]].start, self.columns[extra[0]].to
+        if to is not None:
+            return to
         if place is None:
             return term.absent
-        mean = self.beyond.posterior(extra).mean[0]
         values = list(place)
-        values[0] += float(mean)
+        for i, mean in zip(extra, self._begun(offer).posterior(extra).mean, strict=True):
+            values[self.columns[i].coordinate] += float(mean)
         return term.clipped(tuple(values))
+
+    def _begun(self, *offers: tuple[str, tuple[int, ...]]) -> MixedModel:
+        """The model given base, with the whole changes made to the places where some offers begin."""
+        return self.beyond.taken([self.whole[extra[0]] for _, extra in offers if extra[0] in self.whole])
 
 
 def screen(search: Search, point: Point, inside: Sequence[str], candidates: Iterable[Candidate]) -> Screen:
@@ -55,33 +66,38 @@ def screen(search: Search, point: Point, inside: Sequence[str], candidates: Iter
     columns = [Column(key) for key, value in search.tolerance.items() if value > 0]
     columns += [Column(effect, i, search.terms[effect]) for effect in inside for i in range(search.terms[effect].size)]
     base = tuple(range(len(columns)))
-    offers = []
+    offers, whole = [], {}
     for term in candidates:
         if term.id in inside:
             continue
         new: list[tuple[Column, ...]]
         if term.stepwise:
-            new = [(Column(term.id, 0, term, whole_change=start[0] - term.absent[0]),) for start in term.starts]
+            new = [(Column(term.id, 0, term, to=start),) for start in term.starts]
         elif term.starts:
-            new = [(Column(term.id, 0, term, start),) for start in term.starts]
+            new = [
+                tuple(Column(term.id, i, term, start) for i in (range(term.size) if term.acts_at(start) else (0,)))
+                for start in term.starts
+            ]
         else:
             new = [tuple(Column(term.id, i, term) for i in range(term.size))]
         for group in new:
             offers.append((term.id, tuple(range(len(columns), len(columns) + len(group)))))
             columns += group
+            begun = group[0].start
+            if begun is not None and term.acts_at(begun):
+                whole[offers[-1][1][0]] = len(columns)
+                columns.append(Column(term.id, 0, term, to=begun))
     linear = search.problem.linearized(point, columns, search.runs)
     model = MixedModel(reduce_runs(linear), prior_precision(columns, search.tolerance))
     beyond = model.given(base)
     able = [
         (effect, extra)
         for effect, extra in offers
-        if columns[extra[0]].whole_change is None or _wants_whole_change(beyond, columns, extra)
+        if columns[extra[0]].to is None or _wants_whole_change(beyond, extra)
     ]
-    return Screen(tuple(columns), model, beyond, base, tuple(able))
+    return Screen(tuple(columns), model, beyond, base, tuple(able), whole)
 
 
-def _wants_whole_change(beyond: MixedModel, columns: Sequence[Column], extra: tuple[int, ...]) -> bool:
+def _wants_whole_change(beyond: MixedModel, extra: tuple[int, ...]) -> bool:
     """Whether the data want about the whole of the change: half of a stopped motor does not exist."""
-    whole_change = columns[extra[0]].whole_change
-    assert whole_change is not None
-    return bool(0.5 < beyond.posterior(extra).mean[-1] / whole_change < 1.5)
+    return bool(0.5 < beyond.posterior(extra).mean[-1] < 1.5)

@@ -144,6 +144,16 @@ class MixedModel:
         found.logdet = self.logdet + self._occam(H, keep)
         return found
 
+    def taken(self, columns: Sequence[int]) -> MixedModel:
+        """The model in which parameters of these columns are one, and no longer to be found."""
+        if not columns:
+            return self
+        of = np.asarray(columns, dtype=np.int64)
+        found = copy(self)
+        found.s = self.s - 2 * self.g[:, of].sum(axis=1) + self.G[:, of][:, :, of].sum(axis=(1, 2))
+        found.g = self.g - self.G[:, :, of].sum(axis=2)
+        return found
+
     def _normal(self, keep: NDArray[np.int64], at: NDArray[np.int64]) -> Floats:
         """Normal matrices (len(at), k, k) of some columns, with their priors and a little to keep them definite."""
         G = self.G[np.ix_(at, keep, keep)]

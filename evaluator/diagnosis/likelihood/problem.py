@@ -41,19 +41,22 @@ TASKS_AT_ONCE = 160
 
 @dataclass(frozen=True)
 class Column:
-    """A common parameter: a nominal value (term is None) or one coordinate of a term, seen from start values."""
+    """A common parameter: a nominal value (term is None) or one coordinate of a term, seen from start values.
+
+    to: coordinates of a place where the term acts; the parameter is then the share of the whole change to there.
+    """
 
     key: str
     coordinate: int = 0
     term: Candidate | None = None
     start: tuple[float, ...] | None = None
-    whole_change: float | None = None  # for an effect without a derivative: the whole change to be tried
+    to: tuple[float, ...] | None = None
 
     @property
     def step(self) -> float:
         """Size of the difference that makes the derivative."""
-        if self.whole_change is not None:
-            return self.whole_change
+        if self.to is not None:
+            return 1.0
         if self.term is None:
             return SHARED_STEP if is_shared(self.key) else NOMINAL_STEPS.get(self.key.split(".")[0], NOMINAL_STEP)
         return STEP_SHARE * self.term.coordinates[self.coordinate].step
@@ -73,11 +76,11 @@ class Point:
     terms: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def moved(self, column: Column, amount: float) -> Point:
-        """The point with one common parameter changed."""
+        """The point with one common parameter changed; a whole change is made as a whole."""
         if column.term is None:
             return replace(self, nominal={**self.nominal, column.key: self.nominal.get(column.key, 0.0) + amount})
-        values = list(self.terms.get(column.key, column.start or column.term.absent))
-        values[column.coordinate] += amount
+        values = list(column.to or self.terms.get(column.key, column.start or column.term.absent))
+        values[column.coordinate] += 0.0 if column.to else amount
         return replace(self, terms={**self.terms, column.key: tuple(values)})
 
     def value(self, column: Column) -> float:
@@ -215,7 +218,7 @@ class Problem:
         views = [self._linearized(point, columns, run, item, before) for run, item in zip(runs, features, strict=True)]
         if not self.open_ground:
             return views
-        steps = np.array([0.0 if column.whole_change is not None else column.step for column in columns])
+        steps = np.array([0.0 if column.to is not None else column.step for column in columns])
         jumped = [(number, i) for number, view in enumerate(views) if view for i in jumps(view.common, steps)]
         behind = [points[before[i]].moved(columns[i], -steps[i]) for _, i in jumped]
         able = [(at, place) for at, place in zip(jumped, behind, strict=True) if place.is_within_bounds(columns[at[1]])]

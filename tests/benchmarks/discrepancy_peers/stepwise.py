@@ -100,7 +100,7 @@ def _most_promising(regression: Regression, fit: Fitted, chosen: Sequence[str]) 
         first += len(group)
         squares, values = _squares(response, common[:, mine], np.pad(ridge, (0, len(group))))
         term, column = regression.inputs.terms[effect], group[0]
-        if column.whole_change is not None and not 0.5 < values[-1] / column.whole_change < 1.5:
+        if column.to is not None and not 0.5 < values[-1] < 1.5:
             continue  # half of a stopped motor does not exist
         score = regression.bic(squares, usual + term.size)
         if score < least:
@@ -111,8 +111,8 @@ def _most_promising(regression: Regression, fit: Fitted, chosen: Sequence[str]) 
 
 def _beginning(term: Candidate, column: Column, values: Floats) -> tuple[float, ...]:
     """Coordinates at which the fit of an effect begins."""
-    if column.whole_change is not None:
-        return (term.absent[0] + column.whole_change,)
+    if column.to is not None:
+        return column.to
     if column.start is not None:
         moved = list(column.start)
         moved[0] += float(values[-1])
@@ -127,7 +127,7 @@ def _offers(terms: Mapping[str, Candidate], chosen: Sequence[str]) -> list[tuple
         if effect in chosen:
             continue
         if term.stepwise:
-            found += [(effect, [Column(effect, 0, term, whole_change=s[0] - term.absent[0])]) for s in term.starts]
+            found += [(effect, [Column(effect, 0, term, to=start)]) for start in term.starts]
         elif term.starts:
             found += [(effect, [Column(effect, 0, term, start)]) for start in term.starts]
         else:

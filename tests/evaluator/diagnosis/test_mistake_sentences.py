@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,11 @@ from evaluator.diagnosis.mistakes.outlying import has_kin, outlying_run
 from evaluator.diagnosis.mistakes.recognised import Found, mistakes_of
 from evaluator.interchange.commands import Told
 from simulator.command import Command
+from simulator.robot import load_robot
 from tests.evaluator.diagnosis.marks_of_motion import TIME, moving, recorded
 from tests.evaluator.diagnosis.straight_session import ROBOT, driven
+
+HUSKY = Path(__file__).parents[2] / "driven_robot" / "husky.toml"
 
 
 @pytest.mark.parametrize(
@@ -134,6 +138,9 @@ def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkey
     named = outlying_run(run, others, ROBOT)
     assert (named.kind, named.equivalent_kinds) == ("mirrored", ("reversed",))
     assert named.sentence.endswith("say of the robot: it moves so; mirror it")
+    ground = outlying_run(run, others, load_robot(HUSKY))
+    assert (ground.kind, ground.equivalent_kinds) == ("outlying", ())
+    assert ground.sentence.endswith("say of the robot; look at the recording, or repeat the run")
 
 
 @pytest.mark.parametrize(

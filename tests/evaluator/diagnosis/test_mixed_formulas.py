@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -168,3 +170,14 @@ def test_start_poses_say_nothing_about_the_parameters() -> None:
     first, second = reduce_runs(runs), reduce_runs(moved)
     for name in Reduced.__dataclass_fields__:
         np.testing.assert_allclose(getattr(first, name), getattr(second, name), rtol=1e-9, atol=1e-9)
+
+
+def test_a_parameter_that_is_taken_as_one_is_subtracted_from_the_response() -> None:
+    runs = linear_runs()
+    taken = MixedModel(reduce_runs(runs), PRIOR).taken([1])
+    less = [replace(run, response=run.response - run.common[:, 1]) for run in runs]
+    wanted = MixedModel(reduce_runs(less), PRIOR).posterior([0])
+    found = taken.posterior([0])
+    assert found.log_evidence == pytest.approx(wanted.log_evidence)
+    assert found.mean == pytest.approx(wanted.mean)
+    assert found.covariance == pytest.approx(wanted.covariance)

@@ -213,7 +213,7 @@ def test_steps_of_derivatives_are_those_of_their_kind() -> None:
     assert Column("body.mass_g").step == 5e-3
     assert Column("time_base").step == pytest.approx(0.05 * SHARED_UNIT)
     assert Column("effect", 0, term).step == pytest.approx(0.4)
-    assert Column("effect", 0, term, whole_change=7.0).step == 7.0
+    assert Column("effect", 0, term, to=(7.0,)).step == 1.0
     assert (Column("effect", 0, term).absent, Column("time_base").absent) == (1.0, 0.0)
     point = Point(np.zeros((1, 7)), {"time_base": 0.3}, {"effect": (4.0,)})
     assert point.value(Column("effect", 0, term)) == 3.0

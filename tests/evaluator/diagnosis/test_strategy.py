@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.inference import strategy
 from evaluator.diagnosis.inference.fit import fit_model
-from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.inference.screening import screen
+from evaluator.diagnosis.inference.search import Search, fit_set
 from evaluator.diagnosis.inference.strategy import extend, run_search
 from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.problem import Point
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.progress import no_progress
+from simulator.effects.catalogue import EFFECTS
+from simulator.effects.coordinates import Scene
+from simulator.effects.parameter import Size
 from tests.evaluator.diagnosis.hidden import hidden_session
 
 TRIED = ("drive-speed-scale", "plate-tilt", "mark-offset", "rolling-drag", "tether-pull")
@@ -66,3 +71,20 @@ def test_what_the_user_asks_for_is_fitted_whatever_is_promised_of_it(
         search.fits[NOTHING] = fit_model(search.problem, nominal, [], search.tolerance)
         extend(search, NOTHING)
         assert set(search.fits) == {NOTHING, *({asked} if asked else ())}
+
+
+def test_a_candidate_that_begins_where_it_acts_is_promised_what_its_fit_brings(tmp_path: Path) -> None:
+    """Late motors are looked for from delays of 0.05 and 0.3 s; slopes there say nothing of what that delay gains."""
+    session = hidden_session(tmp_path, {"command-lag": {"dead_time_s": 0.2, "time_constant_s": 0.2}}, exact=True)
+    term = EFFECTS["command-lag"].candidate(Scene(20.0, (), Size(length=100.0)))
+    problem, nominal = build_problem(session.data, Simulated(session.robots, session.data, {term.id: term}))
+    search = Search(problem, {term.id: term}, session.tolerance, tuple(range(len(session.data))))
+    search.fits[NOTHING] = fit_model(problem, nominal, [], search.tolerance)
+    view = screen(search, search.null.point, (), [term])
+    offer = max(view.offers, key=view.evidence)
+    assert view.columns[offer[1][0]].start == (0.3, 0.5)
+    assert view.start_of(offer)[0] == pytest.approx(0.4, abs=0.03)
+    found = fit_set(search, frozenset({term.id}), {term.id: view.start_of(offer)}, search.null)
+    assert found is not None
+    gain = found.posterior.log_evidence - search.null.posterior.log_evidence
+    assert view.evidence(offer) - view.evidence() == pytest.approx(gain, rel=0.2)
