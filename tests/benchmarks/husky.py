@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from evaluator.workflow.results.outputs import Outputs
 from simulator.robot import Robot, load_robot
-from tests.driven_robot.corrected import MM_PER_M, Corrected, Model, mixed
-from tests.driven_robot.drive import FOLDS, Drive, command_of, load, write_experiment
+from tests.driven_robot.corrected import MM_PER_M, Corrected, Model
+from tests.driven_robot.drive import FOLDS, Drive, load, write_experiment
 from tests.driven_robot.peers import (
     best_yaw_factor,
     differential,
@@ -77,7 +77,7 @@ def main() -> None:
     print(f"\n95 % bands of turnscope hold x of {x:.0f} %, y of {y:.0f} %, heading of {heading:.0f} %")
     tell_numbers(found.corrected)
     if np.isfinite(drive.encoder_rad_s).any():
-        tell_encoders(found.corrected, drive)
+        tell_encoders(model, found.corrected)
 
 
 def predictions(
@@ -116,22 +116,22 @@ def tell_numbers(found: Corrected) -> None:
     print(f"  half of a change of speed {dead + lag * np.log(2):.2f} s after the command")
 
 
-def tell_encoders(found: Corrected, drive: Drive) -> None:
+def tell_encoders(model: Model, found: Corrected) -> None:
     """What the encoders show of the same: gains of common part and difference in steady windows, and the response."""
+    drive = model.drive
     steady = [
         k for k in range(len(drive)) if np.ptp(drive.log(k)[0][-round(SETTLED_S / drive.interval_s) :], 0).max() == 0
     ]
     steady = [k for k in steady if k and (drive.command_rad_s[k] == drive.command_rad_s[k - 1]).all()]
     told = drive.command_rad_s[steady, 0]
-    modelled = []
-    for k in steady:
-        left, right = mixed(command_of(*drive.log(k)), found.values).at(drive.time_s[-1])
-        modelled.append((float(left), float(right)))
+    modelled = np.array([model.wheels_rad_s(found.values, command) for command in told])
     measured = drive.encoder_rad_s[steady].mean(axis=1)
-    print(f"\ngain of the wheels over the command in {len(steady)} steady windows: by the model, and by the encoders")
+    off = np.sqrt(np.mean((modelled - measured) ** 2))
+    print(f"\nwheels in {len(steady)} steady windows: the model is {off:.2f} rad/s (RMS) off the encoders")
+    print("gain of the wheels over the command: by the model, and by the encoders")
     for name, weights in GAINS.items():
         x = told @ weights
-        gains = [float(x @ (wheels @ weights) / (x @ x)) for wheels in (np.array(modelled) * np.pi / 30, measured)]
+        gains = [float(x @ (wheels @ weights) / (x @ x)) for wheels in (modelled, measured)]
         print(f"  {name:12s} × {gains[0]:.2f}   × {gains[1]:.2f}")
     curve = response(drive)
     for share in (0.1, 0.5, 0.8):

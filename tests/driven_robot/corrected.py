@@ -1,9 +1,9 @@
-"""turnscope's corrected model of a driven robot: late motors, a drive that mixes its sides, slip.
+"""turnscope's corrected model of a driven robot: late motors, a drive that mixes its sides and limits its wheels, slip.
 
 The robot of robot.toml is simulated with its four driven wheels. What is fitted to the commands and poses of the fitted
 windows: dead time and time constant of the motors (command-lag), the gains of the common part and of the difference of
-the two commands and how far the difference is limited (an own effect, of the commands), and factors of friction and
-stiffness of the slip law, held near 1 by a prior.
+the two commands (a form that a diagnosis offers as an own effect), the limits of the wheels and of both parts
+(speed-limit), and factors of friction and stiffness of the slip law, held near 1 by a prior.
 """
 
 from __future__ import annotations
@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
-from simulator.command import RPM_PER_RAD_S, Command
+from simulator.command import RPM_PER_RAD_S
+from simulator.dynamics.model import compile_robot
+from simulator.dynamics.motors import held_drive
 from simulator.dynamics.terms import UN_PER_MN
 from simulator.effects.entry import EffectEntry
 from simulator.errors import SimulationError
@@ -51,11 +53,8 @@ NUMBERS: dict[str, Number] = {
     "time_constant_s": Number(0.2, 1.0),
     "common": Number(1.0, 0.5),
     "difference": Number(1.0, 0.5),
-    # how far each part is limited by its own size and by that of the other
-    "difference_by_difference_rad_s": Number(10.0, 1.0),
-    "difference_by_common_rad_s": Number(10.0, 1.0),
-    "common_by_difference_rad_s": Number(20.0, 1.0),
-    "common_by_common_rad_s": Number(20.0, 1.0),
+    # of the median of the commanded speeds of the wheels
+    **{f"{part}_limit": Number(1.0, 1.0) for part in ("wheel", "ahead", "turn")},
     "longitudinal_friction": Number(1.0, 0.3),
     "lateral_friction": Number(1.0, 0.3),
     "longitudinal_stiffness": Number(1.0, 0.5),
@@ -75,30 +74,30 @@ class Corrected:
     sigma: Mapping[str, float]
 
 
-def mixed(command: Command, values: Mapping[str, float]) -> Command:
-    """What the drive makes of a command: common part and difference have gains of their own, and both are limited.
+def corrected_robot(robot: Robot, values: Mapping[str, float], usual_rpm: float) -> Robot:
+    """The robot with late motors, its drive, another slip law, a drag along it and its centre of gravity elsewhere.
 
-    Each shrinks as 1/√(1 + (difference/limit)² + (common/limit)²), with two limits of its own, in rad/s of the command.
+    usual_rpm: what limits of speed are relative to.
     """
-    common = (command.left_rpm + command.right_rpm) / 2 / RPM_PER_RAD_S
-    difference = (command.right_rpm - command.left_rpm) / RPM_PER_RAD_S
-
-    def limited(name: str, part: Array) -> Array:
-        by = [values[f"{name}_by_{other}_rad_s"] for other in ("difference", "common")]
-        return np.asarray(values[name] * part / np.sqrt(1 + (difference / by[0]) ** 2 + (common / by[1]) ** 2))
-
-    ahead, half = limited("common", common), limited("difference", difference) / 2
-    return Command(command.time_s, RPM_PER_RAD_S * (ahead - half), RPM_PER_RAD_S * (ahead + half))
-
-
-def corrected_robot(robot: Robot, values: Mapping[str, float]) -> Robot:
-    """The robot with late motors, another slip law, a drag along it and its centre of gravity off the middle."""
     slip = robot.slip.model_copy(update={name: getattr(robot.slip, name) * values[name] for name in SLIP})
     lag = {"id": "command-lag", "dead_time_s": values["dead_time_s"], "time_constant_s": values["time_constant_s"]}
+    limits = {f"{part}_rpm": usual_rpm * values[f"{part}_limit"] for part in ("wheel", "ahead", "turn")}
+    gains = {side: values["common"] / 2 + sign * values["difference"] / 2 for side, sign in (("own", 1), ("other", -1))}
+    mixing = [
+        {
+            "id": "free-form",
+            "channel": f"{wheels}_drive",
+            "basis": f"{command}_command",
+            "coefficient": gains["own"] - 1 if wheels == command else gains["other"],
+        }
+        for wheels in ("left", "right")
+        for command in ("left", "right")
+    ]
     drag_mN = values["drag_of_weight"] * robot.weight_uN / UN_PER_MN
     drag = {"id": "free-form", "channel": "force_forward", "basis": "sign_u", "coefficient": -drag_mN}
     gravity = {"id": "mass-offset", "x_mm": MM_PER_M * values["gravity_x_m"], "y_mm": 0.0}
-    effects = tuple(EffectEntry.model_validate(item) for item in (lag, drag, gravity))
+    entries = (lag, {"id": "speed-limit", **limits}, *mixing, drag, gravity)
+    effects = tuple(map(EffectEntry.model_validate, entries))
     return robot.model_copy(update={"slip": slip, "effect": (*robot.effect, *effects)})
 
 
@@ -108,6 +107,8 @@ class Model:
     def __init__(self, robot: Robot, drive: Drive) -> None:
         """Take the commands of all windows, with what was before them."""
         self.robot, self.drive = robot, drive
+        told = np.abs(drive.command_rad_s)
+        self.usual_rpm = RPM_PER_RAD_S * float(np.median(told[told > 0]))
         self._commands = [command_of(*drive.log(window)) for window in range(len(drive))]
         before = np.arange(-round(RUN_IN_S / drive.interval_s), 0) * drive.interval_s
         self._times = np.r_[before, drive.time_s]
@@ -115,8 +116,8 @@ class Model:
 
     def poses(self, values: Mapping[str, float], windows: NDArray[np.int64]) -> Array:
         """Poses (k, m, 3), m and rad, of some windows from their starts; NaN where the motion cannot be followed."""
-        robot = corrected_robot(self.robot, values)
-        commands = [mixed(self._commands[window], values) for window in windows]
+        robot = corrected_robot(self.robot, values, self.usual_rpm)
+        commands = [self._commands[window] for window in windows]
         try:
             states = simulate_batch([robot], commands, self._times, tolerance_mm=TOLERANCE_MM).states
         except SimulationError:  # a centre of gravity outside the wheels: no robot to simulate
@@ -128,6 +129,12 @@ class Model:
         cos, sin = np.cos(pose[:, :1, 2]), np.sin(pose[:, :1, 2])
         x, y = cos * off[..., 0] + sin * off[..., 1], cos * off[..., 1] - sin * off[..., 0]
         return np.stack([x / MM_PER_M, y / MM_PER_M, pose[..., 2] - pose[:, :1, 2]], axis=-1)
+
+    def wheels_rad_s(self, values: Mapping[str, float], command_rad_s: Array) -> Array:
+        """Speeds (2,) left and right at which the wheels turn once they have been told one command (2,) for long."""
+        (record,) = compile_robot(corrected_robot(self.robot, values, self.usual_rpm))
+        unit = RPM_PER_RAD_S * float(record["time_unit"])
+        return np.array(held_drive(*(unit * command_rad_s).tolist(), record)) / unit
 
     def misfit(self, poses: Array, windows: NDArray[np.int64]) -> Array:
         """Predicted minus measured poses (k, c, 3) at the last fresh sample before each of CHECKED, in SIGMAS.

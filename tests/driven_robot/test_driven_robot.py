@@ -13,7 +13,7 @@ from simulator.effects.entry import EffectEntry
 from simulator.robot import Robot, load_robot
 from simulator.run import State
 from simulator.simulation import simulate
-from tests.driven_robot.corrected import NUMBERS, Model, mixed
+from tests.driven_robot.corrected import NUMBERS, Model
 from tests.driven_robot.drive import Drive, command_of, load, write_experiment
 
 ROBOT = Path(__file__).parent / "husky.toml"
@@ -61,7 +61,7 @@ def test_windows_are_read_from_their_own_starts_with_the_commands_before_them(fo
 def test_the_model_with_the_true_numbers_predicts_the_windows(folder: Path) -> None:
     drive = load(folder)
     unchanged = {"common": 1.0, "difference": 1.0, "drag_of_weight": 1e-12, "gravity_x_m": 0.0, "pose_x_m": 0.0}
-    limits = {name: 1e9 for name in NUMBERS if name.endswith("_rad_s")}
+    limits = {name: 1e9 for name in NUMBERS if name.endswith("_limit")}
     slip = {name: 1.0 for name in NUMBERS if name.endswith(("_friction", "_stiffness"))}
     model = Model(load_robot(ROBOT), drive)
     poses = model.poses(LAG | unchanged | limits | slip, np.arange(len(drive)))
@@ -69,9 +69,12 @@ def test_the_model_with_the_true_numbers_predicts_the_windows(folder: Path) -> N
     assert np.abs(poses - drive.pose)[1:][fresh[1:]].max() < 2e-3  # the first window starts at rest in truth
     halved = LAG | unchanged | limits | slip | {"difference": 0.5}
     assert np.abs(model.poses(halved, np.arange(len(drive))) - drive.pose).max() > 0.05
-    command = mixed(command_of(*drive.log(2)), {**halved, "common": 2.0})
-    left, right = command.at(1.0)
-    assert (left * np.pi / 30, right * np.pi / 30) == pytest.approx((-8.5, -7.5))
+    mixed = LAG | slip | unchanged | limits | {"common": 2.0, "difference": 0.5}
+    assert model.wheels_rad_s(mixed, np.array([-5.0, -3.0])) == pytest.approx((-8.5, -7.5))
+    usual = model.usual_rpm * np.pi / 30  # of 2, 3, 4, 4, 5, 6, 6, 6
+    assert usual == pytest.approx(4.5)
+    limited = mixed | {"ahead_limit": 7.0 / usual, "turn_limit": 0.3 / usual, "wheel_limit": 7.2 / usual}
+    assert model.wheels_rad_s(limited, np.array([-5.0, -3.0])) == pytest.approx((-7.2, -6.7))
 
 
 def test_poses_and_logs_of_a_large_robot_are_measured_and_compared(folder: Path, tmp_path: Path) -> None:
