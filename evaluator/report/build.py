@@ -27,8 +27,8 @@ def write_report(analysis: Analysis) -> None:
 
 def report_html(analysis: Analysis) -> str:
     """The page as text."""
-    runs = views_of(analysis)
     robot = load_robot(analysis.experiment.robot)
+    runs = views_of(analysis, robot)
     diagnosis = known_diagnosis(analysis.experiment, analysis.outputs)
     provenance = json.loads(analysis.outputs.provenance.read_text(encoding="utf-8"))
     right = [run for run in runs if run.run not in analysis.set_aside]

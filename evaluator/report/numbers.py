@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,29 @@ if TYPE_CHECKING:
 
 HYPHEN_OF_A_NUMBER = re.compile(r"(?<![\w.])-(?=[\d.])")
 UNKNOWN = "–"  # in the place of a number that is not known
+
+
+@dataclass(frozen=True)
+class LengthUnit:
+    """The unit in which lengths are shown, and a smaller one for errors; mm, small_mm: their sizes."""
+
+    name: str
+    mm: float
+    small: str
+    small_mm: float
+
+    def text(self, length_mm: float) -> str:
+        """A length with three significant figures and its unit."""
+        return f"{significant(length_mm / self.mm)} {self.name}"
+
+
+MILLIMETRES, METRES = LengthUnit("mm", 1.0, "µm", 1e-3), LengthUnit("m", 1000.0, "mm", 1.0)
+METRES_FROM_MM = 100.0  # length of a robot: a few such lengths, its radii, are metres
+
+
+def unit_for(robot_length_mm: float) -> LengthUnit:
+    """The unit in which a reader thinks of a robot of this length."""
+    return METRES if robot_length_mm >= METRES_FROM_MM else MILLIMETRES
 
 
 def true_minus(text: str) -> str:

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 
 from evaluator.report.figures.trajectory import legend_of, thinned
-from evaluator.report.numbers import significant, true_minus
-from evaluator.report.runs import RunView
+from evaluator.report.numbers import true_minus
+from evaluator.report.runs import RunView, unit_of
 from evaluator.report.style import mark_lines
 from simulator.robot import Robot
 
@@ -25,13 +25,16 @@ def player_data(runs: Sequence[RunView], robot: Robot) -> str:
     """JSON that page.js reads; safe inside a script element."""
     points = max(40, min(240, POINT_BUDGET // max(1, len(runs))))
     thumbnails = _fitted([run.thumbnails for run in runs])
+    unit, seen = unit_of(runs), {name for run in runs for name in run.mark_names}
     content = {
+        "unit": {"name": unit.name, "mm": unit.mm},
         "robot": {
             "length": robot.body.length_mm,
             "width": robot.body.width_mm,
             "marks": [
                 {"color": line.color, "place": mark.place_mm, "size": mark.diameter_mm}
                 for mark, line in zip(robot.layout, mark_lines([mark.name for mark in robot.layout]), strict=True)
+                if mark.name in seen
             ],
         },
         "lines": [{"color": line.color, "width": line.width, "dash": line.dash} for line in legend_of(runs)],
@@ -43,7 +46,7 @@ def player_data(runs: Sequence[RunView], robot: Robot) -> str:
 def _run(run: RunView, points: int, thumbnails: list[tuple[float, str]]) -> dict[str, Any]:
     marks, poses, simulated = (thinned(table, points) for table in (run.marks, run.poses, run.simulated))
     circle = [run.value(name) for name in ("center_x_mm", "center_y_mm", "radius_mm")]
-    radius = f"radius {significant(run.value('radius_mm'))} mm" if run.turns else str(run.turning["radius_status"])
+    radius = f"radius {run.unit.text(run.value('radius_mm'))}" if run.turns else str(run.turning["radius_status"])
     return {
         "label": f"{run.id}: {run.command}" + (f" ({run.group})" if run.group else ""),
         "note": true_minus(f"{run.command}, {radius}."),

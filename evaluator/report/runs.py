@@ -13,8 +13,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.marks import mark_names, read_marks
-from evaluator.report.numbers import command_text
+from evaluator.report.numbers import MILLIMETRES, LengthUnit, command_text, number, unit_for
 from evaluator.workflow import Analysis, Outputs
+from simulator.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -25,7 +26,8 @@ STRAIGHT_DEG = 1.0  # over a whole run: less cannot be seen in a figure
 class RunView:
     """One analysed run, or one phase of a run with a log: its row of turning.csv and of comparison.csv, and its curves.
 
-    Curves are read when they are asked for. run: id in the experiment.
+    Curves are read when they are asked for. run: id in the experiment. unit: in which its lengths are shown.
+    from_poses: its marks only stand for poses, and nobody saw them.
     """
 
     run: str
@@ -33,6 +35,8 @@ class RunView:
     turning: dict[str, Any]
     comparison: dict[str, Any]
     outputs: Outputs
+    unit: LengthUnit = MILLIMETRES
+    from_poses: bool = False
 
     @property
     def id(self) -> str:
@@ -80,6 +84,10 @@ class RunView:
         value = getattr(self, table).get(name)
         return float("nan") if value is None else float(value)
 
+    def length(self, name: str, table: str = "turning") -> str:
+        """A length of the run's row, mm, in the unit of the report, to a thousandth of it."""
+        return number(self.value(name, table) / self.unit.mm, 3)
+
     @cached_property
     def marks(self) -> pd.DataFrame:
         """Marks over time."""
@@ -87,8 +95,8 @@ class RunView:
 
     @property
     def mark_names(self) -> tuple[str, ...]:
-        """Marks of the robot that the run shows; corners of tags are none."""
-        return tuple(name for name in mark_names(self.marks) if "_corner" not in name)
+        """Marks of the robot that the run shows; corners of tags are none, and poses have none."""
+        return () if self.from_poses else tuple(name for name in mark_names(self.marks) if "_corner" not in name)
 
     @cached_property
     def poses(self) -> pd.DataFrame:
@@ -119,15 +127,22 @@ class RunView:
         return thumbnails
 
 
-def views_of(analysis: Analysis) -> list[RunView]:
+def views_of(analysis: Analysis, robot: Robot) -> list[RunView]:
     """Every run that could be analysed, in the order of the experiment."""
     assert analysis.comparison is not None
+    poses = {run.id for run in analysis.experiment.run if run.poses is not None}
+    unit = unit_for(robot.body.length_mm)
     both = zip(_records(analysis.turning), _records(analysis.comparison), strict=True)
     return [
-        RunView(str(row["run"]), str(row["group"]), row, compared, analysis.outputs)
+        RunView(str(row["run"]), str(row["group"]), row, compared, analysis.outputs, unit, row["run"] in poses)
         for row, compared in both
         if row["run"] not in analysis.faults
     ]
+
+
+def unit_of(runs: Sequence[RunView]) -> LengthUnit:
+    """The unit in which lengths of some runs are shown: they are of one robot."""
+    return runs[0].unit if runs else MILLIMETRES
 
 
 def column(runs: Sequence[RunView], name: str, table: str = "turning") -> Array:

@@ -25,7 +25,7 @@ from evaluator.report.measurement.budget import budget_section
 from evaluator.report.numbers import UNKNOWN, command_text, interval, number, true_minus
 from evaluator.report.pages.circular_test import circular_test_section
 from evaluator.report.pages.html import Section, Table
-from evaluator.report.runs import RunView
+from evaluator.report.runs import RunView, unit_of
 from evaluator.report.style import Figure
 from evaluator.report.tables import (
     directions_table,
@@ -55,7 +55,7 @@ def sections(
             "radius",
             "How tightly it turns",
             radius_against_difference(right),
-            radius_against_ratio(right),
+            radius_against_ratio(right, magnetic=any(wheel.attraction_mN for wheel in robot.all_wheels)),
             radius_by_group(right),
             radius_agreement(right),
             tables=(outline_table(turning),) if turning else (),
@@ -81,9 +81,9 @@ def _repetitions(runs: Sequence[RunView], analysis: Analysis) -> Section | None:
     """Repetitions of each command, and backward against forward."""
     if analysis.pooled.empty or not (analysis.pooled["side"] != "").any():
         return None
-    tables = [pooled_table(analysis.pooled)]
+    tables = [pooled_table(analysis.pooled, unit_of(runs))]
     if not analysis.directions.empty:
-        tables.append(directions_table(analysis.directions))
+        tables.append(directions_table(analysis.directions, unit_of(runs)))
     figure = repetitions(runs, analysis.pooled)
     return Section(
         "repetitions-section",
@@ -123,19 +123,20 @@ def _wheels(runs: Sequence[RunView], robot: Robot) -> Section | None:
 
 
 def _quality(runs: Sequence[RunView], notes: dict[str, tuple[str, ...]]) -> Section:
+    unit = unit_of(runs)
     columns: dict[str, Callable[[RunView], str]] = {
         "run": lambda run: run.id,
         "frames": lambda run: f"{len(run.marks)}",
         "marks seen, %": lambda run: number(100 * float(run.poses["x_mm"].notna().mean()), 1),
         **of_marks("µm", runs, lambda run, name: number(_mark_sigma_um(run, name), 2)),
-        "residual, µm": lambda run: number(1000 * run.value("residual_rms_mm"), 2),
+        f"residual, {unit.small}": lambda run: number(run.value("residual_rms_mm") / unit.small_mm, 2),
         "frame-to-frame correlation": lambda run: number(run.value("noise_correlation"), 2),
         "start delay, s": lambda run: number(run.value("start_delay_s"), 3),
     }
-    caption = (
-        "In µm by mark: median standard uncertainty that the tracker states for a coordinate of the mark. Residual: "
-        "RMS distance of the poses from the fitted motion; much more than the stated uncertainty means a motion "
-        "that is not steady, or vibration."
+    by_mark = "In µm by mark: median standard uncertainty that the tracker states for a coordinate of the mark. "
+    caption = (by_mark if any(run.mark_names for run in runs) else "") + (
+        "Residual: RMS distance of the poses from the fitted motion; much more than the stated uncertainty means a "
+        "motion that is not steady, or vibration."
     )
     figures = tuple(figure for figure in (scale_check(runs), lost_frames(runs)) if figure)
     odd = tuple(f"{run}: {'; '.join(found)}." for run, found in notes.items())
@@ -176,18 +177,21 @@ def _mark_sigma_um(run: RunView, mark: str) -> float:
 
 
 def _run_table(runs: Sequence[RunView], set_aside: AbstractSet[str]) -> Section:
+    unit = unit_of(runs)
     columns: dict[str, Callable[[RunView], str]] = {
         "run": lambda run: f"{run.id} (set aside)" if run.run in set_aside else run.id,
         "left / right, rpm": lambda run: command_text(run.left_rpm, run.right_rpm),
-        "radius, mm": lambda run: number(run.value("radius_mm"), 3) if run.turns else UNKNOWN,
-        "95 %, mm": lambda run: (
-            interval(run.value("radius_low_mm"), run.value("radius_high_mm")) if run.turns else UNKNOWN
+        f"radius, {unit.name}": lambda run: run.length("radius_mm") if run.turns else UNKNOWN,
+        f"95 %, {unit.name}": lambda run: (
+            interval(run.value("radius_low_mm") / unit.mm, run.value("radius_high_mm") / unit.mm)
+            if run.turns
+            else UNKNOWN
         ),
-        "simulated, mm": lambda run: number(run.value("simulated_radius_mm", "comparison"), 3),
+        f"simulated, {unit.name}": lambda run: run.length("simulated_radius_mm", "comparison"),
         "difference, %": lambda run: number(run.value("radius_difference_percent", "comparison"), 2, sign=True),
-        "speed, mm/s": lambda run: number(run.value("speed_mm_s"), 3),
+        f"speed, {unit.name}/s": lambda run: run.length("speed_mm_s"),
         "yaw rate, deg/s": lambda run: number(run.value("yaw_rate_deg_s"), 2),
-        "path gap RMS, mm": lambda run: number(run.value("gap_rms_mm", "comparison"), 3),
+        f"path gap RMS, {unit.name}": lambda run: run.length("gap_rms_mm", "comparison"),
         "frames used, %": lambda run: number(100 * run.value("share_used"), 1),
     }
     if any(run.group for run in runs):

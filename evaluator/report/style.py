@@ -243,8 +243,13 @@ def plain_svg(svg: str) -> str:
     return '<?xml version="1.0" encoding="utf-8"?>\n' + text
 
 
-def plain_numbers(axis: Axis) -> None:
-    """Label a logarithmic axis 1, 2, 5, 10, … in plain numbers, so that labels neither overlap nor need powers."""
+def plain_numbers(axis: Axis, unit: float = 1.0) -> None:
+    """Label a logarithmic axis 1, 2, 5, 10, … in plain numbers of a unit: labels neither overlap nor need powers."""
     axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    in_units(axis, unit)
     axis.set_minor_formatter(NullFormatter())
+
+
+def in_units(axis: Axis, unit: float) -> None:
+    """Label an axis in a unit of this size."""
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / unit:g}".replace("-", "−")))

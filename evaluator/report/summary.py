@@ -109,11 +109,10 @@ def _tightest(turning: Sequence[RunView]) -> str:
     best = min(turning, key=lambda run: run.value("radius_mm"))
     widest = max(turning, key=lambda run: run.value("radius_mm"))
     text = f"The tightest turn has a radius of {_radius(best)} (95 %: {_interval(best)}; run {best.id}, {best.command})"
-    return text + (
-        f"; the widest {widest.value('radius_mm'):.1f} mm (run {widest.id}, {widest.command})."
-        if widest is not best
-        else "."
-    )
+    if widest is best:
+        return f"{text}."
+    radius = f"{widest.value('radius_mm') / widest.unit.mm:.1f} {widest.unit.name}"
+    return f"{text}; the widest {radius} (run {widest.id}, {widest.command})."
 
 
 def _directions(directions: pd.DataFrame) -> str:
@@ -166,18 +165,19 @@ def _speed(runs: Sequence[RunView]) -> str:
 
 def _radius(run: RunView) -> str:
     """A radius with as many digits as its interval bears."""
-    return f"{run.value('radius_mm'):.{_digits(run)}f} mm"
+    return f"{run.value('radius_mm') / run.unit.mm:.{_digits(run)}f} {run.unit.name}"
 
 
 def _interval(run: RunView) -> str:
-    high, digits = run.value("radius_high_mm"), _digits(run)
+    low, high = (run.value(f"radius_{end}_mm") / run.unit.mm for end in ("low", "high"))
+    digits = _digits(run)
     upper = f"{high:.{digits}f}" if np.isfinite(high) else "straight"
-    return f"{run.value('radius_low_mm'):.{digits}f} to {upper} mm"
+    return f"{low:.{digits}f} to {upper} {run.unit.name}"
 
 
 def _digits(run: RunView) -> int:
     """Decimals that show the width of the interval by at least one digit."""
-    width = run.value("radius_high_mm") - run.value("radius_low_mm")
+    width = (run.value("radius_high_mm") - run.value("radius_low_mm")) / run.unit.mm
     return int(np.clip(np.ceil(-np.log10(width / 2)), 1, 5)) if 0 < width < np.inf else 2
 
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 
 import pandas as pd
 
-from evaluator.report.numbers import UNKNOWN, command_text, interval, number
+from evaluator.report.numbers import UNKNOWN, LengthUnit, command_text, interval, number
 from evaluator.report.pages.html import Table
-from evaluator.report.runs import RunView
+from evaluator.report.runs import RunView, unit_of
 from simulator.nominal_robot import WHEELS
 
 MOST_NAMED = 6
@@ -50,36 +50,35 @@ def of_marks(unit: str, runs: Sequence[RunView], cell: Callable[[RunView, str], 
 
 def outline_table(runs: Sequence[RunView]) -> Table:
     """Radii of marks, wheels and corners, where the robot turns about, and how smoothly it drives."""
+    unit = unit_of(runs)
     columns: dict[str, Column] = {
         "run": lambda run: run.id,
-        **of_marks("mm", runs, lambda run, name: number(run.value(f"{name}_radius_mm"), 3)),
-        "outermost wheel, mm": lambda run: number(run.value("outer_wheel_radius_mm"), 3),
-        "wall to wall, mm": lambda run: number(run.value("wall_to_wall_radius_mm"), 3),
-        "turns about (x, y), mm": lambda run: (
-            f"{number(run.value('rotation_x_mm'), 3)}, {number(run.value('rotation_y_mm'), 3)}"
-        ),
-        "wander of that centre, µm": lambda run: number(1000 * run.value("center_wander_mm"), 1),
+        **of_marks(unit.name, runs, lambda run, name: run.length(f"{name}_radius_mm")),
+        f"outermost wheel, {unit.name}": lambda run: run.length("outer_wheel_radius_mm"),
+        f"wall to wall, {unit.name}": lambda run: run.length("wall_to_wall_radius_mm"),
+        f"turns about (x, y), {unit.name}": lambda run: f"{run.length('rotation_x_mm')}, {run.length('rotation_y_mm')}",
+        f"wander of that centre, {unit.small}": lambda run: number(run.value("center_wander_mm") / unit.small_mm, 1),
         "path efficiency, %": lambda run: number(100 * run.value("path_efficiency"), 2),
         "speed ripple, %": lambda run: number(100 * run.value("speed_ripple"), 1),
         "smoothness": lambda run: number(run.value("smoothness"), 2),
     }
     caption = (
-        "Radii about the centre of rotation, of the marks, the outermost wheel and the outermost corner (wall to wall, "
+        "Radii about the centre of rotation, of marks, the outermost wheel and the outermost corner (wall to wall, "
         "SAE J695); that centre in the frame of the body. Path efficiency: length of the fitted path over the driven "
         "one. Smoothness: spectral arc length of the speed, nearer zero is smoother."
     )
     return table_of_runs(caption, columns, runs)
 
 
-def pooled_table(pooled: pd.DataFrame) -> Table:
+def pooled_table(pooled: pd.DataFrame, unit: LengthUnit) -> Table:
     """Repetitions of every command that turns."""
     rows = [
         (
             command(row["left_rpm"], row["right_rpm"], str(row["group"])),
             f"{row['side']}, {row['direction']}",
             f"{row['runs']}",
-            number(row["radius_mm"], 3),
-            interval(row["radius_low_mm"], row["radius_high_mm"]),
+            number(row["radius_mm"] / unit.mm, 3),
+            interval(row["radius_low_mm"] / unit.mm, row["radius_high_mm"] / unit.mm),
             *(
                 number(100 * row[f"radius_{part}_mm"] / row["radius_mm"], 3)
                 for part in ("between", "within", "systematic")
@@ -92,7 +91,8 @@ def pooled_table(pooled: pd.DataFrame) -> Table:
         "one run. Noise: standard uncertainty of a single run, which more frames reduce. Camera: that part of it which "
         "all runs share and only a better calibration reduces. The 95 % interval of the mean holds all three."
     )
-    head = ("left / right, rpm", "turn", "runs", "radius, mm", "95 %, mm", "run to run, %", "noise, %", "camera, %")
+    radius = f"radius, {unit.name}", f"95 %, {unit.name}"
+    head = ("left / right, rpm", "turn", "runs", *radius, "run to run, %", "noise, %", "camera, %")
     return Table(caption, head, tuple(rows))
 
 
@@ -112,14 +112,14 @@ def standard_sentence(pooled: pd.DataFrame) -> str:
     return asks + "; ".join(filter(None, parts)) + "."
 
 
-def directions_table(directions: pd.DataFrame) -> Table:
+def directions_table(directions: pd.DataFrame, unit: LengthUnit) -> Table:
     """Backward against forward of the same speeds."""
     rows = [
         (
             command(row["left_rpm"], row["right_rpm"], str(row["group"])),
             f"{row['forward_runs']} + {row['backward_runs']}",
-            number(row["forward_radius_mm"], 3),
-            number(row["backward_radius_mm"], 3),
+            number(row["forward_radius_mm"] / unit.mm, 3),
+            number(row["backward_radius_mm"] / unit.mm, 3),
             number(row["radius_change_percent"], 2, sign=True),
             interval(row["radius_change_low_percent"], row["radius_change_high_percent"], 2, sign=True),
             number(row["forward_smoothness"], 3),
@@ -133,7 +133,7 @@ def directions_table(directions: pd.DataFrame) -> Table:
         "way it holds the measurement alone, and smoothness has none."
     )
     head = (
-        *("left / right, rpm", "runs", "forward, mm", "backward, mm", "change, %", "95 %, %"),
+        *("left / right, rpm", "runs", f"forward, {unit.name}", f"backward, {unit.name}", "change, %", "95 %, %"),
         *("smoothness forward", "backward", "change, 95 %"),
     )
     return Table(caption, head, tuple(rows))

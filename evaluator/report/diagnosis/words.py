@@ -210,6 +210,9 @@ def effect_words(name: str) -> str:
     return term.describe() if term is not None else name
 
 
+NOISE_OF_GROUND = "what ground and tracker do and no model says makes"
+
+
 def gap_sentence(content: Json) -> str:
     """Before and after, on fitted runs and on those held out, against the noise; empty where there is no gap."""
     gap = content.get("gap") or {}
@@ -226,7 +229,9 @@ def gap_sentence(content: Json) -> str:
     parts = " and ".join(
         filter(None, (change("fit", "the runs that were fitted"), change("held_out", "held-out runs")))
     )
-    noise = f"tracking noise alone makes {length(gap['noise_floor'])}"
+    # where run-to-run scatter is not told apart, as on open ground, the noise is what the best model leaves
+    left = "tracking noise alone makes" if (content.get("noise") or {}).get("run_to_run", True) else NOISE_OF_GROUND
+    noise = f"{left} {length(gap['noise_floor'])}"
     if not again:
         return f"The distance between model and marks is {parts}; {noise}."
     if not content.get("effects") and gap["before"] == gap["after"]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from evaluator.report.numbers import METRES, MILLIMETRES
 from evaluator.report.style import BLUE, FAINT, INK, SOFT, VERMILLION, Figure, drawing, plain_numbers
 
 MOST_ROWS = 40
@@ -27,26 +28,25 @@ def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, a
     held = set(gap.get("held_out_runs", []))
     order = table["before"].sort_values(ascending=False, kind="stable").index
     chosen = list(table.loc[order].index[:MOST_ROWS])
-    before_um, after_um, floor_um = (
-        1000 * table.loc[chosen, name].to_numpy() for name in ("before", "after", "noise_floor")
-    )
+    unit = MILLIMETRES if table["before"].max() < 1.0 else METRES  # shown in the smaller one: µm or mm
+    before, after_mm, floor = (table.loc[chosen, name].to_numpy() for name in ("before", "after", "noise_floor"))
     aside = np.array([run in held for run in chosen])
     rows = np.arange(len(chosen))[::-1]
     with drawing("gap", height=1.1 + 0.2 * len(chosen)) as canvas:
         (axes,) = canvas.axes
         for row in rows[aside]:
             axes.axhspan(row - 0.5, row + 0.5, color=FAINT, lw=0)
-        axes.hlines(rows, after_um if after else floor_um, before_um, color=SOFT, lw=0.8)
-        axes.plot(before_um, rows, color=VERMILLION, marker="s", mfc="none", ls="none", label="before")
+        axes.hlines(rows, after_mm if after else floor, before, color=SOFT, lw=0.8)
+        axes.plot(before, rows, color=VERMILLION, marker="s", mfc="none", ls="none", label="before")
         if after:
-            axes.plot(after_um, rows, color=BLUE, marker="o", ls="none", label="after")
-        axes.plot(floor_um, rows, color=INK, marker="|", ms=10, ls="none", label="noise")
+            axes.plot(after_mm, rows, color=BLUE, marker="o", ls="none", label="after")
+        axes.plot(floor, rows, color=INK, marker="|", ms=10, ls="none", label="noise")
         axes.set_yticks(rows, [_label(run, run in held, after and run in not_followed) for run in chosen])
         axes.set_ylim(-0.7, len(chosen) - 0.3)
         axes.grid(visible=False, axis="y")
         axes.set_xscale("log")
-        plain_numbers(axes.xaxis)
-        axes.set_xlabel("distance between model and marks, µm RMS")
+        plain_numbers(axes.xaxis, unit.small_mm)
+        axes.set_xlabel(f"distance between model and marks, {unit.small} RMS")
         canvas.canvas.legend(loc="outside upper right", ncols=3)
     shown = "" if len(chosen) == len(table) else f" The {MOST_ROWS} runs with the largest gap of {len(table)}."
     return Figure(
@@ -61,9 +61,9 @@ def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, a
                 "run": chosen,
                 "kept_aside": aside,
                 "followed": [run not in not_followed for run in chosen],
-                "before_um": before_um,
-                "after_um": after_um,
-                "noise_floor_um": floor_um,
+                "before_um": 1000 * before,
+                "after_um": 1000 * after_mm,
+                "noise_floor_um": 1000 * floor,
             }
         ),
     )

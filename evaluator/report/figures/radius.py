@@ -8,8 +8,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from evaluator.report.runs import RunView, column
+from evaluator.report.numbers import LengthUnit
+from evaluator.report.runs import RunView, column, unit_of
 from evaluator.report.style import GROUPS, MEASURED, SIMULATED, THEORY, Figure, Series, drawing, plain_numbers
+
+EQUATION_11 = " The dotted line is equation (11), the paper's simulation of its magnetic wheels."
 
 
 def radius_against_difference(runs: Sequence[RunView]) -> Figure | None:
@@ -26,7 +29,7 @@ def radius_against_difference(runs: Sequence[RunView]) -> Figure | None:
             **SIMULATED.markers(),
             label="simulation",
         )
-        _radius_axis(axes, "difference of rotational frequency, rpm")
+        _radius_axis(axes, "difference of rotational frequency, rpm", unit_of(turning))
         axes.legend()
     return Figure(
         "radius-difference",
@@ -38,8 +41,8 @@ def radius_against_difference(runs: Sequence[RunView]) -> Figure | None:
     )
 
 
-def radius_against_ratio(runs: Sequence[RunView]) -> Figure | None:
-    """Figure 14: radius over the ratio (outer − inner) / outer, with Eq. (11)."""
+def radius_against_ratio(runs: Sequence[RunView], *, magnetic: bool = True) -> Figure | None:
+    """Figure 14: radius over the ratio (outer − inner) / outer; of magnetic wheels, with Eq. (11)."""
     turning = [run for run in runs if run.turns and 0 < _ratio(run) < 1]
     if not turning:
         return None
@@ -51,8 +54,9 @@ def radius_against_ratio(runs: Sequence[RunView]) -> Figure | None:
         axes.plot(
             ratios, column(turning, "simulated_radius_mm", "comparison"), **SIMULATED.markers(), label="simulation"
         )
-        axes.plot(curve, 2.5735 * curve**-1.5141, color=THEORY.color, ls=THEORY.line, label="equation (11)")
-        _radius_axis(axes, "ratio of difference to the faster wheel")
+        if magnetic:
+            axes.plot(curve, 2.5735 * curve**-1.5141, color=THEORY.color, ls=THEORY.line, label="equation (11)")
+        _radius_axis(axes, "ratio of difference to the faster wheel", unit_of(turning))
         axes.set_xscale("log")
         plain_numbers(axes.xaxis)
         axes.set_xticks([tick for tick in (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0) if curve[0] <= tick <= curve[-1]])
@@ -62,8 +66,8 @@ def radius_against_ratio(runs: Sequence[RunView]) -> Figure | None:
     return Figure(
         "radius-ratio",
         "One curve for all speeds",
-        "If only the ratio of the wheel speeds matters, all runs fall on one line. The dotted line is equation (11), "
-        "the paper's simulation of its magnetic wheels. (Figure 14 of the paper.)",
+        f"If only the ratio of the wheel speeds matters, all runs fall on one line.{EQUATION_11 if magnetic else ''} "
+        "(Figure 14 of the paper.)",
         (canvas.svg,),
         data,
     )
@@ -84,7 +88,7 @@ def radius_by_group(runs: Sequence[RunView]) -> Figure | None:
                     name = ", ".join(filter(None, (group, "backward" if backward else "forward")))
                     series = Series(look.color, "^" if backward else look.marker, look.line, filled=not backward)
                     _points(axes, chosen, [run.difference_rpm for run in chosen], series, name)
-        _radius_axis(axes, "difference of rotational frequency, rpm")
+        _radius_axis(axes, "difference of rotational frequency, rpm", unit_of(turning))
         axes.legend()
     data = _radius_data(turning)
     data.insert(1, "group", [run.group for run in turning])
@@ -120,13 +124,13 @@ def _points(axes: Axes, runs: Sequence[RunView], x: Sequence[float] | np.ndarray
     )
 
 
-def _radius_axis(axes: Axes, x_label: str) -> None:
+def _radius_axis(axes: Axes, x_label: str, unit: LengthUnit) -> None:
     axes.set_xlabel(x_label)
-    axes.set_ylabel("minimum turning radius, mm")
+    axes.set_ylabel(f"minimum turning radius, {unit.name}")
     axes.set_yscale("log")
     low, high = axes.get_ylim()
     axes.set_ylim(low / 1.15, high * 1.15)
-    plain_numbers(axes.yaxis)
+    plain_numbers(axes.yaxis, unit.mm)
 
 
 def _radius_data(runs: Sequence[RunView]) -> pd.DataFrame:

@@ -9,9 +9,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
-from evaluator.report.numbers import significant
 from evaluator.report.runs import RunView
-from evaluator.report.style import BLUE, INK, Figure, Line, drawing, mark_lines
+from evaluator.report.style import BLUE, INK, Figure, Line, drawing, in_units, mark_lines
 
 MOST_POINTS = 240  # of a drawn curve: below a tenth of a pixel of error on a turn that fills its panel
 CENTRE = Line("ink", "centre", 1.8)
@@ -83,11 +82,13 @@ def _panel(axes: Axes, run: RunView) -> None:
     if run.turns and np.isfinite(center).all():
         axes.add_patch(Circle(center, run.value("radius_mm"), fill=False, ec=BLUE, lw=CIRCLE.width))
         axes.plot(*center, color=BLUE, marker="+", ms=5, ls="none")
-        title += f"\nradius {significant(run.value('radius_mm'))} mm"
+        title += f"\nradius {run.unit.text(run.value('radius_mm'))}"
     axes.set_title(title)
     _frame(axes, run, marks, poses)
-    axes.set_xlabel("x, mm")
-    axes.set_ylabel("y, mm")
+    for axis in (axes.xaxis, axes.yaxis):
+        in_units(axis, run.unit.mm)
+    axes.set_xlabel(f"x, {run.unit.name}")
+    axes.set_ylabel(f"y, {run.unit.name}")
 
 
 def _frame(axes: Axes, run: RunView, marks: pd.DataFrame, poses: pd.DataFrame) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, nan, pi
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,17 +14,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from evaluator.marks import columns_of
 from evaluator.report.figures.agreement import radius_agreement
 from evaluator.report.figures.gap import gap_before_after
+from evaluator.report.figures.radius import radius_against_ratio
 from evaluator.report.figures.repetitions import repetitions
 from evaluator.report.figures.speed import straight_speed
 from evaluator.report.figures.wheel_states import _on_page, wheel_states_figure
+from evaluator.report.numbers import unit_for
 from evaluator.report.pages.trends import _digits, _rounded
 from evaluator.report.player import IMAGE_BUDGET_BYTES, _fitted
 from evaluator.report.runs import RunView
 from evaluator.report.summary import headline
 from evaluator.workflow.results.outputs import Outputs
 from simulator.robot import load_robot
+from simulator.steady import steady_turn
 
 
 @dataclass(frozen=True)
@@ -96,6 +100,42 @@ def test_the_gap_of_every_run_is_shown_in_micrometres_the_largest_first() -> Non
     assert found.data["noise_floor_um"].tolist() == pytest.approx([5.0, 5.0])
     assert found.data["kept_aside"].tolist() == [False, True]
     assert found.data["followed"].tolist() == [False, True]
+
+
+def test_a_robot_of_a_metre_is_shown_in_metres_and_newtons_and_without_the_papers_words() -> None:
+    robot = load_robot(Path(__file__).parents[2] / "driven_robot" / "husky.toml")
+    figure = wheel_states_figure("a", "title", robot, steady_turn(robot, 30.0, 20.0))
+    (drawing,) = figure.panels
+    assert "over the ground" in figure.caption
+    assert " m. Thick" in figure.caption
+    assert "roll freely" not in figure.caption
+    assert "10 N" in drawing
+    unit = unit_for(robot.body.length_mm)
+    assert (unit.text(1264.0), unit.small) == ("1.26 m", "mm")
+    assert unit_for(load_robot("barrel").body.length_mm).text(12.64) == "12.6 mm"
+    row = {"radius_mm": 1264.0, "radius_low_mm": 1200.0, "radius_high_mm": 1300.0, "turned_deg": 90.0}
+    run = replace(shown("a", 30.0, 20.0, **row), unit=unit)
+    assert run.length("radius_mm") == "1.264"
+    assert headline([run])[0].value == "1.26 m"
+    assert headline([run])[0].range.startswith("95 %: 1.20 to 1.30 m")
+    for magnetic, said in ((False, False), (True, True)):
+        ratio = radius_against_ratio([run], magnetic=magnetic)
+        assert ratio is not None
+        assert ("magnetic" in ratio.caption) == ("equation" in ratio.panels[0]) == said
+        assert "radius, m<" in ratio.panels[0]
+    found = gap_before_after({"by_run": {"a": {"before": 400.0, "after": 80.0, "noise_floor": 50.0}}})
+    assert found is not None
+    assert "marks, mm RMS" in found.panels[0]
+
+
+def test_poses_show_no_marks(tmp_path: Path) -> None:
+    outputs = Outputs(tmp_path)
+    run = RunView("a", "", {"left_rpm": 1.0, "right_rpm": 1.0}, {}, outputs)
+    outputs.marks("a").parent.mkdir(parents=True)
+    marks = pd.DataFrame({"time_s": [0.0, 0.1], **dict.fromkeys(columns_of(("green", "yellow")), 1.0)})
+    marks.to_csv(outputs.marks("a"), index=False)
+    assert run.mark_names == ("green", "yellow")
+    assert replace(run, from_poses=True).mark_names == ()
 
 
 def test_repetitions_lie_about_the_mean_of_their_command_in_percent() -> None:

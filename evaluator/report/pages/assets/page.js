@@ -25,7 +25,7 @@ for (const link of document.querySelectorAll("a.svg")) {
 const source = document.getElementById("player-data");
 if (source) startPlayer(JSON.parse(source.textContent));
 
-function startPlayer({ runs, robot, lines }) {
+function startPlayer({ runs, robot, lines, unit: length }) {
   const find = (name) => document.getElementById(`player-${name}`);
   const [choice, play, slider, clock, plot, image, note] =
     ["run", "play", "time", "clock", "plot", "image", "note"].map(find);
@@ -103,13 +103,13 @@ function startPlayer({ runs, robot, lines }) {
     };
     for (let x = Math.ceil(left / step) * step; x < left + width; x += step) {
       draw(plot, "line", { x1: x, x2: x, y1: top, y2: top + height, stroke: "var(--faint)", "stroke-width": 0.7 * unit });
-      if (x > left + width * 0.08 && x < left + width * 0.9) label(x, top + height - 5 * unit, +x.toPrecision(6), "middle");
+      if (x > left + width * 0.08 && x < left + width * 0.9) label(x, top + height - 5 * unit, +(x / length.mm).toPrecision(6), "middle");
     }
     for (let y = Math.ceil(top / step) * step; y < top + height; y += step) {
       draw(plot, "line", { x1: left, x2: left + width, y1: y, y2: y, stroke: "var(--faint)", "stroke-width": 0.7 * unit });
-      if (y < top + height * 0.93) label(left + 4 * unit, y - 3 * unit, +(-y).toPrecision(6) || 0, "start");
+      if (y < top + height * 0.93) label(left + 4 * unit, y - 3 * unit, +(-y / length.mm).toPrecision(6) || 0, "start");
     }
-    label(left + width - 5 * unit, top + height - 5 * unit, "mm", "end");
+    label(left + width - 5 * unit, top + height - 5 * unit, length.name, "end");
   }
 
   function moveTo(share) {
