@@ -28,8 +28,9 @@ COMMAND = ["command_left_rad_s", "command_right_rad_s"]
 class Drive:
     """n windows of m samples.
 
-    step: (n,). time_s: (m,) from the start of a window. command_rad_s: (n, m, 2) left, right. pose: (n, m, 3) x and y
-    in m and heading in rad, from the first pose of the window. fresh: (n, m) samples that do not repeat the one before.
+    step: (n,) windows that end under one command, in order from 0. time_s: (m,) from the start of a window.
+    command_rad_s: (n, m, 2) left, right. pose: (n, m, 3) x and y in m and heading in rad, from the first pose of the
+    window. fresh: (n, m) samples that do not repeat the one before.
     encoder_rad_s: (n, m, 2), NaN without encoders.
     """
 
@@ -84,14 +85,17 @@ def load(folder: Path) -> Drive:
     pose = table[POSE].to_numpy(float)[rows]
     fresh = np.array([~held(item) for item in pose])
     pose = relative_to_start(pose)
+    command = table[COMMAND].to_numpy(float)[rows]
+    # By the commands: the recordings' own numbers of steps change a window early or late in four steps of ten.
+    changes = np.r_[False, (np.diff(command[:, -1], axis=0) != 0).any(axis=1)]
     encoders = folder / "encoders.csv.gz"
     wheels = np.full((len(table), 2), np.nan)
     if encoders.is_file():
         wheels = pd.read_csv(encoders)[["left_wheel_rad_s", "right_wheel_rad_s"]].to_numpy(float)
     return Drive(
-        table["step"].to_numpy()[whole],
+        np.cumsum(changes),
         table["time_s"].to_numpy(float)[rows[0]],
-        table[COMMAND].to_numpy(float)[rows],
+        command,
         pose,
         fresh,
         wheels[rows],

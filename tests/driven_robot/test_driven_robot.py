@@ -24,7 +24,8 @@ LAG = {"dead_time_s": 0.3, "time_constant_s": 0.3}
 
 
 def late(robot: Robot) -> Robot:
-    return robot.model_copy(update={"effect": (EffectEntry.model_validate({"id": "command-lag", **LAG}),)})
+    lag = EffectEntry.model_validate({"id": "command-lag", **LAG})
+    return robot.model_copy(update={"effect": (*robot.effect, lag)})
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +52,7 @@ def test_windows_are_read_from_their_own_starts_with_the_commands_before_them(fo
     drive = load(folder)
     assert len(drive) == len(COMMANDS)
     assert np.allclose(drive.pose[:, 0], 0)
+    assert drive.step.tolist() == [0, 0, 1, 2]  # by the commands: the file calls every window a step
     assert drive.fresh.sum(axis=1).tolist() == [SAMPLES // 2] * len(COMMANDS)
     rows, times = drive.log(2)
     assert rows[times < 0].tolist() == [list(COMMANDS[0])] * 80
