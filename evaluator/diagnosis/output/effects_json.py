@@ -14,6 +14,7 @@ from evaluator.diagnosis.assessment.disagreement import Interval, root_mean_squa
 from evaluator.diagnosis.assessment.model_comparison import SAME_SIGMAS, is_free
 from evaluator.diagnosis.candidates.free_form import FreeTerm
 from evaluator.diagnosis.diagnosis import Diagnosis
+from evaluator.diagnosis.inference.silence import silent_reaches
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.coordinates import Candidate
 
@@ -129,6 +130,9 @@ def _drawn(diagnosis: Diagnosis, terms: Sequence[Candidate]) -> dict[str, Floats
     for term in terms:
         if term.id in diagnosis.profiles:
             draws = diagnosis.profiles[term.id].transform(draws, mean, covariance)
+    assert diagnosis.search is not None
+    for i, reach in silent_reaches(diagnosis.search.problem, fit).items():
+        draws[:, i] = np.minimum(draws[:, i], mean[i] + reach)
     found: dict[str, Floats] = {}
     for term in terms:
         own = [i for i, column in enumerate(fit.columns) if column.key == term.id]

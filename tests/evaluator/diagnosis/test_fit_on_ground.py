@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.inference.bounds import is_at_bound
 from evaluator.diagnosis.inference.fit import Fit, fit_model
+from evaluator.diagnosis.inference.silence import silent_reaches
 from evaluator.diagnosis.likelihood.features import Compression
 from evaluator.diagnosis.likelihood.jumps import smooth_slope
 from evaluator.diagnosis.likelihood.mixed_model import MixedModel, reduce_runs
@@ -46,6 +48,16 @@ class Steps:
             angle = task.per_run[2] + np.zeros(FRAMES)
             result.append(np.column_stack([x - np.sin(angle), y + np.cos(angle), x + np.sin(angle), y - np.cos(angle)]))
         return result
+
+
+@dataclass(frozen=True)
+class Late(Steps):
+    """A world whose parameter does nothing up to EDGE."""
+
+    def marks(self, tasks: list[Task]) -> list[Any]:
+        """Marks of every task for what of the parameter lies beyond."""
+        beyond = [(max(task.terms.get("drift", (0.0,))[0] - EDGE, 0.0),) for task in tasks]
+        return super().marks([replace(task, terms={"drift": more}) for task, more in zip(tasks, beyond, strict=True)])
 
 
 DRIFT = Candidate("drift", (Coordinate("size", 0.0, 0.1, -10.0, 10.0),), lambda values: {"size": values[0]})
@@ -101,6 +113,16 @@ def test_runs_on_ground_have_a_start_of_their_own_but_no_friction_and_gains() ->
         assert (len(model.tau) > 1) == has
         assert model.logdet.min() == pytest.approx(0.0, abs=1e-6 if not has else 1e-3)
     assert len(OF_GROUND) == 4
+
+
+def test_a_parameter_that_no_run_shows_is_known_up_to_where_one_does() -> None:
+    point, columns = Point(np.zeros((3, 7)), terms={"drift": (0.0,)}), (Column("drift", 0, DRIFT),)
+    for world, wanted in ((Late(0.0), {0: EDGE}), (Steps(0.0), {})):
+        problem = problem_of(world, 100.0)
+        fit: Any = SimpleNamespace(
+            columns=columns, point=point, runs=(0, 1, 2), linearized=problem.linearized(point, columns)
+        )
+        assert silent_reaches(problem, fit) == pytest.approx(wanted, rel=0.02)
 
 
 def test_an_estimate_is_at_a_bound_where_more_might_lie_beyond() -> None:
