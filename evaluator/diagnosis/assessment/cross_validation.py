@@ -84,9 +84,12 @@ def _told_without(
 ) -> list[tuple[Floats, Floats]]:
     """Parameters (p,) and their covariance (p, p) that the other runs tell, for each group of runs left out."""
     prior, found = np.diag(prior_precision(fit.columns, tolerance)), []
+    own = np.diag(G.sum(axis=0) + prior)
+    scale = np.sqrt(np.where(own > 0, own, 1.0))  # unknowns of any units
     for group in aside:
         rest = np.setdiff1d(np.arange(len(g)), group)
-        covariance = np.linalg.pinv(G[rest].sum(axis=0) + prior, rcond=1e-13, hermitian=True)
+        normal = (G[rest].sum(axis=0) + prior) / np.outer(scale, scale)
+        covariance = np.linalg.pinv(normal, rcond=1e-13, hermitian=True) / np.outer(scale, scale)
         found.append((covariance @ g[rest].sum(axis=0), covariance))
     return found
 

@@ -1,38 +1,40 @@
 """Coordinates of which no run says anything where a fit ended: a limit of speed that no command exceeds.
 
 Their slopes are nought there, so that a linear view gives them any value. What the runs do say is how far such a
-coordinate may go before one of them moves otherwise.
+coordinate may go before they are worse followed than chance allows, all else as it is.
 """
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from evaluator.diagnosis.inference.fit import Fit
-from evaluator.diagnosis.likelihood.problem import Column, Problem
+from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
+from evaluator.turning.motion.curvature import Z_975
 
 HALVINGS = 6  # of the last doubled step: a reach is good to about a hundredth
+WORSE = Z_975**2  # of -2 log density, at the end of a 95 % interval
 MOST_DOUBLINGS = 40  # from a fifth of a visible step: beyond, no robot has such a value
 
 
 def silent_reaches(problem: Problem, fit: Fit) -> dict[int, float]:
-    """How far above its value each silent coordinate of a fit may go before any run shows it, by number of column.
+    """How far above its value each silent coordinate of a fit may go within 95 %, by number of column.
 
-    Infinity where none ever shows it.
+    Infinity where no run ever shows it.
     """
     silent = [i for i in range(len(fit.columns)) if not any(view.common[:, i].any() for view in fit.linearized)]
     return {i: _reach(problem, fit, fit.columns[i]) for i in silent if fit.columns[i].term is not None}
 
 
 def _reach(problem: Problem, fit: Fit, column: Column) -> float:
-    here = problem.features([fit.point.task(run) for run in fit.runs])
+    def square(point: Point) -> float:
+        return float(sum(part @ part for part in problem.features([point.task(run) for run in fit.runs])))
+
+    here = square(fit.point)
 
     def shown(amount: float) -> bool:
-        moved = fit.point.moved(column, amount)
-        there = problem.features([moved.task(run) for run in fit.runs])
-        return not all(map(np.array_equal, here, there))
+        there = square(fit.point.moved(column, amount))
+        return not there <= here + WORSE  # a run that cannot be simulated shows it, too
 
     amount = column.step
     for _ in range(MOST_DOUBLINGS):

@@ -27,6 +27,7 @@ FRICTION_SCATTER = np.geomspace(5e-4, 0.3, 15)  # a polished plate to a dirty on
 GAIN_SCATTER = np.geomspace(1e-4, 0.1, 16)  # quartz-driven steppers to poor DC motors
 START_SCATTER = 1.0  # how well starts are known is stated
 UNLIKELY = 1e-6  # share of the probability below which a scatter of the grid adds nothing to a covariance
+LITTLE = 1e-12  # of the diagonal of normal equations: keeps columns apart that say the same
 RIDGE = 1e-11  # of normal equations with ones on the diagonal: parameters that stand for each other
 
 
@@ -134,7 +135,7 @@ class MixedModel:
         rest = np.setdiff1d(np.arange(len(self.prior)), keep)
         H = self._normal(keep, np.arange(len(self.tau)))
         sides = np.concatenate([self.G[:, keep][:, :, rest], self.g[:, keep, None]], axis=2)
-        solved = np.linalg.solve(H, sides)
+        solved = _solved(H, sides)
         taken = np.matmul(sides.transpose(0, 2, 1), solved)
         found = copy(self)
         found.s = self.s - taken[:, -1, -1]
@@ -155,10 +156,14 @@ class MixedModel:
         return found
 
     def _normal(self, keep: NDArray[np.int64], at: NDArray[np.int64]) -> Floats:
-        """Normal matrices (len(at), k, k) of some columns, with their priors and a little to keep them definite."""
-        G = self.G[np.ix_(at, keep, keep)]
-        small = 1e-12 * np.maximum(np.trace(G, axis1=1, axis2=2), 1e-30) / max(len(keep), 1)
-        return np.asarray(G + np.diag(self.prior[keep]) + small[:, None, None] * np.eye(len(keep)))
+        """Normal matrices (len(at), k, k) of some columns, with their priors and a little to keep them definite.
+
+        Of each column a share of its own: of a robot of a metre, one may be a moment in µN·mm, 10¹⁰ of which show, and
+        another the inverse of a speed.
+        """
+        H = self.G[np.ix_(at, keep, keep)] + np.diag(self.prior[keep])
+        own = np.diagonal(H, axis1=1, axis2=2)
+        return np.asarray(H + (LITTLE * np.where(own > 0, own, 1.0))[:, None, :] * np.eye(len(keep)))
 
     def _occam(self, H: Floats, keep: NDArray[np.int64]) -> Floats:
         """What the parameters of some columns cost, -2 log: those with a prior by what they were narrowed to.
@@ -176,7 +181,7 @@ class MixedModel:
         at = np.arange(len(self.tau)) if at is None else at
         g = self.g[np.ix_(at, keep)]
         H = self._normal(keep, at)
-        mean = np.linalg.solve(H, g[..., None])[..., 0]
+        mean = _solved(H, g[..., None])[..., 0]
         misfit = self.s[at] - np.einsum("tk,tk->t", g, mean) + self.logdet[at]
         score = -0.5 * (misfit + self._occam(H, keep))
         top = int(np.argmax(score))
@@ -185,12 +190,19 @@ class MixedModel:
         center = weight @ mean
         spread = mean - center
         likely = weight > UNLIKELY
-        covariance = np.einsum("t,tij->ij", weight[likely], np.linalg.inv(H[likely]))
+        identity = np.broadcast_to(np.eye(len(keep)), H[likely].shape)
+        covariance = np.einsum("t,tij->ij", weight[likely], _solved(H[likely], identity))
         covariance += np.einsum("t,ti,tj->ij", weight, spread, spread)
         evidence = float(score[top] + np.log(np.mean(np.exp(score - score[top]))))
         return Posterior(
             evidence, center, covariance, weight @ self.tau[at], float(misfit.min()), int(at[int(np.argmin(misfit))])
         )
+
+
+def _solved(H: Floats, right: Floats) -> Floats:
+    """Solutions (t, k, m) of normal equations (t, k, k), (t, k, m), whatever the units of their unknowns."""
+    scale = np.sqrt(np.diagonal(H, axis1=1, axis2=2))[..., None]
+    return np.asarray(np.linalg.solve(H / (scale * scale.transpose(0, 2, 1)), right / scale) / scale)
 
 
 def solve_at(reduced: Reduced, prior_precision: Floats, tau: Floats) -> Floats:

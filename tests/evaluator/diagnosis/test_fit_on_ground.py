@@ -115,9 +115,12 @@ def test_runs_on_ground_have_a_start_of_their_own_but_no_friction_and_gains() ->
     assert len(OF_GROUND) == 4
 
 
-def test_a_parameter_that_no_run_shows_is_known_up_to_where_one_does() -> None:
+def test_a_parameter_that_no_run_shows_is_known_up_to_where_runs_are_worse_followed() -> None:
+    """Beyond EDGE runs that drifted by TRUTH are followed better at first; 1.96² worse than before, they end it."""
     point, columns = Point(np.zeros((3, 7)), terms={"drift": (0.0,)}), (Column("drift", 0, DRIFT),)
-    for world, wanted in ((Late(0.0), {0: EDGE}), (Steps(0.0), {})):
+    per_size = 3 * np.sum(np.linspace(0.0, 1.0, FRAMES) ** 4)
+    end = EDGE + TRUTH + np.sqrt(TRUTH**2 + 1.96**2 / per_size)
+    for world, wanted in ((Late(0.0), {0: end}), (Steps(0.0), {})):
         problem = problem_of(world, 100.0)
         fit: Any = SimpleNamespace(
             columns=columns, point=point, runs=(0, 1, 2), linearized=problem.linearized(point, columns)

@@ -172,6 +172,21 @@ def test_start_poses_say_nothing_about_the_parameters() -> None:
         np.testing.assert_allclose(getattr(first, name), getattr(second, name), rtol=1e-9, atol=1e-9)
 
 
+def test_evidence_and_interval_of_a_parameter_do_not_depend_on_its_unit() -> None:
+    runs = linear_runs()
+    unit = np.array([1.0, 1e-11])  # of a moment in µN·mm, which a robot of a metre feels from 10¹⁰ on
+    small = [replace(run, common=run.common * unit) for run in runs]
+    usual, tiny = (MixedModel(reduce_runs(item), PRIOR) for item in (runs, small))
+    for columns in ([1], [0, 1]):
+        one, other = (model.posterior(columns) for model in (usual, tiny))
+        assert other.log_evidence == pytest.approx(one.log_evidence, abs=1e-6)
+        assert other.mean * unit[columns] == pytest.approx(one.mean, rel=1e-6)
+        told = other.covariance * np.outer(unit[columns], unit[columns])
+        assert told == pytest.approx(one.covariance, rel=1e-6)
+    beyond = [model.given([0]).posterior([1]).log_evidence for model in (usual, tiny)]
+    assert beyond[1] == pytest.approx(beyond[0], abs=1e-6)
+
+
 def test_a_parameter_that_is_taken_as_one_is_subtracted_from_the_response() -> None:
     runs = linear_runs()
     taken = MixedModel(reduce_runs(runs), PRIOR).taken([1])
