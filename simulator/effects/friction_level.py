@@ -2,13 +2,36 @@
 
 from __future__ import annotations
 
+import math
+
+from simulator.effects.coordinates import Candidate, Coordinate, Parameters, Scene, plain
 from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
-from simulator.effects.parameter import Parameter
+from simulator.effects.parameter import PAPER_SIZE, Parameter
+
+FACTOR = Parameter("factor", "", 1.0, 0.01, 0.2, 5.0, at_least=0.01, shown=3.0)
+# Of tyres, sliding on ice and at most on dry asphalt (Wong 2008, Theory of Ground Vehicles, Table 1.3): a file that
+# states one may be driven on the other.
+ICE, ASPHALT = 0.07, 0.9
+# Factors from which a fit to a robot of a metre begins: grip hides how much of it there is until wheels spin.
+BEGUN = (1.0, 0.5, 0.25, 0.125)
 
 
 def _act(draft: Draft, values: Values) -> None:
     draft.friction_factor *= values["factor"]
+
+
+def _fitted(scene: Scene) -> Candidate:
+    """The factor on a plate; on ground, where it may be many times off, its logarithm."""
+    if scene.size == PAPER_SIZE:
+        return plain("friction-level", (FACTOR,))
+
+    def physical(values: tuple[float, ...]) -> Parameters:
+        return {"factor": math.exp(values[0])}
+
+    most = math.log(ASPHALT / ICE)
+    starts = tuple((math.log(factor),) for factor in BEGUN)
+    return Candidate("friction-level", (Coordinate("log_factor", 0.0, FACTOR.step, -most, most),), physical, starts)
 
 
 EFFECT = Effect(
@@ -20,6 +43,7 @@ EFFECT = Effect(
     source="Coulomb's friction: the limit of the force is the coefficient times the load",
     limits="One factor for all wheels, directions and slips: the shape of the slip curve stays.",
     kind="dynamics",
-    parameters=(Parameter("factor", "", 1.0, 0.01, 0.2, 5.0, at_least=0.01, shown=3.0),),
+    parameters=(FACTOR,),
     act=_act,
+    fitted=_fitted,
 )

@@ -123,6 +123,15 @@ def test_a_dead_band_lies_between_commands_or_above_the_largest() -> None:
     assert EFFECTS["dead-band"].candidate(Scene(20.0, (0.0,))).starts == ()
 
 
+def test_friction_of_ground_is_fitted_in_its_logarithm_from_grip_to_ice() -> None:
+    found = EFFECTS["friction-level"].candidate(replace(SCENE, size=Size(250.0, 1e6)))
+    assert found.physical(found.absent) == {"factor": 1.0}
+    assert [found.physical(start)["factor"] for start in found.starts] == pytest.approx([1.0, 0.5, 0.25, 0.125])
+    assert [found.acts_at(start) for start in found.starts] == [False, True, True, True]
+    (only,) = found.coordinates
+    assert (math.exp(only.low), math.exp(only.high)) == pytest.approx((0.07 / 0.9, 0.9 / 0.07))
+
+
 def test_no_dead_band_lies_above_the_largest_command_of_a_robot_that_moved_over_ground() -> None:
     ground = replace(SCENE, size=Size(250.0, 1e6))
     assert EFFECTS["dead-band"].candidate(ground).starts == ((20.0,),)
