@@ -6,8 +6,11 @@ import math
 from collections.abc import Sequence
 from typing import Literal
 
+import numpy as np
+from scipy import stats
+
 from evaluator.diagnosis.assessment.adequacy import Adequacy
-from evaluator.diagnosis.assessment.cross_validation import Constancy, advantage
+from evaluator.diagnosis.assessment.cross_validation import Constancy, advantage, covariance_over_commands
 from evaluator.diagnosis.assessment.knowledge import strained, together
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, score
 from evaluator.diagnosis.inference.search import LARGEST_SET, Search
@@ -36,6 +39,7 @@ EXCESS_SIGMA = 5.0
 # stands beside it more probable than nothing. Under heavy-tailed noise one beside a scale that was off by chance,
 # together 29 times less probable than nothing, has passed for physics.
 BETTER_BY, BETTER_SIGMAS = 4.0, 2.0
+NOT_TOLD = 0.05  # probability, by chance, that any of a family's coefficients has an interval that leaves out nought
 # Friction and gains that depend on something known are not chance: the probability at which that is believed.
 NOT_CHANCE = 1e-3
 
@@ -109,7 +113,7 @@ def decide(
     Several effects of which one does not pay speak for nothing: three that were refused for imitating what has no name
     do not support two of them, and a term without a name that gains little beside named ones casts no doubt on these.
     least_material: see material_gain; minus infinity but on open ground. There a term without a name makes an unknown
-    of the runs only if it predicts commands left out better, too.
+    of the runs only if it predicts commands left out better, too, and if its size is told over commands.
     """
 
     def named_of(ids: Set) -> Set:
@@ -124,7 +128,8 @@ def decide(
     likely = [ids for ids in answers if ids in free]
     # on open ground what is left is the noise, so that odds alone say little: it must carry over, too
     if least_material > -math.inf:
-        likely = [ids for ids in likely if _gain_left_out(search, ids, named)[0] > BETTER_BY]
+        free = [ids for ids in free if _is_told(search, ids)]
+        likely = [ids for ids in likely if ids in free and _gain_left_out(search, ids, named)[0] > BETTER_BY]
     doubted = bool(likely) and table.share_of(likely, answers) > DOUBT
     if doubted and pays(search, table, families, likely[0]):
         return likely[0], "unknown", "a free-form term explains the runs as well as the named effects, or better"
@@ -146,6 +151,19 @@ def _predicts(search: Search, ids: Set, other: Set) -> bool:
     """Whether a set predicts commands left out better than another, beyond chance."""
     gain, error = _gain_left_out(search, ids, other)
     return gain > BETTER_BY and gain > BETTER_SIGMAS * error
+
+
+def _is_told(search: Search, ids: Set) -> bool:
+    """Whether each term without a name has a coefficient that is not nought, in intervals that hold over commands."""
+    fit = search.fits[ids]
+    sigma = np.sqrt(np.diag(covariance_over_commands(fit, search.problem.data, search.tolerance)))
+    size = np.abs([fit.point.value(column) for column in fit.columns])
+
+    def told(effect: str) -> bool:
+        own = [i for i, column in enumerate(fit.columns) if column.key == effect]
+        return bool((size[own] > stats.norm.isf(NOT_TOLD / 2 / len(own)) * sigma[own]).any())
+
+    return all(told(effect) for effect in ids if is_free(effect))
 
 
 def _gain_left_out(search: Search, ids: Set, other: Set) -> tuple[float, float]:

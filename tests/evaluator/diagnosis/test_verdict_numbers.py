@@ -81,16 +81,32 @@ def test_a_free_term_that_pays_and_has_a_fifth_of_the_probability_casts_doubt(
     assert (shares > 0.2) == (answer == "unknown")
 
 
+@pytest.mark.parametrize("told", [True, False])
 @pytest.mark.parametrize("carries_over", [True, False])
 @pytest.mark.parametrize(("least_material", "asked"), [(-np.inf, False), (5.0, True)])
-def test_on_open_ground_a_free_term_casts_doubt_only_where_it_predicts_commands_left_out(
-    least_material: float, asked: bool, carries_over: bool, monkeypatch: pytest.MonkeyPatch
+def test_on_open_ground_a_free_term_casts_doubt_only_where_it_predicts_commands_left_out_and_its_size_is_told(
+    least_material: float, asked: bool, carries_over: bool, told: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     search, table = ranked(monkeypatch, {FREE | A: 40.0, A: 20.0, FREE: 9.0, NONE: 0.0})
     monkeypatch.setattr(verdict, "_predicts", lambda *_: False)
     monkeypatch.setattr(verdict, "_gain_left_out", lambda *_: (4.1 if carries_over else 3.9, 9.0))
+    monkeypatch.setattr(verdict, "_is_told", lambda *_: told)
     found = decide(search, table, 95, A, least_material)
-    assert found[:2] == ((FREE | A, "unknown") if carries_over or not asked else (A, "effect"))
+    assert found[:2] == ((FREE | A, "unknown") if (carries_over and told) or not asked else (A, "effect"))
+
+
+@pytest.mark.parametrize(("largest", "told"), [(2.2, False), (2.3, True)])
+def test_the_size_of_a_form_is_told_where_one_of_its_coefficients_is_not_nought(
+    largest: float, told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of two coefficients the larger must be 2.24 of its standard deviations: 95 % for both together."""
+    columns = [
+        SimpleNamespace(key=key, size=size) for key, size in (("a", 0.0), ("free:x", 0.1), ("free:x", -3 * largest))
+    ]
+    fit = SimpleNamespace(columns=columns, point=SimpleNamespace(value=lambda column: column.size))
+    monkeypatch.setattr(verdict, "covariance_over_commands", lambda *_: np.diag([1.0, 1.0, 9.0]))
+    search: Any = SimpleNamespace(fits={FREE | A: fit}, problem=SimpleNamespace(data=()), tolerance={})
+    assert verdict._is_told(search, FREE | A) == told
 
 
 @pytest.mark.parametrize(
