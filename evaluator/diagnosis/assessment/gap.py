@@ -125,7 +125,7 @@ def run_gaps(problem: Problem, placed: Point, runs: Sequence[int]) -> Floats:
 
 
 def noise_floor(problem: Problem, runs: Sequence[int]) -> Floats:
-    """RMS distance of the midpoint that tracking noise and the precision of the model alone make, by run, mm."""
+    """RMS distance of the midpoint that noise of tracking and ground and the model's precision make, by run, mm."""
     # on ground, what drifts is by its definition what is left about the best start pose
     spans_s = [0.0 if problem.open_ground else float(np.ptp(problem.data[run].time_s)) for run in runs]
     noise = np.array(
@@ -134,7 +134,8 @@ def noise_floor(problem: Problem, runs: Sequence[int]) -> Floats:
             for run, span in zip(runs, spans_s, strict=True)
         ]
     )
-    return np.asarray(np.sqrt(np.sum(noise**2, axis=1) + (problem.length * MODEL_FLOOR_MM) ** 2))
+    wander = np.array([problem.compressions[run].wander_mm for run in runs])
+    return np.asarray(np.sqrt(np.sum(noise**2, axis=1) + wander**2 + (problem.length * MODEL_FLOOR_MM) ** 2))
 
 
 def rms(values: Floats, runs: Sequence[int]) -> float:

@@ -135,6 +135,7 @@ def fit_model(
     question = question_of(
         *(begin.per_run, begin.nominal, begin.terms, sorted(values), chosen, dict(tolerance), most_scatter),
         *(problem.horizon_s, [[astuple(noise) for noise in parts] for parts in problem.noise], problem.fingerprint),
+        problem.friction_wander,
         held and (held.key, held.coordinate),
         round(rival) if np.isfinite(rival) else None,
     )

@@ -1,4 +1,4 @@
-"""Noise that a fitted model of a search leaves, where a misfit had been taken for noise, or a drift for motion."""
+"""Noise that a fitted model of a search leaves, where a misfit was taken for noise, or drift or ground for motion."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from evaluator.diagnosis.inference.fit import Fit, prior_precision
 from evaluator.diagnosis.inference.search import Search
-from evaluator.diagnosis.likelihood.noise.common_drift import common_drift
-from evaluator.diagnosis.likelihood.preparation import with_noise_of
+from evaluator.diagnosis.likelihood.noise.common_drift import common_drift, times
+from evaluator.diagnosis.likelihood.preparation import friction_shifts, with_noise_of
 from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.random_effects import place_runs
 
@@ -28,17 +28,28 @@ def settled_noise(search: Search, best: frozenset[str]) -> Problem | None:
 
 
 def with_common_drift(search: Search, fit: Fit) -> Problem:
-    """The problem with the drift of both marks that a fit leaves, to be compressed anew; itself where that is known.
+    """The problem with the common drift and the wander of friction that a fit leaves, to be compressed anew.
+
+    Itself where these are known.
 
     A model that misses an effect takes it for drift, as far as drift can be: then the effect must bring more than the
     drift explained, and once it is in the model the drift is asked for again.
     """
     problem = search.problem
-    found = common_drift(
-        fit.linearized,
-        [problem.compressions[run] for run in fit.runs],
+    compressions = [problem.compressions[run] for run in fit.runs]
+    views = [
+        view if part.whiten is None else times(np.asarray(np.linalg.inv(part.whiten)), view)
+        for view, part in zip(fit.linearized, compressions, strict=True)
+    ]
+    shifts = friction_shifts(problem, fit.point, fit.runs)
+    drift, wander = common_drift(
+        views,
+        compressions,
         [problem.data[run].time_s[problem.compressions[run].used] for run in fit.runs],
         prior_precision(fit.columns, search.tolerance),
         problem.common_drift,
+        [part.of_tracking(wanders).T for part, (_, wanders) in zip(compressions, shifts, strict=True)],
     )
-    return problem if found == problem.common_drift else replace(problem, common_drift=found)
+    if (drift, wander) == (problem.common_drift, problem.friction_wander):
+        return problem
+    return replace(problem, common_drift=drift, friction_wander=wander)

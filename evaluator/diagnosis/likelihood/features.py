@@ -90,9 +90,16 @@ class Compression:
 
     used: NDArray[np.bool_]  # frames at which both marks were seen
     functional: tuple[Floats, ...]  # per channel (frames used, k): slow modes by least squares, whitened
+    whiten: Floats | None = None  # (k, k) of all features, for what moves several channels at once: friction_wander.py
+    wander_mm: float = 0.0  # RMS of that in the midpoint, about the best start pose and friction of the run
 
     def features(self, residual_mm: Floats) -> Floats:
         """Whitened features of residual channels at the used frames, (n, 4) or (m, n, 4): (k,) or (m, k)."""
+        found = self.of_tracking(residual_mm)
+        return found if self.whiten is None else found @ self.whiten
+
+    def of_tracking(self, residual_mm: Floats) -> Floats:
+        """Features whitened by the noise of each channel alone."""
         parts = [np.ascontiguousarray(residual_mm[..., c]) @ part for c, part in enumerate(self.functional)]
         return np.concatenate(parts, axis=-1)
 

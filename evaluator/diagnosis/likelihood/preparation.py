@@ -13,15 +13,18 @@ from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.features import (
     MODEL_FLOOR_MM,
+    Compression,
     channel_noise,
+    channel_residual,
     channels_of,
     compression,
     residual_spectra,
 )
 from evaluator.diagnosis.likelihood.noise.discrepancy import left_over, with_discrepancy
 from evaluator.diagnosis.likelihood.noise.drift import with_drift
+from evaluator.diagnosis.likelihood.noise.friction_wander import less_by, wander_shifts
 from evaluator.diagnosis.likelihood.noise.outliers import CHANNELS, without_outliers
-from evaluator.diagnosis.likelihood.problem import Point, Problem
+from evaluator.diagnosis.likelihood.problem import FRICTION, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, START_POSE, Forward, RunData, aligned_starts
 
 Floats = NDArray[np.float64]
@@ -84,7 +87,47 @@ def with_noise_of(problem: Problem, point: Point) -> Problem:
         compression(run.time_s, used, parts, problem.length * MODEL_FLOOR_MM)
         for run, used, parts in zip(problem.data, frames, noise, strict=True)
     )
-    return replace(problem, compressions=compressions, noise=tuple(noise))
+    problem = replace(problem, compressions=compressions, noise=tuple(noise))
+    return _with_wander(problem, point) if problem.friction_wander else problem
+
+
+def _with_wander(problem: Problem, point: Point) -> Problem:
+    """The problem whose features are white under a friction that wanders, as it acts at a point."""
+    found: list[Compression] = []
+    for known, wander in friction_shifts(problem, point, range(len(problem.data))):
+        part, shifts = problem.compressions[len(found)], problem.friction_wander * wander
+        whiten, _ = less_by(part.of_tracking(shifts).T)
+        found.append(replace(part, whiten=whiten, wander_mm=_midpoint_about(shifts, known)))
+    return replace(problem, compressions=tuple(found))
+
+
+def friction_shifts(problem: Problem, point: Point, runs: Sequence[int]) -> list[tuple[Floats, Floats]]:
+    """Of each run at the frames used, in its channels, mm: what is fitted to it, and what friction that wanders does.
+
+    The first (4, n, 4): start x, y, heading and friction throughout, each changed by one unit. The second: see
+    wander_shifts. Zeros for a run that cannot be simulated at the point.
+    """
+    step = float(problem.per_run_steps[FRICTION])
+    tasks = [point.task(run, shift) for run in runs for shift in (None, step * np.eye(PER_RUN)[FRICTION])]
+    marks, half = problem.forward.marks(tasks), problem.half_distance_mm
+    found = []
+    for run, base, moved in zip(runs, marks[::2], marks[1::2], strict=True):
+        channels, used = channels_of(base), problem.compressions[run].used
+        throughout = channel_residual(channels_of(moved), channels, half) / step
+        known = np.zeros((START_POSE + 1, *channels.shape))
+        known[0, :, 0] = known[1, :, 1] = 1.0
+        known[2, :, :3] = np.column_stack([-channels[:, 1], channels[:, 0], np.full(len(channels), half)])
+        known[3] = throughout
+        wander = wander_shifts(channels, throughout, half)
+        found.append((np.nan_to_num(known[:, used]), np.nan_to_num(wander[:, used])))
+    return found
+
+
+def _midpoint_about(shifts: Floats, known: Floats) -> float:
+    """RMS of random shifts (k, n, 4) of the midpoint, mm, once shifts (m, n, 4) of known form are fitted to them."""
+    random, fitted = (part[:, :, :2].reshape(len(part), -1).T for part in (shifts, known))
+    left = random - fitted @ np.linalg.lstsq(fitted, random, rcond=None)[0]
+    return float(np.sqrt(np.sum(left**2) / shifts.shape[1]))
 
 
 def within_horizon(problem: Problem, point: Point, horizon_s: float) -> Problem:

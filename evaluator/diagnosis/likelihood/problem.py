@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 
 # mm, mm, rad, relative, standard deviations of the start: far above rounding, far below curvature; of the paper's robot
 PER_RUN_STEPS = (1e-3, 1e-3, 1e-4, 1e-3, 2e-4, 2e-4, 0.1)
-START = 6  # of them, the last
+FRICTION, START = 3, 6  # of them
 OF_GROUND = (0, 1, 2, START)  # those that runs on open ground have: start pose and start, no friction and gains
 NOMINAL_STEP = 5e-4
 NOMINAL_STEPS = {"body": 5e-3}  # mass does little but to inertia
@@ -124,6 +124,7 @@ class Problem:
     length: float = 1.0  # of the robots over that of the paper's
     starts_show: bool = True  # whether a run's start of motion, as far as it is unknown, can be seen in what it leaves
     common_drift: Drift = NO_DRIFT  # of the midpoint of the marks: see noise/common_drift.py
+    friction_wander: float = 0.0  # relative, after 1 mm of way: see noise/friction_wander.py
     horizon_s: float = np.inf  # only frames up to so long after the start of the motors count
     fits: FitCache = field(default_factory=FitCache)  # of the fits made before
     watch: Watch = field(default_factory=Watch)  # looked at between the steps of a fit; shares work among cores

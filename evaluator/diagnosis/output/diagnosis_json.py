@@ -267,6 +267,7 @@ def _noise(diagnosis: Diagnosis) -> Json:
         "mark_sigma_mm": rounded(float(np.median(own)) * math.sqrt(2)),
         # of both marks alike, a coordinate about its mean over a run
         "common_drift_mm": rounded(common.about_mean_mm(span_s)),
+        "friction_in_10_mm": rounded(problem.friction_wander * math.sqrt(10.0)),  # change along the way, relative
         "correlation_s": rounded(parts[0][0].correlation_s),
         # on ground that is part of the noise
         "run_to_run": None

@@ -160,6 +160,11 @@ def _small_print(content: Json) -> Section | None:
                 f"Both marks drift together by {length(noise['common_drift_mm'])} within a run, as where the camera "
                 "moves against the plate (a stand that warms or settles, warm air). What is named is more than that."
             )
+        if noise.get("friction_in_10_mm"):
+            text.append(
+                f"Along the way of a run friction changes by {percent_text(noise['friction_in_10_mm'])} in 10 mm, as "
+                "on a plate that is not equally clean everywhere. What is named is more than that."
+            )
     text.append(_left_out(content.get("skipped_runs") or {}))
     text.append(not_tried_sentence(content))
     rows = tuple(

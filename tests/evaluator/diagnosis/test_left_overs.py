@@ -138,15 +138,23 @@ def test_gap_of_a_run_is_the_rms_distance_of_its_midpoint() -> None:
 def test_floor_is_the_noise_of_both_coordinates_and_the_precision_of_the_model() -> None:
     noise = (Noise(0.003, 0.0, 0.1), Noise(0.004, 0.0, 0.1), Noise(9.0, 0.0, 0.1), Noise(9.0, 0.0, 0.1))
     data = [SimpleNamespace(time_s=np.linspace(0, 4, 240))]
-    problem: Any = SimpleNamespace(noise=[noise], length=1.0, data=data, open_ground=False)
-    assert noise_floor(problem, [0]) == pytest.approx([np.sqrt(0.005**2 + MODEL_FLOOR_MM**2)])
+    for wander_mm in (0.0, 0.012):
+        ground = [SimpleNamespace(wander_mm=wander_mm)]
+        problem: Any = SimpleNamespace(noise=[noise], length=1.0, data=data, open_ground=False, compressions=ground)
+        assert noise_floor(problem, [0]) == pytest.approx([np.sqrt(0.005**2 + wander_mm**2 + MODEL_FLOOR_MM**2)])
 
 
 def test_floor_holds_what_a_start_pose_leaves_of_a_drift_but_on_ground_all_that_is_called_drift() -> None:
     drifting = Noise(0.003, 0.0, 0.1, common_drift=Drift(0.020, 16.0))
     data = [SimpleNamespace(time_s=np.linspace(0, 4, 240))]
     for ground, per_coordinate in ((False, drifting.about_mean_mm(4.0)), (True, drifting.sigma_mm)):
-        problem: Any = SimpleNamespace(noise=[(drifting, drifting)], length=1.0, data=data, open_ground=ground)
+        problem: Any = SimpleNamespace(
+            noise=[(drifting, drifting)],
+            length=1.0,
+            data=data,
+            open_ground=ground,
+            compressions=[SimpleNamespace(wander_mm=0.0)],
+        )
         assert noise_floor(problem, [0])[0] == pytest.approx(np.sqrt(2) * per_coordinate, rel=1e-3)
     assert drifting.about_mean_mm(4.0) < 0.6 * drifting.sigma_mm
 
@@ -176,6 +184,7 @@ def changed(present: np.ndarray, absent: np.ndarray, floor_mm: float = 0.005, **
         length=1.0,
         data=[replace(data, **run)],
         noise=[noise],
+        compressions=[SimpleNamespace(wander_mm=0.0)],
         forward=SimpleNamespace(marks=lambda tasks: [marks[next(iter(task), "")] for task in tasks]),
     )
 

@@ -43,6 +43,14 @@ def test_drift_of_both_marks_is_said_where_there_is_one() -> None:
         assert ("Both marks drift together by 8.3 µm" in " ".join(section.text)) == said
 
 
+def test_friction_that_changes_along_the_way_is_said_where_it_does() -> None:
+    noise = {"mark_sigma_mm": 0.003, "correlation_s": 0.3}
+    for change, said in ((0.016, True), (0.0, False)):
+        section = _small_print({"noise": {**noise, "friction_in_10_mm": change}})
+        assert section is not None
+        assert ("friction changes by 1.6 % in 10 mm" in " ".join(section.text)) == said
+
+
 @pytest.mark.parametrize(
     ("three", "shown"),
     [

@@ -1,10 +1,13 @@
-"""Drift that both marks share within a run: the camera moves against the plate, by some micrometres in seconds.
+"""What no run repeats: drift that both marks share, and friction that wanders along the way.
+
+A camera moves against the plate, by some micrometres in seconds.
 
 Warm air over a lamp makes it wander, a stand that warms or a tripod that settles makes it creep. The distance of the
 marks does not show it (see drift.py) and fast modes do not either. In the path of one run it cannot be told from
 motion; but it does not repeat itself from run to run, and it leaves the heading alone. So its size is asked of the
 slow left-overs of all runs together, with start poses, random effects and common parameters free: an effect, which
-repeats itself, must then bring more than such a drift explains.
+repeats itself, must then bring more than such a drift explains. Friction that wanders (friction_wander.py) does move
+the heading; it is asked for together with the drift, or each would be taken for the other.
 Source: restricted maximum likelihood, Patterson & Thompson (1971), Biometrika 58, 545.
 """
 
@@ -16,10 +19,11 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
+from scipy.linalg import block_diag, eigh
 
 from evaluator.diagnosis.likelihood.features import Compression
 from evaluator.diagnosis.likelihood.mixed_model import Linearized, MixedModel, reduce_runs
+from evaluator.diagnosis.likelihood.noise import friction_wander
 from evaluator.diagnosis.likelihood.noise.drift import BELIEVED
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, correlated
 
@@ -31,6 +35,9 @@ Floats = NDArray[np.float64]
 RATES_MM = (0.0, *np.geomspace(2.5e-4, 1e-2, 9).tolist())
 LASTING_S = (1.0, 4.0, 16.0)  # a shorter one is seen in the spectrum, of a longer one a run shows the beginning
 BEGIN = (5, 1, 5)  # of size, time and creep: in the middle of each
+
+
+_Place = tuple[int, int, int, int]  # on the grid: rate, time and creep of a drift, rate of friction
 
 
 def drift_of(rate: int, time: int, creep: int) -> Drift:
@@ -47,12 +54,14 @@ class _Run:
     """One run in features of which the noise without drift has unit variance, and of what wanders are independent.
 
     view: its linear view. wanders: variances (k,) that 1 mm of it adds to the features of each coordinate of the
-    midpoint. creeps: what 1 mm/s adds to them, (k,).
+    midpoint. creeps: what 1 mm/s adds to them, (k,). friction: what each mode of a friction that walks by 1 in 1 mm
+    adds to all features, (d, m).
     """
 
     view: Linearized
     wanders: Floats
     creeps: Floats
+    friction: Floats
 
 
 def common_drift(
@@ -61,62 +70,81 @@ def common_drift(
     times_s: Sequence[Floats],
     prior_precision: Floats,
     assumed: Drift,
-) -> Drift:
-    """The drift of the midpoint that runs show in their linear views, columns of common parameters included.
+    friction: Sequence[Floats],
+) -> tuple[Drift, float]:
+    """The drift of the midpoint that runs show in their linear views, and the rate at which friction wanders.
 
-    times_s: of the frames used. prior_precision: (p,) of the common parameters. assumed: what the views are whitened
-    with. Nothing where no drift explains them as well within what chance allows.
+    views: columns of common parameters included. times_s: of the frames used. prior_precision: (p,) of the common
+    parameters. assumed: the drift that the views are whitened with; of friction that wanders they know nothing.
+    friction: features (d, m) of each run by the modes of wander_shifts. Nothing of either where the views are
+    explained as well without it, within what chance allows.
     """
-    frames = list(zip(compressions, times_s, strict=True))
+    frames = list(zip(views, compressions, times_s, friction, strict=True))
 
     @cache
     def lasting(time: int) -> list[_Run]:
-        return [_run(view, *frame, LASTING_S[time], assumed) for view, frame in zip(views, frames, strict=True)]
+        return [_run(*frame, LASTING_S[time], assumed) for frame in frames]
 
     @cache
-    def log_evidence(rate: int, time: int, creep: int) -> float:
-        return _log_evidence(lasting(time), drift_of(rate, time, creep), prior_precision)
+    def log_evidence(rate: int, time: int, creep: int, walk: int) -> float:
+        drift = drift_of(rate, time, creep)
+        return _log_evidence(lasting(time), drift, friction_wander.RATES[walk], prior_precision)
 
-    best, last = BEGIN, None
-    while best != last:  # uphill: the evidence has one maximum
-        last = best
-        best = max(_around(best), key=lambda place: log_evidence(*place))
-    if log_evidence(*best) - log_evidence(0, best[1], 0) <= BELIEVED:
-        return NO_DRIFT
-    return drift_of(*best)
+    def uphill(place: _Place, free: Sequence[int]) -> _Place:
+        last = None
+        while place != last:  # the evidence has one maximum
+            last = place
+            place = max(_around(place, free), key=lambda near: log_evidence(*near))
+        return place
+
+    best = uphill((*BEGIN, friction_wander.BEGIN), range(4))
+    even = uphill((*best[:3], 0), range(3))
+    if log_evidence(*best) - log_evidence(*even) <= BELIEVED:
+        best = even
+    still = uphill((0, best[1], 0, best[3]), [3] if best[3] else [])
+    if log_evidence(*best) - log_evidence(*still) <= BELIEVED:
+        return NO_DRIFT, friction_wander.RATES[still[3]]
+    return drift_of(*best[:3]), friction_wander.RATES[best[3]]
 
 
-def _around(place: tuple[int, int, int]) -> list[tuple[int, int, int]]:
-    """A place of the grid and its neighbours."""
-    rate, time, creep = place
-    steps = [(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
-    near = [(rate + i, time + j, creep + k) for i, j, k in steps]
-    most = len(RATES_MM)
-    return [(i, j, k) for i, j, k in near if 0 <= i < most and 0 <= j < len(LASTING_S) and 0 <= k < most]
+def _around(place: _Place, free: Sequence[int]) -> list[_Place]:
+    """A place of the grid and its neighbours along the axes that are free."""
+    most = len(RATES_MM), len(LASTING_S), len(RATES_MM), len(friction_wander.RATES)
+    found = [place]
+    for axis in free:
+        for moved in (place[axis] + 1, place[axis] - 1):
+            if 0 <= moved < most[axis]:
+                near = list(place)
+                near[axis] = moved
+                found.append((near[0], near[1], near[2], near[3]))
+    return found
 
 
-def _run(view: Linearized, compression: Compression, time_s: Floats, lasting_s: float, assumed: Drift) -> _Run:
+def _run(
+    view: Linearized, compression: Compression, time_s: Floats, friction: Floats, lasting_s: float, assumed: Drift
+) -> _Run:
     """The run in the features that make both the noise without drift and what wanders diagonal."""
     functional = compression.functional[0]
     wanders = functional.T @ correlated(time_s, lasting_s, functional)
     noise = np.eye(len(wanders)) - functional.T @ assumed.times(time_s, functional)
     variances, vectors = eigh(wanders, noise)
     creeps = vectors.T @ (functional.T @ (time_s - time_s[0]))
-    return _Run(_of_midpoint(vectors.T, view), np.maximum(variances, 0.0), creeps)
+    turned = _of_midpoint(vectors.T, len(friction))
+    return _Run(times(turned, view), np.maximum(variances, 0.0), creeps, turned @ friction)
 
 
-def _of_midpoint(matrix: Floats, view: Linearized) -> Linearized:
-    """The view with the features of each coordinate of the midpoint, the first ones, times a matrix (k, k)."""
-    count = len(matrix)
-
-    def turned(block: Floats) -> Floats:
-        return np.concatenate([matrix @ block[:count], matrix @ block[count : 2 * count], block[2 * count :]])
-
-    return Linearized(*(turned(part) for part in (view.response, view.common, view.start, view.scatter)))
+def times(matrix: Floats, view: Linearized) -> Linearized:
+    """The view with its features times a matrix (d, d)."""
+    return Linearized(matrix @ view.response, matrix @ view.common, matrix @ view.start, matrix @ view.scatter)
 
 
-def _log_evidence(runs: Sequence[_Run], drift: Drift, prior_precision: Floats) -> float:
-    """Log evidence of all runs with such a drift, start poses free."""
+def _of_midpoint(matrix: Floats, size: int) -> Floats:
+    """A matrix (k, k) for each coordinate of the midpoint, whose features are the first of so many."""
+    return block_diag(matrix, matrix, np.eye(size - 2 * len(matrix)))
+
+
+def _log_evidence(runs: Sequence[_Run], drift: Drift, walk: float, prior_precision: Floats) -> float:
+    """Log evidence of all runs with such a drift and friction that walks by so much in 1 mm, start poses free."""
     views, widths = [], 0.0
     for run in runs:
         variance = 1 + drift.size_mm**2 * run.wanders
@@ -125,9 +153,14 @@ def _log_evidence(runs: Sequence[_Run], drift: Drift, prior_precision: Floats) -
         # of 1 + c·cᵀ, to the power -1/2: it lessens what lies along c
         less = (1 - 1 / np.sqrt(1 + square)) / max(square, 1e-300)
         white = (np.eye(len(creeps)) - less * np.outer(creeps, creeps)) / np.sqrt(variance)
-        view = _of_midpoint(white, run.view)
-        views.append(view)
+        whiten = _of_midpoint(white, len(run.friction))
         widths += 2 * float(np.sum(np.log(variance)) + np.log1p(square))
+        if walk:
+            even, wider = friction_wander.less_by(walk * whiten @ run.friction)
+            whiten = even @ whiten
+            widths += wider
+        view = times(whiten, run.view)
+        views.append(view)
         widths += float(np.linalg.slogdet(view.start.T @ view.start)[1])
     model = MixedModel(reduce_runs(views), prior_precision)
     return model.posterior(range(len(prior_precision))).log_evidence - widths / 2

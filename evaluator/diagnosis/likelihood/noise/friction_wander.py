@@ -1,0 +1,63 @@
+"""Friction that changes along the way of a run: a plate is not equally clean everywhere.
+
+Each run has a friction of its own; where the plate is polished, greasy or dusty, friction also changes while the robot
+drives, by a per cent or two over a centimetre. No model predicts where. A diagnosis that took friction for constant
+within a run would explain what such places do by effects that act somewhere on the plate (a gradient, a stray magnet)
+or in some directions (a grain), and would call a run that drove far an outlying one.
+
+Friction is taken for a random walk along the way, about its mean over the run. Its cosine modes are independent
+(Karhunen-Loève). What one of them does to the path follows from what a friction that is changed throughout does,
+without another simulation: velocities balance the wheels' forces at every instant (the slow manifold), so a change of
+friction changes the velocity in the body frame at that instant alone, in proportion.
+How large the walk is, is asked of all runs together: see common_drift.py.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+MODES = 10  # hold 94 % of the variance of a walk about its mean: 1 - (6/π²)·Σ 1/k² beyond
+# Relative change of friction after 1 mm of way; it grows with the root of the way. The least does less to any path than
+# a model's precision; of more than 3 %, 10 % after a centimetre, a laboratory wipes its plate.
+RATES = (0.0, *np.geomspace(3e-4, 3e-2, 9).tolist())
+BEGIN = 4  # in the middle of them
+
+
+def wander_shifts(channels: Floats, per_friction: Floats, half_distance_mm: float) -> Floats:
+    """What friction that walks by 1 after 1 mm does, one standard deviation of each of its modes: (MODES, n, 4) mm.
+
+    Arguments as in shift_by.
+    """
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(channels[:, :2], axis=0).T))])
+    length = max(float(way[-1]), 1e-9)
+    waves = np.pi * np.arange(1, MODES + 1)[:, None]
+    friction = np.sqrt(2 * length) / waves * np.cos(waves * (way[1:] + way[:-1]) / 2 / length)
+    return np.array([shift_by(mode, channels, per_friction, half_distance_mm) for mode in friction])
+
+
+def shift_by(friction: Floats, channels: Floats, per_friction: Floats, half_distance_mm: float) -> Floats:
+    """What small relative changes of friction (n - 1,) between the frames of a run do to its channels, (n, 4) mm.
+
+    channels: (n, 4) of the run as predicted, of which the midpoint counts, see features.channels_of. per_friction:
+    (n, 4) mm, what a relative change of 1 throughout does to them. The shift is zero at the first frame: the start pose
+    is free.
+    """
+    path = np.diff(channels[:, 0] + 1j * channels[:, 1])
+    turned = per_friction[:, 2] / half_distance_mm
+    moved = np.diff(per_friction[:, 0] + 1j * per_friction[:, 1])
+    # without what the heading does that is off by then: the change of the velocity in the body frame
+    pushed = moved - 1j * (turned[1:] + turned[:-1]) / 2 * path
+    heading = np.concatenate([[0.0], np.cumsum(friction * np.diff(turned))])
+    steps = friction * pushed + 1j * (heading[1:] + heading[:-1]) / 2 * path
+    shift = np.concatenate([[0.0], np.cumsum(steps)])
+    return np.column_stack([shift.real, shift.imag, heading * half_distance_mm, np.zeros(len(shift))])
+
+
+def less_by(columns: Floats) -> tuple[Floats, float]:
+    """(1 + U·Uᵀ)^(-1/2) for columns U (d, k): it makes noise with these random parts white; log det(1 + U·Uᵀ)."""
+    vectors, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    less = 1 - 1 / np.sqrt(1 + sizes**2)
+    return np.eye(len(columns)) - (vectors * less) @ vectors.T, float(np.sum(np.log1p(sizes**2)))
