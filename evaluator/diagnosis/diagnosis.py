@@ -20,7 +20,15 @@ from evaluator.diagnosis.assessment.disagreement import (
     most_telling,
     pieces,
 )
-from evaluator.diagnosis.assessment.gap import Gap, grown_gap, noise_floor, not_shrunk, predicted_gaps, run_gaps
+from evaluator.diagnosis.assessment.gap import (
+    Gap,
+    farthest_followed,
+    grown_gap,
+    noise_floor,
+    not_shrunk,
+    predicted_gaps,
+    run_gaps,
+)
 from evaluator.diagnosis.assessment.knowledge import Knowledge, Together, as_taken
 from evaluator.diagnosis.assessment.model_comparison import (
     Set,
@@ -61,10 +69,6 @@ from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
 
-# Whatever the evidences say, a model that misses the marks of a run by so many times the noise floor does not follow
-# it. Where the verdict was right the gap lay between 0.9 and 1.12 floors; fits that had not settled left 50 and more.
-# Some runs may be outlying (dust, a snagged tether, the edge between two steady states): they are named.
-MISSED = 2.5
 RUNS_TO_AN_OUTLYING_ONE = 10  # runs of a session for each that may be set aside: one in twenty goes wrong
 
 
@@ -240,7 +244,7 @@ def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
     gap_fit = part.fits.get(chosen) or refit_without_held_out(part, everything, chosen)
     after = place_runs(problem, replace(gap_fit.point, per_run=fit.point.per_run), runs, fit.posterior.scatter)
     after_mm, floor_mm = run_gaps(problem, after, runs), noise_floor(problem, runs)
-    outlying = tuple(int(run) for run in np.flatnonzero(after_mm > MISSED * floor_mm))
+    outlying = tuple(int(run) for run in np.flatnonzero(after_mm > farthest_followed(problem, runs)))
     follows = len(outlying) <= most_odd(len(runs))
     # what a model that does not follow the marks says of each run's friction and gains is worth nothing
     before = place_starts(problem, Point(after.per_run) if follows else nominal, runs)

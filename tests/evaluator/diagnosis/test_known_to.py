@@ -59,7 +59,7 @@ def test_of_a_laboratory_that_no_model_follows_nothing_is_said(
     late: Diagnosis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A stain of low friction, fitted by nothing, was said to prove the plate level to a tenth of a degree."""
-    monkeypatch.setattr(diagnosis, "MISSED", 0.0)
+    monkeypatch.setattr(diagnosis, "farthest_followed", lambda _, runs: np.zeros(len(runs)))
     lost = diagnosis._looked_at_again(late, late.fit.point)
     assert lost.verdict == "unknown"
     assert all(item.found == 0.0 for item in lost.known)
