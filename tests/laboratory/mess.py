@@ -11,9 +11,11 @@ from dataclasses import replace
 import numpy as np
 
 from tests.laboratory.effects import LENS, plate_tilt
+from tests.laboratory.reference import Array, Now, Sliding
 from tests.laboratory.session import FRAME_S, Session
 
 Mess = Callable[[Session, np.random.Generator], Session]
+WAVES, TURN = 6, 2 * np.pi
 
 
 def tidy(session: Session, rng: np.random.Generator) -> Session:
@@ -42,6 +44,20 @@ def friction_scatters(session: Session, rng: np.random.Generator) -> Session:
     """Friction differs from run to run by up to 10 %: dust, humidity, a wiped plate."""
     factors = tuple(rng.uniform(0.9, 1.1, session.runs))
     return replace(session, world=replace(session.world, friction_of_run=factors))
+
+
+def plate_unevenly_clean(session: Session, rng: np.random.Generator) -> Session:
+    """Friction varies over the plate by 1 to 2 % (RMS) in waves of 15 to 60 mm: wiped here, touched there."""
+    size = rng.uniform(0.01, 0.02) * np.sqrt(2 / WAVES)
+    length_mm, direction, phase = rng.uniform(15, 60, WAVES), rng.uniform(0, np.pi, WAVES), rng.uniform(0, TURN, WAVES)
+    ahead = TURN / length_mm * np.array([np.cos(direction), np.sin(direction)])
+
+    def waves(_now: Now, sliding: Sliding) -> Array:
+        places = np.stack([sliding.x_mm, sliding.y_mm], axis=-1)
+        return 1 + size * np.sum(np.cos(places @ ahead + phase), axis=-1)
+
+    world = session.world
+    return replace(session, world=replace(world, frictions=(*world.frictions, waves)))
 
 
 def motor_gains_scatter(session: Session, rng: np.random.Generator) -> Session:
@@ -227,6 +243,7 @@ ALL_AT_ONCE: tuple[Mess, ...] = (
     lens_leaves_errors,
     stand_shakes,
     camera_settles,
+    plate_unevenly_clean,
 )
 KINDS: dict[str, Mess] = {
     kind.__name__.replace("_", "-"): kind

@@ -12,6 +12,7 @@ import pytest
 from tests.end_to_end.commands import turnscope
 from tests.laboratory import mess, odd
 from tests.laboratory.experiment import draw, ordinary_session, write
+from tests.laboratory.reference import Now, Sliding
 from tests.laboratory.session import true_marks
 
 HERE = Path(__file__).parent
@@ -66,6 +67,19 @@ def test_an_odd_run_differs_from_its_tidy_self_and_others_do_not() -> None:
         moved = [float(np.abs(a[1] - b[1]).max()) for a, b in zip(plain, changed, strict=True)]
         assert moved[4] > 0.05, name
         assert max(moved[:4] + moved[5:]) < 1e-3, name  # all runs share the steps of one solver
+
+
+def test_an_unevenly_clean_plate_differs_from_place_to_place_by_one_to_two_per_cent() -> None:
+    rng = np.random.default_rng(3)
+    (friction,) = mess.plate_unevenly_clean(ordinary_session(rng), rng).world.frictions
+    x_mm, y_mm = rng.uniform(-300, 300, (2, 4, 5000))
+    still = np.zeros_like(x_mm)
+    now = Now(*[still[0]] * 9, still)
+    factors = friction(now, Sliding(x_mm, y_mm, still, still))
+    assert factors.shape == (4, 5000)
+    assert 0.009 < float(np.std(factors)) < 0.021
+    near = friction(now, Sliding(x_mm + 1.0, y_mm, still, still))
+    assert float(np.std(near - factors)) < 0.5 * float(np.std(factors))  # a millimetre on it is much the same
 
 
 def test_the_laboratory_imports_nothing_that_it_judges() -> None:
