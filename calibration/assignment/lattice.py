@@ -37,7 +37,7 @@ SECOND = 10  # dots: a second array of fewer may be chance
 FEW = 100  # dots: arrays that are worth a second look from every side
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays have no one equality: a lattice is equal to itself alone
 class Lattice:
     """Dots that form one lattice.
 
@@ -116,7 +116,10 @@ def _largest(dots: Dots, points: Array, opposite_share: float) -> Lattice:
             best = joined
             rest.remove(lattice)
     second = max(SECOND, len(best) / 2)
-    return replace(best, others=sum(len(lattice) for lattice in rest if len(lattice) >= second))
+    # The weave of a cloth beside the gauge is an array, too, but a faint one.
+    plain = FAINT * np.median(dots.contrast[best.dot])
+    rivals = (one for one in rest if len(one) >= second and np.median(dots.contrast[one.dot]) > plain)
+    return replace(best, others=sum(map(len, rivals)))
 
 
 def _joined(points: Array, main: Lattice, part: Lattice) -> Lattice | None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from calibration.assessment.quality import assess
-from calibration.assignment.lattice import assign_grid
+from calibration.assignment.lattice import Lattice, assign_grid
 from calibration.assignment.matching import Match, match_gauge
 from calibration.camera import Camera, camera_above
 from calibration.detection.disturbed import useful
@@ -23,6 +23,18 @@ from tests.calibration.drawing import draw_gauge, gauge_of, random_poses
 CAMERA = camera_above(size_px=(480, 360), focal_px=1200, distance_mm=120, tilt_deg=3, turn_deg=4, k1=-0.2)
 
 
+# Fields of `Dots` that hold a value for each dot.
+PER_DOT = (
+    "centers_px",
+    "covariance_px2",
+    "diameter_px",
+    "contrast",
+    "background",
+    "blur_px",
+    "noise",
+    "shape",
+    "color",
+)
 EXACT = {"pitch_tolerance_percent": 0.0}
 GAUGE = gauge_of(**EXACT)
 
@@ -125,6 +137,22 @@ def test_faint_images_that_continue_the_array_are_not_taken_for_it() -> None:
     faint = replace(dots, contrast=np.where(top, 0.1, 1.0) * dots.contrast)
     assert len(assign_grid(dots)) == 117
     assert len(assign_grid(faint)) == 117 - top.sum()
+
+
+def test_parts_of_an_array_are_told_apart_by_what_they_are() -> None:
+    """Arrays of numbers have no one equality: taking a part off a list of others would raise."""
+    parts = [Lattice(np.arange(n), np.zeros((n, 2), int)) for n in (9, 8, 8)]
+    parts.remove(parts[2])
+    assert [len(part) for part in parts] == [9, 8]
+
+
+def test_faint_weave_of_a_cloth_beside_the_gauge_is_no_second_gauge() -> None:
+    left, right = detect_dots(drawn(), "black", "white"), detect_dots(drawn(seed=1), "black", "white")
+    shifted = replace(right, centers_px=right.centers_px + np.array([left.size_px[0], 0.0]))
+    for contrast, others in ((1.0, len(right)), (0.1, 0)):
+        weave = replace(shifted, contrast=contrast * shifted.contrast)
+        both = replace(left, **{n: np.concatenate([getattr(left, n), getattr(weave, n)]) for n in PER_DOT})
+        assert assign_grid(both).others == others
 
 
 def test_dots_in_strong_noise_are_found_and_state_it() -> None:
