@@ -132,9 +132,15 @@ def learn_anew(followers: Followers, settings: TrackingSettings, held: Sequence[
         if disc is not None:
             follower.take_look(with_disc(follower.look, disc))
     agree(followers, settings.pair, Follower.take_look)
+    measure_anew(followers, settings, held, cell)
+
+
+def measure_anew(followers: Followers, settings: TrackingSettings, held: Sequence[Held], cell: Array) -> None:
+    """Measure discs once more where they were seen, with the shapes that are known by now; in place."""
     for frame, sightings in held:
-        for k, follower in discs:
-            if (one := sightings[k]).status == OK:
+        for k, name in enumerate(settings.mark):
+            follower, one = followers.get(name), sightings[k]
+            if isinstance(follower, Follower) and one.status == OK:
                 sightings[k] = follower.look_at(frame, cell, (one.x, one.y), 2.0, 0.0)
 
 

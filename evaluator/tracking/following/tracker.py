@@ -20,7 +20,15 @@ from evaluator.tracking.following.follow_blob import BlobFollower, start_blob
 from evaluator.tracking.following.motion import Point
 from evaluator.tracking.following.pair import Body
 from evaluator.tracking.following.second_look import SecondLook, at_place_of
-from evaluator.tracking.following.shape import OBLONG, Starts, choose_shapes, learn_anew, resized
+from evaluator.tracking.following.shape import (
+    OBLONG,
+    Held,
+    Starts,
+    choose_shapes,
+    learn_anew,
+    measure_anew,
+    resized,
+)
 from evaluator.tracking.observation import ABSENT, OK, REPEATED, Sighting
 from evaluator.tracking.refinement.disc import Disc, shaped_as
 from evaluator.tracking.refinement.learn_shape import Steps, finished
@@ -67,28 +75,30 @@ class Tracker:
         The first LEARNING_FRAMES frames with a mark are held back until its shape is learnt from them.
         """
         self._source = getattr(recording, "name", self._source)
-        held: list[tuple[Frame, list[Sighting]]] = []
+        held: list[Held] = []
+        unlearnt: list[Held] = []  # frames before one of the marks was found to be another: seen with first shapes
         learnt = False
         for frame in recording:
             began, sightings = dict(self.began), self.step(frame)
             if self.began != began:  # other marks than before: what was held showed something else
-                yield from held
-                held, learnt = [], False
+                yield from unlearnt
+                unlearnt, held, learnt = held, [], False
             if not self.followers or learnt:
                 yield frame, sightings
                 continue
             held.append((frame, sightings))
             if len(held) == LEARNING_FRAMES:
-                yield from self._learnt(held)
-                held, learnt = [], True
-        yield from self._learnt(held)
+                yield from self._learnt(unlearnt, held)
+                unlearnt, held, learnt = [], [], True
+        yield from self._learnt(unlearnt, held)
 
-    def _learnt(self, held: list[tuple[Frame, list[Sighting]]]) -> list[tuple[Frame, list[Sighting]]]:
-        """Give the first frames with marks, measured anew with the shapes that are learnt from them."""
+    def _learnt(self, unlearnt: list[Held], held: list[Held]) -> list[Held]:
+        """Give the first frames with marks, measured anew with the shapes that are learnt from those held."""
         learn_anew(self.followers, self.settings, held, self.cell)
+        measure_anew(self.followers, self.settings, unlearnt, self.cell)
         self._settled = True
         choose_shapes(self.followers, self.settings, held, self.cell, self._starts, self._rivals)
-        return held
+        return [*unlearnt, *held]
 
     def step(self, frame: Frame) -> list[Sighting]:
         """Measure all marks in the next frame."""

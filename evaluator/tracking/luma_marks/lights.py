@@ -28,6 +28,8 @@ WINDOW = 2.5  # radii of the core that its halo is weighed in
 MOVED, STEP = 1.5, 3.0  # radii: moved on from where it was first; from frame to frame, beside its usual step
 SATURATED_PX = 0.03  # a clipped core hides the middle of a light; floor of its uncertainty, per axis
 MOST = 24  # blobs followed at first
+# Of a light's height over the background, below which it has no weight: as spot sensors threshold their centroids.
+WINGS = 0.15
 RING, FEW = 0.8, 8  # of the window, from where it shows the surroundings; pixels that tell what they are like
 
 
@@ -202,7 +204,9 @@ def _weighed(
         rows.start : rows.start + part.shape[0], columns.start : columns.start + part.shape[1]
     ]
     mine = ((owner == 0) | (owner == label)) & (np.hypot(around_x - x, around_y - y) <= reach)
-    weight = np.where(mine, np.maximum(part - base - 2 * noise, 0.0), 0.0)
+    # The wings of a halo tell little of its centre, and less of them shows on a darker surrounding: they are cut off.
+    wings = base + max(2 * noise, WINGS * (float(part[owner == label].max()) - base))
+    weight = np.where(mine, np.maximum(part - wings, 0.0), 0.0)
     ring = mine & (owner == 0) & (np.hypot(around_x - x, around_y - y) > RING * reach)
     if ring.sum() >= FEW:  # what of the surroundings comes through, not what the frame as a whole varies by
         noise = max(float(np.std(weight[ring])), 1.0)

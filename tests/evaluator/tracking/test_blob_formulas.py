@@ -12,8 +12,10 @@ from evaluator.tracking.refinement.blob import (
     _moments,
     _share,
     _span,
+    blobs_around,
     elongation,
 )
+from tests.evaluator.tracking.synthetic import coverage, frames_in_memory
 
 
 def test_elongation_is_the_ratio_of_the_axes_without_the_smear() -> None:
@@ -95,3 +97,23 @@ def test_a_sample_is_of_a_colour_that_is_strong_along_it_and_little_across() -> 
     assert member.tolist() == [0, 1, 1, 0]
     assert _span(10.0, 3.0, 0.5, 2.0, 100) == (3, 8)
     assert _span(1.0, 3.0, 0.5, 2.0, 2) == (0, 2)
+
+
+def test_highlight_and_uneven_light_do_not_move_the_centre_of_a_sticker() -> None:
+    """A lamp's reflection takes the colour of a third of a disc; its light falls off by half across it."""
+    size, center, radius = (90, 80), (44.3, 40.6), 20.0
+    x, y = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
+    share = coverage(size, center, radius, 0.8)[..., None]
+    light = 1.0 + 0.01 * (x - center[0])[..., None]
+    glare = np.exp(-((x - 38.0) ** 2 + (y - 30.0) ** 2) / 8.0**2)[..., None]
+    sticker = np.array([190.0, 185.0, 30.0]) * light
+    image = np.array([25.0, 25.0, 27.0]) * (1 - share) + share * (sticker + glare * (255.0 - sticker))
+    (frame,) = frames_in_memory([image])
+    assert frame.u is not None
+    assert frame.v is not None
+    toward = np.array([frame.u[40, 55], frame.v[40, 55]], float) - 128.0
+    strength = float(np.hypot(*toward))
+    color = np.array([128.0, 128.0, *(toward / strength), 0.45 * strength, 0.5])
+    (blob,) = blobs_around(frame, np.array([1.0, 1.0, 0.0, 0.0]), color, center, 40.0, 100.0)
+    assert np.hypot(*np.subtract(blob.center_px, center)) < 0.3  # by its colour alone 2.6 px
+    assert blob.area_px2 == pytest.approx(np.pi * radius**2, rel=0.02)

@@ -15,9 +15,11 @@ from evaluator.pose import poses_from_marks
 from evaluator.recording import open_recording
 from evaluator.robot_geometry import read_geometry, sought
 from evaluator.tracking import TrackingSettings, place_on_plate, track
+from evaluator.tracking.luma_marks.lights import bright_blobs
 from evaluator.tracking.settings import MarkSettings
 from simulator.rendering import Scene, render_clip
 from simulator.robot import shipped_robot_text
+from tests.evaluator.tracking.synthetic import frames_in_memory
 
 HEIGHT_MM = 6.5
 
@@ -109,6 +111,16 @@ def test_lights_are_tracked_and_told_from_a_glare_that_rests(tmp_path: Path) -> 
     for name in ("light_a", "light_b"):
         assert np.nanmax(np.abs(errors_px(table, right, name))) < 0.15
         assert np.sqrt(np.nanmean(normal_errors(table, right, name) ** 2)) < 2.0
+
+
+def test_halo_of_a_light_does_not_draw_its_centre_to_the_brighter_surroundings() -> None:
+    """A saturated light beside the edge of a robot that is darker than the plate, as cameras code it (gamma)."""
+    x, y = np.meshgrid(np.arange(80), np.arange(70))
+    off = np.hypot(x - 40.3, y - 34.8)
+    light = np.where(x < 37, 0.02, 0.012) + 6.0 * np.exp(-((off / 2.8) ** 2)) + 0.12 / (1 + (off / 6.0) ** 2) ** 1.5
+    image = 255.0 * np.minimum(light, 1.0)[..., None] ** (1 / 2.2) * np.ones(3)
+    (blob,) = bright_blobs(next(frames_in_memory([image]))).blobs
+    assert blob.place == pytest.approx((40.3, 34.8), abs=0.03)  # with all of the halo 0.12 px off
 
 
 def test_tag_without_a_number_and_unknown_dictionary_are_refused() -> None:

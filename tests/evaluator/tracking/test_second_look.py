@@ -27,6 +27,7 @@ from tests.evaluator.tracking.plain_video import (
 )
 
 LATE = 20
+UNCOVERED, SKIN = 14, (190.0, 140.0, 105.0)
 Place = tuple[float, float]
 
 
@@ -55,6 +56,25 @@ def test_a_robot_that_comes_in_is_followed_rather_than_what_lay_there_before(tmp
     wrong, found = scored(clip, tmp_path)
     assert wrong == 0
     assert found == 1.0
+
+
+def test_mark_that_a_hand_half_covers_at_first_is_measured_as_what_it_proves_to_be(tmp_path: Path) -> None:
+    """Half a disc beside something yellow is taken for the pair; both are known once the hand has gone."""
+    rng = np.random.default_rng(4)
+    floor = texture(rng)
+    paint(floor, box(12, 12), (200, 150), 1.2, tuple(0.8 * np.array(YELLOW)))  # type: ignore[arg-type]
+    clip = pair(rng, ellipse(14, 14), 7.0, 51.0, frames=40, floor=floor)
+    for k in range(UNCOVERED):
+        middle = (clip.truth["green"][k] + clip.truth["yellow"][k]) / 2
+        toward = clip.truth["yellow"][k] - clip.truth["green"][k]
+        paint(clip.frames[k], box(70, 60), tuple(middle + 0.19 * toward), float(np.arctan2(*toward[::-1])), SKIN)
+    table = track(open_recording(clip.write(tmp_path)))
+    for name, truth in clip.truth.items():
+        seen = (table[f"{name}_status"] == "ok").to_numpy()
+        error = np.hypot(*(table[[f"{name}_x_px", f"{name}_y_px"]].to_numpy() - truth).T)
+        sigma = np.hypot(*table[[f"{name}_x_sigma_px", f"{name}_y_sigma_px"]].to_numpy().T)
+        assert not (seen & ~(error < np.maximum(1.0, 5.0 * sigma))).any()
+        assert seen[-6:].all()
 
 
 @pytest.mark.parametrize(
