@@ -23,8 +23,7 @@ Mask = NDArray[np.uint8]
 
 RIM_PX, RING_PX = 3, 9  # beyond a blob's half height: where a blurred edge ends; how far the surroundings are looked at
 FEW = 12  # pixels that a mean colour is taken from
-BESIDE_PX = 4 * RIM_PX + 1  # side of the square around a pixel of the edge in which the inside is looked at
-LEAST_LIT = 0.5  # share of the usual below which the inside is no longer the mark's colour: a highlight
+MOSTLY = 98.0  # percentile of the surroundings that their noise does not set
 BEYOND = 0.2  # of a share below 0 or above 1 that noise, not another thing, explains
 LEAST_VARIANCE = 1.0  # levels²: rounding of luma and chroma to whole levels, and of chroma between its samples
 LUMPS = 7  # side, px, of the squares that tell how far neighbouring pixels err together
@@ -132,41 +131,32 @@ def _measured(
         return None
     core = cv2.erode(mask, np.ones((3, 3), np.uint8)) > 0
     core = core if core.sum() >= FEW else mask > 0
-    mask = _with_highlights(mask, luma)
-    other = (_members(u, v, color)[1] > 0) & (_grown(mask, RIM_PX) == 0)
-    around = (_grown(mask, RING_PX) > 0) & (_grown(mask, RIM_PX + 1) == 0) & ~other
+    outline = _outline(mask)
+    other = (_members(u, v, color)[1] > 0) & (_grown(outline, RIM_PX) == 0)
+    around = (_grown(outline, RING_PX) > 0) & (_grown(outline, RIM_PX + 1) == 0) & ~other
     if around.sum() < FEW:
         return None
     share = _share(np.stack([luma, u, v]), core, around)
-    share = _lit_evenly(share, _shrunk(mask, RIM_PX + 1) > 0)
+    # A lamp's reflection takes the colour of a part of the mark and adds light: within its outline, what is brighter
+    # than all else is the mark's. A wire is darker, or juts out.
+    bright = luma > max(float(np.median(luma[core])), float(np.percentile(luma[around], MOSTLY)))
+    highlights = bright & (outline > 0)
+    mask |= highlights.astype(np.uint8)
+    share[highlights & (share < 1.0)] = 1.0
     region = (_grown(mask, RIM_PX) > 0) & ~(_grown(other.astype(np.uint8), 1) > 0)
     return _moments(
         share, region, core, around, (x0, frame.row_origin + y0 * frame.row_step, frame.row_step), strength, whole=whole
     )
 
 
-def _with_highlights(mask: Mask, luma: Single) -> Mask:
-    """The mask of a mark with the highlights on it: a lamp's reflection takes its colour and adds light.
-
-    Stickers are convex: what lies between their parts and is no darker than these is theirs. A wire across is darker
-    or juts out.
-    """
-    outline = cv2.convexHull(cv2.findNonZero(mask))
-    whole = cv2.fillConvexPoly(np.zeros_like(mask), outline, 1) > 0
-    return ((mask > 0) | (whole & (luma >= np.median(luma[mask > 0])))).astype(np.uint8)
+def _outline(mask: Mask) -> Mask:
+    """The convex hull of a mask: stickers are convex."""
+    return np.asarray(cv2.fillConvexPoly(np.zeros_like(mask), cv2.convexHull(cv2.findNonZero(mask)), 1), np.uint8)
 
 
 def _grown(mask: Mask, by_px: int) -> Mask:
-    return np.asarray(cv2.dilate(mask, _round(by_px)), np.uint8)
-
-
-def _shrunk(mask: Mask, by_px: int) -> Mask:
-    return np.asarray(cv2.erode(mask, _round(by_px)), np.uint8)
-
-
-def _round(radius_px: int) -> Mask:
-    side = 2 * radius_px + 1
-    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)
+    side = 2 * by_px + 1
+    return np.asarray(cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))), np.uint8)
 
 
 def _share(planes: Single, core: NDArray[np.bool_], around: NDArray[np.bool_]) -> Array:
@@ -176,20 +166,6 @@ def _share(planes: Single, core: NDArray[np.bool_], around: NDArray[np.bool_]) -
     scatter = np.cov(outside) + np.cov(inside) + LEAST_VARIANCE * np.eye(3)
     direction = np.linalg.solve(scatter, apart)
     return np.tensordot(direction / (direction @ apart), planes - middle[:, None, None].astype(np.float32), axes=1)
-
-
-def _lit_evenly(share: Array, inner: NDArray[np.bool_]) -> Array:
-    """Shares as if the light on a mark were even; inner: pixels that its blurred edge does not reach.
-
-    These are the mark's as a whole, highlights and all; one of the edge is so in proportion to those beside it.
-    """
-    if not inner.any():
-        return share
-    side = (BESIDE_PX, BESIDE_PX)
-    count = cv2.boxFilter(inner.astype(np.float64), -1, side, normalize=False)
-    beside = cv2.boxFilter(np.where(inner, share, 0.0), -1, side, normalize=False) / np.maximum(count, 1.0)
-    lit = np.where((count >= FEW) & (beside > LEAST_LIT), beside, 1.0)
-    return np.where(inner, 1.0, share / lit)
 
 
 def _moments(

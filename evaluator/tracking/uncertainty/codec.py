@@ -7,10 +7,12 @@ differs from the course of its neighbours is error.
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 Array = NDArray[np.float64]
 
@@ -27,10 +29,15 @@ EXACT_PX2 = 1e-12  # variance below which all frames tell alike: drawn paths may
 FEW = 8  # enough to tell that there is an error, where a recording moves no longer than that
 MOVING_PX = 0.1  # a step that codecs still take for rest, give or take their own error
 STRIDES = (1, 2, 4, 8)
-STRAIGHT_PX = 6.0  # path over which the centre of a mark follows a quartic to 0.01 px on turns of 20 px radius
+# What a course may leave of a path. On turns of 20 px radius it leaves less over the path STRAIGHT_PX; on wider ones,
+# where their radius is seen by the directions over some frames, over more.
+LEAVES_PX, STRAIGHT_PX, DIRECTION = 0.01, 6.0, 5
 # Errors of codecs have long tails, those of Student's t with about as many degrees of freedom: 0.5 to 1.5 % of frames
 # lie beyond 4 sigma on H.264, HEVC and VP9 alike.
 FREEDOM = 4.0
+# A robot starts, stops or turns back seldom in a recording; what recurs is the codec's. Sigmas that chance reaches once
+# in 3e5 frames.
+CHANGES, ABRUPT = 3, 5.0
 TAIL = 3.0  # sigmas off the course from which a frame's own error counts as a large one: nearer ones tell nothing
 
 
@@ -110,25 +117,78 @@ def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: N
     centers_px, quiet = np.where(calm[:, None], centers_px, np.nan), np.where(calm, variances, np.nan)
     course = Course(time_s, centers_px)
     moving, known = _moving(centers_px), course.variance(quiet)
-    extra = codec_variance(course, course.known & moving, known, kinds)
+    telling = course.known & ~changes_of_motion(course)
+    extra = codec_variance(course, telling & moving, known, kinds)
     # At rest a codec keeps one error for long, which nothing shows: it is smaller than in motion, by a third at most.
-    rest = codec_variance(course, course.known & ~moving, known, kinds)
+    rest = codec_variance(course, telling & ~moving, known, kinds)
     extra = np.where(moving, extra, np.maximum(rest, extra / 3))
-    steps = np.hypot(*np.diff(centers_px, axis=0).T)
-    speed = float(np.nanmedian(steps)) if np.isfinite(steps).any() else 0.0
+    straight = _straight_frames(centers_px)
     own = float(np.nanmean(quiet)) if np.isfinite(quiet).any() else 0.0
     most = typical = float(extra.mean())
     for stride in STRIDES[1:]:
-        if REACH * stride * speed > STRAIGHT_PX:
+        if REACH * stride > straight:
             break
         wide = Course(time_s, centers_px, stride)
-        if wide.known.sum() >= LEAST * stride:
-            share = 1 + float(wide.squares[:, wide.known].sum(axis=0).mean())
-            square = robust_square(wide.error[wide.known]) / share
-            # Less its own standard error: the largest of some estimates is too large by about that.
-            most = max(most, square * (1.0 - float(wide.known.sum()) ** -0.5) - own)
+        abrupt = np.append(course.known & ~telling, False)  # what lies beyond the ends is no change
+        told = wide.known & ~(abrupt[wide.around] & (wide.weights != 0.0)).any(axis=0)
+        if told.sum() >= FEW * stride:
+            share = 1 + float(wide.squares[:, told].sum(axis=0).mean())
+            square = robust_square(wide.error[told]) / share
+            # Less its own standard error: the largest of some estimates is too large by about that. Frames between two
+            # neighbours share their error with them, and tell nothing new.
+            most = max(most, square * (1.0 - float(told.sum() / stride) ** -0.5) - own)
     extra = extra + (most - typical)
     return extra + _tail(course, quiet + extra)
+
+
+def _straight_frames(centers_px: Array) -> float:
+    """Frames on either side over which the course follows the path of a mark.
+
+    On a circle of radius r a quartic through a path of s to either side leaves at most s⁵/(120 r⁴), Taylor's next term;
+    of k frames at a speed v that turn by φ each, s = vk and r = v/φ, that is vφ⁴k⁵/120.
+    """
+    step = np.diff(centers_px[::DIRECTION], axis=0) / DIRECTION
+    step = step[np.isfinite(step).all(axis=1)]
+    if len(step) < EITHER_SIDE:
+        return np.inf
+    speed = float(np.median(np.hypot(*step.T))) + 1e-9
+    turn = np.diff(np.unwrap(np.arctan2(step[:, 1], step[:, 0])))
+    angle = float(np.median(np.abs(turn))) / DIRECTION + 1e-9
+    return float(max(STRAIGHT_PX / speed, (120.0 * LEAVES_PX / (speed * angle**4)) ** 0.2))
+
+
+def changes_of_motion(course: Course) -> NDArray[np.bool_]:
+    """Frames whose course runs across an abrupt change of a mark's speed, which is no error of its centre; (n,).
+
+    Such a change leaves its own pattern in the frames around; one frame's large error leaves another.
+    """
+    wrong = np.zeros(len(course.known), bool)
+    if course.known.sum() < LEAST:
+        return wrong
+    change, single = (_likeness(course.error, pattern) for pattern in _patterns())
+    around = 2 * REACH + 1
+    # The likeness of chance errors follows the square of a Rayleigh distribution, whose median is ln 4 variances.
+    certain = change > ABRUPT**2 * np.median(change[course.known]) / np.log(4.0)
+    found = certain & (change >= maximum_filter1d(change, around)) & (change > maximum_filter1d(single, around))
+    if found.sum() <= CHANGES:
+        wrong = np.convolve(found, np.ones(around), "same") > 0
+    return wrong
+
+
+def _likeness(error: Array, pattern: Array) -> Array:
+    """How much of the squares of errors (n, 2) a pattern around each frame explains, px²; (n,)."""
+    alike = [np.convolve(axis, pattern, "same") for axis in np.nan_to_num(error).T]
+    return np.asarray(np.square(alike).sum(axis=0) / (pattern @ pattern))
+
+
+@cache
+def _patterns() -> tuple[Array, Array]:
+    """Errors of the courses of a path that bends at frame 0, and of one that is off in frame 0 alone; (11,) each."""
+    frames = np.arange(-REACH, REACH + 1.0)
+    weights = _to_the_middle(OFFSETS.astype(float), np.ones(len(OFFSETS), bool))
+    bent = np.maximum(frames, 0.0) - np.maximum(frames[:, None] + OFFSETS, 0.0) @ weights
+    single = (frames == 0.0) - (frames[:, None] + OFFSETS == 0.0) @ weights
+    return bent, single
 
 
 def _tail(course: Course, variances: Array) -> Array:

@@ -13,6 +13,7 @@ from evaluator.tracking.uncertainty.codec import (
     _moving,
     _non_negative,
     _tail,
+    changes_of_motion,
     codec_variance,
     hidden_variance,
     robust_square,
@@ -105,6 +106,42 @@ def test_an_error_that_neighbours_share_shows_at_neighbours_farther_away() -> No
         FRAME_S * np.arange(2100), line(2100, 0.12) + shared, np.full(2100, 1e-6), np.full(2100, "P")
     )
     assert np.median(extra) == pytest.approx(0.1**2, rel=0.15)
+
+
+def arc(count: int, radius: float = 150.0, step: float = 2.0) -> np.ndarray:
+    angle = step / radius * np.arange(count)
+    return radius * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
+
+
+def test_such_an_error_shows_on_a_wide_turn_too_though_the_mark_is_fast() -> None:
+    rng = np.random.default_rng(8)
+    shared = 0.1 * np.repeat(rng.normal(size=(700, 2)), 3, axis=0)
+    extra = hidden_variance(FRAME_S * np.arange(2100), arc(2100) + shared, np.full(2100, 1e-6), np.full(2100, "P"))
+    assert np.median(extra) == pytest.approx(0.1**2, rel=0.15)  # 0.06² by neighbouring frames alone
+
+
+def test_an_abrupt_start_is_no_error_of_the_centres() -> None:
+    """Half a second of rest and two of driving at 2 px a frame: a fifth of the courses run across the start."""
+    rng = np.random.default_rng(9)
+    found = []
+    for _ in range(20):
+        path = np.vstack([np.zeros((15, 2)), arc(60)]) + 0.04 * rng.normal(size=(75, 2))
+        extra = hidden_variance(FRAME_S * np.arange(75), path, np.full(75, 1e-6), np.full(75, "P"))
+        found.append(np.median(extra[30:]))
+    assert np.sqrt(np.median(found)) == pytest.approx(0.04, rel=0.15)  # else 0.06
+
+
+def test_a_large_error_of_one_frame_is_no_change_of_motion() -> None:
+    rng = np.random.default_rng(10)
+    path = arc(200) + 0.03 * rng.normal(size=(200, 2))
+    time = FRAME_S * np.arange(200)
+    path[100] += (0.6, -0.3)
+    assert not changes_of_motion(Course(time, path)).any()
+    path[100:] += 1.5 * np.arange(100)[:, None]  # now it is faster from there on
+    changed = np.flatnonzero(changes_of_motion(Course(time, path)))
+    assert changed.min() >= 93
+    assert changed.max() <= 107
+    assert len(changed) == 11
 
 
 @pytest.mark.parametrize(("frames", "told"), [(7, False), (8, True)])
