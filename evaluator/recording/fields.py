@@ -2,11 +2,12 @@
 
 The cameras of the CCD age expose the odd and the even lines half a frame apart. Weaving them into one frame tears
 everything that moves; taken apart, they are frames at twice the rate. Which field comes first is seen from the
-frames: a field resembles the one that is next to it in time more than the one that is farther away.
+frames: its lines lag behind those of the other field.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Literal
@@ -21,9 +22,8 @@ Fields = Literal["auto", "none", "top", "bottom"]
 
 MOVED = 12  # levels of 8 bits by which a pixel changes when an edge moves over it; twice the noise of dim recordings
 ENOUGH = 400  # moved pixels from which the verdict is taken
-# Lines of the other field fit worse than lines of the same field twice as far away: by 1.0 or less on progressive
-# frames, by 2 and more where fields differ by a quarter of a pixel at a mark's edge.
-TORN = 1.4
+# By how much of a frame lines of one field are ahead of the other's: half of one where they are fields, else nothing.
+AHEAD = 0.25
 
 
 def fields_of(frame: Frame, first: str, half_ticks: int, index: int) -> Iterator[Frame]:
@@ -48,34 +48,36 @@ def fields_of(frame: Frame, first: str, half_ticks: int, index: int) -> Iterator
 
 
 def field_order(frames: Iterable[Frame]) -> Literal["none", "top", "bottom"] | None:
-    """See from the frames whether they are woven of two fields, and which comes first; None where nothing moves."""
-    torn = smooth = 0.0
-    top_first = bottom_first = 0.0
+    """See from the frames whether they are woven of two fields, and which comes first; None where nothing moves.
+
+    A line of the later field shows what its neighbours, of the earlier one, will show half a frame later: it differs
+    from their mean by half of what changes in a frame. What else lines differ by (edges, noise) has no such sign.
+    """
+    ahead = change = 0.0
     moved_pixels = 0
-    before: Plane | None = None
+    held: deque[Plane] = deque(maxlen=3)
     for frame in frames:
-        luma = np.ascontiguousarray(frame.luma[: frame.luma.shape[0] // 2 * 2])
-        if before is not None and before.shape == luma.shape and len(luma) > 4:
-            moved = cv2.absdiff(luma, before)[2:-2] > luma.dtype.type(MOVED * 2 ** (frame.depth - 8))
-            # An edge moves a few of its neighbours too; noise moves single pixels.
-            moved[:, 1:] &= moved[:, :-1]
-            rows, columns = _places(moved)
-            moved_pixels += len(rows)
-            lines = luma[rows + np.arange(5)[:, None], columns].astype(float)  # a pixel's own, and two on either side
-            torn += float(np.sum((lines[1] + lines[3] - 2 * lines[2]) ** 2))
-            smooth += float(np.sum((lines[0] + lines[4] - 2 * lines[2]) ** 2))
-            pairs, columns = _places(moved[0::2] | moved[1::2])
-            top, bottom = (2 + 2 * pairs, columns), (3 + 2 * pairs, columns)
-            top_first += float(np.sum((luma[top].astype(float) - before[bottom]) ** 2))
-            bottom_first += float(np.sum((luma[bottom].astype(float) - before[top]) ** 2))
-        before = luma
+        held.append(np.ascontiguousarray(frame.luma[: frame.luma.shape[0] // 2 * 2]))
+        before, now, after = held[0], held[len(held) // 2], held[-1]
+        if len(held) < 3 or not before.shape == now.shape == after.shape or len(now) < 4:
+            continue
+        moved = cv2.absdiff(after, before)[1:-1] > now.dtype.type(MOVED * 2 ** (frame.depth - 8))
+        # An edge moves a few of its neighbours too; noise moves single pixels.
+        moved[:, 1:] &= moved[:, :-1]
+        rows, columns = _places(moved)
+        moved_pixels += len(rows)
+        above, line, below = now[rows + np.arange(3)[:, None], columns].astype(float)
+        in_a_frame = (after[rows + 1, columns].astype(float) - before[rows + 1, columns]) / 2.0
+        bottom_field = np.where(rows & 1, -1.0, 1.0)  # row 0 of those looked at is the second line
+        ahead += float(np.sum(bottom_field * (line - (above + below) / 2.0) * in_a_frame))
+        change += float(np.sum(in_a_frame**2))
         if moved_pixels > 10 * ENOUGH:
             break
     if moved_pixels < ENOUGH:
         return None
-    if torn <= TORN * smooth:  # equal where whole frames change their brightness: both are nothing
+    if abs(ahead) <= AHEAD * change:
         return "none"
-    return "top" if top_first < bottom_first else "bottom"
+    return "top" if ahead > 0.0 else "bottom"
 
 
 def _places(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

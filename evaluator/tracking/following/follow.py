@@ -213,7 +213,10 @@ class Follower(Motion):
         x, y, _, _, var_x, var_y, cov_xy, residual, _, _, pixels, slope, _ = self._fitted
         self.light.note_fit(frame.time_s, sloped=slope != 0.0)
         if self._slow_path.occluded:
-            return Sighting(x, y, var_x, var_y, cov_xy, OK)
+            # One end of a smeared mark tells where its middle is only as well as the length of the smear is known.
+            share, unsure = self.shutter
+            half_x, half_y = ((0.5 * unsure / share if share else 0.0) * path for path in self._disc[5:7].tolist())
+            return Sighting(x, y, var_x + half_x**2, var_y + half_y**2, cov_xy + half_x * half_y, OK)
         # Residuals above the learnt noise (codec, wire, texture) widen the uncertainty by more than chance makes them
         # scatter; a chance calm keeps it.
         scale, (dx, dy) = 1.0, self._slow_path.shift

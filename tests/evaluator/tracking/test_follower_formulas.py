@@ -187,6 +187,13 @@ def test_residuals_above_the_noise_widen_a_centre_and_a_slope_that_was_not_taken
     occluded = found(RESIDUAL=5.0)
     occluded._slow_path.occluded = True
     assert variances(occluded) == pytest.approx(stated)
+    # An end of a smear of (6, -8) px tells where its middle is to half of what its length is unsure by.
+    occluded._disc[5:7] = 6.0, -8.0
+    assert variances(occluded) == pytest.approx(stated)  # said: half of the interval
+    occluded.shutter = 0.5, 0.05
+    assert np.subtract(variances(occluded), stated) == pytest.approx([0.3**2, 0.4**2, -0.3 * 0.4])
+    occluded.shutter = 0.0, 0.0
+    assert variances(occluded) == pytest.approx(stated)
 
 
 def tried(one: Follower, monkeypatch: pytest.MonkeyPatch, guide: tuple[float, float], **said: Any) -> list[Any]:
