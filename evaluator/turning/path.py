@@ -24,6 +24,7 @@ Flags = NDArray[np.bool_]
 NAN = float("nan")
 JUMP_SIGMA = 6.0
 PIECES = 4
+LEAST_BACK = 0.02  # of the way: less is the play in wheels that stop
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,7 @@ def measure_path(
     steady = phases.names(time) == "steady"
     if steady.sum() < 2 * FEWEST_FRAMES:
         return PointPath(f"steady motion of {int(steady.sum())} frames; {2 * FEWEST_FRAMES} are needed")
+    along_line = place @ _ahead(place - place.mean(axis=0))
     time, place = time[steady], place[steady]
     curvature, along, residual = _circle(time, place)
     turned = float(np.degrees(abs(curvature.value) * np.ptp(along)))
@@ -83,7 +85,11 @@ def measure_path(
     nearest = min(abs(curvature.low), abs(curvature.high))
     if curvature.straight or nearest < LEAST_CERTAIN * abs(curvature.value) or turned < LEAST_TURN_DEG:
         value, least, most = with_bounds(curvature.value, curvature.low, curvature.high)
-        reason = f"straight: curvature {value}, 95 % from {least} to {most}"
+        kind = "straight"
+        if _returns(along_line, sigma):
+            kind, leg = "straight, out and back", _longer_leg(along)
+            speed = abs(float(np.polyfit(time[leg] - time[0], along[leg], 1)[0]))
+        reason = f"{kind}: curvature {value}, 95 % from {least} to {most}"
         return PointPath(reason, speed=speed, turned_deg=turned, scatter=found.scatter)
     spread = _spread(time, place)
     status = (
@@ -101,6 +107,23 @@ def _noise(place: Array) -> float:
     second = place[2:] - 2 * place[1:-1] + place[:-2]
     robust = 1.4826 * np.median(np.abs(second - np.median(second, axis=0)))  # of three values: sqrt(6) of one
     return float(max(robust / np.sqrt(6), 1e-9 * np.ptp(place, axis=0).max(), 1e-12))
+
+
+def _returns(along: Array, sigma: float) -> bool:
+    """Whether what moves along a line turns back on it, by more than its noise: then one speed is not all it did."""
+    back = np.ptp(along) - abs(along[-1] - along[0])
+    return bool(back > max(JUMP_SIGMA * sigma, LEAST_BACK * np.ptp(along)))
+
+
+def _longer_leg(along: Array) -> slice:
+    """Places before or after the farthest from the first, whichever are more."""
+    farthest = int(np.argmax(np.abs(along - along[0])))
+    return slice(0, farthest + 1) if 2 * farthest >= len(along) else slice(farthest, None)
+
+
+def _ahead(q: Array) -> Array:
+    """Direction in which places about their mean (n, 2) spread most."""
+    return np.asarray(np.linalg.svd(q, full_matrices=False)[2][0])
 
 
 def _circle(time: Array, place: Array) -> tuple[Curvature, Array, Array]:
@@ -132,7 +155,7 @@ def _circle(time: Array, place: Array) -> tuple[Curvature, Array, Array]:
 
 def _first_guess(q: Array) -> Array:
     """Distance, direction and curvature: the better one of an algebraic circle (Kasa 1976) and a straight line."""
-    ahead = np.linalg.svd(q, full_matrices=False)[2][0]
+    ahead = _ahead(q)
     line = np.array([0.0, float(np.arctan2(ahead[1], ahead[0])), 0.0])
     center = np.linalg.lstsq(np.column_stack([2 * q, np.ones(len(q))]), (q**2).sum(axis=1), rcond=None)[0]
     squared, reach = float(center[2] + center[:2] @ center[:2]), float(np.hypot(*center[:2]))

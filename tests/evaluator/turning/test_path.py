@@ -77,6 +77,15 @@ def test_an_arc_of_less_than_a_degree_is_straight(turned_deg: float, straight: b
     assert measure_path(*on_circle(500.0, turned_deg)).status.startswith("straight") == straight
 
 
+@pytest.mark.parametrize(("back", "said"), [(0.0, "straight:"), (0.3, "straight, out and back:")])
+def test_a_mark_that_turns_back_on_its_line_is_said_to(back: float, said: str) -> None:
+    there = np.concatenate([np.linspace(0.0, 50.0, 200), np.linspace(50.0, 50.0 * (1 - back), 60)])
+    places = np.outer(there, [0.8, 0.6]) + 0.02 * np.random.default_rng(3).normal(size=(260, 2))
+    path = measure_path(FRAME_S * np.arange(260), places)
+    assert path.summary("px").startswith(said)
+    assert path.speed == pytest.approx(50.0 / (200 * FRAME_S), rel=0.02)
+
+
 def test_places_that_jump_are_set_aside() -> None:
     time, places = on_circle(5.0, 300, 300, 0.01)
     places[100:104] += 1.0
