@@ -7,6 +7,7 @@ differs from the course of its neighbours is error.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from itertools import product
 
@@ -36,8 +37,8 @@ LEAVES_PX, STRAIGHT_PX, DIRECTION = 0.01, 6.0, 5
 # lie beyond 4 sigma on H.264, HEVC and VP9 alike.
 FREEDOM = 4.0
 # A robot starts, stops or turns back seldom in a recording; what recurs is the codec's. Sigmas that chance reaches once
-# in 3e5 frames.
-CHANGES, ABRUPT = 3, 5.0
+# in 3e5 frames, and those of each mark of a body, which one in eight reaches.
+CHANGES, ABRUPT, SEEN = 3, 5.0, 2.0
 TAIL = 3.0  # sigmas off the course from which a frame's own error counts as a large one: nearer ones tell nothing
 
 
@@ -106,18 +107,21 @@ def _to_the_middle(lapse_s: Array, usable: NDArray[np.bool_]) -> Array:
     return np.asarray(np.linalg.pinv(powers)[..., 0, :])
 
 
-def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: NDArray[np.str_]) -> Array:
+def hidden_variance(
+    time_s: Array, centers_px: Array, variances: Array, kinds: NDArray[np.str_], abrupt: NDArray[np.bool_] | None = None
+) -> Array:
     """Variance per axis, px², to add to every frame's own, from all that the course of a mark tells; (n,).
 
     A slow mark rests in the codec's memory for some frames, so that neighbours share their error: neighbours farther
-    away tell more. variances: mean of the axes (n,), NaN where absent. kinds: of `codec_variance`.
+    away tell more. variances: mean of the axes (n,), NaN where absent. kinds: of `codec_variance`. abrupt: of
+    `changes_of_motion`, where other marks of the same body tell of them too.
     """
     # Frames where something was in the way have an uncertainty of their own, and tell nothing of the codec.
     calm = variances < 3.0 * np.nanmedian(variances) if np.isfinite(variances).any() else np.zeros(len(variances), bool)
     centers_px, quiet = np.where(calm[:, None], centers_px, np.nan), np.where(calm, variances, np.nan)
     course = Course(time_s, centers_px)
     moving, known = _moving(centers_px), course.variance(quiet)
-    telling = course.known & ~changes_of_motion(course)
+    telling = course.known & ~(changes_of_motion([course]) if abrupt is None else abrupt)
     extra = codec_variance(course, telling & moving, known, kinds)
     # At rest a codec keeps one error for long, which nothing shows: it is smaller than in motion, by a third at most.
     rest = codec_variance(course, telling & ~moving, known, kinds)
@@ -131,12 +135,12 @@ def hidden_variance(time_s: Array, centers_px: Array, variances: Array, kinds: N
         wide = Course(time_s, centers_px, stride)
         abrupt = np.append(course.known & ~telling, False)  # what lies beyond the ends is no change
         told = wide.known & ~(abrupt[wide.around] & (wide.weights != 0.0)).any(axis=0)
-        if told.sum() >= FEW * stride:
+        if told.sum() >= LEAST:
             share = 1 + float(wide.squares[:, told].sum(axis=0).mean())
             square = robust_square(wide.error[told]) / share
-            # Less its own standard error: the largest of some estimates is too large by about that. Frames between two
-            # neighbours share their error with them, and tell nothing new.
-            most = max(most, square * (1.0 - float(told.sum() / stride) ** -0.5) - own)
+            # More than by its own standard error: the largest of some estimates is too large by about that.
+            if square * (1.0 - float(told.sum()) ** -0.5) > own + typical:
+                most = max(most, square - own)
     extra = extra + (most - typical)
     return extra + _tail(course, quiet + extra)
 
@@ -157,19 +161,25 @@ def _straight_frames(centers_px: Array) -> float:
     return float(max(STRAIGHT_PX / speed, (120.0 * LEAVES_PX / (speed * angle**4)) ** 0.2))
 
 
-def changes_of_motion(course: Course) -> NDArray[np.bool_]:
-    """Frames whose course runs across an abrupt change of a mark's speed, which is no error of its centre; (n,).
+def changes_of_motion(courses: Sequence[Course]) -> NDArray[np.bool_]:
+    """Frames whose course runs across an abrupt change of speed, which is no error of a centre; (n,).
 
-    Such a change leaves its own pattern in the frames around; one frame's large error leaves another.
+    Such a change leaves its own pattern in the frames around; one frame's large error leaves another. courses: of marks
+    on one body, which all change together; what one of them shows alone is an error of its own.
     """
-    wrong = np.zeros(len(course.known), bool)
-    if course.known.sum() < LEAST:
+    wrong = np.zeros(len(courses[0].known), bool)
+    if min(course.known.sum() for course in courses) < LEAST:
         return wrong
-    change, single = (_likeness(course.error, pattern) for pattern in _patterns())
-    around = 2 * REACH + 1
-    # The likeness of chance errors follows the square of a Rayleigh distribution, whose median is ln 4 variances.
-    certain = change > ABRUPT**2 * np.median(change[course.known]) / np.log(4.0)
-    found = certain & (change >= maximum_filter1d(change, around)) & (change > maximum_filter1d(single, around))
+    changes, singles, around = np.zeros_like(wrong, float), np.zeros_like(wrong, float), 2 * REACH + 1
+    together = ~wrong
+    for course in courses:
+        change, single = (_likeness(course.error, pattern) for pattern in _patterns())
+        # Of chance errors it follows the square of a Rayleigh distribution, whose median is ln 4 variances.
+        variance = float(np.median(change[course.known])) / np.log(4.0) + EXACT_PX2
+        changes, singles = changes + change / variance, singles + single / variance
+        together &= change > SEEN**2 * variance
+    certain = together & (changes > ABRUPT**2 * len(courses))
+    found = certain & (changes >= maximum_filter1d(changes, around)) & (changes > maximum_filter1d(singles, around))
     if found.sum() <= CHANGES:
         wrong = np.convolve(found, np.ones(around), "same") > 0
     return wrong

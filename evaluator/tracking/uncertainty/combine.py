@@ -15,7 +15,7 @@ from evaluator.tracking.following.follow_blob import BlobFollower
 from evaluator.tracking.following.jumps import off_course
 from evaluator.tracking.following.repeated_frames import repeated_frames
 from evaluator.tracking.observation import ALONE, BACKGROUND, OFF_COURSE, REPEATED, STRANGER, UNLIKE, WRONG_DISTANCE
-from evaluator.tracking.uncertainty.codec import hidden_variance, steady_times
+from evaluator.tracking.uncertainty.codec import Course, changes_of_motion, hidden_variance, steady_times
 from evaluator.tracking.uncertainty.exposure import exposed
 from evaluator.tracking.uncertainty.outline import widen_by_outline
 from evaluator.tracking.uncertainty.rigid_pair import Distance, wrong_ends
@@ -54,14 +54,16 @@ def refine(
     if unlike and not any(travels(numbers[name][:, :2], followers[name].radius_px) for name in followers):
         for name, values in numbers.items():
             take_out(values, status[name], np.isfinite(values[:, 0]), UNLIKE)
+    together = [name for name in numbers if name in body]
+    of_body = _abrupt(time_s, [numbers[name] for name in together], ~np.any(list(again.values()), axis=0))
     for center, corners in tags.items():
         widen_by_shape(numbers, corners, center)
     for name, values in numbers.items():
-        follower = followers.get(name)
+        follower, abrupt = followers.get(name), of_body if name in together else None
         if not np.isfinite(values[:, 0]).any():
             continue
         if follower is None:  # a tag or a light
-            _add_hidden(time_s, values, kind, ~again[name])
+            _add_hidden(time_s, values, kind, ~again[name], abrupt)
             continue
         shading = follower.light.learnt(follower.look.disc) if isinstance(follower, Follower) else None
         if shading is not None and isinstance(follower, Follower):
@@ -75,14 +77,26 @@ def refine(
         shift, variance = exposed(time_s, values[:, :2], values[:, 2:4], follower.shutter)
         values[:, :2] -= shift
         values[:, 2:4] += variance
-        _add_hidden(time_s, values, kind, ~again[name])
-    _hold_together(time_s, numbers, status, [name for name in numbers if name in body])
+        _add_hidden(time_s, values, kind, ~again[name], abrupt)
+    _hold_together(time_s, numbers, status, together)
 
 
-def _add_hidden(time_s: Array, values: Array, kind: NDArray[np.str_], new: NDArray[np.bool_]) -> None:
+def _add_hidden(
+    time_s: Array, values: Array, kind: NDArray[np.str_], new: NDArray[np.bool_], abrupt: NDArray[np.bool_] | None
+) -> None:
     """Widen by what the course shows, in place; new: frames (n,) that are no repetitions, which have no course."""
     mean = values[new, 2:4].mean(axis=1)
-    values[new, 2:4] += hidden_variance(time_s[new], values[new, :2], mean, kind[new])[:, None]
+    near = None if abrupt is None else abrupt[new]
+    values[new, 2:4] += hidden_variance(time_s[new], values[new, :2], mean, kind[new], near)[:, None]
+
+
+def _abrupt(time_s: Array, marks: Sequence[Array], new: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
+    """Frames about which a body starts, stops or turns back, (n,); None of one mark. new: frames that repeat none."""
+    if len(marks) < 2:
+        return None
+    found = np.zeros(len(time_s), bool)
+    found[new] = changes_of_motion([Course(time_s[new], values[new, :2]) for values in marks])
+    return found
 
 
 def _hold_together(time_s: Array, numbers: dict[str, Array], status: dict[str, list[str]], body: Sequence[str]) -> None:

@@ -136,12 +136,16 @@ def test_a_large_error_of_one_frame_is_no_change_of_motion() -> None:
     path = arc(200) + 0.03 * rng.normal(size=(200, 2))
     time = FRAME_S * np.arange(200)
     path[100] += (0.6, -0.3)
-    assert not changes_of_motion(Course(time, path)).any()
+    assert not changes_of_motion([Course(time, path)]).any()
     path[100:] += 1.5 * np.arange(100)[:, None]  # now it is faster from there on
-    changed = np.flatnonzero(changes_of_motion(Course(time, path)))
+    changed = np.flatnonzero(changes_of_motion([Course(time, path)]))
     assert changed.min() >= 93
     assert changed.max() <= 107
     assert len(changed) == 11
+    # The other mark of its body goes on as it was: then it is an error of the one that seems faster.
+    other = Course(time, arc(200) + 0.03 * rng.normal(size=(200, 2)))
+    assert not changes_of_motion([Course(time, path), other]).any()
+    assert changes_of_motion([Course(time, path), Course(time, path + 30.0)]).sum() == 11
 
 
 @pytest.mark.parametrize(("frames", "told"), [(7, False), (8, True)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from evaluator.recording import open_recording
 from evaluator.tracking import TrackingSettings, track
+from evaluator.tracking.following import tracker
 from evaluator.tracking.following.second_look import SecondLook
-from evaluator.tracking.observation import MISTAKEN
+from evaluator.tracking.following.tracker import Tracker
+from evaluator.tracking.observation import MISTAKEN, Sighting
 from tests.evaluator.tracking.plain_video import (
     GREEN,
     YELLOW,
@@ -27,7 +29,6 @@ from tests.evaluator.tracking.plain_video import (
 )
 
 LATE = 20
-UNCOVERED, SKIN = 14, (190.0, 140.0, 105.0)
 Place = tuple[float, float]
 
 
@@ -58,23 +59,33 @@ def test_a_robot_that_comes_in_is_followed_rather_than_what_lay_there_before(tmp
     assert found == 1.0
 
 
-def test_mark_that_a_hand_half_covers_at_first_is_measured_as_what_it_proves_to_be(tmp_path: Path) -> None:
-    """Half a disc beside something yellow is taken for the pair; both are known once the hand has gone."""
-    rng = np.random.default_rng(4)
-    floor = texture(rng)
-    paint(floor, box(12, 12), (200, 150), 1.2, tuple(0.8 * np.array(YELLOW)))  # type: ignore[arg-type]
-    clip = pair(rng, ellipse(14, 14), 7.0, 51.0, frames=40, floor=floor)
-    for k in range(UNCOVERED):
-        middle = (clip.truth["green"][k] + clip.truth["yellow"][k]) / 2
-        toward = clip.truth["yellow"][k] - clip.truth["green"][k]
-        paint(clip.frames[k], box(70, 60), tuple(middle + 0.19 * toward), float(np.arctan2(*toward[::-1])), SKIN)
-    table = track(open_recording(clip.write(tmp_path)))
-    for name, truth in clip.truth.items():
-        seen = (table[f"{name}_status"] == "ok").to_numpy()
-        error = np.hypot(*(table[[f"{name}_x_px", f"{name}_y_px"]].to_numpy() - truth).T)
-        sigma = np.hypot(*table[[f"{name}_x_sigma_px", f"{name}_y_sigma_px"]].to_numpy().T)
-        assert not (seen & ~(error < np.maximum(1.0, 5.0 * sigma))).any()
-        assert seen[-6:].all()
+def test_a_mark_that_stays_is_measured_anew_where_its_first_shape_was_half_a_hand(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What is seen before its partner proves to be another one is held until its shape is learnt."""
+    look, done = Tracker(TrackingSettings()), dict[str, list[int]]()
+
+    def step(frame: Any) -> list[Sighting]:
+        if frame.index == 5:
+            look.began["yellow"] = 5
+        return []
+
+    for name in ("learn_anew", "measure_anew", "choose_shapes"):
+
+        def note(_one: object, _two: object, held: list[Any], *_: object, name: str = name) -> None:
+            done.setdefault(name, []).extend(frame.index for frame, _ in held)
+
+        monkeypatch.setattr(tracker, name, note)
+    monkeypatch.setattr(look, "step", step)
+    look.followers = {"green": cast("Any", object())}
+    frames = [SimpleNamespace(index=k) for k in range(20)]
+    given = [cast("Any", frame).index for frame, _ in look.run(cast("Any", frames))]
+    assert given == list(range(20))
+    assert done == {
+        "learn_anew": list(range(5, 17)),
+        "measure_anew": list(range(5)),
+        "choose_shapes": list(range(5, 17)),
+    }
 
 
 @pytest.mark.parametrize(
