@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from evaluator.diagnosis.assessment.adequacy import Adequacy
 from evaluator.diagnosis.assessment.cross_validation import Constancy, advantage, covariance_over_commands
@@ -161,7 +161,7 @@ def _is_told(search: Search, ids: Set) -> bool:
 
     def told(effect: str) -> bool:
         own = [i for i, column in enumerate(fit.columns) if column.key == effect]
-        return bool((size[own] > stats.norm.isf(NOT_TOLD / 2 / len(own)) * sigma[own]).any())
+        return bool((size[own] > -special.ndtri(NOT_TOLD / 2 / len(own)) * sigma[own]).any())
 
     return all(told(effect) for effect in ids if is_free(effect))
 
