@@ -120,7 +120,7 @@ function gaps(content) {
   const bar = (value, ink) => h("div", { class: "measure" }, h("i", { class: ink, style: { width: `${Math.max((100 * value) / most, 0.6)}%` } }), h("span", {}, length(value)));
   return h("section", { class: "card stack" }, h("h2", {}, "Distance of model and marks, before and after"),
     bars.map((one) => h("div", {}, h("p", { class: "small" }, one.words), bar(one.before, "vermillion"), bar(one.after, "green"))),
-    h("p", { class: "legend small soft" }, h("i", { class: "vermillion" }), "before", h("i", { class: "green" }), "after", ` · tracking noise alone makes ${length(gap.noise_floor)}`),
+    h("p", { class: "legend small soft" }, h("i", { class: "vermillion" }), "before", h("i", { class: "green" }), "after", ` · noise alone, of marks, camera and plate, makes ${length(gap.noise_floor)}`),
     gap.held_out_runs?.length ? h("p", { class: "small soft" }, `Held out: ${gap.held_out_runs.join(", ")}. No effect was fitted to them; which effects the model has was decided with all runs.`) : null);
 }
 
