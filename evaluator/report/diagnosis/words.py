@@ -230,7 +230,8 @@ def gap_sentence(content: Json) -> str:
         filter(None, (change("fit", "the runs that were fitted"), change("held_out", "held-out runs")))
     )
     # where run-to-run scatter is not told apart, as on open ground, the noise is what the best model leaves
-    left = "noise alone, of marks, camera and plate, makes" if (content.get("noise") or {}).get("run_to_run", True) else NOISE_OF_GROUND
+    told_apart = (content.get("noise") or {}).get("run_to_run", True)
+    left = "noise alone, of marks, camera and plate, makes" if told_apart else NOISE_OF_GROUND
     noise = f"{left} {length(gap['noise_floor'])}"
     if not again:
         return f"The distance between model and marks is {parts}; {noise}."
