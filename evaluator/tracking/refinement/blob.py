@@ -23,7 +23,7 @@ Mask = NDArray[np.uint8]
 
 RIM_PX, RING_PX = 3, 9  # beyond a blob's half height: where a blurred edge ends; how far the surroundings are looked at
 FEW = 12  # pixels that a mean colour is taken from
-MOSTLY = 98.0  # percentile of the surroundings that their noise does not set
+MOSTLY = 2.0  # standard deviations of the surroundings' luma that little of them exceeds
 BEYOND = 0.2  # of a share below 0 or above 1 that noise, not another thing, explains
 LEAST_VARIANCE = 1.0  # levels²: rounding of luma and chroma to whole levels, and of chroma between its samples
 LUMPS = 7  # side, px, of the squares that tell how far neighbouring pixels err together
@@ -139,9 +139,9 @@ def _measured(
     share = _share(np.stack([luma, u, v]), core, around)
     # A lamp's reflection takes the colour of a part of the mark and adds light: within its outline, what is brighter
     # than all else is the mark's. A wire is darker, or juts out.
-    bright = luma > max(float(np.median(luma[core])), float(np.percentile(luma[around], MOSTLY)))
-    highlights = bright & (outline > 0)
-    mask |= highlights.astype(np.uint8)
+    beside = luma[around]
+    highlights = (outline > 0) & (luma > max(luma[core].mean(), beside.mean() + MOSTLY * beside.std()))
+    mask |= highlights.view(np.uint8)
     share[highlights & (share < 1.0)] = 1.0
     region = (_grown(mask, RIM_PX) > 0) & ~(_grown(other.astype(np.uint8), 1) > 0)
     return _moments(
