@@ -13,7 +13,6 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
 Array = NDArray[np.float64]
 
@@ -179,10 +178,15 @@ def changes_of_motion(courses: Sequence[Course]) -> NDArray[np.bool_]:
         changes, singles = changes + change / variance, singles + single / variance
         together &= change > SEEN**2 * variance
     certain = together & (changes > ABRUPT**2 * len(courses))
-    found = certain & (changes >= maximum_filter1d(changes, around)) & (changes > maximum_filter1d(singles, around))
+    found = certain & (changes >= _most_around(changes)) & (changes > _most_around(singles))
     if found.sum() <= CHANGES:
         wrong = np.convolve(found, np.ones(around), "same") > 0
     return wrong
+
+
+def _most_around(values: Array) -> Array:
+    """The largest value within REACH frames of each; (n,)."""
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(np.pad(values, REACH), 2 * REACH + 1).max(axis=1))
 
 
 def _likeness(error: Array, pattern: Array) -> Array:
