@@ -39,7 +39,7 @@ from evaluator.diagnosis.assessment.model_comparison import (
 )
 from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.diagnosis.assessment.session_as_found import later_started, with_session
-from evaluator.diagnosis.assessment.sole_run import sole_misfit, sole_run
+from evaluator.diagnosis.assessment.sole_run import sole_gains, sole_misfit, sole_run
 from evaluator.diagnosis.assessment.sufficiency import most_odd
 from evaluator.diagnosis.assessment.unexplained import unexplained
 from evaluator.diagnosis.assessment.verdict import Verdict
@@ -169,7 +169,11 @@ def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None
     if again.verdict not in ("none", "effect") or not (found.verdict == "unknown" or simpler):
         return None
     nominal = {key: value for key, value in again.fit.point.nominal.items() if not is_shared(key)}
-    odd = outlying_run(data[suspect], rest.data, varied_robot(robots[suspect], nominal))
+    gains = None
+    if found.leftover is not None and sole_gains(found.leftover, found.fit.runs) == suspect:
+        left, right = found.leftover.random_effects[found.fit.runs.index(suspect), 1:3]
+        gains = float(left), float(right)
+    odd = outlying_run(data[suspect], rest.data, varied_robot(robots[suspect], nominal), gains)
     return replace(again, session=replace(rest, mistakes=(*rest.mistakes, odd)))
 
 
@@ -182,7 +186,10 @@ def _sole_run_of(found: Diagnosis) -> int | None:
         return sole.run
     if len(found.outlying) == 1:
         return found.outlying[0]
-    return sole_misfit(found.leftover, found.fit.runs) if found.verdict == "unknown" and found.leftover else None
+    if found.verdict != "unknown" or found.leftover is None:
+        return None
+    misfit = sole_misfit(found.leftover, found.fit.runs)
+    return sole_gains(found.leftover, found.fit.runs) if misfit is None else misfit
 
 
 def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diagnosis:

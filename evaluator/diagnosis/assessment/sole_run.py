@@ -9,13 +9,15 @@ of the fits, which are there already.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from evaluator.diagnosis.assessment.adequacy import Adequacy
 from evaluator.diagnosis.assessment.model_comparison import Set, score
-from evaluator.diagnosis.assessment.verdict import EXCESS, KEEP, least_gain
+from evaluator.diagnosis.assessment.verdict import EXCESS, KEEP, NOT_CHANCE, least_gain
 from evaluator.diagnosis.inference.fit import Fit, prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.mixed_model import MixedModel, Reduced
@@ -25,6 +27,7 @@ Floats = NDArray[np.float64]
 # Runs that are left out in turn: those in which the two models differ most in what they leave over. The one on which
 # all rests is the first of them, but for what common parameters make of it.
 TRIED = 3
+FEWEST_RUNS = 4  # three that agree, to say that one does not
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,24 @@ def sole_misfit(left: Adequacy, runs: tuple[int, ...]) -> int | None:
     worst = int(np.argmax(left.by_run))
     others = np.delete(left.by_run, worst)
     return runs[worst] if left.excess > EXCESS >= float(others.mean()) else None
+
+
+def sole_gains(left: Adequacy, runs: tuple[int, ...]) -> int | None:
+    """The run whose wheel speeds differ from those of all others by more than chance; None where there is no such run.
+
+    One run that drove another command gives all runs a scatter in which anything may hide.
+    Source: Grubbs (1950), Ann. Math. Stat. 21, 27: each run against the others, Bonferroni over runs and sides.
+    """
+    gains = left.random_effects[:, 1:3]
+    if len(gains) < FEWEST_RUNS or not gains.any(axis=0).all():
+        return None
+    count = len(gains)
+    others = [np.delete(gains, k, axis=0) for k in range(count)]
+    means, spreads = (np.array([of(part, axis=0) for part in others]) for of in (np.mean, partial(np.std, ddof=1)))
+    apart = np.abs(gains - means) / np.maximum(spreads, 1e-300) / np.sqrt(1 + 1 / (count - 1))
+    worst, side = np.unravel_index(int(np.argmax(apart)), apart.shape)
+    p = 2 * gains.size * stats.t.sf(apart[worst, side], count - 2)
+    return runs[int(worst)] if p < NOT_CHANCE else None
 
 
 def _evidence(search: Search, fit: Fit, but: int | None = None) -> float:

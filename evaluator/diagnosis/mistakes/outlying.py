@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from evaluator.diagnosis.candidates.coordinates import size_of
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.hypotheses import kin, reading_of
+from evaluator.diagnosis.mistakes.hypotheses import REMEDIES, kin, reading_of
 from evaluator.diagnosis.mistakes.recognised import Mistake
 from simulator.effects.parameter import PAPER_SIZE
 from simulator.robot import Robot
@@ -48,14 +48,22 @@ def _among(drive: tuple[float, float, float], around: Sequence[tuple[float, floa
     return speeds and lowest[2] - SHARE_STEP <= drive[2] <= highest[2] + SHARE_STEP
 
 
-def outlying_run(run: RunData, others: Sequence[RunData], robot: Robot) -> Mistake:
+def outlying_run(
+    run: RunData, others: Sequence[RunData], robot: Robot, gains: tuple[float, float] | None = None
+) -> Mistake:
     """The mistake of a run that alone disagrees; robot: as recalibrated by the others.
 
     Of a robot of a metre it is not said which mistake: of two dozen other commands one fits by chance what ground did.
+    gains: how much faster than commanded its wheels turn, relative, where these alone are what disagrees.
     """
     alone = f"{run.id} alone disagrees with what the other {len(others)} runs say of the robot"
     on_ground = size_of(robot) != PAPER_SIZE
     reading = None if on_ground else reading_of(run, others, robot)
+    if reading is None and gains is not None and run.log is None and not on_ground:
+        rpm = [speed * (1 + gain) for speed, gain in zip(run.command, gains, strict=True)]
+        told = f"{run.left_rpm:g} / {run.right_rpm:g}"
+        seen = f"it moves as if it were commanded {rpm[0]:.3g} / {rpm[1]:.3g} rpm, not {told}"
+        return Mistake((run.id,), "wrong-command", f"{alone}: {seen}; {REMEDIES['wrong-command']}")
     if reading is None:
         unread = "" if on_ground else "none of the usual mistakes explains it; "
         remedy = f"{unread}look at the recording, or repeat the run"

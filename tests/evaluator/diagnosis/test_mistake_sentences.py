@@ -133,6 +133,10 @@ def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkey
     unread = outlying_run(run, others, ROBOT)
     assert (unread.runs, unread.kind) == (("r0",), "outlying")
     assert unread.sentence.startswith("r0 alone disagrees with what the other 2 runs say of the robot; none of")
+    driven_else = outlying_run(run, others, ROBOT, gains=(-0.5, 0.0))
+    assert driven_else.kind == "wrong-command"
+    slower, same = 0.5 * run.left_rpm, run.right_rpm
+    assert f"commanded {slower:.3g} / {same:.3g} rpm, not {run.left_rpm:g} / {same:g}; look up" in driven_else.sentence
     read = Found("r0", "mirrored", "moves so", "mirror it", ("reversed",))
     monkeypatch.setattr(outlying, "reading_of", lambda *_: read)
     named = outlying_run(run, others, ROBOT)

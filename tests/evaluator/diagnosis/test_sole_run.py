@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.assessment.adequacy import Adequacy
-from evaluator.diagnosis.assessment.sole_run import SoleRun, _misfits, sole_misfit, sole_run
+from evaluator.diagnosis.assessment.sole_run import SoleRun, _misfits, sole_gains, sole_misfit, sole_run
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.inference.fit import Fit, prior_precision
 from evaluator.diagnosis.likelihood.mixed_model import Linearized, MixedModel, reduce_runs
@@ -92,3 +92,19 @@ def test_left_overs_of_one_run_alone_are_told_from_those_of_many(
 ) -> None:
     left = Adequacy(float(np.mean(by_run)), 9.0, np.array(by_run), np.zeros((4, 4)), 1.0, "")
     assert sole_misfit(left, (3, 5, 7, 9)) == suspect
+
+
+@pytest.mark.parametrize(("off", "named"), [(-0.33, 4), (0.0, None)])
+def test_a_run_whose_wheels_turn_unlike_those_of_all_others_is_found(off: float, named: int | None) -> None:
+    rng = np.random.default_rng(5)
+    effects = rng.normal(size=(12, 4)) * [0.05, 2e-4, 2e-4, 1.0]
+    effects[4, 1] += off
+    assert sole_gains(Adequacy(1.0, 0.0, np.ones(12), effects, 1.0, ""), tuple(range(12))) == named
+
+
+def test_wheel_speeds_that_scatter_in_all_runs_are_no_matter_of_one() -> None:
+    rng = np.random.default_rng(6)
+    effects = np.zeros((20, 4))
+    effects[:, 1:3] = rng.normal(size=(20, 2)) * 0.03
+    assert sole_gains(Adequacy(1.0, 0.0, np.ones(20), effects, 1.0, ""), tuple(range(20))) is None
+    assert sole_gains(Adequacy(1.0, 0.0, np.ones(20), 0 * effects, 1.0, ""), tuple(range(20))) is None
