@@ -8,7 +8,7 @@ import numpy as np
 
 from evaluator.diagnosis.inference.fit import Fit, prior_precision
 from evaluator.diagnosis.inference.search import Search
-from evaluator.diagnosis.likelihood.noise.common_drift import common_drift, times
+from evaluator.diagnosis.likelihood.noise.common_drift import changed, common_drift
 from evaluator.diagnosis.likelihood.preparation import friction_shifts, with_noise_of
 from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.random_effects import place_runs
@@ -38,7 +38,7 @@ def with_common_drift(search: Search, fit: Fit) -> Problem:
     problem = search.problem
     compressions = [problem.compressions[run] for run in fit.runs]
     views = [
-        view if part.whiten is None else times(np.asarray(np.linalg.inv(part.whiten)), view)
+        view if part.ground is None else changed(view, part.ground.undone)
         for view, part in zip(fit.linearized, compressions, strict=True)
     ]
     shifts = friction_shifts(problem, fit.point, fit.runs)

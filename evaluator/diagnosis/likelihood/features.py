@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from calibration.compilation import compiled
+from evaluator.diagnosis.likelihood.noise.friction_wander import Whitening
 from evaluator.diagnosis.likelihood.noise.tracking import (
     FEWEST_MODES,
     QUANTIZATION_MM,
@@ -90,13 +91,13 @@ class Compression:
 
     used: NDArray[np.bool_]  # frames at which both marks were seen
     functional: tuple[Floats, ...]  # per channel (frames used, k): slow modes by least squares, whitened
-    whiten: Floats | None = None  # (k, k) of all features, for what moves several channels at once: friction_wander.py
+    ground: Whitening | None = None  # of all features, for what moves several channels at once: friction that wanders
     wander_mm: float = 0.0  # RMS of that in the midpoint, about the best start pose and friction of the run
 
     def features(self, residual_mm: Floats) -> Floats:
         """Whitened features of residual channels at the used frames, (n, 4) or (m, n, 4): (k,) or (m, k)."""
         found = self.of_tracking(residual_mm)
-        return found if self.whiten is None else found @ self.whiten
+        return found if self.ground is None else self.ground.of(found)
 
     def of_tracking(self, residual_mm: Floats) -> Floats:
         """Features whitened by the noise of each channel alone."""

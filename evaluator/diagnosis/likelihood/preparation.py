@@ -22,7 +22,7 @@ from evaluator.diagnosis.likelihood.features import (
 )
 from evaluator.diagnosis.likelihood.noise.discrepancy import left_over, with_discrepancy
 from evaluator.diagnosis.likelihood.noise.drift import with_drift
-from evaluator.diagnosis.likelihood.noise.friction_wander import less_by, wander_shifts
+from evaluator.diagnosis.likelihood.noise.friction_wander import wander_shifts, whitening
 from evaluator.diagnosis.likelihood.noise.outliers import CHANNELS, without_outliers
 from evaluator.diagnosis.likelihood.problem import FRICTION, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, START_POSE, Forward, RunData, aligned_starts
@@ -96,8 +96,9 @@ def _with_wander(problem: Problem, point: Point) -> Problem:
     found: list[Compression] = []
     for known, wander in friction_shifts(problem, point, range(len(problem.data))):
         part, shifts = problem.compressions[len(found)], problem.friction_wander * wander
-        whiten, _ = less_by(part.of_tracking(shifts).T)
-        found.append(replace(part, whiten=whiten, wander_mm=_midpoint_about(shifts, known)))
+        found.append(
+            replace(part, ground=whitening(part.of_tracking(shifts).T), wander_mm=_midpoint_about(shifts, known))
+        )
     return replace(problem, compressions=tuple(found))
 
 

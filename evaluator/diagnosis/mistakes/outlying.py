@@ -62,7 +62,7 @@ def outlying_run(
     if reading is None and gains is not None and run.log is None and not on_ground:
         rpm = [speed * (1 + gain) for speed, gain in zip(run.command, gains, strict=True)]
         told = f"{run.left_rpm:g} / {run.right_rpm:g}"
-        seen = f"it moves as if it were commanded {rpm[0]:.3g} / {rpm[1]:.3g} rpm, not {told}"
+        seen = f"it moves as if it were commanded about {rpm[0]:.2g} / {rpm[1]:.2g} rpm, not {told}"
         return Mistake((run.id,), "wrong-command", f"{alone}: {seen}; {REMEDIES['wrong-command']}")
     if reading is None:
         unread = "" if on_ground else "none of the usual mistakes explains it; "

@@ -10,7 +10,7 @@ import simulator
 from evaluator.diagnosis.likelihood.features import Compression, channel_residual, channels_of, compression
 from evaluator.diagnosis.likelihood.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise.common_drift import common_drift
-from evaluator.diagnosis.likelihood.noise.friction_wander import RATES, less_by, shift_by, wander_shifts
+from evaluator.diagnosis.likelihood.noise.friction_wander import RATES, shift_by, wander_shifts, whitening
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise
 from simulator.robot import EffectEntry, Robot
 
@@ -61,11 +61,12 @@ def test_modes_have_the_variance_of_a_walk_about_its_mean() -> None:
 
 
 def test_whitening_undoes_the_covariance() -> None:
-    columns = np.random.default_rng(1).normal(size=(8, 3))
-    whiten, log_det = less_by(columns)
-    covariance = np.eye(8) + columns @ columns.T
-    assert whiten @ covariance @ whiten == pytest.approx(np.eye(8), abs=1e-12)
-    assert log_det == pytest.approx(np.linalg.slogdet(covariance)[1])
+    columns = np.random.default_rng(1).normal(size=(8, 4))
+    columns[:, 3] = 0.0
+    found, covariance = whitening(columns), np.eye(8) + columns @ columns.T
+    assert found.of(found.of(covariance).T) == pytest.approx(np.eye(8), abs=1e-12)
+    assert found.undone(found.of(covariance)) == pytest.approx(covariance)
+    assert found.log_det == pytest.approx(np.linalg.slogdet(covariance)[1])
 
 
 def _session(seed: int, rate: float, drift_mm: float = 0.0) -> tuple[list[Linearized], list[Compression], list[Floats]]:

@@ -136,7 +136,10 @@ def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkey
     driven_else = outlying_run(run, others, ROBOT, gains=(-0.5, 0.0))
     assert driven_else.kind == "wrong-command"
     slower, same = 0.5 * run.left_rpm, run.right_rpm
-    assert f"commanded {slower:.3g} / {same:.3g} rpm, not {run.left_rpm:g} / {same:g}; look up" in driven_else.sentence
+    assert (
+        f"commanded about {slower:.2g} / {same:.2g} rpm, not {run.left_rpm:g} / {same:g}; look up"
+        in driven_else.sentence
+    )
     read = Found("r0", "mirrored", "moves so", "mirror it", ("reversed",))
     monkeypatch.setattr(outlying, "reading_of", lambda *_: read)
     named = outlying_run(run, others, ROBOT)

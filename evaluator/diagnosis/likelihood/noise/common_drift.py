@@ -13,13 +13,13 @@ Source: restricted maximum likelihood, Patterson & Thompson (1971), Biometrika 5
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, eigh
+from scipy.linalg import eigh
 
 from evaluator.diagnosis.likelihood.features import Compression
 from evaluator.diagnosis.likelihood.mixed_model import Linearized, MixedModel, reduce_runs
@@ -129,18 +129,21 @@ def _run(
     noise = np.eye(len(wanders)) - functional.T @ assumed.times(time_s, functional)
     variances, vectors = eigh(wanders, noise)
     creeps = vectors.T @ (functional.T @ (time_s - time_s[0]))
-    turned = _of_midpoint(vectors.T, len(friction))
-    return _Run(times(turned, view), np.maximum(variances, 0.0), creeps, turned @ friction)
+    turned = partial(_of_midpoint, vectors.T)
+    return _Run(changed(view, turned), np.maximum(variances, 0.0), creeps, turned(friction.T).T)
 
 
-def times(matrix: Floats, view: Linearized) -> Linearized:
-    """The view with its features times a matrix (d, d)."""
-    return Linearized(matrix @ view.response, matrix @ view.common, matrix @ view.start, matrix @ view.scatter)
+def changed(view: Linearized, change: Callable[[Floats], Floats]) -> Linearized:
+    """The view with its features changed by a linear map of (m, d)."""
+    parts = (change(part.T).T for part in (view.response, view.common, view.start, view.scatter))
+    return Linearized(*parts)
 
 
-def _of_midpoint(matrix: Floats, size: int) -> Floats:
-    """A matrix (k, k) for each coordinate of the midpoint, whose features are the first of so many."""
-    return block_diag(matrix, matrix, np.eye(size - 2 * len(matrix)))
+def _of_midpoint(matrix: Floats, features: Floats) -> Floats:
+    """Features (d,) or (m, d), those of each coordinate of the midpoint, the first ones, times a matrix (k, k)."""
+    count = len(matrix)
+    first, second, rest = np.split(features, [count, 2 * count], axis=-1)
+    return np.concatenate([first @ matrix.T, second @ matrix.T, rest], axis=-1)
 
 
 def _log_evidence(runs: Sequence[_Run], drift: Drift, walk: float, prior_precision: Floats) -> float:
@@ -153,13 +156,13 @@ def _log_evidence(runs: Sequence[_Run], drift: Drift, walk: float, prior_precisi
         # of 1 + c·cᵀ, to the power -1/2: it lessens what lies along c
         less = (1 - 1 / np.sqrt(1 + square)) / max(square, 1e-300)
         white = (np.eye(len(creeps)) - less * np.outer(creeps, creeps)) / np.sqrt(variance)
-        whiten = _of_midpoint(white, len(run.friction))
+        turned = partial(_of_midpoint, white)
+        view = changed(run.view, turned)
         widths += 2 * float(np.sum(np.log(variance)) + np.log1p(square))
         if walk:
-            even, wider = friction_wander.less_by(walk * whiten @ run.friction)
-            whiten = even @ whiten
-            widths += wider
-        view = times(whiten, run.view)
+            ground = friction_wander.whitening(walk * turned(run.friction.T).T)
+            view = changed(view, ground.of)
+            widths += ground.log_det
         views.append(view)
         widths += float(np.linalg.slogdet(view.start.T @ view.start)[1])
     model = MixedModel(reduce_runs(views), prior_precision)

@@ -14,6 +14,8 @@ How large the walk is, is asked of all runs together: see common_drift.py.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,8 +58,35 @@ def shift_by(friction: Floats, channels: Floats, per_friction: Floats, half_dist
     return np.column_stack([shift.real, shift.imag, heading * half_distance_mm, np.zeros(len(shift))])
 
 
-def less_by(columns: Floats) -> tuple[Floats, float]:
-    """(1 + U·Uᵀ)^(-1/2) for columns U (d, k): it makes noise with these random parts white; log det(1 + U·Uᵀ)."""
-    vectors, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    less = 1 - 1 / np.sqrt(1 + sizes**2)
-    return np.eye(len(columns)) - (vectors * less) @ vectors.T, float(np.sum(np.log1p(sizes**2)))
+@dataclass(frozen=True)
+class Whitening:
+    """(1 + U·Uᵀ)^(-1/2), which makes noise of variance 1 with random parts U (d, k) white: U turned, and by how much.
+
+    turned: U·V (d, k) with the eigenvectors V of Uᵀ·U. squares: its eigenvalues (k,).
+    """
+
+    turned: Floats
+    squares: Floats
+
+    def of(self, features: Floats) -> Floats:
+        """Features (d,) or (m, d), white."""
+        return self._moved(features, 1 / np.sqrt(1 + self.squares) - 1)
+
+    def undone(self, features: Floats) -> Floats:
+        """Features (d,) or (m, d) as they were before."""
+        return self._moved(features, np.sqrt(1 + self.squares) - 1)
+
+    @property
+    def log_det(self) -> float:
+        """Of the covariance."""
+        return float(np.sum(np.log1p(self.squares)))
+
+    def _moved(self, features: Floats, more: Floats) -> Floats:
+        weight = more / np.maximum(self.squares, 1e-300)
+        return np.asarray(features + ((features @ self.turned) * weight) @ self.turned.T)
+
+
+def whitening(columns: Floats) -> Whitening:
+    """Of random parts (d, k), each of variance 1."""
+    squares, vectors = np.linalg.eigh(columns.T @ columns)
+    return Whitening(columns @ vectors, np.maximum(squares, 0.0))
