@@ -13,7 +13,6 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from evaluator.diagnosis.assessment.adequacy import Adequacy
 from evaluator.diagnosis.assessment.model_comparison import Set, score
@@ -74,6 +73,8 @@ def sole_gains(left: Adequacy, runs: tuple[int, ...]) -> int | None:
     One run that drove another command gives all runs a scatter in which anything may hide.
     Source: Grubbs (1950), Ann. Math. Stat. 21, 27: each run against the others, Bonferroni over runs and sides.
     """
+    from scipy import stats
+
     gains = left.random_effects[:, 1:3]
     if len(gains) < FEWEST_RUNS or not gains.any(axis=0).all():
         return None
