@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from evaluator.diagnosis.inference.bounds import bounds
 from evaluator.diagnosis.inference.fit import Fit
 from evaluator.diagnosis.likelihood.known_to import CLOCK, GRAVITY, LEVEL, RADIUS_DIFFERENCE, SCALE, START, Quantity
 from evaluator.turning.motion.curvature import Z_975
@@ -24,6 +25,7 @@ ALIKE = {
 OF_A_MARK = ("_x_mm", "_y_mm")  # ends of the keys of places of marks, and of the centre of gravity
 TOLD = 0.5  # share of its variance that a combination loses to the runs where they tell it better than was known
 MOST_NAMED = 4
+AT_END = 1e-3  # of the range of a value: a fit that is so near its bound has ended there
 FINDING_SIGMAS = 3.0  # a preference beyond so many stated tolerances is told: once in 370 by chance
 
 
@@ -133,10 +135,11 @@ def together(fit: Fit, tolerance: Mapping[str, float]) -> Together:
     return Together(float(np.sum(preferred**2 / told[counts])), int(counts.sum()), furthest)
 
 
-def strained(fit: Fit, without: Fit, tolerance: Mapping[str, float]) -> frozenset[str]:
+def strained(fit: Fit, without: Fit, tolerance: Mapping[str, float], *, on_ground: bool = False) -> frozenset[str]:
     """Values known to a tolerance that a fit moves beyond FINDING_SIGMAS of it, and the fit without effects does not.
 
-    The start of motion does not count: hands that start a camera are as late as they like.
+    The start of motion does not count: hands that start a camera are as late as they like. Nor is the fit without
+    effects an excuse, on open ground, for what ends at its bound: there it explains nothing, and goes anywhere.
     """
 
     def far(of: Fit) -> frozenset[str]:
@@ -145,4 +148,10 @@ def strained(fit: Fit, without: Fit, tolerance: Mapping[str, float]) -> frozense
             column.key for column in nominal if abs(of.point.value(column)) > FINDING_SIGMAS * tolerance[column.key]
         )
 
-    return far(fit) - far(without)
+    ended: frozenset[str] = frozenset()
+    if on_ground:
+        low, high = bounds(fit.columns, tolerance)
+        values = np.array([fit.point.value(column) for column in fit.columns])
+        at_end = np.minimum(values - low, high - values) <= AT_END * (high - low)
+        ended = frozenset(column.key for column, end in zip(fit.columns, at_end, strict=True) if end)
+    return far(fit) - (far(without) - ended)

@@ -96,7 +96,8 @@ def _at_bounds(search: Search, ids: Set) -> bool:
 
 def _strains(search: Search, ids: Set) -> bool:
     """Whether a set stands only where values lie that no laboratory would have stated."""
-    return len(strained(search.fits[ids], search.null, search.tolerance)) >= STRAINED
+    far = strained(search.fits[ids], search.null, search.tolerance, on_ground=search.problem.open_ground)
+    return len(far) >= STRAINED
 
 
 def best_named(search: Search, table: Standing, families: int) -> Set:

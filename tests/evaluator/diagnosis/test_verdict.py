@@ -81,15 +81,22 @@ def test_what_ends_at_a_bound_is_no_answer_however_probable(
 
 
 @pytest.mark.parametrize(
-    ("marks", "null", "verdict"),
+    ("marks", "null", "on_ground", "verdict"),
     [
-        ((3.1, -3.2), (0.0, 0.0), "none"),  # a pair that cancels, and both marks moved to make good for it
-        ((3.1, -2.9), (0.0, 0.0), "effect"),  # one value in fifteen laboratories
-        ((3.1, -3.2), (3.3, 0.0), "effect"),  # one of them is as far without
+        ((3.1, -3.2), (0.0, 0.0), False, "none"),  # a pair that cancels, and both marks moved to make good for it
+        ((3.1, -2.9), (0.0, 0.0), False, "effect"),  # one value in fifteen laboratories
+        ((3.1, -3.2), (3.3, 0.0), False, "effect"),  # one of them is as far without
+        ((5.9, -5.9), (6.0, 6.0), True, "effect"),
+        ((6.0, -6.0), (6.0, 6.0), True, "none"),  # on ground the model without effects goes anywhere
+        ((6.0, -6.0), (6.0, 6.0), False, "effect"),
     ],
 )
 def test_a_set_that_moves_two_values_beyond_what_is_known_is_no_answer(
-    marks: tuple[float, float], null: tuple[float, float], verdict: str, monkeypatch: pytest.MonkeyPatch
+    marks: tuple[float, float],
+    null: tuple[float, float],
+    on_ground: bool,
+    verdict: str,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     module = "evaluator.diagnosis.assessment.verdict"
     scores = {PAIR: 30.0, OFFSET: 2.0, NOTHING: 0.0}
@@ -104,7 +111,12 @@ def test_a_set_that_moves_two_values_beyond_what_is_known_is_no_answer(
         return SimpleNamespace(columns=columns, point=point, at_bounds=frozenset())
 
     fits = {PAIR: fit(*marks), OFFSET: fit(0.0, 0.0), NOTHING: fit(*null)}
-    search = SimpleNamespace(fits=fits, null=fits[NOTHING], tolerance=dict.fromkeys(keys, 0.02))
+    search = SimpleNamespace(
+        fits=fits,
+        null=fits[NOTHING],
+        tolerance=dict.fromkeys(keys, 0.02),
+        problem=SimpleNamespace(open_ground=on_ground),
+    )
     table = Standing(tuple(scores), np.array(list(scores.values())))
     named = best_named(cast("Search", search), table, 95)
     assert named == (PAIR if verdict == "effect" else NOTHING)
@@ -134,6 +146,7 @@ def test_one_effect_is_preferred_to_several_values_off_together(
         return SimpleNamespace(columns=columns, point=point, posterior=posterior, at_bounds=frozenset())
 
     fits = {OFFSET: fit(with_it), NOTHING: fit(without)}
-    search = SimpleNamespace(fits=fits, null=fits[NOTHING], tolerance=dict.fromkeys(keys, 0.02))
+    plate = SimpleNamespace(open_ground=False)
+    search = SimpleNamespace(fits=fits, null=fits[NOTHING], tolerance=dict.fromkeys(keys, 0.02), problem=plate)
     table = Standing(tuple(scores), np.array(list(scores.values())))
     assert best_named(cast("Search", search), table, 95) == named
