@@ -7,6 +7,7 @@ their own parameters. A size and a direction become Cartesian components, since 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from math import inf
 
@@ -53,7 +54,8 @@ class Candidate:
     says nothing (the place of an attraction whose force is zero). The first coordinate is the size: an effect acts
     where it is not absent. stepwise: the response is not differentiable, only the starts are tried, and each stands for
     the interval of `between` around it, as (low, high). begin: coordinates at which a fit begins as they are, besides
-    where a linear view leads; what an earlier fit found, or empty.
+    where a linear view leads; what an earlier fit found, or empty. usual, beside: the range of the size, and the effect
+    without which a size beyond it is not believed, as it does the same.
     """
 
     id: str
@@ -63,6 +65,12 @@ class Candidate:
     stepwise: bool = False
     between: tuple[tuple[float, float], ...] = ()
     begin: tuple[float, ...] = ()
+    usual: tuple[float, float] = (-inf, inf)
+    beside: str = ""
+
+    def believed(self, size: float, effects: AbstractSet[str]) -> bool:
+        """Whether a size is believed of it in a model of these effects."""
+        return self.usual[0] <= size <= self.usual[1] or self.beside in effects
 
     @property
     def size(self) -> int:

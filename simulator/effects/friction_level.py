@@ -13,6 +13,9 @@ FACTOR = Parameter("factor", "", 1.0, 0.01, 0.2, 5.0, at_least=0.01, shown=3.0)
 # Of tyres, sliding on ice and at most on dry asphalt (Wong 2008, Theory of Ground Vehicles, Table 1.3): a file that
 # states one may be driven on the other.
 ICE, ASPHALT = 0.07, 0.9
+# Beyond the bounds of the factor a robot gains speed as slowly as if its motors followed late, which those of every
+# robot of a metre do: wheels that hardly grip are believed beside that, not instead of it.
+LATE = "command-lag"
 # Factors from which a fit to a robot of a metre begins: grip hides how much of it there is until wheels spin.
 BEGUN = (1.0, 0.5, 0.25, 0.125)
 
@@ -31,7 +34,9 @@ def _fitted(scene: Scene) -> Candidate:
 
     most = math.log(ASPHALT / ICE)
     starts = tuple((math.log(factor),) for factor in BEGUN)
-    return Candidate("friction-level", (Coordinate("log_factor", 0.0, FACTOR.step, -most, most),), physical, starts)
+    size = Coordinate("log_factor", 0.0, FACTOR.step, -most, most)
+    usual = math.log(FACTOR.low), math.log(FACTOR.high)
+    return Candidate("friction-level", (size,), physical, starts, usual=usual, beside=LATE)
 
 
 EFFECT = Effect(

@@ -169,3 +169,11 @@ def test_a_mismatch_and_a_scale_are_one_wheel_where_the_other_may_be_right(
     assert cause is not None
     assert cause.other == "drive-speed-scale"
     assert cause.words({"left_over_right": speeds[0] / speeds[1], "factor": speeds.mean(axis=0)}) == words
+
+
+def test_wheels_that_hardly_grip_are_believed_beside_late_motors_alone() -> None:
+    found = EFFECTS["friction-level"].candidate(replace(SCENE, size=Size(250.0, 1e6)))
+    believed = {factor: found.believed(math.log(factor), {"speed-limit"}) for factor in (0.1, 0.3, 4.0, 6.0)}
+    assert believed == {0.1: False, 0.3: True, 4.0: True, 6.0: False}
+    assert found.believed(math.log(0.1), {"command-lag", "speed-limit"})
+    assert candidate("friction-level").believed(-0.9, set())

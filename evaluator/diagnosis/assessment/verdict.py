@@ -90,8 +90,8 @@ def _relieves(search: Search, ids: Set) -> bool:
 
 
 def _at_bounds(search: Search, ids: Set) -> bool:
-    """Whether a set has an effect at the bound of what it may be: it stands for something that it is not."""
-    return bool(search.fits[ids].at_bounds)
+    """Whether a set has an effect at or beyond the bound of what it may be: it stands for something that it is not."""
+    return bool(search.fits[ids].at_bounds or search.fits[ids].unbelieved)
 
 
 def _strains(search: Search, ids: Set) -> bool:

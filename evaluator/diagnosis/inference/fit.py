@@ -87,6 +87,12 @@ class Fit:
         return frozenset(column.key for column in self.columns if is_at_bound(column, self.point.value(column)))
 
     @property
+    def unbelieved(self) -> frozenset[str]:
+        """Effects of a size that is believed beside another one alone, which is not in the model."""
+        sizes = [(c.term, self.point.value(c)) for c in self.columns if c.term is not None and c.coordinate == 0]
+        return frozenset(term.id for term, size in sizes if not term.believed(size, self.terms))
+
+    @property
     def overreaches(self) -> bool:
         """Whether the model wants friction or gains of some run that no run can have: a misfit taken for scatter."""
         per_run = run_effects(self.reduced, self.posterior.mean, self.posterior.scatter)[0]

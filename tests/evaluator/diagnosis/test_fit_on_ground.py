@@ -21,6 +21,7 @@ from evaluator.diagnosis.likelihood.problem import OF_GROUND, START, Column, Poi
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
 from evaluator.diagnosis.search_runs import show_starts
 from simulator.effects.coordinates import Candidate, Coordinate
+from simulator.effects.parameter import Size
 
 FRAMES = 12
 TRUTH = 3.0
@@ -141,6 +142,14 @@ def test_an_estimate_is_at_a_bound_where_more_might_lie_beyond() -> None:
         False,
         True,
     ]
+
+
+def test_friction_of_ice_is_not_believed_without_late_motors() -> None:
+    level = named_terms(250.0, (30.0,), size=Size(250.0, 1e6))["friction-level"]
+    column, point = Column("friction-level", 0, level), Point(np.zeros((3, 7)), terms={"friction-level": (-2.3,)})
+    for beside, unbelieved in ((frozenset(), {"friction-level"}), (frozenset({"command-lag"}), frozenset())):
+        fit: Any = SimpleNamespace(terms=beside | {"friction-level"}, columns=(column,), point=point)
+        assert cast("Any", Fit.unbelieved).fget(fit) == unbelieved
 
 
 def test_slopes_on_ground_hold_no_jump() -> None:

@@ -73,7 +73,7 @@ def test_what_ends_at_a_bound_is_no_answer_however_probable(
     monkeypatch.setattr(f"{module}._relieves", lambda *_: False)
     monkeypatch.setattr(f"{module}._strains", lambda *_: False)
     monkeypatch.setattr(f"{module}._predicts", lambda *_: False)
-    fits = {ids: SimpleNamespace(at_bounds=ids if ids in at_bound else NOTHING) for ids in scores}
+    fits = {ids: SimpleNamespace(at_bounds=ids if ids in at_bound else NOTHING, unbelieved=NOTHING) for ids in scores}
     order = sorted(scores, key=lambda ids: -scores[ids])
     search = cast("Search", SimpleNamespace(fits=fits))
     table = Standing(tuple(order), np.array([scores[ids] for ids in order]))
@@ -108,7 +108,7 @@ def test_a_set_that_moves_two_values_beyond_what_is_known_is_no_answer(
         values = dict(zip(keys, (*sigmas, 9.0), strict=True))  # a start that is late by any time is no strain
         columns = [SimpleNamespace(key=key, term=None) for key in keys]
         point = SimpleNamespace(value=lambda column: 0.02 * values[column.key])
-        return SimpleNamespace(columns=columns, point=point, at_bounds=frozenset())
+        return SimpleNamespace(columns=columns, point=point, at_bounds=NOTHING, unbelieved=NOTHING)
 
     fits = {PAIR: fit(*marks), OFFSET: fit(0.0, 0.0), NOTHING: fit(*null)}
     search = SimpleNamespace(
@@ -143,7 +143,7 @@ def test_one_effect_is_preferred_to_several_values_off_together(
         columns = [SimpleNamespace(key=key, term=None) for key in keys]
         posterior = SimpleNamespace(covariance=1e-4 * 0.02**2 * np.eye(len(keys)))
         point = SimpleNamespace(value=lambda _: 0.02 * sigmas)
-        return SimpleNamespace(columns=columns, point=point, posterior=posterior, at_bounds=frozenset())
+        return SimpleNamespace(columns=columns, point=point, posterior=posterior, at_bounds=NOTHING, unbelieved=NOTHING)
 
     fits = {OFFSET: fit(with_it), NOTHING: fit(without)}
     plate = SimpleNamespace(open_ground=False)
