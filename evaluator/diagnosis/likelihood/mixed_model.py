@@ -122,6 +122,7 @@ class MixedModel:
         self.s = float(reduced.s.sum()) - taken[:, p, p]
         self.g = reduced.g.sum(axis=0) - taken[:, :p, p]
         self.G = reduced.G.sum(axis=0) - taken[:, :p, :p]
+        self.rounding = RIDGE * np.diag(reduced.G.sum(axis=0))  # of what is left of a column, by differences
         diagonals = np.diagonal(root, axis1=2, axis2=3)
         self.logdet = -2 * np.log(diagonals).sum(axis=(1, 2)) - self.runs * np.log(inverse).sum(axis=1)
 
@@ -142,6 +143,9 @@ class MixedModel:
         found.g, found.G, found.prior = self.g.copy(), self.G.copy(), self.prior
         found.g[:, rest] -= taken[:, :-1, -1]
         found.G[np.ix_(np.arange(len(H)), rest, rest)] -= taken[:, :-1, :-1]
+        said = np.diagonal(found.G, axis1=1, axis2=2) < self.rounding
+        found.g[said] = 0.0  # what base says already: the rest of it is rounding, of either sign
+        found.G[said[:, :, None] | said[:, None, :]] = 0.0
         found.logdet = self.logdet + self._occam(H, keep)
         return found
 

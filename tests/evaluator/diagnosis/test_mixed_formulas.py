@@ -102,6 +102,17 @@ def test_model_given_its_base_has_the_evidence_and_the_parameters_of_the_whole()
         np.testing.assert_allclose(part.covariance, whole.covariance[2:, 2:], rtol=1e-5)
 
 
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_column_that_the_base_says_already_brings_nothing_more(sign: int) -> None:
+    """What is left of it is rounding, of either sign: its evidence was no number, and no order of candidates held."""
+    runs = [replace(run, common=run.common[:, [0, 1, 1]]) for run in linear_runs()]
+    model = MixedModel(reduce_runs(runs), np.zeros(3))
+    model.G[:, 2, 2] *= 1 + sign * 5e-12
+    given = model.given([0, 1])
+    nothing = given.posterior([]).log_evidence - 0.5 * np.log(len(runs))
+    assert given.posterior([2]).log_evidence == pytest.approx(nothing)
+
+
 def test_runs_with_some_parameters_fixed_are_those_of_the_response_less_what_these_make() -> None:
     runs = linear_runs()
     fixed = np.array([0.0, 0.8])
