@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 
+from evaluator.diagnosis.candidates.coordinates import named_terms
+from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.experiment import Session, session_of
 from evaluator.settings import load_experiment
 from simulator.command import Command
@@ -83,6 +87,24 @@ def write_hidden(
     path = folder / "experiment.toml"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
+
+
+def offer_few(monkeypatch: pytest.MonkeyPatch, named: Collection[str], channels: tuple[str, ...]) -> None:
+    """Offer the searches of this process few effects, those of the user, and free-form terms of some channels.
+
+    For tests of what a search does, not of what it tells apart: that takes a tenth of the candidates and of the time.
+    """
+
+    def few_named(reach: float, levels: tuple[float, ...], own: Sequence[str], *how: Any, **more: Any) -> Any:
+        every = named_terms(reach, levels, own, *how, **more)
+        return {effect: term for effect, term in every.items() if effect in (*named, *own)}
+
+    def few_free(*how: Any, **more: Any) -> Any:
+        begins = tuple(f"free:{channel}." for channel in channels)
+        return {form: term for form, term in free_terms(*how, **more).items() if form.startswith(begins)}
+
+    monkeypatch.setattr("evaluator.diagnosis.search_runs.named_terms", few_named)
+    monkeypatch.setattr("evaluator.diagnosis.search_runs.free_terms", few_free)
 
 
 def hidden_session(

@@ -20,10 +20,14 @@ from evaluator.settings import load_experiment
 from evaluator.workflow import Outputs, analyze
 from evaluator.workflow.diagnosis.experiment import diagnose_experiment
 from simulator.robot import load_robot
-from tests.evaluator.diagnosis.hidden import write_hidden
+from tests.evaluator.diagnosis.hidden import COMMANDS, offer_few, write_hidden
 
 HIDDEN_DEG_PER_MN = 0.8
 LEFT_OVER_RIGHT = 0.95
+LIKE_A_WHEEL = (
+    ("drive-speed-mismatch", "drive-speed-scale", "friction-level", "time-base", "wheel-toe", "plate-tilt"),
+    ("speed", "moment"),
+)
 ENOUGH = 1.15  # gap on held-out runs over the noise floor
 
 
@@ -53,8 +57,10 @@ def one_wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The left wheel is smaller than the file says: two effects, mismatch and scale, describe it."""
     factor = (LEFT_OVER_RIGHT + 1) / 2
     effects = {"drive-speed-mismatch": {"left_over_right": LEFT_OVER_RIGHT}, "drive-speed-scale": {"factor": factor}}
-    experiment = write_hidden(tmp_path_factory.mktemp("wheel"), effects, exact=True)
-    assert run(experiment, "-q").return_value == 0
+    experiment = write_hidden(tmp_path_factory.mktemp("wheel"), effects, commands=COMMANDS[:6], exact=True)
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        offer_few(monkeypatch, *LIKE_A_WHEEL)
+        assert run(experiment, "-q").return_value == 0
     return experiment
 
 
@@ -121,6 +127,7 @@ def test_an_interrupted_diagnosis_goes_on_where_it_stopped_and_ends_with_the_sam
         if what == "2 effects":
             raise KeyboardInterrupt
 
+    offer_few(monkeypatch, *LIKE_A_WHEEL)
     monkeypatch.setattr(FitCache, "__setitem__", counted)
     outputs = Outputs(experiment.parent / "out")
     with monkeypatch.context() as clock:  # a second passes with every fit, on a machine of any speed

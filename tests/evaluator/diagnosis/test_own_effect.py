@@ -12,7 +12,7 @@ from evaluator.workflow import diagnose
 from simulator.own_effects.files import load_own
 from simulator.own_effects.template import template
 from simulator.robot import load_robot
-from tests.evaluator.diagnosis.hidden import COMMANDS, write_hidden
+from tests.evaluator.diagnosis.hidden import COMMANDS, offer_few, write_hidden
 
 MIX = {"right_to_left": 0.3, "left_to_right": 0.2}
 
@@ -35,8 +35,9 @@ def found(folder: Path) -> dict[str, Any]:
 
 
 def test_a_drive_that_mixes_its_sides_is_unknown_and_then_named_by_the_file_that_the_diagnosis_wrote(
-    mixed: Path, tmp_path: Path
+    mixed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    offer_few(monkeypatch, ("command-lag", "drive-speed-mismatch", "drive-speed-scale"), ("left_drive", "right_drive"))
     diagnose(mixed, tmp_path / "before")
     before = found(tmp_path / "before")
     assert before["verdict"] == "unknown"
