@@ -7,7 +7,6 @@ file of the folder, so that a studio that starts again takes it up.
 from __future__ import annotations
 
 import json
-import multiprocessing
 import threading
 import time
 from collections.abc import Callable
@@ -18,7 +17,7 @@ from typing import Any
 from evaluator.files import write_text
 from evaluator.studio.folder import Folder
 from evaluator.studio.work import carry_out
-from evaluator.workflow import Outputs, files_named, out_folder
+from evaluator.workflow import SPAWNING, Outputs, files_named, out_folder
 
 JOURNAL = ".turnscope-studio.json"
 TAKEN_UP = ("analyse", "diagnose")  # after the studio was ended; the file may be another's: it names no more than these
@@ -145,11 +144,10 @@ class Jobs:
             self._run(job)
 
     def _run(self, job: Job) -> None:
-        context = multiprocessing.get_context("spawn")
-        ours, theirs = context.Pipe()
+        ours, theirs = SPAWNING.Pipe()
         order = self._orders[job.number]
         # Not a daemon: it has worker processes of its own. It ends by itself when our end of the pipe is closed.
-        process = context.Process(
+        process = SPAWNING.Process(
             target=carry_out, args=(theirs, job.kind, self._folder.root / job.target, order["options"])
         )
         process.start()

@@ -44,6 +44,7 @@ from .editing.robots import own_effects_for as own_effects_for
 from .editing.robots import robot_file as robot_file
 from .editing.robots import with_effects as with_effects
 from .editing.robots import write_robot as write_robot
+from .execution.machine import SPAWNING as SPAWNING
 from .exporting import export as export
 from .frames.decoder import Decoder as Decoder
 from .frames.decoder import Wanted as Wanted

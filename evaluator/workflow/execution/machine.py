@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
+from multiprocessing.context import BaseContext, SpawnContext, SpawnProcess
+from types import ModuleType
 from typing import TypeVar
 
 from evaluator.progress import Cancelled
@@ -26,19 +28,60 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+class _WithoutScript:
+    """A process that does not run the script of its parent.
+
+    What turnscope hands to its processes stands in its packages. To run the script too, as is usual, costs its imports
+    in each of them, and one without `if __name__ == "__main__"` would begin all of its work anew in every process.
+    """
+
+    def start(self) -> None:
+        """Start it while the script cannot be seen."""
+        with _hiding:
+            script = sys.modules["__main__"]
+            sys.modules["__main__"] = ModuleType("__main__")
+            try:
+                super().start()  # type: ignore[misc]
+            finally:
+                sys.modules["__main__"] = script
+
+
+_hiding = threading.Lock()
+
+
+class _Spawned(_WithoutScript, SpawnProcess):
+    pass
+
+
+class _Spawning(SpawnContext):
+    Process = _Spawned
+
+
+if sys.platform == "linux":
+
+    class _Forked(_WithoutScript, multiprocessing.context.ForkServerProcess):
+        pass
+
+    class _Forking(multiprocessing.context.ForkServerContext):
+        Process = _Forked
+
+    # A fork server imports the libraries once and is free of the threads that make plain forks unsafe.
+    _POOLING: BaseContext = _Forking()
+    _POOLING.set_forkserver_preload(["evaluator.workflow.runs.stages"])
+else:
+    _POOLING = _Spawning()
+
+SPAWNING = _Spawning()  # processes that share nothing with this one, nor its script
+
+
 @contextmanager
 def worker_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     """Give a pool of worker processes; jobs that still run when the block ends are interrupted.
 
     Give it work through `interruptible`. Workers end with this process, even where it is killed outright.
     """
-    # A fork server imports the libraries once and is free of the threads that make plain forks unsafe.
-    method = "forkserver" if sys.platform == "linux" else "spawn"
-    context = multiprocessing.get_context(method)
-    if method == "forkserver":
-        context.set_forkserver_preload(["evaluator.workflow.runs.stages"])
-    ended, end = context.Pipe(duplex=False)
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(ended,))
+    ended, end = _POOLING.Pipe(duplex=False)
+    pool = ProcessPoolExecutor(workers, mp_context=_POOLING, initializer=_begin, initargs=(ended,))
     try:
         yield pool
     finally:

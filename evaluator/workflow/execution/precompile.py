@@ -5,12 +5,13 @@ Only the first analysis after installation gains by it: kernels are kept on disk
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 from collections.abc import Callable
 from functools import partial
 from itertools import islice
 from pathlib import Path
+
+from evaluator.workflow.execution.machine import SPAWNING
 
 FRAMES = 60  # of a recording, enough for every kernel of the tracker
 
@@ -26,7 +27,7 @@ def precompile(video: Path) -> None:
     if is_kept(integrate_some):
         return
     for work in (simulate_run, partial(measure_turn, video)):
-        multiprocessing.get_context("spawn").Process(target=_quietly, args=(work,), daemon=True).start()
+        SPAWNING.Process(target=_quietly, args=(work,), daemon=True).start()
 
 
 def _quietly(work: Callable[[], None]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
@@ -11,6 +10,7 @@ from typing import Any
 
 from calibration.errors import CalibrationError
 from evaluator.errors import InputError
+from evaluator.workflow.execution.machine import SPAWNING
 
 Answer = Callable[..., Any]
 
@@ -69,10 +69,9 @@ class Child:
     def _running(self) -> Connection:
         if self._pipe is None or not self._process.is_alive():
             self._end()
-            context = multiprocessing.get_context("spawn")
-            self._pipe, theirs = context.Pipe()
+            self._pipe, theirs = SPAWNING.Pipe()
             arguments = (theirs, self.idle_s, self.maker, self.arguments)
-            self._process = context.Process(target=_serve, args=arguments, daemon=True, name="turnscope media")
+            self._process = SPAWNING.Process(target=_serve, args=arguments, daemon=True, name="turnscope media")
             self._process.start()
             theirs.close()
         return self._pipe

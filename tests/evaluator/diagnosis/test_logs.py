@@ -22,7 +22,7 @@ DEAD_S, LAG_S = 0.15, 0.10
 
 
 def session_of_poses(folder: Path, effects: dict[str, dict[str, float]], late_s: float, more: str) -> Path:
-    """Eight runs of two phases each, forward and back or the other way, of a robot known exactly: poses and logs."""
+    """Six runs of two phases each, forward and back or the other way, of a robot known exactly: poses and logs."""
     rng = np.random.default_rng(5)
     robot = load_robot("barrel")
     entries = tuple(EffectEntry.model_validate({"id": name, **values}) for name, values in effects.items())
@@ -30,7 +30,7 @@ def session_of_poses(folder: Path, effects: dict[str, dict[str, float]], late_s:
     exactly = ["[tolerance]", *(f'"{name}" = 0.0' for name in ATTRACTION), *ROBOT_EXACTLY, ""]
     (folder / "robot.toml").write_text("\n".join([shipped_robot_text("barrel"), *exactly]), encoding="utf-8")
     lines = ["format = 1", 'name = "poses and logs"', 'robot = "robot.toml"', more]
-    for number, (left, right) in enumerate(COMMANDS):
+    for number, (left, right) in enumerate(COMMANDS[:6]):
         rows = [(0.3, left, right), (3.0, 0.0, 0.0), (3.5, -right, -left)]
         log = pd.DataFrame(rows, columns=["time_s", "left_rpm", "right_rpm"])
         log.to_csv(folder / f"c{number}.csv", index=False)
