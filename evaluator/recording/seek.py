@@ -159,6 +159,7 @@ class _Seeking:
         return image
 
     def close(self) -> None:
+        self._images = iter(())  # it holds what holds it: decoded frames would stay until a garbage collection
         if self._container is not None:
             self._container.close()
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -61,3 +63,17 @@ def test_a_recording_that_is_opened_at_its_beginning_is_not_decoded_from_there_f
     frames = Frames(path)
     assert [number_in(frames.image(index)) for index in (0, 1, 40, 13)] == [0, 1, 40, 13]
     assert isinstance(frames._source, _Seeking)
+
+
+def test_a_closed_recording_is_let_go_without_a_garbage_collection(tmp_path: Path) -> None:
+    """Decoded frames are hundreds of megabytes, and so few objects that Python hardly ever collects them."""
+    frames = Frames(counted_clip(tmp_path / "closed.mp4", 30, gop=12))
+    frames.image(20)
+    held = weakref.ref(frames._source)
+    gc.disable()
+    try:
+        frames.close()
+        del frames
+        assert held() is None
+    finally:
+        gc.enable()
