@@ -99,6 +99,22 @@ def test_an_answer_to_a_screen_that_was_left_is_not_drawn(studio: Serving, open_
         assert page.locator("#said").inner_text() == ""
 
 
+def test_who_has_gone_on_keeps_the_place_when_the_last_part_of_a_screen_comes(
+    studio: Serving, open_page: OpenPage
+) -> None:
+    with open_page(studio.link) as page:
+        page.add_init_script(TOLD_BY_THE_TEST)
+        page.reload()
+        page.evaluate("window.held = '/api/live'")
+        page.goto(f"{studio.origin}/#/camera")
+        page.wait_for_function("() => window.go")  # the gauge can be used, the live camera is about to be listed
+        page.get_by_role("button", name="Calibrate again").focus()
+        page.evaluate("window.go()")
+        page.locator("summary", has_text="Live camera").wait_for()
+        page.wait_for_function("() => document.title.startsWith('camera')")  # the screen is complete
+        assert page.evaluate("document.activeElement.textContent") == "Calibrate again"
+
+
 def test_a_click_is_not_lost_when_its_button_is_drawn_anew_before_it_is_let_go(
     studio: Serving, open_page: OpenPage
 ) -> None:

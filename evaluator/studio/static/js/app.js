@@ -39,10 +39,10 @@ async function show() {
     if (signal.aborted) return;
     const view = h("div", { class: `screen ${screen}` }, h("p", { class: "soft", role: "status" }, "…"));
     fill(main, view);
+    main.focus({ preventScroll: true }); // before the screen is complete: whoever has gone on by then keeps the place
+    window.scrollTo(0, 0);
     await module.show(view, { id, rest, signal });
     if (signal.aborted) return;
-    main.focus({ preventScroll: true });
-    window.scrollTo(0, 0);
     document.title = `${screen === "home" ? "" : `${screen} · `}turnscope studio`;
   } catch (error) {
     if (error.name !== "AbortError" && !signal.aborted) {
