@@ -44,6 +44,7 @@ from .editing.robots import own_effects_for as own_effects_for
 from .editing.robots import robot_file as robot_file
 from .editing.robots import with_effects as with_effects
 from .editing.robots import write_robot as write_robot
+from .editing.unfinished import run_of as run_of
 from .execution.machine import SPAWNING as SPAWNING
 from .exporting import export as export
 from .frames.decoder import Decoder as Decoder
@@ -74,7 +75,6 @@ from .tracking import track_recording as track_recording
 from .viewing.cameras import camera_view as camera_view
 from .viewing.cameras import gauge_pdf as gauge_pdf
 from .viewing.curves import run_curves as run_curves
-from .viewing.curves import run_of as run_of
 from .viewing.marks import corrections_file as corrections_file
 from .viewing.marks import corrections_of as corrections_of
 from .viewing.marks import tracking_file as tracking_file

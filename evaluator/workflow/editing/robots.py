@@ -11,8 +11,8 @@ from typing import Any
 
 from evaluator.errors import InputError
 from evaluator.files import read_with, write_text
-from evaluator.settings import load_experiment
 from evaluator.workflow.editing.documents import change_document, replace_text, version_of
+from evaluator.workflow.editing.unfinished import read_unfinished
 from simulator.effects.catalogue import faults_of_effects
 from simulator.effects.entry import EffectEntry
 from simulator.own_effects.files import FOLDER, file_of
@@ -32,7 +32,7 @@ class RobotFile:
 
 def robot_file(experiment: Path) -> RobotFile:
     """The file that holds, or would hold, the robot of an experiment. Raises InputError."""
-    name = read_with(load_experiment, experiment).robot
+    name = read_unfinished(experiment).robot
     if name.endswith(".toml"):
         return RobotFile(Path(name), version_of(Path(name)), named=True)
     path = experiment.resolve().parent / OWN
@@ -94,7 +94,7 @@ def with_effects(experiment: Path, effects: Mapping[str, Mapping[str, Any]]) -> 
     entries = [EffectEntry.model_validate({"id": id_, **values}) for id_, values in effects.items()]
     if faults := faults_of_effects(entries):
         raise InputError("; ".join(faults))
-    name = read_with(load_experiment, experiment).robot
+    name = read_unfinished(experiment).robot
     text = Path(name).read_text(encoding="utf-8") if name.endswith(".toml") else shipped_robot_text(name)
     document = tomlkit.parse(text)
     if "effect" not in document:
@@ -112,5 +112,5 @@ def with_effects(experiment: Path, effects: Mapping[str, Mapping[str, Any]]) -> 
 
 def effects_of(experiment: Path) -> list[dict[str, Any]]:
     """The [[effect]] entries of an experiment's robot."""
-    robot = read_with(load_robot, Path(read_with(load_experiment, experiment).robot))
+    robot = read_with(load_robot, Path(read_unfinished(experiment).robot))
     return [{"id": entry.id, **entry.given} for entry in robot.effect]

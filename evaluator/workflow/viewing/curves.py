@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.marks import mark_names, read_marks
-from evaluator.settings import Experiment, Run, load_experiment
+from evaluator.workflow.editing.unfinished import UnfinishedRun, run_of
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.viewing.overview import out_folder
 
@@ -39,27 +39,14 @@ class RunCurves:
     simulated: Column = field(default_factory=dict)
 
 
-def run_of(experiment: Path, run_id: str) -> Run:
-    """A run of an experiment.toml, with absolute paths. Raises InputError where there is none of that id."""
-    return _named(read_with(load_experiment, experiment), run_id)
-
-
-def _named(described: Experiment, run_id: str) -> Run:
-    found = next((run for run in described.run if run.id == run_id), None)
-    if found is None:
-        raise InputError(f"there is no run {run_id} in this experiment (any more)")
-    return found
-
-
 def run_curves(experiment: Path, run_id: str) -> RunCurves:
     """The curves of a run as the last analysis left them. Raises InputError for an experiment that cannot be read."""
-    described, outputs = read_with(load_experiment, experiment), Outputs(out_folder(experiment))
-    run = _named(described, run_id)
+    run, outputs = run_of(experiment, run_id), Outputs(out_folder(experiment))
     if not outputs.marks(run_id).is_file() or not outputs.poses(run_id).is_file():
         return RunCurves()
     marks = read_marks(outputs.marks(run_id))
     camera = _camera_of(run)
-    height = _mark_height(run.robot or described.robot)
+    height = _mark_height(run.robot)
     poses = _pose_columns(pd.read_csv(outputs.poses(run_id)), camera, height)
     simulated: Column = {}
     if outputs.simulated(run_id).is_file():
@@ -108,7 +95,7 @@ def _slope(time: Array, values: Array) -> Array:
     return np.where(known, slope / np.where(after > before, after - before, np.nan), np.nan)
 
 
-def _camera_of(run: Run) -> Camera | None:
+def _camera_of(run: UnfinishedRun) -> Camera | None:
     from calibration.errors import CalibrationError
     from calibration.store import load_camera
 

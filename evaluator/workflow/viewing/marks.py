@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from evaluator.errors import InputError
-from evaluator.files import explain, read_with
-from evaluator.settings import load_experiment
+from evaluator.files import explain
 from evaluator.workflow.editing.documents import change_document, read_document, replace_text, version_of
+from evaluator.workflow.editing.unfinished import read_unfinished, run_of
 
 if TYPE_CHECKING:
     from evaluator.recording import Frame
@@ -86,7 +86,7 @@ def tracking_file(experiment: Path) -> TrackingFile:
     """The tracking.toml of an experiment. Raises InputError."""
     from evaluator.robot_geometry import read_geometry, sought
 
-    described = read_with(load_experiment, experiment)
+    described = read_unfinished(experiment)
     path = described.tracking or experiment.resolve().parent / TRACKING
     document, version = read_document(path) if path.exists() else (None, "")
     said = {} if document is None else dict(document.unwrap())
@@ -110,7 +110,7 @@ def write_tracking(experiment: Path, version: str, said: Mapping[str, Any]) -> T
         _merge(document, {"format": 1, **said})
 
     change_document(there.path, version, change)
-    if read_with(load_experiment, experiment).tracking is None:
+    if read_unfinished(experiment).tracking is None:
         name = Path(os.path.relpath(there.path, experiment.resolve().parent)).as_posix()
 
         def naming(document: Any) -> None:
@@ -122,10 +122,7 @@ def write_tracking(experiment: Path, version: str, said: Mapping[str, Any]) -> T
 
 def corrections_file(experiment: Path, run_id: str) -> Path:
     """Where the corrections of a run are, or would be."""
-    run = next((run for run in read_with(load_experiment, experiment).run if run.id == run_id), None)
-    if run is None:
-        raise InputError(f"there is no run {run_id} in this experiment (any more)")
-    return run.corrections or experiment.resolve().parent / f"{run_id}-corrections.csv"
+    return run_of(experiment, run_id).corrections or experiment.resolve().parent / f"{run_id}-corrections.csv"
 
 
 def corrections_of(experiment: Path, run_id: str) -> tuple[list[dict[str, Any]], str]:

@@ -17,6 +17,7 @@ import pytest
 from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.settings import load_experiment
+from evaluator.workflow import run_of
 from evaluator.workflow.editing.documents import read_document
 from tests.evaluator.counted_clip import counted_clip, number_in
 from tests.evaluator.studio.serving import Serving, serving
@@ -234,3 +235,24 @@ def test_a_new_experiment_keeps_the_hints_of_the_template_and_takes_runs(
     text = (folder / "tuesday" / "experiment.toml").read_text()
     for key in ("left_rpm", "stop_s", "commands", "poses", "group", "start_common_s"):
         assert len(re.findall(rf"^# {key} = .*#", text, re.MULTILINE)) == 1, key
+
+
+def test_recordings_are_looked_at_before_their_commands_are_known(studio: Serving, folder: Path) -> None:
+    counted_clip(folder / "a.mp4", 30, gop=12)
+    made = studio.post("/api/experiments", {"name": "tuesday", "robot": "barrel", "place": "."})
+    path = f"/api/experiments/{made['id']}"
+    assert [fault["key"] for fault in studio.get(path)["faults"]][:2] == ["left_rpm", "right_rpm"]
+    run = f"{path}/runs/{studio.get(path)['rows'][0]['id']}"
+    assert len(studio.get(f"{run}/contents")["time_s"]) == 30
+    assert studio.get(f"{run}/curves")["poses"] == {}
+    assert studio.get(f"{path}/tracking")["sought"].keys() == {"green", "yellow"}
+    rows = [{"frame": 3, "mark": "green", "x": None}]
+    assert studio.post(f"{run}/corrections", {"version": "", "rows": rows})["rows"][0]["frame"] == 3
+    assert studio.get(f"/api/sandbox?experiment={made['id']}")["commands"] == []
+
+
+def test_a_run_whose_id_is_a_path_is_none_of_the_experiment(folder: Path) -> None:
+    (folder / "experiment.toml").write_text(EXPERIMENT.replace('"r01" ', '"../r01" '))
+    with pytest.raises(InputError, match="no run"):
+        run_of(folder / "experiment.toml", "../r01")
+    assert run_of(folder / "experiment.toml", "r02").video == folder / "gone.mp4"
