@@ -18,7 +18,7 @@ from evaluator.studio.answers import Studio
 from evaluator.studio.folder import Folder
 from evaluator.studio.history import History
 from evaluator.studio.jobs import Jobs
-from evaluator.studio.routes import findings, home, live, own_effects, rig, runs, undo
+from evaluator.studio.routes import findings, home, live, own_effects, rig, runs, undo, values
 from evaluator.studio.security import Guard, Secrets
 from evaluator.workflow import Decoder, LiveCamera
 
@@ -48,6 +48,7 @@ def application(root: Path, port: int, secrets: Secrets) -> Guard:
         *own_effects.routes(studio),
         *rig.routes(studio),
         *live.routes(studio),
+        *values.routes(studio),
         *undo.routes(studio),
     ]
     app = Starlette(routes=routes, lifespan=living, exception_handlers={404: _nothing, 405: _nothing})

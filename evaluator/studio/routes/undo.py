@@ -39,9 +39,9 @@ def _touches(studio: Studio, asked: Asked, run: object) -> Touches:
     """Which files a screen shows and changes."""
     path, screen = studio.folder.path(asked.path["id"]), asked.path["screen"]
     if screen == "camera":
-        return lambda changed: changed.parent == path.parent and _of_camera(changed)
+        return lambda changed: changed == path or (changed.parent == path.parent and _of_camera(changed))
     if screen == "runs":
-        return lambda changed: changed == path
+        return {path, robot_file(path).path.resolve()}.__contains__
     if screen == "marks":
         known = {tracking_file(path).path.resolve(), corrections_file(path, str(run)).resolve()}
         return known.__contains__

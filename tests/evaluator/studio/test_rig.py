@@ -6,6 +6,7 @@ import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -139,3 +140,37 @@ def test_a_camera_is_solved_and_its_map_is_least_uncertain_in_the_middle(studio:
     assert found["verdict"]["level"] == camera["level"]
     assert studio.step("camera", rig["gauges"][0]["id"]) == "the calibration"
     assert not (folder / "camera.json").exists()
+
+
+def test_a_gauge_is_described_without_a_text_editor(studio: Serving, folder: Path) -> None:
+    gauge = studio.get("/api/rig")["gauges"][0]["id"]
+    path, text = f"/api/gauges/{gauge}/values", (folder / "gauge.toml").read_text()
+
+    def change(place: list[str | int], value: object) -> dict[str, Any]:
+        return {"version": studio.get(path)["version"], "place": place, "value": value}
+
+    assert {"place": ["dots", "pitch_mm"], "value": 2.0} in studio.get(path)["values"]
+    studio.post(path, change(["dots", "pitch_mm"], 3))
+    assert (folder / "gauge.toml").read_text() == text.replace("pitch_mm = 2.0", "pitch_mm = 3.0")
+    assert "integer" in studio.refused(path, change(["dots", "columns"], 17.5))[1]
+    assert "not in the file" in studio.refused(path, change(["fiducial", 7, "row"], 1))[1]
+    assert studio.refused(path, {**change(["dots", "rows"], 9), "version": "older"})[0] == 409
+    studio.post(path, change(["fiducial", 1], None))
+    assert (folder / "gauge.toml").read_text().count("[[fiducial]]") == 1
+    assert studio.step("camera", gauge) == "fiducial of the gauge"
+    assert studio.step("camera", gauge) == "pitch_mm of the gauge"
+    assert (folder / "gauge.toml").read_text() == text
+
+
+def test_a_robot_is_described_without_a_text_editor(studio: Serving, folder: Path) -> None:
+    experiment = studio.get("/api/home")["experiments"][0]["id"]
+    path = f"/api/experiments/{experiment}/robot/values"
+    found = studio.get(path)
+    assert ({"place": ["marks", "green_mm", 1], "value": 1.83} in found["values"], found["version"]) == (True, "")
+    wrong = {"version": "", "place": ["body", "mass_g"], "value": -1}
+    assert "greater than 0" in studio.refused(path, wrong)[1]
+    studio.post(path, {**wrong, "value": 0.75})  # a shipped robot becomes a file that the experiment names
+    assert "mass_g = 0.75" in (folder / "robot.toml").read_text()
+    assert 'robot = "robot.toml"' in (folder / "experiment.toml").read_text()
+    assert studio.step("runs", experiment) == "mass_g of the robot"
+    assert not (folder / "robot.toml").exists()

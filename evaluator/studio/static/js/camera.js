@@ -7,6 +7,7 @@ import { onJobs } from "./jobs.js";
 import { live_camera } from "./live.js";
 import { say } from "./say.js";
 import { undoing } from "./undo.js";
+import { values_form } from "./values.js";
 
 const SOFT_EDGE = 2.5; // px of blur from which on an image is out of focus
 
@@ -15,7 +16,7 @@ export async function show(view, { rest, signal }) {
   const place = h("div"), live = h("div");
   fill(view, h("div", { class: "stack" }, h("div", {}, h("p", { class: "kind" }, "Camera"), h("h1", {}, "Where every pixel lies on the plate")), live, place));
   fill(place, h("p", { class: "soft", role: "status" }, "Looking for gauges, images and cameras …"));
-  let undo = null;
+  let undo = null, form = null;
   const rig = async () => {
     const found = await get("/api/rig", signal);
     const gauge = found.gauges.find((one) => one.id === rest[0]) ?? found.gauges[0];
@@ -25,7 +26,10 @@ export async function show(view, { rest, signal }) {
   let gauge = null;
   const load = latest(rig, (now, shown) => {
     gauge = now.gauge;
-    fill(place, gauge ? bench(now, { known, signal, shown, undo: (undo ??= undoing("camera", gauge.id, signal, () => load())) }) : nothing());
+    if (!gauge) { fill(place, nothing()); return; }
+    undo ??= undoing("camera", gauge.id, signal, () => { form.again(); return load(); });
+    form ??= values_form("What the gauge is", `/api/gauges/${gauge.id}/values`, signal, { make: undo.make });
+    fill(place, bench(now, { known, signal, shown, undo, form }));
   });
   onJobs((_, ended) => {
     if (!ended.some((job) => job.kind === "calibrate" || job.kind === "samples")) return;
@@ -45,13 +49,17 @@ function nothing() {
   return h("div", { class: "empty" }, h("h2", {}, "No gauge yet"), h("p", {}, "A camera is solved from images of a plate of dots. Make a new experiment on the first screen: it comes with a gauge.toml to fill in and to print. Then put the images beside it."), h("p", {}, h("a", { class: "button", href: "#/" }, "First screen")));
 }
 
-function bench({ found, gauge, solved }, { known, signal, shown: first, undo }) {
-  const images = found.images.filter((one) => one.folder === gauge.folder);
-  const chosen = new Set(images.filter((one) => one.name.startsWith("gauge")).map((one) => one.id));
+// Images beside a gauge, or in a folder around it: gauge images often lie with the recordings of several experiments.
+const within = (folder, around) => around === "." || folder === around || folder.startsWith(`${around}/`);
+
+function bench({ found, gauge, solved }, { known, signal, shown: first, undo, form }) {
+  const images = found.images.filter((one) => within(gauge.folder, one.folder));
+  const beside = images.filter((one) => one.folder === gauge.folder);
+  const chosen = new Set((beside.length ? beside : images).filter((one) => one.name.startsWith("gauge")).map((one) => one.id));
   if (!chosen.size) for (const one of images) chosen.add(one.id);
   const gained = new Map((solved?.images ?? []).map((one) => [one.name.split(/[\\/]/).pop(), one]));
   let guide = false;
-  let plate = images[0]?.id, shown = images.find((one) => one.id === first) ?? images[0];
+  let plate = images.find((one) => chosen.has(one.id))?.id, shown = images.find((one) => one.id === first || (!first && one.id === plate)) ?? images[0];
   const pick = h("select", { "aria-label": "Gauge", onchange: (event) => { location.hash = `#/camera/${event.target.value}`; } }, found.gauges.map((one) => h("option", { value: one.id, selected: one === gauge }, one.path)));
   const facts = h("p", { class: "small soft" });
   const list = h("tbody");
@@ -93,7 +101,7 @@ function bench({ found, gauge, solved }, { known, signal, shown: first, undo }) 
     const count = h("td");
     made.set(one, { count, row: h("tr", {},
       h("td", {}, h("input", { type: "checkbox", checked: chosen.has(one.id), "aria-label": `Use ${one.name}`, onchange: (event) => (event.target.checked ? chosen.add(one.id) : chosen.delete(one.id)) })),
-      h("td", {}, h("button", { class: "plain", onclick: () => look(one) }, one.name)),
+      h("td", {}, h("button", { class: "plain", onclick: () => look(one), title: one.path }, one.name)),
       h("td", {}, h("input", { type: "radio", name: "plate", checked: one.id === plate, "aria-label": `${one.name} shows the gauge on the plate`, onchange: () => { plate = one.id; } })),
       count, h("td", {}, given(gained.get(one.name)))) });
   }
@@ -111,10 +119,10 @@ function bench({ found, gauge, solved }, { known, signal, shown: first, undo }) 
     }
   });
   return h("div", { class: "stack" },
-    h("div", { class: "row end" }, pick, h("div", { class: "row" }, undo.undo, undo.redo, h("a", { class: "button", href: `/api/gauges/${gauge.id}/sheet.pdf`, download: "gauge.pdf" }, "Print the gauge (PDF)"), h("button", { class: "main", disabled: !images.length, onclick: solve }, solved ? "Calibrate again" : "Calibrate"))),
+    h("div", { class: "row end" }, pick, h("div", { class: "row" }, undo.undo, undo.redo, h("a", { class: "button", href: `/api/gauges/${gauge.id}/sheet.pdf`, download: "gauge.pdf" }, "Print the gauge (PDF)"), h("button", { class: "main", disabled: !images.length, onclick: solve }, solved ? "Calibrate again" : "Calibrate"))), form.box,
     images.length ? h("div", { class: "split" }, h("section", { class: "stack" }, view.canvas, facts), h("section", { class: "stack" },
-      h("div", { class: "scroll tall" }, h("table", { class: "wordlist" }, h("thead", {}, h("tr", {}, ["use", "image", "on the plate", "dots", "without it"].map((text) => h("th", { scope: "col" }, text)))), list)), solved ? verdict(solved, signal, (on) => { guide = on; view.redraw(); }) : h("p", { class: "soft" }, "Not calibrated yet: choose the images and which of them shows the gauge lying flat on the plate.")))
-      : h("div", { class: "empty" }, h("h2", {}, "No images beside this gauge"), h("p", {}, `Take them with the live camera above, or put them into ${gauge.folder === "." ? "the folder of the studio" : gauge.folder}: one with it lying on the plate, five or more with it tilted by 20° to 40° in different directions.`)));
+      h("div", { class: "scroll tall" }, h("table", { class: "wordlist" }, h("thead", {}, h("tr", {}, ["use", "image", "on the plate", "dots", "without it"].map((text) => h("th", { scope: "col" }, text)))), list)), solved ? [h("p", { class: "small soft" }, "Without it: by how much places would be less certain if an image were left out."), verdict(solved, signal, (on) => { guide = on; view.redraw(); })] : h("p", { class: "soft" }, "Not calibrated yet: choose the images and which of them shows the gauge lying flat on the plate.")))
+      : h("div", { class: "empty" }, h("h2", {}, "No images beside this gauge"), h("p", {}, `Take them with the live camera above, or put them into ${gauge.folder === "." ? "the folder of the studio" : gauge.folder} or a folder around it: one with it lying on the plate, five or more with it tilted by 20° to 40° in different directions.`)));
 }
 
 function sentence(dots) {

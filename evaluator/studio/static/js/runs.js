@@ -7,6 +7,7 @@ import { player } from "./player.js";
 import { say } from "./say.js";
 import { sheet } from "./table.js";
 import { undoing } from "./undo.js";
+import { values_form } from "./values.js";
 
 const COLUMNS = [
   { key: "id", title: "run", kind: "text" },
@@ -48,7 +49,8 @@ export async function show(view, { id, rest, signal }) {
       }
     }).catch(say);
   };
-  const undo = undoing("runs", id, signal, async () => { accept(await get(path, signal)); choose(shown ?? 0, false); });
+  const undo = undoing("runs", id, signal, async () => { form.again(); accept(await get(path, signal)); choose(shown ?? 0, false); });
+  const form = values_form("What the robot is", `${path}/robot/values`, signal, { make: undo.make, changed: () => refresh() });
 
   const table = sheet(COLUMNS, { edit, chosen: (row) => choose(row), signal });
   const recordings = h("datalist", { id: "recordings" });
@@ -109,7 +111,7 @@ export async function show(view, { id, rest, signal }) {
     h("div", { class: "row end" }, h("div", {}, h("p", { class: "kind" }, "Runs"), title), work),
     h("div", { class: "split" },
       h("section", { class: "stack", "aria-label": "Table of runs" }, table.box,
-        h("div", { class: "row" }, h("button", { onclick: () => table.add() }, "Add a run"), undo.undo, undo.redo, h("span", { class: "soft small" }, "Paste from a spreadsheet into any cell."))),
+        h("div", { class: "row" }, h("button", { onclick: () => table.add() }, "Add a run"), undo.undo, undo.redo, h("span", { class: "soft small" }, "Paste from a spreadsheet into any cell.")), form.box),
       stage));
   draw();
   refresh();
