@@ -18,6 +18,13 @@ from tests.waiting import HANGS_S
 pytestmark = needs_browser()
 
 
+MIDDLE_OF_PATH = """async (id) => { const { view, boundsOf } = await import("/static/js/plate.js");
+  const { runs: [run] } = await (await fetch(`/api/experiments/${id}/results`)).json();
+  const { clientWidth: width, clientHeight: height } = document.querySelector("canvas[aria-label^=Trajectory]");
+  const to = view(boundsOf([run.path, run.simulated]), width, height, 40), k = run.path.time_s.length >> 1;
+  return [to.x(run.path.x_mm[k]), to.y(run.path.y_mm[k]), run.path.time_s[k]]; }"""
+
+
 def gap_mm(page: Any) -> float:
     """The figure "gap of model and robot" of the screen Results."""
     figure = page.locator("[data-figure=gap]")
@@ -62,6 +69,9 @@ def test_main_job_by_mouse(studio: Serving, tmp_path: Path, open_page: OpenPage)
         finished(page, "All runs are analysed")
         page.locator("nav").get_by_role("link", name="Results").click()
         assert gap_mm(page) > 3 * before  # the recording was made without it
+        x, y, time = page.evaluate(MIDDLE_OF_PATH, studio.get("/api/home")["experiments"][0]["id"])
+        page.locator("canvas[aria-label^=Trajectory]").click(position={"x": x, "y": y})
+        page.locator(".clock", has_text=f"{time:.3f} s").wait_for()  # a click on the path leads to its frame
     assert 'id = "drive-speed-scale"' in (tmp_path / "folder" / "robot.toml").read_text()
 
 
@@ -205,14 +215,14 @@ def test_a_hidden_effect_is_found_added_to_the_robot_and_the_gap_shrinks(tmp_pat
         before = gap_mm(page)
         page.get_by_role("link", name="Diagnosis").click()
         page.locator(".found .kind", has_text="drive-speed-mismatch").wait_for()
-        page.get_by_role("button", name="Up to date").wait_for()
+        page.get_by_text("up to date", exact=True).wait_for()
         page.get_by_role("button", name="New effect").click()
         page.keyboard.type("a-push")
         page.get_by_label("What is wrong, in a few words").fill("something pushes")
         page.get_by_role("button", name="Write it").click()
-        page.get_by_role("button", name="Diagnose again").wait_for()  # with the effect that is new
+        page.get_by_text("have changed since this diagnosis").wait_for()  # there is an effect that is new
         page.get_by_role("button", name="Take a-push away").click()
-        page.get_by_role("button", name="Up to date").wait_for()
+        page.get_by_text("up to date", exact=True).wait_for()
         page.get_by_role("button", name="Add it to the robot").click()
         page.get_by_text("in the robot", exact=True).wait_for()
         page.get_by_role("button", name="Analyse with it").click()

@@ -76,6 +76,16 @@ def test_the_mask_of_a_frame_is_drawn_on_no_other(studio: Serving, open_page: Op
         assert page.evaluate("redIn(1)") == 0
 
 
+def test_a_long_name_is_shortened_to_both_of_its_ends(studio: Serving, open_page: OpenPage) -> None:
+    with open_page(studio.link) as page:
+        found = page.evaluate(
+            """async () => { const { shortened } = await import("/static/js/matrix.js");
+            const context = { measureText: (text) => ({ width: text.length }) };
+            return [9, 8, 5].map((width) => shortened(context, "left-r123", width)); }"""
+        )
+    assert found == ["left-r123", "left…123", "le…23"]
+
+
 def test_an_answer_to_a_screen_that_was_left_is_not_drawn(studio: Serving, open_page: OpenPage) -> None:
     identifier = studio.get("/api/home")["experiments"][0]["id"]
     with open_page(studio.link) as page:

@@ -15,7 +15,8 @@ const SCREENS = {
   sandbox: () => import("./sandbox.js"),
 };
 const OF_EXPERIMENT = [["runs", "Runs"], ["marks", "Marks"], ["results", "Results"], ["diagnosis", "Diagnosis"], ["sandbox", "Sandbox"]];
-const EVERYWHERE = [["home", "Home"], ["camera", "Camera"], ["sandbox", "Sandbox"]];
+const EVERYWHERE = [["home", "Home"], ["camera", "Camera"]];
+const ALONE = [...EVERYWHERE, ["sandbox", "Sandbox"]];
 
 let leaving = new AbortController();
 
@@ -58,7 +59,7 @@ async function top_bar(screen, id) {
   const draw = () => fill(bar,
     h("a", { class: "brand", href: "#/", "aria-label": "turnscope studio, first screen" }, h("img", { src: "/static/icon.svg", alt: "" }), "turnscope"),
     id && h("span", { class: "where" }, names.get(id) ?? ""),
-    h("nav", { "aria-label": "Screens" }, (id ? OF_EXPERIMENT : EVERYWHERE).map(link)));
+    h("nav", { "aria-label": "Screens" }, (id ? [...EVERYWHERE, ...OF_EXPERIMENT] : ALONE).map(link)));
   draw();
   if (id && !names.has(id)) {
     try {

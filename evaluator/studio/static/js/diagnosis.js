@@ -38,11 +38,11 @@ function nothing(id) {
 
 function screen(found, id, signal, { load, own, undo }) {
   const { content } = found;
-  const again = h("div"), notice = h("div");
+  const again = h("div", { class: "row" }), notice = h("div");
   // Whether it still holds takes the reading of every recording: that is said when it is known.
   get(`/api/experiments/${id}/state`, signal).then((state) => {
     const stale = state.diagnosis !== "current";
-    fill(again, h("button", { class: stale ? "main" : "", disabled: Boolean(jobOf(id)), onclick: start(id, "diagnose") }, stale ? "Diagnose again" : "Up to date"));
+    fill(again, !stale && h("span", { class: "tag good" }, "up to date"), h("button", { class: stale ? "main" : "", disabled: Boolean(jobOf(id)), onclick: start(id, "diagnose") }, "Diagnose again"));
     fill(notice, stale && h("p", { class: "notice" }, "The experiment, its robot or its recordings have changed since this diagnosis."));
   }).catch(say);
   return h("div", { class: "stack", style: { gap: "1.4rem" } },
@@ -120,7 +120,8 @@ function gaps(content) {
   const bar = (value, ink) => h("div", { class: "measure" }, h("i", { class: ink, style: { width: `${Math.max((100 * value) / most, 0.6)}%` } }), h("span", {}, length(value)));
   return h("section", { class: "card stack" }, h("h2", {}, "Distance of model and marks, before and after"),
     bars.map((one) => h("div", {}, h("p", { class: "small" }, one.words), bar(one.before, "vermillion"), bar(one.after, "green"))),
-    h("p", { class: "legend small soft" }, h("i", { class: "vermillion" }), "before", h("i", { class: "green" }), "after", ` · noise alone, of marks, camera and plate, makes ${length(gap.noise_floor)}`),
+    h("p", { class: "legend small soft" }, h("i", { class: "vermillion" }), "before", h("i", { class: "green" }), "after"),
+    h("p", { class: "small soft" }, `Noise alone, of marks, camera and plate, makes ${length(gap.noise_floor)}.`),
     gap.held_out_runs?.length ? h("p", { class: "small soft" }, `Held out: ${gap.held_out_runs.join(", ")}. No effect was fitted to them; which effects the model has was decided with all runs.`) : null);
 }
 

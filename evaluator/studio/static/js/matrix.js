@@ -5,6 +5,14 @@ import { color, h, labels, num, surface } from "./dom.js";
 const QUANTITIES = { along_mm_s: ["speed along", "mm/s"], across_mm_s: ["sideways speed", "mm/s"], yaw_deg_s: ["turn rate", "°/s"] };
 const rem = () => parseFloat(labels(1));
 
+// As much of both ends of a name as there is room for: what tells runs apart stands at either.
+export function shortened(context, name, width) {
+  for (let kept = name.length, shown = name; ; kept--) {
+    if (kept < 2 || context.measureText(shown).width <= width) return shown;
+    shown = `${name.slice(0, Math.ceil((kept - 1) / 2))}…${name.slice(name.length - Math.floor((kept - 1) / 2))}`;
+  }
+}
+
 export function matrix(pieces, id, signal) {
   const runs = [...new Set(pieces.run)];
   let quantity = "across_mm_s", after = false, over = null;
@@ -19,7 +27,7 @@ export function matrix(pieces, id, signal) {
     const x = (time) => LEFT + (time / last) * (width - LEFT - 6);
     context.font = labels();
     context.fillStyle = color("soft");
-    runs.forEach((run, row) => context.fillText(run, 0, row * ROW + 0.72 * ROW, LEFT - 8));
+    runs.forEach((run, row) => context.fillText(shortened(context, run, LEFT - 8), 0, row * ROW + 0.72 * ROW));
     const inks = [color("blue"), color("vermillion")];
     pieces.run.forEach((run, k) => {
       const span = widths.get(run), row = runs.indexOf(run);

@@ -36,7 +36,7 @@ function screen(found, id, wanted, signal) {
   };
   const detail = h("div", { class: "card" });
   const points = radius_chart(turning, () => runs[chosen], (run) => choose(runs.indexOf(run)), signal);
-  const plate = trajectory(() => runs[chosen], signal);
+  const plate = trajectory(() => runs[chosen], (run, time) => { location.hash = frames_of(id, run, time); }, signal);
   redraws.push(points.redraw, plate.redraw);
   const table = h("table", {}, h("thead", {}, h("tr", {}, ["run", "left / right, rpm", "radius, mm", "95 %", "simulated, mm", "speed, mm/s", "path gap, mm"].map((text) => h("th", { scope: "col" }, text)))),
     h("tbody", {}, runs.map((run, index) => {
@@ -52,9 +52,9 @@ function screen(found, id, wanted, signal) {
       h("dl", { class: "figures" }, figure("runs measured", runs.length), figure("gap of model and robot", found.gap_mm === null ? "–" : length(found.gap_mm), "gap", found.gap_mm))),
     h("div", { class: "two" },
       h("section", { class: "card" }, h("h2", {}, "Radius against difference of speed"), points.canvas, h("p", { class: "legend small soft" }, h("i", { class: "blue" }), "measured, 95 % interval", h("i", { class: "vermillion dashed" }), "simulated (square)"), h("p", { class: "small soft" }, "Where a square lies outside the interval, model and robot disagree. Click a point to see its run.")),
-      h("section", { class: "card" }, h("h2", {}, "Trajectory"), plate.canvas, h("p", { class: "legend small soft" }, h("i", { class: "ink" }), "measured centre", h("i", { class: "vermillion dashed" }), "simulated", h("i", { class: "blue" }), "circle of minimum radius"))),
+      h("section", { class: "card" }, h("h2", {}, "Trajectory"), plate.canvas, h("p", { class: "legend small soft" }, h("i", { class: "ink" }), "measured centre", h("i", { class: "vermillion dashed" }), "simulated", h("i", { class: "blue" }), "circle of minimum radius"), h("p", { class: "small soft" }, "Click a point of the path to see its frame."))),
     detail,
-    h("section", { class: "scroll wide" }, table));
+    h("section", { class: "scroll wide tall" }, table));
   choose(chosen);
   return box;
 }
@@ -63,11 +63,13 @@ function figure(words, value, name, raw) {
   return h("div", {}, h("dt", {}, words), h("dd", { "data-figure": name ?? null, "data-value": raw ?? null }, String(value)));
 }
 
+const frames_of = (id, run, time) => `#/x/${id}/runs/${encodeURIComponent(run.id)}/${time}`;
+
 function facts(run, id) {
   const at = run.sustained_from_s ?? 0;
   return h("div", { class: "row end" },
     h("div", {}, h("h3", {}, run.id), h("p", { class: "soft" }, `${num(run.left_rpm)} / ${num(run.right_rpm)} rpm. ${run.radius_mm === null || Math.abs(run.turned_deg) <= 1 ? `${run.radius_status}`.replaceAll(" -", " −") : `Radius ${fixed(run.radius_mm, 3)} mm, simulated ${fixed(run.simulated_radius_mm, 3)} mm. It turned by ${fixed(run.turned_deg, 0)}°.`}`)),
-    run.has_video && h("a", { class: "button", href: `#/x/${id}/runs/${encodeURIComponent(run.id)}/${at}` }, "See its frames"));
+    run.has_video && h("a", { class: "button", href: frames_of(id, run, at) }, "See its frames"));
 }
 
 function radius_chart(runs, chosen, choose, signal) {
@@ -113,11 +115,13 @@ function radius_chart(runs, chosen, choose, signal) {
   return made;
 }
 
-function trajectory(chosen, signal) {
-  return surface((context, width, height) => {
+// open(run, time) is called for a click on a measured path with a recording.
+function trajectory(chosen, open, signal) {
+  let to = null;
+  const made = surface((context, width, height) => {
     const run = chosen();
     const circle = run.center_x_mm !== null && run.radius_mm !== null && Math.abs(run.turned_deg) > 20;
-    const to = view_of(boundsOf([run.path, run.simulated ?? run.path]), width, height, 40);
+    to = view_of(boundsOf([run.path, run.simulated ?? run.path]), width, height, 40);
     grid(context, to, width, height);
     if (circle) {
       context.strokeStyle = color("blue");
@@ -130,4 +134,12 @@ function trajectory(chosen, signal) {
     if (run.simulated) draw_path(context, to, run.simulated, color("vermillion"), 1.6, [6, 4]);
     dot(context, to.x(run.path.x_mm[0]), to.y(run.path.y_mm[0]), 4.5, color("ink"));
   }, signal, { class: "chart", role: "img", "aria-label": "Trajectory of the chosen run, measured and simulated" });
+  const near = ({ offsetX, offsetY }) => {
+    const { path, has_video } = chosen();
+    const distances = path.x_mm.map((x, k) => Math.hypot(to.x(x) - offsetX, to.y(path.y_mm[k]) - offsetY)), least = Math.min(...distances);
+    return has_video && least < 24 ? path.time_s[distances.indexOf(least)] : null;
+  };
+  made.canvas.addEventListener("pointermove", (event) => { made.canvas.style.cursor = near(event) === null ? "" : "pointer"; });
+  made.canvas.addEventListener("click", (event) => { const time = near(event); if (time !== null) open(chosen(), time); });
+  return made;
 }
