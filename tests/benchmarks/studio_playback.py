@@ -3,8 +3,9 @@
     python -m tests.benchmarks.studio_playback FOLDER [--minutes 3]
 
 FOLDER: with an experiment whose first run is an analysed recording, as `turnscope demo` leaves one. Played: different
-frames shown in a second, of ten seconds. Scrubbed: the time axis is dragged to and fro by a mouse without rest; memory
-is that of the studio's processes and of the page's process, every half minute.
+frames shown in a second, of five seconds after the first. Scrubbed: the time axis is dragged to and fro by a mouse
+without rest and let go every second, in another run each half minute; memory is that of the studio's processes and of
+the page's process.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ import numpy as np
 from tests.benchmarks.studio import memory_mb
 from tests.evaluator.browser import BROWSER
 
-PLAYED_S = 10.0
+PLAYED_S = 5.0  # the shortest sample lasts longer
+HELD_S = 1.0
 SHOWN = """(seconds) => new Promise((done) => { const axis = document.querySelector(".axis"), seen = new Set();
     const began = performance.now(), gaps = []; let last = began;
     const look = (now) => { const before = seen.size; seen.add(axis.getAttribute("aria-valuenow"));
@@ -68,26 +70,37 @@ def play(page: Any, studio: int) -> str:
     browsers = [one for one, line in descendants(os.getpid()).items() if "chrom" in line and one not in ours]
     page.locator(".film").focus()
     page.keyboard.press("Home")
-    page.keyboard.press(" ")
+    page.get_by_role("button", name="Play").click()
     page.wait_for_timeout(1000)
     before = [sum(map(processor_s, group)) for group in (ours, browsers)]
-    shown, took, gaps = page.evaluate(SHOWN, PLAYED_S - 2)
+    shown, took, gaps = page.evaluate(SHOWN, PLAYED_S)
     spent = [sum(map(processor_s, group)) - was for group, was in zip((ours, browsers), before, strict=True)]
-    page.keyboard.press(" ")
+    page.get_by_role("button", name="Pause").click()
     each = " and ".join(f"{1000 * one / shown:.1f}" for one in spent)
     apart = f"between frames {np.median(gaps):.1f} ms, p95 {np.percentile(gaps, 95):.0f}"
     return f"{1000 * shown / took:.1f} frames/s; {apart}; processor time a frame, studio and browser: {each} ms"
 
 
 def scrub(page: Any, seconds: float) -> None:
-    """Drag the time axis to and fro."""
+    """Drag the time axis to and fro; where it is let go the exact frame is shown, while it is dragged the key frame."""
     box, rng = page.locator(".axis").bounding_box(), np.random.default_rng(0)
     y, until = box["y"] + box["height"] - 3, time.monotonic() + seconds
-    page.mouse.move(box["x"] + 20, y)
-    page.mouse.down()
     while time.monotonic() < until:
-        page.mouse.move(box["x"] + 12 + rng.random() * (box["width"] - 24), y, steps=12)
-    page.mouse.up()
+        page.mouse.move(box["x"] + 12 + rng.random() * (box["width"] - 24), y)
+        page.mouse.down()
+        held = time.monotonic() + HELD_S
+        while time.monotonic() < held:
+            page.mouse.move(box["x"] + 12 + rng.random() * (box["width"] - 24), y, steps=6)
+        page.mouse.up()
+
+
+def choose(page: Any, number: int) -> None:
+    """Another run of the table, by its first cell."""
+    cells = page.locator("input[data-key=id]")
+    cell = cells.nth(number % cells.count())
+    run = cell.input_value()
+    cell.click()
+    page.locator(f"[aria-label='Frame of {run}']").wait_for(timeout=120_000)
 
 
 def main() -> None:
@@ -109,10 +122,13 @@ def main() -> None:
         page.locator(".plots canvas").first.wait_for(timeout=120_000)
         print(f"load {os.getloadavg()[0]:.1f}; played: {play(page, server.pid)}", flush=True)
         print(f"load {os.getloadavg()[0]:.1f}; played again: {play(page, server.pid)}", flush=True)
-        print("memory, MB: server, its processes, page")
+        print("memory, MB: server, its processes, page; frames asked for")
+        asked: list[str] = []
+        page.on("request", lambda request: asked.append("") if "/frame?" in request.url else None)
         for half in range(round(2 * given.minutes) + 1):
             told = " ".join(f"{value:.0f}" for value in memory_of(server.pid, os.getpid()))
-            print(f"after {half / 2:g} min: {told}", flush=True)
+            print(f"after {half / 2:g} min: {told}; {len(asked)}", flush=True)
+            choose(page, half)
             scrub(page, 30 if half < round(2 * given.minutes) else 0)
         browser.close()
         server.terminate()
