@@ -84,6 +84,8 @@ class Jobs:
             for job in self._jobs.values():
                 if (job.kind, job.target) == (kind, relative) and job.state not in ENDED and not job.wish:
                     return job.number
+            for one in [n for n, j in self._jobs.items() if (j.kind, j.target, j.state) == (kind, relative, "paused")]:
+                del self._jobs[one]  # it goes on as the new one
             job = Job(self._next, kind, relative, self._folder.id_of(target))
             self._next += 1
             self._jobs[job.number] = job

@@ -44,6 +44,7 @@ from .editing.robots import own_effects_for as own_effects_for
 from .editing.robots import robot_file as robot_file
 from .editing.robots import with_effects as with_effects
 from .editing.robots import write_robot as write_robot
+from .editing.unfinished import read_unfinished as read_unfinished
 from .editing.unfinished import run_of as run_of
 from .editing.values import Values as Values
 from .editing.values import set_robot_value as set_robot_value

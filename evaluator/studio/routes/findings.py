@@ -20,6 +20,7 @@ from evaluator.workflow import (
     out_folder,
     own_effects_for,
     read_experiment,
+    read_unfinished,
     results_view,
     robot_file,
     robot_sliders,
@@ -157,8 +158,8 @@ def write_next(studio: Studio, asked: Asked) -> Json:
 
 def sliders(studio: Studio, asked: Asked) -> Json:
     """Sliders of a robot and of all effects. experiment: id of the one whose robot and commands to start from."""
-    robot, commands, path = _robot(studio, asked.query)
-    told: Json = {"robot": [vars(one) for one in robot_sliders(robot)], "commands": commands}
+    robot, path = _robot(studio, asked.query)
+    told: Json = {"robot": [vars(one) for one in robot_sliders(robot)], "commands": _commands(path)}
     told["effects"] = [
         {**vars(one), "sliders": [vars(slider) for slider in one.sliders]} for one in effect_sliders(path)
     ]
@@ -169,7 +170,7 @@ def sliders(studio: Studio, asked: Asked) -> Json:
 
 def motions(studio: Studio, asked: Asked) -> Json:
     """Paths with and without the changes."""
-    robot, _, _ = _robot(studio, asked.body)
+    robot, _ = _robot(studio, asked.body)
     commands = asked.body.get("commands")
     if not isinstance(commands, list) or not all(isinstance(pair, list) and len(pair) == 2 for pair in commands):
         raise InputError("commands: pairs of left and right rpm")
@@ -184,17 +185,21 @@ def motions(studio: Studio, asked: Asked) -> Json:
     return found
 
 
-def _robot(studio: Studio, said: Any) -> tuple[Path | str, list[list[float]], Path | None]:
-    """The robot that is meant, the commands of its experiment, and the experiment."""
+def _robot(studio: Studio, said: Any) -> tuple[Path | str, Path | None]:
+    """The robot that is meant, and the experiment that names it."""
     identifier = said.get("experiment")
     if not identifier:
-        return str(said.get("robot") or "barrel"), [], None
+        return str(said.get("robot") or "barrel"), None
     path = studio.folder.path(str(identifier))
-    robot = robot_file(path)
-    named: Path | str = studio.folder.inside(robot.path) if robot.named else str(read_experiment(path).head["robot"])
-    rows = read_experiment(path).rows
-    commands = [[run["left_rpm"], run["right_rpm"]] for run in rows if {"left_rpm", "right_rpm"} <= run.keys()]
-    return named, [list(pair) for pair in dict.fromkeys(map(tuple, commands))], path
+    robot = read_unfinished(path).robot
+    return (studio.folder.inside(Path(robot)) if robot.endswith(".toml") else robot), path
+
+
+def _commands(path: Path | None) -> list[list[float]]:
+    """The commands of an experiment, each once."""
+    rows = () if path is None else read_experiment(path).rows
+    commands = [(run["left_rpm"], run["right_rpm"]) for run in rows if {"left_rpm", "right_rpm"} <= run.keys()]
+    return [list(pair) for pair in dict.fromkeys(commands)]
 
 
 def _effects(said: Any) -> dict[str, dict[str, Any]]:

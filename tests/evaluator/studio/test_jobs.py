@@ -97,6 +97,10 @@ def test_a_studio_that_starts_again_goes_on(folder: Path) -> None:
         assert found["kind"] == "diagnose"
         second.post(f"/api/jobs/{found['number']}", {"how": "paused"})
         assert wait_for(second, lambda job: job["state"] != "running")["state"] == "paused"
+        start(second, "diagnose")  # "Resume": what was paused is not offered once more
+        assert [job["state"] for job in jobs(second) if job["state"] == "paused"] == []
+        second.post(f"/api/jobs/{jobs(second)[0]['number']}", {"how": "cancelled"})
+        wait_for(second, lambda job: job["state"] == "cancelled")
     assert not (folder / ".turnscope-studio.json").exists()
 
 

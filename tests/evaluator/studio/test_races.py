@@ -125,6 +125,14 @@ def test_who_has_gone_on_keeps_the_place_when_the_last_part_of_a_screen_comes(
         assert page.evaluate("document.activeElement.textContent") == "Calibrate again"
 
 
+def test_a_studio_that_was_ended_is_said_in_a_sentence(studio: Serving, open_page: OpenPage) -> None:
+    with open_page(studio.link) as page:
+        page.locator("h1").wait_for()
+        page.route("**/*", lambda route: route.abort())
+        page.get_by_role("link", name="Sandbox").click()
+        page.locator("#main", has_text="The studio does not answer").wait_for()
+
+
 def test_a_click_is_not_lost_when_its_button_is_drawn_anew_before_it_is_let_go(
     studio: Serving, open_page: OpenPage
 ) -> None:

@@ -1,5 +1,7 @@
 // The studio's server: JSON in, JSON out, errors as one sentence.
 
+export const GONE = "The studio does not answer; start `turnscope studio` again. Nothing is lost.";
+
 export class Refused extends Error {
   constructor(sentence, status) {
     super(sentence);
@@ -23,7 +25,7 @@ async function asked(path, options) {
     return await answered(await fetch(path, options));
   } catch (error) {
     if (error instanceof Refused || error.name === "AbortError") throw error;
-    throw new Refused("The studio does not answer; start `turnscope studio` again. Nothing is lost.", 0);
+    throw new Refused(GONE, 0);
   }
 }
 

@@ -1,7 +1,7 @@
 // Which screen is shown. Addresses: #/, #/camera, #/sandbox, #/x/EXPERIMENT/SCREEN.
 
 import { fill, h } from "./dom.js";
-import { get } from "./api.js";
+import { get, GONE, Refused } from "./api.js";
 import { listen } from "./jobs.js";
 import { say } from "./say.js";
 
@@ -36,7 +36,7 @@ async function show() {
   const main = document.getElementById("main");
   say("");
   try {
-    const module = await load();
+    const module = await load().catch(() => { throw new Refused(GONE, 0); });
     if (signal.aborted) return;
     const view = h("div", { class: `screen ${screen}` }, h("p", { class: "soft", role: "status" }, "…"));
     fill(main, view);

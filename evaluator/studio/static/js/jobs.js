@@ -1,6 +1,6 @@
 // Work under way, told by the server as it happens, and shown in a corner of every screen.
 
-import { post } from "./api.js";
+import { GONE, post, Refused } from "./api.js";
 import { fill, h } from "./dom.js";
 import { say } from "./say.js";
 
@@ -23,6 +23,9 @@ export function onJobs(listener, signal) {
 
 export function listen() {
   const source = new EventSource("/api/events");
+  let gone = false;
+  source.onerror = () => { gone = true; say(new Refused(GONE, 0)); };
+  source.onopen = () => { if (gone) say(""); gone = false; };
   source.onmessage = (event) => {
     jobs = JSON.parse(event.data);
     const ended = known === null ? [] : jobs.filter((job) => ENDED.includes(job.state) && known.get(job.number) !== job.state && !(known.get(job.number) === undefined && job.state === "cancelled"));
@@ -41,7 +44,7 @@ function card(job) {
   const percent = Math.round(100 * job.share);
   const title = `${NAMES[job.kind] ?? job.kind}: ${job.target}`;
   const end = (how) => () => post(`/api/jobs/${job.number}`, { how }).catch(say);
-  const again = () => post(`/api/experiments/${job.experiment}/jobs`, { kind: job.kind }).then(() => { dismissed.add(job.number); draw(); }).catch(say);
+  const again = () => post(`/api/experiments/${job.experiment}/jobs`, { kind: job.kind }).catch(say);
   const running = job.state === "running" || job.state === "waiting";
   const words = { waiting: "waits for other work", running: `${job.wish ? "ending …" : job.stage || "starting …"}`, failed: job.sentence, paused: "paused; what is finished is kept" }[job.state];
   return h("div", { class: "card stack", style: { gap: ".45rem" } },
