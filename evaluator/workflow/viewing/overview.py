@@ -11,6 +11,7 @@ from pathlib import Path
 from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.settings import load_experiment
+from evaluator.workflow.editing.experiments import read_experiment
 from evaluator.workflow.results.outputs import Outputs
 
 MOST_BYTES = 2_000_000  # of a file that could be an experiment or a camera
@@ -87,8 +88,19 @@ def results_state(experiment: Path) -> ResultsState:
             key = key_of_diagnosis(described, outputs, own_effect_ids(experiment, described))
             diagnosis = "current" if is_current(outputs, key) else "stale"
     except (InputError, SimulationError) as error:
-        return ResultsState({}, outputs.turning.is_file(), "none", str(error))
+        return ResultsState({}, outputs.turning.is_file(), "none", _in_short(experiment, str(error)))
     return ResultsState(outdated, outputs.comparison.is_file(), diagnosis)
+
+
+def _in_short(experiment: Path, sentence: str) -> str:
+    """What keeps an experiment from being analysed: one of many faults of its table stands for all of them."""
+    try:
+        faults = read_experiment(experiment).faults
+    except InputError:
+        return sentence
+    return (
+        f"{len(faults)} values are missing or wrong; the table of its runs marks them" if len(faults) > 1 else sentence
+    )
 
 
 def _experiment(path: Path) -> ExperimentSummary | None:

@@ -106,7 +106,7 @@ def test_pasted_rows_and_faults_in_place(studio: Serving, open_page: OpenPage) -
     with open_page(studio.link) as page:
         page.get_by_text("two runs").click()
         page.get_by_label("run, run right").focus()
-        block = "second\t10\t20\nthird\t-30,5\tnonsense\n"
+        block = "second\t10\t20\nthird\t-30,5\tnonsense\nfourth\t5\tnonsense\n"
         page.evaluate(
             """(text) => { const data = new DataTransfer(); data.setData("text", text);
             document.activeElement.dispatchEvent(
@@ -116,6 +116,7 @@ def test_pasted_rows_and_faults_in_place(studio: Serving, open_page: OpenPage) -
         page.get_by_label("left, rpm, run third").wait_for()
         assert page.get_by_label("left, rpm, run third").input_value() == "-30.5"
         assert "“nonsense” is not a number" in page.locator(".problems").inner_text()
+        assert "third, fourth: right_rpm is missing" in page.locator(".problems").inner_text()
         assert page.locator("td.fault input[data-row='2'][data-key='right_rpm']").count() == 1
 
 

@@ -242,6 +242,7 @@ def test_recordings_are_looked_at_before_their_commands_are_known(studio: Servin
     made = studio.post("/api/experiments", {"name": "tuesday", "robot": "barrel", "place": "."})
     path = f"/api/experiments/{made['id']}"
     assert [fault["key"] for fault in studio.get(path)["faults"]][:2] == ["left_rpm", "right_rpm"]
+    assert studio.get(f"{path}/state")["fault"].startswith("3 values are missing")  # and the camera
     run = f"{path}/runs/{studio.get(path)['rows'][0]['id']}"
     assert len(studio.get(f"{run}/contents")["time_s"]) == 30
     assert studio.get(f"{run}/curves")["poses"] == {}

@@ -47,7 +47,7 @@ async function show() {
     document.title = `${screen === "home" ? "" : `${screen} · `}turnscope studio`;
   } catch (error) {
     if (error.name !== "AbortError" && !signal.aborted) {
-      fill(main, h("div", { class: "empty" }, h("h2", {}, "This cannot be shown"), h("p", {}, error.message), h("p", {}, h("a", { href: "#/" }, "Back to the first screen"))));
+      fill(main, h("div", { class: "empty" }, h("h2", {}, "This cannot be shown"), h("p", {}, error.message), h("p", { class: "row" }, id && screen !== "runs" && h("a", { href: `#/x/${id}/runs` }, "See its runs"), h("a", { href: "#/" }, "Back to the first screen"))));
     }
   }
 }

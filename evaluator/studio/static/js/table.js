@@ -2,6 +2,9 @@
 
 import { fill, h } from "./dom.js";
 
+const MOST_NAMED = 5; // runs with one fault: the cells are marked as well
+const listed = (runs) => (runs.length > MOST_NAMED ? `${runs.slice(0, MOST_NAMED).join(", ")} and ${runs.length - MOST_NAMED} more` : runs.join(", "));
+
 // columns: [{key, title, kind: "number" | "text", list, width}]. edit(edits) writes; chosen(row) when a row is entered.
 export function sheet(columns, { edit, chosen, signal }) {
   const body = h("tbody");
@@ -126,7 +129,9 @@ export function sheet(columns, { edit, chosen, signal }) {
     });
     tell_states(states);
     mark();
-    tell([...extra, ...found.faults.map((one) => (one.row === null ? one.sentence : `${rows[one.row]?.id ?? `row ${one.row + 1}`}: ${one.sentence}`))]);
+    const concerned = new Map(); // runs by what is wrong with them
+    for (const { row, sentence } of found.faults) concerned.set(sentence, [...(concerned.get(sentence) ?? []), ...(row === null ? [] : [rows[row]?.id ?? `row ${row + 1}`])]);
+    tell([...extra, ...[...concerned].map(([sentence, runs]) => (runs.length ? `${listed(runs)}: ${sentence}` : sentence))]);
   };
   void signal;
   return { box, draw, states: tell_states, choose: (row) => { active = row; mark(); }, add: () => edit([{ kind: "add", values: { id: `r${String(rows.length + 1).padStart(2, "0")}`, start_s: 0.5 } }]) };
