@@ -29,6 +29,7 @@ class UnfinishedRun:
 class Unfinished:
     """What is known of an experiment as a whole; a run is left out whose id could not name a file."""
 
+    name: str
     robot: str
     tracking: Path | None
     runs: tuple[UnfinishedRun, ...]
@@ -54,6 +55,7 @@ def _load(path: Path) -> Unfinished:
         raise InputError(f"{path.name}: robot is missing; name a shipped robot or a robot.toml")
     rows = [row for row in runs if isinstance(row, dict)] if isinstance(runs, list) else []
     return Unfinished(
+        str(content.get("name", path.stem)),
         robot,
         tracking=_path(folder, content.get("tracking")),
         runs=tuple(

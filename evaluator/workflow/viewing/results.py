@@ -11,6 +11,7 @@ import pandas as pd
 
 from evaluator.files import read_with
 from evaluator.settings import load_experiment
+from evaluator.workflow.editing.unfinished import read_unfinished
 from evaluator.workflow.diagnosis.validity import load_diagnosis
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.viewing.overview import out_folder
@@ -46,9 +47,10 @@ class DiagnosisView:
 
 def results_view(experiment: Path) -> Results:
     """What was measured and simulated of every run that has results. Raises InputError for an unreadable experiment."""
-    described, outputs = read_with(load_experiment, experiment), Outputs(out_folder(experiment))
+    outputs = Outputs(out_folder(experiment))
     if not outputs.turning.is_file():
-        return Results(described.name, (), float("nan"))
+        return Results(read_unfinished(experiment).name, (), float("nan"))
+    described = read_with(load_experiment, experiment)
     measured = _by_run(outputs.turning)
     compared = _by_run(outputs.comparison) if outputs.comparison.is_file() else {}
     runs = []

@@ -246,6 +246,7 @@ def test_recordings_are_looked_at_before_their_commands_are_known(studio: Servin
     run = f"{path}/runs/{studio.get(path)['rows'][0]['id']}"
     assert len(studio.get(f"{run}/contents")["time_s"]) == 30
     assert studio.get(f"{run}/curves")["poses"] == {}
+    assert studio.get(f"{path}/results")["runs"] == []
     assert studio.get(f"{path}/tracking")["sought"].keys() == {"green", "yellow"}
     rows = [{"frame": 3, "mark": "green", "x": None}]
     assert studio.post(f"{run}/corrections", {"version": "", "rows": rows})["rows"][0]["frame"] == 3
