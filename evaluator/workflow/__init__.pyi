@@ -47,10 +47,10 @@ from .editing.robots import write_robot as write_robot
 from .editing.unfinished import read_unfinished as read_unfinished
 from .editing.unfinished import run_of as run_of
 from .editing.values import Values as Values
-from .editing.values import set_robot_value as set_robot_value
 from .editing.values import gauge_values as gauge_values
 from .editing.values import robot_values as robot_values
 from .editing.values import set_gauge_value as set_gauge_value
+from .editing.values import set_robot_value as set_robot_value
 from .execution.machine import SPAWNING as SPAWNING
 from .exporting import export as export
 from .frames.decoder import Decoder as Decoder

@@ -11,8 +11,8 @@ import pandas as pd
 
 from evaluator.files import read_with
 from evaluator.settings import load_experiment
-from evaluator.workflow.editing.unfinished import read_unfinished
 from evaluator.workflow.diagnosis.validity import load_diagnosis
+from evaluator.workflow.editing.unfinished import read_unfinished
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.viewing.overview import out_folder
 
