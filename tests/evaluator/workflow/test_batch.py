@@ -73,12 +73,8 @@ PARENT = """
 import time
 from evaluator.workflow.execution.answers import answers_of
 
-def slow(number):
-    time.sleep(600)
-
-if __name__ == "__main__":
-    with answers_of(slow, range(4), workers=2, when_killed=print) as answers:
-        list(answers)
+with answers_of(time.sleep, [600] * 4, workers=2, when_killed=print) as answers:
+    list(answers)
 """
 
 
