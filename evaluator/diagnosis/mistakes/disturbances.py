@@ -21,13 +21,12 @@ from evaluator.diagnosis.mistakes.phases import phases_of
 from evaluator.diagnosis.mistakes.recognised import Found
 from evaluator.diagnosis.mistakes.spacing import by_keystone, spacing
 from evaluator.robot_geometry import reference_line
+from evaluator.turning.status import SPACING_SHARE
 from simulator.robot import Robot
 
-# Marks are placed to some hundredths of a millimetre of their few, 1 to 2 %: three standard deviations.
-SPACING_SHARE = 0.06
-# Of one run among others that are right: four standard deviations, as any of two dozen may stand out. What a keystone
-# that the others show adds at its place is taken off before.
-ALONE_SHARE = 0.08
+# Marks are placed to some hundredths of a millimetre of their few, 1 to 2 %: four standard deviations for one run among
+# others, as any of two dozen may stand out, and three once what a keystone adds at its place is taken off.
+ALONE_SHARE, KEYSTONE_SHARE = 0.08, 0.06
 UNITS = {"m": 1e-3, "cm": 0.1, "inch": 1 / 25.4, "µm": 1e3}
 UNIT_SHARE = 0.06  # how near to such a ratio the distance of the marks must be
 PX_RATIO = 3.0  # marks so many times too far apart, and of no length unit, are pixels
@@ -44,8 +43,8 @@ SETTLED_S = 0.5  # after the start: motors have come up
 def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
     """Runs whose marks are not as far apart as the robot file says: another unit, or another robot.
 
-    A camera that does not look straight down makes them so too, but by the place on the plate and in all runs alike:
-    that is physics of the camera, for the diagnosis to find.
+    Marks that were glued a little elsewhere are so in all runs alike, and a camera that does not look straight down
+    shows them so by the place on the plate: both are for the diagnosis to find.
     """
     if not data:
         return []
@@ -53,13 +52,13 @@ def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
     spacings = [spacing(run.marks_mm, stated) for run, stated in zip(data, stated_mm, strict=True)]
     ratios = [float(np.median(item.ratio)) for item in spacings]
     usual = float(np.median(ratios))
+    common = usual if abs(np.log(usual)) < np.log1p(SPACING_SHARE) else 1.0
     found = []
     for number, (run, ratio, stated) in enumerate(zip(data, ratios, stated_mm, strict=True)):
-        alone = abs(usual - 1) < SPACING_SHARE  # then it is this run, and an image may be stretched at one place
-        if abs(ratio - 1) < (ALONE_SHARE if alone else SPACING_SHARE):
+        if abs(ratio / common - 1) < ALONE_SHARE:
             continue
         others = [item for k, item in enumerate(spacings) if k != number]
-        if abs(ratio - by_keystone(spacings[number], others) - 1) < SPACING_SHARE:
+        if abs((ratio - by_keystone(spacings[number], others)) / common - 1) < KEYSTONE_SHARE:
             continue
         words = f"its marks are {ratio * stated:.4g} mm apart, in the robot file {stated:.4g} mm"
         unit = next((name for name, factor in UNITS.items() if abs(ratio / factor - 1) < UNIT_SHARE), None)
