@@ -50,8 +50,8 @@ from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.profile_likelihood import Profile, profiles_of
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.inference.watch import Cores, SearchStoppedError, Watch
+from evaluator.diagnosis.likelihood.linear.random_effects import place_runs, place_starts
 from evaluator.diagnosis.likelihood.problem import Point, Problem
-from evaluator.diagnosis.likelihood.random_effects import place_runs, place_starts
 from evaluator.diagnosis.likelihood.run_data import is_shared
 from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.diagnosis.mistakes.outlying import has_kin, outlying_run

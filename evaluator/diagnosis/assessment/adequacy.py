@@ -16,7 +16,7 @@ from scipy import special
 
 from evaluator.diagnosis.inference.fit import Fit
 from evaluator.diagnosis.inference.left_overs import left_overs
-from evaluator.diagnosis.likelihood.mixed_model import FRICTION_SCATTER, GAIN_SCATTER, SCATTER, run_effects
+from evaluator.diagnosis.likelihood.linear.mixed_model import FRICTION_SCATTER, GAIN_SCATTER, SCATTER, run_effects
 from evaluator.diagnosis.likelihood.run_data import RunData
 
 Floats = NDArray[np.float64]

@@ -17,7 +17,7 @@ from scipy import special
 
 from evaluator.diagnosis.experiment import runs_by_command
 from evaluator.diagnosis.inference.fit import Fit, prior_precision
-from evaluator.diagnosis.likelihood.mixed_model import at_scatter
+from evaluator.diagnosis.likelihood.linear.mixed_model import at_scatter
 from evaluator.diagnosis.likelihood.run_data import RunData
 
 Floats = NDArray[np.float64]

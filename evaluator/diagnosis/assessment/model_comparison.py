@@ -12,8 +12,8 @@ from evaluator.diagnosis.candidates.free_form import PREFIX
 from evaluator.diagnosis.inference.fit import Fit, prior_precision
 from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import Search, fit_set, log_prior
-from evaluator.diagnosis.likelihood.mixed_model import MixedModel, reduce_runs
-from evaluator.diagnosis.likelihood.random_effects import place_runs
+from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, reduce_runs
+from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
 
 Floats = NDArray[np.float64]
 Set = frozenset[str]

@@ -19,7 +19,7 @@ from evaluator.diagnosis.assessment.model_comparison import Set, score
 from evaluator.diagnosis.assessment.verdict import EXCESS, KEEP, NOT_CHANCE, least_gain
 from evaluator.diagnosis.inference.fit import Fit, prior_precision
 from evaluator.diagnosis.inference.search import Search
-from evaluator.diagnosis.likelihood.mixed_model import MixedModel, Reduced
+from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, Reduced
 
 Floats = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def _evidence(search: Search, fit: Fit, but: int | None = None) -> float:
     """Log evidence of a fitted model in its linear view, from all its runs but one."""
     reduced = fit.reduced if but is None else _without(fit.reduced, but)
     model = MixedModel(reduced, prior_precision(fit.columns, search.tolerance))
-    return model.posterior(range(len(fit.columns))).log_evidence
+    return model.log_evidence(range(len(fit.columns)))
 
 
 def _without(reduced: Reduced, k: int) -> Reduced:

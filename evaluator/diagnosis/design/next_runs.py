@@ -30,7 +30,7 @@ from evaluator.diagnosis.inference.fit import Fit, model_columns, prior_precisio
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.features import channels_of, compression
 from evaluator.diagnosis.likelihood.known_to import Quantity, predicted_sigmas
-from evaluator.diagnosis.likelihood.mixed_model import at_scatter, reduce_runs
+from evaluator.diagnosis.likelihood.linear.mixed_model import at_scatter, reduce_runs
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, Forward, RunData

@@ -19,7 +19,7 @@ from evaluator.diagnosis.design.candidate_runs import CORNERS, HEADINGS_DEG, MID
 from evaluator.diagnosis.design.next_runs import hypothetical
 from evaluator.diagnosis.inference.fit import prior_precision
 from evaluator.diagnosis.likelihood.known_to import FRAMES_COMMON, FRAMES_PER_RUN, Quantity, quantities
-from evaluator.diagnosis.likelihood.mixed_model import at_scatter, reduce_runs
+from evaluator.diagnosis.likelihood.linear.mixed_model import at_scatter, reduce_runs
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.problem import Column, Point
 from evaluator.diagnosis.likelihood.run_data import PER_RUN

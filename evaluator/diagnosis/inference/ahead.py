@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.likelihood.mixed_model import Linearized, Reduced, run_effects, solve_within
+from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, Reduced, run_effects, solve_within
 
 Floats = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from evaluator.diagnosis.inference.ahead import Ahead, ahead_of
 from evaluator.diagnosis.inference.bounds import bounds, is_at_bound
 from evaluator.diagnosis.inference.fit_cache import End, question_of
 from evaluator.diagnosis.inference.left_overs import left_overs
-from evaluator.diagnosis.likelihood.mixed_model import (
+from evaluator.diagnosis.likelihood.linear.mixed_model import (
     Linearized,
     MixedModel,
     Posterior,
@@ -25,8 +25,8 @@ from evaluator.diagnosis.likelihood.mixed_model import (
     run_effects,
     solve_within,
 )
+from evaluator.diagnosis.likelihood.linear.random_effects import MOST_SCATTER, settled_by_run
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
-from evaluator.diagnosis.likelihood.random_effects import MOST_SCATTER, settled_by_run
 from evaluator.diagnosis.likelihood.run_data import Values
 from simulator.effects.coordinates import Candidate
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.likelihood.mixed_model import Linearized
+from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.problem import Column
 
 Floats = NDArray[np.float64]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from evaluator.diagnosis.inference.fit import prior_precision
 from evaluator.diagnosis.inference.search import Search
-from evaluator.diagnosis.likelihood.mixed_model import MixedModel, reduce_runs
+from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.problem import Column, Point
 from simulator.effects.coordinates import Candidate
 
@@ -39,7 +39,7 @@ class Screen:
             term = self.columns[extra[0]].term
             assert term is not None
             hidden += term.size - len(extra)
-        return model.posterior(columns).log_evidence - 0.5 * hidden * math.log(self.model.runs)
+        return model.log_evidence(columns) - 0.5 * hidden * math.log(self.model.runs)
 
     def start_of(self, offer: tuple[str, tuple[int, ...]]) -> tuple[float, ...]:
         """Coordinates at which a full fit of an offer should begin."""

@@ -8,10 +8,10 @@ import numpy as np
 
 from evaluator.diagnosis.inference.fit import Fit, prior_precision
 from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
 from evaluator.diagnosis.likelihood.noise.common_drift import changed, common_drift
 from evaluator.diagnosis.likelihood.preparation import friction_shifts, with_noise_of
 from evaluator.diagnosis.likelihood.problem import Problem
-from evaluator.diagnosis.likelihood.random_effects import place_runs
 
 SETTLED_NOISE = 0.9  # a search is repeated where its best model lowers the noise below this share
 
@@ -49,6 +49,7 @@ def with_common_drift(search: Search, fit: Fit) -> Problem:
         prior_precision(fit.columns, search.tolerance),
         problem.common_drift,
         [part.of_tracking(wanders).T for part, (_, wanders) in zip(compressions, shifts, strict=True)],
+        problem.watch.each,
     )
     if (drift, wander) == (problem.common_drift, problem.friction_wander):
         return problem

@@ -19,7 +19,7 @@ from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.feature_cache import FeatureCache
 from evaluator.diagnosis.likelihood.features import Compression, residual_of_marks
 from evaluator.diagnosis.likelihood.jumps import jumps, smooth_slope, with_slopes
-from evaluator.diagnosis.likelihood.mixed_model import Linearized
+from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, SHARED_UNIT, Forward, RunData, Task, is_shared
 from simulator.effects.coordinates import Candidate

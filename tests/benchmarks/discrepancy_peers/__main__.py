@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from evaluator.diagnosis.assessment.gap import run_gaps
-from evaluator.diagnosis.likelihood.random_effects import place_starts
+from evaluator.diagnosis.likelihood.linear.random_effects import place_starts
 from simulator.robot import load_robot
 from tests.benchmarks.discrepancy_peers.gaussian_process import gaussian_process
 from tests.benchmarks.discrepancy_peers.inputs import Inputs, gaps_mm, read, with_robot

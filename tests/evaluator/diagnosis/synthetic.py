@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluator.diagnosis.likelihood.mixed_model import Linearized, Reduced, reduce_runs
+from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, Reduced, reduce_runs
 from evaluator.diagnosis.likelihood.run_data import RunData
 
 Floats = np.ndarray

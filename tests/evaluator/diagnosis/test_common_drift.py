@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.features import Compression, compression
-from evaluator.diagnosis.likelihood.mixed_model import Linearized
+from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise.common_drift import common_drift
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise, correlated
 

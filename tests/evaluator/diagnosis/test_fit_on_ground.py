@@ -15,7 +15,7 @@ from evaluator.diagnosis.inference.fit import Fit, fit_model
 from evaluator.diagnosis.inference.silence import silent_reaches
 from evaluator.diagnosis.likelihood.features import Compression
 from evaluator.diagnosis.likelihood.jumps import smooth_slope
-from evaluator.diagnosis.likelihood.mixed_model import MixedModel, reduce_runs
+from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.problem import OF_GROUND, START, Column, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import RunData, Task

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import simulator
 from evaluator.diagnosis.likelihood.features import Compression, channel_residual, channels_of, compression
-from evaluator.diagnosis.likelihood.mixed_model import Linearized
+from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise.common_drift import common_drift
 from evaluator.diagnosis.likelihood.noise.friction_wander import RATES, shift_by, wander_shifts, whitening
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise

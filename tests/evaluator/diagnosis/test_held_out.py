@@ -20,7 +20,7 @@ from evaluator.diagnosis.assessment.model_comparison import (
     predictive_score,
 )
 from evaluator.diagnosis.inference.fit import prior_precision
-from evaluator.diagnosis.likelihood.mixed_model import Linearized, MixedModel, reduce_runs
+from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, reduce_runs
 from tests.evaluator.diagnosis.synthetic import (
     column,
     fit_of,
@@ -101,7 +101,7 @@ def test_predictive_score_is_the_gaussian_density_of_new_runs(monkeypatch: pytes
 
 def halves(sizes: tuple[float, float], sigma: float = 0.1) -> list[Constancy]:
     """Eight runs, forward the first four, whose effect has these sizes forward and backward, each to sigma."""
-    from evaluator.diagnosis.likelihood.mixed_model import Linearized
+    from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 
     rng = np.random.default_rng(0)
     runs = []
@@ -145,7 +145,7 @@ def test_size_of_an_effect_is_that_of_all_its_coordinates_in_their_steps() -> No
 
 
 def test_slow_runs_are_those_up_to_the_median_of_the_speed_whichever_way_they_drive() -> None:
-    from evaluator.diagnosis.likelihood.mixed_model import Linearized
+    from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 
     rng = np.random.default_rng(0)
     speeds = [10.0, -10.0, 12.0, -12.0, 40.0, -40.0, 50.0, -50.0]

@@ -17,7 +17,7 @@ from evaluator.diagnosis.assessment.knowledge import Knowledge, knowledge
 from evaluator.diagnosis.inference.left_overs import left_overs
 from evaluator.diagnosis.likelihood.features import MODEL_FLOOR_MM
 from evaluator.diagnosis.likelihood.known_to import Quantity
-from evaluator.diagnosis.likelihood.mixed_model import Linearized
+from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise.tracking import Drift, Noise
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.settings import Relevant

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.likelihood.mixed_model import Linearized, MixedModel, Reduced, reduce_runs, solve_within
+from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, Reduced, reduce_runs, solve_within
 
 
 def _runs(rng: np.random.Generator, theta: float, tau: float, count: int = 24) -> list[Linearized]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.likelihood.mixed_model import (
+from evaluator.diagnosis.likelihood.linear.mixed_model import (
     FRICTION_SCATTER,
     GAIN_SCATTER,
     MixedModel,

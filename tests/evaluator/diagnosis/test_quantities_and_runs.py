@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.likelihood import random_effects
 from evaluator.diagnosis.likelihood.features import (
     channels_of,
     compression,
@@ -20,6 +19,7 @@ from evaluator.diagnosis.likelihood.known_to import (
     quantities,
     start_per_run_s,
 )
+from evaluator.diagnosis.likelihood.linear import random_effects
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData, Task

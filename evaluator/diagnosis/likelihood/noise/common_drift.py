@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from evaluator.diagnosis.inference.watch import Each
 from evaluator.diagnosis.likelihood.features import Compression
-from evaluator.diagnosis.likelihood.mixed_model import Linearized, MixedModel, reduce_runs
+from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.noise import friction_wander
 from evaluator.diagnosis.likelihood.noise.drift import BELIEVED
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, correlated
@@ -71,13 +72,14 @@ def common_drift(
     prior_precision: Floats,
     assumed: Drift,
     friction: Sequence[Floats],
+    each: Each = map,
 ) -> tuple[Drift, float]:
     """The drift of the midpoint that runs show in their linear views, and the rate at which friction wanders.
 
     views: columns of common parameters included. times_s: of the frames used. prior_precision: (p,) of the common
     parameters. assumed: the drift that the views are whitened with; of friction that wanders they know nothing.
-    friction: features (d, m) of each run by the modes of wander_shifts. Nothing of either where the views are
-    explained as well without it, within what chance allows.
+    friction: features (d, m) of each run by the modes of wander_shifts. each: does independent pieces of work. Nothing
+    of either where the views are explained as well without it, within what chance allows.
     """
     frames = list(zip(views, compressions, times_s, friction, strict=True))
 
@@ -93,8 +95,11 @@ def common_drift(
     def uphill(place: _Place, free: Sequence[int]) -> _Place:
         last = None
         while place != last:  # the evidence has one maximum
-            last = place
-            place = max(_around(place, free), key=lambda near: log_evidence(*near))
+            last, near = place, _around(place, free)
+            for time in {at[1] for at in near}:
+                lasting(time)  # once, and not by each of those that begin together
+            evidences = list(each(lambda at: log_evidence(*at), near))
+            place = near[int(np.argmax(evidences))]
         return place
 
     best = uphill((*BEGIN, friction_wander.BEGIN), range(4))
@@ -166,4 +171,4 @@ def _log_evidence(runs: Sequence[_Run], drift: Drift, walk: float, prior_precisi
         views.append(view)
         widths += float(np.linalg.slogdet(view.start.T @ view.start)[1])
     model = MixedModel(reduce_runs(views), prior_precision)
-    return model.posterior(range(len(prior_precision))).log_evidence - widths / 2
+    return model.log_evidence(range(len(prior_precision))) - widths / 2

@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from evaluator.diagnosis.likelihood.linear.normal_equations import explained, normal_matrices, solved
+
 Floats = NDArray[np.float64]
 
 FLAT = 3  # start x, y, heading
@@ -26,8 +28,7 @@ SCATTER = ("friction", "left_gain", "right_gain", "start")  # per run: relative;
 FRICTION_SCATTER = np.geomspace(5e-4, 0.3, 15)  # a polished plate to a dirty one
 GAIN_SCATTER = np.geomspace(1e-4, 0.1, 16)  # quartz-driven steppers to poor DC motors
 START_SCATTER = 1.0  # how well starts are known is stated
-UNLIKELY = 1e-6  # share of the probability below which a scatter of the grid adds nothing to a covariance
-LITTLE = 1e-12  # of the diagonal of normal equations: keeps columns apart that say the same
+UNLIKELY = 1e-6  # share of the probability below which a scatter of the grid adds nothing to a mean or covariance
 RIDGE = 1e-11  # of normal equations with ones on the diagonal: parameters that stand for each other
 
 
@@ -136,8 +137,7 @@ class MixedModel:
         rest = np.setdiff1d(np.arange(len(self.prior)), keep)
         H = self._normal(keep, np.arange(len(self.tau)))
         sides = np.concatenate([self.G[:, keep][:, :, rest], self.g[:, keep, None]], axis=2)
-        solved = _solved(H, sides)
-        taken = np.matmul(sides.transpose(0, 2, 1), solved)
+        taken = np.matmul(sides.transpose(0, 2, 1), solved(H, sides))
         found = copy(self)
         found.s = self.s - taken[:, -1, -1]
         found.g, found.G, found.prior = self.g.copy(), self.G.copy(), self.prior
@@ -146,7 +146,7 @@ class MixedModel:
         said = np.diagonal(found.G, axis1=1, axis2=2) < self.rounding
         found.g[said] = 0.0  # what base says already: the rest of it is rounding, of either sign
         found.G[said[:, :, None] | said[:, None, :]] = 0.0
-        found.logdet = self.logdet + self._occam(H, keep)
+        found.logdet = self.logdet + self._explained(keep, H, sides[:, :, -1])[1]
         return found
 
     def taken(self, columns: Sequence[int]) -> MixedModel:
@@ -160,53 +160,55 @@ class MixedModel:
         return found
 
     def _normal(self, keep: NDArray[np.int64], at: NDArray[np.int64]) -> Floats:
-        """Normal matrices (len(at), k, k) of some columns, with their priors and a little to keep them definite.
+        """Normal matrices (t, k, k) of some columns, with their priors, at some grid points."""
+        return normal_matrices(self.G[np.ix_(at, keep, keep)], self.prior[keep])
 
-        Of each column a share of its own: of a robot of a metre, one may be a moment in µN·mm, 10¹⁰ of which show, and
-        another the inverse of a speed.
+    def _explained(self, keep: NDArray[np.int64], H: Floats, g: Floats) -> tuple[Floats, Floats]:
+        """What the parameters of some columns take off -2 log likelihood, (t,), and what they cost of it, (t,).
+
+        Those with a prior cost what they were narrowed to. Unit information about an effect is what a run tells of it
+        with the nominal values unknown: an effect that a nominal value within its tolerance can stand for must not
+        come cheaper than one that nothing can.
         """
-        H = self.G[np.ix_(at, keep, keep)] + np.diag(self.prior[keep])
-        own = np.diagonal(H, axis1=1, axis2=2)
-        return np.asarray(H + (LITTLE * np.where(own > 0, own, 1.0))[:, None, :] * np.eye(len(keep)))
+        known = self.prior[keep] > 0
+        gain, log_det = explained(H, g, known)
+        return gain, log_det - np.log(self.prior[keep][known]).sum() + np.sum(~known) * np.log(self.runs)
 
-    def _occam(self, H: Floats, keep: NDArray[np.int64]) -> Floats:
-        """What the parameters of some columns cost, -2 log: those with a prior by what they were narrowed to.
+    def _scored(self, keep: NDArray[np.int64], at: NDArray[np.int64]) -> tuple[Floats, Floats, Floats, Floats]:
+        """Log evidence and misfit (t,) at grid points, and their normal equations (t, k, k), (t, k)."""
+        H, g = self._normal(keep, at), self.g[np.ix_(at, keep)]
+        gain, cost = self._explained(keep, H, g)
+        misfit = self.s[at] - gain + self.logdet[at]
+        return -0.5 * (misfit + cost), misfit, H, g
 
-        Unit information about an effect is what a run tells of it with the nominal values unknown: an effect that a
-        nominal value within its tolerance can stand for must not come cheaper than one that nothing can.
-        """
-        free = self.prior[keep] == 0
-        known = np.linalg.slogdet(H[:, ~free][:, :, ~free])[1] - np.log(self.prior[keep][~free]).sum()
-        return np.asarray(known + free.sum() * np.log(self.runs))
+    def log_evidence(self, columns: Sequence[int]) -> float:
+        """Log evidence of the model with these columns, as in its posterior."""
+        keep = np.asarray(columns, dtype=np.int64)
+        return _log_mean(self._scored(keep, np.arange(len(self.tau)))[0])
 
     def posterior(self, columns: Sequence[int], at: NDArray[np.int64] | None = None) -> Posterior:
         """Evidence and parameters of the model with these columns; at: grid points to use (default: all)."""
         keep = np.asarray(columns, dtype=np.int64)
         at = np.arange(len(self.tau)) if at is None else at
-        g = self.g[np.ix_(at, keep)]
-        H = self._normal(keep, at)
-        mean = _solved(H, g[..., None])[..., 0]
-        misfit = self.s[at] - np.einsum("tk,tk->t", g, mean) + self.logdet[at]
-        score = -0.5 * (misfit + self._occam(H, keep))
-        top = int(np.argmax(score))
-        weight = np.exp(score - score[top])
+        score, misfit, H, g = self._scored(keep, at)
+        weight = np.exp(score - score.max())
         weight /= weight.sum()
-        center = weight @ mean
-        spread = mean - center
         likely = weight > UNLIKELY
+        share = weight[likely] / weight[likely].sum()
         identity = np.broadcast_to(np.eye(len(keep)), H[likely].shape)
-        covariance = np.einsum("t,tij->ij", weight[likely], _solved(H[likely], identity))
-        covariance += np.einsum("t,ti,tj->ij", weight, spread, spread)
-        evidence = float(score[top] + np.log(np.mean(np.exp(score - score[top]))))
-        return Posterior(
-            evidence, center, covariance, weight @ self.tau[at], float(misfit.min()), int(at[int(np.argmin(misfit))])
-        )
+        both = solved(H[likely], np.concatenate([g[likely, :, None], identity], axis=2))
+        mean, inverse = both[:, :, 0], both[:, :, 1:]
+        center = share @ mean
+        spread = mean - center
+        covariance = np.einsum("t,tij->ij", share, inverse) + np.einsum("t,ti,tj->ij", share, spread, spread)
+        best = int(at[int(np.argmin(misfit))])
+        return Posterior(_log_mean(score), center, covariance, weight @ self.tau[at], float(misfit.min()), best)
 
 
-def _solved(H: Floats, right: Floats) -> Floats:
-    """Solutions (t, k, m) of normal equations (t, k, k), (t, k, m), whatever the units of their unknowns."""
-    scale = np.sqrt(np.diagonal(H, axis1=1, axis2=2))[..., None]
-    return np.asarray(np.linalg.solve(H / (scale * scale.transpose(0, 2, 1)), right / scale) / scale)
+def _log_mean(score: Floats) -> float:
+    """Logarithm of the mean of what has these logarithms."""
+    top = score.max()
+    return float(top + np.log(np.mean(np.exp(score - top))))
 
 
 def solve_at(reduced: Reduced, prior_precision: Floats, tau: Floats) -> Floats:
