@@ -84,14 +84,15 @@ def draw_grid(
     places = grid_places(layout, size)
     matrix = _pose(places, rng, size_px, rng.uniform(*fill), tilt_deg)
     width, height = size_px
-    y, x = (np.mgrid[: SAMPLES * height, : SAMPLES * width] + 0.5) / SAMPLES - 0.5
+    x, y = ((np.arange(SAMPLES * count) + 0.5) / SAMPLES - 0.5 for count in size_px)
+    y = y[:, None]
     inverse = np.linalg.inv(matrix)
     depth = inverse[2, 0] * x + inverse[2, 1] * y + inverse[2, 2]
     u = (inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2]) / depth
     v = (inverse[1, 0] * x + inverse[1, 1] * y + inverse[1, 2]) / depth
     low, high = places.min(axis=0) - margin, places.max(axis=0) + margin
     sheet = (depth > 0) & (u > low[0]) & (u < high[0]) & (v > low[1]) & (v < high[1])
-    ground = 0.5 * (levels[0] + levels[1]) + _texture(x.shape, rng, texture)
+    ground = 0.5 * (levels[0] + levels[1]) + _texture(depth.shape, rng, texture)
     picture = np.where(sheet, levels[1], ground)
     for place in places:
         part = _samples_of(place, diameter / 2, matrix, size_px)

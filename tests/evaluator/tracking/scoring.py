@@ -18,13 +18,15 @@ Array = NDArray[np.float64]
 def threshold_and_centroid(path: Path, clip: Clip) -> dict[str, Array]:
     """Centroid of the largest blob within a range of hues, at least 20 px², (n, 2) by mark; NaN without one."""
     places: dict[str, list[tuple[float, float]]] = {name: [] for name in clip.truth}
+    hues = np.arange(256) * 360 / 256
     with av.open(str(path)) as container:
         for frame in container.decode(video=0):
-            hsv = cv2.cvtColor(frame.to_ndarray(format="rgb24"), cv2.COLOR_RGB2HSV_FULL).astype(float)
+            hsv = cv2.cvtColor(frame.to_ndarray(format="rgb24"), cv2.COLOR_RGB2HSV_FULL)
+            vivid = (hsv[..., 1] > 80) & (hsv[..., 2] > 80)
             for name in clip.truth:
                 low, high = clip.hues_deg[name]
-                hue = np.mod(hsv[..., 0] * 360 / 256 - low, 360) < np.mod(high - low, 360)
-                mask = (hue & (hsv[..., 1] > 80) & (hsv[..., 2] > 80)).astype(np.uint8)
+                within = np.mod(hues - low, 360) < np.mod(high - low, 360)
+                mask = (within[hsv[..., 0]] & vivid).astype(np.uint8)
                 count, _, stats, centers = cv2.connectedComponentsWithStats(mask, connectivity=8)
                 best = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])) if count > 1 else 0
                 good = best and stats[best, cv2.CC_STAT_AREA] >= 20

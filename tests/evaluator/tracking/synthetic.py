@@ -34,20 +34,29 @@ def frames_in_memory(images: list[Array]) -> Iterator[Frame]:
 
 def coverage(size: tuple[int, int], center: tuple[float, float], radius: float, blur: float, fine: int = 8) -> Array:
     """Share of each pixel that a blurred disc covers; (height, width)."""
+    whole = np.zeros((size[1], size[0]))
+    part, share = _covered(size, center, radius, blur, fine)
+    whole[part] = share
+    return whole
+
+
+def _covered(
+    size: tuple[int, int], center: tuple[float, float], radius: float, blur: float, fine: int = 8
+) -> tuple[tuple[slice, slice], Array]:
+    """The part of an image, rows and columns, that a blurred disc covers, and its share of each pixel there."""
     width, height = size
     reach = int(np.ceil(radius + 6 * blur + 2))
     left, top = int(center[0]) - reach, int(center[1]) - reach
     side = 2 * reach + 1
-    k = (np.arange(side * fine) + 0.5) / fine - 0.5
-    x, y = np.meshgrid(k + left - center[0], k + top - center[1])
-    inside = np.clip((radius - np.hypot(x, y)) * fine + 0.5, 0, 1)
-    soft = cv2.GaussianBlur(inside, (0, 0), blur * fine)
-    small = soft.reshape(side, fine, side, fine).mean(axis=(1, 3))
-    whole = np.zeros((height, width))
     x0, y0, x1, y1 = max(left, 0), max(top, 0), min(left + side, width), min(top + side, height)
-    if x0 < x1 and y0 < y1:
-        whole[y0:y1, x0:x1] = small[y0 - top : y1 - top, x0 - left : x1 - left]
-    return whole
+    if x0 >= x1 or y0 >= y1:
+        return (slice(0), slice(0)), np.zeros((0, 0))
+    k = (np.arange(side * fine, dtype=np.float32) + 0.5) / fine - 0.5
+    x, y = k + np.float32(left - center[0]), k + np.float32(top - center[1])
+    inside = np.clip((radius - np.sqrt(x[None, :] ** 2 + y[:, None] ** 2)) * fine + 0.5, 0, 1)
+    soft = cv2.GaussianBlur(inside, (0, 0), blur * fine)
+    small = cv2.resize(soft, (side, side), interpolation=cv2.INTER_AREA).astype(float)  # means of fine² samples
+    return (slice(y0, y1), slice(x0, x1)), small[y0 - top : y1 - top, x0 - left : x1 - left]
 
 
 def turning_marks(frames: int, center: tuple[float, float], turn: float, scale: float, step: float) -> dict[str, Array]:
@@ -75,13 +84,13 @@ def draw(
     image[:] = PLATE
     if marks:
         middle = np.mean(list(marks.values()), axis=0)
-        y, x = np.mgrid[: size[1], : size[0]]
-        image[np.hypot(x - middle[0], y - middle[1]) < 10 * radius] = BLACK
+        y, x = np.ogrid[: size[1], : size[0]]
+        image[(x - middle[0]) ** 2 + (y - middle[1]) ** 2 < (10 * radius) ** 2] = BLACK
     for name, center in marks.items():
-        share = coverage(size, center, radius, blur)[..., None]
-        image = image * (1 - share) + share * np.array(GREEN if name.startswith("green") else YELLOW)
+        part, share = _covered(size, center, radius, blur)
+        image[part] += share[..., None] * (np.array(GREEN if name.startswith("green") else YELLOW) - image[part])
     image += rng.normal(0, noise, image.shape)
-    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+    return np.clip(np.rint(image, out=image), 0, 255, out=image).astype(np.uint8)
 
 
 def noise_images(count: int, size: tuple[int, int] = (64, 48)) -> list[NDArray[np.uint8]]:
