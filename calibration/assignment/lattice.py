@@ -64,8 +64,10 @@ def assign_grid(dots: Dots) -> Lattice:
         return NO_LATTICE
     best = _largest(dots, points, OPPOSITE)
     if len(points) <= FEW or len(best) <= FEW:
-        slanted = _completed(dots, _largest(dots, points, SLANTED))
+        slanted = _largest(dots, points, SLANTED)
+        as_best = _same(slanted, best)  # as mostly, and to complete one takes long
         best = _completed(dots, best)
+        slanted = best if as_best else _completed(dots, slanted)
         best = slanted if len(slanted) > len(best) else best
     if not len(best):
         return NO_LATTICE
@@ -81,7 +83,14 @@ def _completed(dots: Dots, lattice: Lattice) -> Lattice:
     all_dots = dots.centers_px, dots.diameter_px, dots.contrast
     dot, index = completed(*all_dots, lattice.dot, lattice.index)
     keep = without_strays(dots.centers_px, dot, index)
-    return Lattice(*completed(*all_dots, dot[keep], index[keep]), lattice.others)
+    if not keep.all():  # with all of them nothing more was found
+        dot, index = completed(*all_dots, dot[keep], index[keep])
+    return Lattice(dot, index, lattice.others)
+
+
+def _same(one: Lattice, other: Lattice) -> bool:
+    """Whether two lattices hold the same dots at the same places."""
+    return np.array_equal(one.dot, other.dot) and np.array_equal(one.index, other.index)
 
 
 def _largest(dots: Dots, points: Array, opposite_share: float) -> Lattice:
