@@ -12,10 +12,10 @@ from math import ceil, floor
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from calibration.camera import Camera
+from calibration.compilation import compiled
 from calibration.gauge.geometry import Gauge
 
 Array = NDArray[np.float64]
@@ -110,7 +110,7 @@ def disc_coverage(camera: Camera, centers_mm: Array, radii_mm: Array, vertices: 
     return np.ascontiguousarray(np.clip(covered, 0, 1)[margin:-margin, margin:-margin])
 
 
-@njit(cache=True)
+@compiled()
 def _add_polygon(sums, polygon):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Add the signed-area differences of a polygon; their running sum along rows is the covered share of each pixel."""
     for k in range(len(polygon)):
@@ -136,7 +136,7 @@ def _add_polygon(sums, polygon):  # type: ignore[no-untyped-def]  # noqa: ANN001
                 before = here
 
 
-@njit(cache=True)
+@compiled()
 def _area_right_of(left, right, column):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Mean over an edge running from left to right of the part of pixel `column` that lies to its right."""
     if right - left < 1e-12:

@@ -19,9 +19,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numba import njit
 from numpy.typing import NDArray
 
+from calibration.compilation import compiled
 from tests.driven_robot.drive import COMMAND, POSE, Drive, relative_to_start
 
 Array = NDArray[np.float64]
@@ -99,7 +99,7 @@ def driven(commands: Array, truth: Truth) -> tuple[Array, Array]:
     return times, _rolled(wanted * RADIUS_M, truth.time_constant_s)
 
 
-@njit(cache=True)
+@compiled()
 def _rolled(wanted_m_s: Array, time_constant_s: float) -> Array:
     """Poses (n, 3) from rest, at every STEP_S, of wheels that follow wanted surface speeds (n, 2) with first order."""
     state, rolling = np.zeros(6), np.zeros(2)
@@ -115,7 +115,7 @@ def _rolled(wanted_m_s: Array, time_constant_s: float) -> Array:
     return poses
 
 
-@njit(cache=True)
+@compiled()
 def _slopes(state: Array, rolling_m_s: Array) -> Array:
     """Time derivative (6,) of x, y, heading, forward and left speed, yaw rate; rolling_m_s: (2,) of the sides."""
     heading, ahead, left, yaw = state[2:]

@@ -167,6 +167,7 @@ def test_replayed_plan_is_a_smooth_function_of_an_effect() -> None:
 
 
 def test_second_process_does_not_compile() -> None:
+    simulate(load_robot("barrel"), Command.constant(1.0, 2.0), np.linspace(0, 1, 5))  # the first
     script = (
         "import sys, numpy as np\n"
         "from simulator.command import Command\n"
@@ -177,8 +178,7 @@ def test_second_process_does_not_compile() -> None:
         "print(sum(integrate_run.stats.cache_misses.values()), sum(integrate_run.stats.cache_hits.values()))\n"
     )
     root = Path(__file__).parents[2]
-    for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", script], cwd=root, capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-c", script], cwd=root, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["0", "1"]
 
 
