@@ -15,10 +15,11 @@ from simulator.effects.entry import EffectEntry
 from simulator.robot import load_robot, shipped_robot_text
 from simulator.run import State
 from simulator.simulation import simulate
-from tests.evaluator.diagnosis.hidden import ATTRACTION, COMMANDS, ROBOT_EXACTLY
+from tests.evaluator.diagnosis.hidden import ATTRACTION, COMMANDS, ROBOT_EXACTLY, offer_few
 
 SIGMA_MM, SIGMA_RAD = 0.004, 0.002
 DEAD_S, LAG_S = 0.15, 0.10
+LIKE_LATE = ("command-lag", "drive-speed-scale", "friction-level", "time-base", "viscous-drag"), ("speed",)
 
 
 def session_of_poses(folder: Path, effects: dict[str, dict[str, float]], late_s: float, more: str) -> Path:
@@ -56,7 +57,9 @@ def late_motors(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     folder = tmp_path_factory.mktemp("late")
     effects = {"command-lag": {"dead_time_s": DEAD_S, "time_constant_s": LAG_S}}
     path = session_of_poses(folder, effects, 0.0, "[known_to]\nstart_common_s = 0.0\nstart_per_run_s = 0.0")
-    return diagnose_experiment(path, folder / "out")[1]
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        offer_few(monkeypatch, *LIKE_LATE)
+        return diagnose_experiment(path, folder / "out")[1]
 
 
 def test_late_motors_are_found_from_poses_and_logs(late_motors: dict[str, Any]) -> None:
@@ -70,7 +73,10 @@ def test_late_motors_are_found_from_poses_and_logs(late_motors: dict[str, Any]) 
     assert gap["after"]["held_out"] < 1.2 * gap["noise_floor"] < 0.5 * gap["before"]["held_out"]
 
 
-def test_a_clock_that_is_off_is_found_within_its_interval_and_is_no_effect(tmp_path: Path) -> None:
+def test_a_clock_that_is_off_is_found_within_its_interval_and_is_no_effect(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    offer_few(monkeypatch, *LIKE_LATE)
     path = session_of_poses(tmp_path, {}, 0.08, "[known_to]\nstart_common_s = 0.1\nstart_per_run_s = 0.005")
     content = diagnose_experiment(path, tmp_path / "out")[1]
     assert content["verdict"] == "none"
