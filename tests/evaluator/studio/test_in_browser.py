@@ -207,7 +207,7 @@ def test_colours_are_those_of_the_report() -> None:
 
 def test_a_hidden_effect_is_found_added_to_the_robot_and_the_gap_shrinks(tmp_path: Path, open_page: OpenPage) -> None:
     hidden = {"drive-speed-mismatch": {"left_over_right": 1.05}}
-    write_hidden(tmp_path / "monday", hidden, commands=COMMANDS[:6], seconds=3.0, exact=True)
+    write_hidden(tmp_path / "monday", hidden, commands=COMMANDS[:4], seconds=3.0, exact=True)
     with serving(tmp_path) as studio, open_page(studio.link) as page:
         page.locator("a.card").click()
         page.get_by_role("button", name="Diagnose").click()

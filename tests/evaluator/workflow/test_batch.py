@@ -11,31 +11,13 @@ from pathlib import Path
 import pytest
 
 from evaluator.errors import InputError
-from evaluator.files import written_whole
 from evaluator.progress import Cancelled
 from evaluator.workflow import analyze
 from evaluator.workflow.execution import cluster
 from evaluator.workflow.execution.answers import answers_of
 from tests.evaluator.synthetic import circling_marks, write_experiment
+from tests.evaluator.workflow.small_jobs import slow_write, square, square_unless_three
 from tests.waiting import HANGS_S
-
-
-def square(number: int) -> int:
-    return number * number
-
-
-def square_unless_three(number: int) -> int:
-    if number == 3:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return number * number
-
-
-def slow_write(path: Path) -> int:
-    with written_whole(path) as temporary:
-        temporary.write_text("begun", encoding="utf-8")
-        path.with_suffix(".began").touch()
-        time.sleep(2 * HANGS_S)
-    return 0
 
 
 def answered(work: Callable[[int], int], count: int) -> dict[int, int]:
