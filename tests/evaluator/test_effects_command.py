@@ -105,8 +105,9 @@ candidate = named_terms(20.0, (30.0,))["side-wind"]
 assert candidate.coordinates[0].step == 0.05 and candidate.physical((2.0,)) == {"force_mN": 2.0}
 from evaluator.report.diagnosis.words import parameter
 assert parameter("force_mN", "side-wind") == ("force", "mN")
-from evaluator.report.pages.effects import effects_page
-assert "a wind from the side" in effects_page()
+from evaluator.report.pages import effects as page
+page.EFFECTS = {"side-wind": page.EFFECTS["side-wind"]}  # another test draws the others
+assert "a wind from the side" in page.effects_page()
 from evaluator.cli import main
 sys.argv = ["turnscope", "effects", "side-wind"]
 main()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import ChainMap
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from click.testing import CliRunner
 
 from evaluator.cli.effects import effects
 from evaluator.errors import InputError
+from simulator.effects.catalogue import EFFECTS, OWN
 
 
 @pytest.fixture(autouse=True)
@@ -40,10 +42,14 @@ def test_a_python_file_is_listed_only_where_it_is_named() -> None:
     assert "v_left" in said("--effect", "left-faster.py", "left-faster")
 
 
-def test_the_page_draws_an_own_effect_too() -> None:
+def test_the_page_draws_an_own_effect_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    few = ChainMap(OWN, {"plate-tilt": EFFECTS["plate-tilt"]})  # another test draws the whole catalogue
+    monkeypatch.setattr("evaluator.report.pages.effects.EFFECTS", few)
     said("new", "mixed-drive")
     said("--html", "page.html")
-    assert "mixed-drive: what is wrong" in Path("page.html").read_text(encoding="utf-8")
+    page = Path("page.html").read_text(encoding="utf-8")
+    assert "mixed-drive: what is wrong" in page
+    assert 'id="plate-tilt"' in page
 
 
 @pytest.mark.parametrize(
