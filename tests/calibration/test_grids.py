@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from calibration.assignment.array_in_image import find_array
-from calibration.assignment.lattice import rows_and_columns
+from calibration.assignment.lattice import assign_grid, rows_and_columns
+from calibration.detection.dots import detect_dots
 from tests.calibration.grid_images import GridImage, draw_grid, grid_images, loose_circles
 
 
@@ -42,6 +43,11 @@ def test_grid_whose_dots_grow_by_half_is_assigned_to_its_rows_and_columns() -> N
     assert np.ptp(np.log(dots.diameter_px[lattice.dot])) > np.log(1.4)
     layout, index = rows_and_columns(lattice)
     assert (len(lattice), layout, sorted((index.max(axis=0) + 1).tolist())) == (24, "square", [4, 6])
+
+
+def test_few_dots_whose_steps_shrink_by_a_third_are_found_at_a_second_look() -> None:
+    image = draw_grid("slanted", np.random.default_rng(5), size=(4, 3), diameter=0.75, tilt_deg=70, fill=(0.7, 0.7))
+    assert len(assign_grid(detect_dots(image.image))) >= 6  # at the first look no dot has four arms that are even
 
 
 def test_loose_circles_form_no_grid_of_their_number() -> None:
