@@ -7,8 +7,8 @@ import pytest
 from tests.evaluator.browser import OpenPage, pages
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def open_page() -> Iterator[OpenPage]:
-    """A browser for the tests of a package (see pages): to start one costs more than most of them."""
+    """A browser for the tests of a module (see pages): to start one costs more than most of them."""
     with pages() as found:
         yield found
