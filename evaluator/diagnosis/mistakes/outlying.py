@@ -14,6 +14,7 @@ from simulator.robot import Robot
 # A neighbour that is a quarter faster or slower has 64 % of the evidence or more for what grows with speed: what speaks
 # loudly in one run cannot be silent in it. The share of the wheel speeds by which turns differ counts likewise.
 SPEED_FACTOR, SHARE_STEP = 1.25, 0.1
+REPEAT = "look at the recording, or repeat the run"
 
 
 def has_kin(run: RunData, others: Sequence[RunData]) -> bool:
@@ -60,13 +61,23 @@ def outlying_run(
     on_ground = size_of(robot) != PAPER_SIZE
     reading = None if on_ground else reading_of(run, others, robot)
     if reading is None and gains is not None and run.log is None and not on_ground:
-        rpm = [speed * (1 + gain) for speed, gain in zip(run.command, gains, strict=True)]
-        told = f"{run.left_rpm:g} / {run.right_rpm:g}"
-        seen = f"it moves as if it were commanded about {rpm[0]:.2g} / {rpm[1]:.2g} rpm, not {told}"
-        return Mistake((run.id,), "wrong-command", f"{alone}: {seen}; {REMEDIES['wrong-command']}")
+        return _of_other_speeds(run, alone, gains)
     if reading is None:
         unread = "" if on_ground else "none of the usual mistakes explains it; "
-        remedy = f"{unread}look at the recording, or repeat the run"
-        return Mistake((run.id,), "outlying", f"{alone}; {remedy}")
+        return Mistake((run.id,), "outlying", f"{alone}; {unread}{REPEAT}")
     sentence = f"{alone}: it {reading.seen}; {reading.remedy}"
     return Mistake((run.id,), reading.kind, sentence, equivalent_kinds=reading.equivalent)
+
+
+def _of_other_speeds(run: RunData, alone: str, gains: tuple[float, float]) -> Mistake:
+    """The mistake of a run whose wheels turn faster or slower than commanded: another command, if it reads as one."""
+    told, found = (
+        " / ".join(f"{speed * (1 + gain):.2g}" for speed, gain in zip(run.command, by, strict=True))
+        for by in ((0.0, 0.0), gains)
+    )
+    if found != told:
+        seen = f"it moves as if it were commanded about {found} rpm, not {run.left_rpm:g} / {run.right_rpm:g}"
+        return Mistake((run.id,), "wrong-command", f"{alone}: {seen}; {REMEDIES['wrong-command']}")
+    left, right = (f"{100 * abs(gain):.1g} % {'faster' if gain > 0 else 'slower'}" for gain in gains)
+    seen = f"its left wheels turn {left} than commanded, its right wheels {right}"
+    return Mistake((run.id,), "outlying", f"{alone}: {seen}; {REPEAT}")

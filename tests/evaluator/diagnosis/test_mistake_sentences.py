@@ -140,6 +140,9 @@ def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkey
         f"commanded about {slower:.2g} / {same:.2g} rpm, not {run.left_rpm:g} / {same:g}; look up"
         in driven_else.sentence
     )
+    hardly = outlying_run(run, others, ROBOT, gains=(-0.004, 0.003))
+    assert hardly.kind == "outlying"
+    assert "its left wheels turn 0.4 % slower than commanded, its right wheels 0.3 % faster; look" in hardly.sentence
     read = Found("r0", "mirrored", "moves so", "mirror it", ("reversed",))
     monkeypatch.setattr(outlying, "reading_of", lambda *_: read)
     named = outlying_run(run, others, ROBOT)
