@@ -170,7 +170,7 @@ def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None
         return None
     nominal = {key: value for key, value in again.fit.point.nominal.items() if not is_shared(key)}
     gains = None
-    if found.leftover is not None and sole_gains(found.leftover, found.fit.runs) == suspect:
+    if found.leftover is not None and _sole_gains_of(found, found.leftover) == suspect:
         left, right = found.leftover.random_effects[found.fit.runs.index(suspect), 1:3]
         gains = float(left), float(right)
     odd = outlying_run(data[suspect], rest.data, varied_robot(robots[suspect], nominal), gains)
@@ -189,7 +189,12 @@ def _sole_run_of(found: Diagnosis) -> int | None:
     if found.verdict != "unknown" or found.leftover is None:
         return None
     misfit = sole_misfit(found.leftover, found.fit.runs)
-    return sole_gains(found.leftover, found.fit.runs) if misfit is None else misfit
+    return _sole_gains_of(found, found.leftover) if misfit is None else misfit
+
+
+def _sole_gains_of(found: Diagnosis, left: Adequacy) -> int | None:
+    """The run whose wheel speeds alone differ, by more than chance and more than matters here."""
+    return sole_gains(left, found.fit.runs, found.session.relevant.speed_percent)
 
 
 def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diagnosis:

@@ -32,8 +32,9 @@ class Adequacy:
     """What is left over under a fit.
 
     excess: mean square of whitened left-overs, 1 for pure noise; excess_sigma: its distance from 1 in standard errors.
-    by_run: the same per run. random_effects: friction, gains and start of each run (n, 4). order_p: probability that
-    these depend so much on something known were they chance, Bonferroni over all that was asked; depends_on: on what.
+    by_run: the same per run. random_effects: friction, gains and start of each run (n, 4), drawn towards nought by what
+    the run does not tell; told: (n, 4), the share of their variance that it tells. order_p: probability that they
+    depend so much on something known were they chance, Bonferroni over all that was asked; depends_on: on what.
     widest: what differs so much from run to run that no laboratory leaves it to chance, in words; empty where nothing
     does.
     """
@@ -42,6 +43,7 @@ class Adequacy:
     excess_sigma: float
     by_run: Floats
     random_effects: Floats
+    told: Floats
     order_p: float
     depends_on: str
     widest: str = ""
@@ -59,7 +61,7 @@ def adequacy(fit: Fit, data: Sequence[RunData]) -> Adequacy:
     sigma = np.sqrt(2 / freedom.sum())
     order_p, depends_on = _order(random_effects / scatter, told, [data[run] for run in fit.runs])
     return Adequacy(
-        excess, (excess - 1) / sigma, squares / freedom, random_effects, order_p, depends_on, _widest(scatter)
+        excess, (excess - 1) / sigma, squares / freedom, random_effects, told, order_p, depends_on, _widest(scatter)
     )
 
 

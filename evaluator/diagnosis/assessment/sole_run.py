@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.assessment.adequacy import Adequacy
+from evaluator.diagnosis.assessment.adequacy import LEAST_TOLD, Adequacy
 from evaluator.diagnosis.assessment.model_comparison import Set, score
 from evaluator.diagnosis.assessment.verdict import EXCESS, KEEP, NOT_CHANCE, least_gain
 from evaluator.diagnosis.inference.fit import Fit, prior_precision
@@ -27,6 +27,7 @@ Floats = NDArray[np.float64]
 # all rests is the first of them, but for what common parameters make of it.
 TRIED = 3
 FEWEST_RUNS = 4  # three that agree, to say that one does not
+MEAN_SPREAD = (np.mean, partial(np.std, ddof=1))
 
 
 @dataclass(frozen=True)
@@ -67,24 +68,29 @@ def sole_misfit(left: Adequacy, runs: tuple[int, ...]) -> int | None:
     return runs[worst] if left.excess > EXCESS >= float(others.mean()) else None
 
 
-def sole_gains(left: Adequacy, runs: tuple[int, ...]) -> int | None:
+def sole_gains(left: Adequacy, runs: tuple[int, ...], least_percent: float) -> int | None:
     """The run whose wheel speeds differ from those of all others by more than chance; None where there is no such run.
 
-    One run that drove another command gives all runs a scatter in which anything may hide.
+    One run that drove another command gives all runs a scatter in which anything may hide. least_percent: of what its
+    wheel speeds differ by; less explains nothing, and the verdict without an innocent run is another one.
+
+    A gain is drawn towards nought by what its run does not tell, and spreads by the root of the share that it tells: by
+    these roots all are divided, or the runs that tell most would look unlike the others.
     Source: Grubbs (1950), Ann. Math. Stat. 21, 27: each run against the others, Bonferroni over runs and sides.
     """
     from scipy import stats
 
-    gains = left.random_effects[:, 1:3]
+    gains, told = left.random_effects[:, 1:3], left.told[:, 1:3]
     if len(gains) < FEWEST_RUNS or not gains.any(axis=0).all():
         return None
     count = len(gains)
-    others = [np.delete(gains, k, axis=0) for k in range(count)]
-    means, spreads = (np.array([of(part, axis=0) for part in others]) for of in (np.mean, partial(np.std, ddof=1)))
-    apart = np.abs(gains - means) / np.maximum(spreads, 1e-300) / np.sqrt(1 + 1 / (count - 1))
+    alike = np.where(told > LEAST_TOLD, gains / np.sqrt(np.maximum(told, LEAST_TOLD)), 0.0)
+    means, spreads = (np.array([of(np.delete(alike, k, axis=0), axis=0) for k in range(count)]) for of in MEAN_SPREAD)
+    apart = np.abs(alike - means) / np.maximum(spreads, 1e-300) / np.sqrt(1 + 1 / (count - 1))
     worst, side = np.unravel_index(int(np.argmax(apart)), apart.shape)
     p = 2 * gains.size * stats.t.sf(apart[worst, side], count - 2)
-    return runs[int(worst)] if p < NOT_CHANCE else None
+    off_percent = 100 * abs(gains[worst, side] - np.delete(gains[:, side], worst).mean())
+    return runs[int(worst)] if p < NOT_CHANCE and off_percent > least_percent else None
 
 
 def _evidence(search: Search, fit: Fit, but: int | None = None) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from evaluator.diagnosis.assessment.adequacy import Adequacy
 from evaluator.diagnosis.assessment.sole_run import SoleRun, _misfits, sole_gains, sole_misfit, sole_run
@@ -17,6 +18,8 @@ from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedM
 from evaluator.diagnosis.likelihood.problem import Column, Point
 from evaluator.diagnosis.likelihood.run_data import PER_RUN
 from tests.evaluator.diagnosis.synthetic import column, fit_of, linear_runs, minus_two_log
+
+Floats = NDArray[np.float64]
 
 RUNS, FEATURES = 10, 60
 TERM = named_terms(50.0, (30.0,))["drive-speed-scale"]
@@ -90,21 +93,42 @@ def test_no_effect_rests_on_no_run() -> None:
 def test_left_overs_of_one_run_alone_are_told_from_those_of_many(
     by_run: tuple[float, ...], suspect: int | None
 ) -> None:
-    left = Adequacy(float(np.mean(by_run)), 9.0, np.array(by_run), np.zeros((4, 4)), 1.0, "")
+    left = Adequacy(float(np.mean(by_run)), 9.0, np.array(by_run), np.zeros((4, 4)), np.ones((4, 4)), 1.0, "")
     assert sole_misfit(left, (3, 5, 7, 9)) == suspect
 
 
-@pytest.mark.parametrize(("off", "named"), [(-0.33, 4), (0.0, None)])
-def test_a_run_whose_wheels_turn_unlike_those_of_all_others_is_found(off: float, named: int | None) -> None:
+def _left_of(effects: Floats, told: Floats | None = None) -> Adequacy:
+    """Left-overs of runs with these random effects (n, 4), told to a share of their variance (n, 4), 1 if not given."""
+    told = np.ones_like(effects) if told is None else told
+    return Adequacy(1.0, 0.0, np.ones(len(effects)), effects, told, 1.0, "")
+
+
+@pytest.mark.parametrize(
+    ("off", "least", "named"), [(-0.33, 0.1, 4), (0.0, 0.1, None), (-0.02, 0.1, 4), (-0.02, 3, None)]
+)
+def test_a_run_whose_wheels_turn_unlike_those_of_all_others_is_found(
+    off: float, least: float, named: int | None
+) -> None:
     rng = np.random.default_rng(5)
     effects = rng.normal(size=(12, 4)) * [0.05, 2e-4, 2e-4, 1.0]
     effects[4, 1] += off
-    assert sole_gains(Adequacy(1.0, 0.0, np.ones(12), effects, 1.0, ""), tuple(range(12))) == named
+    assert sole_gains(_left_of(effects), tuple(range(12)), least) == named
 
 
 def test_wheel_speeds_that_scatter_in_all_runs_are_no_matter_of_one() -> None:
     rng = np.random.default_rng(6)
     effects = np.zeros((20, 4))
     effects[:, 1:3] = rng.normal(size=(20, 2)) * 0.03
-    assert sole_gains(Adequacy(1.0, 0.0, np.ones(20), effects, 1.0, ""), tuple(range(20))) is None
-    assert sole_gains(Adequacy(1.0, 0.0, np.ones(20), 0 * effects, 1.0, ""), tuple(range(20))) is None
+    assert sole_gains(_left_of(effects), tuple(range(20)), 0.1) is None
+    assert sole_gains(_left_of(0 * effects), tuple(range(20)), 0.1) is None
+
+
+def test_a_run_that_tells_its_wheel_speeds_better_than_others_is_not_unlike_them() -> None:
+    rng = np.random.default_rng(7)
+    told = np.full((20, 4), 0.02)
+    told[3] = 1.0
+    told[4] = 0.0
+    effects = rng.normal(size=(20, 4)) * 0.03 * np.sqrt(told)
+    effects[3, 1] = 0.05
+    assert sole_gains(_left_of(effects), tuple(range(20)), 0.1) == 3
+    assert sole_gains(_left_of(effects, told), tuple(range(20)), 0.1) is None

@@ -132,7 +132,9 @@ def test_a_free_term_that_predicts_must_also_be_more_probable_than_nothing(
 
 
 def left(excess: float = 1.0, sigma: float = 9.0, order_p: float = 1.0) -> Adequacy:
-    return Adequacy(excess, sigma, np.ones(3), np.zeros((3, 4)), order_p, "friction of the runs depends on order")
+    return Adequacy(
+        excess, sigma, np.ones(3), np.zeros((3, 4)), np.ones((3, 4)), order_p, "friction of the runs depends on order"
+    )
 
 
 def test_left_overs_are_doubted_beyond_an_eighth_of_the_noise_and_five_sigmas() -> None:
