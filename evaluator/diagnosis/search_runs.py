@@ -32,6 +32,7 @@ from evaluator.diagnosis.inference.strategy import HOPELESS, run_search
 from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.known_to import Quantity, predicted_sigmas
 from evaluator.diagnosis.likelihood.noise.common_drift import USUAL_DRIFT
+from evaluator.diagnosis.likelihood.noise.friction_wander import USUAL_WANDER
 from evaluator.diagnosis.likelihood.preparation import build_problem, with_noise_of
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import RunData
@@ -120,7 +121,10 @@ def search_named(ready: Prepared, progress: Progress) -> Search:
         problem = with_noise_of(problem, begin)
         part = replace(part, problem=problem)
         large = is_large(problem, begin) or helps_itself(begin)
-    if not large:
+    if large:
+        usual = replace(part.problem, common_drift=USUAL_DRIFT, friction_wander=USUAL_WANDER)
+        part = replace(part, problem=with_noise_of(usual, begin))
+    else:
         part, begin = _with_drift(part, begin)
     run_search(part, begin, start, progress, short_horizon_fits(part, start, progress) if large else ())
     part = _with_settled_noise(part, start, progress)
@@ -181,7 +185,7 @@ def _with_drift(part: Search, begin: Point) -> tuple[Search, Point]:
     """The search with the drift of both marks that the model without effects leaves, and where to begin.
 
     Asked for before anything is added, or effects that are none would explain it. A large misfit is no drift of a
-    camera; there it is asked for once something explains the runs.
+    camera; there a usual one is assumed, and asked for once something explains the runs.
     """
     usual = replace(part, problem=with_noise_of(replace(part.problem, common_drift=USUAL_DRIFT), begin))
     null = fit_model(usual.problem, begin, [], usual.tolerance, usual.runs)

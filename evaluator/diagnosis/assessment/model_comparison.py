@@ -64,9 +64,10 @@ class Standing:
         weight = {ids: np.exp(score - max(scores.values())) for ids, score in scores.items()}
         return float(sum(weight[ids] for ids in sets) / sum(weight.values()))
 
-    def containing(self, effect: str) -> float:
-        """Probability that an effect takes part."""
-        return float(sum(p for ids, p in zip(self.sets, self.probability, strict=True) if effect in ids))
+    def containing(self, effect: str, among: Iterable[Set]) -> float:
+        """Probability that an effect takes part if one of these sets is right."""
+        sets = list(among)
+        return self.share_of([ids for ids in sets if effect in ids], sets)
 
 
 def standing(search: Search, families: int) -> Standing:

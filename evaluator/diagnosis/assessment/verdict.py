@@ -73,7 +73,7 @@ def pays(search: Search, table: Standing, families: int, ids: Set) -> bool:
     would have to be off by more than chance allows: something is missing then anyway. A set with an effect at the bound
     of what it may be stands for something that it is not.
     """
-    if ids and (_strains(search, ids) or _at_bounds(search, ids)):
+    if not may_be_right(search, ids):
         return False
     least, first = least_gain(ids), KEEP[1]
     if len(ids) == 1 and not any(map(is_free, ids)) and _relieves(search, ids):
@@ -81,6 +81,11 @@ def pays(search: Search, table: Standing, families: int, ids: Set) -> bool:
     # two effects that undo each other cost much to part, and may together gain nothing over none
     gained = not ids or table.of(ids) - score(search, frozenset(), families) > first
     return gained and all(table.of(ids) - score(search, ids - {effect}, families) > least for effect in ids)
+
+
+def may_be_right(search: Search, ids: Set) -> bool:
+    """Whether a set may be an answer, however probable: it neither ends at a bound nor bends what is known."""
+    return not (ids and (_strains(search, ids) or _at_bounds(search, ids)))
 
 
 def _relieves(search: Search, ids: Set) -> bool:

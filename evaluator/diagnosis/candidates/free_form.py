@@ -295,3 +295,7 @@ def _families() -> Iterator[tuple[Item, ...]]:
     yield Item("camera_x", "time"), Item("camera_y", "time")  # an image that creeps
     yield Item("camera_x", "x"), Item("camera_x", "y")  # unequal scales and a shear; the rest is a scale and a turn
     yield Item("camera_x", "x_r_squared"), Item("camera_y", "y_r_squared")  # what a lens leaves
+
+
+# Not a family that is tried: what a plate does whose friction is another one under the left wheels than under the right
+UNEVEN_FRICTION = _family((Item("friction", "one", "left-right"),), PAPER_SIZE)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.candidates.coordinates import size_of
+from evaluator.diagnosis.candidates.free_form import UNEVEN_FRICTION
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.features import (
@@ -22,10 +23,11 @@ from evaluator.diagnosis.likelihood.features import (
 )
 from evaluator.diagnosis.likelihood.noise.discrepancy import left_over, with_discrepancy
 from evaluator.diagnosis.likelihood.noise.drift import with_drift
-from evaluator.diagnosis.likelihood.noise.friction_wander import wander_shifts, whitening
+from evaluator.diagnosis.likelihood.noise.friction_wander import uneven_shifts, wander_shifts, whitening
 from evaluator.diagnosis.likelihood.noise.outliers import CHANNELS, without_outliers
 from evaluator.diagnosis.likelihood.problem import FRICTION, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, START_POSE, Forward, RunData, aligned_starts
+from evaluator.robot_geometry import wheel_sides
 
 Floats = NDArray[np.float64]
 
@@ -106,20 +108,31 @@ def friction_shifts(problem: Problem, point: Point, runs: Sequence[int]) -> list
     """Of each run at the frames used, in its channels, mm: what is fitted to it, and what friction that wanders does.
 
     The first (4, n, 4): start x, y, heading and friction throughout, each changed by one unit. The second: see
-    wander_shifts. Zeros for a run that cannot be simulated at the point.
+    wander_shifts and uneven_shifts. Zeros for a run that cannot be simulated at the point.
     """
-    step = float(problem.per_run_steps[FRICTION])
-    tasks = [point.task(run, shift) for run in runs for shift in (None, step * np.eye(PER_RUN)[FRICTION])]
-    marks, half = problem.forward.marks(tasks), problem.half_distance_mm
+    step, half = float(problem.per_run_steps[FRICTION]), problem.half_distance_mm
+    uneven = replace(point, terms={**point.terms, UNEVEN_FRICTION.id: (step,)})
+    tasks = [
+        task
+        for run in runs
+        for task in (point.task(run), point.task(run, step * np.eye(PER_RUN)[FRICTION]), uneven.task(run))
+    ]
+    marks = problem.forward.marks(tasks)
     found = []
-    for run, base, moved in zip(runs, marks[::2], marks[1::2], strict=True):
+    for run, base, moved, turned in zip(runs, marks[::3], marks[1::3], marks[2::3], strict=True):
         channels, used = channels_of(base), problem.compressions[run].used
-        throughout = channel_residual(channels_of(moved), channels, half) / step
+        throughout, by_side = (channel_residual(channels_of(part), channels, half) / step for part in (moved, turned))
         known = np.zeros((START_POSE + 1, *channels.shape))
         known[0, :, 0] = known[1, :, 1] = 1.0
         known[2, :, :3] = np.column_stack([-channels[:, 1], channels[:, 0], np.full(len(channels), half)])
         known[3] = throughout
-        wander = wander_shifts(channels, throughout, half)
+        sides_mm = wheel_sides(problem.forward.robots[run], np.nan_to_num(base))
+        wander = np.concatenate(
+            [
+                wander_shifts(channels, throughout, half),
+                uneven_shifts(channels, np.nan_to_num(by_side), sides_mm, half),
+            ]
+        )
         found.append((np.nan_to_num(known[:, used]), np.nan_to_num(wander[:, used])))
     return found
 

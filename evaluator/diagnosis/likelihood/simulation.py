@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.diagnosis.candidates.free_form import UNEVEN_FRICTION
 from evaluator.diagnosis.likelihood.feature_cache import Paths, laid
 from evaluator.diagnosis.likelihood.known_to import START, amount_of, mark_keys
 from evaluator.diagnosis.likelihood.observed_marks import SharedErrors, marks_of_states
@@ -55,11 +56,11 @@ class Simulated:
         self._mark_keys = [mark_keys(robot) for robot in self.robots]
         self._data = tuple(data)
         self._errors = [SharedErrors(run, self.known) for run in data]
-        self._terms = terms
+        self._terms = {UNEVEN_FRICTION.id: UNEVEN_FRICTION, **terms}
         told = [run.told for run in data]
         self._knots = [item.command.knots for item in told]
         self._from_rest = np.array([item.starts_at_rest for item in told], dtype=np.bool_)
-        self._variants = variants or Variants(self.robots, terms, self.known)
+        self._variants = variants or Variants(self.robots, self._terms, self.known)
         self._paths = Paths()
 
     def of_frames(self, data: Sequence[RunData]) -> Simulated:

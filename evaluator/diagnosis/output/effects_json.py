@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from evaluator.diagnosis.assessment.cross_validation import covariance_over_commands
 from evaluator.diagnosis.assessment.disagreement import Interval, root_mean_squares
 from evaluator.diagnosis.assessment.model_comparison import SAME_SIGMAS, is_free
+from evaluator.diagnosis.assessment.verdict import may_be_right
 from evaluator.diagnosis.candidates.free_form import FreeTerm
 from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.inference.silence import silent_reaches
@@ -85,8 +86,11 @@ def _bounded(values: Interval) -> Json:
 def _effect(diagnosis: Diagnosis, effect: str) -> Json:
     assert diagnosis.terms is not None
     assert diagnosis.standing is not None
-    term = diagnosis.terms[effect]
-    probability = diagnosis.standing.containing(effect)
+    assert diagnosis.search is not None
+    term, search = diagnosis.terms[effect], diagnosis.search
+    # a set that is refused, however probable by its evidence, is no alternative to what was chosen
+    sets = [ids for ids in diagnosis.standing.sets if ids == diagnosis.chosen or may_be_right(search, ids)]
+    probability = diagnosis.standing.containing(effect, sets)
     shown: Json = {
         "id": "free-form" if is_free(effect) else effect,
         "name": term.describe() if isinstance(term, FreeTerm) else EFFECTS[effect].name,

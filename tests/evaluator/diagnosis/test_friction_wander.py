@@ -10,8 +10,15 @@ import simulator
 from evaluator.diagnosis.likelihood.features import Compression, channel_residual, channels_of, compression
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise.common_drift import common_drift
-from evaluator.diagnosis.likelihood.noise.friction_wander import RATES, shift_by, wander_shifts, whitening
+from evaluator.diagnosis.likelihood.noise.friction_wander import (
+    RATES,
+    shift_by,
+    uneven_shifts,
+    wander_shifts,
+    whitening,
+)
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise
+from evaluator.robot_geometry import wheel_sides
 from simulator.robot import EffectEntry, Robot
 
 Floats = NDArray[np.float64]
@@ -58,6 +65,43 @@ def test_modes_have_the_variance_of_a_walk_about_its_mean() -> None:
     base = np.column_stack([np.linspace(0, 30, 3001), np.zeros((3001, 3))])
     speeds = np.diff(wander_shifts(base, base, HALF_MM)[:, :, 0], axis=1) / np.diff(base[:, 0])
     assert np.sqrt(np.mean(np.sum(speeds**2, axis=0))) == pytest.approx(np.sqrt(30 / 6), rel=0.04)
+
+
+def _sides(path: NDArray[np.complex128], track_mm: float) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    left = 1j * track_mm / 2 * np.gradient(path) / np.abs(np.gradient(path))
+    return path + left, path - left
+
+
+@pytest.mark.parametrize("track_mm", [4.0, 8.0])
+def test_the_plate_differs_between_the_sides_as_its_friction_does_over_their_distance(track_mm: float) -> None:
+    """A straight run that half of the difference moved ahead in proportion would show that difference in its speed."""
+    base = np.column_stack([np.linspace(0, 20, 801), np.zeros((801, 3))])
+    shifts = uneven_shifts(base, base, _sides(base[:, 0] + 0j, track_mm), HALF_MM)
+    halves = np.diff(shifts[:, :, 0], axis=1) / np.diff(base[:, 0])
+    covariance = halves.T @ halves
+    assert np.sqrt(np.median(np.diag(covariance))) == pytest.approx(np.sqrt(track_mm) / 2, rel=0.1)
+    # ten millimetres farther, what is left of it
+    far = np.median(np.diag(covariance, 400))
+    assert far == pytest.approx((np.hypot(10, track_mm) - 10) / 4, rel=0.15, abs=0.02)
+
+
+def test_the_plate_under_a_robot_that_comes_back_is_the_same_again() -> None:
+    turn = np.linspace(0, 4 * np.pi, 801)
+    path = 3 * np.exp(1j * turn)
+    ahead = np.column_stack([np.cumsum(np.full(len(turn), 0.01)), *np.zeros((3, len(turn)))])
+    straight = np.column_stack([ahead[:, 0], *np.zeros((3, len(turn)))])
+    halves = np.diff(uneven_shifts(straight, ahead, _sides(path, 4.0), HALF_MM)[:, :, 0], axis=1)
+    np.testing.assert_allclose(halves[:, :380], halves[:, 400:780], atol=0.05 * np.abs(halves).max())
+
+
+def test_sides_are_where_the_wheels_are() -> None:
+    heading, centre = 0.7, 3.0 - 2.0j
+    marks = [centre + np.exp(1j * heading) * complex(*place) for place in BARREL.points_mm.values()]
+    row = np.array([[part for mark in marks for part in (mark.real, mark.imag)]])
+    left, right = wheel_sides(BARREL, row)
+    half = 0.5j * BARREL.track_mm * np.exp(1j * heading)
+    assert left[0] == pytest.approx(centre + half)
+    assert right[0] == pytest.approx(centre - half)
 
 
 def test_whitening_undoes_the_covariance() -> None:

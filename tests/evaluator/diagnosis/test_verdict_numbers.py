@@ -174,7 +174,8 @@ def test_probabilities_are_shares_of_the_exponentials() -> None:
     assert (np.diff(scores) <= 0).all()
     weight = np.exp(scores)
     np.testing.assert_allclose(table.probability, weight / weight.sum())
-    assert table.containing("a") == pytest.approx(1 - weight[table.sets.index(NONE)] / weight.sum())
+    assert table.containing("a", table.sets) == pytest.approx(1 - weight[table.sets.index(NONE)] / weight.sum())
+    assert table.containing("b", [A, AB]) == pytest.approx(1 / (1 + np.exp(table.of(A) - table.of(AB))))
     assert table.share_of([A], [A, NONE]) == pytest.approx(1 / (1 + np.exp(table.of(NONE) - table.of(A))))
 
 

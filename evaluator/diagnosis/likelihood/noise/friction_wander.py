@@ -9,6 +9,11 @@ Friction is taken for a random walk along the way, about its mean over the run. 
 (Karhunen-Loève). What one of them does to the path follows from what a friction that is changed throughout does,
 without another simulation: velocities balance the wheels' forces at every instant (the slow manifold), so a change of
 friction changes the velocity in the body frame at that instant alone, in proportion.
+
+Such a plate is not alike under both sides of a robot either. Where slip is far from its limit, friction that changes
+under all wheels hardly moves the path (0.1 to 0.7 mm for all of it, of one robot), and that of one side against the
+other does (2 to 6 mm): half a per cent of it was fitted as 30 % of friction, or as a friction gradient. It follows from
+the same walk, as friction over the plate is one surface (Lévy's Brownian surface), and asks for no further number.
 How large the walk is, is asked of all runs together: see common_drift.py.
 """
 
@@ -22,10 +27,13 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 MODES = 10  # hold 94 % of the variance of a walk about its mean: 1 - (6/π²)·Σ 1/k² beyond
+# Of the difference between the sides, which changes over the width of a robot, and frames between which it is even.
+UNEVEN_MODES, SAMPLES = 16, 80
 # Relative change of friction after 1 mm of way; it grows with the root of the way. The least does less to any path than
 # a model's precision; of more than 3 %, 10 % after a centimetre, a laboratory wipes its plate.
 RATES = (0.0, *np.geomspace(3e-4, 3e-2, 9).tolist())
 BEGIN = 4  # in the middle of them
+USUAL_WANDER = RATES[BEGIN]  # what a model is fitted with before it is known: see common_drift.USUAL_DRIFT
 
 
 def wander_shifts(channels: Floats, per_friction: Floats, half_distance_mm: float) -> Floats:
@@ -38,6 +46,28 @@ def wander_shifts(channels: Floats, per_friction: Floats, half_distance_mm: floa
     waves = np.pi * np.arange(1, MODES + 1)[:, None]
     friction = np.sqrt(2 * length) / waves * np.cos(waves * (way[1:] + way[:-1]) / 2 / length)
     return np.array([shift_by(mode, channels, per_friction, half_distance_mm) for mode in friction])
+
+
+def uneven_shifts(
+    channels: Floats, per_difference: Floats, sides_mm: tuple[Floats, Floats], half_distance_mm: float
+) -> Floats:
+    """What a plate whose friction walks by 1 in 1 mm does by being uneven: (UNEVEN_MODES, n, 4) mm.
+
+    One standard deviation of each mode of the friction under the left side over that under the right, half of their
+    difference. per_difference: (n, 4) mm, what 1 of that throughout does to the channels. sides_mm: the middles of the
+    left and of the right wheels on the plate, (n,) each, x + iy.
+    """
+    steps = len(channels) - 1
+    chosen = np.unique(np.linspace(0, steps, min(steps + 1, SAMPLES)).astype(int))
+    left, right = (side[chosen] for side in sides_mm)
+    apart, alike = np.abs(left[:, None] - right), sum(np.abs(side[:, None] - side) for side in (left, right))
+    # of a surface with a variogram as long as the distance: half of the differences of the distances, for half of it
+    covariance = (apart + apart.T - alike) / 8
+    variances, vectors = np.linalg.eigh(covariance)
+    largest = np.sqrt(np.maximum(variances[-UNEVEN_MODES:], 0.0)) * vectors[:, -UNEVEN_MODES:]
+    middle = np.arange(steps) + 0.5
+    modes = [np.interp(middle, chosen, mode) for mode in largest.T]
+    return np.array([shift_by(mode, channels, per_difference, half_distance_mm) for mode in modes])
 
 
 def shift_by(friction: Floats, channels: Floats, per_friction: Floats, half_distance_mm: float) -> Floats:
