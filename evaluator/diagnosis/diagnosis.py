@@ -193,8 +193,11 @@ def _sole_run_of(found: Diagnosis) -> int | None:
 
 
 def _sole_gains_of(found: Diagnosis, left: Adequacy) -> int | None:
-    """The run whose wheel speeds alone differ, by more than chance and more than matters here."""
-    return sole_gains(left, found.fit.runs, found.session.relevant.speed_percent)
+    """The run whose wheel speeds alone differ, by more than chance and more than matters here.
+
+    What a model that does not follow the marks says of wheel speeds is worth nothing.
+    """
+    return None if not found.follows else sole_gains(left, found.fit.runs, found.session.relevant.speed_percent)
 
 
 def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diagnosis:

@@ -77,3 +77,18 @@ def test_the_one_run_that_is_not_followed_is_suspected(
     search: Any = SimpleNamespace()
     found = Diagnosis("unknown", "so", session_of(12), search=search, terms={}, outlying=outlying)
     assert module._sole_run_of(found) == suspect
+
+
+@pytest.mark.parametrize("follows", [True, False])
+def test_wheel_speeds_by_a_model_that_follows_no_run_make_none_suspect(
+    monkeypatch: pytest.MonkeyPatch, *, follows: bool
+) -> None:
+    monkeypatch.setattr(module, "sole_run", lambda *_: None)
+    monkeypatch.setattr(module, "sole_misfit", lambda *_: None)
+    monkeypatch.setattr(module, "sole_gains", lambda *_: ODD)
+    whole: Any = SimpleNamespace(fits={frozenset(): SimpleNamespace(runs=(*range(12),))})
+    left: Any = SimpleNamespace()
+    found = Diagnosis(
+        "unknown", "so", session_of(12), search=whole, terms={}, outlying=(*range(9),), follows=follows, leftover=left
+    )
+    assert module._sole_run_of(found) == (ODD if follows else None)
