@@ -168,6 +168,10 @@ def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None
     simpler = again.chosen < found.chosen or (again.chosen == found.chosen and suspect in found.outlying)
     if again.verdict not in ("none", "effect") or not (found.verdict == "unknown" or simpler):
         return None
+    if _is_followed(found, again, suspect):
+        more = ", ".join(sorted(found.chosen - again.chosen)) or "more than noise"
+        why = f"{more}, which no other run shows, rests on it alone; repeat it"
+        return replace(again, session=replace(rest, left_out={**rest.left_out, data[suspect].id: why}))
     nominal = {key: value for key, value in again.fit.point.nominal.items() if not is_shared(key)}
     gains = None
     if found.leftover is not None and _sole_gains_of(found, found.leftover) == suspect:
@@ -175,6 +179,18 @@ def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None
         gains = float(left), float(right)
     odd = outlying_run(data[suspect], rest.data, varied_robot(robots[suspect], nominal), gains)
     return replace(again, session=replace(rest, mistakes=(*rest.mistakes, odd)))
+
+
+def _is_followed(found: Diagnosis, again: Diagnosis, run: int) -> bool:
+    """Whether what the other runs say of the robot follows a run as well: then nothing is wrong with it."""
+    assert found.search is not None
+    problem, fit = found.search.problem, again.fit
+    point = replace(fit.point, per_run=found.fit.point.per_run)
+    try:
+        placed = place_runs(problem, point, [run], fit.posterior.scatter)
+    except FloatingPointError:
+        return False
+    return bool(run_gaps(problem, placed, [run]) <= farthest_followed(problem, [run]))
 
 
 def _sole_run_of(found: Diagnosis) -> int | None:

@@ -46,6 +46,7 @@ class Session:
     start_sigma_s: float = 0.0
     mistakes: tuple[Mistake, ...] = ()  # runs concerned are not in data
     relevant: Relevant = field(default_factory=Relevant)
+    left_out: Mapping[str, str] = field(default_factory=dict)  # good runs of which a diagnosis makes no use, and why
     own: tuple[str, ...] = ()  # ids of the user's own effects, tried like those of the catalogue
 
     @property

@@ -17,6 +17,7 @@ from evaluator.report.diagnosis.words import (
     equivalents_sentence,
     gap_sentence,
     in_words,
+    left_out_sentence,
     next_runs_sentence,
     not_tried_sentence,
     rivals_sentence,
@@ -43,6 +44,8 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
     lines += [gap_sentence(content), predicted_sentence(content), preferred_sentence(content)]
     if content.get("runs_not_followed") and closes(content):
         lines.append(f"Not followed, look at these recordings first: {', '.join(content['runs_not_followed'])}.")
+    if content.get("left_out_runs"):
+        lines.append(left_out_sentence({"left_out_runs": content["left_out_runs"]}))  # of others the command says it
     lines += where_sentences(content, SENTENCES)
     lines += [
         rivals_sentence(content),

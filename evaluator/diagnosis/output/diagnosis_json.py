@@ -58,6 +58,7 @@ def record(diagnosis: Diagnosis) -> Json:
             "rivals": [],
             "next_experiment": None,
             "skipped_runs": dict(diagnosis.session.skipped),
+            "left_out_runs": dict(diagnosis.session.left_out),
         }
     table = disagreement(diagnosis)
     apart = [] if table is None or table.empty else disagreeing_runs(table)
@@ -94,6 +95,7 @@ def record(diagnosis: Diagnosis) -> Json:
         "nominal": _nominal(diagnosis),
         "shared_errors_sigmas": _shared(diagnosis),
         "skipped_runs": dict(diagnosis.session.skipped),
+        "left_out_runs": dict(diagnosis.session.left_out),
         "not_tried": _not_tried(diagnosis.session),
     }
 

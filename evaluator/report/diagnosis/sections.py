@@ -15,6 +15,7 @@ from evaluator.report.diagnosis.words import (
     equivalents_sentence,
     gap_sentence,
     in_words,
+    left_out_sentence,
     length,
     next_runs,
     not_tried_sentence,
@@ -165,7 +166,7 @@ def _small_print(content: Json) -> Section | None:
                 f"Along the way of a run friction changes by {percent_text(noise['friction_in_10_mm'])} in 10 mm, as "
                 "on a plate that is not equally clean everywhere. What is named is more than that."
             )
-    text.append(_left_out(content.get("skipped_runs") or {}))
+    text.append(left_out_sentence(content))
     text.append(not_tried_sentence(content))
     rows = tuple(
         (key, signed_percent(item["relative_change"]), percent_text(item["sigma"]), percent_text(item["tolerance"]))
@@ -178,12 +179,6 @@ def _small_print(content: Json) -> Section | None:
     if not _full(text) and not tables:
         return None
     return Section("diagnosis-noise", "Noise, scatter and nominal values", _full(text), (), tables)
-
-
-def _left_out(skipped: dict[str, str]) -> str:
-    if not skipped:
-        return ""
-    return f"Left out of the diagnosis: {'; '.join(f'{run} ({reason})' for run, reason in skipped.items())}."
 
 
 def _names(effects: Sequence[str]) -> str:

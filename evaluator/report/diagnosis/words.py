@@ -124,6 +124,13 @@ def equivalents_sentence(effect: Json) -> str:
 WORTH_A_WORD = math.log(20.0)  # odds at which a rival is told: 5 % against
 
 
+def left_out_sentence(content: Json) -> str:
+    """Which runs the diagnosis makes no use of, and why; empty where it uses all."""
+    why = (content.get("skipped_runs") or {}) | (content.get("left_out_runs") or {})
+    runs = "; ".join(f"{run} ({in_words(reason)})" for run, reason in why.items())
+    return f"Left out of the diagnosis: {runs}." if runs else ""
+
+
 def not_tried_sentence(content: Json) -> str:
     """Which effects these runs cannot show; empty where all were tried."""
     effects = content.get("not_tried") or []

@@ -5,11 +5,13 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from evaluator.diagnosis import diagnosis as module
 from evaluator.diagnosis.diagnosis import Diagnosis, diagnose
 from evaluator.diagnosis.experiment import Session
+from evaluator.diagnosis.likelihood.problem import Point
 from evaluator.diagnosis.mistakes.recognised import Mistake
 from evaluator.progress import no_progress
 
@@ -22,8 +24,10 @@ def session_of(runs: int) -> Session:
     return Session(data, (None,) * runs, {})  # type: ignore[arg-type]
 
 
-def diagnosed(monkeypatch: pytest.MonkeyPatch, whole: Diagnosis, rest: Diagnosis, *, kin: bool) -> Diagnosis:
-    """The diagnosis of 12 runs, one of which is suspected, where the others say rest."""
+def diagnosed(
+    monkeypatch: pytest.MonkeyPatch, whole: Diagnosis, rest: Diagnosis, *, kin: bool, followed: bool = False
+) -> Diagnosis:
+    """The diagnosis of 12 runs, one of which is suspected, where the others say rest, which follows it or not."""
     fit = SimpleNamespace(point=SimpleNamespace(nominal={}))
     monkeypatch.setattr(Diagnosis, "fit", fit)
     monkeypatch.setattr(
@@ -31,6 +35,7 @@ def diagnosed(monkeypatch: pytest.MonkeyPatch, whole: Diagnosis, rest: Diagnosis
     )
     monkeypatch.setattr(module, "_sole_run_of", lambda found: ODD if found is whole else None)
     monkeypatch.setattr(module, "has_kin", lambda *_: kin)
+    monkeypatch.setattr(module, "_is_followed", lambda *_: followed)
     monkeypatch.setattr(module, "shortcomings", lambda _: [])
     monkeypatch.setattr(module, "varied_robot", lambda *_: None)
     monkeypatch.setattr(module, "outlying_run", lambda run, *_: Mistake((run.id,), "outlying", f"{run.id} alone"))
@@ -67,6 +72,36 @@ def test_a_run_that_no_fit_follows_is_set_aside_though_the_others_show_the_effec
         whole = Diagnosis("effect", "it pays", session_of(12), chosen=TILT, outlying=outlying)
         found = diagnosed(monkeypatch, whole, rest, kin=True)
         assert (found.verdict, [item.runs for item in found.session.mistakes]) == ("effect", named)
+
+
+def test_a_run_that_the_others_follow_is_left_out_and_not_called_mistaken(monkeypatch: pytest.MonkeyPatch) -> None:
+    both = TILT | {"friction-gradient"}
+    rest = Diagnosis("effect", "it pays", session_of(11), chosen=TILT)
+    found = diagnosed(
+        monkeypatch, Diagnosis("effect", "so", session_of(12), chosen=both), rest, kin=True, followed=True
+    )
+    assert (found.verdict, found.chosen, found.session.mistakes) == ("effect", TILT, ())
+    why = "friction-gradient, which no other run shows, rests on it alone; repeat it"
+    assert found.session.left_out == {"r3": why}
+
+
+@pytest.mark.parametrize(("gap_mm", "followed"), [(0.9, True), (1.1, False)])
+def test_a_run_is_followed_as_far_as_noise_and_ground_move_it(
+    monkeypatch: pytest.MonkeyPatch, *, gap_mm: float, followed: bool
+) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(module, "place_runs", lambda *args: asked.append(args) or args[1])
+    monkeypatch.setattr(module, "run_gaps", lambda *_: np.array([gap_mm]))
+    monkeypatch.setattr(module, "farthest_followed", lambda *_: np.array([1.0]))
+    starts = np.zeros((12, 7))
+    whole: Any = SimpleNamespace(search=SimpleNamespace(problem="problem"), fit=SimpleNamespace(point=Point(starts)))
+    scatter = np.ones(4)
+    point = Point(starts[1:], {"body.mass_g": 0.1})
+    others: Any = SimpleNamespace(fit=SimpleNamespace(point=point, posterior=SimpleNamespace(scatter=scatter)))
+    assert module._is_followed(whole, others, ODD) == followed
+    ((problem, placed, runs, within),) = asked
+    assert (problem, placed.nominal, runs, within is scatter) == ("problem", point.nominal, [ODD], True)
+    assert placed.per_run is starts
 
 
 @pytest.mark.parametrize(("outlying", "suspect"), [((ODD,), ODD), ((1, ODD), None), ((), None)])

@@ -13,6 +13,7 @@ from evaluator.report.diagnosis.knowledge import finding_sentences
 from evaluator.report.diagnosis.sections import diagnosis_sections
 from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.diagnosis.words import (
+    left_out_sentence,
     length,
     next_runs_sentence,
     parameter,
@@ -197,3 +198,9 @@ def test_every_parameter_of_every_effect_has_words_and_no_underscore() -> None:
 def test_lengths_are_told_in_the_unit_of_their_size() -> None:
     told = [length(value) for value in (0.00764, 0.9994, 5.964, 410.2, 1893.0, None)]
     assert told == ["7.64 µm", "999 µm", "5.96 mm", "410 mm", "1.89 m", UNKNOWN]
+
+
+def test_runs_that_are_left_out_are_named_with_the_reason() -> None:
+    assert left_out_sentence({"skipped_runs": {}}) == ""
+    content = {"skipped_runs": {"r2": "no marks"}, "left_out_runs": {"r7": "wheel-toe rests on it alone"}}
+    assert left_out_sentence(content) == ("Left out of the diagnosis: r2 (no marks); r7 (wheel-toe rests on it alone).")
