@@ -5,16 +5,20 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from evaluator.diagnosis import search_runs
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.inference import strategy
 from evaluator.diagnosis.inference.fit import fit_model
 from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import Search, fit_set
 from evaluator.diagnosis.inference.strategy import extend, run_search
-from evaluator.diagnosis.likelihood.preparation import build_problem
-from evaluator.diagnosis.likelihood.problem import Point
+from evaluator.diagnosis.likelihood.noise.common_drift import USUAL_DRIFT
+from evaluator.diagnosis.likelihood.noise.friction_wander import MODES, UNEVEN_MODES, USUAL_WANDER
+from evaluator.diagnosis.likelihood.preparation import build_problem, friction_shifts
+from evaluator.diagnosis.likelihood.problem import Point, Problem
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.progress import no_progress
 from simulator.effects.catalogue import EFFECTS
@@ -88,3 +92,29 @@ def test_a_candidate_that_begins_where_it_acts_is_promised_what_its_fit_brings(t
     assert found is not None
     gain = found.posterior.log_evidence - search.null.posterior.log_evidence
     assert view.evidence(offer) - view.evidence() == pytest.approx(gain, rel=0.2)
+
+
+def test_the_plate_under_either_side_is_part_of_what_friction_does(faster: tuple[Search, Point]) -> None:
+    search, nominal = faster
+    _, wander = friction_shifts(search.problem, nominal, [0])[0]
+    along, across = np.split(np.abs(wander).max(axis=(1, 2)), [MODES])
+    assert len(across) == UNEVEN_MODES
+    assert along[0] > 0
+    assert across[-1] > 0  # the largest mode stands last
+
+
+def test_a_search_from_a_large_misfit_owes_the_plate_what_is_usual(
+    faster: tuple[Search, Point], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search, nominal = faster
+    begun: list[Problem] = []
+    monkeypatch.setattr(search_runs, "is_large", lambda *_: True)
+    monkeypatch.setattr(search_runs, "recalibrated", lambda *_: nominal)
+    monkeypatch.setattr(search_runs, "short_horizon_fits", lambda *_: ())
+    monkeypatch.setattr(search_runs, "run_search", lambda part, *_: begun.append(part.problem))
+    monkeypatch.setattr(search_runs, "_with_settled_noise", lambda part, *_: part)
+    monkeypatch.setattr(search_runs, "_swap", lambda _: None)
+    ready = search_runs.Prepared(search.problem, nominal, search.tolerance, search.terms)
+    search_runs.search_named(ready, no_progress)
+    assert (begun[0].common_drift, begun[0].friction_wander) == (USUAL_DRIFT, USUAL_WANDER)
+    assert all(part.ground is not None for part in begun[0].compressions)
