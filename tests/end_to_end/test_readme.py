@@ -16,8 +16,9 @@ import pytest
 from evaluator.cli.group import turnscope
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = (".", "calibration", "simulator", "evaluator", "sample_videos", "tests/benchmarks")
-DOCUMENTS = {f"{folder}/README.md".removeprefix("./"): ROOT / folder / "README.md" for folder in FOLDERS}
+FOLDERS = ("calibration", "simulator", "evaluator", "sample_videos", "tests/benchmarks", "tests/benchmarks/tracking")
+NAMES = ("README.md", *(f"{folder}/README.md" for folder in FOLDERS), "tests/benchmarks/diagnosis.md")
+DOCUMENTS = {name: ROOT / name for name in NAMES}
 TEXTS = {name: path.read_text(encoding="utf-8") for name, path in DOCUMENTS.items()}
 MOST_WORDS = 600  # one to two screens
 
@@ -40,7 +41,11 @@ COMMAND_LINES = [
     for part in re.split(r"&&|;|(?<!\S)#.*", line)
     if re.match(r"\S*turnscope ", part.strip())
 ]
-MODULES = sorted(set(re.findall(r"python -m (tests\.[\w.]+)", "\n".join(TEXTS.values()))))
+EVERY_TEXT = "\n".join(TEXTS.values())
+MODULES = sorted(
+    {f"tests.benchmarks.{name}" for name in re.findall(r"`bench ([a-z_.]+)", EVERY_TEXT)}
+    | set(re.findall(r"python -m (tests\.[a-z_.]*[a-z])", EVERY_TEXT))
+)
 
 
 def test_readme_fits_on_two_screens() -> None:

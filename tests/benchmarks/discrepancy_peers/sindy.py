@@ -20,7 +20,7 @@ from simulator.effects.coordinates import Candidate
 from tests.benchmarks.discrepancy_peers.inputs import Floats, Inputs, gaps_mm
 from tests.benchmarks.discrepancy_peers.velocities import Moment, Pieces, corrected_path, pieces, signatures, windows
 
-# Settings: fixed on the development seed named in tests/benchmarks/README.md, before the bank was drawn.
+# Settings: fixed on other experiments, before the bank was drawn.
 THRESHOLDS = (0.03, 0.06, 0.12, 0.25, 0.5)  # of the RMS of the discrepancy, for terms of unit RMS
 RIDGE = 1e-3
 MODELS = 30

@@ -24,7 +24,7 @@ from evaluator.diagnosis.output.effect_tables import corrected_robot
 from simulator.effects.coordinates import Candidate
 from tests.benchmarks.discrepancy_peers.inputs import Floats, Inputs
 
-# Settings: fixed on the development seed named in tests/benchmarks/README.md, before the bank was drawn.
+# Settings: fixed on other experiments, before the bank was drawn.
 PIECES_PER_RUN = 3.0  # independent ones that a run counts for in the BIC; its hundreds of frames are not
 MOST_EFFECTS = 5
 STEPS = 6
