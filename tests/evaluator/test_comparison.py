@@ -156,6 +156,8 @@ def test_run_that_does_not_start_at_rest_has_the_speed_of_its_command_at_its_fir
     resting, _ = simulated_poses(barrel(), Told(told.command), at_rest())
     assert resting.u_mm_s[0] == 0.0
     assert (seen.x_mm[0], seen.y_mm[0], seen.heading_rad[0]) == pytest.approx((3.0, -2.0, 0.7), abs=1e-6)
+    again = simulated_poses(barrel(), told, seen)[1]  # of the moving robot: 0.03 mm a frame
+    assert trajectory_gap(seen, again)["gap_rms_mm"] < 1e-3
 
 
 def test_counterpart_is_read_by_the_same_estimator() -> None:

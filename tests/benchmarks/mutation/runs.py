@@ -65,6 +65,8 @@ def dependents(path: Path) -> frozenset[str]:
     """Loaded modules of ours that import a file, directly or not, and the file itself; all that is of the tests."""
     ours = {name: module for name, module in sys.modules.items() if name.partition(".")[0] in OURS}
     uses = {name: imported(Path(module.__file__)) for name, module in ours.items() if module.__file__}
+    for name in [name for name, used in uses.items() if "pkgutil" in used]:  # it finds the modules beside it
+        uses[name] |= {other for other in ours if other.rpartition(".")[0] == name.rpartition(".")[0]} - {name}
     found = {".".join(path.with_suffix("").parts).removesuffix(".__init__")}
     found |= {name for name in ours if name.startswith("tests")}
     while more := {name for name, used in uses.items() if name not in found and used & found}:

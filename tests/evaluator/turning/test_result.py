@@ -1,0 +1,87 @@
+"""What a measured turn says of itself: a row of turning.csv, a line for people, and bounds under another scale."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evaluator.turning import Turning
+from evaluator.turning.path import PointPath
+from evaluator.turning.phase_table import Phase
+
+PHASE = Phase(0.5, 2.0, "turn", 5.0, 4.9, 5.2, -2.0, 90.0)
+TURN = Turning(
+    radius_mm=5.0,
+    radius_low_mm=4.9,
+    radius_high_mm=5.2,
+    radius_systematic_mm=0.03,
+    steady_radius_mm=8.0,
+    steady_radius_low_mm=7.8,
+    steady_radius_high_mm=8.3,
+    speed_mm_s=-2.0,
+    yaw_rate_deg_s=20.0,
+    turned_deg=300.0,
+    curvature_per_mm=-0.2,
+    curvature_low_per_mm=-0.21,
+    curvature_high_per_mm=-0.18,
+    mark_speeds_mm_s={"green": 1.5, "yellow": -2.5},
+    mark_radii_mm={"green": 3.5, "yellow": 7.0},
+    other_wheels={"middle_left_slip_ratio": 0.1},
+    phases=(PHASE,),
+)
+
+
+def test_unit_of_length_known_to_a_share_widens_each_bound_by_that_share_in_quadrature() -> None:
+    wide = TURN.with_scale(0.02)
+    radius, steady, curvature = (1.96 * 0.02 * value for value in (5.0, 8.0, 0.2))
+    assert (wide.radius_low_mm, wide.radius_high_mm) == pytest.approx(
+        (5.0 - np.hypot(0.1, radius), 5.0 + np.hypot(0.2, radius))
+    )
+    assert (wide.steady_radius_low_mm, wide.steady_radius_high_mm) == pytest.approx(
+        (8.0 - np.hypot(0.2, steady), 8.0 + np.hypot(0.3, steady))
+    )
+    assert (wide.curvature_low_per_mm, wide.curvature_high_per_mm) == pytest.approx(
+        (-0.2 - np.hypot(0.01, curvature), -0.2 + np.hypot(0.02, curvature))
+    )
+    assert wide.radius_systematic_mm == pytest.approx(np.hypot(0.03, 0.1))
+    assert (wide.radius_mm, wide.curvature_per_mm, wide.speed_mm_s) == (5.0, -0.2, -2.0)
+
+
+def test_row_has_a_column_for_each_mark_and_wheel_and_what_is_a_table_by_itself_is_not_in_it() -> None:
+    path = PointPath("varies", 3.5, 3.4, 3.7, 1.5, 250.0, 0.01)
+    row = replace(TURN, paths={"green": path}).to_row()
+    expected = {
+        "green_speed_mm_s": 1.5,
+        "yellow_speed_mm_s": -2.5,
+        "green_radius_mm": 3.5,
+        "yellow_radius_mm": 7.0,
+        "green_radius_low_mm": 3.4,
+        "green_radius_high_mm": 3.7,
+        "green_turned_deg": 250.0,
+        "green_radius_status": "varies",
+        "middle_left_slip_ratio": 0.1,
+        "speed_mm_s": -2.0,
+    }
+    assert {name: row[name] for name in expected} == expected
+    assert not {"phases", "paths", "other_wheels", "mark_speeds_mm_s", "mark_radii_mm"} & set(row)
+    assert TURN.phase_rows() == [vars(PHASE)]
+
+
+def test_columns_of_marks_and_further_wheels_are_attributes_and_others_are_errors() -> None:
+    assert (TURN.yellow_speed_mm_s, TURN.green_radius_mm, TURN.middle_left_slip_ratio) == (-2.5, 3.5, 0.1)
+    for name in ("blue_speed_mm_s", "green_height_mm", "rear_slip_ratio"):
+        with pytest.raises(AttributeError, match=name):
+            getattr(TURN, name)
+
+
+def test_summary_says_radius_with_bounds_turn_and_speed_and_whether_the_radius_varies() -> None:
+    line = "radius 5.0000 mm, 95 % from 4.9000 to 5.2000; 300 degrees at -2 mm/s, 20 degrees/s"
+    assert TURN.summary() == line
+    assert repr(TURN) == f"Turning({line})"
+    varying = replace(TURN, radius_status="varies: by 9 %", radius_varies=True)
+    said = line.replace("5.2000;", "5.2000; varies, 8 mm on average;")
+    assert varying.summary() == f"varies: by 9 %; {said}"
+    assert Turning(radius_status="at rest").summary() == "at rest"
+    assert "<tr><th>95 %</th><td>4.9000 to 5.2000 mm</td></tr>" in TURN._repr_html_()
