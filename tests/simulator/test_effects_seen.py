@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from simulator.dynamics.terms import BASES, CHANNELS, Term
+from simulator.effects.view import View
 from simulator.observation import marks_of_run, view_of
 from simulator.robot import Robot, load_robot
 from tests.simulator.effect_probe import affected, marks
@@ -44,7 +46,6 @@ def test_plane_scale_stretches_about_the_origin(barrel: Robot) -> None:
 
 def test_two_scales_multiply_and_two_keystones_add(barrel: Robot) -> None:
     from simulator.effects.catalogue import EFFECTS
-    from simulator.effects.view import View
 
     view = View(tuple(mark.place_mm for mark in barrel.layout))
     for id_, values in (
@@ -93,3 +94,19 @@ def test_measured_times_are_the_factor_times_the_true_ones_and_places_stay(barre
     seen = marks_of_run(affected(barrel, "time-base", factor=1.25), still)
     assert seen["time_s"].tolist() == [0.0, 0.625, 2.5]
     assert seen["green_x_mm"].tolist() == pytest.approx([GREEN[0]] * 3)
+
+
+@pytest.mark.parametrize(
+    ("basis", "size"),
+    [("x", 3.0), ("y", -2.0), ("x_r_squared", 3.0 * 13), ("y_r_squared", -2.0 * 13), ("time", 5.0)],
+)
+@pytest.mark.parametrize("axis", [0, 1])
+def test_error_of_a_measured_coordinate_is_a_coefficient_times_what_it_depends_on(
+    basis: str, size: float, axis: int
+) -> None:
+    """A point at (3, -2), 13 mm² from the origin, seen after 5 s; the scale of the image does not act on the error."""
+    term = Term(CHANNELS["camera_x"] + axis, BASES[basis], 0.01)
+    seen = View(((0.0, 0.0),), scale=2.0, errors=(term, term)).place(np.array([3.0, -2.0]), 5.0)
+    expected = np.array([6.0, -4.0])
+    expected[axis] += 2 * 0.01 * size
+    assert seen == pytest.approx(expected)

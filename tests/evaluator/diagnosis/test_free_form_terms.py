@@ -1,0 +1,107 @@
+"""Families of terms without a name: units of the kernel, bounds that keep signs, sizes of robots, and words."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from evaluator.diagnosis.candidates.free_form import (
+    BASIS_WORDS,
+    CHANNEL_WORDS,
+    RELATIVE,
+    FreeTerm,
+    free_terms,
+    unit_of_coefficient,
+)
+from simulator.dynamics.terms import BASES, CHANNELS
+from simulator.effects.parameter import Size
+
+FREE = free_terms()
+LARGE = Size(length=100.0, force=1e4)
+
+
+def only(term: str) -> FreeTerm:
+    return FREE[f"free:{term}"]
+
+
+@pytest.mark.parametrize(
+    ("term", "kernel"),
+    [
+        ("force_forward.sign_u", 1000.0),  # µN of a mN
+        ("moment.one", 1.0),
+        ("steer.sign_u.driving", math.radians(1.0)),
+        ("drag.sign_u.left-right", 1000.0),
+        ("friction.abs_u", 1.0),
+        ("camera_x.time+camera_y.time", 1.0),
+    ],
+)
+def test_coefficients_of_files_are_those_of_the_kernel_in_its_units(term: str, kernel: float) -> None:
+    values = [2.0] * len(only(term).items)
+    found = only(term).kernel_terms(values)
+    assert [part.coefficient for part in found] == pytest.approx([2.0 * kernel] * len(values))
+    for part, item in zip(found, only(term).items, strict=True):
+        assert (part.channel, part.basis, part.pattern) == (CHANNELS[item.channel], BASES[item.basis], item.pattern)
+    assert only(term).physical(tuple(values)) == dict.fromkeys([item.name for item in only(term).items], 2.0)
+
+
+@pytest.mark.parametrize(
+    ("term", "times"),
+    [
+        ("force_forward.sign_u", 1e4),  # as the load
+        ("force_forward.u_abs_u", 1.0),  # mN/(mm/s)²: speeds grow as lengths do
+        ("force_forward.x+force_forward.y", 1e2),
+        ("moment.one", 1e6),
+        ("moment.u", 1e4),
+        ("moment.time", 1e6),  # times are alike
+        ("friction.one.driving", 1.0),
+        ("friction.abs_u", 1e-2),
+        ("speed.cos_heading.driving+speed.sin_heading.driving", 1.0),
+        ("camera_x.time+camera_y.time", 1e2),
+        ("camera_x.x_r_squared+camera_y.y_r_squared", 1e-4),  # an error that grows as lengths, over their cube
+        ("left_drive.right_command+right_drive.left_command", 1.0),
+    ],
+)
+def test_steps_and_bounds_are_as_many_times_as_large_as_what_they_measure(term: str, times: float) -> None:
+    paper, large = only(term).coordinates[0], free_terms(LARGE)[f"free:{term}"].coordinates[0]
+    assert large.step == pytest.approx(times * paper.step)
+    assert (large.low, large.high) == pytest.approx((times * paper.low, times * paper.high))
+
+
+def test_a_relative_change_keeps_friction_load_and_speed_above_nought() -> None:
+    assert all(low > -1 for name, (low, _) in RELATIVE.items() if not name.endswith("drive"))
+    constant = only("friction.one.driving").coordinates[0]
+    assert (constant.low, constant.high) == (-0.9, 2.0)  # at least a tenth, three times at most
+    wave = only("friction.cos_heading+friction.sin_heading").coordinates[0]
+    assert (wave.low, wave.high) == (-0.9, 0.9)  # takes as much as it gives
+    fast = only("friction.abs_u").coordinates[0]
+    assert (fast.low, fast.high) == pytest.approx((-0.3, 0.3))  # at 3 mm/s
+    force = only("force_forward.sign_u").coordinates[0]
+    assert (force.low, force.high) == pytest.approx((-200 * force.step, 200 * force.step))
+    assert all(item.low < 0 == item.absent < item.high for term in FREE.values() for item in term.coordinates)
+
+
+def test_terms_are_said_in_words_with_their_units() -> None:
+    assert only("moment.cos_heading+moment.sin_heading").describe() == (
+        "a moment about the vertical varying with the cosine of heading and varying with the sine of heading"
+    )
+    assert (
+        only("drag.u.left-right").describe()
+        == "a force along the wheels proportional to forward speed (left-right wheels)"
+    )
+    assert only("force_plate_x.time+force_plate_y.time").describe() == (
+        "a force along x of the plate growing with time in the run and a force along y of the plate growing with time "
+        "in the run"
+    )
+    units = {
+        ("force_forward", "u_abs_u"): "mN/(mm/s)²",
+        ("friction", "one"): "",
+        ("friction", "x"): "1/mm",
+        ("left_drive", "right_command"): "",
+        ("moment", "one"): "µN·mm",
+    }
+    assert {key: unit_of_coefficient(*key) for key in units} == units
+    items = [item for term in FREE.values() for item in term.items]
+    assert {item.channel for item in items} <= set(CHANNEL_WORDS)
+    assert {item.basis for item in items} <= set(BASIS_WORDS)
+    assert all(key.removeprefix("free:") == "+".join(item.name for item in term.items) for key, term in FREE.items())
