@@ -60,9 +60,9 @@ def changes(levels: Sequence[Level], series: int = 1) -> tuple[Change, ...]:
     there = [at for at, level in enumerate(levels) if np.isfinite(level.value) and np.isfinite(level.error)]
     known = [levels[at] for at in there]
     windows = _windows(len(known))
-    tried = sum(len(_splits(*window, len(known))) for window in windows)
-    if not tried:
+    if not windows:
         return ()
+    tried = sum(stop - start - 1 for start, stop in windows)
     edges = [0, *sorted(_search(known, windows, SIGNIFICANCE / (tried * series))), len(known)]
     found = [
         _change(known[start:at], known[at:stop], at)
@@ -72,10 +72,13 @@ def changes(levels: Sequence[Level], series: int = 1) -> tuple[Change, ...]:
 
 
 def _windows(count: int) -> list[tuple[int, int]]:
-    """Intervals [start, stop) of lengths that shrink by √2, each length shifted by half of itself; narrowest first."""
+    """Intervals [start, stop) of lengths that shrink by √2, each length shifted by half of itself; narrowest first.
+
+    Of three sessions at least: two single ones show no scatter, and are compared only if there are no more.
+    """
     found = set()
     length = float(count)
-    while length >= 2:
+    while length > max(min(count, 3) - 1, 1):
         size = int(np.ceil(length))
         shifts = max(int(np.ceil(2 * (count - size) / size)), 1)
         found |= {
@@ -85,16 +88,9 @@ def _windows(count: int) -> list[tuple[int, int]]:
     return sorted(found, key=lambda window: (window[1] - window[0], window))
 
 
-def _splits(start: int, stop: int, count: int) -> range:
-    """Where a window can be split: two single sessions show no scatter and are compared only if there are no more."""
-    return range(0) if stop - start < 3 and count > 2 else range(start + 1, stop)
-
-
 def _search(levels: Sequence[Level], windows: Sequence[tuple[int, int]], threshold: float) -> list[int]:
     """Places where the level changes: the narrowest significant window, then the windows on either side of it."""
     for start, stop in windows:
-        if not _splits(start, stop, len(levels)):
-            continue
         best = _best(levels, start, stop)
         if best.p < threshold:
             left = [window for window in windows if window[1] <= best.at]
