@@ -163,7 +163,7 @@ def test_bench_that_is_noise_gives_a_law_within_its_bounds() -> None:
 
 
 def test_course_of_marks_beside_a_long_gap_in_time_is_finite() -> None:
-    from evaluator.tracking.uncertainty.codec import Course
+    from evaluator.tracking.uncertainty.course import Course
 
     time = np.concatenate([np.arange(8) / 50, 1e6 + np.arange(8) / 50])
     course = Course(time, np.column_stack([time * 0 + 5.0, time * 0]))

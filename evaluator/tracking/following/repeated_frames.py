@@ -1,7 +1,8 @@
 """Frames that show the frame before once more, found from how the marks move.
 
 A recorder that fills a gap repeats a frame, and a codec then stores it anew, not quite the same. What gives it away:
-every mark stands still for a frame in the midst of motion and then makes up for it in one step.
+every mark stands still for a frame in the midst of motion and then makes up for it in one step. At the end of a
+recording that repeats frames no step is left: there, standing still for as long as before tells enough.
 """
 
 from __future__ import annotations
@@ -45,16 +46,25 @@ def _of_mark(points: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     # The median of those that are known: NaN is sorted to the end.
     rows, ranked = np.arange(n), np.sort(around, axis=1)
     usual = np.where(count > AROUND, (ranked[rows, (count - 1) // 2] + ranked[rows, count // 2]) / 2, 0.0)
+    known = np.flatnonzero(count > AROUND)
+    if len(known):  # the last frames have no others around them
+        usual[known[-1] + 1 :] = usual[known[-1]]
     moving = usual > MOVING_PX
     still = moving & (step < STILL * usual)
+    longest = 0
     for first in np.flatnonzero(still & ~np.roll(still, 1)):
         last = first
         while last + 1 < n and still[last + 1]:
             last += 1
         count = last - first + 1
-        if count <= LONGEST and last + 1 < n and _pace_before(points, int(first)) > STILL * usual[first]:
+        if count > LONGEST or not _pace_before(points, int(first)) > STILL * usual[first]:
+            continue
+        if last + 1 < n:
             due = (count + 1) * usual[first]
             shown[first : last + 1] = abs(step[last + 1] - due) < AGAIN * due
+            longest = max(longest, count * shown[first])
+        else:  # the recording ends before the mark could catch up
+            shown[first:] = count <= longest
     return moving, shown
 
 

@@ -15,8 +15,10 @@ from evaluator.tracking.following.follow_blob import BlobFollower
 from evaluator.tracking.following.jumps import off_course
 from evaluator.tracking.following.repeated_frames import repeated_frames
 from evaluator.tracking.observation import ALONE, BACKGROUND, OFF_COURSE, REPEATED, STRANGER, UNLIKE, WRONG_DISTANCE
-from evaluator.tracking.uncertainty.codec import Course, changes_of_motion, hidden_variance, steady_times
+from evaluator.tracking.uncertainty.codec import hidden_variance
+from evaluator.tracking.uncertainty.course import Course, steady_times
 from evaluator.tracking.uncertainty.exposure import exposed
+from evaluator.tracking.uncertainty.motion_changes import changes_of_motion
 from evaluator.tracking.uncertainty.outline import widen_by_outline
 from evaluator.tracking.uncertainty.rigid_pair import Distance, wrong_ends
 from evaluator.tracking.uncertainty.tag_shape import widen_by_shape
@@ -60,10 +62,11 @@ def refine(
         widen_by_shape(numbers, corners, center)
     for name, values in numbers.items():
         follower, abrupt = followers.get(name), of_body if name in together else None
+        apart = _apart(numbers, name, together)
         if not np.isfinite(values[:, 0]).any():
             continue
         if follower is None:  # a tag or a light
-            _add_hidden(time_s, values, kind, ~again[name], abrupt)
+            _add_hidden(time_s, values, kind, ~again[name], abrupt, apart)
             continue
         shading = follower.light.learnt(follower.look.disc) if isinstance(follower, Follower) else None
         if shading is not None and isinstance(follower, Follower):
@@ -77,17 +80,27 @@ def refine(
         shift, variance = exposed(time_s, values[:, :2], values[:, 2:4], follower.shutter)
         values[:, :2] -= shift
         values[:, 2:4] += variance
-        _add_hidden(time_s, values, kind, ~again[name], abrupt)
+        _add_hidden(time_s, values, kind, ~again[name], abrupt, apart)
     _hold_together(time_s, numbers, status, together)
 
 
 def _add_hidden(
-    time_s: Array, values: Array, kind: NDArray[np.str_], new: NDArray[np.bool_], abrupt: NDArray[np.bool_] | None
-) -> None:
+    time_s: Array, values: Array, kind: NDArray[np.str_], new: NDArray[np.bool_],
+    abrupt: NDArray[np.bool_] | None, apart: Array | None,
+) -> None:  # fmt: skip
     """Widen by what the course shows, in place; new: frames (n,) that are no repetitions, which have no course."""
     mean = values[new, 2:4].mean(axis=1)
-    near = None if abrupt is None else abrupt[new]
-    values[new, 2:4] += hidden_variance(time_s[new], values[new, :2], mean, kind[new], near)[:, None]
+    near, apart = (None if of_all is None else of_all[new] for of_all in (abrupt, apart))
+    values[new, 2:4] += hidden_variance(time_s[new], values[new, :2], mean, kind[new], near, apart)[:, None]
+
+
+def _apart(numbers: dict[str, Array], name: str, body: Sequence[str]) -> Array | None:
+    """Distance, px, of a mark of a body from the one of its others that is seen most, (n,); None of one mark."""
+    others = [numbers[other] for other in body if other != name]
+    if name not in body or not others:
+        return None
+    other = max(others, key=lambda values: int(np.isfinite(values[:, 0]).sum()))
+    return np.asarray(np.hypot(*(numbers[name][:, :2] - other[:, :2]).T))
 
 
 def _abrupt(time_s: Array, marks: Sequence[Array], new: NDArray[np.bool_]) -> NDArray[np.bool_] | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.tracking.uncertainty.codec import LEAST, robust_square
+from evaluator.tracking.uncertainty.course import LEAST, robust_square
 
 Array = NDArray[np.float64]
 

@@ -8,17 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluator.tracking.uncertainty.codec import (
-    Course,
-    _moving,
-    _non_negative,
-    _tail,
-    changes_of_motion,
-    codec_variance,
-    hidden_variance,
-    robust_square,
-    steady_times,
-)
+from evaluator.tracking.uncertainty.codec import _moving, _non_negative, _tail, codec_variance, hidden_variance
+from evaluator.tracking.uncertainty.course import Course, robust_square, steady_times
+from evaluator.tracking.uncertainty.motion_changes import changes_of_motion
 
 FRAME_S = 1 / 60
 
@@ -118,6 +110,30 @@ def test_such_an_error_shows_on_a_wide_turn_too_though_the_mark_is_fast() -> Non
     shared = 0.1 * np.repeat(rng.normal(size=(700, 2)), 3, axis=0)
     extra = hidden_variance(FRAME_S * np.arange(2100), arc(2100) + shared, np.full(2100, 1e-6), np.full(2100, "P"))
     assert np.median(extra) == pytest.approx(0.1**2, rel=0.15)  # 0.06² by neighbouring frames alone
+
+
+def test_what_two_marks_of_a_body_do_together_is_no_error_that_neighbours_share() -> None:
+    """It sets off within some frames and bends its path: the course of 40 frames leaves 0.3 px of that, 8 px apart."""
+    rng = np.random.default_rng(11)
+    frame = np.arange(120.0)
+    path = np.maximum(frame - 20.0, 0.0) - 4.0 * (1.0 - np.exp(-np.maximum(frame - 20.0, 0.0) / 4.0))
+    body = np.stack([path, np.maximum(path - 50.0, 0.0) ** 2 / 150.0], axis=1)
+    heading = np.arctan2(np.maximum(path - 50.0, 0.0) / 75.0, 1.0)
+    other = body + 40.0 * np.stack([-np.sin(heading), np.cos(heading)], axis=1)
+
+    def stated(held_for: int) -> tuple[float, float]:
+        """Sigma of a mark alone, and of one with its partner, whose errors of 0.05 px hold for some frames."""
+        one, partner = (
+            mark + 0.05 * np.repeat(rng.normal(size=(120 // held_for, 2)), held_for, axis=0) for mark in (body, other)
+        )
+        given = FRAME_S * frame, one, np.full(120, 1e-6), np.full(120, "P")
+        alone, beside = hidden_variance(*given), hidden_variance(*given, apart_px=np.hypot(*(one - partner).T))
+        return float(np.median(alone)) ** 0.5, float(np.median(beside)) ** 0.5
+
+    alone, beside = np.median([stated(1) for _ in range(9)], axis=0)
+    assert alone > 0.1
+    assert beside == pytest.approx(0.05, rel=0.25)
+    assert np.median([stated(4)[1] for _ in range(9)]) > 0.05  # errors that are shared still show
 
 
 def test_an_abrupt_start_is_no_error_of_the_centres() -> None:

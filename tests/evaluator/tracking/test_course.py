@@ -5,7 +5,8 @@ import pytest
 
 from evaluator.tracking.following.pair import Body
 from evaluator.tracking.following.repeated_frames import repeated_frames
-from evaluator.tracking.uncertainty.codec import hidden_variance, steady_times
+from evaluator.tracking.uncertainty.codec import hidden_variance
+from evaluator.tracking.uncertainty.course import steady_times
 from tests.evaluator.tracking.synthetic import turning_marks
 
 FRAMES, OWN = 400, 0.005
@@ -61,6 +62,12 @@ def test_an_image_stored_again_is_told_from_a_rest() -> None:
     again, still = repeated_frames([moving, rest])
     assert set(np.flatnonzero(again)) == {100, 101}
     assert not still.any()
+    # The recording ends before the mark makes up for it: shown again, as before, or at rest for longer than ever.
+    assert set(np.flatnonzero(repeated_frames([moving[:102]])[0])) == set()
+    for last, shown in ((2, True), (3, False)):
+        ended = moving.copy()
+        ended[FRAMES - last :] = moving[FRAMES - last - 1] + 0.02
+        assert repeated_frames([ended])[0][FRAMES - last :].all() == shown
     stopped = course()
     stopped[200:] = stopped[200]
     assert not repeated_frames([stopped])[0].any()

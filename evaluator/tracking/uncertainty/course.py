@@ -1,0 +1,92 @@
+"""What each centre of a mark differs from the course of its neighbours: marks move smoothly, so that it is error."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+OFFSETS = np.array([-5, -4, -3, -2, -1, 1, 2, 3, 4, 5])
+REACH = 5
+# The course is the quartic through the neighbours by least squares: on a circle of 100 px radius at 0.05 rad a step it
+# leaves 1e-3 px. Two more neighbours than it has unknowns, two of them on either side, tell a frame's error.
+ORDER, NEIGHBORS, EITHER_SIDE = 5, 7, 2
+EVEN = 1e-3  # of the span: neighbours that are as evenly timed as this share one set of weights
+BEYOND = 4.0  # times the usual reach: a neighbour farther away, beyond a gap in time, tells nothing of the course
+LEAST = 24  # differences that a variance is estimated from: its own relative uncertainty is then below 0.3
+EXACT_PX2 = 1e-12  # variance below which all frames tell alike: drawn paths may be known exactly
+CLOCK = 0.06  # of an interval: what rounding to a clock of 1 ms moves frames by at up to 120 a second
+
+
+def steady_times(time_s: Array) -> Array:
+    """Times of a recording of constant rate without the rounding of its container's clock; others as they are; (n,).
+
+    A mark moves a tenth of a pixel in the half millisecond that some containers round by: more than its centre errs.
+    """
+    steps = np.diff(time_s)
+    if len(steps) < LEAST:
+        return time_s
+    count = np.concatenate([[0.0], np.cumsum(np.rint(steps / np.median(steps)))])
+    middle = count - count.mean()
+    interval = float(middle @ time_s / (middle @ middle))
+    steady = time_s.mean() + interval * middle
+    return steady if np.abs(steady - time_s).max() < CLOCK * interval else time_s
+
+
+class Course:
+    """What each centre differs from the course of its neighbours.
+
+    error: (n, 2), NaN where too few neighbours are seen. around: rows of the neighbours, weights: theirs, 0 where
+    absent, squares: of these; all (10, n).
+    """
+
+    def __init__(self, time_s: Array, centers_px: Array, stride: int = 1) -> None:
+        """time_s: (n,). centers_px: (n, 2), NaN where absent. stride: frames between neighbours."""
+        n = len(time_s)
+        around = np.arange(n) + stride * OFFSETS[:, None]
+        self.around = np.clip(around, 0, max(n - 1, 0))
+        seen: NDArray[np.bool_] = np.asarray(np.isfinite(centers_px).all(axis=1))
+        usable = (around == self.around) & seen[self.around]
+        lapse = time_s[self.around] - time_s
+        usual = stride * OFFSETS * float(np.median(np.diff(time_s))) if n > 1 else OFFSETS.astype(float)
+        usable &= np.abs(lapse) < BEYOND * abs(usual[0])
+        before, after = usable[:REACH].sum(axis=0), usable[REACH:].sum(axis=0)
+        enough = (before + after >= NEIGHBORS) & (before >= EITHER_SIDE) & (after >= EITHER_SIDE)
+        self.known: NDArray[np.bool_] = seen & enough
+        even = self.known & (np.where(usable, np.abs(lapse - usual[:, None]), 0.0).max(axis=0) < EVEN * abs(usual[0]))
+        self.weights = np.zeros((len(OFFSETS), n))
+        # Evenly timed frames with the same neighbours seen share their weights; nearly all do.
+        pattern = (1 << np.arange(len(OFFSETS))) @ usable[:, even]
+        _, first, which = np.unique(pattern, return_index=True, return_inverse=True)
+        seen_alike = usable[:, even][:, first].T
+        self.weights[:, even] = to_the_middle(np.broadcast_to(usual, seen_alike.shape), seen_alike)[which].T
+        odd = self.known & ~even
+        self.weights[:, odd] = to_the_middle(lapse[:, odd].T, usable[:, odd].T).T
+        self.squares = self.weights**2
+        course = [(self.weights * axis[self.around]).sum(axis=0) for axis in np.nan_to_num(centers_px).T]
+        self.error = np.where(self.known[:, None], centers_px - np.stack(course, axis=1), np.nan)
+
+    def variance(self, variances: Array) -> Array:
+        """Variance of the errors, from that of the centres (n,), NaN where absent."""
+        return np.asarray(variances + (self.squares * np.nan_to_num(variances)[self.around]).sum(axis=0))
+
+
+def to_the_middle(lapse_s: Array, usable: NDArray[np.bool_]) -> Array:
+    """Weights of neighbours that give the value of their polynomial at lapse 0; (m, 10) all."""
+    farthest = np.where(usable, np.abs(lapse_s), 0.0).max(axis=-1, initial=1e-9, keepdims=True)
+    powers = (np.where(usable, lapse_s, 0.0) / farthest)[..., None] ** np.arange(ORDER) * usable[..., None]
+    # The value at lapse 0 is the first coefficient. Oddly timed neighbours may not tell all coefficients: the
+    # pseudoinverse then takes the smallest.
+    return np.asarray(np.linalg.pinv(powers)[..., 0, :])
+
+
+def robust_square(errors: Array) -> float:
+    """Mean square per axis, with what lies beyond 4 robust sigmas (starts, bumps) brought back to there."""
+    return float(np.mean(clipped_squares(errors)))
+
+
+def clipped_squares(errors: Array) -> Array:
+    """Mean square of the axes of each error, as `robust_square` takes it; (n,)."""
+    sigma = 1.4826 * np.median(np.abs(errors)) + 1e-12
+    return np.asarray(np.minimum(errors**2, (4 * sigma) ** 2).mean(axis=1))

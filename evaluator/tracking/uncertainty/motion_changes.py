@@ -1,0 +1,62 @@
+"""Where a body starts, stops or turns back: that is no error of its marks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.tracking.uncertainty.course import EXACT_PX2, LEAST, OFFSETS, REACH, Course, to_the_middle
+
+Array = NDArray[np.float64]
+
+# A robot starts, stops or turns back seldom in a recording; what recurs is the codec's. Sigmas that chance reaches once
+# in 3e5 frames, and those of each mark of a body, which one in eight reaches.
+CHANGES, ABRUPT, SEEN = 3, 5.0, 2.0
+
+
+def changes_of_motion(courses: Sequence[Course]) -> NDArray[np.bool_]:
+    """Frames whose course runs across an abrupt change of speed, which is no error of a centre; (n,).
+
+    Such a change leaves its own pattern in the frames around; one frame's large error leaves another. courses: of marks
+    on one body, which all change together; what one of them shows alone is an error of its own.
+    """
+    wrong = np.zeros(len(courses[0].known), bool)
+    if min(course.known.sum() for course in courses) < LEAST:
+        return wrong
+    changes, singles, around = np.zeros_like(wrong, float), np.zeros_like(wrong, float), 2 * REACH + 1
+    together = ~wrong
+    for course in courses:
+        change, single = (_likeness(course.error, pattern) for pattern in _patterns())
+        # Of chance errors it follows the square of a Rayleigh distribution, whose median is ln 4 variances.
+        variance = float(np.median(change[course.known])) / np.log(4.0) + EXACT_PX2
+        changes, singles = changes + change / variance, singles + single / variance
+        together &= change > SEEN**2 * variance
+    certain = together & (changes > ABRUPT**2 * len(courses))
+    found = certain & (changes >= _most_around(changes)) & (changes > _most_around(singles))
+    if found.sum() <= CHANGES:
+        wrong = np.convolve(found, np.ones(around), "same") > 0
+    return wrong
+
+
+def _most_around(values: Array) -> Array:
+    """The largest value within REACH frames of each; (n,)."""
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(np.pad(values, REACH), 2 * REACH + 1).max(axis=1))
+
+
+def _likeness(error: Array, pattern: Array) -> Array:
+    """How much of the squares of errors (n, 2) a pattern around each frame explains, px²; (n,)."""
+    alike = [np.convolve(axis, pattern, "same") for axis in np.nan_to_num(error).T]
+    return np.asarray(np.square(alike).sum(axis=0) / (pattern @ pattern))
+
+
+@cache
+def _patterns() -> tuple[Array, Array]:
+    """Errors of the courses of a path that bends at frame 0, and of one that is off in frame 0 alone; (11,) each."""
+    frames = np.arange(-REACH, REACH + 1.0)
+    weights = to_the_middle(OFFSETS.astype(float), np.ones(len(OFFSETS), bool))
+    bent = np.maximum(frames, 0.0) - np.maximum(frames[:, None] + OFFSETS, 0.0) @ weights
+    single = (frames == 0.0) - (frames[:, None] + OFFSETS == 0.0) @ weights
+    return bent, single
