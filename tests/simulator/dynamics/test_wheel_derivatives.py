@@ -21,6 +21,8 @@ from tests.simulator.dynamics.touching import (
 from tests.simulator.layouts import pair, robot_with
 from tests.simulator.plain import plain
 
+SLIDING = {"sliding-friction": {"share": 0.4}, "wheel-toe": {"left_deg": 20.0, "right_deg": -30.0}}
+
 
 @pytest.mark.parametrize("velocity", MOVING)
 def test_responses_of_a_wheel_are_the_derivatives_of_its_force(velocity: Vector) -> None:
@@ -40,7 +42,7 @@ def test_responses_of_a_wheel_are_the_derivatives_of_its_force(velocity: Vector)
 
 
 @pytest.mark.parametrize("all_driven", [False, True])
-@pytest.mark.parametrize("effects", [EFFECTS, COMPLIANT, {"mass-offset": EFFECTS["mass-offset"]}])
+@pytest.mark.parametrize("effects", [EFFECTS, COMPLIANT, SLIDING, {"mass-offset": EFFECTS["mass-offset"]}])
 @pytest.mark.parametrize("velocity", MOVING)
 def test_slopes_are_the_derivatives_of_the_accelerations(
     velocity: Vector, effects: dict[str, dict[str, float]], all_driven: bool
