@@ -67,9 +67,9 @@ def pooled(values: Array, sigmas: Array) -> Pooled:
     variance = sigmas**2 + between**2 + least**2
     weight = 1 / variance
     mean = float(weight @ values / weight.sum())
-    # The factor is kept at one or more: runs that agree by chance are no reason for a narrower interval.
-    factor = max(float(weight @ (values - mean) ** 2) / (n - 1), 1.0)
-    error = float(np.sqrt(factor / weight.sum()))
+    # Hartung and Knapp's factor is one for the scatter of Paule and Mandel. Where that is nothing the factor would be
+    # less, but runs that agree by chance are no reason for a narrower interval.
+    error = float(np.sqrt(1 / weight.sum()))
     reach = float(special.stdtrit(n - 1, 0.975)) * error
     measured = bool((sigmas > 0).all())
     same = float(special.chdtrc(n - 1, cochran(values, sigmas, 0.0))) if measured else NAN

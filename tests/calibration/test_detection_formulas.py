@@ -93,7 +93,7 @@ def test_pixels_of_a_dot_are_those_within_reach_of_its_edge() -> None:
 
 @pytest.mark.parametrize("parameters", [circle(slope=(0.01, -0.02)), ELLIPSE])
 def test_fit_finds_what_was_drawn_and_knows_it_as_the_noise_allows(parameters: Array) -> None:
-    start = parameters + [0.4, -0.3, 5e-4, -5e-4, 4e-4, 0.3, 5.0, 9.0, 0.0, 0.0]
+    start = parameters + np.array([0.4, -0.3, 5e-4, -5e-4, 4e-4, 0.3, 5.0, 9.0, 0.0, 0.0])
     noise = 2.0 * np.random.default_rng(0).normal(size=(61, 61)).astype(np.float32)
     exact, _, left = fit_dots(drawn(parameters), start[None], np.array([8.0]))
     np.testing.assert_allclose(exact[0], parameters, rtol=2e-4, atol=3e-4)

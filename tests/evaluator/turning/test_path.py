@@ -7,6 +7,8 @@ import re
 import numpy as np
 import pytest
 
+from evaluator.turning import path
+from evaluator.turning.motion.curvature import Curvature
 from evaluator.turning.path import PointPath, _along, _circle, _distance, _first_guess, _noise, _spread, measure_path
 
 FRAME_S = 1 / 50
@@ -192,5 +194,14 @@ def test_spread_between_quarters_is_their_scatter_less_twice_the_noise() -> None
     exact = np.std([0.18, 0.18, 0.22, 0.22], ddof=1) / 0.2
     assert _spread(time, places) == pytest.approx(exact, rel=0.01)
     assert _spread(time[:60], places[:60]) == 0.0  # fifteen frames a quarter
-    loud = places + 0.3 * np.random.default_rng(4).normal(size=places.shape)
-    assert _spread(time, loud) < exact
+
+
+def test_noise_of_four_quarters_is_taken_twice_off_their_scatter(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = [
+        (Curvature(k, k, k, sigma), np.zeros(1), np.zeros(1))
+        for k, sigma in zip((0.18, 0.18, 0.22, 0.22), (0.01, 0.01, 0.0, 0.0), strict=True)
+    ]  # variances of 1e-4 and 0: 5e-5 in the mean
+    for values, spread in ((found, np.sqrt(0.02**2 * 4 / 3 - 1e-4) / 0.2), (found[:1] * 4, 0.0)):
+        quarters = iter(values)
+        monkeypatch.setattr(path, "_circle", lambda *_, quarters=quarters: next(quarters))
+        assert _spread(np.arange(64.0), np.zeros((64, 2))) == pytest.approx(spread)
