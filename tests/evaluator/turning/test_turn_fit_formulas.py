@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from evaluator.turning.measure import _path_rate
 from evaluator.turning.motion.curvature import Curvature
 from evaluator.turning.motion.fit import _channel_factor, fit_turn, fit_turns, part, scaled_poses
+from evaluator.turning.motion.steady_motion import linearised, moved
 
 from .synthetic import matrix, winding_poses
 
@@ -81,6 +83,30 @@ def test_fit_to_exact_poses_gives_the_twist_of_any_point_and_the_centre_of_rotat
     assert np.linalg.eigvalsh(spread).min() > -1e-15
     assert fit.curvature().value == pytest.approx(way / 3, rel=1e-6)  # backward the way turns clockwise
     assert fit.ahead == np.sign(fit.motion.along_mm[-1] - fit.motion.along_mm[0])
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_path_parameter_grows_with_the_speed_of_the_scaled_pose_and_follows_the_fitted_motion(way: int) -> None:
+    """1.7 rad in 59 frames of 50 a second, of a quiet point 3.4 mm from the centre of rotation."""
+    heading, time = np.linspace(0.3, 2.0, 60)[::way], np.arange(60) / 50
+    pose = np.column_stack([3 * np.sin(heading), -3 * np.cos(heading), heading])
+    _, covariance = correlated_poses(60)
+    scaled = scaled_poses(pose, covariance[::way])
+    fit, stretched = fit_turn(time, scaled), scaled.pose * [1.0, 1.0, scaled.length_mm]
+    rate = _path_rate(fit, time, stretched)
+    yaw_rate = 1.7 / (59 / 50)
+    from_centre = np.hypot(1.5, 3 - 0.4)
+    assert rate.value == pytest.approx(yaw_rate * np.hypot(from_centre, scaled.length_mm), rel=1e-6)
+    assert rate.sigma < 1e-6
+    for step, slope in zip(1e-4 * np.eye(4), rate.gradient, strict=True):
+        ahead, behind = (
+            np.polyfit(
+                time, linearised(stretched, *moved(fit.motion, s), fit.motion.along_mm, scaled.length_mm).along_mm, 1
+            )
+            for s in (step, -step)
+        )
+        assert slope == pytest.approx(fit.ahead * (ahead[0] - behind[0]) / 2e-4, rel=1e-3, abs=1e-6)
+    assert np.abs(rate.gradient).max() > 0.1
 
 
 def test_frames_that_jump_are_set_aside_and_a_slow_bend_is_not() -> None:
