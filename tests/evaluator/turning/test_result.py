@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from evaluator.turning import Turning
+from evaluator.turning.measure import _with_radii
+from evaluator.turning.motion.curvature import Curvature
 from evaluator.turning.path import PointPath
 from evaluator.turning.phase_table import Phase
+from evaluator.turning.sustained import Sustained
 
 PHASE = Phase(0.5, 2.0, "turn", 5.0, 4.9, 5.2, -2.0, 90.0)
 TURN = Turning(
@@ -85,3 +90,44 @@ def test_summary_says_radius_with_bounds_turn_and_speed_and_whether_the_radius_v
     assert varying.summary() == f"varies: by 9 %; {said}"
     assert Turning(radius_status="at rest").summary() == "at rest"
     assert "<tr><th>95 %</th><td>4.9000 to 5.2000 mm</td></tr>" in TURN._repr_html_()
+
+
+def read(tightest: Curvature, *, varies: bool) -> Turning:
+    """What is written of a fit of curvature -0.2 to half a turn whose tightest quarter turn is this."""
+    mean = Curvature(-0.2, -0.21, -0.18, 0.005, 0.002)
+    residual = np.array([[3.0, 4.0], [0.0, 0.0], [9.0, 9.0]])
+    fit: Any = SimpleNamespace(
+        curvature=lambda: mean,
+        motion=SimpleNamespace(length_mm=2.0, turn_rad=np.pi, residual_mm=residual),
+        used=np.array([True, True, False]),
+        averaged=SimpleNamespace(mean=lambda: np.zeros(4), correlation=lambda: 0.3),
+        centers_mm=lambda _: np.array([[1.0, 2.0]]),
+    )
+    sustained = Sustained(tightest, mean, varies, 0.02, 1e-6, 1.0, 3.0, 0.1)
+    return _with_radii(Turning(steady_start_s=0.5, steady_stop_s=9.0), fit, sustained)
+
+
+def test_uncertainty_of_a_radius_is_its_square_times_that_of_the_curvature() -> None:
+    found = read(Curvature(-0.25, -0.26, -0.24, 0.004, 0.003), varies=True)
+    assert (found.radius_mm, found.radius_low_mm, found.radius_high_mm) == pytest.approx((4.0, 1 / 0.26, 1 / 0.24))
+    assert (found.radius_random_mm, found.radius_systematic_mm) == pytest.approx((16 * 0.004, 16 * 0.003))
+    steady = (found.steady_radius_mm, found.steady_radius_low_mm, found.steady_radius_high_mm)
+    assert steady == pytest.approx((5.0, 1 / 0.21, 1 / 0.18))
+    assert (found.curvature_per_mm, found.curvature_low_per_mm, found.curvature_high_per_mm) == (-0.2, -0.21, -0.18)
+    assert (found.center_x_mm, found.center_y_mm, found.center_wander_mm) == (1.0, 2.0, 0.1)
+    assert (found.turned_deg, found.noise_correlation) == pytest.approx((180.0, 0.3))
+    assert found.residual_rms_mm == pytest.approx(2.5)  # of the frames used: 9, 16, 0 and 0
+
+
+def test_a_radius_that_varies_says_by_how_much_and_when_it_was_tightest() -> None:
+    tightest = Curvature(-0.25, -0.26, -0.24, 0.004)
+    varying, single = (read(tightest, varies=varies) for varies in (True, False))
+    assert varying.radius_status == "varies: the curvature scatters by 10 % from stretch to stretch"
+    assert (varying.radius_variation, varying.sustained_from_s, varying.sustained_to_s) == pytest.approx(
+        (0.1, 1.0, 3.0)
+    )
+    assert single.radius_status == "ok"
+    assert (single.radius_variation, single.sustained_from_s, single.sustained_to_s) == (0.0, 0.5, 9.0)
+    unsure = read(Curvature(-0.25, -0.6, 0.1, 0.18), varies=True)
+    assert unsure.radius_status.endswith("; no stretch turns for certain")
+    assert np.isnan(unsure.radius_mm)
