@@ -10,7 +10,10 @@ import pytest
 from scipy import stats
 
 from evaluator.diagnosis import search_runs
-from evaluator.diagnosis.assessment.knowledge import Knowledge, together
+from evaluator.diagnosis.assessment import verdict
+from evaluator.diagnosis.assessment.knowledge import Knowledge, strained, together
+from evaluator.diagnosis.assessment.model_comparison import Standing
+from evaluator.diagnosis.assessment.verdict import may_be_right, pays
 from evaluator.diagnosis.likelihood.known_to import RADIUS_DIFFERENCE, START, Quantity
 
 KEYS = ("body.mass_g", "wheels.track_mm", "slip.lateral_friction", "plane_scale", START)
@@ -57,6 +60,80 @@ def test_several_values_two_tolerances_off_are_a_finding_and_one_is_not() -> Non
     assert "more, taken together, than chance allows (probability 0.001" in said
     assert "millimetres of the plate +2.1" in said
     assert not together(fit(2.1 * SIGMAS * [1, 0, 0, 0, 9], covariance), TOLERANCE).is_finding
+
+
+KNOWN = 1e-3 * np.diag(SIGMAS**2)  # values told a thousand times better than their tolerances
+
+
+def off(*tolerances: float) -> Any:
+    """A fit that prefers values so many tolerances off."""
+    return fit(SIGMAS * tolerances, KNOWN)
+
+
+@pytest.mark.parametrize(
+    ("values", "without", "far"),
+    [
+        ((3.1, -3.1, 2.9, -2.9, 0.0), (0.0,) * 5, {KEYS[0], KEYS[1]}),
+        ((3.1, -3.1, 2.9, -2.9, 0.0), (3.1, 0.0, 9.0, 9.0, 0.0), {KEYS[1]}),  # what is off without effects too is none
+        ((0.0, 0.0, 0.0, 0.0, 9.0), (0.0,) * 5, set()),  # hands that start a camera
+    ],
+)
+def test_a_set_strains_the_values_that_it_alone_moves_beyond_three_tolerances(
+    values: tuple[float, ...], without: tuple[float, ...], far: set[str]
+) -> None:
+    assert strained(off(*values), off(*without), TOLERANCE) == far
+
+
+@pytest.mark.parametrize(("value", "excused"), [(5.9, True), (-5.9, True), (5.99, False), (-5.99, False)])
+def test_on_open_ground_a_value_at_its_bound_of_six_tolerances_is_no_excuse(value: float, excused: bool) -> None:
+    """What is within a thousandth of the range, 0.012 tolerances, has ended there."""
+    with_it, without = off(value, 0, 0, 0, 0), off(4.0, 0, 0, 0, 0)
+    effect = with_it.columns[2]
+    effect.term, effect.coordinate, effect.absent = SimpleNamespace(coordinates=[SimpleNamespace(low=0, high=99)]), 0, 0
+    assert strained(with_it, without, TOLERANCE) == set()
+    assert (strained(with_it, without, TOLERANCE, on_ground=True) == set()) == excused
+
+
+def searched(null: Any, one: Any, *, at_bounds: bool = False, unbelieved: bool = False) -> Any:
+    """A search that has fitted nothing and the effect."""
+    one.at_bounds, one.unbelieved = at_bounds, unbelieved
+    return SimpleNamespace(
+        fits={frozenset(): null, EFFECT: one},
+        null=null,
+        tolerance=TOLERANCE,
+        problem=SimpleNamespace(open_ground=False),
+    )
+
+
+EFFECT = frozenset({"effect"})
+
+
+def test_a_set_that_strains_two_values_or_ends_at_a_bound_is_no_answer_and_nothing_always_may_be() -> None:
+    null = off(0, 0, 0, 0, 0)
+    assert may_be_right(searched(null, off(9, 0, 0, 0, 0)), EFFECT)
+    two = searched(null, off(4, -4, 0, 0, 0))
+    assert not may_be_right(two, EFFECT)
+    assert may_be_right(two, frozenset())
+    for end in ({"at_bounds": True}, {"unbelieved": True}):
+        assert not may_be_right(searched(null, off(0, 0, 0, 0, 0), **end), EFFECT)
+
+
+@pytest.mark.parametrize(
+    ("off_without", "off_with", "relieves"), [(2.1, 0.1, True), (0.1, 0.1, False), (2.1, 2.1, False)]
+)
+@pytest.mark.parametrize(("odds", "for_relief"), [(8.05, False), (6.05, True), (5.95, None)])
+def test_an_effect_that_stands_for_what_several_values_would_be_off_by_need_earn_no_more_than_a_second_one(
+    off_without: float,
+    off_with: float,
+    relieves: bool,
+    odds: float,
+    for_relief: bool | None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    search = searched(off(*[off_without] * 4, 0.0), off(*[off_with] * 4, 0.0))
+    monkeypatch.setattr(verdict, "score", lambda _, ids, __: odds * len(ids))
+    table = Standing((EFFECT, frozenset()), np.array([odds, 0.0]))
+    assert pays(search, table, 95, EFFECT) == (for_relief is not None and (relieves or not for_relief))
 
 
 @pytest.mark.parametrize(("tolerances_off", "gain", "named"), [(4.0, 6.1, True), (2.9, 6.1, False), (4.0, 5.9, False)])
