@@ -13,10 +13,7 @@ from evaluator.diagnosis.assessment.verdict import material_gain
 from evaluator.diagnosis.candidates.coordinates import named_terms, size_of
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.design.candidate_runs import commands_at
-from evaluator.diagnosis.likelihood.features import channels_of
 from evaluator.diagnosis.likelihood.known_to import quantities, start_per_run_s
-from evaluator.diagnosis.likelihood.noise.discrepancy import left_over, with_discrepancy
-from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.preparation import build_problem, with_noise_of
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
@@ -126,29 +123,6 @@ def test_runs_that_the_ground_disturbs_leave_noise_of_the_size_of_the_disturbanc
         sizes.append(np.median([parts[0].sigma_mm for parts in found]))
     assert sizes[0] < 1.0
     assert 10 < sizes[1] < 100  # a tenth of about half a metre in each run, the start pose at its best
-
-
-def test_left_overs_do_not_depend_on_where_and_how_a_run_is_laid() -> None:
-    rng = np.random.default_rng(2)
-    marks = rng.normal(0, 300, (20, 2)).cumsum(axis=0)
-    both = np.hstack([marks, marks + np.array([300.0, 100.0])])
-    off = both + rng.normal(0, 5, both.shape)
-    turned = (both.reshape(-1, 2) @ np.array([[0.0, 1.0], [-1.0, 0.0]]) + [7e3, -2e3]).reshape(-1, 4)
-    first, second = (left_over(channels_of(off), channels_of(part), 150.0) for part in (both, turned))
-    assert first == pytest.approx(second, rel=1e-6)
-    assert 2.0 < first[0] < 6.0
-
-
-def test_an_outlying_run_counts_less_and_does_not_change_the_others() -> None:
-    noise = [(Noise(1.0, 0.0, 0.1),) * 4] * 5
-    times = [np.array([0.0, 2.0])] * 5
-    left = np.full((5, 2), 30.0)
-    usual = with_discrepancy(noise, times, left)
-    left[4] = 600.0
-    outlying = with_discrepancy(noise, times, left)
-    assert outlying[0][0].sigma_mm == pytest.approx(usual[0][0].sigma_mm)
-    assert outlying[4][0].sigma_mm > 2 * usual[4][0].sigma_mm
-    assert outlying[0][3] == noise[0][3]  # the distance of the marks is not of the ground
 
 
 def test_lengths_of_a_wheel_list_are_known_to_a_tolerance_and_move_in_one_ratio() -> None:
