@@ -39,7 +39,7 @@ from evaluator.diagnosis.assessment.model_comparison import (
 )
 from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.diagnosis.assessment.session_as_found import later_started, with_session
-from evaluator.diagnosis.assessment.sole_run import sole_gains, sole_misfit, sole_run
+from evaluator.diagnosis.assessment.sole_run import is_followed, sole_gains, sole_misfit, sole_run
 from evaluator.diagnosis.assessment.sufficiency import most_odd
 from evaluator.diagnosis.assessment.unexplained import unexplained
 from evaluator.diagnosis.assessment.verdict import Verdict
@@ -183,14 +183,9 @@ def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None
 
 def _is_followed(found: Diagnosis, again: Diagnosis, run: int) -> bool:
     """Whether what the other runs say of the robot follows a run as well: then nothing is wrong with it."""
-    assert found.search is not None
-    problem, fit = found.search.problem, again.fit
-    point = replace(fit.point, per_run=found.fit.point.per_run)
-    try:
-        placed = place_runs(problem, point, [run], fit.posterior.scatter)
-    except FloatingPointError:
-        return False
-    return bool(run_gaps(problem, placed, [run]) <= farthest_followed(problem, [run]))
+    search = found.search
+    assert search is not None
+    return is_followed(search.problem, again.fit, found.fit.point.per_run, run, search.tolerance)
 
 
 def _sole_run_of(found: Diagnosis) -> int | None:
@@ -272,15 +267,18 @@ def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
     assert part is not None
     assert everything is not None
     problem, runs = part.problem, range(len(found.session.data))
+    by_marks = problem.of_tracking
     gap_fit = part.fits.get(chosen) or refit_without_held_out(part, everything, chosen)
-    after = place_runs(problem, replace(gap_fit.point, per_run=fit.point.per_run), runs, fit.posterior.scatter)
+    after = place_runs(by_marks, replace(gap_fit.point, per_run=fit.point.per_run), runs, fit.posterior.scatter)
     after_mm, floor_mm = run_gaps(problem, after, runs), noise_floor(problem, runs)
-    outlying = tuple(int(run) for run in np.flatnonzero(after_mm > farthest_followed(problem, runs)))
+    # by the model of all runs: that of the fitted ones alone says less of a command that none of them drove
+    placed = place_runs(by_marks, fit.point, runs, fit.posterior.scatter)
+    outlying = tuple(np.flatnonzero(run_gaps(problem, placed, runs) > farthest_followed(problem, runs)).tolist())
     follows = len(outlying) <= most_odd(len(runs))
     # what a model that does not follow the marks says of each run's friction and gains is worth nothing
-    before = place_starts(problem, Point(after.per_run) if follows else nominal, runs)
+    before = place_starts(by_marks, Point(after.per_run) if follows else nominal, runs)
     seen = pieces(problem, before)
-    seen_after = pieces(problem, place_runs(problem, fit.point, runs, fit.posterior.scatter))
+    seen_after = pieces(problem, placed)
     assert found.terms is not None
     terms, session = found.terms, found.session
     (before_mm, lost_before), (predicted_mm, lost_after) = (

@@ -1,10 +1,10 @@
 """The gap between simulation and measurement in millimetres, on fitted runs and on runs held out.
 
-Refitted: the RMS distance of a run between the measured and the simulated midpoint of the marks. After: parameters
-come from the fitted runs alone; start pose and random effects (friction, gains and start) are fitted within the
-run-to-run scatter. Before: the robot file as it is, for the same random effects and the start pose that suits it best.
-The floor is what noise alone leaves (of marks, camera and plate), and never less than two programs of the same model
-differ by.
+Refitted: the RMS distance of a run between the measured and the simulated midpoint of the marks, the run placed where
+that is least (Problem.of_tracking). After: parameters come from the fitted runs alone; start pose and random effects
+(friction, gains and start) are fitted within the run-to-run scatter. Before: the robot file as it is, for the same
+random effects and the start pose that suits it best. The floor is what noise alone leaves (of marks, camera and plate),
+and never less than two programs of the same model differ by.
 Predicted: the RMS distance of the robot's centre where a robot file is simulated from the start pose alone, as
 `turnscope compare` does it; nothing of the run is fitted. What the fitted runs say of the session as a whole (start of
 motion, clock, scale, level, places of the marks; session_as_found) holds in it, before and after alike.

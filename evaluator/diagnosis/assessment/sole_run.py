@@ -4,22 +4,33 @@ Physics of a robot shows in every run that it acts on, more or less. One run tha
 another plate can bring more evidence than all others together, and a set of effects may imitate it. So the evidence of
 each effect is counted again with each run left out: common parameters and scatter from the others, in the linear views
 of the fits, which are there already.
+
+Nothing is wrong with a run that what the others say of the robot follows as well. They say it to within their errors,
+which may move the marks by more than noise does in a drive that none of them has: a run is followed where a robot
+within what they leave open follows it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from evaluator.diagnosis.assessment.adequacy import LEAST_TOLD, Adequacy
+from evaluator.diagnosis.assessment.gap import farthest_followed, run_gaps
+from evaluator.diagnosis.assessment.knowledge import TOLD
 from evaluator.diagnosis.assessment.model_comparison import Set, score
 from evaluator.diagnosis.assessment.verdict import EXCESS, KEEP, NOT_CHANCE, least_gain
+from evaluator.diagnosis.inference.bounds import bounds
 from evaluator.diagnosis.inference.fit import Fit, prior_precision
 from evaluator.diagnosis.inference.search import Search
-from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, Reduced
+from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, Reduced, at_scatter, reduce_runs
+from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
+from evaluator.diagnosis.likelihood.problem import Point, Problem
 
 Floats = NDArray[np.float64]
 
@@ -113,3 +124,43 @@ def _misfits(fit: Fit) -> Floats:
     slope = reduced.c - reduced.C @ theta
     per_run = np.linalg.inv(reduced.A + np.diag(tau**-2.0))
     return np.asarray(square - np.einsum("ni,nij,nj->n", slope, per_run, slope))
+
+
+def is_followed(problem: Problem, fit: Fit, per_run: Floats, run: int, tolerance: Mapping[str, float]) -> bool:
+    """Whether a fit of other runs follows a run to within noise, wandering friction and the errors of that fit.
+
+    per_run: numbers per run (n, 7) of all runs of the problem, near which the run is placed.
+    """
+    try:
+        placed = place_runs(problem.of_tracking, replace(fit.point, per_run=per_run), [run], fit.posterior.scatter)
+        if _is_near(problem, placed, run):
+            return True
+        moved = _updated(problem, fit, placed, run, tolerance)
+        if moved is None:
+            return False
+        return _is_near(problem, place_runs(problem.of_tracking, moved, [run], fit.posterior.scatter), run)
+    except FloatingPointError:
+        return False
+
+
+def _is_near(problem: Problem, placed: Point, run: int) -> bool:
+    return bool((run_gaps(problem, placed, [run]) <= farthest_followed(problem, [run])).all())
+
+
+def _updated(problem: Problem, fit: Fit, placed: Point, run: int, tolerance: Mapping[str, float]) -> Point | None:
+    """The point with the common parameters that a run and those of a fit make most probable together, linearly.
+
+    None where the run wants them farther from those of the fit than chance allows.
+    """
+    theta = np.array([placed.value(column) for column in fit.columns])
+    _, g, G = at_scatter(reduce_runs(problem.linearized(placed, fit.columns, [run])), fit.posterior.scatter)
+    variances, vectors = np.linalg.eigh(fit.posterior.covariance)
+    root = vectors * np.sqrt(np.maximum(variances, 0.0))
+    told, axes = np.linalg.eigh(root.T @ G[0] @ root)
+    ways = root @ axes  # independent of one another in the fit, where each is known to 1, and in the run
+    step = ways.T @ (g[0] - G[0] @ theta) / (1 + told)
+    share = told / (1 + told)
+    counts = share > TOLD
+    if special.chdtrc(int(counts.sum()), float(np.sum(step[counts] ** 2 / share[counts]))) < NOT_CHANCE:
+        return None
+    return placed.at(fit.columns, np.clip(theta + ways @ step, *bounds(fit.columns, tolerance)))

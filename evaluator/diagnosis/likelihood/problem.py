@@ -146,6 +146,17 @@ class Problem:
         return self.length > 1
 
     @property
+    def of_tracking(self) -> Problem:
+        """The problem whose features are white under the noise of marks and camera alone, friction the same throughout.
+
+        In it a run is placed where the distance to its marks is least. Under friction that wanders, the likeliest start
+        is where the run begins, and the distance then grows with the way.
+        """
+        if not self.friction_wander:
+            return self
+        return replace(self, compressions=tuple(replace(part, ground=None) for part in self.compressions))
+
+    @property
     def varied(self) -> NDArray[np.int64]:
         """Which of the numbers per run differ from run to run."""
         every = OF_GROUND if self.open_ground else range(PER_RUN)

@@ -5,13 +5,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from evaluator.diagnosis import diagnosis as module
 from evaluator.diagnosis.diagnosis import Diagnosis, diagnose
 from evaluator.diagnosis.experiment import Session
-from evaluator.diagnosis.likelihood.problem import Point
 from evaluator.diagnosis.mistakes.recognised import Mistake
 from evaluator.progress import no_progress
 
@@ -83,25 +81,6 @@ def test_a_run_that_the_others_follow_is_left_out_and_not_called_mistaken(monkey
     assert (found.verdict, found.chosen, found.session.mistakes) == ("effect", TILT, ())
     why = "friction-gradient, which no other run shows, rests on it alone; repeat it"
     assert found.session.left_out == {"r3": why}
-
-
-@pytest.mark.parametrize(("gap_mm", "followed"), [(0.9, True), (1.1, False)])
-def test_a_run_is_followed_as_far_as_noise_and_ground_move_it(
-    monkeypatch: pytest.MonkeyPatch, *, gap_mm: float, followed: bool
-) -> None:
-    asked: list[Any] = []
-    monkeypatch.setattr(module, "place_runs", lambda *args: asked.append(args) or args[1])
-    monkeypatch.setattr(module, "run_gaps", lambda *_: np.array([gap_mm]))
-    monkeypatch.setattr(module, "farthest_followed", lambda *_: np.array([1.0]))
-    starts = np.zeros((12, 7))
-    whole: Any = SimpleNamespace(search=SimpleNamespace(problem="problem"), fit=SimpleNamespace(point=Point(starts)))
-    scatter = np.ones(4)
-    point = Point(starts[1:], {"body.mass_g": 0.1})
-    others: Any = SimpleNamespace(fit=SimpleNamespace(point=point, posterior=SimpleNamespace(scatter=scatter)))
-    assert module._is_followed(whole, others, ODD) == followed
-    ((problem, placed, runs, within),) = asked
-    assert (problem, placed.nominal, runs, within is scatter) == ("problem", point.nominal, [ODD], True)
-    assert placed.per_run is starts
 
 
 @pytest.mark.parametrize(("outlying", "suspect"), [((ODD,), ODD), ((1, ODD), None), ((), None)])
