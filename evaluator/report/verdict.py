@@ -22,6 +22,7 @@ from evaluator.report.diagnosis.words import (
     not_tried_sentence,
     rivals_sentence,
     separations_sentence,
+    unlike_sentences,
     verdict_sentence,
     where_sentences,
 )
@@ -36,7 +37,9 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
     said = content["verdict"] == "none"  # in the sentence of the verdict
     lines += [*([] if said else finding_sentences(content)), negligible_sentence(content)]
     for effect in content["effects"]:
-        lines.append(f"{effect['id']}, probability {_probability(effect['probability'])}:")
+        # what would explain the unknown best is no more probable than that
+        share = f", probability {_probability(effect['probability'])}" if content["verdict"] == "effect" else ""
+        lines.append(f"{effect['id']}{share}:")
         for name, value in effect["parameters"].items():
             text = f"  {name} = {value['value']:.4g}  [95 %: {value['low']:.4g} to {value['high']:.4g}]"
             lines.append(true_minus(text))
@@ -46,6 +49,7 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
         lines.append(f"Not followed, look at these recordings first: {', '.join(content['runs_not_followed'])}.")
     if content.get("left_out_runs"):
         lines.append(left_out_sentence({"left_out_runs": content["left_out_runs"]}))  # of others the command says it
+    lines += unlike_sentences(content)
     lines += where_sentences(content, SENTENCES)
     lines += [
         rivals_sentence(content),
@@ -58,4 +62,4 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
 
 def _probability(value: float) -> str:
     """A probability, never as certainty: it holds among the sets of effects that were compared."""
-    return "above 0.999" if value > 0.999 else f"{value:.3f}"
+    return "above 0.999" if value > 0.999 else "below 0.001" if value < 0.001 else f"{value:.3f}"

@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 FEWEST_FREEDOM = 6  # an F test on fewer says little
 # Share of its variance that a run must tell of a friction or gain to count: a straight run tells nothing of friction.
 LEAST_TOLD = 0.01
+UNLIKE = 1e-3  # probability, by chance, that any run of an experiment is as unlike the others
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,56 @@ def _widest(scatter: Floats) -> str:
         if found > np.sqrt(asked[-2] * asked[-1]):
             return f"{what} differs from run to run by {100 * found:.0f} %, which no laboratory leaves to chance"
     return ""
+
+
+@dataclass(frozen=True)
+class Unlike:
+    """Runs (their numbers in the session) whose friction or wheels differ from those of the others, alike.
+
+    what: of SCATTER. change: relative, the median of these runs over that of all.
+    """
+
+    runs: tuple[int, ...]
+    what: str
+    change: float
+
+
+def unlike_runs(left: Adequacy, runs: Sequence[int]) -> list[Unlike]:
+    """Runs whose friction, left or right wheels are unlike those of the others, by more than chance.
+
+    They are told and not set aside: the model follows them, as the scatter between runs has room for them. A wheel that
+    is dirty for three runs widens it.
+    """
+    found = []
+    for number, what in enumerate(SCATTER[:-1]):
+        seen = left.told[:, number] > LEAST_TOLD
+        alike, which = left.random_effects[seen, number] / np.sqrt(left.told[seen, number]), np.asarray(runs)[seen]
+        odd = _odd(alike, UNLIKE / (len(SCATTER) - 1))
+        change = alike - np.delete(alike, odd).mean()
+        for side in (1, -1):
+            same = [k for k in sorted(odd) if side * change[k] > 0]
+            if same:
+                found.append(Unlike(tuple(which[same].tolist()), what, float(np.median(change[same]))))
+    return found
+
+
+def _odd(values: Floats, probability: float) -> list[int]:
+    """Numbers of the values that are not of the others' normal distribution, a quarter of them at most.
+
+    probability: that there is any where there is none. Several that are alike do not hide one another.
+    Source: the generalized extreme Studentized deviate, Rosner (1983), Technometrics 25, 165.
+    """
+    rest, taken, odd = list(range(len(values))), [], 0
+    for number in range(len(values) // 4 if len(values) > FEWEST_FREEDOM else 0):
+        part, count = values[rest], len(rest)
+        far = np.abs(part - part.mean())
+        worst = int(np.argmax(far))
+        deviate = far[worst] / max(float(part.std(ddof=1)), 1e-300)
+        square = count * (count - 2) * deviate**2 / max((count - 1) ** 2 - count * deviate**2, 1e-300)
+        if 2 * count * special.stdtr(count - 2, -np.sqrt(square)) < probability:
+            odd = number + 1
+        taken.append(rest.pop(worst))
+    return taken[:odd]
 
 
 def _order(random_effects: Floats, told: Floats, data: Sequence[RunData]) -> tuple[float, str]:

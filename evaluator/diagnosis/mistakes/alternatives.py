@@ -52,7 +52,7 @@ def alternatives(
             Alternative(
                 "wrong-rate",
                 replace(run, time_s=run.time_s / ratio, start_s=run.start_s),
-                f"moves as if its seconds were {ratio:.3g} times as long as they are",
+                f"moves as if the times in its file were {ratio:.3g} times as long as they should be",
                 own=interval_ratio is not None,
             )
             for ratio in rates

@@ -93,7 +93,7 @@ def mistakes_of(found: Sequence[Found], runs: int, showing: Mapping[Kind, int] |
             everyone = "all runs" if len(of_kind) == runs else f"{len(of_kind)} of {runs} runs"
             if len(of_kind) == could < runs:
                 everyone += ", all that could show it"
-            sentence = f"{everyone}: {of_kind[0].seen} (as in {of_kind[0].run}); {of_kind[0].remedy}"
+            sentence = f"{everyone}, {of_kind[0].run} for example: {of_kind[0].seen}; {of_kind[0].remedy}"
             concerned = tuple(item.run for item in of_kind)
             alike = tuple(k for k in ORDER if all(k in item.equivalent for item in of_kind))
             result.append(Mistake(concerned, kind, sentence, True, alike, _corrections(of_kind)))

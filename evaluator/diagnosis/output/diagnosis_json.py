@@ -22,6 +22,7 @@ from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, is_shared
 from evaluator.diagnosis.output.effects_json import effects, rounded, told
+from evaluator.diagnosis.output.unlike_runs import unlike
 from evaluator.wording import power_of_ten
 from simulator.effects.catalogue import BUILT_IN, EFFECTS
 
@@ -91,6 +92,7 @@ def record(diagnosis: Diagnosis) -> Json:
         "next_experiment": _next(diagnosis),
         "constancy": {item.halves: rounded(item.probability) for item in diagnosis.constancy},
         "runs_not_followed": [diagnosis.session.data[run].id for run in diagnosis.outlying],
+        "unlike_runs": unlike(diagnosis),
         "noise": _noise(diagnosis),
         "nominal": _nominal(diagnosis),
         "shared_errors_sigmas": _shared(diagnosis),

@@ -24,6 +24,7 @@ from evaluator.report.diagnosis.words import (
     rivals_sentence,
     separations_sentence,
     signed_percent,
+    unlike_sentences,
     value_text,
     verdict_sentence,
     where_sentences,
@@ -166,6 +167,7 @@ def _small_print(content: Json) -> Section | None:
                 f"Along the way of a run friction changes by {percent_text(noise['friction_in_10_mm'])} in 10 mm, as "
                 "on a plate that is not equally clean everywhere. What is named is more than that."
             )
+    text += unlike_sentences(content)
     text.append(left_out_sentence(content))
     text.append(not_tried_sentence(content))
     rows = tuple(

@@ -131,6 +131,12 @@ def left_out_sentence(content: Json) -> str:
     return f"Left out of the diagnosis: {runs}." if runs else ""
 
 
+def unlike_sentences(content: Json) -> list[str]:
+    """Runs that the model follows and that are unlike the others: a dirty wheel, a battery, another plate."""
+    told = [as_sentence(str(item["sentence"])) for item in content.get("unlike_runs") or []]
+    return ["Followed, and unlike the others (dirt, a battery, a plate that was wiped?):", *told] if told else []
+
+
 def not_tried_sentence(content: Json) -> str:
     """Which effects these runs cannot show; empty where all were tried."""
     effects = content.get("not_tried") or []

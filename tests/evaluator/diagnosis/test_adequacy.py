@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.assessment.adequacy import _order, _widest
+from evaluator.diagnosis.assessment.adequacy import Adequacy, _order, _widest, unlike_runs
 from evaluator.diagnosis.likelihood.run_data import RunData
 
 COMMANDS = [(30, 30), (60, 60), (-30, -30), (-60, -60), (33.3, 14.4), (14.4, 33.3), (-33.3, -14.4), (-14.4, -33.3)]
@@ -42,3 +43,24 @@ def test_what_grows_from_run_to_run_is_not_chance() -> None:
     probability, reason = _experiment(np.random.default_rng(6), drift=0.5)
     assert probability < 1e-6
     assert reason.endswith("order")
+
+
+def _left(rng: np.random.Generator, gains: NDArray[np.float64]) -> Adequacy:
+    """Runs that tell half or more of friction and gains that scatter by 5 and 0.1 %, left gains changed."""
+    told = rng.uniform(0.5, 1.0, (len(gains), 4))
+    true = rng.normal(size=(len(gains), 4)) * [0.05, 0.001, 0.001, 1.0]
+    true[:, 1] += gains
+    return Adequacy(1.0, 0.0, np.ones(len(gains)), np.sqrt(told) * true, told, 1.0, "")
+
+
+def test_a_wheel_that_is_dirty_for_three_runs_is_told_of_these() -> None:
+    gains = np.zeros(20)
+    gains[[7, 8, 9]] = 0.015
+    (found,) = unlike_runs(_left(np.random.default_rng(3), gains), range(100, 120))
+    assert (found.runs, found.what, found.change) == ((107, 108, 109), "left_gain", pytest.approx(0.015, rel=0.15))
+
+
+def test_runs_that_scatter_by_chance_are_hardly_ever_unlike() -> None:
+    rng = np.random.default_rng(4)
+    said = [bool(unlike_runs(_left(rng, np.zeros(runs)), range(runs))) for runs in (8, 20) for _ in range(300)]
+    assert np.mean(said) < 0.01

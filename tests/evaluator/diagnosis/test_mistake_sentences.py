@@ -60,7 +60,7 @@ def test_runs_of_a_common_mistake_are_named_in_order_with_what_each_could_be_and
     ]
     (together,) = mistakes_of(found, 3)
     assert together.runs == ("r0", "r1", "r2")
-    assert together.sentence == "all runs: seen 0 (as in r0); remedy 0"
+    assert together.sentence == "all runs, r0 for example: seen 0; remedy 0"
     assert (together.equivalent_kinds, together.everywhere) == (("pushed",), True)
     assert together.corrections == {"r2": rights[0], "r0": rights[1]}
     single = mistakes_of(found[:1], 9)[0]
@@ -78,7 +78,10 @@ def test_a_judgement_says_both_misfits_and_every_reading_that_fits_as_well() -> 
     ]
     found = _judged(Judgement(ways, np.array([9.0, 1.2, 1.0]), 10.0, ()), set())
     assert found is not None
-    assert found.seen == "seen in a mirror, or b (1 mm from its marks; as the file says, 9 mm)"
+    assert (
+        found.seen
+        == "seen in a mirror, or b (its marks are 1 mm from that motion, 9 mm from the one that the file says)"
+    )
     assert (found.kind, found.equivalent) == ("mirrored", ("reversed",))
     assert found.correction == Correction(marks_times=(-1.0, 1.0))
     assert "; or change the signs" in found.remedy

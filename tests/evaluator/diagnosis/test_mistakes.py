@@ -72,7 +72,7 @@ def test_a_mistake_in_all_runs_is_said_once(clean: Session) -> None:
     metres = [replace(run, marks_mm=run.marks_mm / 1000) for run in clean.data]
     (unit,) = recognise(metres, clean.robots)
     assert unit.everywhere
-    assert unit.sentence.startswith("all runs: ")
+    assert unit.sentence.startswith("all runs, ")
     turns = {item.kind for item in recognise(swapped, clean.robots)}
     assert turns == {"sides-swapped"}
 

@@ -22,6 +22,7 @@ from evaluator.report.diagnosis.words import (
     where_sentences,
 )
 from evaluator.report.numbers import UNKNOWN
+from evaluator.report.verdict import verdict_lines
 from simulator.effects.catalogue import EFFECTS
 
 # As the file contract shows it: another program may write no more than this.
@@ -204,3 +205,26 @@ def test_runs_that_are_left_out_are_named_with_the_reason() -> None:
     assert left_out_sentence({"skipped_runs": {}}) == ""
     content = {"skipped_runs": {"r2": "no marks"}, "left_out_runs": {"r7": "wheel-toe rests on it alone"}}
     assert left_out_sentence(content) == ("Left out of the diagnosis: r2 (no marks); r7 (wheel-toe rests on it alone).")
+
+
+@pytest.mark.parametrize(
+    ("verdict", "probability", "line"),
+    [
+        ("effect", 0.9999, "plate-tilt, probability above 0.999:"),
+        ("effect", 0.62, "plate-tilt, probability 0.620:"),
+        ("effect", 0.0004, "plate-tilt, probability below 0.001:"),
+        ("unknown", 0.0004, "plate-tilt:"),
+    ],
+)
+def test_a_probability_is_told_of_what_is_named_and_is_neither_nought_nor_one(
+    verdict: str, probability: float, line: str
+) -> None:
+    content = {**CONTRACT, "reason": "so", "verdict": verdict}
+    content["effects"] = [{**CONTRACT["effects"][0], "probability": probability}]
+    assert line in verdict_lines(content)
+
+
+def test_runs_that_are_unlike_the_others_are_told_beside_the_verdict() -> None:
+    sentence = "r08, r09: the left wheels turn 1.5 % faster than in the other runs"
+    lines = verdict_lines({**CONTRACT, "reason": "so", "unlike_runs": [{"runs": ["r08", "r09"], "sentence": sentence}]})
+    assert lines[lines.index(f"{sentence}.") - 1].startswith("Followed, and unlike the others")
