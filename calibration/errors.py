@@ -1,4 +1,4 @@
-"""The errors a user of this package can cause."""
+"""Errors raised for invalid input to this package."""
 
 
 class CalibrationError(ValueError):

@@ -1,8 +1,8 @@
-"""Image files as the sensor saw them: orientation tags are notes for viewers, and turn nothing here.
+"""Reading image files in sensor orientation: orientation tags are ignored.
 
 A camera is calibrated in the pixels of its sensor. A phone that looks straight down writes any of the eight
-orientations of EXIF (tag 274), and another for the next image: obeyed, they would turn the plate under a camera that
-never moved.
+orientations of EXIF (tag 274), and another for the next image. If applied, they would rotate the plate under a camera
+that never moved.
 """
 
 from __future__ import annotations

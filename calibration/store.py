@@ -1,4 +1,4 @@
-"""camera.json: the camera with its covariance and verdict, whole and readable by people.
+"""camera.json: the camera with its covariance and verdict.
 
 Parameters are named as in camera.py; `covariance` is their full matrix in that order. `verdict.level` other than
 "sound" says why in `verdict.reasons`, and travels with the camera as its `doubt`.
@@ -169,10 +169,10 @@ def load_camera_file(path: Path) -> CameraFile:
         stored = CameraFile.model_validate_json(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise CalibrationError(
-            f"{path}: does not exist; turnscope calibrate makes it from images of the gauge"
+            f"{path}: does not exist; create it with turnscope calibrate from images of the gauge"
         ) from error
     except UnicodeDecodeError as error:
-        raise CalibrationError(f"{path}: not a text file; a camera.json from turnscope calibrate is wanted") from error
+        raise CalibrationError(f"{path}: not a text file; expected a camera.json from turnscope calibrate") from error
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "the file"

@@ -1,7 +1,7 @@
 """Measured against simulated: the same command from the same start pose, read by the same estimator.
 
 Everything in the plate frame, mm and rad. The simulated run starts at rest at the measured start pose and is seen
-through simulated marks, so that an estimator's habits (a minimum over a trajectory, say) act on both sides alike.
+through simulated marks, so that biases of the estimator affect both alike.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ BESIDE = (
 
 
 def simulated_poses(robot: Robot, told: Told, poses: Poses, run_index: int = 0) -> tuple[Motion, Poses]:
-    """The motion of a run simulated from its measured start pose, and its poses as they would be measured.
+    """Motion of a run simulated from its measured start pose, and its poses as they would be measured.
 
     A robot with errors of the observation (marks elsewhere, millimetres or seconds off by a factor) rests where its
     marks, seen with these errors, lie on the measured ones; its motors start when a clock off by a factor says so. One
@@ -66,7 +66,7 @@ def simulated_poses(robot: Robot, told: Told, poses: Poses, run_index: int = 0) 
 def resting_pose(
     view: View, geometry: MarkGeometry, measured: tuple[float, float, float]
 ) -> tuple[float, float, float]:
-    """The true pose (mm, mm, rad) at which marks seen in a view lie on those of a measured pose, by least squares."""
+    """True pose (mm, mm, rad) whose marks, as observed in a view, match those of a measured pose (least squares)."""
     plain = View(tuple(geometry.places_mm.values()))
     target = np.concatenate(plain.marks(*measured))
 
@@ -127,9 +127,9 @@ def comparison_row(turning: dict[str, Any], poses: Poses, seen: Poses, read: Tur
 
 
 def trajectory_gap(poses: Poses, seen: Poses) -> dict[str, float]:
-    """How far the simulated trajectory runs from the measured one, over the frames where the pose is known.
+    """RMS and final gap between the simulated and the measured trajectory, over the frames with a pose.
 
-    Both as poses of the marks: what is wrong with the observation shows on both sides.
+    Both are poses of the marks, so that errors of the observation affect both.
     """
     distance = np.hypot(seen.x_mm - poses.x_mm, seen.y_mm - poses.y_mm)
     known = np.flatnonzero(np.isfinite(distance))

@@ -1,4 +1,4 @@
-"""The errors that a user of this package can cause, or the disk."""
+"""Errors caused by user input or by the disk."""
 
 
 class InputError(ValueError):

@@ -1,4 +1,4 @@
-"""Files at the edge: whole or not at all, and read with one clear sentence where they are wrong."""
+"""Writing files atomically, and reading them with one sentence per error."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def written_whole(path: Path) -> Iterator[Path]:
             raise
         reason = str(error.strerror).lower()
         raise UnwritableError(
-            f"{path}: cannot be written ({reason}); make room, or write elsewhere, and run the same command again"
+            f"{path}: cannot be written ({reason}); free space or write elsewhere, and run the command again"
         ) from error
     finally:
         temporary.unlink(missing_ok=True)
@@ -120,7 +120,7 @@ def plain(value: Any) -> Any:
 
 
 def read_with(load: Callable[[Path], Value], path: Path) -> Value:
-    """Load a file and turn every way it can be wrong into an InputError that names file, place and remedy."""
+    """Load a file and convert every error into an InputError with file, place and remedy."""
     try:
         return load(path)
     except FileNotFoundError as error:

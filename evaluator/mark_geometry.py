@@ -1,4 +1,4 @@
-"""Where the marks sit on a robot, as measurement needs to know it: body frame, mm."""
+"""Positions of the marks on a robot, body frame, mm."""
 
 from __future__ import annotations
 
@@ -50,10 +50,12 @@ class MarkGeometry:
                 found[f"{UNNAMED}{len(found) + 1}"] = _place(item)
         found |= {name.removesuffix("_mm"): _place(place) for name, place in named.items()}
         if not found:
-            raise InputError("marks: there is none; say where they sit on the robot")
+            raise InputError("marks: there is none; give their positions on the robot")
         for (first, at), (second, other) in combinations(found.items(), 2):
             if not np.hypot(at[0] - other[0], at[1] - other[1]) > ONE_PLACE_MM:
-                raise InputError(f"marks: {first} and {second} are both at {at}; two different places give a heading")
+                raise InputError(
+                    f"marks: {first} and {second} are both at {at}; a heading needs two different positions"
+                )
         object.__setattr__(self, "places_mm", found)
         object.__setattr__(self, "height_mm", height)
 

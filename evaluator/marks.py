@@ -106,7 +106,7 @@ def check_marks(table: pd.DataFrame, path: Path) -> None:
             values = table[name].to_numpy(float)
             far = np.flatnonzero(np.isfinite(values) & (np.abs(values) > LARGEST_MM))
             if len(far):
-                raise InputError(f"{path}: line {far[0] + 2}, {name} = {values[far[0]]:g} is not a place on a plate")
+                raise InputError(f"{path}: line {far[0] + 2}, {name} = {values[far[0]]:g} is not a position on a plate")
 
 
 def write_marks(table: pd.DataFrame, path: Path) -> None:

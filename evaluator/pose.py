@@ -29,7 +29,7 @@ CORNER = "_corner1"  # after the name of a tag: its first corner
 # in 5e8 would. Correlation between frames does not change that share.
 SPACING_LIMIT_SIGMA = 6.0
 NEIGHBOURS = 31  # frames whose common heading tells that one of them, or up to fifteen, is turned about
-NO_HEADING = "no heading: one mark shows where it is, not where the robot points"
+NO_HEADING = "no heading: a single mark has a position only"
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera
     places = learnt_places(points, geometry.places(), weights)
     pose = fitted_poses(points, places, weights)
     jump = _heading_jumps(time, pose[:, 2])
-    status[jump] = "heading turned about for a moment: marks exchanged?"
+    status[jump] = "heading reversed for a moment: marks exchanged?"
     pose[jump] = np.nan
     pose[:, 2] = unwrapped_across_gaps(time, pose[:, 2])
     jacobian = pose_jacobian(points, pose[:, 2], places, weights)
@@ -143,7 +143,7 @@ def _path_of_one(marks: pd.DataFrame, time: Array, points: Array, geometry: Mark
 
 
 def unwrapped_across_gaps(time_s: Array, heading_rad: Array) -> Array:
-    """Make a heading continuous: NaN stays, and turns made during a gap are counted from the yaw rate beside it."""
+    """Unwrap a heading; NaN stays, and full turns during a gap are inferred from the yaw rates on either side."""
     result = np.array(heading_rad, dtype=float)
     there = np.flatnonzero(np.isfinite(result))
     if len(there) < 2:
@@ -185,7 +185,7 @@ def _take_out_odd(status: NDArray[np.object_], points: Array) -> None:
     low, high = np.nanmin(points, axis=1, initial=np.inf), np.nanmax(points, axis=1, initial=-np.inf)
     extent = np.asarray(np.hypot(*(high - low).T))
     all_of = "both" if points.shape[1] == 2 else "the"
-    status[(status == OK) & ~(extent > ONE_PLACE_MM)] = f"{all_of} marks are in one place: no heading"
+    status[(status == OK) & ~(extent > ONE_PLACE_MM)] = f"{all_of} marks are at one position: no heading"
     there = status == OK
     wrong, refused = odd_points(
         np.where(there[:, None, None], points, np.nan), SPACING_LIMIT_SIGMA, np.sqrt(2) * ROUNDING_SIGMA_MM

@@ -1,4 +1,4 @@
-"""Errors of poses that all frames share: of the camera, and of what a tracker sees in a mark frame after frame."""
+"""Systematic errors of poses that all frames share: of the camera, and of the marks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long work tells how far it is, without knowing who listens, and how who listens ends it."""
+"""Progress reports of long work, and their cancellation by the caller."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Progress(Protocol):
 
 
 def no_progress(stage: str, done: float, total: float = 1.0, /) -> None:
-    """Nobody listens."""
+    """Ignore progress reports."""
     del stage, done, total
 
 

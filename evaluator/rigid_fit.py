@@ -1,4 +1,4 @@
-"""A rigid body in the plane laid on points of it that were seen: heading and centre, and how they follow the points.
+"""Rigid fit in the plane: heading and centre from observed points, and their derivatives by the points.
 
 Weighted least squares (Schönemann 1966, Psychometrika 31, 1, in the plane). Points that are not seen are NaN; two
 that are seen suffice. Plate frame, mm and rad; places in the body frame, mm.

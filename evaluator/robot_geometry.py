@@ -1,4 +1,4 @@
-"""What measurement needs to know of a robot: where its marks are, and, where it is given, its outline and wheels.
+"""Geometry of a robot for measurement: its marks, and optionally its outline and wheels.
 
 Measurement never sees the model: only these few lengths pass from robot.toml to it, and a file that holds nothing but
 [marks] or [[mark]] is enough for it. Body frame, mm.
@@ -50,7 +50,7 @@ class RobotGeometry:
         return tuple(mark.name for mark in self.layout)
 
     def marks(self) -> MarkGeometry:
-        """What poses are reconstructed from: the marks, and the corners of tags."""
+        """Points from which poses are reconstructed: marks, and corners of tags."""
         return MarkGeometry(_points(self.layout), height_mm=self.height_mm)
 
 

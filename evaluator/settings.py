@@ -27,7 +27,7 @@ def _names_files(value: str) -> str:
     """Letters and digits of any script, which any file system can name files with."""
     said = all(unicodedata.category(c)[0] in "LMN" or c in "._-" for c in value)
     if not (value and said and unicodedata.category(value[0])[0] in "LN" and value[-1] != "."):
-        raise ValueError("want letters and digits of any script, with . _ - between them: it names files")
+        raise ValueError("expected letters and digits of any script, with . _ - between them (it names files)")
     return value
 
 
@@ -38,24 +38,24 @@ class Table(BaseModel):
 
 
 class Run(Table):
-    """One recorded run: what was commanded and where its video, marks or poses are."""
+    """One recorded run: its command, and its video, marks or poses."""
 
-    id: Annotated[str, Field(max_length=80), AfterValidator(_names_files)]
-    commands: Path | None = None  # a log, or a recording of ROS, instead of one constant command
-    left_rpm: Annotated[Finite | None, Field(validate_default=True)] = None
-    right_rpm: Annotated[Finite | None, Field(validate_default=True)] = None
-    start_s: Finite = 0.0  # motors on; with a log: when its clock reads 0, in the time of the recording
-    stop_s: Finite | None = None
-    starts_at_rest: bool = True
-    video: Path | None = None
-    marks: Path | None = None
-    poses: Path | None = None
-    corrections: Path | None = None  # of single frames of the video, by hand: see evaluator.tracking.corrections
-    rate_hz: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None  # where the video has no times
-    group: str = ""  # wheel type, operator, …: runs of one group are drawn as one series
-    robot: str | None = None  # where it differs from the experiment's
-    camera: Path | None = None
-    topics: Topics | None = None  # of a recording of ROS, where they differ from the experiment's [commands]
+    id: Annotated[str, Field(max_length=80), AfterValidator(_names_files)]  # letters, digits, . _ -
+    commands: Path | None = None  # command log or ROS recording, instead of a constant command
+    left_rpm: Annotated[Finite | None, Field(validate_default=True)] = None  # negative: backward
+    right_rpm: Annotated[Finite | None, Field(validate_default=True)] = None  # negative: backward
+    start_s: Finite = 0.0  # motors on; with a log: the time of the recording at which its clock reads 0
+    stop_s: Finite | None = None  # motors off, if they stop
+    starts_at_rest: bool = True  # false if the robot moves when the recording begins
+    video: Path | None = None  # one of video, marks and poses is required
+    marks: Path | None = None  # table of tracked marks
+    poses: Path | None = None  # table of poses
+    corrections: Path | None = None  # manual corrections: CSV of frame, mark, x, y or "absent"
+    rate_hz: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None  # frame rate, if the video has no times
+    group: str = ""  # wheel type, operator, …: drawn as one series
+    robot: str | None = None  # if not that of the experiment
+    camera: Path | None = None  # if not that of the experiment
+    topics: Topics | None = None  # of a ROS recording, if not those of [commands]
     notes: str = ""
 
     @field_validator("left_rpm", "right_rpm")
@@ -68,11 +68,11 @@ class Run(Table):
     @model_validator(mode="after")
     def _one_source(self) -> Self:
         if sum(item is not None for item in (self.video, self.marks, self.poses)) != 1:
-            raise ValueError(f"run {self.id} needs either video or marks (or poses), one of them")
+            raise ValueError(f"run {self.id} needs exactly one of video, marks and poses")
         sides = [name for name in ("left_rpm", "right_rpm") if getattr(self, name) is not None]
         if self.commands is not None and (sides or self.stop_s is not None):
             taken = " and ".join([*sides, *(["stop_s"] if self.stop_s is not None else [])])
-            raise ValueError(f"run {self.id}: commands replaces {taken}; keep one or the other")
+            raise ValueError(f"run {self.id}: commands replaces {taken}; keep only one of them")
         if self.stop_s is not None and self.stop_s <= self.start_s:
             raise ValueError(f"run {self.id}: stop_s = {self.stop_s} is not after start_s = {self.start_s}")
         return self
@@ -85,7 +85,7 @@ class Run(Table):
         return found
 
     def told(self) -> Told:
-        """What the motors were told. Raises InputError where a log, or the clock of the poses, cannot be read."""
+        """Command over the time of the recording. Raises InputError if the log or the clock cannot be read."""
         from evaluator.interchange.commands import constant, from_log
 
         rests, begin_s, stop_s = self.starts_at_rest, self.start_s, self.stop_s
@@ -105,36 +105,36 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class KnownTo(Table):
-    """How well a laboratory knows what no file can say exactly, 1 sigma; 0 where it is exact."""
+    """Standard uncertainties of quantities that are not known exactly; 0 is exact."""
 
-    start_common_s: NotNegative | None = None  # an offset of start_s common to all runs; default: one frame
-    start_per_run_s: NotNegative | None = None  # and one per run; default: half a frame
-    time_base: NotNegative = 1e-4  # relative: quartz is better, a camera's nominal rate is not
-    plane_scale: NotNegative = 1e-3  # relative, also from place to place: pitch tolerance of a gauge, a lens
+    start_common_s: NotNegative | None = None  # offset of start_s common to all runs; default: one frame
+    start_per_run_s: NotNegative | None = None  # offset of each run; default: half a frame
+    time_base: NotNegative = 1e-4  # relative
+    plane_scale: NotNegative = 1e-3  # relative, also across the plate: pitch tolerance of the gauge, lens
 
 
 class Relevant(Table):
-    """What matters to this laboratory: an effect that does less than all of these is listed apart."""
+    """Limits of relevance: an effect that changes less than all of these is listed separately."""
 
-    path_noise_floors: NotNegative = 0.5
-    radius_percent: NotNegative = 0.1
-    speed_percent: NotNegative = 0.1
+    path_noise_floors: NotNegative = 0.5  # RMS change of the path, in noise floors
+    radius_percent: NotNegative = 0.1  # change of the turning radius
+    speed_percent: NotNegative = 0.1  # change of the speed
 
 
 class Experiment(Table):
-    """An experiment: paths are absolute once loaded."""
+    """An experiment: robot, camera and runs. Paths are absolute once loaded."""
 
     format: Literal[1]
     name: str
-    robot: str
-    camera: Path | None = None
-    tracking: Path | None = None  # tracking.toml: colours, mark size, region of interest, masks
-    tracks: Tracks | None = None  # how marks files of other programs are read
-    commands: Topics = Topics()  # how recordings of ROS are read
-    run: tuple[Run, ...] = ()
-    known_to: KnownTo = KnownTo()
-    relevant: Relevant = Relevant()
-    date: dt.date | None = None  # of the recording: orders the sessions of `turnscope trends`
+    robot: str  # shipped robot or robot.toml
+    camera: Path | None = None  # camera.json; required for videos
+    tracking: Path | None = None  # tracking.toml: colours, size, region and masks
+    tracks: Tracks | None = None  # for marks files of other programs
+    commands: Topics = Topics()  # topics of ROS recordings
+    run: tuple[Run, ...] = ()  # at least one
+    known_to: KnownTo = KnownTo()  # uncertainties (1 sigma) of times and scale
+    relevant: Relevant = Relevant()  # limits of relevance of an effect
+    date: dt.date | None = None  # of the recording; orders the sessions of `turnscope trends`
     notes: str = ""
 
     @model_validator(mode="after")
@@ -212,9 +212,9 @@ class MeasuredRobot(BaseModel):
     @model_validator(mode="after")
     def _has_marks(self) -> Self:
         if self.marks is None and not self.mark:
-            raise ValueError("there is neither [marks] nor [[mark]]; say where the marks sit on the robot")
+            raise ValueError("there is neither [marks] nor [[mark]]; give the positions of the marks on the robot")
         if not checked_layout(self.marks or Marks(), self.mark):
-            raise ValueError("[marks] places no mark; say where each sits, NAME_mm = [x, y]")
+            raise ValueError("[marks] has no mark; give the position of each, NAME_mm = [x, y]")
         return self
 
     @property

@@ -1,4 +1,4 @@
-"""What the motors are told: rotational frequency of the left and right driving wheels as a function of time."""
+"""Motor commands: rotational frequency of the left and right driving wheels as a function of time."""
 
 from __future__ import annotations
 

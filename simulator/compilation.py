@@ -1,4 +1,4 @@
-"""Kernels of the simulator: see calibration.compilation, which compiles those of all packages."""
+"""Compilation of the simulator's kernels, by calibration.compilation."""
 
 from calibration.compilation import compiled, counter, is_kept
 

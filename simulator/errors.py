@@ -1,4 +1,4 @@
-"""The one error a user of this package can cause."""
+"""The error raised for invalid input to this package."""
 
 
 class SimulationError(ValueError):

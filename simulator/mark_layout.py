@@ -27,20 +27,17 @@ DIAMETER_MM, HEIGHT_MM = 1.0, 6.5  # of the paper's marks
 
 
 class Mark(BaseModel):
-    """One [[mark]]. diameter_mm: of a tag the side of its black square. height_mm: above the plate.
-
-    kind: what it looks like. id: number of a tag; without, the number that its name ends in.
-    """
+    """One [[mark]] on the robot."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
-    x_mm: Finite
-    y_mm: Finite
-    diameter_mm: Positive = DIAMETER_MM
-    height_mm: NotNegative = HEIGHT_MM
-    kind: Kind = "color"
-    id: Annotated[int, Field(ge=0)] | None = None
+    x_mm: Finite  # forward, of the centre
+    y_mm: Finite  # to the left, of the centre
+    diameter_mm: Positive = DIAMETER_MM  # of a tag: side of its black square
+    height_mm: NotNegative = HEIGHT_MM  # above the plate
+    kind: Kind = "color"  # appearance
+    id: Annotated[int, Field(ge=0)] | None = None  # number of a tag; default: the number at the end of its name
 
     @model_validator(mode="before")
     @classmethod
@@ -65,13 +62,13 @@ class Mark(BaseModel):
 
 
 class Marks(BaseModel):
-    """[marks]: NAME_mm = [x, y] of every mark; diameter and height are those of all of them."""
+    """[marks]: NAME_mm = [x, y] of every mark, body frame."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
     __pydantic_extra__: dict[str, tuple[Finite, Finite]] = Field(init=False)
 
-    diameter_mm: Positive = DIAMETER_MM
-    height_mm: NotNegative = HEIGHT_MM
+    diameter_mm: Positive = DIAMETER_MM  # of all marks
+    height_mm: NotNegative = HEIGHT_MM  # of all marks, above the plate
 
     @model_validator(mode="before")
     @classmethod
@@ -97,7 +94,7 @@ class Marks(BaseModel):
 
 
 def checked_layout(marks: Marks, mark: tuple[Mark, ...]) -> tuple[Mark, ...]:
-    """All marks of a robot, from [marks] or [[mark]]. Raises ValueError where both are given or a name stands twice."""
+    """All marks of a robot, from [marks] or [[mark]]. Raises ValueError if both are given or a name is repeated."""
     if mark and marks.places_mm:
         raise ValueError("there are both [marks] and [[mark]]; keep one of them")
     layout = mark or marks.each()

@@ -37,66 +37,65 @@ class Table(BaseModel):
 
 
 class Body(Table):
-    """Mass and outer dimensions; a uniform box where no yaw inertia is given, which is about the centre of gravity."""
+    """Mass and outer dimensions."""
 
     mass_g: Positive
     length_mm: Positive
     width_mm: Positive
     height_mm: Positive
-    yaw_inertia_g_mm2: Positive | None = None
-    center_of_gravity_mm: tuple[Finite, Finite] = (0.0, 0.0)
+    yaw_inertia_g_mm2: Positive | None = None  # about the centre of gravity; default: uniform box
+    center_of_gravity_mm: tuple[Finite, Finite] = (0.0, 0.0)  # in the body frame
 
 
 class Wheels(Table):
     """Four wheels with their centres at (±wheelbase/2, ±track/2)."""
 
-    wheelbase_mm: Positive
-    track_mm: Positive
+    wheelbase_mm: Positive  # front to rear axle
+    track_mm: Positive  # left to right wheel centres
     radius_mm: Positive
 
 
 class MagneticAttraction(Table):
     """Force of each wheel toward the plate, added to its weight share."""
 
-    driving_wheel_mN: NotNegative = 0.0
-    driven_wheel_mN: NotNegative = 0.0
+    driving_wheel_mN: NotNegative = 0.0  # of each front wheel
+    driven_wheel_mN: NotNegative = 0.0  # of each rear wheel
 
 
 class Slip(Table):
-    """The slip law of Eqs. (4) to (8), generalised as the model notes say."""
+    """The slip law of Eqs. (4) to (8); symbols: see simulator/README.md."""
 
-    longitudinal_friction: Positive
-    lateral_friction: Positive
-    friction_decrease: NotNegative
-    longitudinal_shape: Shape
-    lateral_shape: Shape
-    longitudinal_stiffness: Positive
-    lateral_stiffness: Positive
-    stiffness_basis: Literal["load", "weight"] = "load"
+    longitudinal_friction: Positive  # μ0_x
+    lateral_friction: Positive  # μ0_y
+    friction_decrease: NotNegative  # K_μ
+    longitudinal_shape: Shape  # a_x
+    lateral_shape: Shape  # a_y
+    longitudinal_stiffness: Positive  # K_x divided by its basis
+    lateral_stiffness: Positive  # K_y divided by its basis
+    stiffness_basis: Literal["load", "weight"] = "load"  # vertical force with attraction, or weight share alone
 
 
 class Wheel(Table):
     """One support: a wheel, driven by the left or the right command or rolling freely, or a caster or ball.
 
-    Casters and balls carry load and roll any way without friction. attraction_mN: force toward the plate, added to the
-    weight share. slip: a law of its own; without it, that of [slip].
+    Casters and balls carry load and roll in any direction without friction.
     """
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]  # begins the names of columns
-    x_mm: Finite
-    y_mm: Finite
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]  # prefix of its columns in a simulated run
+    x_mm: Finite  # forward
+    y_mm: Finite  # to the left
     radius_mm: Positive
-    driven_by: Literal["left", "right", "none"] = "none"
-    attraction_mN: NotNegative = 0.0
+    driven_by: Literal["left", "right", "none"] = "none"  # command of that side; "none" rolls freely
+    attraction_mN: NotNegative = 0.0  # toward the plate, added to the weight share
     support: Literal["wheel", "caster", "ball"] = "wheel"
-    slip: Slip | None = None
+    slip: Slip | None = None  # its own slip law; default: [slip]
 
     @model_validator(mode="after")
     def _casters_are_not_driven(self) -> Self:
         if not self.grips and self.driven_by != "none":
             raise ValueError(f'{self.name}: a {self.support} is driven by "none"; a driven support is a "wheel"')
         if not self.grips and self.slip is not None:
-            raise ValueError(f"{self.name}: a {self.support} rolls any way, so that it has no slip law")
+            raise ValueError(f"{self.name}: a {self.support} rolls in any direction and has no slip law")
         return self
 
     @property
@@ -106,14 +105,14 @@ class Wheel(Table):
 
 
 class KnownTo(Table):
-    """How well geometry is known, 1 sigma; 0 where it is exact; None: as well as callipers and scales tell."""
+    """Standard uncertainties of the geometry, absolute; 0 is exact."""
 
-    wheel_radius_mm: NotNegative | None = None  # of each wheel
-    wheelbase_mm: NotNegative | None = None
-    track_mm: NotNegative | None = None
-    mass_g: NotNegative | None = None
+    wheel_radius_mm: NotNegative | None = None  # of each wheel; default 0.5 %
+    wheelbase_mm: NotNegative | None = None  # default 0.01 mm
+    track_mm: NotNegative | None = None  # default 0.01 mm
+    mass_g: NotNegative | None = None  # default 2 %
     mark_position_mm: NotNegative = 0.05  # of each mark, along each axis
-    mark_height_mm: NotNegative = 0.1  # of all marks above the plate: enters the uncertainty budget
+    mark_height_mm: NotNegative = 0.1  # of all marks; for the uncertainty budget of the report
     center_of_gravity_mm: NotNegative = 0.1  # along each axis
     plate_level_deg: NotNegative = 0.3  # along each axis of the plate
 
@@ -124,14 +123,14 @@ class NominalRobot(Table):
     format: Literal[1]
     name: str
     body: Body
-    wheels: Wheels | None = None
-    magnetic_attraction: MagneticAttraction = MagneticAttraction()
-    wheel: tuple[Wheel, ...] = ()
+    wheels: Wheels | None = None  # four wheels; or [[wheel]]
+    magnetic_attraction: MagneticAttraction = MagneticAttraction()  # for [wheels]
+    wheel: tuple[Wheel, ...] = ()  # any layout of supports
     slip: Slip
-    marks: Marks = Marks()
-    mark: tuple[Mark, ...] = ()
-    tolerance: dict[str, NotNegative] = Field(default_factory=dict)
-    known_to: KnownTo = KnownTo()
+    marks: Marks = Marks()  # coloured marks; or [[mark]]
+    mark: tuple[Mark, ...] = ()  # marks of any kind
+    tolerance: dict[str, NotNegative] = Field(default_factory=dict)  # relative, 1 sigma, by dotted key
+    known_to: KnownTo = KnownTo()  # absolute, 1 sigma
 
     @model_validator(mode="before")
     @classmethod
@@ -156,7 +155,7 @@ class NominalRobot(Table):
     @model_validator(mode="after")
     def _has_wheels(self) -> Self:
         if self.wheels is None and not self.wheel:
-            raise ValueError("there is neither [wheels] nor [[wheel]]; say where the wheels are")
+            raise ValueError("there is neither [wheels] nor [[wheel]]; give the positions of the wheels")
         if self.wheel:
             _check_list(self)
         return self
@@ -169,7 +168,7 @@ class NominalRobot(Table):
             if key not in known:
                 near = difflib.get_close_matches(key, known, n=1)
                 hint = f"did you mean {near[0]}?" if near else f"it may name {', '.join(known)}"
-                raise ValueError(f"[tolerance] names {key}, which is no number of this robot; {hint}")
+                raise ValueError(f"[tolerance] names {key}, which is not a number of this robot; {hint}")
         return self
 
     @property
@@ -257,7 +256,7 @@ def _check_list(robot: NominalRobot) -> None:
         raise ValueError("[magnetic_attraction] belongs to [wheels]; give each [[wheel]] its attraction_mN")
     names = [wheel.name for wheel in robot.wheel]
     if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise ValueError(f"the name {twice[0]} stands at two [[wheel]]; each needs its own")
+        raise ValueError(f"the name {twice[0]} is used for two [[wheel]] tables")
     for side in ("left", "right"):
         if not any(wheel.driven_by == side for wheel in robot.wheel):
-            raise ValueError(f'no [[wheel]] has driven_by = "{side}"; the {side} command needs one at least')
+            raise ValueError(f'no [[wheel]] has driven_by = "{side}"; the {side} command needs at least one')

@@ -1,4 +1,4 @@
-"""Where a camera would see the marks of a moving robot."""
+"""Simulated observation of the marks of a moving robot."""
 
 from __future__ import annotations
 

@@ -21,9 +21,9 @@ UNITS_BY_SUFFIX = ("mm", "mN", "rpm")  # units of parameters that may be given i
 
 
 class Robot(NominalRobot):
-    """A robot as robot.toml describes it; effect: its [[effect]] entries, which the effect catalogue checks."""
+    """A robot with its effects."""
 
-    effect: tuple[EffectEntry, ...] = ()
+    effect: tuple[EffectEntry, ...] = ()  # added physical effects
 
     @field_validator("effect", mode="before")
     @classmethod

@@ -1,4 +1,4 @@
-"""Motion from command: one run, or a batch over robots, commands and starts.
+"""Simulation of a run, or of a batch over robots, commands and starts.
 
 The full dynamics are integrated, starts and reversals included; see simulator.integrator.run_kernel for how.
 """
@@ -89,7 +89,7 @@ def _followed(problem: tuple[Any, Array, Array, Array], tolerance_mm: float, mos
     )
     if done != DONE:
         raise SimulationError(
-            f"the motion cannot be followed beyond {steps} steps; are the effects of a sensible size?"
+            f"the simulation did not finish within {steps} steps; are the sizes of the effects plausible?"
         )
     return states, grown
 
@@ -185,7 +185,7 @@ def simulate_batch(
     runs = max(len(models), len(commands), len(begin))
     for name, count in (("robots", len(models)), ("commands", len(commands)), ("starts", len(begin))):
         if count not in (1, runs):
-            raise SimulationError(f"a batch of {runs} runs needs {runs} {name} or one; found {count}")
+            raise SimulationError(f"a batch of {runs} runs needs {runs} {name} or a single one; found {count}")
     batch = _Problems(
         models,
         _shared(len(models), runs),

@@ -1,4 +1,4 @@
-"""Steady turns: the velocities at which all forces balance, one, all, or over a map of commands."""
+"""Steady turns: velocities at which all forces balance, for one command or a grid of commands."""
 
 from __future__ import annotations
 
@@ -100,8 +100,8 @@ def steady_turns(robot: Robot, left_rpm: float, right_rpm: float) -> list[Steady
         found.append((rested, _turn(models[0], left_rpm, right_rpm, rested, linear)))
     for forward, yaw_share, ahead in STARTS:
         yaw_rate = yaw_share * per_rpm * (right_rpm - left_rpm) / width
-        aside = -ahead * yaw_rate * length / 2
-        velocity = np.array([per_rpm * (forward[0] * left_rpm + forward[1] * right_rpm), aside, yaw_rate])
+        sideways = -ahead * yaw_rate * length / 2
+        velocity = np.array([per_rpm * (forward[0] * left_rpm + forward[1] * right_rpm), sideways, yaw_rate])
         if balanced(models[0], left_rpm, right_rpm, velocity, linear):
             distances = [np.abs(velocity - known).max() for known, _ in found]
             if min(distances, default=np.inf) > SAME * largest:

@@ -1,6 +1,6 @@
 """Sweeps: grids and random samples over robot keys, commands, start poses and effects, a row of results per run.
 
-Every run of a sweep follows from its number alone, so that any part can be worked out anywhere, in any order, again.
+Every run follows from its number alone, so that parts can be computed anywhere, in any order, repeatedly.
 """
 
 from __future__ import annotations
@@ -84,17 +84,18 @@ def _flat(table: Any) -> Any:
 class Sweep(Table):
     """sweep.toml: every combination of the grid, each with the given number of random samples.
 
-    Keys: left_rpm, right_rpm, start_s; start.x_mm, start.y_mm, start.heading_deg; any number of robot.toml by its
-    dotted key; effect.ID.PARAMETER.
+    fixed: value by key. grid: list of values, or low, high, count. random: low and high, or mean and sigma. Keys:
+    left_rpm, right_rpm, start_s; start.x_mm, start.y_mm, start.heading_deg; any number of robot.toml by its dotted key;
+    effect.ID.PARAMETER.
     """
 
     format: Literal[1]
     name: str
-    robot: str
+    robot: str  # shipped robot or robot.toml
     duration_s: Positive
-    samples: int = Field(default=1, ge=1)
+    samples: int = Field(default=1, ge=1)  # random samples of each grid point
     seed: int = 0
-    fixed: Annotated[dict[str, Finite], BeforeValidator(_flat)] = Field(default_factory=dict)
+    fixed: Annotated[dict[str, Finite], BeforeValidator(_flat)] = Field(default_factory=dict)  # value by key
     grid: Annotated[dict[str, Span | list[Finite]], BeforeValidator(_flat)] = Field(default_factory=dict)
     random: Annotated[dict[str, Uniform | Normal], BeforeValidator(_flat)] = Field(default_factory=dict)
 
@@ -103,10 +104,10 @@ class Sweep(Table):
         keys = [*self.fixed, *self.grid, *self.random]
         twice = sorted({key for key in keys if keys.count(key) > 1})
         if twice:
-            raise ValueError(f"{', '.join(twice)} stands in more than one of fixed, grid and random")
+            raise ValueError(f"{', '.join(twice)} is in more than one of fixed, grid and random")
         empty = [key for key, values in self.grid.items() if isinstance(values, list) and not values]
         if empty:
-            raise ValueError(f"grid.{empty[0]} holds no value")
+            raise ValueError(f"grid.{empty[0]} is empty")
         return self
 
     def axes(self) -> dict[str, list[float]]:
@@ -181,7 +182,7 @@ def changed(robot: Robot, point: dict[str, float]) -> Robot:
         for part in above:
             table = table.get(part) if isinstance(table, dict) else None
         if not isinstance(table, dict) or isinstance(table.get(last, 0.0), (dict, list, str)):
-            raise SimulationError(f"{key} is no key of a sweep{_nearest(key, robot)}")
+            raise SimulationError(f"{key} is not a key of a sweep{_nearest(key, robot)}")
         table[last] = value
     try:
         return Robot.model_validate(content)
@@ -190,7 +191,7 @@ def changed(robot: Robot, point: dict[str, float]) -> Robot:
             ".".join(str(p) for p in fault["loc"]) for fault in error.errors() if fault["type"] == "extra_forbidden"
         ]
         if extra:
-            raise SimulationError(f"{extra[0]} is no key of a sweep{_nearest(extra[0], robot)}") from error
+            raise SimulationError(f"{extra[0]} is not a key of a sweep{_nearest(extra[0], robot)}") from error
         raise
 
 
@@ -237,7 +238,7 @@ def run_part(sweep: Sweep, robot: Robot, start: int, stop: int) -> pd.DataFrame:
         results[rows] = np.stack([x, y, np.degrees(heading), np.hypot(u, v), np.degrees(yaw_rate), radius], axis=1)
         for number, end in zip(rows, x, strict=True):
             if np.isnan(end):
-                status[number] = "the motion cannot be followed"
+                status[number] = "the motion cannot be simulated"
     return table.assign(**dict(zip(RESULTS, results.T, strict=True)), status=status)
 
 

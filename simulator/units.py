@@ -1,4 +1,4 @@
-"""Units by suffix: a key that ends in a unit may end in another of its kind, and is brought to the one used inside."""
+"""Units by suffix: a key may end in any unit of its kind and is converted to the internal one."""
 
 from __future__ import annotations
 

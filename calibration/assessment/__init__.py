@@ -1,1 +1,1 @@
-"""What a calibration is good for, and whether it still holds."""
+"""Assessment of a calibration: quality, verdict, and whether it still holds."""

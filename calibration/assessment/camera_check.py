@@ -1,9 +1,9 @@
-"""Does a calibration still hold? One new image of the gauge lying on the plate, judged in sigmas.
+"""Check of whether a calibration still holds, with one new image of the gauge on the plate, in sigmas.
 
-The gauge may lie anywhere on the plate, so three numbers of its pose say nothing. The other three, tilt and distance
-of the plate as the camera sees it, must be what they were; and with the pose fitted, the residuals must show no trace
-of another lens. Both tests carry the uncertainty of the calibration and of the new image. What neither sees is a lens
-of another focal length at another distance that shows the plate alike; the check says how much that could hide.
+The gauge may lie anywhere on the plate, so three parameters of its pose are free. The other three, tilt and distance of
+the plate, must be unchanged; and with the pose fitted, the residuals must not show a changed lens. Both tests include
+the uncertainties of the calibration and of the new image. Neither detects a change of focal length that is compensated
+by a change of distance; the check states how much this could hide.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Check:
         what = (
             "the lens has changed (refocused, zoomed or another lens)"
             if lens
-            else "the camera has moved, or its lens a little"
+            else "the camera has moved, or the lens has changed slightly"
         )
         size = (
             f"pose {_sigmas(self.pose_sigma)} ({self.tilt_deg:.3f} degrees, {_signed(self.distance_mm)} mm), "
@@ -80,7 +80,7 @@ class Check:
         if self.outcome == "holds":
             return f"the calibration holds: {size}{self._hidden}"
         if self.outcome == "changed":
-            return f"{what}, by too little to matter: {size}{self._hidden}"
+            return f"{what}, but not significantly for lengths: {size}{self._hidden}"
         return f"the calibration no longer holds, {what}: {size}; calibrate again with new images"
 
     @property
@@ -89,7 +89,7 @@ class Check:
         if self.unseen < SCALE_TOLERANCE:
             return ""
         return (
-            "; not seen in one image this straight: refocusing and another distance together, which could change "
+            "; one image without tilt cannot show refocusing combined with a change of distance, which could change "
             f"lengths at mark height by up to {100 * self.unseen:.2g} %; if the lens was touched, calibrate again"
         )
 

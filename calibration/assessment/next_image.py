@@ -1,4 +1,4 @@
-"""What each image of a set gives, and which image of the gauge would help most next.
+"""Information gained from each image of a set, and the most useful next image of the gauge.
 
 Every image adds its information about the lens, with the pose of its gauge eliminated (Schur complement). So an image
 can be taken out of a solved calibration, or one that does not exist yet can be added, without solving again, and the
@@ -66,7 +66,7 @@ class NextImage:
         """How to hold the gauge, and what that gives."""
         how = f"tilted by {TILT_DEG:.0f} degrees, its {self.lifted} nearer to the camera" if self.lifted else "untilted"
         return (
-            f"gauge in the {self.place} of the view, {how}: places at the height of the marks would be known to "
+            f"gauge in the {self.place} of the view, {how}; positions at the height of the marks would be known to "
             f"{1000 * self.after_mm:.2g} µm instead of {1000 * self.before_mm:.2g} µm (1 sigma, exact pitch)"
         )
 
@@ -122,7 +122,10 @@ def image_notes(advice: Advice, names: Sequence[str]) -> tuple[str, ...]:
     if not idle:
         return ()
     return (
-        f"without {' or '.join(idle)} places would be as certain: {'each' if len(idle) > 1 else 'it'} adds nothing",
+        (
+            f"{' or '.join(idle)} {'add' if len(idle) > 1 else 'adds'} nothing: the uncertainty is the same without "
+            f"{'each' if len(idle) > 1 else 'it'}"
+        ),
     )
 
 

@@ -1,7 +1,7 @@
-"""What a calibration is good for: conditioning, coverage, uncertainty above the plate, a verdict in words.
+"""Quality of a calibration: conditioning, coverage, uncertainty above the plate, verdict.
 
-A low residual says that the model fits the dots, not that the dots determine the model; the verdict therefore rests
-on the covariance, on how much each parameter was learned beyond its prior, and on where the dots lay.
+A low residual shows that the model fits the dots, not that the dots determine the model. The verdict therefore uses the
+covariance, the information gained on each parameter beyond its prior, and the coverage of the image.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
         raise CalibrationError(
             f"{calibration.sightings[0].name}: the plane {mark_height_mm:g} mm above the plate is not in view of the "
             f"camera found, {camera_height(camera.pose)[0]:.3g} mm above it; is the gauge bent, and are the "
-            "mark height and the numbers of the gauge file right? Add images with the gauge tilted"
+            "mark height and the gauge file right? Add images with the gauge tilted"
         )
     plate_scale = camera.scale_sigma(calibration.gauge.dots.height_mm)
     spread = tilt_spread_deg(calibration)
@@ -73,7 +73,7 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
         reasons += wrong
         steps.append("measure pitch and dot diameter of the plate and correct gauge.toml")
     if covered < MODEST_COVERAGE:
-        sparse = f"dots cover {100 * covered:.0f} % of the image: distortion is extrapolated over the rest"
+        sparse = f"dots cover {100 * covered:.0f} % of the image; distortion is extrapolated elsewhere"
         if (
             covered < SMALLEST_COVERAGE
             or not worst_scale_sigma(camera.with_exact_pitch(), mark_height_mm) < SCALE_TOLERANCE
@@ -89,7 +89,7 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
         reasons.append(_height_sentence(calibration, mark_height_mm, seen, seen_on_plate))
         if not ill:
             steps.append(
-                "to know the height correction add images with the gauge tilted by 10 to 30 degrees, or lay the "
+                "for the height correction, add images with the gauge tilted by 10 to 30 degrees, or lay the "
                 "gauge on a spacer as high as the marks (dots.height_mm), or measure the distance of the lens "
                 "(--distance-mm VALUE SIGMA)"
             )
@@ -117,8 +117,8 @@ def _pitch_share(gauge: Gauge, exact: Camera, height_mm: float) -> str:
     if gauge.scale_sigma == 0:
         return "if the pitch of the gauge is exact"
     return (
-        f"of which the pitch of the gauge leaves {100 * gauge.scale_sigma:.2g} % (pitch_tolerance_percent) and the "
-        f"images {100 * exact.scale_sigma(height_mm):.2g} %"
+        f"of which {100 * gauge.scale_sigma:.2g} % from the pitch of the gauge (pitch_tolerance_percent) and "
+        f"{100 * exact.scale_sigma(height_mm):.2g} % from the images"
     )
 
 
@@ -160,7 +160,7 @@ def _ill_conditioned(calibration: Calibration, spread: float) -> list[str]:
     focal, sigma = camera.value("focal_px"), camera.sigma("focal_px")
     if spread < SMALLEST_TILT_DEG:
         why.append(
-            f"all images are parallel to within {spread:.1f} degrees, which leaves focal length and distance open"
+            f"all images are parallel within {spread:.1f} degrees and do not determine focal length and distance"
         )
     if sigma > FOCAL_TOLERANCE * focal:
         why.append(
@@ -172,7 +172,7 @@ def _ill_conditioned(calibration: Calibration, spread: float) -> list[str]:
     elif max(abs(x - prior.mean[2]), abs(y - prior.mean[3])) > IMPLAUSIBLE * prior.sigma[2]:
         why.append(f"the principal point ({x:.0f}, {y:.0f}) lies implausibly far from the middle of the image")
     if max(camera.sigma("principal_x_px"), camera.sigma("principal_y_px")) > LEARNED * prior.sigma[2]:
-        why.append("the principal point is not determined by these images and stays near the middle by assumption")
+        why.append("the principal point is not determined by these images and is assumed near the middle")
     if abs(camera.value("aspect") - 1) > IMPLAUSIBLE * prior.sigma[1]:
         why.append(f"pixels would be {camera.value('aspect'):.4f} times as high as wide, which no camera has")
     return why
@@ -184,8 +184,8 @@ def _wrong_size(calibration: Calibration) -> list[str]:
     if not (ratio > WIDEST or ratio < NARROWEST):
         return []
     sentence = (
-        f"dots are seen {ratio:.2f} times as wide against their distance as the gauge file says: pitch_mm or "
-        "diameter_mm is wrong, and if it is the pitch, every length is"
+        f"the ratio of dot diameter to pitch is {ratio:.2f} times that of the gauge file: pitch_mm or "
+        "diameter_mm is wrong; a wrong pitch makes every length wrong"
     )
     return [sentence]
 
@@ -196,8 +196,8 @@ def _misfit(calibration: Calibration) -> list[str]:
     if excess < MISFIT:
         return []
     sentence = (
-        f"residuals of {calibration.rms_px:.2g} px are {excess:.0f} times what the sharpness of the dots promises: the "
-        "gauge is not flat or not as its file says, or the lens is of another kind"
+        f"residuals of {calibration.rms_px:.2g} px are {excess:.0f} times the uncertainty of the dot centres: the "
+        "gauge is not flat or does not match its file, or the lens model does not fit"
     )
     return [sentence]
 
@@ -205,15 +205,18 @@ def _misfit(calibration: Calibration) -> list[str]:
 def _height_sentence(calibration: Calibration, height: float, scale: float, plate_scale: float) -> str:
     doubt = f"{100 * scale:.2g} % (1 sigma), on the plane of the gauge by {100 * plate_scale:.2g} %"
     if len(calibration.views) > 1:
-        return f"these images leave the height correction open: at {height:g} mm turning radii are in doubt by {doubt}"
+        return (
+            "these images do not determine the height correction: "
+            f"turning radii at {height:g} mm are uncertain by {doubt}"
+        )
     if scale > SCALE_TOLERANCE:
         return (
-            "a single image without tilt cannot give the height correction: "
-            f"at {height:g} mm turning radii are in doubt by {doubt}"
+            "a single image without tilt cannot determine the height correction: "
+            f"turning radii at {height:g} mm are uncertain by {doubt}"
         )
     return (
-        "the height correction rests on the perspective of a single image, which nothing checks: "
-        f"at {height:g} mm turning radii are in doubt by {doubt}, if the lens model is exact"
+        "the height correction relies on the perspective of a single image, without a check: "
+        f"turning radii at {height:g} mm are uncertain by {doubt}, if the lens model is exact"
     )
 
 
@@ -223,19 +226,19 @@ def _notes(calibration: Calibration) -> list[str]:
     worst = int(np.argmax(left_out / found))
     if left_out[worst] > LEFT_OUT * found[worst]:
         notes.append(
-            f"{left_out.sum()} of {found.sum()} dots left out because glare, dirt or an edge spoils them or they "
+            f"{left_out.sum()} of {found.sum()} dots left out because of glare, dirt or an edge, or because they "
             f"contradict the rest; most in {calibration.sightings[worst].name}, {left_out[worst]} of {found[worst]}"
         )
     notes += _flatness_notes(calibration)
     plate, gauge = calibration.sightings[0], calibration.gauge
     if not plate.match.certain and len(plate.match) == int(gauge.present().sum()):
         notes.append(
-            f"{plate.name}: the array looks the same from several sides and no fiducial tells them apart, so which way "
-            "x and y point on the plate was chosen (lengths and radii are not affected)"
+            f"{plate.name}: the array is symmetric and has no fiducial, so the direction of x and y was "
+            "chosen arbitrarily (lengths and radii are not affected)"
         )
     elif not plate.match.certain:
         notes.append(
-            f"{plate.name}: part of the array is hidden or out of view and no fiducial tells "
+            f"{plate.name}: part of the array is hidden or out of view and no fiducial shows "
             "which, so the origin of the plate frame may be off by whole pitches (lengths and radii are not affected)"
         )
     return notes
@@ -246,16 +249,22 @@ def _flatness_notes(calibration: Calibration) -> list[str]:
     found = calibration.flatness
     if found is None:
         alone = (
-            "the gauge was taken as flat: a single image cannot tell its bend from distortion of the lens; state "
-            "flatness_mm under [tolerance] of gauge.toml to have it counted, or add images with the gauge tilted"
+            "the gauge was taken as flat: a single image cannot distinguish bending from lens distortion; state "
+            "flatness_mm under [tolerance] of gauge.toml to include it, or add images with the gauge tilted"
         )
         return [alone]
     interval = f"{found.low_mm:.3g} to {found.high_mm:.3g} mm, 95 %"
     if not found.used:
-        return [f"the gauge is flat as far as these images tell: peak to valley below {found.high_mm:.2g} mm (95 %)"]
+        return [
+            (
+                f"the gauge is flat within the resolution of these images: peak to valley below {found.high_mm:.2g} mm "
+                "(95 %)"
+            )
+        ]
     rest = REST * np.sqrt(found.mean_square_mm2)
     solved = (
-        f"the face of the gauge is solved for: peak to valley {found.peak_to_valley_mm:.3g} mm ({interval}); on which "
-        f"of its points it lies is not seen, so that the plate's height is known to {rest:.2g} mm (1 sigma, counted)"
+        f"the shape of the gauge was estimated: peak to valley {found.peak_to_valley_mm:.3g} mm ({interval}); the "
+        "points on "
+        f"which it rests are unknown, so the plate's height is known to {rest:.2g} mm (1 sigma, included)"
     )
     return [solved]

@@ -1,4 +1,4 @@
-"""The verdict on a calibration, as quality.py gives it and camera.json keeps it."""
+"""The verdict on a calibration, as computed by quality.py and stored in camera.json."""
 
 from __future__ import annotations
 

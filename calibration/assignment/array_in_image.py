@@ -1,4 +1,4 @@
-"""The dot array of an image, found without knowing the gauge: the one search that all commands use."""
+"""Search for the dot array of an image without a gauge file, used by all commands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What tells one dot of the gauge from another: its size and its colour against the dots around it."""
+"""Fiducial features of a dot: its size and colour relative to the dots around it."""
 
 from __future__ import annotations
 

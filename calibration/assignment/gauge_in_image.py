@@ -1,4 +1,4 @@
-"""The gauge in one image: dots found, given their places, and every reason to doubt that it is the gauge."""
+"""Detection of the gauge in one image: dots, grid indices, and checks that it is the right gauge."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def sight(image: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
         raise ImageError(
             name,
             f"{len(dots)} dots of color {said.color} found, at least {fewest} are needed; "
-            "is it a sharp image of the gauge, and is that one of dots (no checkerboard, no ChArUco board)?",
+            "is it a sharp image of a dot gauge (no checkerboard, no ChArUco board)?",
         )
     if len(lattice) < fewest:
         raise ImageError(
@@ -75,9 +75,7 @@ def sight(image: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
     blur = float(np.median(2 * dots.blur_px / dots.diameter_px))
     swollen = float(np.median(dots.diameter_px[lattice.dot])) / _expected_diameter_px(dots, lattice, gauge)
     if blur > SMUDGE[0] and swollen > SMUDGE[1]:
-        raise ImageError(
-            name, f"blurred beyond use, dots are smeared to {swollen:.1f} times their size; focus the lens"
-        )
+        raise ImageError(name, f"too blurred, dots are smeared to {swollen:.1f} times their size; focus the lens")
     try:
         match = match_gauge(dots, lattice, gauge)
     except CalibrationError as error:
@@ -87,14 +85,15 @@ def sight(image: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
         raise ImageError(
             name,
             f"the marks are not discs but {NAMES[order]}: their rims depart from an ellipse by "
-            f"{100 * depth:.0f} % of the radius; is it the gauge of this image, and did nothing move in the exposure?",
+            f"{100 * depth:.0f} % of the radius; is it the gauge of this image, and did the gauge or the camera move "
+            "during the exposure?",
         )
     ratio = size_ratio(dots.centers_px[match.dot], dots.diameter_px[match.dot], match.column, match.row, gauge)
     if ratio > FOREIGN_SIZE or ratio < 1 / FOREIGN_SIZE:
         raise ImageError(
             name,
-            f'dots are seen {ratio:.2g} times as wide against their distance as the gauge "{gauge.name}" has '
-            "them; is it the gauge of this image, and are its pitch_mm and diameter_mm right?",
+            f'the ratio of dot diameter to pitch is {ratio:.2g} times that of the gauge "{gauge.name}"; is it the '
+            "gauge of this image, and are its pitch_mm and diameter_mm right?",
         )
     return Sighting(name, dots, lattice, match, ratio)
 

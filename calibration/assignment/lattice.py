@@ -1,7 +1,7 @@
 """Dot centres → lattice indices, with no count given in advance: holes, partial views and distractors are normal.
 
-Indices are of a right-handed reduced basis as seen in the image (x right, y down): which dot of the gauge is which is
-`match_gauge.py`'s question.
+Indices refer to a right-handed reduced basis as seen in the image (x right, y down); matching.py assigns them to the
+dots of the gauge.
 """
 
 from __future__ import annotations

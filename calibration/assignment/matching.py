@@ -1,7 +1,7 @@
-"""Which dot of the gauge each dot of a lattice is: over all ways to lay the gauge's lattice on the one seen.
+"""Matching of a lattice to the gauge, over all placements of the gauge's lattice on the observed one.
 
-A placement is judged by what it puts inside the array: dots seen count for it, places seen empty against it; fiducials
-decide among those that are left, and then the smallest turn of the gauge in the image.
+A placement is scored by its inside: observed dots count for it, visible empty positions against it. Fiducials decide
+between equal scores, then the smallest rotation of the gauge in the image.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def _mirrored(gauge: Gauge) -> str:
     """Why only the mirror image of the gauge fits."""
     if gauge.fiducial:
         return (
-            "the gauge is seen from behind or in a mirror: its fiducials fit only the mirrored array; "
+            "the image is mirrored: the fiducials of the gauge fit only the mirrored array; "
             "turn the plate over, or undo the mirroring of the image"
         )
     other = "even" if gauge.dots.shifted_rows == "odd" else "odd"
@@ -114,10 +114,10 @@ def _no_fiducials(dots: Dots, gauge: Gauge) -> str:
     if dots.color.shape[1] == 1 and any(fiducial.color for fiducial in gauge.fiducial):
         return (
             f'the fiducial dots of the gauge "{gauge.name}" differ by their color, which a grey image does not show; '
-            "take a color image, or give them a diameter_mm of their own"
+            "take a color image, or use fiducials of another diameter_mm"
         )
     return (
-        f'the fiducial dots that the gauge "{gauge.name}" promises are not seen where they should be; '
+        f'the fiducial dots of the gauge "{gauge.name}" are not visible at their positions; '
         "is it the gauge of this image?"
     )
 

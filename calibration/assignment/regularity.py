@@ -1,4 +1,4 @@
-"""How regular a lattice is: three of its dots in a row lie on a line, from whatever side a lens looks at them.
+"""Regularity of a lattice: three neighbouring dots of a row lie on a line from every viewpoint.
 
 Dots of an array leave the line by less than a hundredth of a pitch. Specks that happen to continue a lattice are taken
 wherever they lie within the reach of its growth, a quarter of a pitch, and leave it by as much.

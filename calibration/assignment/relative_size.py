@@ -1,4 +1,4 @@
-"""Size of a dot against the dots around it, perspective apart."""
+"""Size of a dot relative to the dots around it, corrected for perspective."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Is the array of an image another one than the gauge file's? A placement that fits is not yet proof.
+"""Detection of an array that is not that of the gauge file, although a placement fits.
 
-An array that goes on beyond the gauge's own lines is another one, and so is one that ends before them, unless something
-hides the rest or another image of the set shows them.
+An array that continues beyond the lines of the gauge is another one, and so is one that ends before them, unless the
+rest is hidden or another image of the set shows it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Kernels: functions compiled by numba and kept on disk, so that a second process does not compile.
+"""Kernels: functions compiled by numba and cached on disk, so that later processes do not compile.
 
-The one place for the kernels of all packages. What is kept is found again by the text of the sources it was compiled
-from, in the user's cache: installing anew compiles nothing, and a changed callee compiles its callers. Processes that
-start at the same time share the work: each kernel is compiled by one of them, and read by the others.
+All packages compile their kernels here. The cache of the user is keyed by the text of the sources, so a new
+installation of the same version compiles nothing, and a changed callee recompiles its callers. If several processes
+start at once, each kernel is compiled by one of them and read by the others.
 """
 
 from __future__ import annotations

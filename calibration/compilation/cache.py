@@ -1,9 +1,8 @@
-"""Compiled kernels on disk: where they are, for which sources they hold, and that one process at a time makes one.
+"""Cache of compiled kernels on disk: location, validity by source text, and locks between processes.
 
-They are in the user's cache, `turnscope/kernels`, or in NUMBA_CACHE_DIR where that is set; without either in
-`__pycache__` beside the source, and where nothing can be written nothing is kept. A name holds the digest of the
-kernel's file and of all files of these packages that it imports, directly or not; numba adds its own version, the
-processor and the types of the arguments.
+Location: `turnscope/kernels` in the user's cache, or NUMBA_CACHE_DIR if set; otherwise `__pycache__` beside the source.
+If none is writable, nothing is cached. A file name contains the digest of the kernel's source file and of all files
+that it imports from these packages, directly or indirectly; numba adds its version, the processor and argument types.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Kernels that are compiled as parts of those that call them.
+"""Kernels that are compiled into their callers.
 
-numba makes of every kernel a library of its own: it links all that the kernel calls, optimises the whole, writes
-machine code, and makes wrappers for Python and C. So what is called three calls down is optimised and written four
-times. A part stops before all that: its code is typed and lowered, and optimised within the kernel that Python calls.
+numba makes a library of every kernel: it links all callees, optimises the whole, generates machine code, and adds
+wrappers for Python and C. A function three calls down is therefore optimised and generated four times. A part is only
+typed and lowered; it is optimised within the kernel that Python calls.
 
-This goes through inner parts of numba: a pipeline (documented), and the class of libraries that it fills.
+This uses internals of numba: a pipeline (documented), and the class of libraries that it fills.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Dots that something else reaches into: the edge of the sheet, dirt, glare, a finger.
+"""Dots disturbed by the edge of the sheet, dirt, glare or a finger.
 
 Such dots leave more residual than the others of the image. Where the disturbance lies outside the dot, a fit of fewer
 pixels about the edge is free of it; where it lies on the dot, the centre is moved by more than noise would move it, and

@@ -1,4 +1,4 @@
-"""Images as the detector wants them: one plane, float32, dots dark.
+"""Preparation of images for the detector: one plane, float32, dark dots.
 
 A colour image is projected on the colour axis that separates dots from their background best, so that coloured dots
 need no code of their own: the axis the gauge file states, or else the principal axis of the image's fine detail.
@@ -42,7 +42,7 @@ def read_image(path: Path) -> NDArray[np.generic]:
     if min(image.shape[:2]) < SMALLEST_PX:
         raise CalibrationError(f"{path}: {image.shape[1]}×{image.shape[0]} pixels, too small to hold a dot array")
     if not np.isfinite(image).all():
-        raise CalibrationError(f"{path}: holds values that are no numbers (NaN or infinite); mask or fill them first")
+        raise CalibrationError(f"{path}: contains NaN or infinite values; replace them first")
     if image.ndim == 3 and image.shape[2] == 2:
         image = image[:, :, 0]
     elif image.ndim == 3 and image.shape[2] == 4:
@@ -53,10 +53,10 @@ def read_image(path: Path) -> NDArray[np.generic]:
 def _why_unreadable(start: bytes) -> str:
     """Why a file is no image, by its first 16 bytes, and what to do."""
     if start[4:8] == b"ftyp" and start[8:12] in HEIF:
-        return "a HEIC photograph, which cannot be read; save it as JPEG or PNG, or let the phone take JPEG"
+        return "HEIC photographs cannot be read; save it as JPEG or PNG, or set the phone to JPEG"
     if start[:3] == b"\xff\xd8\xff" or start[:8] == b"\x89PNG\r\n\x1a\n":
         return "an image that is damaged or cut off; copy it again"
-    return "not an image that can be read; PNG, TIFF and JPEG are known to work"
+    return "not a readable image; use PNG, TIFF or JPEG"
 
 
 def color_bgr(name: str) -> NDArray[np.float64]:

@@ -1,9 +1,9 @@
-"""How far noise that is alike in neighbouring pixels widens the uncertainty of dot centres.
+"""Increase of the uncertainty of dot centres by noise that is correlated between pixels.
 
-Colour cameras of one chip interpolate three quarters of their numbers, codecs and resizing mix pixels: the fit, for
-which pixels are independent, then takes the same news for several. With S the influence of the pixels on a centre and ρ
-the autocorrelation of the noise, the variance of the centre is larger by Σ ρ(lag) (S⋆S)(lag) / (S⋆S)(0). ρ comes from
-the residuals of some dots; what the fit itself takes out of white residuals, the part Jᵀ(J Jᵀ)⁻¹J, is put back.
+Single-chip colour cameras interpolate three quarters of their values, and codecs and resizing mix pixels, while the fit
+assumes independent pixels. With S the influence of the pixels on a centre and ρ the autocorrelation of the noise, the
+variance of the centre is larger by Σ ρ(lag) (S⋆S)(lag) / (S⋆S)(0). ρ is estimated from the residuals of some dots,
+corrected for the part Jᵀ(J Jᵀ)⁻¹J that the fit removes from white residuals.
 """
 
 from __future__ import annotations

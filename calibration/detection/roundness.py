@@ -1,4 +1,4 @@
-"""Are the dots round? Squares and hexagons have centres too, and the fit of a blurred ellipse takes them for discs.
+"""Roundness test of dots, because the fit of a blurred ellipse would accept squares and hexagons.
 
 About the fitted ellipse, in the coordinates that make it the unit circle, the rim is 1 + Σ εₙ cos n(θ - θₙ). Orders 0
 to 2 are the ellipse's own; 3 and up vanish for discs (perspective leaves (radius/distance)² of the third). All figures

@@ -158,7 +158,7 @@ def _sight(
 def _check_sizes(images: Sequence[NDArray[np.generic]], names: Sequence[str]) -> None:
     if len({image.shape[:2] for image in images}) > 1:
         listed = ", ".join(f"{name} {_size(image)}" for name, image in zip(names, images, strict=True))
-        raise CalibrationError(f"images differ in size: {listed}; a calibration holds for one camera mode")
+        raise CalibrationError(f"images differ in size: {listed}; all must be from one camera mode")
 
 
 def _solved(
@@ -176,7 +176,7 @@ def _solved(
     rough = rough_start(views, size_px, prior)
     if not rough:
         raise CalibrationError(
-            f"{sightings[0].name}: no camera explains the dots; do all show the gauge {gauge.name!r}?"
+            f"{sightings[0].name}: no camera model fits the dots; do all images show the gauge {gauge.name!r}?"
         )
     views = with_tolerance(views, rough[0].state, gauge.tolerance)
     fit, used, trials = _solve_robustly(views, rough, prior, _faces(gauge, len(views)))
@@ -267,7 +267,7 @@ def _check_left_out(views: list[View], used: list[View]) -> None:
             raise ImageError(
                 view.name,
                 f"{left_out} of {len(view)} dots contradict {rest}; are all images from one camera, "
-                "with pitch_mm and layout of the gauge file those of the plate? Leave this one out or take it again",
+                "and are pitch_mm and layout of the gauge file right? Leave this image out or take it again",
             )
 
 

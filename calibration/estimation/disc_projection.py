@@ -1,4 +1,4 @@
-"""Where the fitted ellipse of a disc's image has its centre: not where the disc's centre is seen.
+"""Offset between the centre of the ellipse fitted to a disc's image and the image of the disc's centre.
 
 Derivation. Let F take the gauge plane to the image and J be its derivative at the disc's centre. The circle of
 radius R maps to B(t) = F(c + R e(t)). In the coordinates u = (R J)⁻¹ (B - F(c)) this is almost the unit circle, u =

@@ -1,4 +1,4 @@
-"""Shape of the gauge's face where it is not flat: z of low order over the array, shared by all images of a set.
+"""Shape of a bent gauge: height of low polynomial order over the array, common to all images of a set.
 
 z(u, v) = Σ cₖ Pᵢ(u) Pⱼ(v) with Legendre polynomials over the array's box, u and v from -1 to 1: three terms of second
 order, four of third. Orders zero and one are the pose's. Gauge frame, mm; coefficients in mm.

@@ -1,4 +1,4 @@
-"""How errors of the gauge itself reach the camera: of single dots, and of the pitch as a whole.
+"""Propagation of errors of the gauge to the camera: of single dots, and of the common pitch.
 
 A dot that is out of place is so in every image, so its error does not average out over images as noise does. With
 the normal matrix N, whitened derivatives A by the parameters and B by the gauge's coordinates, a displacement d of

@@ -1,4 +1,4 @@
-"""Rough start of the solve: poses from plane homographies for a ladder of focal lengths and both lens models."""
+"""Initial values: poses from plane homographies for a series of focal lengths and both lens models."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Which terms of the lens and of a bent gauge the images ask for: cross-validation over dots held out, not habit.
+"""Selection of lens and flatness terms by cross-validation over held-out dots.
 
 Every dot is predicted once by a model fitted without it. Blocks of neighbouring places are held out together, so that a
-term earns its place by predicting ground the fit has not seen.
+term is accepted only if it predicts regions that the fit has not seen.
 """
 
 from __future__ import annotations

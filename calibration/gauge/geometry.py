@@ -26,26 +26,27 @@ class Table(BaseModel):
 class Dots(Table):
     """The array: columns run along x, rows along y.
 
-    The layouts of OpenCV and BoofCV are taken by their own names and counts, and held as the "square" or "staggered"
-    array that they are (see layouts.py).
+    Layouts of OpenCV and BoofCV are accepted by their names and counts and converted (see layouts.py).
     """
 
-    columns: int = Field(ge=2)
-    rows: int = Field(ge=2)
-    pitch_mm: Positive | tuple[Positive, Positive]
+    columns: int = Field(ge=2)  # along x
+    rows: int = Field(ge=2)  # along y
+    pitch_mm: Positive | tuple[Positive, Positive]  # distance of neighbouring dots, or along columns and along rows
     diameter_mm: Positive
     layout: Literal["square", "staggered"] = "square"
     shifted_rows: Literal["odd", "even"] = "odd"  # of a staggered array, counted from 0 at the top of the sheet
-    shifted_rows_shorter: bool = False  # by their last dot
-    color: str = "black"
-    background: str = "white"
-    height_mm: Annotated[float, Field(allow_inf_nan=False)] = 0.0
+    shifted_rows_shorter: bool = False  # by one dot
+    color: str = "black"  # name or "#rrggbb"
+    background: str = "white"  # name or "#rrggbb"
+    height_mm: Annotated[float, Field(allow_inf_nan=False)] = 0.0  # of the dots above the plate
     pitch_tolerance_percent: NotNegative = 0.1  # 1 sigma, common to the whole plate
 
     @model_validator(mode="after")
     def _bounded(self) -> Self:
         if self.columns * self.rows > MOST_DOTS:
-            raise ValueError(f"{self.columns} × {self.rows} dots are more than {MOST_DOTS}, which no image resolves")
+            raise ValueError(
+                f"{self.columns} × {self.rows} dots are more than the {MOST_DOTS} that an image can resolve"
+            )
         return self
 
     @model_validator(mode="before")
@@ -55,30 +56,30 @@ class Dots(Table):
 
 
 class Fiducial(Table):
-    """A dot that differs from the others, to fix origin and direction."""
+    """A dot that differs from the others, to define origin and direction."""
 
-    column: int = Field(ge=0)
-    row: int = Field(ge=0)
-    diameter_mm: Positive | None = None
-    color: str | None = None
+    column: int = Field(ge=0)  # counted from 0
+    row: int = Field(ge=0)  # counted from 0
+    diameter_mm: Positive | None = None  # if it differs from the other dots
+    color: str | None = None  # if it differs from the other dots
 
 
 class Tolerance(Table):
-    """How well the plate itself is made: standard deviations, and the maker's limit of flatness."""
+    """Manufacturing tolerances of the plate."""
 
-    dot_mm: NotNegative = 0.0  # of each dot about its place, x and y alike
-    scale: NotNegative | None = None  # relative, of the pitch as a whole; dots.pitch_tolerance_percent says it too
-    flatness_mm: Positive | None = None  # peak to valley of the face that 95 of 100 such plates keep
+    dot_mm: NotNegative = 0.0  # of each dot, along each axis
+    scale: NotNegative | None = None  # of the pitch, relative; default: dots.pitch_tolerance_percent
+    flatness_mm: Positive | None = None  # peak to valley that 95 of 100 such plates keep
 
 
 class Gauge(Table):
-    """A dot gauge as gauge.toml describes it."""
+    """A dot gauge."""
 
     format: Literal[1]
     name: str
     dots: Dots
-    fiducial: tuple[Fiducial, ...] = ()
-    tolerance: Tolerance = Tolerance()
+    fiducial: tuple[Fiducial, ...] = ()  # dots that define origin (the first) and direction of x
+    tolerance: Tolerance = Tolerance()  # manufacturing tolerances
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -98,7 +98,7 @@ def _ruler(gauge: Gauge, width: float, height: float) -> list[Bar | Text]:
     about = (
         f"{gauge.name}: {dots.layout}, {dots.columns} × {dots.rows} dots of {dots.diameter_mm:g} mm, pitch {pitch} mm"
     )
-    advice = f"Print at 100 %. If the {length} mm above measure otherwise, write the true pitch into gauge.toml."
+    advice = f"Print at 100 %. If the {length} mm above are wrong, correct the pitch in gauge.toml."
     return [*shapes, Text(width / 2, top + 8.2, about, middle=True), Text(width / 2, top + 12.2, advice, middle=True)]
 
 

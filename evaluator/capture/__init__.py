@@ -1,1 +1,1 @@
-"""From a camera at the bench to a video file: nothing lost, true times, and when the motors were told to start."""
+"""Recording from a camera: lossless or as compressed by the camera, with time stamps and the start of the motors."""

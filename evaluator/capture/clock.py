@@ -11,7 +11,7 @@ MICRO = 1_000_000  # ticks of a second in files that are written: a thousandth o
 
 @dataclass(frozen=True)
 class ClockReport:
-    """What the times of a recording are worth.
+    """Quality of the time stamps of a recording.
 
     source: "camera" where the driver or the stream stamps every frame, "arrival" where the computer did. interval_s:
     median; NaN below two frames. jitter_s: standard deviation (robust) of the arrivals about the camera's times; of

@@ -1,4 +1,4 @@
-"""When a light in view went on: the start signal that no delay of camera or computer can shift."""
+"""Time at which a light in view switches on: a start signal without delay of camera or computer."""
 
 from __future__ import annotations
 
@@ -47,12 +47,13 @@ def light_on(time_s: Array, brightness: Array, exposure_s: float | None = None) 
     the light beside the robot. Raises InputError where no light goes on.
     """
     if len(time_s) < 3 * SETTLED:
-        raise InputError(f"{len(time_s)} frames; {3 * SETTLED} are needed to see a light go on")
+        raise InputError(f"{len(time_s)} frames; {3 * SETTLED} are needed to detect the light")
     interval = float(np.median(np.diff(time_s)))
     at, low, high, noise = _edge(brightness)
     if not high - low > LEAST_CONTRAST * noise:
         raise InputError(
-            f"no light goes on there: brightness steps by {high - low:.3g} levels at most, its noise is {noise:.2g}; "
+            f"no light switches on there: brightness steps by {high - low:.3g} levels at most, its noise is "
+            f"{noise:.2g}; "
             "is the place right, and does the recording begin before the light?"
         )
     if exposure_s is not None and not 0 < exposure_s <= interval * 1.01:

@@ -31,7 +31,7 @@ REST_S = 0.5  # recorded before the motors are told to start: the report needs t
 
 @dataclass(frozen=True)
 class CaptureStart:
-    """How the start of the motors is known: by a light in view, or by a signal. exposure_s: of a frame, if known."""
+    """Start signal of the motors: a light in view, or another signal. exposure_s: of a frame, if known."""
 
     light: LightRegion | None = None
     exposure_s: float | None = None
@@ -53,7 +53,7 @@ class Captured:
     start_note: str = ""
 
     def sentences(self) -> tuple[str, ...]:
-        """What people need to know of it."""
+        """Notes on the recording."""
         clock = self.clock
         rate = 1 / clock.interval_s if clock.interval_s else math.nan
         whose = "of the camera; they arrived" if clock.source == "camera" else "of arrival, which scatter"
@@ -131,7 +131,7 @@ def record_camera(
                 if not under.clock.times_s:
                     raise
     if not under.clock.times_s:
-        raise InputError(f"{source}: gave not a single frame")
+        raise InputError(f"{source}: delivered no frames")
     result = _captured(path, under, moment())
     if path is not None:
         clock = {"times_from": result.clock.source, **asdict(result.clock)}
@@ -207,5 +207,5 @@ def _captured(path: Path | None, under: _Under, moment_s: float | None) -> Captu
         return Captured(path, clock, *found)
     if moment_s is not None:
         return Captured(path, clock, *under.clock.in_recording(moment_s))
-    note = "the signal did not come" if under.start.signal else ""
+    note = "no start signal" if under.start.signal else ""
     return Captured(path, clock, start_note=note)

@@ -1,4 +1,4 @@
-"""Cameras and whatever else FFmpeg opens as one: packets as they come, with the moment of their arrival."""
+"""Cameras and other live sources of FFmpeg: packets with their time of arrival."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Camera:
                 return  # unplugged: what was recorded until now is whole
 
     def close(self) -> None:
-        """Let go of the camera."""
+        """Release the camera."""
         self._container.close()
 
 
@@ -83,5 +83,5 @@ def _place(name: str) -> tuple[str, str | None]:
     if name.isdecimal():
         return pattern.format(name), form
     if name.startswith("/dev/") and not Path(name).exists():
-        raise InputError(f"{name}: no such camera; is it plugged in?")
+        raise InputError(f"{name}: no such camera; is it connected?")
     return name, form if name.startswith("/dev/video") or Path(name).is_char_device() else None

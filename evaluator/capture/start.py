@@ -1,4 +1,4 @@
-"""Telling the motors to start, or being told that they did: each gives the moment on the computer's clock."""
+"""Start signals sent to or received from the motors, with the time on the computer's clock."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Signal = Callable[[], tuple[Callable[[], None], Moment]]
 
 
 def line_on(stream: TextIO) -> Signal:
-    """A line on a text stream says that the motors were started."""
+    """Start signal: a line on a text stream."""
 
     def prepare() -> tuple[Callable[[], None], Moment]:
         seen: list[float] = []
@@ -36,7 +36,7 @@ def line_on(stream: TextIO) -> Signal:
 
 
 def program(command: str) -> Signal:
-    """Run a program of the user's that starts the motors; the moment is when it was started."""
+    """Start signal: the start of a program of the user that starts the motors."""
 
     def prepare() -> tuple[Callable[[], None], Moment]:
         import shutil
@@ -55,7 +55,7 @@ def program(command: str) -> Signal:
 
 
 def serial_command(port: str, text: str, baud: int = 115200) -> Signal:
-    """Send a command over a serial port; the moment is when its last byte was handed over."""
+    """Start signal: the time at which the last byte of a command was passed to a serial port."""
 
     def prepare() -> tuple[Callable[[], None], Moment]:
         try:

@@ -1,4 +1,4 @@
-"""Are the marks seen? One frame looked at, in a few words and an image."""
+"""Which marks are visible in a frame, as text and image."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def watch_marks(settings: Path | None = None, image: Path | None = None) -> Call
 
     def look(frame: Frame) -> str:
         if frame.u is None:
-            return "grey frames: no colour to tell marks by"
+            return "grey frames: coloured marks cannot be found"
         seen = find_marks(frame, used, names).chosen
         if image is not None:
             shown = np.ascontiguousarray(frame.to_rgb())

@@ -1,4 +1,4 @@
-"""The file that is recorded into: what a camera compresses is kept as it came, anything else is stored without loss."""
+"""The recorded file: compressed frames are stored as received, raw frames without loss."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class Writer:
     def __init__(self, path: Path, stream: Any) -> None:
         """Open. stream: of the source. Raises InputError where the path is taken or is no .mp4."""
         if path.suffix.lower() != ".mp4":
-            raise InputError(f"{path}: recordings are written as .mp4, which keeps exact times; give such a name")
+            raise InputError(f"{path}: recordings are written as .mp4; give such a name")
         if path.exists():
-            raise InputError(f"{path}: is there already; nothing is recorded over it, give another name")
+            raise InputError(f"{path}: exists already; give another name")
         path.parent.mkdir(parents=True, exist_ok=True)
         self.path, self._part = path, path.with_name(f"{path.stem}.part.mp4")
         self._container = av.open(str(self._part), "w", options=MP4)

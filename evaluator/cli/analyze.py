@@ -21,23 +21,22 @@ if TYPE_CHECKING:
 MOST_NAMED = 6  # runs in a remark that many share
 SOME_FAILED = 1  # exit status: results for the good runs, a reason for each of the others
 
-STATUS_NOTE = """Exit status: 0 every run was analysed; 1 some could not be (a reason for each on standard error,
-results for the others); 2 the input cannot be used at all."""
+STATUS_NOTE = """Exit status: 0, all runs were analysed; 1, some runs could not be analysed (reasons on standard error,
+results for the others); 2, the input cannot be used."""
 
 
 @click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope analyze experiment.toml -o out/")
 @batch_options
 def analyze(options: BatchOptions) -> int:
-    """Track, reconstruct and fit every run of an experiment.
+    """Track every run of an experiment, reconstruct its poses and measure its turning radius.
 
-    Writes turning.csv (a row per run), pooled.csv (a row per command, its repetitions pooled), directions.csv (backward
-    against forward), marks/RUN.csv and poses/RUN.csv. What is up to date is reused, so the same
-    command goes on after an interruption.
+    Writes turning.csv (a row per run), pooled.csv (repetitions of a command pooled), directions.csv (backward against
+    forward), marks/RUN.csv and poses/RUN.csv. Results that are up to date are reused, so an interrupted command
+    continues where it stopped.
 
-    Marks may come from elsewhere: a run then says marks = "r01.csv" instead of video, a table with time_s and, for
-    every mark of the robot, NAME_x_mm and NAME_y_mm on the plane of the marks, a missing mark as empty cells. Files of
-    OSP Tracker, DeepLabCut, SLEAP and movement are read as well; [tracks] of experiment.toml says what their marks are
-    called, unit and frame rate.
+    A run may have marks = "r01.csv" instead of video: a table with time_s and, for every mark of the robot, NAME_x_mm
+    and NAME_y_mm on the plane of the marks, with empty cells for a missing mark. Files of OSP Tracker, DeepLabCut,
+    SLEAP and movement are read as well; [tracks] of experiment.toml gives their mark names, unit and frame rate.
     """
     if options.dry_run:
         return print_plan(options, simulate=False)
@@ -53,10 +52,10 @@ def analyze(options: BatchOptions) -> int:
 @click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope compare experiment.toml -o out/")
 @batch_options
 def compare(options: BatchOptions) -> int:
-    """Set every run beside its simulated counterpart.
+    """Compare every run with its simulation.
 
-    Writes comparison.csv (a row per run) and simulated/RUN.csv beside what turnscope analyze writes, which is made
-    or reused. The counterpart has the same command, starts from the measured pose and is read by the same estimator.
+    Writes comparison.csv (a row per run) and simulated/RUN.csv, in addition to the files of turnscope analyze. The
+    simulation has the same command, starts at the measured pose, and its marks pass through the same estimator.
     """
     if options.dry_run:
         return print_plan(options, simulate=True)
@@ -71,7 +70,7 @@ def compare(options: BatchOptions) -> int:
 
 
 def run_analysis(options: BatchOptions, *, simulate: bool) -> Analysis:
-    """Analyse with a progress bar, and say on standard error why runs are missing."""
+    """Analyse with a progress bar, and print to standard error why runs are missing."""
     from evaluator.workflow import analyze as analyze_experiment
 
     with progress_bar("runs", quiet=options.quiet) as progress:
@@ -89,7 +88,7 @@ def run_analysis(options: BatchOptions, *, simulate: bool) -> Analysis:
     if found.changed:
         named = ", ".join(str(path) for path in found.changed[:MOST_NAMED])
         click.echo(
-            f"{named} changed during the analysis, whose results are those of before; run the same command again",
+            f"{named} changed during the analysis; the results are of the earlier content: run the command again",
             err=True,
         )
     if not options.quiet:
@@ -114,7 +113,7 @@ def status_of(found: Analysis) -> int:
 
 
 def print_plan(options: BatchOptions, *, simulate: bool) -> int:
-    """Say what an analysis would compute."""
+    """Print what an analysis would compute."""
     from evaluator.wording import counted
     from evaluator.workflow import pending
 

@@ -21,14 +21,18 @@ FILE = click.Path(path_type=Path, dir_okay=False)
 )
 @click.option("-o", "--out", type=FILE, default=Path("camera.json"), show_default=True)
 @click.option("--distance-mm", nargs=2, type=float, help="Measured height of the lens above the plate, and its sigma.")
-@click.option("--mark-height", "mark_height_mm", type=float, default=6.5, show_default=True, help="Of the marks, mm.")
 @click.option(
-    "--tolerance-um", type=float, default=10.0, show_default=True, help="Asked of a coordinate (95 %), for the page."
+    "--mark-height", "mark_height_mm", type=float, default=6.5, show_default=True, help="Height of the marks, mm."
 )
 @click.option(
-    "--strict", is_flag=True, help="Stop at the first image that cannot be used; else it is left out and named."
+    "--tolerance-um",
+    type=float,
+    default=10.0,
+    show_default=True,
+    help="Required 95 % uncertainty of a coordinate, drawn in the maps of the page.",
 )
-@click.option("--page/--no-page", default=True, show_default=True, help="Write a page of images beside camera.json.")
+@click.option("--strict", is_flag=True, help="Stop at the first unusable image. [default: leave it out and report it]")
+@click.option("--page/--no-page", default=True, show_default=True, help="Write a page with maps beside camera.json.")
 def calibrate(
     image_files: tuple[Path, ...],
     gauge_file: Path,
@@ -40,9 +44,9 @@ def calibrate(
     strict: bool,
     page: bool,
 ) -> None:
-    """Solve the camera from gauge images.
+    """Calibrate the camera from images of a dot gauge.
 
-    Finds the dots, assigns the grid, chooses the lens model by cross-validation and writes the camera with its
+    Finds the dots, assigns grid indices, selects the lens model by cross-validation and writes the camera with its
     covariance and a verdict.
     """
     from calibration.assessment.next_image import image_notes
@@ -70,7 +74,7 @@ def calibrate(
     for step in verdict.next_steps:
         click.echo(f"next: {step}")
     if done.advice.sentence:
-        click.echo(f"an image more would help: {done.advice.sentence}")
+        click.echo(f"another image would help: {done.advice.sentence}")
     for note in (*verdict.notes, *image_notes(done.advice, [view.name for view in found.views])):
         click.echo(f"note: {note}")
     written = str(out)
@@ -86,7 +90,7 @@ def calibrate(
 @click.argument("image_files", metavar="IMAGES...", nargs=-1, required=True, type=FILE)
 @click.option("--annotate", type=click.Path(path_type=Path, file_okay=False), help="Folder for annotated images (PNG).")
 def dots(image_files: tuple[Path, ...], annotate: Path | None) -> None:
-    """Find and assign the dots of images, without a gauge file."""
+    """Find the dots in images and assign grid indices, without a gauge file."""
     import numpy as np
 
     from calibration.assignment.array_in_image import find_array
@@ -97,7 +101,7 @@ def dots(image_files: tuple[Path, ...], annotate: Path | None) -> None:
         image = read_image(path)
         found, lattice = find_array(image)
         if not len(lattice):
-            click.echo(f"{path}: {len(found)} dots found, 0 assigned: they form no regular array")
+            click.echo(f"{path}: {len(found)} dots found, none assigned: they do not form a regular array")
             continue
         layout, columns, rows = array_size(lattice, found.centers_px[lattice.dot])
         sigma = float(np.sqrt(np.trace(found.covariance_px2[lattice.dot], axis1=1, axis2=2) / 2).mean())
@@ -116,15 +120,15 @@ def dots(image_files: tuple[Path, ...], annotate: Path | None) -> None:
 @click.command(epilog="\b\nExample:\n  turnscope check-camera camera.json today.png")
 @click.argument("camera_file", type=FILE)
 @click.argument("image_file", metavar="IMAGE", type=FILE)
-@click.option("--gauge", "gauge_file", type=FILE, help="Another gauge than the one the camera was calibrated with.")
-@click.option("--annotate", type=FILE, help="Write the image with the axes of the plate frame drawn (PNG).")
+@click.option("--gauge", "gauge_file", type=FILE, help="gauge.toml, if not the gauge of the calibration.")
+@click.option("--annotate", type=FILE, help="PNG to write, with the axes of the plate frame drawn.")
 @click.pass_context
 def check_camera(
     context: click.Context, camera_file: Path, image_file: Path, gauge_file: Path | None, annotate: Path | None
 ) -> None:
-    """Tell whether a calibration still holds, from one new image of the gauge on the plate.
+    """Check whether a calibration still holds, with a new image of the gauge on the plate.
 
-    The verdict is in sigmas. The exit status is 0 where the calibration holds and 1 where it does not.
+    Deviations are given in sigmas. Exit status: 0, the calibration holds; 1, it does not.
     """
     from calibration.assessment.camera_check import check_camera as check
     from calibration.detection.image import read_image

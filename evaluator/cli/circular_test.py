@@ -19,10 +19,12 @@ if TYPE_CHECKING:
     "  turnscope circular-test circular.toml -o out/\n  turnscope circular-test --robot four_driven"
 )
 @click.argument("experiment", type=PATH, required=False, metavar="[EXPERIMENT.toml]")
-@click.option("--robot", metavar="NAME|FILE", help="Simulate the test of this robot instead.")
-@click.option("--rpm", type=float, multiple=True, help="With --robot: a speed of the faster wheel; repeat for more.")
-@click.option("--ratio", type=float, multiple=True, help="With --robot: slower over faster wheel; repeat for more.")
-@click.option("--radius", "radius_mm", type=float, metavar="MM", help="With --robot: a constant radius instead.")
+@click.option("--robot", metavar="NAME|FILE", help="Simulate the test of this robot, without an experiment.")
+@click.option("--rpm", type=float, multiple=True, help="With --robot: speed of the faster wheel; may be repeated.")
+@click.option(
+    "--ratio", type=float, multiple=True, help="With --robot: speed of slower over faster wheel; may be repeated."
+)
+@click.option("--radius", "radius_mm", type=float, metavar="MM", help="With --robot: constant radius.")
 @out_option
 @workers_option
 @dask_option
@@ -42,17 +44,17 @@ def circular_test(
 ) -> int:
     """Evaluate a steady-state circular test (ISO 4138, SAE J266): understeer gradient with its 95 % interval.
 
-    Of an experiment, every turn is measured as turnscope analyze does and set beside the simulated robot;
-    circular_test.csv and circular_test.json are written to DIR. Runs of one command at three speeds or more make a
-    series, by side and direction; what is left, runs of one radius. With --robot nothing is read or written: the model
-    alone is evaluated.
+    Measures every turn of an experiment like turnscope analyze, compares it with the simulated robot and writes
+    circular_test.csv and circular_test.json to DIR. Runs with one command ratio at three speeds or more form a series
+    for each side and direction; the other runs form series of equal radius. With --robot, only the model is evaluated
+    and no file is read or written.
     """
     from evaluator.cli.progress import progress_bar
     from evaluator.errors import InputError
     from evaluator.workflow import circular_test_content, evaluate_circular_test, simulate_circular_test
 
     if (experiment is None) == (robot is None):
-        raise InputError("circular-test: give either an EXPERIMENT.toml or --robot")
+        raise InputError("circular-test: expected either an EXPERIMENT.toml or --robot")
     if experiment is not None:
         with progress_bar("runs", quiet=quiet) as progress:
             found = evaluate_circular_test(experiment, out, workers=workers, dask=dask, progress=progress)
@@ -68,7 +70,7 @@ def circular_test(
 
 
 def _text(found: CircularResult) -> str:
-    """Every series, measured beside simulated, for a terminal."""
+    """Text table of every series, measured and simulated."""
     from evaluator.cli.tables import text_table
     from evaluator.report.numbers import SERIES_HEAD, series_row
 
@@ -76,6 +78,6 @@ def _text(found: CircularResult) -> str:
     count = len(sides[0][1].series)
     rows = [series_row(name, test.series[number]) for number in range(count) for name, test in sides]
     if not rows:
-        return "No command and no radius was driven at three speeds or more, so that there is no gradient."
+        return "No gradient: no command ratio and no radius was driven at three speeds or more."
     where = f"\n\n{found.out / 'circular_test.json'}" if found.out else ""
     return text_table(SERIES_HEAD, rows) + where

@@ -28,16 +28,15 @@ if TYPE_CHECKING:
     "--puzzle/--no-puzzle",
     default=True,
     show_default=True,
-    help="Also find what a second set of clips hides.",
+    help="Also find the hidden effect in a second set of recordings.",
 )
 @workers_option
 @quiet_option
 def demo(out: Path, puzzle: bool, workers: int | None, quiet: bool) -> int:
     """Run the whole pipeline on the shipped sample videos.
 
-    Copies the samples, calibrates the camera from the gauge images, tracks and measures every run, simulates its
-    counterpart and writes the report. Then it finds the effect that is hidden in a second set of recordings, and
-    reports that too; --no-puzzle leaves this out.
+    Copies the samples, calibrates the camera from gauge images, tracks, measures and simulates every run, and writes
+    the report. Then it finds the hidden effect in a second set of recordings and writes a report of that, too.
     """
     from evaluator.cli.analyze import comparison_text, run_analysis, status_of
     from evaluator.report.build import write_report
@@ -48,13 +47,13 @@ def demo(out: Path, puzzle: bool, workers: int | None, quiet: bool) -> int:
             click.echo(text)
 
     say("Samples: rendered recordings of the paper's robot with barrel wheels, and images of a dot gauge.")
-    say("Calibration: where every pixel lies on the plane of the marks …")
+    say("Calibration of the camera …")
     with progress_bar("calibration", quiet=quiet) as progress:
         samples = prepare_samples(out / "samples", progress)
     found = samples.calibrated.calibration
     residual = f"{len(found.views)} images, residual {found.rms_px:.3f} px RMS"
     say(f"  {residual}; {samples.calibrated.verdict.summary}")
-    say("Runs: tracked, fitted, simulated …")
+    say("Runs: tracking, measurement, simulation …")
     measured = run_analysis(BatchOptions(samples.experiment, out / "results", workers, quiet=quiet), simulate=True)
     say(_indented(comparison_text(measured, verbose=False)))
     write_report(measured)
@@ -65,19 +64,19 @@ def demo(out: Path, puzzle: bool, workers: int | None, quiet: bool) -> int:
     say("\nOpen in a browser:")
     for each in reports:
         say(f"  {each.outputs.report}")
-    say("\nYour own recordings: turnscope new FOLDER lays out an experiment and says what to do next.")
+    say("\nFor your own recordings: turnscope new FOLDER writes the files to fill in and lists the next steps.")
     return max(status_of(each) for each in reports)
 
 
 def _solve_puzzle(experiment: Path, out: Path, workers: int | None, *, quiet: bool) -> Analysis:
-    """Measure the experiment with a hidden effect, have the effect named, and report before and after."""
+    """Measure and diagnose the experiment with a hidden effect, and write its report."""
     from evaluator.cli.analyze import run_analysis
     from evaluator.report.build import write_report
     from evaluator.report.verdict import verdict_lines
     from evaluator.workflow import diagnose
 
     if not quiet:
-        click.echo("Puzzle: a robot with something that its model does not know, in a laboratory that is not tidy.")
+        click.echo("Puzzle: recordings of a robot with an effect that its model lacks, and with mistakes in the file.")
     measured = run_analysis(BatchOptions(experiment, out, workers, quiet=quiet), simulate=True)
     with progress_bar("diagnosis", quiet=quiet) as progress:
         found = diagnose(experiment, out, workers=workers, progress=progress)

@@ -1,4 +1,4 @@
-"""turnscope diagnose: what is missing in the model."""
+"""turnscope diagnose: the physical effects that the model lacks."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from evaluator.cli.options import (
 if TYPE_CHECKING:
     from evaluator.workflow import DiagnosisResult
 
-STATUS_NOTE = """Exit status: 0 every run was used; 1 some could not be (a reason for each on standard error,
-a diagnosis from the others); 2 the input cannot be used at all."""
+STATUS_NOTE = """Exit status: 0, all runs were used; 1, some runs could not be used (reasons on standard error,
+diagnosis from the others); 2, the input cannot be used."""
 
 
 @click.command(
@@ -45,20 +45,20 @@ Examples:
     type=PATH,
     multiple=True,
     metavar="FILE",
-    help="Try an effect of your own, a .toml or .py file, too; repeat for more. A Python file is run.",
+    help="Also test this effect of your own (.toml or .py); may be repeated. A Python file is executed.",
 )
 @click.option(
     "--write-effect",
     type=PATH,
     metavar="FILE",
-    help="Where the verdict is unknown: write what explains the runs as an effect of your own.",
+    help='If the verdict is "unknown": write the free-form term that explains the runs as an effect of your own.',
 )
 @click.option(
     "--seconds",
     type=click.FloatRange(min=0, min_open=True),
     default=180.0,
     show_default=True,
-    help="Stop a search after so many seconds of processor time; the next call goes on from there. inf: never.",
+    help="Limit of processor time for the search; the next call continues it. inf: no limit.",
 )
 @write_mended_option
 @json_option
@@ -75,19 +75,18 @@ def diagnose(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Name the missing effect that makes model and data disagree.
+    """Find the physical effect that the model lacks, its size and its 95 % interval.
 
-    Writes diagnosis.json, disagreement.csv and, where something is missing, robot_with_effect.toml, a robot for every
-    other command and for experiment files. Runs given as videos are tracked first; runs that cannot be used are named
-    and left out. Nominal values move only within the [tolerance] of the robot file; a robot file without tolerances is
-    taken as exact. Where nothing has changed since the last time, that answer is given again at once; where it was
-    interrupted or stopped (--seconds), it goes on with the fits made so far.
+    Writes diagnosis.json, disagreement.csv and, if an effect is found, robot_with_effect.toml: the robot with that
+    effect, for all other commands. Videos are tracked first. Runs that cannot be used are listed and left out. Nominal
+    values vary only within the [tolerance] of the robot file; without that table they are exact. Unchanged input
+    returns the stored answer; an interrupted search continues.
 
-    Effects of your own, files effects/*.toml beside the experiment, are tried like those of the catalogue (turnscope
-    effects new ID writes one). Where the verdict is "unknown", own_effect.toml in DIR holds the form that explains the
-    runs: put it into effects/, and the next diagnosis names it.
+    Effects of your own (effects/*.toml beside the experiment; turnscope effects new ID writes a template) are tested
+    like those of the catalogue. If the verdict is "unknown", DIR/own_effect.toml holds the free-form term that explains
+    the runs. Move it to effects/ to have it tested as an effect.
 
-    Several experiments are diagnosed side by side, each into a folder of its own name in DIR. No result depends on
+    Several experiments are diagnosed in parallel, each into a subfolder of DIR with its name. Results do not depend on
     --workers or --dask.
     """
     from evaluator.cli.progress import progress_bar
@@ -95,7 +94,7 @@ def diagnose(
 
     if len(experiments) > 1:
         if effects or write_effect is not None or mend:
-            raise click.UsageError("--effect, --write-effect and --write-mended take one experiment at a time")
+            raise click.UsageError("--effect, --write-effect and --write-mended work with a single experiment only")
         return _diagnose_several(experiments, out, workers, dask, seconds, as_json=as_json, quiet=quiet)
     with progress_bar("diagnosis", quiet=quiet) as progress:
         found = diagnose_experiment(
@@ -147,7 +146,7 @@ def _diagnose_several(
 
 
 def _write_effect(found: DiagnosisResult, path: Path) -> None:
-    """Write what explains the runs of an unknown verdict where it was asked for, under the name of the file."""
+    """Write the free-form term of an "unknown" verdict to path; the effect gets the name of the file."""
     from evaluator.errors import InputError
     from evaluator.files import write_text
     from evaluator.workflow import Outputs
@@ -157,29 +156,29 @@ def _write_effect(found: DiagnosisResult, path: Path) -> None:
         click.echo(f"{', '.join(changed)} changed during the search, whose answer is for what was there before")
     form = Outputs(found.out).own_effect
     if found.verdict != "unknown" or not form.is_file():
-        raise InputError(f"--write-effect {path}: the verdict is {found.verdict}; there is no new form to write")
+        raise InputError(f"--write-effect {path}: the verdict is {found.verdict}; there is no free-form term to write")
     first, rest = form.read_text(encoding="utf-8").split(ID_LINE, 1)
     write_text(path, first + f'{ID_LINE}"{id_of_file(path)}"' + rest[rest.index("\n") :])
     click.echo(path, err=True)
 
 
 def _say(found: DiagnosisResult) -> None:
-    """Say what a diagnosis found and where it is written."""
+    """Print what a diagnosis found and where it is written."""
     from evaluator.report.verdict import verdict_lines
     from evaluator.workflow import Outputs
 
-    same = "" if found.anew else "  (nothing has changed since it was made)"
+    same = "" if found.anew else "  (up to date, not computed again)"
     click.echo("\n".join(verdict_lines(found.content)))
     click.echo(f"\n{found.out / 'diagnosis.json'}{same}")
     if changed := found.content.get("changed_meanwhile"):
         click.echo(f"{', '.join(changed)} changed during the search, whose answer is for what was there before")
     form = Outputs(found.out).own_effect
     if found.verdict == "unknown" and form.is_file():
-        click.echo(f"{form}  (the form that explains the runs: put it into effects/ to add it as your effect)")
+        click.echo(f"{form}  (free-form term that explains the runs; move it to effects/ to use it as an effect)")
 
 
 def _left_out(content: dict[str, Any]) -> int:
-    """Say which runs are missing in a diagnosis, and why; gives the exit status."""
+    """Print which runs a diagnosis left out, and why; return the exit status."""
     skipped = content.get("skipped_runs") or {}
     for run, reason in skipped.items():
         click.echo(f"{run} is left out: {reason}", err=True)

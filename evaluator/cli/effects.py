@@ -1,4 +1,4 @@
-"""turnscope effects: the catalogue of effects."""
+"""turnscope effects: the catalogue of physical effects."""
 
 from __future__ import annotations
 
@@ -23,10 +23,12 @@ WIDTH = 100  # of the lines of a list, in a terminal that is as wide
 )
 @click.argument("effect_id", required=False, metavar="[ID | new ID]")
 @click.argument("new_id", required=False, metavar="")
-@click.option("--effect", "files", type=PATH, multiple=True, metavar="FILE", help="Also an own effect, .toml or .py.")
-@click.option("-o", "--out", type=PATH, metavar="FILE", help="Where effects new writes; default effects/ID.toml.")
-@click.option("--python", is_flag=True, help="Let effects new write a Python file, ID.py.")
-@click.option("--html", type=PATH, metavar="FILE", help="Write the whole catalogue as a page with drawings.")
+@click.option(
+    "--effect", "files", type=PATH, multiple=True, metavar="FILE", help="Also load this effect (.toml or .py)."
+)
+@click.option("-o", "--out", type=PATH, metavar="FILE", help="With new: file to write. [default: effects/ID.toml]")
+@click.option("--python", is_flag=True, help="With new: write a Python file, ID.py.")
+@click.option("--html", type=PATH, metavar="FILE", help="Write the catalogue as a page with drawings.")
 @json_option
 def effects(
     effect_id: str | None,
@@ -37,10 +39,10 @@ def effects(
     html: Path | None,
     as_json: bool,
 ) -> None:
-    """List the effects that can be simulated and found, or describe one: its law, parameters, source and limits.
+    """List the physical effects, or describe one: its law, parameters, source and limits.
 
-    Effects of your own are listed too: those of the folder effects/ here, of installed packages (entry points
-    turnscope.effects), and those named by --effect. turnscope effects new ID writes a commented file to begin with.
+    The list includes effects of your own: files in the folder effects/, entry points turnscope.effects of installed
+    packages, and --effect. turnscope effects new ID writes a commented template for a new one.
     """
     from evaluator.errors import InputError
     from evaluator.files import read_with
@@ -51,7 +53,7 @@ def effects(
         _write_new(new_id, out, python=python)
         return
     if new_id is not None or out is not None or python:
-        raise InputError("only turnscope effects new ID takes a second ID, -o FILE or --python")
+        raise InputError("a second ID, -o FILE and --python belong to turnscope effects new ID")
     load_installed()
     load_beside(Path())
     for file in files:
@@ -59,7 +61,7 @@ def effects(
 
     if html is not None:
         if effect_id is not None or as_json:
-            raise InputError("--html FILE writes the page of all effects; it takes neither an ID nor --json")
+            raise InputError("--html FILE writes the page of all effects and takes neither an ID nor --json")
         _write_page(html)
         return
     if effect_id is not None and effect_id not in EFFECTS:
@@ -78,7 +80,7 @@ def effects(
 
 
 def _write_new(effect_id: str | None, out: Path | None, *, python: bool) -> None:
-    """Write the template of an own effect; a file that is there stays."""
+    """Write the template of a user's effect; an existing file is an error."""
     from evaluator.errors import InputError
     from evaluator.files import write_text
     from simulator.own_effects.files import ID_FORM, is_built_in
@@ -86,21 +88,21 @@ def _write_new(effect_id: str | None, out: Path | None, *, python: bool) -> None
 
     if effect_id is None or not ID_FORM.fullmatch(effect_id):
         raise InputError(
-            f"turnscope effects new {effect_id or ''}: give an id of small letters and digits, words joined by -, "
+            f"turnscope effects new {effect_id or ''}: expected an id of lower-case letters, digits and hyphens, "
             "such as mixed-drive"
         )
     if is_built_in(effect_id):
         raise InputError(f"{effect_id} is an effect of the catalogue; choose another id")
     path = out or (Path(f"{effect_id}.py") if python else Path("effects") / f"{effect_id}.toml")
     if path.exists():
-        raise InputError(f"{path} is there already; choose another id or -o FILE")
+        raise InputError(f"{path} exists already; choose another id or -o FILE")
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, python_template(effect_id, str(path)) if python else template(effect_id))
     click.echo(path)
 
 
 def described(effect: Effect) -> dict[str, Any]:
-    """An effect for programs; a bound that there is not is null."""
+    """An effect as JSON content; infinite bounds are null."""
     return {
         "id": effect.id,
         "name": effect.name,

@@ -26,8 +26,8 @@ from evaluator.cli.options import (
 def export(experiment: Path, out: Path, workers: int | None, quiet: bool, dry_run: bool) -> int:
     """Write the results as JSON and netCDF, with their provenance.
 
-    results.json holds every number of every run; netcdf/RUN.nc marks and poses as the movement toolbox has them.
-    What is not up to date is computed first.
+    results.json holds all results of every run; netcdf/RUN.nc holds marks and poses in the layout of the movement
+    toolbox. Results that are missing or out of date are computed first.
     """
     if dry_run:
         return print_plan(BatchOptions(experiment, out), simulate=True)

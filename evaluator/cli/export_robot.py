@@ -1,4 +1,4 @@
-"""turnscope export-robot: a robot file for other simulators, and what is lost by it."""
+"""turnscope export-robot: a robot file for other simulators, and what is lost in it."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from evaluator.cli.options import PATH, quiet_option
 @click.option("-o", "--out", "output", type=PATH, required=True, metavar="FILE", help="File to write.")
 @quiet_option
 def export_robot(robot: str, kind: str, left_rpm: float, right_rpm: float, output: Path, quiet: bool) -> None:
-    """Write a robot as another simulator reads it, and say what was lost.
+    """Export a robot to MuJoCo or Gazebo, and list what is lost.
 
-    Contacts of other simulators know no slip curve. Theirs are matched at one steady turn (--left, --right), whose
-    radius they reproduce.
+    Other simulators have no slip curve. Their contact parameters are matched to the slip law at one steady turn
+    (--left, --right), whose radius they reproduce.
     """
     from evaluator.workflow import export_robot as export
 

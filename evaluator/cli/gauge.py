@@ -14,12 +14,12 @@ FILE = click.Path(path_type=Path, dir_okay=False)
     "  turnscope gauge --columns 17 --rows 13 --pitch-mm 3 --diameter-mm 1 -o sheet.pdf",
 )
 @click.argument("gauge_file", metavar="[GAUGE.TOML]", required=False, type=FILE)
-@click.option("--columns", type=click.IntRange(2), help="Dots along x; with the next three, instead of a file.")
-@click.option("--rows", type=click.IntRange(2))
-@click.option("--pitch-mm", type=float, help="From dot to dot.")
-@click.option("--diameter-mm", type=float)
+@click.option("--columns", type=click.IntRange(2), help="Number of dots along x.")
+@click.option("--rows", type=click.IntRange(2), help="Number of dots along y.")
+@click.option("--pitch-mm", type=float, help="Distance of neighbouring dots.")
+@click.option("--diameter-mm", type=float, help="Diameter of a dot.")
 @click.option(
-    "-o", "--out", type=FILE, default=Path("gauge.pdf"), show_default=True, help="PDF; an SVG is written beside it."
+    "-o", "--out", type=FILE, default=Path("gauge.pdf"), show_default=True, help="PDF to write, with an SVG beside it."
 )
 def gauge(
     gauge_file: Path | None,
@@ -31,8 +31,8 @@ def gauge(
 ) -> None:
     """Write a printable dot gauge in true scale.
 
-    From a gauge.toml, or from four numbers, in which case the gauge.toml that calibrate needs is written beside the
-    sheet.
+    The gauge comes from a gauge.toml or from the four options; then the gauge.toml that calibrate needs is written
+    beside the sheet.
     """
     from calibration.gauge.geometry import load_gauge
     from calibration.gauge.printing import gauge_sheet, pdf, svg
@@ -42,7 +42,7 @@ def gauge(
     numbers = (columns, rows, pitch_mm, diameter_mm)
     if (gauge_file is None) == (None in numbers):
         raise InputError(
-            "turnscope gauge needs either a gauge.toml or all of --columns, --rows, --pitch-mm, --diameter-mm"
+            "turnscope gauge: expected either a gauge.toml or all of --columns, --rows, --pitch-mm, --diameter-mm"
         )
     written = [out.with_suffix(".pdf"), out.with_suffix(".svg")]
     if gauge_file is None:

@@ -9,32 +9,32 @@ import click
 # name: (module with a click command of that name, dashes as underscores; one-line help). In the order of the work.
 COMMANDS = {
     "demo": ("demo", "Run the whole pipeline on the shipped sample videos."),
-    "studio": ("studio", "Open the studio: everything that is done by eye, in the browser."),
+    "studio": ("studio", "Open the studio: calibrate, edit, inspect and diagnose in the browser."),
     "gauge": ("gauge", "Write a printable dot gauge in true scale."),
-    "calibrate": ("calibrate", "Solve the camera from gauge images."),
-    "check-camera": ("calibrate", "Tell whether a calibration still holds."),
-    "dots": ("calibrate", "Find and assign the dots of an image, without a gauge file."),
-    "record": ("record", "Record from a camera, with true times and the start of the motors."),
+    "calibrate": ("calibrate", "Calibrate the camera from images of a dot gauge."),
+    "check-camera": ("calibrate", "Check whether a calibration still holds."),
+    "dots": ("calibrate", "Find and index the dots in an image, without a gauge file."),
+    "record": ("record", "Record a camera with time stamps and the start time of the motors."),
     "track": ("track", "Track the marks of one recording."),
-    "turning": ("turning", "Measure how a robot turns from a table of its marks."),
-    "analyze": ("analyze", "Track, reconstruct and fit every run of an experiment."),
-    "compare": ("analyze", "Set every run beside its simulated counterpart."),
-    "report": ("report", "Make the report of an experiment, computing what it needs."),
+    "turning": ("turning", "Measure the turning radius from tables of marks or poses."),
+    "analyze": ("analyze", "Track every run of an experiment and measure its turning radius."),
+    "compare": ("analyze", "Compare every run with its simulation."),
+    "report": ("report", "Write the HTML report of an experiment."),
     "export": ("export", "Write the results as JSON and netCDF, with provenance."),
-    "trends": ("trends", "Set several sessions of one robot side by side over time."),
-    "diagnose": ("diagnose", "Name the missing effect that makes model and data disagree."),
-    "plan": ("plan", "Propose the runs of a good experiment."),
+    "trends": ("trends", "Compare several sessions of one robot over time."),
+    "diagnose": ("diagnose", "Find the physical effect that the model lacks."),
+    "plan": ("plan", "Plan the runs of an experiment and what they can detect."),
     "circular-test": ("circular_test", "Evaluate a steady-state circular test: understeer gradient."),
     "simulate": ("simulate", "Simulate one run."),
     "steady": ("steady", "Tabulate steady turning radii over speeds and ratios."),
-    "sweep": ("sweep", "Simulate grids and samples of runs."),
-    "export-robot": ("export_robot", "Write a robot for MuJoCo or Gazebo, and say what is lost."),
-    "effects": ("effects", "List the effects that can be simulated and found, or describe one."),
-    "slip-bench": ("slip_bench", "Turn bench torques into forces and a fitted slip law."),
+    "sweep": ("sweep", "Simulate parameter grids and random samples."),
+    "export-robot": ("export_robot", "Export a robot to MuJoCo or Gazebo and list what is lost."),
+    "effects": ("effects", "List the physical effects, describe one, or begin your own."),
+    "slip-bench": ("slip_bench", "Fit a slip law to torques of a slip test bench."),
     "paper": ("paper", "Recompute every published figure and number."),
-    "selftest": ("selftest", "Try on this machine what this version claims."),
-    "render": ("render", "Draw the video a rig's camera would see, with exact truth."),
-    "new": ("new", "Lay out a fresh experiment."),
+    "selftest": ("selftest", "Check the accuracy claims of this version on this machine."),
+    "render": ("render", "Render the video of a simulated run, with exact truth."),
+    "new": ("new", "Write commented templates for a new experiment."),
     "check": ("new", "Validate all files of an experiment."),
 }
 
@@ -77,4 +77,4 @@ class LazyGroup(click.Group):
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="turnscope")
 def turnscope() -> None:
-    """Measure how a microrobot turns, and find out why it does not turn as the model says."""
+    """Measure how a microrobot turns, and find out why it does not turn as the model predicts."""

@@ -1,4 +1,4 @@
-"""turnscope new, turnscope check: begin an experiment, and see that its files are right."""
+"""turnscope new, turnscope check: templates for an experiment, and validation of its files."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ BAD_INPUT = 2
 @click.argument("folder", type=PATH, metavar="DIR")
 @click.option("--robot", default="barrel", show_default=True, metavar="NAME", help="Shipped robot to start from.")
 def new(folder: Path, robot: str) -> None:
-    """Lay out a fresh experiment: commented files in DIR, ready to be edited.
+    """Write commented templates of all files of a new experiment to DIR.
 
-    Nothing that is already there is overwritten.
+    Existing files are never overwritten.
     """
     from evaluator.workflow import new_experiment
 
@@ -27,9 +27,9 @@ def new(folder: Path, robot: str) -> None:
     click.echo(f"{folder}: {', '.join(path.name for path in written)}")
     click.echo(f"""
 Next:
-  1. edit robot.toml and gauge.toml to what stands on your bench (no gauge? turnscope gauge {folder / "gauge.toml"})
+  1. describe your robot in robot.toml and your gauge in gauge.toml (print it: turnscope gauge {folder / "gauge.toml"})
   2. turnscope calibrate IMAGES… --gauge {folder / "gauge.toml"} -o {folder / "camera.json"}
-  3. record runs, name them in {folder / "experiment.toml"}
+  3. record runs and list them in {folder / "experiment.toml"} (turnscope plan proposes which)
   4. turnscope check {folder / "experiment.toml"}
   5. turnscope report {folder / "experiment.toml"} -o {folder / "out"}""")
 
@@ -40,9 +40,9 @@ Next:
 @json_option
 @quiet_option
 def check(experiment: Path, mend: bool, as_json: bool, quiet: bool) -> int:
-    """Validate all files of an experiment and say everything that is wrong at once.
+    """Validate all files of an experiment and report all errors together.
 
-    Exit status: 0 nothing is wrong, 2 something is.
+    Exit status: 0, no error; 2, errors or probable mistakes.
     """
     from evaluator.workflow import check_experiment
 
@@ -56,7 +56,7 @@ def check(experiment: Path, mend: bool, as_json: bool, quiet: bool) -> int:
         for mistake in found.mistakes:
             click.echo(f"mistake? {mistake}", err=True)
         if not found.faults and not found.mistakes and not quiet:
-            click.echo(f"{experiment}: nothing is wrong; {counted(found.runs, 'run')}, {found.videos} from video")
+            click.echo(f"{experiment}: no errors; {counted(found.runs, 'run')}, {found.videos} from video")
     if mend and not found.faults:
         say_mended(experiment)
     return BAD_INPUT if found.faults or found.mistakes else 0

@@ -20,24 +20,24 @@ workers_option = click.option(
     "--workers", type=click.IntRange(min=1), metavar="N", help="Processes to work with. [default: one per core]"
 )
 dask_option = click.option(
-    "--dask", metavar="ADDRESS", help="Scheduler of a running Dask cluster, as tcp://host:8786, to work on instead."
+    "--dask", metavar="ADDRESS", help="Compute on a Dask cluster with this scheduler, e.g. tcp://host:8786."
 )
-json_option = click.option("--json", "as_json", is_flag=True, help="Print the results as JSON, for programs.")
-quiet_option = click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
-verbose_option = click.option("-v", "--verbose", is_flag=True, help="Say more about every run.")
-dry_run_option = click.option("--dry-run", is_flag=True, help="Say what would be computed, and compute nothing.")
+json_option = click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
+quiet_option = click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
+verbose_option = click.option("-v", "--verbose", is_flag=True, help="Print more about every run.")
+dry_run_option = click.option("--dry-run", is_flag=True, help="List what would be computed, without computing it.")
 
 
 write_mended_option = click.option(
     "--write-mended",
     "mend",
     is_flag=True,
-    help="Write NAME-mended.toml beside the experiment, with the mistakes of its runs put right.",
+    help="Write NAME-mended.toml beside the experiment, with the mistakes in its runs corrected.",
 )
 
 
 def say_mended(experiment: Path, out: Path | None = None) -> None:
-    """Write the experiment with its mistakes put right, and say on standard error what was changed."""
+    """Write the experiment with its mistakes corrected, and print the changes to standard error."""
     from evaluator.workflow import write_mended
 
     mended = write_mended(experiment, out)
@@ -51,7 +51,7 @@ def say_mended(experiment: Path, out: Path | None = None) -> None:
 
 @dataclass(frozen=True)
 class BatchOptions:
-    """What the user said to a command that works through the runs of an experiment."""
+    """Options of a command that works through the runs of an experiment."""
 
     experiment: Path
     out: Path
@@ -64,7 +64,7 @@ class BatchOptions:
 
 
 def batch_options(command: Callable[[BatchOptions], int]) -> Callable[..., int]:
-    """Add the options of every command that works through the runs of an experiment; it is given them as one value."""
+    """Decorate a command with the options of `BatchOptions`, which it receives as one value."""
 
     @wraps(command)
     def with_options(**given: Any) -> int:

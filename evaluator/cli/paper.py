@@ -8,7 +8,7 @@ import click
 
 from evaluator.cli.options import out_option, quiet_option
 
-ORDER = ["source", "standing", "verdict", "quantity", "published", "ours", "difference"]  # the worth of a row first
+ORDER = ["source", "standing", "verdict", "quantity", "published", "ours", "difference"]  # standing of a row first
 
 
 @click.command(epilog="\b\nExample:\n  turnscope paper -o paper/")
@@ -17,9 +17,9 @@ ORDER = ["source", "standing", "verdict", "quantity", "published", "ours", "diff
 def paper(out: Path, quiet: bool) -> None:
     """Recompute every published figure and number.
 
-    Prints published values beside ours, and says of each row what it is worth: computed, fitted to this very figure,
-    conjecture, not reproduced, or out of scope. Writes index.html with all figures, each figure as SVG and its data as
-    CSV, numbers.csv and readings.csv (the ways to read the paper's equations, and the radii each gives).
+    Prints published and recomputed values, with the standing of each row: computed, fitted to this figure, conjecture,
+    not reproduced, or out of scope. Writes index.html with all figures, each figure as SVG and its data as CSV,
+    numbers.csv, and readings.csv (possible readings of the paper's equations and the radii that each gives).
     """
     from evaluator.cli.progress import progress_bar
     from evaluator.cli.tables import text_table
@@ -30,9 +30,7 @@ def paper(out: Path, quiet: bool) -> None:
         found = recompute(progress)
     page = write_paper(found, out)
     if not quiet:
-        table = check_table(found.checks)[
-            ["source", "standing", "verdict", "quantity", "published", "ours", "difference"]
-        ]
+        table = check_table(found.checks)[ORDER]
         click.echo(true_minus(text_table(list(table.columns), table.to_numpy().tolist())))
         click.echo("\n" + "\n".join(summary_lines(found.checks)))
         click.echo(f"\n{page}")

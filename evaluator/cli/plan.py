@@ -1,4 +1,4 @@
-"""turnscope plan: which runs to make."""
+"""turnscope plan: which runs to drive, and what they can detect."""
 
 from __future__ import annotations
 
@@ -21,10 +21,8 @@ if TYPE_CHECKING:
     "  turnscope plan --robot mine/robot.toml -o mine/experiment.toml\n"
     "  turnscope plan --circular-test --rpm 20 --rpm 40 --rpm 60 --ratio 0.5 -o circular.toml"
 )
-@click.option("--robot", default="barrel", show_default=True, metavar="NAME|FILE", help="The robot to be driven.")
-@click.option(
-    "--runs", type=click.IntRange(min=1, max=200), default=18, show_default=True, help="How many runs to plan."
-)
+@click.option("--robot", default="barrel", show_default=True, metavar="NAME|FILE", help="Shipped robot or robot.toml.")
+@click.option("--runs", type=click.IntRange(min=1, max=200), default=18, show_default=True, help="Number of runs.")
 @click.option(
     "--rpm",
     "levels",
@@ -32,7 +30,7 @@ if TYPE_CHECKING:
     multiple=True,
     default=(30.0, 60.0),
     show_default=True,
-    help="A speed of the faster wheel; repeat for more.",
+    help="Speed of the faster wheel; may be repeated.",
 )
 @click.option(
     "--plate",
@@ -41,19 +39,23 @@ if TYPE_CHECKING:
     default=(40.0, 30.0),
     show_default=True,
     metavar="X Y",
-    help="What the camera sees of the plate, in mm along its x and y, the origin in the middle.",
+    help="Visible part of the plate along x and y, mm; the origin is in its middle.",
 )
 @click.option("--circular-test", "circular", is_flag=True, help="Plan a steady-state circular test (ISO 4138) instead.")
-@click.option("--ratio", type=float, multiple=True, help="Circular test: slower over faster wheel; repeat for more.")
-@click.option("--radius", "radius_mm", type=float, metavar="MM", help="Circular test at a constant radius instead.")
-@click.option("--repetitions", type=click.IntRange(1, 50), default=3, show_default=True, help="Circular test: of each.")
+@click.option(
+    "--ratio", type=float, multiple=True, help="Circular test: speed of slower over faster wheel; may be repeated."
+)
+@click.option("--radius", "radius_mm", type=float, metavar="MM", help="Circular test at this constant radius.")
+@click.option(
+    "--repetitions", type=click.IntRange(1, 50), default=3, show_default=True, help="Circular test: repetitions."
+)
 @click.option(
     "-o",
     "--out",
     "output",
     type=PATH,
     metavar="TOML",
-    help="Write an experiment.toml with these runs, and commands/ with a file for each; overwrites nothing.",
+    help="Write an experiment.toml with these runs and a command file for each in commands/. Never overwrites.",
 )
 @json_option
 @click.pass_context
@@ -70,17 +72,19 @@ def plan(
     output: Path | None,
     as_json: bool,
 ) -> int:
-    """Propose the runs of a good experiment, and say what they would show.
+    """Plan the runs of an experiment, and predict which effects they can detect.
 
-    Straight runs and turns to both sides, forward and backward, alternate, commands repeat once all were driven, and
-    each run starts at the place and heading that tell most about all effects at once; it stays on the plate. Make them
-    in this order. Then every effect at a modest size: by how many sigmas it would show, under a usual tracking noise
-    and run-to-run scatter, and by how many it would differ from the effect that is nearest to it. What a laboratory
-    knows only to within a tolerance (start of motion, marks, wheels, level) can stand for an effect; where it hides
-    one, the last columns say what to measure better, and what the same runs would then show.
+    The first table lists the runs in the order to drive them: straight runs and turns to both sides, forward and
+    backward, then repetitions. Each start pose is chosen to carry the most information about all effects together, and
+    each run stays on the plate.
 
-    With --circular-test: turns of both sides and directions at three speeds or more (--rpm), at constant commands
-    (--ratio) or a constant radius (--radius), each repeated, with the circles that the model predicts.
+    The second table lists every effect at a modest size: the significance with which it would be detected, in sigmas,
+    given usual tracking noise and run-to-run scatter, and the significance with which it would be distinguished from
+    the most similar effect. Tolerances (start of motion, marks, wheels, level of the plate) can mimic an effect. Where
+    one does, the last columns name the quantity to measure better, and the significance after that.
+
+    With --circular-test: turns to both sides, forward and backward, at three speeds or more (--rpm), with constant
+    commands (--ratio) or constant radius (--radius), with the radii that the model predicts.
     """
     if circular:
         given = {"rpm": levels} if context.get_parameter_source("levels") == ParameterSource.COMMANDLINE else {}
@@ -142,8 +146,8 @@ def _say_written(paths: list[Path]) -> None:
     from evaluator.wording import counted
 
     experiment, *commands = paths
-    click.echo(f"{experiment}: {counted(len(commands), 'run')}, the commands in {commands[0].parent}")
-    click.echo(f"next: record them, then turnscope check {experiment}")
+    click.echo(f"{experiment}: {counted(len(commands), 'run')}, commands in {commands[0].parent}")
+    click.echo(f"next: record the runs, then turnscope check {experiment}")
 
 
 def _plan_text(plan: Plan) -> str:
@@ -163,11 +167,11 @@ def _plan_text(plan: Plan) -> str:
     ]  # fmt: skip
     titles = [
         "effect",
-        "of this size",
-        "shows, sigmas",
-        "nearest other",
-        "apart from it, sigmas",
-        "to see it better, measure",
-        "then, sigmas",
+        "size",
+        "detected, sigmas",
+        "most similar effect",
+        "distinguished from it, sigmas",
+        "measure better",
+        "then detected, sigmas",
     ]
     return true_minus(f"{text_table(head, rows)}\n\n{text_table(titles, effects)}")

@@ -26,24 +26,31 @@ Examples:
   turnscope record 0 --watch marks.jpg"""
 )
 @click.argument("source")
-@click.option("-o", "--out", type=PATH, metavar="FILE.mp4", help="The recording; without it nothing is written.")
-@click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="How long. [default: until Ctrl-C]")
-@click.option("--size", metavar="WxH", help="Asked of the camera, as 640x480.")
-@click.option("--rate", type=click.FloatRange(min=0, min_open=True), help="Frames a second, asked of the camera.")
-@click.option("--pixels", help="Pixel format asked of the camera, as mjpeg or yuyv422.")
+@click.option("-o", "--out", type=PATH, metavar="FILE.mp4", help="Recording to write. [default: write nothing]")
+@click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="Duration. [default: until Ctrl-C]")
+@click.option("--size", metavar="WxH", help="Frame size requested from the camera, e.g. 640x480.")
+@click.option("--rate", type=click.FloatRange(min=0, min_open=True), help="Frame rate requested, 1/s.")
+@click.option("--pixels", help="Pixel format requested, e.g. mjpeg or yuyv422.")
 @click.option(
-    "--start-light", type=(float, float), metavar="X Y", help="px of a light in view that goes on at the start."
+    "--start-light", type=(float, float), metavar="X Y", help="Start signal: a light at this pixel that switches on."
 )
-@click.option("--exposure", type=float, metavar="S", help="Exposure of a frame: narrows the start by a light.")
-@click.option("--start-line", is_flag=True, help="A line on standard input says that the motors were started.")
+@click.option(
+    "--exposure", type=float, metavar="S", help="Exposure time of a frame; reduces the uncertainty of --start-light."
+)
+@click.option("--start-line", is_flag=True, help="Start signal: a line on standard input.")
 @click.option("--start-program", metavar="COMMAND", help="Run this program to start the motors.")
 @click.option(
-    "--start-serial", type=(str, str), metavar="PORT TEXT", help="Send this text over a serial port to start."
+    "--start-serial",
+    type=(str, str),
+    metavar="PORT TEXT",
+    help="Send this text over a serial port to start the motors.",
 )
-@click.option("--rest", "rest_s", default=0.5, show_default=True, metavar="S", help="Recorded before the motors start.")
-@click.option("--settings", type=PATH, metavar="tracking.toml", help="How the marks are found that are watched for.")
 @click.option(
-    "--watch", "watch_image", type=PATH, metavar="FILE.jpg", help="Image, new every second, with the marks found."
+    "--rest", "rest_s", default=0.5, show_default=True, metavar="S", help="Recording time before the motors start."
+)
+@click.option("--settings", type=PATH, metavar="tracking.toml", help="Settings for finding the marks.")
+@click.option(
+    "--watch", "watch_image", type=PATH, metavar="FILE.jpg", help="Image with the marks found, renewed every second."
 )
 @json_option
 @quiet_option
@@ -65,11 +72,11 @@ def record(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Record from a camera, with true times, and know when the motors started.
+    """Record a camera with time stamps, and determine when the motors started.
 
-    SOURCE is the number of a camera (0, 1, …), its device, an address (rtsp://…), or a file as if it were a camera.
-    What the camera compresses is stored as it came, anything else without loss. Times are the camera's own where it
-    gives them; dropped frames are counted. Once a second it is said whether the marks are seen.
+    SOURCE is the number of a camera (0, 1, …), its device, an address (rtsp://…), or a video file that stands in for a
+    camera. Compressed frames are stored as received, raw frames without loss. Time stamps are the camera's if it
+    provides them. Dropped frames are counted. The marks that are visible are reported every second.
     """
     from evaluator.capture.light import LightRegion
     from evaluator.capture.record import CaptureStart, record_camera
@@ -108,12 +115,12 @@ def record(
 
 
 def _signal(light: bool, line: bool, command: str | None, serial: tuple[str, str] | None) -> Signal | None:
-    """The one way in which the start is told."""
+    """Start signal from the options; None without one."""
     from evaluator.capture import start
     from evaluator.errors import InputError
 
     if sum([light, line, command is not None, serial is not None]) > 1:
-        raise InputError("give one of --start-light, --start-line, --start-program and --start-serial, not several")
+        raise InputError("give only one of --start-light, --start-line, --start-program and --start-serial")
     if line:
         return start.line_on(sys.stdin)
     if command is not None:
@@ -122,7 +129,7 @@ def _signal(light: bool, line: bool, command: str | None, serial: tuple[str, str
 
 
 def _watcher(settings: Path | None, image: Path | None) -> Callable[[Frame], str]:
-    """What looks at a frame once a second."""
+    """Function that finds the marks in a frame once a second."""
     from evaluator.capture.watch import watch_marks
 
     return watch_marks(settings, image)

@@ -22,12 +22,12 @@ Examples:
   turnscope render sample_videos/recipes/*.toml"""
 )
 @click.argument("scenes", nargs=-1, required=True, type=PATH, metavar="SCENE.toml...")
-@click.option("-o", "--out", "output", type=PATH, help="Video or image; else what the scene says.")
-@click.option("--truth", type=PATH, help="Truth CSV; else what the scene says, or NAME-truth.csv.")
+@click.option("-o", "--out", "output", type=PATH, help="Video or image to write. [default: from the scene]")
+@click.option("--truth", type=PATH, help="Truth CSV to write. [default: from the scene, or NAME-truth.csv]")
 @workers_option
 @quiet_option
 def render(scenes: tuple[Path, ...], output: Path | None, truth: Path | None, workers: int | None, quiet: bool) -> None:
-    """Draw the video that a rig's camera would see of each SCENE, with exact truth.
+    """Render the video that a camera would record of each SCENE, with exact truth.
 
     A scene of kind "gauge" gives an image of the dot gauge. No analysis reads the truth.
     """
@@ -36,7 +36,7 @@ def render(scenes: tuple[Path, ...], output: Path | None, truth: Path | None, wo
     from evaluator.workflow import read_scene, render_scene, render_scenes
 
     if len(scenes) > 1 and (output or truth):
-        raise InputError(f"{len(scenes)} scenes cannot go to one file; say output = … in each scene instead")
+        raise InputError(f"{len(scenes)} scenes cannot go to one file; set output = … in each scene instead")
     orders = [read_scene(path, output, truth) for path in scenes]
     if len(orders) == 1:
         with progress_bar(orders[0].output.name, quiet=quiet) as progress:

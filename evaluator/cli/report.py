@@ -13,10 +13,10 @@ from evaluator.cli.options import BatchOptions, batch_options
 @click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope report experiment.toml -o out/")
 @batch_options
 def report(options: BatchOptions) -> int:
-    """Make the report of an experiment, computing what it needs.
+    """Write the HTML report of an experiment.
 
-    Everything is computed that is not up to date (see turnscope compare); the report is one HTML file that can be
-    mailed, printed and read on a phone.
+    Results that are missing or out of date are computed first (see turnscope compare). The report is a single file that
+    can be mailed, printed and read on a phone.
     """
     if options.dry_run:
         return print_plan(options, simulate=True)

@@ -1,4 +1,4 @@
-"""turnscope selftest: what this version claims, tried on the user's own machine."""
+"""turnscope selftest: the accuracy claims of this version, checked on the user's machine."""
 
 from __future__ import annotations
 
@@ -19,16 +19,14 @@ from evaluator.cli.options import PATH, quiet_option
     metavar="DIR",
     help="Folder to work in.",
 )
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Of all noise: another one, another draw."
-)
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of all random numbers.")
 @quiet_option
 def selftest(out: Path, seed: int, quiet: bool) -> int:
-    """Try on this machine what this version claims.
+    """Check the accuracy claims of this version on this machine.
 
-    Renders gauge images and a turn, solves the camera, tracks, fits, simulates, and has a hidden effect named in runs
-    that start late and of which one has its sides exchanged. Compares each figure with what this version claims, and
-    writes one page to send to a maintainer. Exit status 1 where a claim does not hold.
+    Renders gauge images and a turn, calibrates the camera, tracks, fits and simulates. Then it diagnoses runs with a
+    hidden effect, a late start and one run with left and right exchanged. Compares each figure with its claimed limit
+    and writes a page that you can send to a maintainer. Exit status 1 if a claim does not hold.
     """
     from evaluator.cli.progress import progress_bar
     from evaluator.cli.tables import text_table

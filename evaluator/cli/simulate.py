@@ -11,12 +11,14 @@ import click
     epilog="\b\nExample:\n  turnscope simulate --robot barrel --left 33.3 --right 14.4 --duration 10 -o run.csv",
 )
 @click.option("--robot", required=True, metavar="NAME|FILE", help="Shipped robot or robot.toml.")
-@click.option("--left", "left_rpm", type=float, metavar="RPM", help="Left driving wheel; negative: backward.")
-@click.option("--right", "right_rpm", type=float, metavar="RPM", help="Right driving wheel; negative: backward.")
-@click.option("--command", "log", type=click.Path(path_type=Path), metavar="CSV", help="Command log instead.")
-@click.option("--duration", "duration_s", required=True, type=float, metavar="S", help="Length of the run.")
-@click.option("--start-s", default=0.0, show_default=True, metavar="S", help="Motors on.")
-@click.option("--stop-s", type=float, metavar="S", help="Motors off; default: never.")
+@click.option("--left", "left_rpm", type=float, metavar="RPM", help="Speed of the left wheels; negative: backward.")
+@click.option("--right", "right_rpm", type=float, metavar="RPM", help="Speed of the right wheels; negative: backward.")
+@click.option(
+    "--command", "log", type=click.Path(path_type=Path), metavar="CSV", help="Command log, instead of constant speeds."
+)
+@click.option("--duration", "duration_s", required=True, type=float, metavar="S", help="Duration of the run.")
+@click.option("--start-s", default=0.0, show_default=True, metavar="S", help="Time at which the motors start.")
+@click.option("--stop-s", type=float, metavar="S", help="Time at which the motors stop. [default: never]")
 @click.option("--x", "x_mm", default=0.0, metavar="MM", help="Start position of the robot's centre.")
 @click.option("--y", "y_mm", default=0.0, metavar="MM", help="Start position of the robot's centre.")
 @click.option("--heading", "heading_deg", default=0.0, metavar="DEG", help="Start heading, counter-clockwise from +x.")
@@ -60,13 +62,14 @@ def simulate(
         run.to_table().to_csv(temporary, index=False, float_format="%.9g")
     if run.is_by_chance:
         click.echo(
-            "note: the robot may take another turn than this one: it passes an unstable balance, as where wheels start "
-            f"against each other, from which the smallest disturbance grows {run.amplification:.0e} times",
+            "note: the robot may turn differently: it passes an unstable equilibrium, where a small disturbance "
+            "grows by "
+            f"a factor of {run.amplification:.0e} (for example when wheels start in opposite directions)",
             err=True,
         )
     if not run.is_converged:
         click.echo(
-            f"note: the run is known to no better than {run.unsettled_mm:.2g} mm: finer steps, or speeds that "
-            "differ by a ten-thousandth, lead elsewhere; are the effects of a sensible size?",
+            f"note: the run has not converged to better than {run.unsettled_mm:.2g} mm: finer steps, or speeds that "
+            "differ by 0.01 %, lead elsewhere; are the sizes of the effects plausible?",
             err=True,
         )

@@ -1,4 +1,4 @@
-"""`turnscope studio`: everything that is done by eye, in the browser."""
+"""`turnscope studio`: calibrate, edit, inspect and diagnose in the browser."""
 
 from __future__ import annotations
 
@@ -16,21 +16,20 @@ NEEDED = ("starlette", "uvicorn", "tomlkit")
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port to listen on. [default: any that is free]")
 @click.option("--browser/--no-browser", default=True, show_default=True, help="Open the studio in the browser.")
 def studio(folder: Path, port: int, browser: bool) -> None:
-    """Open the studio on FOLDER: a local web page for experiments, runs, results and diagnosis.
+    """Open the studio on FOLDER: a local web page for cameras, experiments, runs, results and diagnosis.
 
-    It reads and writes the same files as the other commands. Nobody but you can use it: it listens on this machine
-    only, to the browser that follows the link it prints. Ctrl+C ends it; work under way goes on when it is started
-    again.
+    It reads and writes the same files as the other commands. It listens on this machine only, and only the browser
+    that opens the printed link has access. Ctrl+C ends it; unfinished work continues at the next start.
     """
     from importlib.util import find_spec
 
     missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
         raise click.ClickException(
-            f"the studio needs {', '.join(missing)}: install it with: pip install 'turnscope[studio]'"
+            f"the studio needs {', '.join(missing)}; install with: pip install 'turnscope[studio]'"
         )
     if not folder.is_dir():
-        raise click.ClickException(f"{folder}: no such folder; give the folder of your recordings")
+        raise click.ClickException(f"{folder}: no such folder; expected the folder of your recordings")
     from evaluator.studio.server import serve
 
     def opened(link: str) -> None:

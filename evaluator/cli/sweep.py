@@ -36,10 +36,10 @@ Example:
 @dask_option
 @quiet_option
 def sweep(sweep_file: Path, output: Path, workers: int | None, dask: str | None, quiet: bool) -> None:
-    """Simulate every combination of a grid, with random samples of each.
+    """Simulate every combination of a parameter grid, with random samples of each.
 
     SWEEP.toml names a robot, a duration and the keys to vary: commands, start pose, dotted keys of robot.toml, and
-    effect.ID.PARAMETER. An interrupted sweep goes on where it was when the command is given again.
+    effect.ID.PARAMETER. Repeat the command to continue an interrupted sweep.
     """
     from evaluator.cli.progress import progress_bar
     from evaluator.wording import counted
@@ -49,5 +49,5 @@ def sweep(sweep_file: Path, output: Path, workers: int | None, dask: str | None,
         done = run_sweep(sweep_file, output, workers=workers, dask=dask, progress=progress)
     if not quiet:
         if done.reused:
-            click.echo(f"{done.reused} of {done.parts} parts were done before", err=True)
+            click.echo(f"{done.reused} of {done.parts} parts reused from before", err=True)
         click.echo(f"{done.output}: {counted(done.runs, 'run')}")

@@ -27,11 +27,11 @@ Examples:
 )
 @click.argument("video", type=click.Path())  # text: an address is not a path
 @click.option("-o", "--out", "output", required=True, type=PATH, help="The marks CSV to write.")
-@click.option("--settings", type=PATH, help="tracking.toml: colors, size, region, masks.")
-@click.option("--camera", type=PATH, help="camera.json: places the marks in mm on the plate.")
-@click.option("--robot", default="barrel", show_default=True, help="Robot (name or robot.toml): where its marks are.")
-@click.option("--height-mm", type=float, help="Height of the marks above the plate; else the robot's.")
-@click.option("--rate", type=float, help="Frames a second, where there are no times: images.")
+@click.option("--settings", type=PATH, help="tracking.toml: colours, size, region and masks.")
+@click.option("--camera", type=PATH, help="camera.json: adds coordinates in mm in the plate frame.")
+@click.option("--robot", default="barrel", show_default=True, help="Shipped robot or robot.toml, with its marks.")
+@click.option("--height-mm", type=float, help="Height of the marks above the plate. [default: from the robot]")
+@click.option("--rate", type=float, help="Frame rate, 1/s, for images and streams without time stamps.")
 @click.option(
     "--fields",
     type=click.Choice(["auto", "none", "top", "bottom"]),
@@ -39,13 +39,13 @@ Examples:
     show_default=True,
     help="Interlaced recordings: which field is first.",
 )
-@click.option("--corrections", type=PATH, help='CSV of corrections by hand: frame, mark, x, y or "absent".')
-@click.option("--overlay", type=PATH, help="Video to write with all that was measured drawn on it.")
-@click.option("--sheet", type=PATH, help="PNG to write with the frames to look at twice.")
+@click.option("--corrections", type=PATH, help='CSV of manual corrections: frame, mark, x, y or "absent".')
+@click.option("--overlay", type=PATH, help="Video to write, with marks, path, heading and circle drawn on it.")
+@click.option("--sheet", type=PATH, help="PNG to write, with the frames whose marks are doubtful.")
 @click.option(
     "--explain",
     type=PATH,
-    help="PNG to write with what the search saw: colors, lights, tags, and why each was refused.",
+    help="PNG to write, with all candidates for marks and why each was rejected.",
 )
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
 def track(
@@ -66,7 +66,7 @@ def track(
     """Track the marks of VIDEO: their centres with standard uncertainties, frame by frame.
 
     VIDEO is any file that FFmpeg reads, a folder or TIFF stack of images (with --rate), a camera device, an address, or
-    "-" for standard input. Without --camera the table is in px; with it, in mm on the plane of the marks as well.
+    "-" for standard input. The table is in px; with --camera also in mm on the plane of the marks.
     """
     from evaluator.cli.progress import progress_bar
     from evaluator.wording import counted
@@ -78,7 +78,7 @@ def track(
 
             write_search_sheet(recording, marks, wanted, explain)
 
-    hint = "see what the search saw with --explain search.png" if explain is None else f"see {explain}"
+    hint = "--explain search.png shows all candidates" if explain is None else f"see {explain}"
     with progress_bar(f"tracking {Path(video).name}", quiet=quiet) as progress:
         tracked = track_recording(
             video,
@@ -105,7 +105,7 @@ def track(
 
 
 def _write_images(tracked: Tracked, overlay: Path | None, sheet: Path | None, *, quiet: bool) -> list[str]:
-    """Write the overlay video and the contact sheet that were asked for; gives what to say."""
+    """Write the overlay video and the contact sheet if requested; return the lines to print."""
     from evaluator.cli.progress import progress_bar
     from evaluator.report.overlay import write_contact_sheet, write_overlay
     from evaluator.report.turn_overlay import turn_drawing
@@ -119,4 +119,4 @@ def _write_images(tracked: Tracked, overlay: Path | None, sheet: Path | None, *,
     shown = write_contact_sheet(tracked.recording, tracked.marks, sheet)
     if not shown:
         return ["no doubtful mark: no sheet written"]
-    return [f"{sheet}: {counted(shown, 'doubtful mark')} to look at"]
+    return [f"{sheet}: {counted(shown, 'doubtful mark')}"]

@@ -1,4 +1,4 @@
-"""turnscope trends: several sessions of one robot in one page."""
+"""turnscope trends: several sessions of one robot on one page."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from evaluator.cli.options import PATH, json_option, quiet_option
 @json_option
 @quiet_option
 def trends(folders: tuple[Path, ...], out: Path, as_json: bool, quiet: bool) -> None:
-    """Set several sessions of one robot side by side: what changed, when, and by how much.
+    """Compare several sessions of one robot: what changed, when, and by how much.
 
-    FOLDERs are output folders of turnscope analyze or report; where turnscope diagnose wrote to one, the sizes of
-    the effects that it named are followed too. Sessions are ordered by date = 2026-03-12 of their experiment.toml, and
-    without dates as they are given. Writes the page, and beside it its numbers as CSV.
+    FOLDERs are output folders of turnscope analyze or report. If they hold a diagnosis, the sizes of its effects are
+    included. Sessions are ordered by date = 2026-03-12 in their experiment.toml, or without dates as given. Writes an
+    HTML page and its numbers as CSV.
     """
     from evaluator.report.pages.trends import change_sentences, write_trends
     from evaluator.trends.trends import compare_sessions

@@ -1,4 +1,4 @@
-"""`turnscope turning`: tables of marks → turning radius, straight from the tables."""
+"""`turnscope turning`: tables of marks or poses → turning radius, without an experiment file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BAD_INPUT = 2
 
 
 class WithMarkNames(click.Command):
-    """A command in which an option that it does not know, with a value, names a mark: --front "mass A"."""
+    """A command that takes an unknown option with a value as the name of a mark: --front "mass A"."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Take --MARK NAME for --name MARK=NAME, unless the option looks like a misspelt one."""
@@ -45,30 +45,30 @@ Examples:
   turnscope turning one_mark.csv
   turnscope turning px.csv --scale-px 102 40 902 44 --length-mm 50
 
-A marks CSV has time_s and NAME_x_mm, NAME_y_mm (or _px) of every mark; files of OSP Tracker, DeepLabCut, SLEAP and
-movement are read too, and poses (time_s, x_mm, y_mm, heading_deg, or a TUM trajectory). robot.toml needs no more than
-[marks]. Exit status: 2 where a table cannot be measured.""",
+A marks CSV has the columns time_s and NAME_x_mm, NAME_y_mm (or _px) of every mark. Files of OSP Tracker, DeepLabCut,
+SLEAP and movement, and poses (time_s, x_mm, y_mm, heading_deg, or a TUM trajectory) are read as well. robot.toml needs
+only [marks]. Exit status: 2, a table cannot be measured.""",
 )
 @click.argument("marks", nargs=-1, required=True, type=PATH)
-@click.option("--robot", help="Shipped robot or robot.toml: where its marks are. Without: the path of each mark.")
-@click.option("--camera", type=PATH, help="camera.json: adds what its uncertainty does; places marks given in px.")
+@click.option("--robot", help="Shipped robot or robot.toml with the marks. [default: measure the path of each mark]")
+@click.option("--camera", type=PATH, help="camera.json: adds its uncertainty, and converts marks in px.")
 @click.option("--scale-px", nargs=4, type=float, metavar="X1 Y1 X2 Y2", help="Ends of a ruler in the image, px.")
-@click.option("--length-mm", type=float, help="Length between the ends of the ruler.")
-@click.option("--unit", type=click.Choice(["mm", "cm", "m", "inch", "px"]), help="Of the lengths in the tables.")
+@click.option("--length-mm", type=float, help="Length of that ruler.")
+@click.option("--unit", type=click.Choice(["mm", "cm", "m", "inch", "px"]), help="Unit of lengths in the tables.")
 @click.option(
     "--name",
     "names",
     multiple=True,
     metavar="MARK=NAME",
-    help="What a mark is called in tables of another program; --MARK NAME is the same.",
+    help="Name of a mark in tables of another program; --MARK NAME does the same.",
 )
-@click.option("--rate-hz", type=click.FloatRange(min=0, min_open=True), help="Frames a second, for tables of frames.")
-@click.option("--start-s", type=float, help="When the motors were commanded on; found without it too.")
-@click.option("--stop-s", type=float, help="When the motors were commanded off.")
-@click.option("--left-rpm", type=float, help="Commanded rotation, for the slip ratio.")
-@click.option("--right-rpm", type=float, help="Commanded rotation, for the slip ratio.")
-@click.option("--phases", type=PATH, help="A table to write of all phases: rest, straight, turn, spot, transient.")
-@click.option("-o", "--out", "output", type=PATH, help="A turning.csv to write, a row per table.")
+@click.option("--rate-hz", type=click.FloatRange(min=0, min_open=True), help="Frame rate of tables without times.")
+@click.option("--start-s", type=float, help="Time at which the motors start. [default: found in the data]")
+@click.option("--stop-s", type=float, help="Time at which the motors stop.")
+@click.option("--left-rpm", type=float, help="Commanded speed, for the slip ratio.")
+@click.option("--right-rpm", type=float, help="Commanded speed, for the slip ratio.")
+@click.option("--phases", type=PATH, help="CSV to write, with all phases: rest, straight, turn, spot, transient.")
+@click.option("-o", "--out", "output", type=PATH, help="CSV to write, like turning.csv, with a row per table.")
 def turning(
     marks: tuple[Path, ...],
     robot: str | None,
@@ -85,9 +85,9 @@ def turning(
     phases: Path | None,
     output: Path | None,
 ) -> int:
-    """Measure how a robot turns from MARKS, tables of its tracked marks.
+    """Measure the turning radius from MARKS, tables of tracked marks or poses.
 
-    The radius is that of the robot's centre, the smallest that is sustained for a quarter turn, with its 95 % interval.
+    The radius is the smallest one of the robot's centre that is sustained for a quarter turn, with its 95 % interval.
     """
     from evaluator.errors import InputError
     from evaluator.report.numbers import true_minus
@@ -122,7 +122,7 @@ def turning(
     if phases is not None and rows:
         _write(phases, rows)
     elif phases is not None and found:
-        click.echo(f"{phases}: not written: phases are told from a heading, which one mark or none in --robot lacks")
+        click.echo(f"{phases} is not written: phases need a heading, which takes two marks and --robot")
     return BAD_INPUT if faults else 0
 
 
@@ -154,7 +154,9 @@ def _tracks(names: tuple[str, ...], unit: str | None, rate_hz: float | None) -> 
     said = dict(item.partition("=")[::2] for item in names)
     for mark, name in said.items():
         if not (mark.isidentifier() and name) or mark in Tracks.model_fields:
-            raise InputError(f"--name {mark}={name}: say MARK=NAME, the mark of robot.toml and its name in the table")
+            raise InputError(
+                f"--name {mark}={name}: expected MARK=NAME, the mark of robot.toml and its name in the table"
+            )
     return Tracks.model_validate({**said, "unit": unit, "rate_hz": rate_hz})
 
 

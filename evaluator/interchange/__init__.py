@@ -1,1 +1,1 @@
-"""Tracks of other programs in, results for other programs out."""
+"""Import of tracks, poses and commands of other programs."""

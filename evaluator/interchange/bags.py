@@ -34,7 +34,7 @@ Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class Topics(BaseModel):
-    """Which topics of a bag say the commands and the poses, and how a velocity becomes wheel speeds."""
+    """Topics of a bag with commands and poses, and the conversion of velocities to wheel speeds."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -98,9 +98,9 @@ def _messages(path: Path, topic: str | None, known: dict[str, Any], key: str) ->
     except InputError:
         raise
     except (AnyReaderError, OSError, ValueError, KeyError, AssertionError) as error:
-        raise InputError(f"{path}: not a recording of ROS that can be read ({str(error).strip()})") from error
+        raise InputError(f"{path}: not a readable ROS recording ({str(error).strip()})") from error
     if not count:
-        raise InputError(f"{path}: topic {chosen} holds no message")
+        raise InputError(f"{path}: topic {chosen} has no message")
 
 
 def _chosen(path: Path, topic: str | None, kinds: dict[str, str], known: dict[str, Any], key: str) -> str:
@@ -130,7 +130,7 @@ def _time_s(message: Any, recorded_ns: int) -> float:
 def _of_velocity(twist: Any, topics: Topics, where: str) -> tuple[float, float]:
     if topics.wheel_radius_m is None or topics.track_m is None:
         raise InputError(
-            f"{where} holds velocities; say wheel_radius_m and track_m of the robot's controller in [commands]"
+            f"{where} holds velocities; give wheel_radius_m and track_m of the robot's controller in [commands]"
         )
     ahead, turn = float(twist.linear.x), float(twist.angular.z) * topics.track_m / 2
     return (ahead - turn) / topics.wheel_radius_m, (ahead + turn) / topics.wheel_radius_m

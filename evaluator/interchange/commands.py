@@ -1,4 +1,4 @@
-"""What the motors of a run were told: one constant command, or a log of commands, in the time of the recording."""
+"""Commands of a run, constant or from a log, in the time of the recording."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from simulator.errors import SimulationError
 
 @dataclass(frozen=True)
 class Told:
-    """Command of a run in seconds of its recording.
+    """Command of a run over the time of its recording.
 
     starts_at_rest: whether the robot rests when its motors are first switched on. logged: whether the command comes
     from a log, so that the run may hold several phases.
@@ -27,7 +27,7 @@ class Told:
 
     @property
     def driven(self) -> tuple[Stretch, ...]:
-        """Stretches of held command with a motor on, in time."""
+        """Intervals of constant command with a motor on, in order of time."""
         return tuple(item for item in self.command.stretches() if item.is_driven)
 
     @property

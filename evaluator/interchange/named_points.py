@@ -1,4 +1,4 @@
-"""What a file of another program holds: named points over time."""
+"""Named points over time, as read from files of other programs."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class NamedPoints:
     points: dict[str, Array]
 
 
-class Said(Protocol):
-    """What a user says of a file because the file does not."""
+class FileHints(Protocol):
+    """Properties of a file that the user has to state."""
 
     @property
     def unit(self) -> str | None:

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.errors import InputError
-from evaluator.interchange.named_points import NamedPoints, Said
+from evaluator.interchange.named_points import FileHints, NamedPoints
 
 Array = NDArray[np.float64]
 MOST_NUMBERS = 50_000_000  # of a variable: ten points of ten individuals for two hours at 60 frames a second
 DEEPLABCUT_KEY = "df_with_missing"  # of the table in the HDF5 that DeepLabCut writes
 
 
-def read_deeplabcut(path: Path, said: Said) -> NamedPoints:
+def read_deeplabcut(path: Path, said: FileHints) -> NamedPoints:
     """Header lines scorer, (individuals,) bodyparts, coords; a row per frame, counted from 0."""
     import pandas as pd
 
@@ -31,7 +31,7 @@ def read_deeplabcut(path: Path, said: Said) -> NamedPoints:
             if row and row[0] == "coords":
                 break
         else:
-            raise InputError(f"{path}: begins like a DeepLabCut file, but has no line that starts with coords")
+            raise InputError(f"{path}: starts like a DeepLabCut file, but has no line that starts with coords")
     named = {row[0]: row for row in heads}
     try:
         table = pd.read_csv(path, skiprows=len(heads), header=None, dtype=float).to_numpy()
@@ -41,14 +41,14 @@ def read_deeplabcut(path: Path, said: Said) -> NamedPoints:
     return _likely(path, table[:, 0], columns, table[:, 1:], said)
 
 
-def read_binary(path: Path, said: Said) -> NamedPoints:
+def read_binary(path: Path, said: FileHints) -> NamedPoints:
     """HDF5 of SLEAP or DeepLabCut, or netCDF of movement."""
     with path.open("rb") as file:
         found = _read_hdf5(path, said) if file.read(4) == b"\x89HDF" else None
     return found or _read_movement(path, said)
 
 
-def _read_hdf5(path: Path, said: Said) -> NamedPoints | None:
+def _read_hdf5(path: Path, said: FileHints) -> NamedPoints | None:
     """Read an analysis file of SLEAP or the table of DeepLabCut; None for any other HDF5 file."""
     try:
         import h5py
@@ -61,16 +61,16 @@ def _read_hdf5(path: Path, said: Said) -> NamedPoints | None:
             if {"tracks", "node_names"} <= set(file):
                 return _sleap_analysis(path, file, said)
     except (OSError, IndexError, AttributeError, KeyError, ValueError, TypeError) as error:
-        raise InputError(f"{path}: not an HDF5 file that can be read ({error})") from error
+        raise InputError(f"{path}: not a readable HDF5 file ({error})") from error
     return None
 
 
-def _sleap_analysis(path: Path, file: Any, said: Said) -> NamedPoints:
+def _sleap_analysis(path: Path, file: Any, said: FileHints) -> NamedPoints:
     """Tracks (individuals, 2, nodes, frames): those of the first individual."""
     place, names = file["tracks"][0], [name.decode() for name in file["node_names"][:]]
     score = file["point_scores"][0] if "point_scores" in file else None
     if said.rate_hz is None:
-        raise InputError(f"{path}: SLEAP counts frames; say rate_hz (frames a second) in [tracks]")
+        raise InputError(f"{path}: SLEAP counts frames; give rate_hz (frames per second) in [tracks]")
     points = {}
     for index, name in enumerate(names):
         points[name] = np.array(place[:, index].T, dtype=float)
@@ -79,7 +79,7 @@ def _sleap_analysis(path: Path, file: Any, said: Said) -> NamedPoints:
     return NamedPoints(np.arange(place.shape[-1]) / said.rate_hz, points)
 
 
-def _deeplabcut_table(path: Path, group: Any, said: Said) -> NamedPoints:
+def _deeplabcut_table(path: Path, group: Any, said: FileHints) -> NamedPoints:
     """A pandas table as PyTables stores it: rows of an index and one block of numbers; names in an attribute."""
     columns: list[tuple[Any, ...]] = []
     if "table" in group:
@@ -112,10 +112,12 @@ def _plain_pickle(content: bytes) -> Any:
         raise ValueError(str(error)) from error
 
 
-def _likely(path: Path, frames: Array, columns: Sequence[tuple[str, str]], values: Array, said: Said) -> NamedPoints:
+def _likely(
+    path: Path, frames: Array, columns: Sequence[tuple[str, str]], values: Array, said: FileHints
+) -> NamedPoints:
     """Points of a table whose columns are (point, coordinate); unlikely ones are missing."""
     if said.rate_hz is None:
-        raise InputError(f"{path}: DeepLabCut counts frames; say rate_hz (frames a second) in [tracks]")
+        raise InputError(f"{path}: DeepLabCut counts frames; give rate_hz (frames per second) in [tracks]")
     place = {column: k for k, column in reversed(list(enumerate(columns)))}  # of several individuals, the first
     points = {}
     for name in dict.fromkeys(part for part, _ in columns):
@@ -126,7 +128,7 @@ def _likely(path: Path, frames: Array, columns: Sequence[tuple[str, str]], value
     return NamedPoints(frames / said.rate_hz, points)
 
 
-def _read_movement(path: Path, said: Said) -> NamedPoints:
+def _read_movement(path: Path, said: FileHints) -> NamedPoints:
     """A movement dataset: position over time, space, keypoints, individuals; confidence where there is one."""
     try:
         import xarray as xr
@@ -141,7 +143,7 @@ def _read_movement(path: Path, said: Said) -> NamedPoints:
             numbers = max((variable.size for variable in opened.variables.values()), default=0)
             data = opened.load() if numbers <= MOST_NUMBERS else None
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: not a netCDF file that can be read ({str(error).splitlines()[0]})") from error
+        raise InputError(f"{path}: not a readable netCDF file ({str(error).splitlines()[0]})") from error
     if data is None:
         raise InputError(f"{path}: a variable of {numbers:.3g} numbers is no track; is the file damaged?")
     if "position" not in data or not {"time", "space", "keypoints"} <= set(data["position"].dims):
@@ -154,7 +156,7 @@ def _read_movement(path: Path, said: Said) -> NamedPoints:
     if data.attrs.get("time_unit") == "frames":
         rate = said.rate_hz or data.attrs.get("fps")
         if not rate:
-            raise InputError(f"{path}: counts frames; say rate_hz (frames a second) in [tracks]")
+            raise InputError(f"{path}: counts frames; give rate_hz (frames per second) in [tracks]")
         time = time / float(rate)
     known = [name.decode() if isinstance(name, bytes) else str(name) for name in data["keypoints"].to_numpy()]
     space = [name.decode() if isinstance(name, bytes) else str(name) for name in data["space"].to_numpy()]

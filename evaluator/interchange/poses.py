@@ -1,4 +1,4 @@
-"""Poses from elsewhere: motion capture, SLAM or another tracker; centre and heading over time, plate frame.
+"""Poses of other systems (motion capture, SLAM, another tracker): centre and heading over time, plate frame.
 
 A CSV with `time_s`, x, y and heading (units by suffix: `x_mm` or `x_m`, `heading_deg` or `heading_rad`; standard
 uncertainties `x_sigma_mm`, `heading_sigma_rad`, …, and `xy_cov_mm2` where they are known), a trajectory in TUM's format
@@ -54,16 +54,16 @@ class PoseTable:
     noise_stated: bool
 
     def notes(self) -> list[str]:
-        """What a reader should know of the file."""
+        """Notes on the file."""
         kept = len(self.table)
         said = []
         if self.dropped:
             said.append(
-                f"{self.dropped} of {kept + self.dropped} poses repeat the one before (a held value) and are dropped"
+                f"{self.dropped} of {kept + self.dropped} poses repeat the previous one (held values) and are dropped"
             )
         if not self.noise_stated:
             sigma, angle = (self.table[name].median() for name in ("x_sigma_mm", "heading_sigma_deg"))
-            said.append(f"noise taken from the poses themselves: {sigma:.3g} mm, {angle:.3g} degrees")
+            said.append(f"noise estimated from the poses: {sigma:.3g} mm, {angle:.3g} degrees")
         return said
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from evaluator.errors import InputError
-from evaluator.interchange.named_points import NamedPoints, Said
+from evaluator.interchange.named_points import FileHints, NamedPoints
 
 
-def read_tracker_text(path: Path, said: Said) -> NamedPoints:
+def read_tracker_text(path: Path, said: FileHints) -> NamedPoints:
     """Two header lines: names of the tracks above their columns, then t, x, y …; any usual delimiter."""
     del said
     lines = [line for line in path.read_text(encoding="utf-8-sig", errors="replace").splitlines() if line.strip()]
@@ -35,7 +35,7 @@ def read_tracker_text(path: Path, said: Said) -> NamedPoints:
     return NamedPoints(table[:, columns.index("t")], points)
 
 
-def read_project(path: Path, said: Said) -> NamedPoints:
+def read_project(path: Path, said: FileHints) -> NamedPoints:
     """A project of OSP Tracker itself: on its own coordinate system, or in px where [tracks] says so."""
     from evaluator.interchange.tracker_project import Project
 

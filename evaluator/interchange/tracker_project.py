@@ -60,7 +60,7 @@ class Project:
         """Times of frames. Raises InputError where the project does not say how long a frame lasts."""
         frame_s = 1 / rate_hz if rate_hz else self.frame_s
         if not (np.isfinite(frame_s) and frame_s > 0):
-            raise InputError(f"{self.path}: does not say how long a frame lasts; say rate_hz (frames a second)")
+            raise InputError(f"{self.path}: has no frame duration; give rate_hz (frames per second)")
         return self._start_s + (frames - self._first_frame) * frame_s
 
     def on_plate(self, frames: Array, points_px: Array) -> Array:
@@ -97,7 +97,7 @@ def _xml(path: Path) -> bytes:
     except Exception as error:  # zipfile raises whatever its code runs into in a damaged archive
         raise InputError(f"{path}: cannot be unpacked ({error}); {TO_DO}") from error
     if len(names) != 1:
-        raise InputError(f"{path}: holds {len(names)} projects of OSP Tracker (.trk); one is wanted")
+        raise InputError(f"{path}: holds {len(names)} projects of OSP Tracker (.trk); expected one")
     if len(content) > LARGEST_BYTES:
         raise InputError(f"{path}: {names[0].filename} unpacks to more than {LARGEST_BYTES / 1e6:.0f} MB; {TO_DO}")
     return content

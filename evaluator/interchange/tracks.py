@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from evaluator.errors import InputError
-from evaluator.interchange.named_points import NamedPoints, Said
+from evaluator.interchange.named_points import FileHints, NamedPoints
 from evaluator.interchange.pose_estimators import read_binary, read_deeplabcut
 from evaluator.interchange.tracker_files import (
     cells_of,
@@ -132,7 +132,7 @@ def _own_points(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array], st
         if names:
             points = {name: table[[f"{name}{end}" for end in ends]].to_numpy(float) for name in names}
             return table["time_s"].to_numpy(float), points, tracks.unit or unit if unit == "mm" else "px"
-    raise InputError(f"{path}: no columns NAME_x_mm and NAME_y_mm of a mark (or in px); see turnscope turning --help")
+    raise InputError(f"{path}: no columns NAME_x_mm and NAME_y_mm (or _px) of a mark; see turnscope turning --help")
 
 
 def _in_mm(table: pd.DataFrame, tracks: Tracks) -> pd.DataFrame:
@@ -152,7 +152,7 @@ def _foreign_points(
 
     Without marks, every point of the file is one.
     """
-    readers: dict[str, Callable[[Path, Said], NamedPoints]] = {
+    readers: dict[str, Callable[[Path, FileHints], NamedPoints]] = {
         "tracker": read_tracker_text,
         "project": read_project,
         "deeplabcut": read_deeplabcut,
@@ -172,15 +172,13 @@ def _foreign_points(
     time = named.time_s
     unit = said.unit or (_project_unit(path) if program == "project" else "px" if program != "tracker" else None)
     if unit is None:
-        raise InputError(
-            f'{path}: OSP Tracker did not write its unit of length here; say unit = "mm" (px, cm, m) in [tracks]'
-        )
+        raise InputError(f'{path}: the file has no unit of length; set unit = "mm" (px, cm, m) in [tracks]')
     if len(time) < 2 or not np.all(np.diff(time) > 0):
         raise InputError(f"{path}: times must be at least two and increase from row to row")
     return time, points, unit
 
 
-def _whole(reader: Callable[[Path, Said], NamedPoints], path: Path, said: Said) -> NamedPoints:
+def _whole(reader: Callable[[Path, FileHints], NamedPoints], path: Path, said: FileHints) -> NamedPoints:
     """Read a file that may be damaged anywhere: what its reader runs into then is said in one sentence."""
     try:
         return reader(path, said)
@@ -188,9 +186,7 @@ def _whole(reader: Callable[[Path, Said], NamedPoints], path: Path, said: Said) 
         raise
     except Exception as error:
         reason = (str(error).splitlines() or [""])[0] or type(error).__name__
-        raise InputError(
-            f"{path}: does not have the form that its program writes ({reason}); is it damaged?"
-        ) from error
+        raise InputError(f"{path}: not in the format of its program ({reason}); is it damaged?") from error
 
 
 def program_of(path: Path) -> Program:
@@ -223,7 +219,7 @@ def _marks_table(
     for mark, place in points.items():
         if unit == "px":
             if camera is None:
-                raise InputError(f'{path}: holds image points; say camera = "camera.json", or unit in [tracks]')
+                raise InputError(f'{path}: holds image points; set camera = "camera.json", or unit in [tracks]')
             table[[f"{mark}_x_px", f"{mark}_y_px"]] = place
             seen = np.isfinite(place).all(axis=1)
             placed = np.full_like(place, np.nan)

@@ -48,7 +48,7 @@ def fields_of(frame: Frame, first: str, half_ticks: int, index: int) -> Iterator
 
 
 def field_order(frames: Iterable[Frame]) -> Literal["none", "top", "bottom"] | None:
-    """See from the frames whether they are woven of two fields, and which comes first; None where nothing moves.
+    """Determine from the frames whether they are interlaced, and which field is first; None if nothing moves.
 
     A line of the later field shows what its neighbours, of the earlier one, will show half a frame later: it differs
     from their mean by half of what changes in a frame. What else lines differ by (edges, noise) has no such sign.

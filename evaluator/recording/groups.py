@@ -1,4 +1,4 @@
-"""Groups of H.264 frames that stand each for itself: from an IDR frame on, nothing leans on what was before it.
+"""Groups of H.264 frames that can be decoded independently: no frame refers to one before its IDR frame.
 
 Decoders that take groups in turn need not hand frames to one another, as FFmpeg's frame threads do for every frame.
 """

@@ -1,4 +1,4 @@
-"""Images as a recording, at a rate the user knows: PNG, JPEG, TIFF in the order of their names, or one stack."""
+"""Images as a recording at a given rate: PNG, JPEG or TIFF files in order of their names, or one TIFF stack."""
 
 from __future__ import annotations
 
@@ -54,10 +54,10 @@ class ImageSequence:
         before: Plane | None = None
         for index, (path, image) in enumerate(self._images()):
             if image is None and index and self._stacked:
-                self._notes.append(f"its image {index + 1} cannot be read; the file is damaged or cut off there")
+                self._notes.append(f"its image {index + 1} cannot be read; the file is damaged or truncated there")
                 return
             if image is None:
-                raise InputError(f"{path}: not an image that can be read")
+                raise InputError(f"{path}: not a readable image")
             luma, u, v, depth = _planes(image, path)
             if before is not None and luma.shape != before.shape:
                 height, width = before.shape
@@ -92,9 +92,7 @@ class ImageSequence:
 def _planes(image: NDArray[np.generic], path: str) -> tuple[Plane, Plane | None, Plane | None, int]:
     """Luma and colour planes (BT.601, full range) of a grey, BGR or BGRA image of 8 or 16 bits."""
     if image.dtype not in (np.uint8, np.uint16):
-        raise InputError(
-            f"{path}: its samples are {image.dtype}, whose range is not known; save it with 8 or 16 bits a sample"
-        )
+        raise InputError(f"{path}: its samples are {image.dtype}, of unknown range; save it with 8 or 16 bits a sample")
     depth = 8 if image.dtype == np.uint8 else 16
     kind = np.uint8 if depth == 8 else np.uint16
     if image.ndim == 2:

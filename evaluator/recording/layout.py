@@ -18,7 +18,7 @@ KINDS = {1: "I", 2: "P", 3: "B"}
 
 @dataclass(frozen=True)
 class Layout:
-    """What `frame` needs to know of all frames alike.
+    """Memory layout common to all frames of a recording.
 
     name, width, height: of the decoder's frames. target: format to convert to first, where the planes cannot be used
     as they are. depth: bits of a sample after that. shapes: of its planes, (rows, columns).

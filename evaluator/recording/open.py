@@ -1,4 +1,4 @@
-"""The one door to recordings."""
+"""Opening of recordings of every kind."""
 
 from __future__ import annotations
 
@@ -43,7 +43,9 @@ def open_recording(
     if has_no_clock(place):
         if rate is None:
             kind = "a folder" if place.is_dir() else "a stack"
-            raise InputError(f"{name}: {kind} of images has no clock: say its rate (--rate, or rate_hz of a run)")
+            raise InputError(
+                f"{name}: {kind} of images has no time stamps; give the frame rate (--rate, or rate_hz of a run)"
+            )
         return ImageSequence(place, rate)
     if place.is_char_device():
         return opened(name, live=True, format_name="v4l2")
@@ -55,5 +57,5 @@ def open_recording(
 
 
 def has_no_clock(place: Path) -> bool:
-    """Whether a recording is a folder of images or a TIFF of several, of which only the user knows the rate."""
+    """Whether a recording is a folder or TIFF stack of images, for which the user must give the rate."""
     return place.is_dir() or (place.is_file() and count_images(place) > 1)

@@ -1,4 +1,4 @@
-"""Decoding beside what is done with the frames: FFmpeg's threads never wait for whoever looks at the last frame.
+"""Decoding in parallel with the processing of frames, so that FFmpeg's threads never wait for it.
 
 Where FFmpeg itself uses one core, for codecs whose frames stand each for itself (Motion JPEG), on all cores. Where
 its threads cost more than they gain, for small frames of H.264, on two by groups of frames.

@@ -79,7 +79,7 @@ class Frames:
         return self._source.to_image(image)
 
     def frame(self, index: int) -> Frame:
-        """Frame number index as iterating gives it. Raises InputError where there is none."""
+        """Frame `index` as given by iteration. Raises InputError if there is none."""
         image = self._image(index)
         return self._source.to_frame(image, index)
 
@@ -218,7 +218,7 @@ class _Sequential:
             times.append(frame.time_s)
             size = frame.size_px
         if not times:
-            raise InputError(f"{path.name}: not a single frame can be decoded; the file is damaged or cut off")
+            raise InputError(f"{path.name}: no frame can be decoded; the file is damaged or truncated")
         self.frame_bytes = size[0] * size[1] * 3
         self.contents = Contents(tuple(times), (0,), size)
         self._frames: Iterator[Any] = iter(())
@@ -236,7 +236,7 @@ class _Sequential:
                 yield frame.index, frame
             if frame.index == index:
                 return
-        raise InputError("the recording ends earlier than it did when it was opened; open it again")
+        raise InputError("the recording became shorter after it was opened; open it again")
 
     def to_image(self, image: Any) -> Image:
         return np.asarray(cv2.cvtColor(image.to_rgb(), cv2.COLOR_RGB2BGR), np.uint8)

@@ -1,4 +1,4 @@
-"""Which of the streams of a file is the recording, and what its container says that frames do not show."""
+"""Selection of the video stream of a file, and properties that only its container states."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _is_cover(stream: Any) -> bool:
 
 
 def asked_of_viewers(container: Any) -> Iterator[str]:
-    """Sentences on other videos of a file, and on pixels that viewers stretch and this package does not."""
+    """Notes on other videos in a file, and on pixels that are not square."""
     first, *others = videos_of(container)
     size = f"{first.width}×{first.height}"
     if others := [stream for stream in others if not _is_cover(stream)]:

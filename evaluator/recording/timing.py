@@ -1,4 +1,4 @@
-"""What the presentation times of a recording say: its rate, frames dropped, frames shown twice."""
+"""Frame rate, dropped frames and repeated frames from the presentation times of a recording."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def summarise(ticks: Sequence[int], tick: Fraction, duplicates: Sequence[int], n
         variable = len(odd) > len(steps) // 20
     said = list(notes)
     if variable:
-        said.append("the frame rate varies; every frame keeps its own time")
+        said.append("the frame rate varies; the time stamp of each frame is used")
     elif dropped:
         missing = sum(count for _, count in dropped)
         said.append(

@@ -84,7 +84,8 @@ class Recording:
             raise InputError(f"{self.name}: {str(error.strerror).lower()}") from error
         except (av.error.FFmpegError, ValueError, OSError) as error:
             raise InputError(
-                f"{self.name}: not a video that FFmpeg can open ({_reason(error)}); is it whole and of a known format?"
+                f"{self.name}: not a video that FFmpeg can open ({_reason(error)}); is it complete and of a known "
+                "format?"
             ) from error
         if not container.streams.video:
             kinds = _kinds(container)
@@ -108,7 +109,7 @@ class Recording:
                 self._count(frame)
                 yield frame
             return
-        self._notes.append(f"interlaced, {order} field first: every field is a frame of its own")
+        self._notes.append(f"interlaced, {order} field first: every field is treated as a frame")
         ticks = self._interval_ticks()
         for frame in images:
             for field in fields_of(frame, order, ticks, len(self._ticks)):
@@ -234,7 +235,7 @@ class Recording:
             self._counted = not runs or image.pts is None
             rate = self._rate or self.nominal_rate
             if self._counted and not rate:
-                raise InputError(f"{self.name}: has neither presentation times nor a frame rate; say its rate")
+                raise InputError(f"{self.name}: has neither time stamps nor a frame rate; give the rate")
             if self._counted and rate:
                 self._notes.append(f"no presentation times in the file: taken from its rate {float(rate):g}/s")
                 self.tick = 1 / rate
@@ -244,7 +245,7 @@ class Recording:
 
     def _finish(self, count: int, last: int) -> None:
         if count == 0:
-            raise InputError(f"{self.name}: not a single frame can be decoded; the file is damaged or cut off")
+            raise InputError(f"{self.name}: no frame can be decoded; the file is damaged or truncated")
         if self._standing > count:
             raise InputError(
                 f"{self.name}: presentation times stand still or run backwards in {self._standing} of"
@@ -257,12 +258,12 @@ class Recording:
         left_out = self._standing + (self._packets.discarded if self._packets else 0)
         if self.expected_frames > count + left_out:
             self._notes.append(
-                f"the file promises {counted(self.expected_frames, 'frame')} but only {count} could be decoded"
+                f"the file announces {counted(self.expected_frames, 'frame')} but only {count} could be decoded"
             )
         last_s, rate = float(last * self.tick), self.nominal_rate
         if not self.expected_frames and self.expected_s and rate and (self.expected_s - last_s) * rate > LACKING:
             self._notes.append(
-                f"the file promises {self.expected_s:.4g} s, but the last frame that could be decoded is at"
+                f"the file announces {self.expected_s:.4g} s, but the last frame that could be decoded is at"
                 f" {last_s:.4g} s"
             )
 
@@ -278,7 +279,7 @@ def _reason(error: BaseException) -> str:
 def _turned_by_viewers(image: Any) -> list[str]:
     """What a viewer does with the frames and this package does not: their pixels are those of the sensor."""
     turn = abs(round(image.rotation))
-    return [f"players turn this video by {turn}°; it is measured as the sensor saw it, unturned"] if turn else []
+    return [f"players rotate this video by {turn}°; it is measured as recorded by the sensor"] if turn else []
 
 
 def _kinds(container: Any) -> str:

@@ -1,4 +1,4 @@
-"""The report: one HTML file that needs nothing else, from the results of an analysis."""
+"""The report of an analysis: a single self-contained HTML file."""
 
 from __future__ import annotations
 

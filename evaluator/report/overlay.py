@@ -1,4 +1,4 @@
-"""The recording with what was measured drawn on it, and a contact sheet of the frames to look at twice.
+"""Overlay video of the measurement, and a contact sheet of frames with doubtful marks.
 
 Everything is drawn in image px at sub-pixel precision. Drawing measures nothing.
 """

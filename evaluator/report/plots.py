@@ -1,4 +1,4 @@
-"""Quick looks for notebooks: a run, a turn, a camera and a diagnosis as matplotlib axes.
+"""Plots for notebooks: a run, a turn, a camera and a diagnosis on matplotlib axes.
 
 Each draws into the axes it is given, or into new ones, and returns them; millimetres of the plate frame throughout.
 """

@@ -1,4 +1,4 @@
-"""A sheet that shows what the search for marks saw: frames, masks beside them, and why each thing was refused."""
+"""A sheet of the search for marks: frames, colour masks, candidates and why each was rejected."""
 
 from __future__ import annotations
 

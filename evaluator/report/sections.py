@@ -1,4 +1,4 @@
-"""The sections of a turning report, in the order in which a reader asks."""
+"""The sections of a report, in order."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ from simulator.steady import steady_turn
 def sections(
     runs: Sequence[RunView], robot: Robot, cameras: Sequence[Path], diagnosis: DiagnosisView | None, analysis: Analysis
 ) -> tuple[Section, ...]:
-    """Every section these runs have something to say in."""
+    """All sections for which these runs have data."""
     right = [run for run in runs if run.run not in analysis.set_aside]
     turning = [run for run in right if run.turns]
     there = [
@@ -53,7 +53,7 @@ def sections(
         _figures("trajectories-section", "Trajectories", trajectories(right)),
         _figures(
             "radius",
-            "How tightly it turns",
+            "Turning radius",
             radius_against_difference(right),
             radius_against_ratio(right, magnetic=any(wheel.attraction_mN for wheel in robot.all_wheels)),
             radius_by_group(right),
@@ -62,7 +62,7 @@ def sections(
         ),
         _repetitions(right, analysis),
         _circular_test(analysis, robot),
-        _figures("speed", "How fast it runs straight", straight_speed(right, robot.driving_radius_mm)),
+        _figures("speed", "Straight-line speed", straight_speed(right, robot.driving_radius_mm)),
         _wheels(right, robot),
         _quality(runs, analysis.notes),
         _budget(turning, analysis),
@@ -114,12 +114,12 @@ def _wheels(runs: Sequence[RunView], robot: Robot) -> Section | None:
         title = f"{'Backward' if backward else 'Forward'}, {run.command}"
         figures.append(wheel_states_figure(f"wheels-{'backward' if backward else 'forward'}", title, robot, turn))
     text = (
-        "Forces are simulated: they cannot be seen from above. The larger the friction arrows across the wheels, the "
-        "more of the motors' work goes into skidding. (Figures 20 and 21 of the paper.)"
+        "Forces are simulated. The larger the friction across the wheels, the more of the motors' work goes into "
+        "skidding. (Figures 20 and 21 of the paper.)"
     )
     if not figures:
         return None
-    return Section("wheels", "What the wheels do in a turn", (text,), tuple(figures), (slip_table(turning),))
+    return Section("wheels", "Wheels in a turn", (text,), tuple(figures), (slip_table(turning),))
 
 
 def _quality(runs: Sequence[RunView], notes: dict[str, tuple[str, ...]]) -> Section:
@@ -133,14 +133,14 @@ def _quality(runs: Sequence[RunView], notes: dict[str, tuple[str, ...]]) -> Sect
         "frame-to-frame correlation": lambda run: number(run.value("noise_correlation"), 2),
         "start delay, s": lambda run: number(run.value("start_delay_s"), 3),
     }
-    by_mark = "In µm by mark: median standard uncertainty that the tracker states for a coordinate of the mark. "
+    by_mark = "Marks: median standard uncertainty of a coordinate as stated by the tracker. "
     caption = (by_mark if any(run.mark_names for run in runs) else "") + (
-        "Residual: RMS distance of the poses from the fitted motion; much more than the stated uncertainty means a "
-        "motion that is not steady, or vibration."
+        "Residual: RMS distance of the poses from the fitted motion; if much larger than the stated uncertainty, the "
+        "motion is not steady or the camera vibrates."
     )
     figures = tuple(figure for figure in (scale_check(runs), lost_frames(runs)) if figure)
     odd = tuple(f"{run}: {'; '.join(found)}." for run, found in notes.items())
-    return Section("quality", "How good the measurement is", odd, figures, (table_of_runs(caption, columns, runs),))
+    return Section("quality", "Quality of the measurement", odd, figures, (table_of_runs(caption, columns, runs),))
 
 
 def _budget(turning: Sequence[RunView], analysis: Analysis) -> Section | None:
@@ -179,7 +179,7 @@ def _mark_sigma_um(run: RunView, mark: str) -> float:
 def _run_table(runs: Sequence[RunView], set_aside: AbstractSet[str]) -> Section:
     unit = unit_of(runs)
     columns: dict[str, Callable[[RunView], str]] = {
-        "run": lambda run: f"{run.id} (set aside)" if run.run in set_aside else run.id,
+        "run": lambda run: f"{run.id} (left out)" if run.run in set_aside else run.id,
         "left / right, rpm": lambda run: command_text(run.left_rpm, run.right_rpm),
         f"radius, {unit.name}": lambda run: run.length("radius_mm") if run.turns else UNKNOWN,
         f"95 %, {unit.name}": lambda run: (
@@ -197,8 +197,9 @@ def _run_table(runs: Sequence[RunView], set_aside: AbstractSet[str]) -> Section:
     if any(run.group for run in runs):
         columns["group"] = lambda run: run.group
     caption = (
-        "Radius: smallest sustained turning radius of the robot's centre; a dash where the run does not turn. The full "
-        "tables are turning.csv and comparison.csv."
+        "Radius: minimum turning radius of the robot's centre, sustained for a quarter turn; a dash if the run does "
+        "not "
+        "turn. Full tables: turning.csv and comparison.csv."
     )
     status = {run.id: str(run.turning["radius_status"]) for run in runs}
     text = tuple(

@@ -1,4 +1,4 @@
-"""The report's first words: what turned how tightly, does the simulation agree, what is missing. Plain sentences."""
+"""The summary at the top of the report: radii, agreement with the simulation, diagnosis."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def summary(
 ) -> list[str]:
     """Sentences, most important first."""
     turning = [run for run in runs if run.turns]
-    sentences = [_tightest(turning)] if turning else ["No run turns: there is no turning radius to report."]
+    sentences = [_tightest(turning)] if turning else ["No run turns, so there is no turning radius."]
     sentences += [_directions(directions), _agreement(turning), _speed(runs)]
     if diagnosis is not None:
         sentences.append(diagnosis_sentence(diagnosis))
@@ -45,16 +45,16 @@ def summary(
 
 
 def mistakes_first(analysis: Analysis) -> list[str]:
-    """What is wrong with the experiment, before anything that is measured in it."""
+    """Mistakes of the experiment, for the top of the report."""
     sentences = [as_sentence(item.sentence) for item in analysis.mistakes]
     if analysis.set_aside:
         runs = ", ".join(run.id for run in analysis.experiment.run if run.id in analysis.set_aside)
-        sentences.append(f"Set aside until that is mended, and left out of every result that follows: {runs}.")
+        sentences.append(f"Left out of all results below until this is corrected: {runs}.")
     return sentences
 
 
 def headline(runs: Sequence[RunView]) -> list[Number]:
-    """A few numbers to carry away."""
+    """Headline numbers of the report."""
     turning = [run for run in runs if run.turns]
     numbers = []
     if turning:
@@ -100,8 +100,8 @@ def _scale(runs: Sequence[RunView]) -> str:
         return ""
     way = "farther apart" if np.nanmedian(off) > 0 else "nearer"
     return (
-        f"Every length below is in doubt: the marks are {abs(np.nanmedian(off)):.0f} % {way} than robot.toml says "
-        "(reasons under How good the measurement is)."
+        f"All lengths below are doubtful: the marks are {abs(np.nanmedian(off)):.0f} % {way} than robot.toml says "
+        "(see Quality of the measurement)."
     )
 
 
@@ -127,10 +127,10 @@ def _directions(directions: pd.DataFrame) -> str:
     over = f"{len(known)} pairs of commands" if len(known) > 1 else "one pair of commands"
     bounds = true_minus(f"95 %: {change.low:+.2g} to {change.high:+.2g} %, {over}")
     if change.low <= 0 <= change.high:
-        return f"Forward and backward turns do not differ beyond their scatter ({bounds})."
+        return f"Forward and backward turns do not differ significantly ({bounds})."
     way = "tighter" if change.mean < 0 else "wider"
     return (
-        f"Backward turns are {_percent(abs(change.mean))} {way} than forward ones of the same wheel speeds ({bounds})."
+        f"Backward turns are {_percent(abs(change.mean))} {way} than forward turns at the same wheel speeds ({bounds})."
     )
 
 
@@ -143,7 +143,7 @@ def _agreement(turning: Sequence[RunView]) -> str:
     low, high = column(turning, "radius_low_mm"), column(turning, "radius_high_mm")
     inside = int(np.sum((simulated >= low) & (simulated <= high)))
     if not np.isfinite(off).any():
-        return "The simulated robot drives straight where the measured one turns."
+        return "The simulated robot drives straight in the measured turns."
     worst = int(np.nanargmax(np.abs(off)))
     text = f"The simulated radius lies inside the measured 95 % interval in {inside} of {len(turning)} turns"
     way = "wider" if off[worst] > 0 else "tighter"
@@ -159,8 +159,8 @@ def _speed(runs: Sequence[RunView]) -> str:
     if not np.isfinite(off).any():
         return ""
     worst = int(np.nanargmax(np.abs(off)))
-    furthest = f"run {straight[worst].id} is the furthest off"
-    return f"Straight runs are as fast as simulated to within {_percent(abs(off[worst]))} ({furthest})."
+    furthest = f"largest deviation: run {straight[worst].id}"
+    return f"Speeds of straight runs agree with the simulation within {_percent(abs(off[worst]))} ({furthest})."
 
 
 def _radius(run: RunView) -> str:

@@ -36,8 +36,9 @@ def slip_table(runs: Sequence[RunView]) -> Table:
         columns[f"slip angle, {name.replace('_', ' ')}, °"] = _beside(f"{name}_slip_angle_deg", 2)
     columns["slip angle of the body, °"] = _beside("body_slip_angle_deg", 2)
     caption = (
-        "Measured above simulated. Slip angles follow from the measured motion; slip ratios take the commanded "
-        "rotation for the true one, so that a motor which turns slower than commanded shows as slip."
+        "Upper line: measured; lower: simulated. Measured slip ratios assume that the wheels turn as commanded, so a "
+        "motor "
+        "that turns slower than commanded appears as slip."
     )
     return table_of_runs(caption, columns, runs)
 
@@ -57,15 +58,16 @@ def outline_table(runs: Sequence[RunView]) -> Table:
         f"outermost wheel, {unit.name}": lambda run: run.length("outer_wheel_radius_mm"),
         f"wall to wall, {unit.name}": lambda run: run.length("wall_to_wall_radius_mm"),
         f"turns about (x, y), {unit.name}": lambda run: f"{run.length('rotation_x_mm')}, {run.length('rotation_y_mm')}",
-        f"wander of that centre, {unit.small}": lambda run: number(run.value("center_wander_mm") / unit.small_mm, 1),
+        f"wander of this centre, {unit.small}": lambda run: number(run.value("center_wander_mm") / unit.small_mm, 1),
         "path efficiency, %": lambda run: number(100 * run.value("path_efficiency"), 2),
         "speed ripple, %": lambda run: number(100 * run.value("speed_ripple"), 1),
         "smoothness": lambda run: number(run.value("smoothness"), 2),
     }
     caption = (
         "Radii about the centre of rotation, of marks, the outermost wheel and the outermost corner (wall to wall, "
-        "SAE J695); that centre in the frame of the body. Path efficiency: length of the fitted path over the driven "
-        "one. Smoothness: spectral arc length of the speed, nearer zero is smoother."
+        "SAE J695), and position of this centre in the body frame. Path efficiency: length of the fitted over the "
+        "driven "
+        "path. Smoothness: spectral arc length of the speed; nearer zero is smoother."
     )
     return table_of_runs(caption, columns, runs)
 
@@ -87,9 +89,9 @@ def pooled_table(pooled: pd.DataFrame, unit: LengthUnit) -> Table:
         for row in pooled[pooled["side"] != ""].to_dict("records")
     ]
     caption = (
-        "Run to run: standard deviation between repetitions, measurement uncertainty taken off; a dash where there is "
-        "one run. Noise: standard uncertainty of a single run, which more frames reduce. Camera: that part of it which "
-        "all runs share and only a better calibration reduces. The 95 % interval of the mean holds all three."
+        "Run to run: standard deviation between repetitions, measurement uncertainty subtracted; a dash for a single "
+        "run. Noise: standard uncertainty of a run, reduced by more frames. Camera: standard uncertainty common to all "
+        "runs, reduced by a better calibration only. The 95 % interval of the mean includes all three."
     )
     radius = f"radius, {unit.name}", f"95 %, {unit.name}"
     head = ("left / right, rpm", "turn", "runs", *radius, "run to run, %", "noise, %", "camera, %")
@@ -97,11 +99,11 @@ def pooled_table(pooled: pd.DataFrame, unit: LengthUnit) -> Table:
 
 
 def standard_sentence(pooled: pd.DataFrame) -> str:
-    """What ISO 4138 still asks for, in one sentence."""
+    """What ISO 4138 requires beyond these runs, in one sentence."""
     turns = pooled[pooled["side"] != ""]
-    asks = "ISO 4138 asks for turns to both sides and at least three repetitions of each: "
+    asks = "ISO 4138 requires turns to both sides and at least three repetitions of each: "
     if (turns["note"] == "").all():
-        return asks + "all of these have them."
+        return asks + "fulfilled."
     few = turns.loc[turns["note"].str.contains("repetitions")]
     alone = turns.loc[turns["note"].str.contains("side")]
     parts = [f"{len(few)} of {len(turns)} commands have fewer" if len(few) else ""]
@@ -129,8 +131,9 @@ def directions_table(directions: pd.DataFrame, unit: LengthUnit) -> Table:
         for row in directions.to_dict("records")
     ]
     caption = (
-        "Change: backward against forward. Its interval comes from the scatter of the repetitions; with one run each "
-        "way it holds the measurement alone, and smoothness has none."
+        "Change: backward relative to forward. Its interval comes from the scatter of repetitions; with one run each "
+        "way "
+        "it contains the measurement uncertainty only, and smoothness has no interval."
     )
     head = (
         *("left / right, rpm", "runs", f"forward, {unit.name}", f"backward, {unit.name}", "change, %", "95 %, %"),

@@ -1,4 +1,4 @@
-"""What is drawn over a tracked recording where a camera places it: centre, heading and turning circle."""
+"""Centre, heading and turning circle for the overlay of a tracked recording with a camera."""
 
 from __future__ import annotations
 

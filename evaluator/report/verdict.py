@@ -1,4 +1,4 @@
-"""A diagnosis in a few lines, for a terminal or a notebook."""
+"""Short text of a diagnosis, for a terminal or a notebook."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from evaluator.report.diagnosis.words import (
 )
 from evaluator.report.numbers import true_minus
 
-SENTENCES = 4  # about where the disagreement is; all are in diagnosis.json
+SENTENCES = 4  # on disagreements; all are in diagnosis.json
 
 
 def verdict_lines(content: dict[str, Any]) -> list[str]:
@@ -46,11 +46,15 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
         lines.append(equivalents_sentence(effect))
     lines += [gap_sentence(content), predicted_sentence(content), preferred_sentence(content)]
     if content.get("runs_not_followed") and closes(content):
-        lines.append(f"Not followed, look at these recordings first: {', '.join(content['runs_not_followed'])}.")
+        lost = ", ".join(content["runs_not_followed"])
+        lines.append(f"The chosen model does not follow {lost}. Inspect these recordings first.")
     if content.get("left_out_runs"):
-        lines.append(left_out_sentence({"left_out_runs": content["left_out_runs"]}))  # of others the command says it
+        lines.append(left_out_sentence({"left_out_runs": content["left_out_runs"]}))  # the command prints skipped runs
     lines += unlike_sentences(content)
-    lines += where_sentences(content, SENTENCES)
+    where = where_sentences(content, SENTENCES)
+    if where and content["effects"] and closes(content):
+        lines.append("Without these effects, the robot file and the runs disagree as follows:")
+    lines += where
     lines += [
         rivals_sentence(content),
         not_tried_sentence(content),

@@ -1,1 +1,1 @@
-"""The studio: a local web application for everything that is done by eye. It calls workflow; nothing calls it."""
+"""The studio: a local web application for calibration, editing, inspection and diagnosis. It calls workflow only."""

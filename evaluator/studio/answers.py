@@ -1,4 +1,4 @@
-"""From a plain function to an answer: it runs in a thread, gives JSON, and its errors are one sentence."""
+"""HTTP answers from plain functions: run in a thread, JSON result, one sentence per error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The folder that the studio was opened on: its files by identifier, and no way out of it."""
+"""The folder of the studio: its files by identifier, and no access outside of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Undo and redo of what the studio wrote, as long as nobody else has written since.
+"""Undo and redo of the studio's changes, as long as nobody else has changed the files since.
 
 A change may touch several files (a robot and the experiment that names it): it is undone as one.
 """

@@ -1,4 +1,4 @@
-"""Long work in a process of its own, one at a time: progress, cancel, pause, and going on after the studio was ended.
+"""Jobs in a separate process, one at a time: progress, cancel, pause, and resumption after a restart.
 
 Work goes on where it stopped because its results are reused while they are up to date. What is under way is noted in a
 file of the folder, so that a studio that starts again takes it up.

@@ -1,4 +1,4 @@
-"""HTTP of uvicorn with a deadline for the headers of a request: who dribbles them keeps no connection open."""
+"""HTTP of uvicorn with a deadline for request headers, against clients that send them slowly."""
 
 from __future__ import annotations
 

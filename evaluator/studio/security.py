@@ -1,4 +1,4 @@
-"""Who may talk to the studio: the browser that was opened by the link, from this machine, and no other page in it.
+"""Access control of the studio: only the browser that opened the link, on this machine, and no other page in it.
 
 Every request passes through `Guard`, whatever its route. The studio has no accounts: the secret in the link, exchanged
 for a cookie, is what tells its user from other programs and pages.

@@ -1,4 +1,4 @@
-"""What a job's process does: call workflow, tell how far it is, and stop when it is told to or nobody listens."""
+"""The process of a job: calls workflow, reports progress, and stops when told to or when the studio is gone."""
 
 from __future__ import annotations
 

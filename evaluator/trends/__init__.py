@@ -1,1 +1,1 @@
-"""Several sessions of one robot, set side by side in time: what changed, when, and by how much."""
+"""Comparison of several sessions of one robot over time: what changed, when, and by how much."""

@@ -1,4 +1,4 @@
-"""Sessions as `turnscope analyze` and `diagnose` left them: output folders, read as series over time."""
+"""Sessions: output folders of `turnscope analyze` and `diagnose`."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def read_session(folder: Path) -> Session:
     turning, provenance = folder / "turning.csv", folder / "provenance.json"
     if not turning.is_file() or not provenance.is_file():
         raise InputError(
-            f"{folder}: no turning.csv and provenance.json in it; give a folder that `turnscope analyze` wrote"
+            f"{folder}: no turning.csv and provenance.json in it; expected a results folder of `turnscope analyze`"
         )
     try:
         table = pd.read_csv(turning)

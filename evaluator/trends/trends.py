@@ -1,4 +1,4 @@
-"""Several analysed experiments of one robot, set side by side in time."""
+"""Comparison of several analysed experiments of one robot over time."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Trends:
 
 
 def compare_sessions(folders: Sequence[Path | str]) -> Trends:
-    """Set the results of several sessions side by side: output folders of `analyze`, at least two.
+    """Compare the results of several sessions: output folders of `analyze`, at least two.
 
     Raises InputError where a folder cannot be read, or the sessions have nothing in common.
     """

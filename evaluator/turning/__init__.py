@@ -1,6 +1,6 @@
-"""From poses to turning: steady turn, smallest sustained radius, speeds, each with an interval that holds.
+"""From poses to turning: steady turn, minimum sustained radius and speeds, with intervals.
 
-What stands in `__init__.pyi` is imported when it is first used: who needs the shape of a robot alone pays for no fit.
+Names of `__init__.pyi` are imported on first use, so that light uses do not import the fits.
 """
 
 from __future__ import annotations

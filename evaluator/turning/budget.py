@@ -1,7 +1,7 @@
 """Uncertainty budget of one run (GUM, JCGM 100:2008): what each source contributes to radius, speed and heading.
 
 Contributions are standard uncertainties; independent sources add in quadrature. Those of the measurement are in the
-interval of the radius. What robot.toml and the clock are off by is not: it is the same in every run of the robot.
+interval of the radius. Errors of robot.toml and the clock are not: they are the same in every run of the robot.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Knowledge:
-    """How well is known what no recording shows, 1 sigma: places and height of the marks, and the clock (relative)."""
+    """Standard uncertainties that no recording shows: positions and height of the marks, and the clock (relative)."""
 
     mark_position_mm: float = 0.05
     mark_height_mm: float = 0.1
@@ -33,9 +33,9 @@ class Knowledge:
 
 @dataclass(frozen=True)
 class Contribution:
-    """Standard uncertainties that one source gives the radius, the speed and the heading of a frame.
+    """Standard uncertainties of radius, speed and heading of a frame from one source.
 
-    measured: part of the measurement, and so of the interval of the radius. NaN: not known for this run.
+    measured: whether it is part of the measurement and of the interval of the radius. NaN: unknown for this run.
     """
 
     source: str
@@ -47,7 +47,7 @@ class Contribution:
 
 @dataclass(frozen=True)
 class Budget:
-    """All contributions to one run, the values they belong to, and their sums in quadrature."""
+    """All contributions to the uncertainty of one run, the measured values, and sums in quadrature."""
 
     turning: Turning
     contributions: tuple[Contribution, ...]
@@ -70,9 +70,9 @@ def uncertainty_budget(
     start_s: float | None = None,
     stop_s: float | None = None,
 ) -> Budget:
-    """Take the uncertainty of a run apart by measuring it again with one source changed at a time.
+    """Uncertainty budget of a run, by measuring it again with one source changed at a time.
 
-    marks: a marks table. Without a camera, or columns in px, the sources that they would tell of are left out.
+    marks: a marks table. Sources that need a camera or columns in px are left out without these.
     Raises InputError as poses_from_marks does.
     """
 

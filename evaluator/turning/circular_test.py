@@ -31,7 +31,7 @@ MM_PER_M = 1000.0
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its 95 % interval; NaN where it is not known."""
+    """A number with its 95 % interval; NaN if unknown."""
 
     value: float = NAN
     low: float = NAN
@@ -42,7 +42,7 @@ class Estimate:
 class Series:
     """Runs of one method, driving direction and side, over speed.
 
-    held: what was kept, ratio of the slower to the faster wheel or radius in mm; steering: A; understeer: K·L in
+    held: the constant quantity, ratio of slower to faster wheel or radius in mm; steering: A; understeer: K·L in
     deg/(m/s²); sideslip: gradient of the sideslip angle at the centre, positive out of the turn, in the same unit;
     curvature_per_mm: of the path at vanishing lateral acceleration.
     """
@@ -69,7 +69,7 @@ class CircularTest:
 def circular_test(
     turns: pd.DataFrame, wheelbase_mm: float, track_mm: float, like: CircularTest | None = None
 ) -> CircularTest:
-    """Evaluate turns, a row each with COLUMNS as in turning.csv; yaw_rate_sigma_deg_s and speed_sigma_mm_s are used.
+    """Evaluate turns, one row each with COLUMNS of turning.csv; yaw_rate_sigma_deg_s and speed_sigma_mm_s are used.
 
     like: a test whose series are to be evaluated, run by run; without, runs are grouped into series. Straight runs,
     turns on the spot and rows without a speed are left out. Raises InputError where columns are missing or no turn is
@@ -91,7 +91,7 @@ def circular_test(
 
 
 def commanded_curvature_per_mm(left_rpm: Array, right_rpm: Array, track_mm: float) -> Array:
-    """Signed curvature that wheels of one radius without slip would give, positive to the left of a forward path."""
+    """Signed curvature of equal wheels rolling without slip, positive to the left of a forward path."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(2 * (right_rpm - left_rpm) / (track_mm * (right_rpm + left_rpm)))
 
@@ -182,11 +182,11 @@ def _evaluated(method: str, rows: pd.DataFrame, wheelbase_mm: float) -> Series:
         steering = _transformed(line, lambda at, _: at / mean)
         understeer = _transformed(line, lambda _, slope: slope * to_degrees)
         held, slow = 1 / mean, mean
-    aside = _line(acceleration, rows["sideslip_deg"].to_numpy(), 0.0)
+    sideslip = _line(acceleration, rows["sideslip_deg"].to_numpy(), 0.0)
     first = rows.iloc[0]
     return Series(
         *(method, str(first["direction"]), str(first["side"]), held, tuple(rows["run"])),
-        *(steering, understeer, _transformed(aside, lambda _, slope: slope * MM_PER_M), slow),
+        *(steering, understeer, _transformed(sideslip, lambda _, slope: slope * MM_PER_M), slow),
     )
 
 

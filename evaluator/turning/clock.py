@@ -1,9 +1,9 @@
-"""By how much the motion of a run is later than the log of its commands says: two clocks, found from the changes.
+"""Delay between the command log of a run and its motion, estimated from the changes of command.
 
 Around a change of command the robot has one steady velocity before and another after it; where both meet is the moment
 of the change in the time of the recording. Near every change the pose is fitted with a constant velocity (forward,
-sideways, yaw) on either side, and the one lateness that suits all changes is that of the least misfit. What the motors
-themselves wait before they act is part of it: a recording cannot tell the two apart.
+sideways, yaw) on either side; the delay common to all changes is that of the least misfit. It includes the lag of the
+motors, which a recording cannot distinguish from an offset of the clocks.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ UNSEEN = 1e30  # misfit where no change has enough frames on either side: more t
 
 
 @dataclass(frozen=True)
-class Lateness:
-    """How much later than commanded the motion changes, s, with its 95 % interval; NaN where no change is seen."""
+class CommandDelay:
+    """Delay of the motion after the command, s, with its 95 % interval; NaN if no change is visible."""
 
     value_s: float = NAN
     low_s: float = NAN
@@ -36,19 +36,19 @@ class Lateness:
 
     @property
     def is_known(self) -> bool:
-        """Whether a change of command was seen well enough to be of use."""
+        """Whether the delay was determined precisely enough to be used."""
         return bool(np.isfinite(self.value_s) and self.high_s - self.low_s < FINE_S)
 
 
-def lateness(time_s: Array, pose: Array, changes_s: Sequence[float]) -> Lateness:
-    """Find by how much the motion is late.
+def command_delay(time_s: Array, pose: Array, changes_s: Sequence[float]) -> CommandDelay:
+    """Estimate the delay of the motion after the command log.
 
     time_s: (n,). pose: (n, 3) x, y in mm and heading in rad, unwrapped, without NaN. changes_s: times of the log at
     which the command changes, in order.
     """
     seen = [change for change in changes_s if time_s[0] < change < time_s[-1]]
     if not seen:
-        return Lateness()
+        return CommandDelay()
     edges = [float(time_s[0]), *seen, float(time_s[-1])]
     most = min(MOST_LATE_S, min(after - before for before, after in pairwise(edges)) / 2)
     windows = [
@@ -62,11 +62,11 @@ def lateness(time_s: Array, pose: Array, changes_s: Sequence[float]) -> Lateness
     ]
     grid = np.arange(-most, most, float(np.median(np.diff(time_s))) / 2)
     if not len(grid):
-        return Lateness()
+        return CommandDelay()
     coarse = min(grid, key=lambda late: _misfit(time_s, pose, windows, float(late))[0])
     windows = [(change, frames & (np.abs(time_s - change - coarse) <= FINE_S)) for change, frames in windows]
     if _misfit(time_s, pose, windows, float(coarse))[0] == UNSEEN:
-        return Lateness()  # no change has enough frames on either side
+        return CommandDelay()  # no change has enough frames on either side
     return _refined(time_s, pose, windows, float(coarse), float(grid[1] - grid[0]))
 
 
@@ -76,8 +76,8 @@ def _between(time_s: Array, low: float, high: float) -> NDArray[np.bool_]:
 
 def _refined(
     time_s: Array, pose: Array, windows: list[tuple[float, NDArray[np.bool_]]], coarse: float, step: float
-) -> Lateness:
-    """The least misfit near a coarse lateness, and where the misfit has grown by the 95 % point on either side."""
+) -> CommandDelay:
+    """The least misfit near a coarse delay, and where the misfit has grown by the 95 % point on either side."""
 
     def misfit(late: float) -> float:
         return _misfit(time_s, pose, windows, late)[0]
@@ -88,14 +88,14 @@ def _refined(
     best = float(found.x)
     least, freedom, correlation = _misfit(time_s, pose, windows, best)
     if freedom <= 0:
-        return Lateness()
+        return CommandDelay()
     # Noise that is alike from frame to frame leaves fewer independent frames.
     limit = least * (1 + CHI2_95 * (1 + correlation) / (1 - correlation) / freedom)
-    return Lateness(best, best - _reach(misfit, best, -1, limit, step), best + _reach(misfit, best, 1, limit, step))
+    return CommandDelay(best, best - _reach(misfit, best, -1, limit, step), best + _reach(misfit, best, 1, limit, step))
 
 
 def _reach(misfit: Callable[[float], float], best: float, way: int, limit: float, step: float) -> float:
-    """How far from the best lateness the misfit reaches a limit, one way."""
+    """How far from the best delay the misfit reaches a limit, one way."""
     inner, outer = 0.0, step / 64
     while misfit(best + way * outer) < limit and outer < MOST_LATE_S:
         inner, outer = outer, 2 * outer

@@ -1,4 +1,4 @@
-"""How a run turns: minimum and steady turning radius with 95 % intervals, speeds, centre of rotation, phases.
+"""Measurement of a run: minimum and steady turning radius with 95 % intervals, speeds, centre of rotation, phases.
 
 Radius and speed are those of the robot's centre, the middle between the axles. Curvature is the change of the direction
 of travel per length of path, positive counter-clockwise. Speeds are positive forward, yaw rate is positive
@@ -42,7 +42,7 @@ def measure_turning(
     """Measure one run.
 
     shape: for the radii of wheels and corners and the slip angles; with the commanded rpm also the slip ratios.
-    start_s, stop_s: when the motors were commanded on and off, where known; phases are found without them too. A run
+    start_s, stop_s: times at which the motors were commanded on and off; optional. A run
     that does not turn, rests, or has too few poses is a Turning whose radius is NaN and whose radius_status says why.
     """
     if start_s is not None and stop_s is not None and stop_s <= start_s:

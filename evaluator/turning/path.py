@@ -1,4 +1,4 @@
-"""Radius and speed of the path of a single point: what one mark tells without a heading.
+"""Path radius and speed of a single mark, without a heading.
 
 The circle is fitted by its signed distance in a form that holds straight paths too: with q the place relative to an
 anchor, w its component across the path, a the distance of the path from the anchor and k its curvature, the distance
@@ -29,7 +29,7 @@ LEAST_BACK = 0.02  # of the way: less is the play in wheels that stop
 
 @dataclass(frozen=True)
 class PointPath:
-    """Path of one point: radius with 95 % bounds (NaN where status says why), speed in the unit of the places per s.
+    """Path of one point: radius with 95 % bounds (NaN with a reason in status), speed in length units per s.
 
     Speed is never negative: without a heading forward and backward look alike. turned_deg: change of the direction of
     travel. scatter: RMS distance of the places from the circle.
@@ -44,7 +44,7 @@ class PointPath:
     scatter: float = NAN
 
     def summary(self, unit: str) -> str:
-        """One line for people; unit: of the places."""
+        """Text of one line; unit: of lengths."""
         if not np.isfinite(self.radius):
             if not np.isfinite(self.speed):
                 return self.status

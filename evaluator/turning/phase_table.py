@@ -1,4 +1,4 @@
-"""Phases of a run that is several motions: rest, straight, turn, turn on the spot, and what lies between.
+"""Phases of a run with several motions: rest, straight, turn, turn on the spot, transient.
 
 A steady motion keeps the direction of its velocity (forward, sideways, yaw) in the body frame, however fast it is
 driven. The run is cut where that direction changes: the piecewise constant direction of least squares, each piece at a
@@ -55,7 +55,7 @@ class Phase:
 
     @property
     def motion(self) -> tuple[str, bool, bool]:
-        """Kind of motion: the same for phases that one steady motion could be."""
+        """Kind of motion; equal for phases that could be one steady motion."""
         return self.kind, self.speed_mm_s > 0, self.kind != "straight" and self.turned_deg > 0
 
 
@@ -68,7 +68,10 @@ class _Piece:
 
 
 def phase_table(time_s: Array, scaled: Scaled, stretched: Array, inside: Flags) -> tuple[Phase, ...]:
-    """Find the phases of a run, in time. stretched: (n, 3) poses in mm; inside: frames between the commands, (n,)."""
+    """Find the phases of a run, in order of time.
+
+    stretched: (n, 3) poses in mm; inside: (n,) frames between the commands.
+    """
     smooth = median_filter(stretched, size=(5, 1), mode="nearest")
     rates = _local_rates(time_s, smooth, scaled.sigma_mm, inside)
     heading = scaled.pose[:, 2]
@@ -99,7 +102,7 @@ def phase_table(time_s: Array, scaled: Scaled, stretched: Array, inside: Flags) 
 
 
 def several_motions(phases: tuple[Phase, ...]) -> str:
-    """Sentence that says that a run is no single motion; "" where it is one."""
+    """Sentence on a run with several motions; "" for a single one."""
     driven = [phase for phase in phases if phase.kind not in ("rest", "transient")]
     total = sum(phase.stop_s - phase.start_s for phase in driven)
     counting = [

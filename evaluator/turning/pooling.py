@@ -1,4 +1,4 @@
-"""Repetitions pooled: run-to-run scatter apart from measurement uncertainty.
+"""Pooled repetitions, with run-to-run scatter separated from measurement uncertainty.
 
 Random-effects model: every run has a value of its own around the mean of all, measured with an uncertainty of its own.
 The scatter between runs is that of Paule and Mandel (1982, doi:10.6028/jres.087.022); the interval of the mean that of
@@ -25,8 +25,8 @@ class Pooled:
     """Mean of repetitions with its 95 % interval.
 
     error: standard error of the mean, of `freedom` degrees of freedom. between: standard deviation from run to run,
-    measurement uncertainty taken off; NaN for a single run. within: typical standard uncertainty of a single
-    measurement (root mean square). p_same: how likely such differences are if all runs are the same.
+    measurement uncertainty subtracted; NaN for a single run. within: typical standard uncertainty of a single
+    measurement (root mean square). p_same: probability of such differences if all runs are equal.
     """
 
     mean: float = NAN
@@ -40,7 +40,7 @@ class Pooled:
     freedom: float = NAN
 
     def with_systematic(self, systematic: float) -> Pooled:
-        """Interval widened by a standard uncertainty that all runs share; what is not finite widens nothing."""
+        """Interval widened by a standard uncertainty common to all runs; not widened by NaN or infinity."""
         reach = Z_975 * systematic if np.isfinite(systematic) else 0.0
         low, high = np.hypot(self.mean - self.low, reach), np.hypot(self.high - self.mean, reach)
         return replace(self, low=self.mean - float(low), high=self.mean + float(high))
@@ -84,7 +84,7 @@ def difference(first: Pooled, second: Pooled) -> tuple[float, float, float]:
 
 
 def p_of_difference(first: Pooled, second: Pooled) -> float:
-    """How likely two means differ so much if their true values are equal, both directions counted; NaN if unknown."""
+    """Two-sided p-value of the difference of two means; NaN if unknown."""
     value, error, freedom = _welch(first, second)
     if error == 0:
         return 1.0 if value == 0 else 0.0
@@ -110,7 +110,7 @@ def cochran(values: Array, sigmas: Array, between: float) -> float:
 
 
 def paule_mandel(values: Array, sigmas: Array) -> float:
-    """Spread between the values that brings Cochran's sum to its expectation; zero where it is below already."""
+    """Standard deviation between the values at which Cochran's sum equals its expectation; zero if it is below."""
     low, high = 0.0, float(np.ptp(values)) * np.sqrt(len(values)) + 1e-300
     if np.ptp(values) == 0 or cochran(values, sigmas, 0.0) <= len(values) - 1:
         return 0.0

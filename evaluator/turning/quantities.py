@@ -1,4 +1,4 @@
-"""What follows from a steady turn: radii of points of the robot, slips of its wheels, how smoothly it drove."""
+"""Quantities derived from a steady turn: radii of points of the robot, slip of its wheels, smoothness."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SMOOTHNESS_AMPLITUDE = 0.05
 class RobotShape:
     """Outline and wheels in the body frame: wheel_positions_mm in the order of wheel_names, body of length by width.
 
-    driven_by: "left", "right" or "none" of each wheel, "caster" of what rolls any way; wheel_radius_mm: of the driving
+    driven_by: "left", "right", "none" or "caster" of each wheel; wheel_radius_mm: of the driving
     wheels.
     """
 
@@ -73,7 +73,7 @@ def body_quantities(
     shape: RobotShape | None,
     rpm: tuple[float | None, float | None],
 ) -> dict[str, Any]:
-    """Radii, speeds and slips of points of the body, by their names in Turning; only those that can be known.
+    """Radii, speeds and slips of points of the body, by their names in Turning; unknown ones are omitted.
 
     rate: of the path parameter, which scales the motion. rpm: of the left and right driving wheel.
     """
@@ -149,7 +149,7 @@ def _slips(twist: Array, shape: RobotShape | None, rpm: tuple[float | None, floa
 def path_quantities(
     time_s: Array, scaled: Array, sigma_mm: float, steady: Flags, moving: Flags, speed_mm_s: float
 ) -> dict[str, float]:
-    """How straight, even and smooth the robot drove.
+    """Path efficiency, speed ripple and smoothness of a run.
 
     path_efficiency: length of the fitted path over that of the driven one, which also weaves; speed_ripple: relative
     standard deviation of the speed in the steady turn; noise is taken off both. smoothness: spectral arc length of the

@@ -1,4 +1,4 @@
-"""Tables of repetitions: a row per command, and forward set against backward.
+"""Tables of repetitions: a row per command, and backward compared with forward.
 
 ISO 4138 asks for turns to both sides and at least three of each; what an experiment lacks is said in words.
 """
@@ -67,7 +67,7 @@ def compare_directions(turning: pd.DataFrame) -> pd.DataFrame:
 
 
 def disagreement(rows: pd.DataFrame, factor: float = DISAGREEMENT) -> str:
-    """Why runs are no repetitions of one another by their results; "" where they can be.
+    """Reason why runs cannot be repetitions, by their results; "" if they can.
 
     factor: largest over smallest radius from which on they are different runs.
     """

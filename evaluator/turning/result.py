@@ -1,4 +1,4 @@
-"""What is known of one turn: the row of turning.csv."""
+"""The result of one turn: a row of turning.csv."""
 
 from __future__ import annotations
 
@@ -18,22 +18,24 @@ OF_MARKS = {"mark_speeds_mm_s": "_speed_mm_s", "mark_radii_mm": "_radius_mm"}  #
 class Turning:
     """One run's row of turning.csv; NaN where a quantity is unknown, with the reason in `radius_status`.
 
-    Radius: radius_mm is the smallest turning radius of the centre that is sustained for a quarter turn (sustained.py),
-    with 95 % bounds; steady_radius_mm that of the steady turn as a whole. Both are NaN where the interval of the
-    curvature reaches straight: the curvature itself then says how straight. The two are equal unless radius_varies;
-    radius_variation is then the relative standard deviation of the curvature from quarter turn to quarter turn, noise
-    taken off. radius_random_mm, radius_systematic_mm: standard uncertainties by noise, which more frames would reduce,
-    and by the camera, which only a better calibration would; the bounds hold both.
-    Motion: speeds are positive forward, yaw rate and curvature counter-clockwise; their sigmas are by noise alone.
-    center_x_mm, center_y_mm: centre of the circle on the plate; center_wander_mm: how far it strays between quarter
-    turns, noise taken off. rotation_x_mm, rotation_y_mm: the same centre in the body frame. Radii of the marks, the
-    outermost wheel and the outermost corner (wall to wall) as in SAE J695. Slips as in the model: ratio
-    (u - r·phi')/max(|u|, |r·phi'|), angle atan2(v, |u|); their sigmas hold noise and camera, not what the marks' places
-    in robot.toml or the commanded rpm are off by. other_wheels: the same, by column, of wheels besides the four usual
-    ones, and slip ratios of rear wheels that are driven.
-    phases: the motions that the run is made of, in time; a run that is several motions has no radius and no speed.
-    paths: of a robot with a single mark, the path of that mark: radius, bounds and speed are its own, not the centre's.
-    Quality: path_efficiency, speed_ripple, smoothness (quantities.py).
+    radius_mm: minimum turning radius of the centre, sustained for a quarter turn (sustained.py), with 95 % bounds;
+    steady_radius_mm: of the steady turn as a whole. Both are NaN if the interval of the curvature includes a straight
+    path. They are equal unless radius_varies; radius_variation is then the relative standard deviation of the curvature
+    between quarter turns, noise subtracted. radius_random_mm, radius_systematic_mm: standard uncertainties from noise,
+    reduced by more frames, and from the camera, reduced by a better calibration only; the bounds include both.
+
+    Speeds are positive forward, yaw rate and curvature positive counter-clockwise; their sigmas are from noise alone.
+    center_x_mm, center_y_mm: centre of the circle on the plate; center_wander_mm: its standard deviation between
+    quarter turns, noise subtracted; rotation_x_mm, rotation_y_mm: its position in the body frame. Radii of the marks,
+    of the outermost wheel and of the outermost corner (wall to wall) follow SAE J695.
+
+    Slip ratio (u - r·phi')/max(|u|, |r·phi'|) and slip angle atan2(v, |u|) are those of the model. Their sigmas include
+    noise and camera, but not errors of the mark positions in robot.toml or of the commanded speed. other_wheels: the
+    same for further wheels and for driven rear wheels.
+
+    phases: motions of the run in order of time; a run with several motions has no radius and no speed. paths: for a
+    robot with a single mark, path radius, bounds and speed of that mark. path_efficiency, speed_ripple, smoothness: see
+    quantities.py.
     """
 
     radius_mm: float = NAN
@@ -108,7 +110,7 @@ class Turning:
         raise AttributeError(name)
 
     def summary(self) -> str:
-        """One line for people."""
+        """Text of one line."""
         if not math.isfinite(self.radius_mm):
             return self.radius_status
         varies = f"{self.radius_status}; " if self.radius_status != "ok" else ""
@@ -121,7 +123,7 @@ class Turning:
         )
 
     def __repr__(self) -> str:
-        """One line for people."""
+        """Text of one line."""
         return f"Turning({self.summary()})"
 
     def _repr_html_(self) -> str:

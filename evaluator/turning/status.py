@@ -1,4 +1,4 @@
-"""What the numbers of a run are worth, in one sentence: wrong lengths, a straight run, a radius that varies."""
+"""Status of a run in one sentence: wrong scale, straight run, varying radius."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ VARIES_SHARE = STEADY_SHARE  # of the mean curvature: a standard deviation beyon
 
 
 def spacing_fault(poses: Poses) -> str:
-    """Sentence on lengths that the distance of the marks belies, with the likely unit; "" where they can be right."""
+    """Sentence on lengths that contradict the distance of the marks, with the likely unit; "" if plausible."""
     ratio, _ = poses.spacing_ratio()
     if poses.geometry is None or not np.isfinite(ratio) or abs(np.log(ratio)) < np.log1p(SPACING_SHARE):
         return ""
@@ -44,7 +44,7 @@ def spacing_fault(poses: Poses) -> str:
 
 
 def straightness(fit: TurnFit) -> str:
-    """Why a run has no radius; "" where it has one. On the spot it has one, of zero."""
+    """Reason why a run has no radius; "" if it has one. A turn on the spot has radius zero."""
     curvature, length = fit.curvature(), fit.motion.length_mm
     value, low, high = with_bounds(1000 * curvature.value, 1000 * curvature.low, 1000 * curvature.high)
     text = f"straight: curvature {value} 1/m, 95 % from {low} to {high} 1/m"
@@ -56,7 +56,7 @@ def straightness(fit: TurnFit) -> str:
 
 
 def variation(sustained: Sustained) -> str:
-    """Sentence on a radius that is no single one; "" where it is."""
+    """Sentence on a radius that varies; "" if it does not."""
     if not sustained.varies:
         return ""
     share = abs(sustained.spread_per_mm / sustained.mean.value) if sustained.mean.value else np.inf

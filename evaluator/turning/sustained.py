@@ -33,9 +33,9 @@ FALSE_ALARM = 1e-3
 # Pieces that show whether the curvature changes: with four, change in one direction and change there and back both do.
 FEWEST_PIECES = 4
 # Where the curvature changes much inside a piece, what the circle leaves over passes for noise and hides the change
-# from piece to piece; what is left over falls with the cube of the length, so pieces of a quarter of it show it.
+# from piece to piece; the residual falls with the cube of the length, so pieces of a quarter of it show it.
 FINER = (1, 2, 4)
-# A fit that sets aside more than a tenth of the frames takes a bend for jumps: they are looked for in pieces instead.
+# A fit that rejects more than a tenth of the frames takes a bend for jumps: they are looked for in pieces instead.
 FEWEST_USED = 0.9
 LEAST_SHARE = 1e-6  # no length is known better; without it the rounding of a simulated circle makes it vary
 STEADY = 1  # index of the steady turn among the regions
@@ -68,7 +68,7 @@ class Sustained:
 
 
 def sustained_turn(time_s: Array, scaled: Scaled, regions: list[Flags], whole: TurnFit) -> Sustained:
-    """Find the smallest sustained radius.
+    """Find the minimum sustained radius.
 
     regions: stretches of frames, (n,) each, before, in and after the steady turn. whole: fit to the steady turn, the
     answer where nothing varies.
@@ -140,7 +140,7 @@ def _only(region: Flags, used: Flags) -> Flags:
 
 
 def _jumping(pieces: list[Flags], fits: list[TurnFit]) -> Flags:
-    """Frames, (n,), that the fits to pieces have set aside."""
+    """Frames, (n,), that the fits to pieces have rejected."""
     result = np.zeros(len(pieces[0]), dtype=bool)
     for piece, fit in zip(pieces, fits, strict=True):
         result[np.flatnonzero(piece)[~fit.used]] = True

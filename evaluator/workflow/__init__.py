@@ -1,4 +1,4 @@
-"""All that a front end can do, as functions: from recordings to tables, from a robot to its motion, what is missing.
+"""Everything that a front end does, as functions: analysis, comparison, diagnosis, simulation, calibration, rendering.
 
 Each takes paths or values, reports to a Progress that may cancel it, and leaves whole files. What an experiment needs
 is computed in parallel and reused while it is up to date. `__init__.pyi` lists the functions and the files that define

@@ -1,4 +1,4 @@
-"""An experiment as a whole: every run in parallel, then the tables of runs and where they came from."""
+"""Analysis of a whole experiment: all runs in parallel, then the tables of runs and their provenance."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SHOWN = (
 
 @dataclass(frozen=True, repr=False)
 class Analysis:
-    """What an analysis leaves: tables with a row per run, and the reason for every run that has no numbers.
+    """Results of an analysis: tables with a row per run, and a reason for every run without results.
 
     notes: what is odd about the recordings of runs. mistakes: runs that contradict their commands or the robot file.
     pooled: a row per command, its repetitions pooled; directions: a row per command driven both ways. changed: inputs
@@ -57,7 +57,7 @@ class Analysis:
 
     @property
     def set_aside(self) -> frozenset[str]:
-        """Runs that are not what the experiment says they are: measured, and in nothing that compares runs."""
+        """Runs with mistakes in the experiment file: measured, but left out of every comparison of runs."""
         return frozenset(run for item in self.mistakes if not item.everywhere for run in item.runs)
 
     def __repr__(self) -> str:
@@ -85,7 +85,7 @@ def analyze(
     progress: Progress = no_progress,
     command_line: Sequence[str] = (),
 ) -> Analysis:
-    """Measure every run of an experiment.toml (and simulate its counterpart), reusing what is up to date.
+    """Measure every run of an experiment.toml (and simulate it), reusing results that are up to date.
 
     Writes turning.csv, pooled.csv, directions.csv, marks/ and poses/ below out; with simulate also comparison.csv and
     simulated/; and provenance.json. A comparison.csv of earlier results does not stay beside new ones. A run that
@@ -136,7 +136,7 @@ def compare(
     progress: Progress = no_progress,
     command_line: Sequence[str] = (),
 ) -> Analysis:
-    """Set every run of an experiment.toml beside its simulated counterpart: `analyze` with simulate."""
+    """Compare every run of an experiment.toml with its simulation: `analyze` with simulate."""
     return analyze(
         experiment, out, simulate=True, workers=workers, dask=dask, progress=progress, command_line=command_line
     )
@@ -173,7 +173,7 @@ def _analyse(job: Job, progress: Progress = no_progress) -> RunResult:
 
 
 def pending(experiment: Path | str, out: Path | str = "out", *, simulate: bool = False) -> dict[str, list[str]]:
-    """What `analyze` would do for each run, in words; an empty list where everything is up to date."""
+    """Steps that `analyze` would execute for each run, as words; empty for a run that is up to date."""
     described = read_with(load_experiment, Path(experiment))
     return {job.run.id: _outdated(job) for job in jobs_of(described, Outputs(Path(out)), simulate=simulate)}
 
@@ -195,7 +195,7 @@ def jobs_of(experiment: Experiment, outputs: Outputs, *, simulate: bool) -> list
 
 
 def input_files(experiment: Experiment) -> list[Path]:
-    """Every file the experiment reads, that there is."""
+    """All existing files that the experiment reads."""
     robots = [Path(name) for run in experiment.run if (name := run.robot or experiment.robot).endswith(".toml")]
     named = [path for run in experiment.run for path in (run.source, run.camera, run.corrections, run.commands) if path]
     return sorted({path for path in (*robots, *named, experiment.tracking) if path and path.is_file()})

@@ -1,4 +1,4 @@
-"""Everything that is wrong with an experiment, found at once and without analysing it."""
+"""All errors in the files of an experiment, found without analysing it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
 
 @dataclass(frozen=True)
 class Check:
-    """What a check found: faults that stop an analysis, mistakes that would mislead it, what the experiment holds."""
+    """Result of a check: faults that prevent an analysis, probable mistakes, number of runs and videos."""
 
     faults: tuple[str, ...]
     runs: int = 0
@@ -160,7 +160,7 @@ def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
         if program_of(file) == "turnscope":
             table = read_marks(file, names or None)
             if not mark_names(table):  # the robot is not known, and so the names that its marks have
-                raise InputError(f"{file}: holds no mark; a mark has the columns NAME_x_mm and NAME_y_mm")
+                raise InputError(f"{file}: holds no mark; expected columns NAME_x_mm and NAME_y_mm")
             return
         _, points, _ = read_points(file, tracks, marks=names)
         found.extend(mark for mark in points if mark in names)

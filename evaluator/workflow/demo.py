@@ -1,4 +1,4 @@
-"""The shipped samples made ready to be analysed."""
+"""The shipped samples, copied and calibrated."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from evaluator.workflow.samples import copy_samples
 
 @dataclass(frozen=True)
 class Samples:
-    """A copy of the samples: the experiment, a second one that hides an effect, and how their camera was solved."""
+    """A copy of the samples: the experiment, a second one with a hidden effect, and their calibration."""
 
     experiment: Path
     puzzle: Path

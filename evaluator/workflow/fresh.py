@@ -1,4 +1,4 @@
-"""A fresh experiment: commented files, ready to be edited."""
+"""Commented templates of the files of a new experiment."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def new_experiment(folder: Path | str, robot: str = "barrel") -> list[Path]:
     contents["robot.toml"] = shipped_robot_text(robot)
     there = sorted(name for name in contents if (folder / name).exists())
     if there:
-        raise InputError(f"{folder}: {', '.join(there)} is already there; give a folder without them")
+        raise InputError(f"{folder}: {', '.join(there)} exist already; give another folder")
     for name, text in contents.items():
         write_text(folder / name, text)
     return [folder / name for name in contents]

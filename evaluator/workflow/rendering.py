@@ -29,7 +29,7 @@ class SceneOrder:
 
 @dataclass(frozen=True)
 class Rendered:
-    """What came of a scene: its files and how many frames or dots they hold, or the one reason why there are none."""
+    """Result of a scene: its files and their number of frames or dots, or the reason why there are none."""
 
     path: Path
     output: Path
@@ -59,7 +59,7 @@ def read_scene(path: Path | str, output: Path | None = None, truth: Path | None 
         read_with(load_robot, Path(scene.robot))
     target = output or _shown_from_here(scene.output)
     if target is None:
-        raise InputError(f"{path}: says no output; give -o FILE, or say output = … in the scene")
+        raise InputError(f"{path}: no output; give -o FILE, or set output = … in the scene")
     beside = truth or _shown_from_here(scene.truth) or target.with_name(f"{target.stem}-truth.csv")
     return SceneOrder(path, scene, target, beside)
 
@@ -86,7 +86,7 @@ def render_scene(order: SceneOrder, progress: Progress = no_progress) -> Rendere
 def render_scenes(
     orders: Sequence[SceneOrder], *, workers: int | None = None, progress: Progress = no_progress
 ) -> list[Rendered]:
-    """Render scenes side by side, in processes on all cores; a scene that fails does not stop the others."""
+    """Render scenes in parallel on all cores; a scene that fails does not stop the others."""
     found: dict[int, Rendered] = {}
 
     def told() -> None:

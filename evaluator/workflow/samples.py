@@ -1,4 +1,4 @@
-"""The shipped sample recordings: where they are, and a copy to work in."""
+"""The shipped sample recordings: their location, and a working copy."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def sample_folder() -> Path:
     except ModuleNotFoundError:
         experiment = Path()
     if not experiment.is_file():
-        raise InputError("the sample recordings are not installed; install turnscope anew from its source or wheel")
+        raise InputError("the sample recordings are not installed; reinstall turnscope from its source or wheel")
     return experiment.parent
 
 

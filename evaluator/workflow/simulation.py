@@ -37,9 +37,9 @@ def simulate(
     Raises InputError, SimulationError.
     """
     if commands is None and (left_rpm is None or right_rpm is None):
-        raise InputError("say what the motors do: the speed of both sides (--left, --right) or a log (--command)")
+        raise InputError("expected the speed of both sides (--left, --right) or a command log (--command)")
     if commands is not None and not (left_rpm is None and right_rpm is None):
-        raise InputError("a log (--command) replaces the speeds (--left, --right); give one or the other")
+        raise InputError("expected either speeds (--left, --right) or a command log (--command), not both")
     for name, value in {"duration": duration_s, "rate": rate_hz}.items():
         if not (math.isfinite(value) and value > 0):
             raise InputError(f"the {name} must be a positive number; found {value}")
@@ -56,7 +56,7 @@ def simulate(
 
 
 def steady_turns(robot: Robot | Path | str, left_rpm: Sequence[float], ratios: Sequence[float]) -> pd.DataFrame:
-    """The turn on which a robot settles at every left speed and every ratio right/left, a row each.
+    """Steady turn of a robot at every left speed and every ratio right/left, a row each.
 
     Columns: left_rpm, right_rpm, ratio, radius_mm (signed, positive to the left; infinite on a straight line),
     speed_mm_s, yaw_rate_deg_s. NaN where it does not settle. Neighbouring ratios are best given in order.

@@ -1,4 +1,4 @@
-"""Sweeps: every run of a sweep.toml, in parts that are kept while others are under way."""
+"""Execution of a sweep.toml in parts that are saved as they complete."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RUNS_A_PART = 500  # a part takes about a second: seldom lost, seldom waited for
 
 @dataclass(frozen=True)
 class SweepDone:
-    """Where the table of a sweep is, how many runs it holds, and how many of its parts were done before."""
+    """Result of a sweep: its table, the number of runs, and the number of parts that were reused."""
 
     output: Path
     runs: int

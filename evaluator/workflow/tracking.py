@@ -80,7 +80,7 @@ def track_recording(
     fields: Fields = "auto",
     corrections: Path | None = None,
     looked_at: Callable[[Source, pd.DataFrame, TrackingSettings], None] = not_looked_at,
-    where_to_look: str = "see what the search saw",
+    where_to_look: str = "evaluator.report.search_sheet shows all candidates",
     progress: Progress = no_progress,
 ) -> Tracked:
     """Track the marks of a recording and write them as a marks CSV.
@@ -109,13 +109,13 @@ def track_recording(
         missed = f"{video}: no mark was found in any of {counted(len(marks), 'frame')}"
         if any(mark.kind == "color" for mark in wanted.mark.values()) and _colourless(recording):
             raise InputError(
-                f"{missed}: it has no colour, and coloured marks cannot be told apart in it; record in colour, or let"
-                ' the robot carry lights or tags (kind = "light", "aruco" or "apriltag")'
+                f"{missed}: the recording has no colour; record in colour, or use lights or tags as marks"
+                ' (kind = "light", "aruco" or "apriltag")'
             )
         if any((marks[f"{name}_status"] == UNLIKE).any() for name in wanted.mark):
-            missed += ": what has their colors never moves, and does not look like the two marks of a robot"
+            missed += ": objects of their colours never move and do not look like the two marks of a robot"
         raise InputError(
-            f"{missed}; {where_to_look}, and say their color, diameter_px and region_px in a tracking.toml (--settings)"
+            f"{missed}; state color, diameter_px and region_px in a tracking.toml (--settings); {where_to_look}"
         )
     if seen_by is not None:
         marks = place_on_plate(marks, seen_by, geometry.height_mm if height_mm is None else height_mm)

@@ -1,4 +1,4 @@
-"""Tables of marks measured one by one, by what is known of them: marks and robot, one mark, px, a ruler."""
+"""Turning radii of single tables: marks with a robot, a single mark, marks in px with a scale, or poses."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Ruler:
 
 @dataclass(frozen=True)
 class Request:
-    """How tables are to be read and measured; what is not known is None."""
+    """Options for reading and measuring tables; unknown ones are None."""
 
     robot: RobotGeometry | None = None
     tracks: Tracks = field(default_factory=Tracks)
@@ -75,7 +75,7 @@ class Request:
 
 @dataclass(frozen=True)
 class MeasuredTable:
-    """What one table tells: its row of turning.csv, its phases, and lines for people, the most important first."""
+    """Result of one table: its row of turning.csv, its phases, and lines of text, the most important first."""
 
     row: dict[str, Any]
     lines: tuple[str, ...]
@@ -163,7 +163,7 @@ def _phase_line(phase: dict[str, Any]) -> str:
 
 
 def together(rows: Sequence[dict[str, Any]]) -> str:
-    """What repetitions have in common, in one sentence; "" for tables that are no repetitions of one run."""
+    """Pooled radius of repetitions in one sentence; "" for tables that are not repetitions of one run."""
     table = pd.DataFrame(rows)
     if "radius_mm" not in table:
         return ""
@@ -171,7 +171,7 @@ def together(rows: Sequence[dict[str, Any]]) -> str:
     if len(turns) < 2:
         return ""
     if fault := disagreement(turns, SAME_RUN):
-        return f"not pooled, these are no repetitions: {fault}"
+        return f"not pooled as repetitions: {fault}"
     radius = pooled(turns["radius_mm"].to_numpy(float), turns["radius_random_mm"].to_numpy(float))
     shared = radius.with_systematic(float(turns["radius_systematic_mm"].mean()))
     return (
@@ -236,5 +236,5 @@ def _mm_per_px(path: Path, marks: pd.DataFrame, geometry: MarkGeometry) -> float
     distance = np.hypot(*(first - second).T)
     usual = float(np.median(distance[np.isfinite(distance)])) if np.isfinite(distance).any() else 0.0
     if not usual > 0:
-        raise InputError(f"{path}: the marks are in one place: their distance gives no scale")
+        raise InputError(f"{path}: both marks are at one position: their distance gives no scale")
     return geometry.spacing_mm / usual

@@ -1,8 +1,8 @@
-"""Axles that give way sideways: by the angle at which compliance and balance agree. Units: mm, s, g, µN, rad.
+"""Compliant axles: the steering angle at which compliance and force balance agree. Units: mm, s, g, µN, rad.
 
-The force that turns an axle is what the rest of the robot presses it with: forces balance, so that those along the
-wheels and those of the body tell it by their moment about the other axle. (A wheel that turns into its own force has
-several slip angles for one velocity, and none of them but by the balance.)
+The lateral force on an axle follows from force balance: from the longitudinal forces of the wheels and the forces on
+the body, by their moment about the other axle. (The slip law alone does not determine it, because a wheel that steers
+into its own force has several slip angles for one velocity.)
 """
 
 from __future__ import annotations

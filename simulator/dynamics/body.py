@@ -1,4 +1,4 @@
-"""Forces that act on the body, not through its wheels: what added physics pulls, pushes and turns it with; inertia.
+"""Forces and moments of effects on the body, apart from its wheels, and inertia.
 
 Units: mm, s, µN, rad. A place is x, y, cosine and sine of the heading, and the time.
 """
@@ -50,18 +50,18 @@ def loads(u: float, v: float, r: float, place: Any, rest: float, model: Any) -> 
     along, across, moment = 0.0, 0.0, 0.0
     if model.body_terms > 0:
         along, across, moment = body_forces(u, v, r, place, rest, model)
-    mass, ahead, aside = model.mass, model.gravity_x, model.gravity_y
+    mass, gravity_x, gravity_y = model.mass, model.gravity_x, model.gravity_y
     return (
-        along + mass * r * (v + r * ahead),
-        across - mass * r * (u - r * aside),
-        moment - mass * r * (ahead * u + aside * v),
+        along + mass * r * (v + r * gravity_x),
+        across - mass * r * (u - r * gravity_y),
+        moment - mass * r * (gravity_x * u + gravity_y * v),
     )
 
 
 @compiled(forceinline=True)
 def loads_slopes(u: float, v: float, r: float, place: Any, rest: float, model: Any) -> tuple[Triple, Square]:
     """Loads that the wheels have to balance, and their derivatives by u, v and r."""
-    here, mass, ahead, aside = loads(u, v, r, place, rest, model), model.mass, model.gravity_x, model.gravity_y
+    here, mass, gravity_x, gravity_y = loads(u, v, r, place, rest, model), model.mass, model.gravity_x, model.gravity_y
     if model.body_feels == 1:
         return here, (
             _grown(here, loads(u + VELOCITY_STEP, v, r, place, rest, model)),
@@ -69,9 +69,9 @@ def loads_slopes(u: float, v: float, r: float, place: Any, rest: float, model: A
             _grown(here, loads(u, v, r + VELOCITY_STEP, place, rest, model)),
         )
     return here, (
-        (0.0, -mass * r, -mass * r * ahead),
-        (mass * r, 0.0, -mass * r * aside),
-        (mass * (v + 2.0 * r * ahead), -mass * (u - 2.0 * r * aside), -mass * (ahead * u + aside * v)),
+        (0.0, -mass * r, -mass * r * gravity_x),
+        (mass * r, 0.0, -mass * r * gravity_y),
+        (mass * (v + 2.0 * r * gravity_x), -mass * (u - 2.0 * r * gravity_y), -mass * (gravity_x * u + gravity_y * v)),
     )
 
 

@@ -1,4 +1,4 @@
-"""The wheels on the plate: what added physics leaves of each at an instant, and the friction that follows.
+"""The wheels on the plate: their state with all effects at an instant, and the resulting friction.
 
 Units: mm, s, g, µN, rad. Contacts: see simulator.dynamics.wheel.
 """

@@ -1,4 +1,4 @@
-"""The wheels of a robot as arrays, worked out once for all records that are compiled of it."""
+"""The wheels of a robot as arrays, computed once for all records compiled from it."""
 
 from __future__ import annotations
 

@@ -177,7 +177,7 @@ def _fill_axles(row: Any, draft: Draft, unit: float) -> None:
     places = sorted({wheel.x_mm for wheel in draft.layout.wheels if wheel.grips}, reverse=True)
     if len(places) != 2:
         raise SimulationError(
-            f"{draft.robot.name}: axles give way where there are two of them; found wheels at {len(places)} places of x"
+            f"{draft.robot.name}: axle-compliance needs two axles; found wheels at {len(places)} positions of x"
         )
     row["axle"] = NO_AXLE
     for number, wheel in enumerate(draft.layout.wheels):
@@ -194,7 +194,7 @@ def _fill_terms(row: Any, draft: Draft, unit: float) -> None:
     ordered = sorted(terms, key=lambda term: (term.acts_on_wheels, term.channel == FRICTION))
     count = len(ordered)
     if count > MOST_TERMS:
-        raise SimulationError(f"{count} terms of added physics; at most {MOST_TERMS} act at once")
+        raise SimulationError(f"{count} terms of effects; at most {MOST_TERMS} are possible")
     on_wheels = [term for term in ordered if term.acts_on_wheels]
     on_body = ordered[: count - len(on_wheels)]
     row["body_terms"], row["wheel_terms"] = len(on_body), len(on_wheels)

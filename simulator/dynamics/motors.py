@@ -1,4 +1,4 @@
-"""What the motors really do between two breaks of the command: limits, dead band, dead time and lag applied.
+"""Rotation of the motors between two breaks of the command, with limits, dead band, dead time and lag.
 
 A segment is a row: between two times the rotational frequency of each side is a + b·t + e·exp(-t/lag) in rpm, t from
 the start of the segment, and the motor has turned by an angle known in closed form.

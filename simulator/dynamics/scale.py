@@ -1,9 +1,9 @@
-"""The units in which the kernels work out a robot, so that a large one is as well resolved as a small one.
+"""Internal units of the kernels, scaled with the robot, so that all sizes are resolved equally well.
 
-A robot of another size moves alike (Froude similarity): with lengths in its unit L, times in √L seconds per √mm and
-forces in µN, gravity keeps its number. So every step, rounding and tolerance of the kernels, which are chosen for a
-robot whose wheels are 2.83 mm from their middle, holds for all. Units are powers of two: nothing is rounded, and the
-shipped microrobots have the units mm and s.
+Robots of different size are similar (Froude similarity): with lengths in a unit L, times in √L seconds per √mm and
+forces in µN, gravity keeps its value. The steps, roundings and tolerances of the kernels, chosen for a robot whose
+wheels are 2.83 mm from their middle, then hold for all sizes. Units are powers of two, so that scaling causes no
+rounding; for the shipped microrobots they are mm and s.
 """
 
 from __future__ import annotations

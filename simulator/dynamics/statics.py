@@ -1,10 +1,9 @@
-"""How the supports of a robot share its weight. Units: mm, µN; body frame.
+"""Statics: the weight carried by each support of a robot. Units: mm, µN; body frame.
 
-Forces and moments balance: the weight shares add up to the weight, and their moments to its moment about the centre of
-gravity. Three supports leave nothing open. More are equally stiff supports of a rigid body, whose shares are those of
-the smallest sum of squares; four at the corners of a rectangle, two axles whose ends share alike, as a car is weighed.
-A magnet presses the wheel that it sits on: load = weight share + attraction. A support that would have to pull has
-lifted off: it carries nothing, its magnet is out of reach, and the others share the weight anew.
+The weight shares balance the weight and its moments. Three supports are statically determinate. More are modelled as
+equally stiff supports of a rigid body, whose shares have the smallest sum of squares; four at the corners of a
+rectangle, as two axles with equal loads on both ends. Load = weight share + attraction of the wheel's magnet. A support
+that would have to pull has lifted off: it carries nothing and has no attraction, and the others carry the weight.
 """
 
 from __future__ import annotations
@@ -44,9 +43,9 @@ class Rectangle:
     def shares(self, weight: float, gravity: Point) -> Array:
         """Weight share of each support; the ends of both axles share alike."""
         forward = 2 * (gravity[0] - self.middle[0]) / self.sides[0]
-        aside = 2 * (gravity[1] - self.middle[1]) / self.sides[1]
+        sideways = 2 * (gravity[1] - self.middle[1]) / self.sides[1]
         quarter = weight / 4
-        return np.array([quarter * (1 + x * forward) * (1 + y * aside) for x, y in self.corners])
+        return np.array([quarter * (1 + x * forward) * (1 + y * sideways) for x, y in self.corners])
 
 
 def wheel_loads(
@@ -109,6 +108,6 @@ def _lifted(name: str, places: Array, weight: float, gravity: Point, attraction:
 
 def _fails(name: str, gravity: Point) -> NoReturn:
     raise SimulationError(
-        f"{name}: the centre of gravity at ({gravity[0]:g}, {gravity[1]:g}) mm is outside the wheels that carry it, "
-        "and no attraction holds them down; move it, or add a support"
+        f"{name}: the centre of gravity at ({gravity[0]:g}, {gravity[1]:g}) mm is outside the wheels, "
+        "and no attraction holds the robot; move it, or add a support"
     )

@@ -1,6 +1,6 @@
-"""The grammar of added physics: a term is coefficient × basis of the state, added to a channel with a wheel pattern.
+"""Terms of effects: coefficient × basis of the state, added to a channel with a pattern over the wheels.
 
-{where it acts: channel} × {what it depends on: basis} × {common, left-right, front-rear: pattern over the wheels}.
+Channel: where it acts. Basis: what it depends on. Pattern over the wheels: common, left-right or front-rear.
 Units: mm, s, g, µN, rad. Body channels take the state of the robot's centre, wheel channels that of each wheel, camera
 channels the place of each mark.
 """

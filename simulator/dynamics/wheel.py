@@ -1,4 +1,4 @@
-"""One wheel on the plate: its row of numbers, its friction, and the motor that yields to it.
+"""One wheel on the plate: its record, its friction, and the motor's droop under it.
 
 Units: mm, s, µN, rad. Contacts are an array (ROWS, n): rows SURFACE (speed, mm/s), COS_STEER and SIN_STEER, GRIP and
 STEEP (factors of a wheel's grip and steepness, along X and across Y), DRAG (µN), DROOP (loss of surface speed per µN),

@@ -1,1 +1,1 @@
-"""Physics added to the nominal model: one file an effect, found by the catalogue."""
+"""Effects: physics added to the nominal model, one file each, collected by the catalogue."""

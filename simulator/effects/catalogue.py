@@ -1,4 +1,4 @@
-"""All effects by id: every module of this folder that declares an EFFECT, and those of a user's own.
+"""All effects by id: every module of this folder that declares an EFFECT, and user-defined ones.
 
 A new effect of the catalogue is its file and nothing else.
 """
@@ -41,7 +41,7 @@ def faults_of_effects(entries: Sequence[EffectEntry]) -> list[str]:
     """What is wrong with the [[effect]] entries of a robot, a phrase each."""
     faults = [fault for entry in entries for fault in _faults(entry)]
     ids = [entry.id for entry in entries if entry.id != free_form.ID]
-    return faults + [f"effect {id_} stands twice" for id_ in sorted(set(ids)) if ids.count(id_) > 1]
+    return faults + [f"effect {id_} is defined twice" for id_ in sorted(set(ids)) if ids.count(id_) > 1]
 
 
 def nearest_effect(id_: str) -> str | None:
@@ -56,7 +56,7 @@ def _faults(entry: EffectEntry) -> Iterator[str]:
         return
     if entry.id not in EFFECTS:
         near = nearest_effect(entry.id)
-        own = f"an effect of your own is read from effects/{entry.id}.toml beside the robot file"
+        own = f"a user-defined effect is read from effects/{entry.id}.toml beside the robot file"
         yield f"unknown effect {entry.id}; " + (f"did you mean {near}? " if near else "") + own
         return
     parameters = {parameter.name: parameter for parameter in EFFECTS[entry.id].parameters}

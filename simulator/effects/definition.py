@@ -1,4 +1,4 @@
-"""What an effect is: a named piece of physics with parameters, added to a robot's draft or to the view of its marks.
+"""Definition of an effect: named physics with parameters, added to a robot's draft or to the view of its marks.
 
 An effect is declared once, in its own file. Simulation, fit, report, catalogue page and command line read it there.
 """

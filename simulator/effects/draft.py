@@ -1,4 +1,4 @@
-"""What effects may change of a robot before it is compiled for the kernels. Units: mm, s, g, µN and rad."""
+"""Robot draft that effects may change before it is compiled for the kernels. Units: mm, s, g, µN and rad."""
 
 from __future__ import annotations
 

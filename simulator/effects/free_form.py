@@ -1,4 +1,4 @@
-"""Physics without a name: one term of the grammar as an [[effect]] of robot.toml.
+"""Free-form effect: a single term (see simulator.dynamics.terms) as an [[effect]] of robot.toml.
 
     [[effect]]
     id = "free-form"

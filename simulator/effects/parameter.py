@@ -1,4 +1,4 @@
-"""One number of an effect as it is declared: unit, the value at which it does nothing, step and bounds of a fit."""
+"""Declaration of a parameter of an effect: unit, value at which it vanishes, step and bounds of a fit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the marks of a robot are seen: where they sit on it, and how true the camera's millimetres and seconds are."""
+"""Observation of the marks: their positions on the robot, and errors of the camera's lengths and times."""
 
 from __future__ import annotations
 

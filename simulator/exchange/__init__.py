@@ -1,1 +1,1 @@
-"""Robots as other simulators read them: MuJoCo (MJCF) and Gazebo (SDF)."""
+"""Export of robots to other simulators: MuJoCo (MJCF) and Gazebo (SDF)."""

@@ -1,9 +1,8 @@
-"""The viscous creep with which another simulator makes the same steady turn.
+"""Viscous creep coefficients with which another simulator reproduces a steady turn.
 
-MuJoCo knows no slip curve: a contact creeps in proportion to its force, until it slides. At one steady turn this is no
-loss: each wheel gets the coefficients, along and across, with which creep gives the force of the slip law at the slip
-of that turn. So the turn balances there as it does here, at every speed where the law is free of scale.
-Wheel frame: along, across.
+MuJoCo has no slip curve: a contact creeps in proportion to its force, until it slides. For one steady turn this is
+exact: each wheel gets the longitudinal and lateral coefficients at which creep gives the forces of the slip law at the
+slip of that turn. The turn then has the same radius in both simulators. Wheel frame: along, across.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ def contacts_in_turn(robot: Robot, left_rpm: float, right_rpm: float) -> tuple[S
     """
     if robot.effect:
         names = ", ".join(entry.id for entry in robot.effect)
-        raise SimulationError(f"{robot.name}: other simulators do not know {names}; export the robot without effects")
+        raise SimulationError(f"{robot.name}: other simulators lack {names}; export the robot without effects")
     turn, (_, loads) = steady_turn(robot, left_rpm, right_rpm), Draft(robot).loads_uN()
     rpm = {"left": left_rpm, "right": right_rpm}
     contacts = []

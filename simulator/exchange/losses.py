@@ -1,4 +1,4 @@
-"""What a robot loses on its way to another simulator, in sentences."""
+"""What is lost in the export of a robot, in sentences."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ def losses(robot: Robot, left_rpm: float, right_rpm: float, kind: str = "mjcf") 
     )
     said = [
         friction,
-        "There is no limit of friction: a robot that is pushed away creeps instead of sliding.",
-        "The weight acts at the level of the plate, as in the plane model: driving shifts no load between the wheels.",
+        "Friction has no limit: a robot that is pushed creeps instead of sliding.",
+        "The weight acts at the level of the plate, as in the plane model: there is no load transfer.",
     ]
     if any(wheel.attraction_mN for wheel in robot.all_wheels):
-        said.append("Magnetic attraction is a constant force at each wheel, however far the plate is.")
+        said.append("Magnetic attraction is a constant force at each wheel, independent of the distance to the plate.")
     if any(not wheel.grips for wheel in robot.all_wheels):
         said.append("Casters and balls are spheres without friction.")
     if kind == "sdf":
-        said.append("No radius was checked in Gazebo: nothing but the file's form is tested here.")
+        said.append("The radius has not been checked in Gazebo; only the format of the file is tested.")
         if max(robot.extent_mm) < SMALL_MM:
-            said.append("Gazebo computes in metres: for a robot this small its contacts are unlikely to hold.")
+            said.append("Gazebo computes in metres; its contacts are probably inaccurate for a robot this small.")
     return tuple(said)

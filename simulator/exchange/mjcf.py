@@ -1,4 +1,4 @@
-"""A robot as MuJoCo reads it (MJCF). Body frame: x forward, y to the left, z up, origin on the plate."""
+"""Export to MuJoCo (MJCF). Body frame: x forward, y to the left, z up, origin on the plate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A robot in a world as Gazebo reads it (SDF 1.9). Units: SI; body frame: x forward, y to the left, z up."""
+"""Export to Gazebo (SDF 1.9). Units: SI; body frame: x forward, y to the left, z up."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many runs at once: the kernel under single runs, batches and fits, in parallel over runs."""
+"""Batch integration: the kernel of single runs, batches and fits, parallel over runs."""
 
 from __future__ import annotations
 

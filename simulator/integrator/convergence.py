@@ -1,4 +1,4 @@
-"""Whether a run is the one that smaller errors of its steps, or speeds as well known, lead to as well."""
+"""Convergence check of a run: smaller step errors, or slightly different speeds, must give the same motion."""
 
 from __future__ import annotations
 

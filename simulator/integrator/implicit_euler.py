@@ -1,9 +1,10 @@
-"""Implicit Euler steps for moments in which a wheel sticks or its sliding turns over.
+"""Implicit Euler steps for instants at which a wheel sticks or its sliding reverses.
 
-There friction bends within a few nanometres a second, and a method that trusts one linearization must creep. Implicit
-Euler with Newton's method to the end is the classical time stepping of dry friction: two half steps are kept, and
-compared with one whole step. Seen from a sliding wheel, Newton's method overshoots the bend; seen from a wheel at rest
-friction only flattens, and it does not. So it starts from the motion, then from that motion with one wheel stopped.
+There friction changes within a few nm/s of sliding speed, and a method with a single linearization needs tiny steps.
+Implicit Euler with converged Newton iteration is the classical time stepping of dry friction; two half steps are used
+and compared with one whole step. Starting from a sliding wheel, Newton's method can overshoot the sharp bend of
+friction; starting from a wheel at rest it does not. So it starts from the current motion, then from that motion with
+one wheel stopped.
 """
 
 from __future__ import annotations

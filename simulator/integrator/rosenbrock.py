@@ -57,10 +57,10 @@ TIME_STEP_S = 1e-9  # likewise, while motors that start to turn pass through the
 def moved(pose: Any, x: float, y: float, angle: float) -> tuple[float, float, float]:
     """Pose (x, y, heading) after the exponential of a twist in the body frame."""
     if abs(angle) < 1e-4:
-        straight, aside = 1.0 - angle * angle / 6.0, angle / 2.0
+        straight, sideways = 1.0 - angle * angle / 6.0, angle / 2.0
     else:
-        straight, aside = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle
-    ahead, left = straight * x - aside * y, aside * x + straight * y
+        straight, sideways = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle
+    ahead, left = straight * x - sideways * y, sideways * x + straight * y
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     return pose[0] + cos * ahead - sin * left, pose[1] + sin * ahead + cos * left, pose[2] + angle
 
@@ -186,21 +186,21 @@ def attempt(time: float, step: float, model: Any, work: Any) -> bool:
         if stage > 0:
             place, drive = place_after(work.pose, x, at_y, angle, at, model), drive_at(work.segment, at, model.lag)
             gained = accelerations(u, v, r, drive, place, model.rest_speed, model, work.contacts)
-        ahead, aside = twisting(x, at_y, angle, u, v, r)
-        ahead, aside, turning = ahead + end[1, 0], aside + end[1, 1], r + end[1, 2]
+        ahead, sideways = twisting(x, at_y, angle, u, v, r)
+        ahead, sideways, turning = ahead + end[1, 0], sideways + end[1, 1], r + end[1, 2]
         fading = step * D[stage]
         g_u = gained[0] + end[1, 3] + fading * linear[7, 0]
         g_v = gained[1] + end[1, 4] + fading * linear[7, 1]
         g_r = gained[2] + end[1, 5] + fading * linear[7, 2]
         if varies:
-            x, at_y, angle = untwist(diagonal, y, ahead, aside, turning)
+            x, at_y, angle = untwist(diagonal, y, ahead, sideways, turning)
             g_u += linear[4, 0] * x + linear[4, 1] * at_y + linear[4, 2] * angle
             g_v += linear[5, 0] * x + linear[5, 1] * at_y + linear[5, 2] * angle
             g_r += linear[6, 0] * x + linear[6, 1] * at_y + linear[6, 2] * angle
         for row in range(3):
             stages[stage, 3 + row] = inverse[row, 0] * g_u + inverse[row, 1] * g_v + inverse[row, 2] * g_r
-        ahead, aside, turning = ahead + stages[stage, 3], aside + stages[stage, 4], turning + stages[stage, 5]
-        stages[stage, 0], stages[stage, 1], stages[stage, 2] = untwist(diagonal, y, ahead, aside, turning)
+        ahead, sideways, turning = ahead + stages[stage, 3], sideways + stages[stage, 4], turning + stages[stage, 5]
+        stages[stage, 0], stages[stage, 1], stages[stage, 2] = untwist(diagonal, y, ahead, sideways, turning)
     finite = True
     for item in range(6):
         end[1, item] = stages[5, item]

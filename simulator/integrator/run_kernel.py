@@ -1,9 +1,9 @@
-"""A whole run in one kernel: through starts, stops and reversals, then along the slow manifold.
+"""Integration of a whole run in one kernel: starts, stops and reversals, then along the slow manifold.
 
 After every break of the command the velocity relaxes onto a slow manifold within milliseconds; adaptive steps follow it
 there. Then a run with a constant command is a circular arc where no force varies with place, heading or time, and is
 followed by long steps of collocation where forces do, or the command. Where friction bends sharply on the way, as when
-a wheel stops or turns over, the adaptive steps take over.
+a wheel stops or its sliding reverses, the adaptive steps take over.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The end of a relaxation: whether slip has all but relaxed, and the steady turn on which it ends.
+"""The end of a relaxation: whether slip has relaxed, and the steady turn that it reaches.
 
 Where the command is constant and no force varies with place, heading or time, the slow manifold is one point, the
 steady turn: a circular arc, exact for the full dynamics.
@@ -119,10 +119,10 @@ def write_arc(out: Any, times: Any, rows: tuple[int, int], time: float, step: fl
         since = times[row] - time
         angle = r * since
         if abs(angle) < 1e-4:
-            straight, aside = since * (1.0 - angle * angle / 6.0), since * angle / 2.0
+            straight, sideways = since * (1.0 - angle * angle / 6.0), since * angle / 2.0
         else:
-            straight, aside = math.sin(angle) / r, (1.0 - math.cos(angle)) / r
-        ahead, left = straight * u - aside * v, aside * u + straight * v
+            straight, sideways = math.sin(angle) / r, (1.0 - math.cos(angle)) / r
+        ahead, left = straight * u - sideways * v, sideways * u + straight * v
         out[row, 0], out[row, 1] = x + cos * ahead - sin * left, at_y + sin * ahead + cos * left
         out[row, 2] = heading + angle
         out[row, 3], out[row, 4], out[row, 5] = u, v, r

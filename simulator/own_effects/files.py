@@ -122,7 +122,7 @@ def _from_python(path: Path) -> Effect:
         raise SimulationError(f"{path}: running it failed ({type(error).__name__}: {error})") from error
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):
-        raise SimulationError(f"{path}: it declares no EFFECT = Effect(…); see turnscope effects new ID --python")
+        raise SimulationError(f"{path}: no EFFECT = Effect(…) in it; see turnscope effects new ID --python")
     return effect
 
 
@@ -202,7 +202,7 @@ def _faults(content: Mapping[str, Any]) -> Iterator[str]:
         yield f"format = {content.get('format')!r}; this program reads format = 1"
     id_ = content.get("id")
     if not (isinstance(id_, str) and ID_FORM.fullmatch(id_)):
-        yield f"id = {id_!r}; it must be small letters and digits, words joined by -, such as mixed-drive"
+        yield f"id = {id_!r}; it must be lower-case letters, digits and hyphens, such as mixed-drive"
     for key in ("name", "sentence", "law", "source", "limits"):
         if not isinstance(content.get(key, "" if key != "name" else None), str):
             yield f"{key} = {content.get(key)!r} must be text"
@@ -233,11 +233,11 @@ def _faults_of_row(row: Mapping[str, Any], named: set[str]) -> Iterator[str]:
     if name in named:
         return  # unit, step and bounds of a parameter that terms share stand with the first of them
     if "step" not in row:
-        yield "step is missing: a small change of the coefficient that shows in the marks"
+        yield "step is missing: the smallest change of the coefficient that is visible in the marks"
     elif not numbers and row["step"] <= 0:
         yield f"step = {row['step']} must be more than 0"
     if not numbers and not row.get("low", -math.inf) <= 0.0 <= row.get("high", math.inf):
-        yield "low and high must hold 0, where the effect vanishes"
+        yield "low and high must include 0, where the effect vanishes"
     elif not numbers and not row.get("low", -math.inf) <= row.get("begin", 0.0) <= row.get("high", math.inf):
         yield f"begin = {row['begin']} must lie within low and high"
 

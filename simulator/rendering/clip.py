@@ -67,7 +67,9 @@ def set_stage(scene: Scene) -> Stage:
     robot = robot.model_copy(update={"effect": robot.effect + scene.effect})
     view = view_of(robot, [mark.place_mm for mark in robot.layout])
     if any(term.basis == TIME for term in view.errors):
-        raise SimulationError("a camera whose image creeps cannot be rendered; leave that effect out of the scene")
+        raise SimulationError(
+            "a camera error that drifts with time cannot be rendered; leave that effect out of the scene"
+        )
     plan = tuple(shots(scene, np.random.default_rng([scene.seed, 1]), Fraction(str(view.time_factor))))
     middle = np.array([float(shot.time_s) for shot in plan])
     times = middle[:, None] + np.array([-0.5, 0.0, 0.5]) * scene.exposure.time_s

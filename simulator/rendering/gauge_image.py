@@ -146,7 +146,7 @@ def _sheet(scene: GaugeScene, gauge: Gauge, camera: Camera, kernel: Kernel, ligh
     edge_px = camera.image_from_plate(np.column_stack([edge, np.zeros(len(edge))]))
     box = box_about(edge_px, kernel.margin + 2, camera.size_px)
     if box is None:
-        raise SimulationError("the gauge is not in the image; move it, or the camera")
+        raise SimulationError("the gauge is outside the image; move it, or the camera")
     left, top, right, bottom = box
     cover = np.zeros((bottom - top, right - left))
     add_polygon(clockwise_hull(edge_px), kernel.blur_px, box, 1.0, cover)

@@ -43,10 +43,10 @@ class SceneBase(Table):
 
     format: Literal[1]
     name: str = ""
-    rig: str | None = None  # a TOML with tables that scenes share; what stands in the scene itself counts more
-    output: Path | None = None  # where `turnscope render` writes when not told otherwise
-    truth: Path | None = None
-    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+    rig: str | None = None  # TOML file with tables shared by scenes; keys of the scene take precedence
+    output: Path | None = None  # file to write; relative to the scene
+    truth: Path | None = None  # truth CSV to write
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0  # of all random numbers
     camera: CameraTable = CameraTable()
     optics: Optics = Optics()
     exposure: Exposure = Exposure()
@@ -61,8 +61,8 @@ class Scene(SceneBase):
     """A run of the robot under the camera."""
 
     kind: Literal["run"] = "run"
-    robot: str = "barrel"
-    effect: tuple[EffectEntry, ...] = ()  # physics added to the robot in this scene, as in robot.toml
+    robot: str = "barrel"  # shipped robot or robot.toml
+    effect: tuple[EffectEntry, ...] = ()  # effects added to the robot in this scene
     duration_s: Annotated[float, Field(gt=0, le=36_000)]
     frame_rate: Rate = Fraction(60)
     motion: Motion
@@ -99,19 +99,19 @@ class GaugeScene(SceneBase):
     """
 
     kind: Literal["gauge"]
-    gauge: Path
-    x_mm: Finite = 0.0
-    y_mm: Finite = 0.0
-    height_mm: Finite = 0.0
+    gauge: Path  # gauge.toml
+    x_mm: Finite = 0.0  # of the middle of the gauge
+    y_mm: Finite = 0.0  # of the middle of the gauge
+    height_mm: Finite = 0.0  # above the plate
     turn_deg: Finite = 0.0
     tilt_deg: Annotated[float, Field(gt=-85, lt=85)] = 0.0
     tilt_azimuth_deg: Finite = 0.0
-    margin_mm: NotNegative = 3.0
-    paper: Share = 0.82
+    margin_mm: NotNegative = 3.0  # of the sheet around the dots
+    paper: Share = 0.82  # reflectance
     missing: tuple[Missing, ...] = ()
-    dirt_spots: Annotated[int, Field(ge=0, le=10_000)] = 0
-    print_error_mm: NotNegative = 0.0  # standard deviation of each dot's place on the gauge, either axis
-    print_seed: Annotated[int, Field(ge=0, lt=2**32)] = 0  # of these errors: one gauge has one, in all its images
+    dirt_spots: Annotated[int, Field(ge=0, le=10_000)] = 0  # number
+    print_error_mm: NotNegative = 0.0  # standard deviation of each dot, along each axis
+    print_seed: Annotated[int, Field(ge=0, lt=2**32)] = 0  # of these errors, common to all images of a gauge
 
 
 def scene_kind(path: Path) -> str:

@@ -46,16 +46,16 @@ class Table(BaseModel):
 class CameraTable(Table):
     """Where the camera stands: the arguments of calibration.camera.camera_above, or a camera.json."""
 
-    file: Path | None = None
+    file: Path | None = None  # camera.json, instead of the following keys
     size_px: tuple[Annotated[int, Field(ge=16, le=16384)], Annotated[int, Field(ge=16, le=16384)]] = (640, 480)
     focal_px: Positive = 2250.0
-    distance_mm: Positive = 150.0
-    tilt_deg: Annotated[float, Field(gt=-80, lt=80)] = 0.0
-    tilt_azimuth_deg: Finite = 0.0
-    turn_deg: Finite = 0.0
-    center_mm: Point = (0.0, 0.0)
-    k1: Finite = 0.0
-    k2: Finite = 0.0
+    distance_mm: Positive = 150.0  # of the lens above the plate
+    tilt_deg: Annotated[float, Field(gt=-80, lt=80)] = 0.0  # of the optical axis from the vertical
+    tilt_azimuth_deg: Finite = 0.0  # direction of the tilt in the plate frame
+    turn_deg: Finite = 0.0  # rotation about the optical axis
+    center_mm: Point = (0.0, 0.0)  # point of the plate on the optical axis
+    k1: Finite = 0.0  # radial distortion
+    k2: Finite = 0.0  # radial distortion
     lens: LensModel = "brown"
     principal_offset_px: Point = (0.0, 0.0)
 
@@ -69,23 +69,23 @@ class CameraTable(Table):
 class Optics(Table):
     """Lens blur as the standard deviation of a Gaussian; vignetting: share of the light lost in the corners."""
 
-    blur_px: Annotated[float, Field(ge=0, le=30)] = 0.8
-    vignetting: Share = 0.15
+    blur_px: Annotated[float, Field(ge=0, le=30)] = 0.8  # standard deviation
+    vignetting: Share = 0.15  # share of the light lost in the corners
 
 
 class Exposure(Table):
     """How long each frame collects light, and the gain on it (1: white paper just below full scale)."""
 
     time_s: NotNegative = 0.004
-    gain: Positive = 1.0
+    gain: Positive = 1.0  # 1: white paper just below full scale
 
 
 class Sensor(Table):
     """Photon noise by the electrons of a full pixel (0: none), read noise, pedestal and bits of a number."""
 
-    full_well_e: NotNegative = 12000.0
-    read_noise_e: NotNegative = 20.0
-    black_level: Share = 0.02
+    full_well_e: NotNegative = 12000.0  # electrons at full scale; 0: no photon noise
+    read_noise_e: NotNegative = 20.0  # standard deviation
+    black_level: Share = 0.02  # share of full scale
     bits: Literal[8, 10, 12, 16] = 8
     color: bool = True
 
@@ -93,11 +93,11 @@ class Sensor(Table):
 class Plate(Table):
     """Brushed metal: mean reflectance, contrast of the brush marks, their direction and width; an even sheen."""
 
-    brightness: Share = 0.34
-    contrast: Share = 0.14
+    brightness: Share = 0.34  # mean reflectance
+    contrast: Share = 0.14  # of the brush marks
     brush_direction_deg: Finite = 12.0
-    grain_mm: Positive = 0.09
-    sheen: Share = 0.25
+    grain_mm: Positive = 0.09  # width of the brush marks
+    sheen: Share = 0.25  # even reflection
 
 
 class MarksLook(Table):
@@ -109,8 +109,8 @@ class MarksLook(Table):
     model_config = ConfigDict(extra="allow", frozen=True)
     __pydantic_extra__: dict[str, Light] = Field(init=False)
 
-    rim_loss: Share = 0.08
-    swap_colors: bool = False
+    rim_loss: Share = 0.08  # share of the light lost at the rim
+    swap_colors: bool = False  # reverse the order of the colours
 
     def lights(self, layout: Sequence[Mark]) -> list[Light]:
         """Light of every mark. Raises SimulationError for a name without one."""
@@ -119,7 +119,7 @@ class MarksLook(Table):
         found = [said.get(mark.name) or known.get(word) for mark, word in zip(layout, words, strict=True)]
         if dark := [mark.name for mark, light in zip(layout, found, strict=True) if light is None]:
             raise SimulationError(
-                f"the light of mark {dark[0]} is not known; say {dark[0]} = [red, green, blue] in [marks]"
+                f"the light of mark {dark[0]} is unknown; set {dark[0]} = [red, green, blue] in [marks]"
             )
         lights = [light for light in found if light is not None]
         return lights[::-1] if self.swap_colors else lights
@@ -134,9 +134,9 @@ def _mark_colors() -> dict[str, Light]:
 class Lighting(Table):
     """Uneven light: a linear change across the image, and a moment before which the light is at another level."""
 
-    gradient: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    gradient: Annotated[float, Field(ge=0, lt=1)] = 0.0  # relative change across the image
     gradient_direction_deg: Finite = 0.0
-    switched_at_s: Finite | None = None
+    switched_at_s: Finite | None = None  # time before which the light has level_before
     level_before: NotNegative = 0.25
 
 
@@ -146,12 +146,12 @@ class Simulated(Table):
     kind: Literal["simulate"]
     left_rpm: Finite
     right_rpm: Finite
-    start_s: Finite = 0.0
-    stop_s: Finite | None = None
-    x_mm: Finite = 0.0
-    y_mm: Finite = 0.0
+    start_s: Finite = 0.0  # motors on
+    stop_s: Finite | None = None  # motors off
+    x_mm: Finite = 0.0  # start position
+    y_mm: Finite = 0.0  # start position
     heading_deg: Finite = 0.0
-    run_index: Annotated[int, Field(ge=0)] = 0  # number of the run within its session, for effects that drift
+    run_index: Annotated[int, Field(ge=0)] = 0  # number of the run in its session, for effects that drift
     steps: tuple[tuple[Finite, Finite, Finite], ...] = ()  # further (time_s, left_rpm, right_rpm), each until the next
 
 
@@ -159,7 +159,7 @@ class Given(Table):
     """Motion from a CSV of time_s, x_mm, y_mm, heading_deg; between its rows a monotone cubic."""
 
     kind: Literal["poses"]
-    file: Path
+    file: Path  # CSV
 
 
 class Circle(Table):
@@ -198,18 +198,18 @@ class Encoding(Table):
     """How the video is stored. "lossless" is H.264 in RGB at quantiser 0; ffv1 keeps 10 and 16 bits too."""
 
     codec: Literal["h264", "lossless", "ffv1", "mjpeg"] = "h264"
-    crf: Annotated[float, Field(ge=0, le=51)] = 18.0
-    preset: Preset | None = None  # of H.264; fast if not told, ultrafast where lossless
-    quality: Annotated[int, Field(ge=1, le=31)] = 3
-    chroma: Literal["420", "422", "444"] = "420"
+    crf: Annotated[float, Field(ge=0, le=51)] = 18.0  # of H.264
+    preset: Preset | None = None  # of H.264; default fast, for lossless ultrafast
+    quality: Annotated[int, Field(ge=1, le=31)] = 3  # of Motion JPEG; 1 is best
+    chroma: Literal["420", "422", "444"] = "420"  # subsampling
 
 
 class Timing(Table):
     """Faults of a recorder: frames lost, frames written twice, jitter of the exposure times, interlaced fields."""
 
-    dropped: tuple[Annotated[int, Field(ge=0)], ...] = ()
-    repeated: tuple[Annotated[int, Field(ge=1)], ...] = ()
-    jitter_s: NotNegative = 0.0
+    dropped: tuple[Annotated[int, Field(ge=0)], ...] = ()  # frame numbers
+    repeated: tuple[Annotated[int, Field(ge=1)], ...] = ()  # frame numbers
+    jitter_s: NotNegative = 0.0  # standard deviation of the exposure times
     interlaced: Literal["no", "top_first", "bottom_first"] = "no"
 
 
@@ -218,8 +218,8 @@ class Glare(Table):
 
     x_px: Finite
     y_px: Finite
-    radius_px: Positive
-    strength: Positive = 0.6
+    radius_px: Positive  # standard deviation
+    strength: Positive = 0.6  # share of full scale
 
 
 class Wire(Table):
@@ -227,7 +227,7 @@ class Wire(Table):
 
     points_px: Annotated[tuple[Point, ...], Field(min_length=2)]
     width_px: Positive = 3.0
-    color: Light = (0.05, 0.05, 0.05)
+    color: Light = (0.05, 0.05, 0.05)  # red, green, blue; 1 is full scale
 
 
 class Distractor(Table):
@@ -237,5 +237,5 @@ class Distractor(Table):
     y_mm: Finite
     diameter_mm: Positive = 1.0
     height_mm: NotNegative = 0.0
-    color: Light = (0.2, 0.85, 0.3)
+    color: Light = (0.2, 0.85, 0.3)  # red, green, blue; 1 is full scale
     velocity_mm_s: Point = (0.0, 0.0)

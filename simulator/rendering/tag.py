@@ -26,7 +26,7 @@ def tag_number(mark: Mark) -> int:
         return mark.id
     found = re.search(r"\d+$", mark.name)
     if found is None:
-        raise SimulationError(f"mark {mark.name} is a tag without a number; say id, or end its name in the number")
+        raise SimulationError(f"mark {mark.name} is a tag without a number; set id, or end its name with the number")
     return int(found[0])
 
 

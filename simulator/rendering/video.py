@@ -31,7 +31,7 @@ def check_container(encoding: Encoding, path: Path) -> None:
     """Raise SimulationError where frames of this codec do not go into a file of this ending."""
     if path.suffix.lstrip(".").lower() not in CONTAINERS[encoding.codec]:
         fit = ", ".join(f".{name}" for name in CONTAINERS[encoding.codec])
-        raise SimulationError(f'{path}: codec "{encoding.codec}" goes into {fit}; name the video so')
+        raise SimulationError(f'{path}: codec "{encoding.codec}" goes into {fit}; use that suffix')
 
 
 def encode(
@@ -49,8 +49,8 @@ def encode(
     check_container(scene.encoding, path)
     if pixel_format.startswith("yuv420") and (size_px[0] % 2 or size_px[1] % 2):
         raise SimulationError(
-            f"an image of {size_px[0]} × {size_px[1]} px has no halves for 4:2:0 colour; "
-            f'say chroma = "444" or codec = "lossless" under [encoding]'
+            f"an image of {size_px[0]} × {size_px[1]} px has an odd size, impossible with 4:2:0 colour; "
+            f'set chroma = "444" or codec = "lossless" under [encoding]'
         )
     # The edit list of an mp4 counts in a clock of its own, 1 ms if not told: too coarse for a first frame after 0.
     muxing = (
@@ -81,7 +81,7 @@ def _codec(encoding: Encoding, scene: Scene) -> tuple[str, str, dict[str, str]]:
     interlaced = {"flags": "+ildct+ilme", "threads": "1"} if scene.timing.interlaced != "no" else {}
     if encoding.codec == "lossless":
         if deep:
-            raise SimulationError('codec "lossless" keeps 8 bits; for more say codec = "ffv1"')
+            raise SimulationError('codec "lossless" has 8 bits; for more set codec = "ffv1"')
         return "libx264rgb", "rgb24", {"qp": "0", "preset": encoding.preset or "ultrafast"}
     if encoding.codec == "ffv1":
         if color:

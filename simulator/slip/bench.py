@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 COLUMNS = ("slip_angle_deg", "wheel_rpm", "disk_rpm", "wheel_torque_mN_mm", "disk_torque_mN_mm", "normal_force_mN")
 SIGMAS = ("wheel_torque_sigma_mN_mm", "disk_torque_sigma_mN_mm")
 LATERAL_OK = "ok"
-LATERAL_UNKNOWN = "slip angle 0: the disk's torque says nothing of the lateral force"
+LATERAL_UNKNOWN = "slip angle 0: the lateral force does not act on the disk's torque"
 ALONG = 1e-9  # |sin alpha| below which the disk runs along the wheel, a tenth of a millionth of a degree
 
 
@@ -70,7 +70,9 @@ def checked_bench(table: pd.DataFrame, name: str = "bench") -> pd.DataFrame:
         )
     there = [column for column in SIGMAS if column in table]
     if len(there) == 1:
-        raise SimulationError(f"{name}: has {there[0]} alone; give the standard uncertainty of both torques or of none")
+        raise SimulationError(
+            f"{name}: has only {there[0]}; give the standard uncertainty of both torques or of neither"
+        )
     columns = [*COLUMNS, *there]
     values = table[columns].apply(pd.to_numeric, errors="coerce").astype(float)
     for column in columns:

@@ -106,16 +106,14 @@ def _check_enough(table: pd.DataFrame) -> None:
         )
     angle = np.radians(table["slip_angle_deg"].to_numpy(float))
     if not (np.abs(np.sin(angle)) > 0.05).any() or not (np.abs(np.cos(angle)) > 0.05).any():
-        raise SimulationError(
-            "a slip law needs slip angles along and across the wheel; the recording has one direction"
-        )
+        raise SimulationError("a slip law needs longitudinal and lateral slip; the recording has one direction only")
 
 
 def _check_units(table: pd.DataFrame, apparatus: Apparatus) -> None:
     friction = float(forces_from_torques(table, apparatus)["longitudinal"].abs().median())
     if friction > MOST_FRICTION:
         raise SimulationError(
-            f"half of the wheel torques ask for friction of more than {friction:.3g} times the normal force; are "
+            f"half of the wheel torques imply friction of more than {friction:.3g} times the normal force; are "
             "torques in mN·mm and normal forces in mN?"
         )
 

@@ -46,11 +46,11 @@ def wheel_force(
     """
     forward = math.sqrt(u * u + rest_speed * rest_speed)
     per_speed = 1.0 / math.sqrt(forward * forward + v * v)
-    aside, slide = v * per_speed, ratio * slip * forward * per_speed
-    sigma = math.sqrt(aside * aside + slide * slide + LEAST_SQUARE)
+    lateral, slide = v * per_speed, ratio * slip * forward * per_speed
+    sigma = math.sqrt(lateral * lateral + slide * slide + LEAST_SQUARE)
     level = max(1.0 / sigma - decrease, 0.0)
     along, across = bend(steep_x * sigma, shape_x), bend(steep_y * sigma, shape_y)
-    return -slide * level * grip_x * along, -aside * level * grip_y * across
+    return -slide * level * grip_x * along, -lateral * level * grip_y * across
 
 
 @compiled(forceinline=True, fastmath=VECTORS)
@@ -75,27 +75,27 @@ def wheel_slopes(
     """
     forward = math.sqrt(u * u + rest_speed * rest_speed)
     per_speed = 1.0 / math.sqrt(forward * forward + v * v)
-    along, aside = forward * per_speed, v * per_speed  # cosine and sine of the slip angle
-    side_u, side_v = -aside * u * per_speed * per_speed, along * along * per_speed
+    along, lateral = forward * per_speed, v * per_speed  # cosine and sine of the slip angle
+    side_u, side_v = -lateral * u * per_speed * per_speed, along * along * per_speed
     # The slip ratio is over the larger of both speeds, and its derivatives differ with that.
     turning, rolls = abs(surface_speed), forward >= abs(surface_speed)
     scale = driving * ratio * along / max(forward, turning)
     slide = scale * (u - surface_speed)
     slide_w = -scale * (1.0 if rolls else u / surface_speed)
-    slide_u = scale - slide * u * (per_speed * per_speed if rolls else -aside * aside / (forward * forward))
-    slide_v = -slide * aside * per_speed
-    sigma = math.sqrt(aside * aside + slide * slide + LEAST_SQUARE)
+    slide_u = scale - slide * u * (per_speed * per_speed if rolls else -lateral * lateral / (forward * forward))
+    slide_v = -slide * lateral * per_speed
+    sigma = math.sqrt(lateral * lateral + slide * slide + LEAST_SQUARE)
     per_sigma = 1.0 / sigma
-    gain_u = (aside * side_u + slide * slide_u) * per_sigma
-    gain_v = (aside * side_v + slide * slide_v) * per_sigma
+    gain_u = (lateral * side_u + slide * slide_u) * per_sigma
+    gain_v = (lateral * side_v + slide * slide_v) * per_sigma
     gain_w = slide * slide_w * per_sigma
     pull, pull_by = _secant(sigma, per_sigma, grip_x, steep_x, shape_x, decrease)
     push, push_by = _secant(sigma, per_sigma, grip_y, steep_y, shape_y, decrease)
     return (
-        *(-slide * pull, -aside * push),
+        *(-slide * pull, -lateral * push),
         *(-slide_u * pull - slide * pull_by * gain_u, -slide_v * pull - slide * pull_by * gain_v),
-        *(-side_u * push - aside * push_by * gain_u, -side_v * push - aside * push_by * gain_v),
-        *(-slide_w * pull - slide * pull_by * gain_w, -aside * push_by * gain_w),
+        *(-side_u * push - lateral * push_by * gain_u, -side_v * push - lateral * push_by * gain_v),
+        *(-slide_w * pull - slide * pull_by * gain_w, -lateral * push_by * gain_w),
     )
 
 
@@ -118,7 +118,7 @@ def sliding_slopes(
     """Forces and derivatives as wheel_slopes has them, of friction that opposes the velocity at which a wheel slides.
 
     Both slips are over one speed, the larger of the wheel's centre and of its surface: (u - r·phi', v) over it. Of a
-    wheel that rolls freely, and where the wheel hardly slides aside, this is the law of wheel_slopes. Where it does, in
+    wheel that rolls freely, and where it hardly slides sideways, this is the law of wheel_slopes. Where it does, in
     a turn on the spot, that law has its slip angle from the wheel's centre however fast the wheel turns.
     Source: theoretical slip, Pacejka (2012), Tire and Vehicle Dynamics, section 4.2.
     """
@@ -127,23 +127,23 @@ def sliding_slopes(
     rolls = speed >= turning
     per_speed = 1.0 / max(speed, turning)
     scale = driving * ratio * per_speed
-    slide, aside = scale * (u - surface_speed), v * per_speed
+    slide, lateral = scale * (u - surface_speed), v * per_speed
     by_u, by_v = (u * per_speed * per_speed, v * per_speed * per_speed) if rolls else (0.0, 0.0)
     by_w = 0.0 if rolls else (per_speed if surface_speed > 0.0 else -per_speed)
     slide_u, slide_v, slide_w = scale - slide * by_u, -slide * by_v, -scale - slide * by_w
-    side_u, side_v, side_w = -aside * by_u, per_speed - aside * by_v, -aside * by_w
-    sigma = math.sqrt(aside * aside + slide * slide + LEAST_SQUARE)
+    side_u, side_v, side_w = -lateral * by_u, per_speed - lateral * by_v, -lateral * by_w
+    sigma = math.sqrt(lateral * lateral + slide * slide + LEAST_SQUARE)
     per_sigma = 1.0 / sigma
-    gain_u = (aside * side_u + slide * slide_u) * per_sigma
-    gain_v = (aside * side_v + slide * slide_v) * per_sigma
-    gain_w = (aside * side_w + slide * slide_w) * per_sigma
+    gain_u = (lateral * side_u + slide * slide_u) * per_sigma
+    gain_v = (lateral * side_v + slide * slide_v) * per_sigma
+    gain_w = (lateral * side_w + slide * slide_w) * per_sigma
     pull, pull_by = _secant(sigma, per_sigma, grip_x, steep_x, shape_x, decrease)
     push, push_by = _secant(sigma, per_sigma, grip_y, steep_y, shape_y, decrease)
     return (
-        *(-slide * pull, -aside * push),
+        *(-slide * pull, -lateral * push),
         *(-slide_u * pull - slide * pull_by * gain_u, -slide_v * pull - slide * pull_by * gain_v),
-        *(-side_u * push - aside * push_by * gain_u, -side_v * push - aside * push_by * gain_v),
-        *(-slide_w * pull - slide * pull_by * gain_w, -side_w * push - aside * push_by * gain_w),
+        *(-side_u * push - lateral * push_by * gain_u, -side_v * push - lateral * push_by * gain_v),
+        *(-slide_w * pull - slide * pull_by * gain_w, -side_w * push - lateral * push_by * gain_w),
     )
 
 

@@ -1,8 +1,8 @@
-"""Make the pictures of the tutorial and of the README again: run the tutorial's commands, photograph what they wrote.
+"""Renew the images of the tutorial and of the README: run the tutorial's commands and take screenshots of their output.
 
     python -m tests.benchmarks.tutorial_pictures
 
-Needs chromium. Writes sample_videos/tutorial/*.png and .readme/report.png; takes about two minutes.
+Needs chromium. Writes sample_videos/tutorial/*.png; takes about two minutes.
 """
 
 from __future__ import annotations
@@ -49,18 +49,16 @@ def main() -> None:
             subprocess.run([sys.executable, "-m", "evaluator", *words], cwd=folder, check=True)
         for name, (page, part, window, width) in SHOTS.items():
             photograph(folder / page, part, window, PICTURES / name, width)
-        photograph(folder / "puzzle-results" / "report.html", None, (900, 1110), ROOT / ".readme" / "report.png", 900)
         save(frame_at(folder / "turn-marks.mp4", 7.0), PICTURES / "overlay.png", 480)
     for path in sorted(PICTURES.glob("*.png")):
         print(f"{path.name}: {path.stat().st_size / 1000:.0f} kB")
 
 
-def photograph(page: Path, part: str | None, window: tuple[int, int], target: Path, width: int) -> None:
-    """Save a page, or the one section or figure of it with the id `part`, as a PNG of the given width at most."""
+def photograph(page: Path, part: str, window: tuple[int, int], target: Path, width: int) -> None:
+    """Save the section or figure of a page with the id `part` as a PNG of at most the given width."""
     style = "body *:not(#PART):not(:has(#PART)):not(#PART *) { display: none !important }"
     text = page.read_text(encoding="utf-8")
-    if part:
-        text = text.replace("</head>", f"<style>{style.replace('PART', part)}</style></head>", 1)
+    text = text.replace("</head>", f"<style>{style.replace('PART', part)}</style></head>", 1)
     with tempfile.TemporaryDirectory() as scratch:
         shown, shot = Path(scratch, "page.html"), Path(scratch, "shot.png")
         shown.write_text(text, encoding="utf-8")

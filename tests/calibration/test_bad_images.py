@@ -47,7 +47,7 @@ def marked() -> np.ndarray:
             gauge_of(color="white", background="black"),
             r"dots of color white found, but \d+ of color black on white; exchange color",
         ),
-        (gauge_of(fiducial=FIDUCIALS), "fiducial dots that the gauge .* promises are not seen"),
+        (gauge_of(fiducial=FIDUCIALS), "fiducial dots of the gauge .* are not visible"),
     ],
 )
 def test_gauge_file_of_another_plate_is_named_as_the_cause(images: list[np.ndarray], wrong: Gauge, said: str) -> None:
@@ -56,7 +56,7 @@ def test_gauge_file_of_another_plate_is_named_as_the_cause(images: list[np.ndarr
 
 
 def test_plate_upside_down_is_told_by_its_fiducials(marked: np.ndarray) -> None:
-    with pytest.raises(CalibrationError, match="seen from behind or in a mirror"):
+    with pytest.raises(CalibrationError, match="the image is mirrored"):
         calibrate([np.ascontiguousarray(marked[:, ::-1])], gauge_of(fiducial=FIDUCIALS))
 
 
@@ -89,12 +89,12 @@ def test_image_of_something_else_is_told(kind: str) -> None:
         "gradient": x // 2,
         "chessboard": (x // 40 + y // 40) % 2 * 200,
     }[kind]
-    with pytest.raises(CalibrationError, match=r"is it a sharp image of the gauge|form a regular array"):
+    with pytest.raises(CalibrationError, match=r"is it a sharp image of a dot gauge|form a regular array"):
         calibrate([image.astype(np.uint8)], GAUGE)
 
 
 def test_image_blurred_beyond_use_is_refused(images: list[np.ndarray]) -> None:
-    with pytest.raises(CalibrationError, match="blurred beyond use"):
+    with pytest.raises(CalibrationError, match="too blurred"):
         calibrate([cv2.GaussianBlur(image, (0, 0), 9) for image in images], GAUGE)
 
 
@@ -140,7 +140,7 @@ def test_failed_calibration_leaves_no_file(tmp_path: Path) -> None:
     [
         (b"\0\0\0\x18ftypheic\0\0\0\0mif1heic" + bytes(400), "HEIC photograph.*save it as JPEG or PNG"),
         (b"\xff\xd8\xff\xe0\0\x10JFIF\0" + bytes(40), "damaged or cut off"),
-        (b"hello, this is no image", "not an image that can be read"),
+        (b"hello, this is no image", "not a readable image"),
     ],
 )
 def test_a_file_that_is_no_image_is_told_apart_from_one_that_is_damaged(

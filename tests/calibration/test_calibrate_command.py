@@ -49,7 +49,7 @@ def test_images_become_camera_page_and_verdict(folder: Path) -> None:
     assert stored["gauge"]["dots"]["columns"] == 11
     page = out.with_suffix(".html").read_text(encoding="utf-8")
     assert page.count("<svg") >= 4
-    assert "Where millimetres can be trusted" in page
+    assert "Uncertainty over the image" in page
     axes = folder / "axes.png"
     checked = CliRunner().invoke(check_camera, [str(out), images[0], "--annotate", str(axes)])
     assert cv2.imread(str(axes)).shape == (300, 400, 3)

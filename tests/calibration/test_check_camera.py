@@ -24,7 +24,7 @@ def test_check_says_how_much_a_lens_refocused_at_another_distance_could_hide() -
     hidden = (1 - 6.5 / 120) / (1 - 6.5 / 126) - 1
     assert abs(hidden) < found.unseen < 0.01
     assert found.outcome == "holds"
-    assert "refocusing and another distance together" in found.summary
+    assert "refocusing combined with a change of distance" in found.summary
 
 
 def _with(**values: float) -> Camera:

@@ -163,7 +163,7 @@ def test_dots_in_strong_noise_are_found_and_state_it() -> None:
 
 
 def test_dots_twice_as_wide_as_the_file_says_are_another_plate() -> None:
-    with pytest.raises(CalibrationError, match="seen 2 times as wide against their distance"):
+    with pytest.raises(CalibrationError, match="ratio of dot diameter to pitch is 2 times"):
         calibrate([drawn()], gauge_of(diameter_mm=0.6, **EXACT))
 
 

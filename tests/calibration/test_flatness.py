@@ -44,7 +44,7 @@ def test_bend_is_measured_and_the_camera_freed_of_it(bent: Calibration) -> None:
 
 def test_height_at_which_a_bent_gauge_lies_is_counted_as_doubt(bent: Calibration) -> None:
     verdict = assess(bent)
-    assert any("on which of its points it lies is not seen" in note for note in verdict.notes)
+    assert any("it rests are unknown" in note for note in verdict.notes)
     # a third of the peak to valley, 120 mm away
     assert 0.9 < verdict.scale_sigma / (np.ptp(FACE_MM) / 3 / 113.5) < 1.2
 
@@ -72,7 +72,7 @@ def test_single_image_says_that_it_cannot_tell_and_counts_a_stated_flatness() ->
     silent = calibrate([image], gauge_of(**PLATE), distance_mm=(120.0, 0.1))
     stated = calibrate([image], gauge_of(tolerance={"flatness_mm": 0.2}, **PLATE), distance_mm=(120.0, 0.1))
     assert silent.flatness is None
-    assert any("cannot tell its bend from distortion" in note for note in assess(silent).notes)
+    assert any("cannot distinguish bending from lens distortion" in note for note in assess(silent).notes)
     corner = np.array([10.0, 10.0])
     sigma = [np.sqrt(np.trace(found.camera.plate_covariance(corner, 0.0))) for found in (silent, stated)]
     assert sigma[1] > 5 * sigma[0]

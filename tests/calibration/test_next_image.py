@@ -94,7 +94,7 @@ def test_image_without_which_places_are_as_certain_is_said_to_add_nothing() -> N
     advice = Advice((float("nan"), 1.2, 1.0004), None)
     assert [advice.adds_nothing(k) for k in range(3)] == [False, False, True]
     names = ["plate.png", "tilted.png", "far.png"]
-    assert image_notes(advice, names) == ("without far.png places would be as certain: it adds nothing",)
+    assert image_notes(advice, names) == ("far.png adds nothing: the uncertainty is the same without it",)
     assert image_notes(Advice((float("nan"), 1.2, 1.1), None), names) == ()
 
 

@@ -38,7 +38,7 @@ def test_pitch_tolerance_enters_the_camera_its_file_and_the_sentence(tmp_path: P
         assert camera.scale_sigma(0.0) == pytest.approx(stated, abs=1e-4)
         assert camera.scale_sigma(6.5) == pytest.approx(at_marks, abs=1.5e-4)
         assert camera.with_exact_pitch().scale_sigma(6.5) < 2e-4
-        said = f"pitch of the gauge leaves {100 * stated:.2g} %" if stated else "if the pitch of the gauge is exact"
+        said = f"{100 * stated:.2g} % from the pitch of the gauge" if stated else "if the pitch of the gauge is exact"
         assert said in assess(found).summary
 
 

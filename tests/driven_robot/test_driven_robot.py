@@ -104,4 +104,4 @@ def test_the_real_recording_is_read_whole_and_a_window_of_it_measured(tmp_path: 
     path = write_experiment(drive, np.array([1]), ROBOT, tmp_path)
     found = analyze(path, tmp_path / "out", workers=1)
     assert found.faults == {}
-    assert "repeat the one before" in found.notes["w001"][0]
+    assert "repeat the previous one" in found.notes["w001"][0]

@@ -58,7 +58,7 @@ def test_new_overwrites_nothing(tmp_path: Path) -> None:
     (tmp_path / "robot.toml").write_text("mine\n", encoding="utf-8")
     done = turnscope("new", tmp_path)
     assert done.returncode == 2
-    assert "robot.toml is already there" in done.stderr
+    assert "robot.toml exist already" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["robot.toml"]
 
 
@@ -124,7 +124,7 @@ def test_motors_that_start_after_the_recording_are_a_fault_of_check_and_run(samp
     experiment = three_runs(tmp_path)
     text = experiment.read_text(encoding="utf-8").replace('marks = "r02.csv"', 'marks = "r02.csv"\nstart_s = 500.0')
     experiment.write_text(text, encoding="utf-8")
-    said = "run r02: start_s = 500 s, but r02.csv ends at 5.98 s; give the time of the recording"
+    said = "run r02: start_s = 500 s, but r02.csv ends at 5.98 s; give the time in the recording"
     checked = turnscope("check", experiment)
     assert checked.returncode == 2
     assert said in checked.stderr

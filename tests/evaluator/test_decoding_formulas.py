@@ -206,7 +206,7 @@ def finished(count: int, standing: int, promised: int) -> list[str]:
 
 def test_frames_that_are_missing_are_those_that_were_neither_given_nor_left_out() -> None:
     assert finished(8, 0, 8) == finished(8, 0, 0) == []
-    assert finished(7, 0, 8) == ["the file promises 8 frames but only 7 could be decoded"]
+    assert finished(7, 0, 8) == ["the file announces 8 frames but only 7 could be decoded"]
     assert finished(6, 2, 8) == ["2 frames are left out: their times are not after those before them"]
     assert len(finished(6, 1, 8)) == 2
 
@@ -221,5 +221,5 @@ def test_a_recording_most_of_whose_times_stand_is_refused(standing: int, *, refu
 
 
 def test_a_recording_without_a_frame_is_refused() -> None:
-    with pytest.raises(InputError, match="not a single frame can be decoded"):
+    with pytest.raises(InputError, match="no frame can be decoded"):
         finished(0, 0, 8)

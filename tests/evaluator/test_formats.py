@@ -55,4 +55,4 @@ def test_types_bounds_defaults_and_notes_of_a_model() -> None:
     assert (_type(word.annotation, word.metadata), _default(word)) == ('`"a"`, `"b"`', '`"a"`')
     from evaluator.settings import KnownTo
 
-    assert notes_of(KnownTo)["start_common_s"] == "an offset of start_s common to all runs; default: one frame"
+    assert notes_of(KnownTo)["start_common_s"] == "offset of start_s common to all runs; default: one frame"

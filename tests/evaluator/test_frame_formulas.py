@@ -119,7 +119,7 @@ def test_a_rate_varies_where_more_than_one_interval_of_twenty_is_off_by_more_tha
     steps = [102, 98, *[100] * (98 - odd), *[103] * odd]
     report = summarise(np.cumsum([0, *steps]).tolist(), TICK, [], [])
     assert report.variable == varies
-    assert report.notes == (("the frame rate varies; every frame keeps its own time",) if varies else ())
+    assert report.notes == (("the frame rate varies; the time stamp of each frame is used",) if varies else ())
 
 
 def test_times_of_two_neighbours_that_run_backwards_are_exchanged_and_frames_stay_in_order() -> None:

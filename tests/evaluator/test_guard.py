@@ -94,5 +94,5 @@ def test_an_image_is_read_in_a_child_with_the_words_of_the_command(tmp_path: Pat
     (tmp_path / "a.png").write_bytes(b"no image")
     done = turnscope_process("dots", tmp_path / "a.png")
     assert done.returncode == 2
-    assert "not an image that can be read" in done.stderr
+    assert "not a readable image" in done.stderr
     assert turnscope_process("dots").stderr.startswith("Usage: ")

@@ -164,7 +164,7 @@ def test_run_of_one_mark_gives_its_path_and_says_that_there_is_no_heading(tmp_pa
     assert row["top_radius_low_mm"] < radius < row["top_radius_high_mm"]
     assert row["top_speed_mm_s"] == pytest.approx(radius * np.radians(300) / (599 / 60), rel=1e-3)
     assert np.isnan(row["radius_mm"])
-    assert row["radius_status"].startswith("no heading: one mark shows where it is")
+    assert row["radius_status"].startswith("no heading: a single mark")
     with pytest.raises(InputError, match=r"no heading.*needs two marks"):
         analyze(experiment, tmp_path / "compared", workers=1, simulate=True)
     session = session_of(load_experiment(experiment), {"r": tmp_path / "r.csv"})

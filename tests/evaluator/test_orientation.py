@@ -89,7 +89,7 @@ def test_videos_are_read_as_the_sensor_saw_them_and_it_is_said(tmp_path: Path, s
     assert first.size_px == (48, 32)
     assert len(frames) == 4
     assert np.abs(first.to_rgb().astype(float) - SENSOR).mean() < 5.0
-    turned = f"players turn this video by {abs(degrees)}°; it is measured as the sensor saw it, unturned"
+    turned = f"players rotate this video by {abs(degrees)}°; it is measured as recorded by the sensor"
     assert recording.report().notes == ((turned,) if degrees else ())
 
 

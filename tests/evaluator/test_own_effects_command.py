@@ -55,10 +55,10 @@ def test_the_page_draws_an_own_effect_too(monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("new",), "give an id"),
-        (("new", "Not An Id"), "small letters and digits"),
+        (("new",), "expected an id"),
+        (("new", "Not An Id"), "lower-case letters, digits"),
         (("new", "plate-tilt"), "is an effect of the catalogue"),
-        (("plate-tilt", "plate-tilt"), "only turnscope effects new ID takes a second ID"),
+        (("plate-tilt", "plate-tilt"), "a second ID, -o FILE and --python belong"),
     ],
 )
 def test_what_cannot_be_done_is_said_in_one_sentence(arguments: tuple[str, ...], says: str) -> None:
@@ -68,5 +68,5 @@ def test_what_cannot_be_done_is_said_in_one_sentence(arguments: tuple[str, ...],
 
 def test_a_file_that_is_there_is_not_overwritten() -> None:
     said("new", "mixed-drive")
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="exists already"):
         said("new", "mixed-drive")

@@ -92,5 +92,5 @@ def test_marks_seen_in_images_share_an_error_fixed_to_the_body() -> None:
 
 
 def test_marks_at_one_place_are_refused() -> None:
-    with pytest.raises(InputError, match="two different places"):
+    with pytest.raises(InputError, match="two different positions"):
         MarkGeometry((1.0, 1.0), (1.0, 1.0))

@@ -44,7 +44,7 @@ def test_spacing_is_the_distance_of_the_marks() -> None:
 def test_marks_nearer_than_their_rounding_are_one_place(apart: float, refused: bool) -> None:
     place = (apart * ONE_PLACE_MM, 0.0)
     if refused:
-        with pytest.raises(InputError, match="two different places"):
+        with pytest.raises(InputError, match="two different positions"):
             MarkGeometry((0.0, 0.0), place)
     else:
         assert MarkGeometry((0.0, 0.0), place).spacing_mm > 0
@@ -176,7 +176,7 @@ def test_marks_in_one_place_have_no_heading_and_are_no_measure_of_the_usual_dist
     marks = table()
     marks.loc[:9, "yellow_x_mm"], marks.loc[:9, "yellow_y_mm"] = 9.0, 22.0
     poses = poses_from_marks(marks, LOPSIDED)
-    assert set(poses.status[:10]) == {"both marks are in one place: no heading"}
+    assert set(poses.status[:10]) == {"both marks are at one position: no heading"}
     assert poses.measured[10:].all()
     assert poses.spacing_ratio()[0] == pytest.approx(1.0)
 
@@ -226,7 +226,7 @@ def test_frames_that_point_backward_for_a_moment_are_refused_while_the_robot_spi
     marks.loc[wrong, MARKS] = marks.loc[wrong, [*MARKS[2:], *MARKS[:2]]].to_numpy()
     poses = poses_from_marks(marks, GEOMETRY)
     assert np.flatnonzero(~poses.measured).tolist() == list(range(first, first + count))
-    assert poses.status[first] == "heading turned about for a moment: marks exchanged?"
+    assert poses.status[first] == "heading reversed for a moment: marks exchanged?"
     steps = np.diff(poses.heading_rad) / np.radians(3600 / 99)
     np.testing.assert_allclose(steps[np.isfinite(steps)], 1.0)
 

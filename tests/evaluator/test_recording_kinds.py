@@ -74,7 +74,7 @@ def test_every_image_of_a_tiff_stack_is_a_frame(tmp_path: Path) -> None:
 
 
 def test_a_stack_has_no_clock(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="a stack of images has no clock: say its rate"):
+    with pytest.raises(InputError, match="a stack of images has no time stamps; give the frame rate"):
         open_recording(stack(tmp_path / "stack.tif"))
 
 
@@ -114,7 +114,7 @@ def test_a_matroska_file_that_ends_early_says_so(tmp_path: Path) -> None:
     assert not notes(path)[1]
     content = path.read_bytes()
     path.write_bytes(content[: len(content) // 3])
-    assert "promises 0.8 s, but the last frame that could be decoded is at" in notes(path)[1]
+    assert "announces 0.8 s, but the last frame that could be decoded is at" in notes(path)[1]
 
 
 def test_pixels_that_are_not_square_are_said(tmp_path: Path) -> None:
@@ -143,4 +143,4 @@ def test_check_names_recordings_of_another_size_than_the_cameras_images_and_stac
     assert len(faults) == 3
     assert "frames of 64×48 px, but the camera was calibrated with images of 96×72 px" in faults[0]
     assert "turned the one or the other by 90 degrees" in faults[1]
-    assert "a stack of images has no clock" in faults[2]
+    assert "a stack of images has no time stamps" in faults[2]

@@ -127,19 +127,19 @@ CASES: dict[Callable[[Path], Path], str] = {
     no_decoder_settings: "not a video that FFmpeg can open",
     audio_only: "holds no video, only audio",
     no_stream: "holds no video, no stream of any kind",
-    no_frames: "not a single frame can be decoded",
+    no_frames: "no frame can be decoded",
     cut_off: "not a video that FFmpeg can open",
     text: "not a video that FFmpeg can open",
     zeros: "not a video that FFmpeg can open",
     empty_file: "the file is empty",
     missing_file: "no such file",
     folder_without_images: "holds no images",
-    unreadable_image: "1.tiff: not an image that can be read",
+    unreadable_image: "1.tiff: not a readable image",
     images_of_two_sizes: "but the images before are",
     images_of_floats: "its samples are float32",
     folder_named_like_an_image: "holds no images",
-    one_plain_frame: "no mark was found in any of 1 frame: it has no colour",
-    frames_of_four_pixels: "no mark was found in any of 5 frames: it has no colour",
+    one_plain_frame: "no mark was found in any of 1 frame: the recording has no colour",
+    frames_of_four_pixels: "no mark was found in any of 5 frames: the recording has no colour",
 }
 
 

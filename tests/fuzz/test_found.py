@@ -121,14 +121,14 @@ def _camera(folder: Path) -> dict[str, object]:
 
 FOUND: dict[Callable[[Path], tuple[str, ...]], str] = {
     zip_whose_directory_lies: "cannot be unpacked",
-    classic_netcdf_of_unknown_type: "does not have the form",
+    classic_netcdf_of_unknown_type: "not in the format",
     netcdf_of_more_numbers_than_a_track_has: "no track",
-    sleap_names_that_are_no_text: "not an HDF5 file that can be read",
+    sleap_names_that_are_no_text: "not a readable HDF5 file",
     deeplabcut_that_is_no_utf8: "utf-8",
-    deeplabcut_with_fewer_columns_than_names: "does not have the form",
+    deeplabcut_with_fewer_columns_than_names: "not in the format",
     camera_with_a_ragged_covariance: "covariance are incomplete",
     camera_of_no_size: "not a camera.json",
-    gauge_of_millions_of_dots: "no image resolves",
+    gauge_of_millions_of_dots: "an image can resolve",
     key_that_commands_the_terminal: r"unknown key a\x1bb\x9b\u202e",
 }
 

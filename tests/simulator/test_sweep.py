@@ -79,7 +79,7 @@ def test_a_row_is_the_run_its_keys_describe(sweep_file: Path) -> None:
     [
         ('"slip.lateral_frictoin" = [0.2]', "did you mean slip.lateral_friction?"),
         ('"effect.plate-tlit.angle_deg" = [1.0]', "did you mean plate-tilt?"),
-        ("robot.mass = [1.0]", "no key of a sweep"),
+        ("robot.mass = [1.0]", "not a key of a sweep"),
         ('"body.mass_g" = [-1.0]', "body.mass_g"),
     ],
 )
@@ -155,5 +155,5 @@ def test_a_scheduler_that_does_not_answer_is_one_clear_error(
 ) -> None:
     pytest.importorskip("distributed", reason="the optional extra dask is not installed")
     monkeypatch.setattr(cluster, "DASK_TIMEOUT_S", 0.5)
-    with pytest.raises(InputError, match="no Dask scheduler answers"):
+    with pytest.raises(InputError, match="no Dask scheduler responds"):
         run_sweep(sweep_file, tmp_path / "out.csv", dask="tcp://127.0.0.1:1")

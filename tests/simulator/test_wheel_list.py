@@ -216,7 +216,7 @@ def test_effects_follow_the_wheels_that_are_driven() -> None:
     drag = compile_robot(affected(draggy, "rolling-drag", coefficient=0.1))[0]
     assert drag["wheel_terms"] == 2
     assert np.flatnonzero(drag["pattern"][:2].sum(axis=0)).tolist() == [2, 3]
-    with pytest.raises(SimulationError, match="3 places of x"):
+    with pytest.raises(SimulationError, match="3 positions of x"):
         compile_robot(affected(six, "axle-compliance", deg_per_mN=0.1))
 
 
@@ -249,7 +249,7 @@ def test_a_value_in_two_units_is_an_error() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"name": "right_2"}, "the name right_2 stands at two"),
+        ({"name": "right_2"}, "the name right_2 is used for two"),
         ({"driven_by": "none"}, 'no .*driven_by = "left"'),
         ({"support": "ball"}, 'a ball is driven by "none"'),
         ({"name": "left,2"}, "should match pattern"),
@@ -280,7 +280,10 @@ def test_every_shipped_robot_runs_and_turns_to_the_slower_side(name: str) -> Non
 
 @pytest.mark.parametrize(
     ("key", "message"),
-    [("slip.lateral_frction", "did you mean slip.lateral_friction"), ("wheels.radius_mm", "no number of this robot")],
+    [
+        ("slip.lateral_frction", "did you mean slip.lateral_friction"),
+        ("wheels.radius_mm", "not a number of this robot"),
+    ],
 )
 def test_a_tolerance_of_nothing_is_an_error(key: str, message: str) -> None:
     text = f'{shipped_robot_text("six_driven")}\n[tolerance]\n"{key}" = 0.05\n'

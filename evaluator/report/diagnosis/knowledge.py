@@ -1,4 +1,4 @@
-"""What a diagnosis says beside its verdict: mistakes of the experiment, what is taken as known, the predicted gap."""
+"""Sentences and tables of a diagnosis beside its verdict: mistakes, quantities known to a tolerance, predicted gap."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ def mistake_sentences(content: Json) -> list[str]:
 
 
 def finding_sentences(content: Json) -> list[str]:
-    """What the data want farther away than the laboratory knows it, one sentence each."""
+    """Sentences on quantities whose fitted value contradicts their tolerance."""
     at_once = (content.get("known_together") or {}).get("sentence")
     return [as_sentence(str(item)) for item in (*(content.get("findings") or []), *([at_once] if at_once else []))]
 
 
 def preferred_sentence(content: Json) -> str:
-    """Values that the data prefer within what the laboratory knows, where their 95 % intervals leave out 0."""
+    """Fitted values within their tolerances whose 95 % intervals exclude 0; empty without any."""
     parts = []
     for item in content.get("known_to") or []:
         if item.get("low") is not None and item["low"] * item["high"] > 0:
             found, low, high = _found(item)
             parts.append(f"{item.get('name') or item['quantity']} {found}{_unit(item)} [{low}, {high}]")
-    return as_sentence(f"Within what is known, the data prefer: {'; '.join(parts)}") if parts else ""
+    return as_sentence(f"Values that the data prefer, within their tolerances: {'; '.join(parts)}") if parts else ""
 
 
 def negligible_sentence(content: Json) -> str:
-    """Effects that are there and do not matter, in one line; empty where there are none."""
+    """Effects that were detected and are not relevant; empty without any."""
     parts = []
     for item in content.get("negligible") or []:
         done = item.get("changes") or {}
@@ -50,14 +50,14 @@ def negligible_sentence(content: Json) -> str:
             number(done.get(name, 0.0), 3) for name in ("radius_percent", "speed_percent", "path_noise_floors")
         )
         parts.append(f"{effect_words(item['id'])} (radius {radius} %, speed {speed} %, path {path} of the noise floor)")
-    return f"Detectable, and less than is relevant: {'; '.join(parts)}." if parts else ""
+    return f"Detected, but below the limits of relevance: {'; '.join(parts)}." if parts else ""
 
 
 def predicted_sentence(content: Json) -> str:
-    """The gap of a simulation from the start pose alone, before and after; empty where it is not known."""
+    """Gap of a simulation from the start pose alone, before and after; empty if unknown."""
     gap = content.get("gap") or {}
     predicted, cannot = gap.get("predicted") or {}, gap.get("not_predicted") or {}
-    without = f" Without {'; '.join(f'{run} ({reason})' for run, reason in cannot.items())}." if cannot else ""
+    without = f" Not predicted: {'; '.join(f'{run} ({reason})' for run, reason in cannot.items())}." if cannot else ""
 
     def change(part: str, where: str) -> str:
         before, after = (predicted.get(side, {}).get(part) for side in ("before", "after"))
@@ -67,37 +67,37 @@ def predicted_sentence(content: Json) -> str:
             return f"{length(before)} on {where}"
         return f"from {length(before)} to {length(after)} on {where}"
 
-    parts = [text for text in (change("fit", "the runs that were fitted"), change("held_out", "held-out runs")) if text]
+    parts = [text for text in (change("fit", "fitted runs"), change("held_out", "held-out runs")) if text]
     if not parts:
-        return without and f"From the start pose alone nothing can be predicted.{without}"
-    meaning = (
-        "with nothing of a run fitted, and start, clock, scale, level and marks as the fitted runs have them in common"
-    )
-    return f"Predicted from the start pose alone ({meaning}), it is {' and '.join(parts)}.{without}"
+        return without and f"No run can be predicted from its start pose alone.{without}"
+    meaning = "no parameter of a run fitted; common start, clock, scale, level and mark offsets from the fitted runs"
+    changes = "changes" if parts[0].startswith("from") else "is"
+    return f"Predicted from the start pose alone ({meaning}), the distance {changes} {' and '.join(parts)}.{without}"
 
 
 def knowledge_section(content: Json) -> Section | None:
-    """The table of what is taken as known to a tolerance, with what the data prefer."""
+    """Table of quantities that are known to a tolerance, with their fitted values."""
     rows = tuple(_row(item) for item in content.get("known_to") or [])
     if not rows:
         return None
     caption = (
-        "Quantities that nobody knows exactly: as they were taken to be known (one standard deviation; [known_to] of "
-        "experiment.toml and robot.toml), and the value that these runs prefer. ‘far’: beyond two of them."
+        "Quantities that are known to a tolerance: the assumed standard deviation ([known_to] of experiment.toml and "
+        "robot.toml), and the deviation that these runs prefer. ‘far’: more than two standard deviations."
     )
     head = ("quantity", "unit", "known to", "found", "95 %", "")
     shown = tuple(part for part in (*finding_sentences(content), negligible_sentence(content)) if part)
-    return Section("diagnosis-known", "Taken as known to", shown, (), (Table(caption, head, rows, words=True),))
+    title = "Quantities known to a tolerance"
+    return Section("diagnosis-known", title, shown, (), (Table(caption, head, rows, words=True),))
 
 
 def mistakes_section(content: Json) -> Section | None:
-    """Mistakes of the experiment, and that the runs concerned are in nothing else."""
+    """Mistakes of the experiment, and the runs that are left out because of them."""
     sentences = mistake_sentences(content)
     if not sentences:
         return None
     runs = ", ".join(dict.fromkeys(run for item in content["mistakes"] for run in item["runs"]))
-    tail = f"Set aside, and in no number of the diagnosis: {runs}."
-    return Section("mistakes", "Mistakes to mend first", (*sentences, tail))
+    tail = f"Left out of every number of the diagnosis: {runs}."
+    return Section("mistakes", "Mistakes to correct first", (*sentences, tail))
 
 
 def _row(item: Json) -> tuple[str, ...]:
@@ -110,7 +110,7 @@ def _row(item: Json) -> tuple[str, ...]:
 
 
 def _found(item: Json) -> tuple[str, str, str]:
-    """What the data prefer, with its 95 % bounds."""
+    """Fitted value and its 95 % bounds."""
     return with_interval({"value": item.get("found"), "low": item.get("low"), "high": item.get("high")})
 
 

@@ -1,4 +1,4 @@
-"""The sections on a diagnosis: what is missing, where it shows, whether the gap closes, what else was tried."""
+"""The sections on a diagnosis: verdict, disagreements, gap, alternatives, tolerances and noise."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def _verdict(view: DiagnosisView) -> Section:
     content = view.content
     text = [verdict_sentence(content), as_sentence(str(content.get("reason") or ""))]
     if view.outdated:
-        text.insert(0, "Recordings, robot or program have changed since this diagnosis: run turnscope diagnose again.")
+        text.insert(0, "Recordings, robot or program changed after this diagnosis: run turnscope diagnose again.")
     text += [equivalents_sentence(effect) for effect in content.get("effects") or []]
     text += [rivals_sentence(content), separations_sentence(content)]
     rows = [
@@ -66,15 +66,17 @@ def _verdict(view: DiagnosisView) -> Section:
         for name, value in effect["parameters"].items()
         for best, low, high in [with_interval(value)]
     ]
-    table = Table("What was found, with 95 % intervals.", ("effect", "parameter", "unit", "value", "95 %"), tuple(rows))
+    head = ("effect", "parameter", "unit", "value", "95 %")
+    table = Table("Effects found, with 95 % intervals.", head, tuple(rows))
     tables = (table,) if rows else ()
-    return Section("diagnosis", "What is missing in the model", _full(text), (), (*tables, *_next_runs(content)))
+    return Section("diagnosis", "What the model lacks", _full(text), (), (*tables, *_next_runs(content)))
 
 
 def _next_runs(content: Json) -> tuple[Table, ...]:
     head = ("left, rpm", "right, rpm", "drive, s", "start x, mm", "start y, mm", "heading, °", "times")
     rows = tuple(tuple(value_text(run[key]) for key in RUN_KEYS) for run in next_runs(content))
-    return (Table("Runs that would tell more; starts are of the robot's centre.", head, rows),) if rows else ()
+    caption = "Most informative further runs; start positions are those of the robot's centre."
+    return (Table(caption, head, rows),) if rows else ()
 
 
 def _where(view: DiagnosisView) -> Section | None:
@@ -82,12 +84,12 @@ def _where(view: DiagnosisView) -> Section | None:
     text = where_sentences(view.content, SENTENCES)
     text += [as_sentence(item) for item in view.content.get("where") or [] if isinstance(item, str)]
     if len(items) > SENTENCES:
-        text.append(f"{len(items) - SENTENCES} more are in diagnosis.json.")
+        text.append(f"{len(items) - SENTENCES} more in diagnosis.json.")
     pieces = view.pieces
     if pieces is None or pieces.empty:
         return Section("diagnosis-where", WHERE, tuple(text)) if text else None
     if not text:
-        text = ["Nothing stands out: what the model misses depends on nothing that was asked."]
+        text = ["The residuals do not depend significantly on any quantity that was examined."]
     after = closes(view.content)
     figures = (disagreement_map(pieces, after=after), disagreement_panels(pieces, after=after))
     return Section("diagnosis-where", WHERE, tuple(text), tuple(figure for figure in figures if figure is not None))
@@ -105,20 +107,18 @@ def _gap(content: Json) -> Section | None:
     text = [gap_sentence(content), predicted_sentence(content)]
     if held:
         gain = gap.get("held_out_gain_sigmas")
-        tail = f": the effect predicts them better by {gain:.0f} sigmas" if gain else ""
-        text.append(f"Held out, whole runs: {', '.join(held)}{tail}; {HELD_OUT}.")
+        tail = f", which the effect predicts better by {gain:.0f} sigmas" if gain else ""
+        text.append(f"Held-out runs: {', '.join(held)}{tail}; {HELD_OUT}.")
     if lost and closes(content):
-        text.append(f"Not followed by the model that was chosen: {', '.join(lost)}. Look at these recordings first.")
+        text.append(f"The chosen model does not follow {', '.join(lost)}. Inspect these recordings first.")
     constancy = content.get("constancy") or {}
     rows = tuple(
-        (halves, percent_text(p), "no: not the same" if p < CHANCE else "yes")
-        for halves, p in constancy.items()
-        if p is not None
+        (halves, percent_text(p), "no" if p < CHANCE else "yes") for halves, p in constancy.items() if p is not None
     )
     caption = (
-        "Is the effect of one size in both halves of the runs? Probability of a difference as large as this by chance."
+        "Is the size of the effect equal in both halves of the runs? Probability of a difference this large by chance."
     )
-    tables = (Table(caption, ("halves", "probability", "one size"), rows),) if rows else ()
+    tables = (Table(caption, ("halves", "probability", "equal size"), rows),) if rows else ()
     figure = gap_before_after(gap, lost, after=closes(content))
     return Section("diagnosis-gap", "Does the gap close?", _full(text), (figure,) if figure else (), tables)
 
@@ -137,11 +137,12 @@ def _rivals(content: Json) -> Section | None:
     if not rows:
         return None
     caption = (
-        "Every other set of effects that came near, the best first. Behind: by how much less probable it makes these "
-        "runs, in natural logarithms, priors counted; 3 is odds of 20 to 1."
+        "The best other sets of effects. Behind: natural logarithm of the odds against it, with priors; 3 is odds of "
+        "20 "
+        "to 1."
     )
-    table = Table(caption, ("instead", "probability", "behind", "why not"), rows, words=True)
-    return Section("diagnosis-rivals", "What else was tried", tables=(table,))
+    table = Table(caption, ("effects", "probability", "behind", "reason against it"), rows, words=True)
+    return Section("diagnosis-rivals", "Alternatives", tables=(table,))
 
 
 def _small_print(content: Json) -> Section | None:
@@ -149,23 +150,24 @@ def _small_print(content: Json) -> Section | None:
     text = []
     if noise:
         scatter = noise.get("run_to_run")
-        varies = "what differs from run to run is part of that"
+        varies = "this includes the scatter from run to run"
         if scatter:
             friction, speed = (percent_text(scatter.get(key)) for key in ("friction", "wheel_speed"))
-            varies = f"from run to run friction varies by {friction} and wheel speed by {speed}"
+            varies = f"from run to run, friction scatters by {friction} and wheel speed by {speed}"
         text.append(
-            f"Estimated from these runs: marks scatter by {length(noise['mark_sigma_mm'])}, "
+            f"Noise estimated from these runs: marks, {length(noise['mark_sigma_mm'])} (1 sigma), "
             f"correlated over {value_text(noise['correlation_s'])} s; {varies}."
         )
         if noise.get("common_drift_mm"):
             text.append(
-                f"Both marks drift together by {length(noise['common_drift_mm'])} within a run, as where the camera "
-                "moves against the plate (a stand that warms or settles, warm air). What is named is more than that."
+                f"Both marks drift together by {length(noise['common_drift_mm'])} RMS within a run, for example "
+                "because "
+                "the camera moves against the plate or because of warm air. This is treated as noise."
             )
         if noise.get("friction_in_10_mm"):
             text.append(
-                f"Along the way of a run friction changes by {percent_text(noise['friction_in_10_mm'])} in 10 mm, as "
-                "on a plate that is not equally clean everywhere. What is named is more than that."
+                f"Friction varies by {percent_text(noise['friction_in_10_mm'])} over 10 mm of path, for example on a "
+                "plate that is unevenly clean. This is treated as noise."
             )
     text += unlike_sentences(content)
     text.append(left_out_sentence(content))
@@ -174,10 +176,8 @@ def _small_print(content: Json) -> Section | None:
         (key, signed_percent(item["relative_change"]), percent_text(item["sigma"]), percent_text(item["tolerance"]))
         for key, item in nominal.items()
     )
-    caption = (
-        "Nominal values: in every fit, without and with effects, they may move within the tolerance of robot.toml."
-    )
-    tables = (Table(caption, ("value", "moved", "standard uncertainty", "tolerance"), rows),) if rows else ()
+    caption = "Nominal values: every fit, with or without effects, adjusts them within the tolerances of robot.toml."
+    tables = (Table(caption, ("value", "adjusted by", "standard uncertainty", "tolerance"), rows),) if rows else ()
     if not _full(text) and not tables:
         return None
     return Section("diagnosis-noise", "Noise, scatter and nominal values", _full(text), (), tables)

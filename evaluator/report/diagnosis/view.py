@@ -1,4 +1,4 @@
-"""What the report knows of a diagnosis: the content of diagnosis.json, the pieces behind it, and whether it holds."""
+"""A diagnosis as the report sees it: diagnosis.json, the residuals of the runs, and whether it is up to date."""
 
 from __future__ import annotations
 

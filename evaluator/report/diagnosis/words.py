@@ -1,4 +1,4 @@
-"""A diagnosis in words: verdict, sizes, gap and next run, for the report and the screen."""
+"""Sentences of a diagnosis: verdict, sizes, gap and next runs, for report, terminal and studio."""
 
 from __future__ import annotations
 
@@ -23,47 +23,48 @@ def verdict_sentence(content: Json) -> str:
         found = "; and ".join(f"{effect['name']} ({effect['id']}){_sizes(effect)}" for effect in effects)
         return f"Missing in the model: {found}."
     if content.get("verdict") == "unknown":
-        return f"Something is missing that no known effect explains{_description(content)}."
+        return f"The model lacks something that no known effect explains{_description(content)}."
     at_once = (content.get("known_together") or {}).get("sentence")
     if content.get("verdict") == "none" and (content.get("findings") or at_once):
         each = "; ".join(content.get("findings") or [])
-        parts = [f"by more than three of its tolerances, {each}"] if each else []
+        parts = [f"{each} (more than three tolerances)"] if each else []
         parts += [at_once] if at_once else []
-        return f"No effect has to be added, but not all is as stated: {'; and '.join(parts)}."
+        return f"No effect is missing, but not all values are as stated: {'; and '.join(parts)}."
     return {
         "none": "Nothing is missing: the model explains these runs within noise, scatter and tolerances.",
-        "insufficient": "These runs cannot decide what is missing.",
+        "insufficient": "These runs cannot decide whether an effect is missing, or which.",
     }.get(str(content.get("verdict")), "")
 
 
 def _description(content: Json) -> str:
-    """What is known of something that has no name: the free-form term, or else where it shows most."""
+    """Description of an unknown effect: the free-form term, or the largest disagreement."""
     free_first = sorted(content.get("effects") or [], key=lambda effect: effect["id"] != "free-form")
     free = "; and ".join(f"{effect['name']}{_sizes(effect)}" for effect in free_first)
     if free and closes(content):
-        return f"; what would explain it best: {free}"
+        return f"; the best free-form explanation is {free}"
     if free:
-        return f", and no term that was tried does: {free}"
+        return f", and no free-form term does either; the nearest is {free}"
     seen = [item["sentence"] for item in content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
-    return f", and no term that was tried does; most of all, {_with_minus(seen[0])}" if seen else ""
+    largest = f"; the largest disagreement: {_with_minus(seen[0])}"
+    return f", and no free-form term does either{largest}" if seen else ""
 
 
 def where_sentences(content: Json, most: int) -> list[str]:
-    """Where the robot file as it stands disagrees with the runs, at most so many sentences.
+    """Disagreements between the robot file and the runs, at most so many sentences.
 
-    Beside the verdict that nothing is missing, a first one says why that is no contradiction.
+    With the verdict "none", a first sentence says why that is no contradiction.
     """
     items = [item for item in content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
     sentences = [as_sentence(str(item["sentence"])) for item in items[:most]]
     if not sentences or content.get("verdict") != "none":
         return sentences
-    left = "no more than does not matter" if content.get("negligible") else "nothing that is more than chance"
-    tail = f"with its values adjusted within their tolerances {left} is left of it:"
-    return [f"The robot file as it stands is off, and {tail}", *sentences]
+    left = "relevant" if content.get("negligible") else "significant"
+    tail = f"with values adjusted within their tolerances, no {left} disagreement remains."
+    return [f"With the nominal values of the robot file, the runs disagree as follows; {tail}", *sentences]
 
 
 def closes(content: Json) -> bool:
-    """Whether there is a model with which to look at the gap again: not where nothing that was tried explains it."""
+    """Whether a model was found that explains the runs, so that the gap has an "after"."""
     effects = content.get("effects") or []
     return content.get("verdict") != "unknown" or any(effect.get("fitted", True) for effect in effects)
 
@@ -113,50 +114,51 @@ def with_interval(value: Json) -> tuple[str, str, str]:
 
 
 def equivalents_sentence(effect: Json) -> str:
-    """What these runs cannot tell from an effect; empty where nothing."""
+    """Effects that these runs cannot distinguish from this one; empty without any."""
     others = effect.get("equivalent") or []
     if not others:
         return ""
     named = [f"{EFFECTS[other].name} ({other})" if other in EFFECTS else other for other in others]
-    return f"These runs cannot tell it from: {', or '.join(named)}."
+    return f"These runs cannot distinguish it from: {', or '.join(named)}."
 
 
-WORTH_A_WORD = math.log(20.0)  # odds at which a rival is told: 5 % against
+REPORTED_LOG_ODDS = math.log(20.0)  # a rival with less probability against it than 5 % is reported
 
 
 def left_out_sentence(content: Json) -> str:
-    """Which runs the diagnosis makes no use of, and why; empty where it uses all."""
+    """Runs that the diagnosis does not use, with reasons; empty if it uses all."""
     why = (content.get("skipped_runs") or {}) | (content.get("left_out_runs") or {})
     runs = "; ".join(f"{run} ({in_words(reason)})" for run, reason in why.items())
     return f"Left out of the diagnosis: {runs}." if runs else ""
 
 
 def unlike_sentences(content: Json) -> list[str]:
-    """Runs that the model follows and that are unlike the others: a dirty wheel, a battery, another plate."""
+    """Sentences on runs that the model follows with friction or wheel speeds unlike the others; empty without any."""
     told = [as_sentence(str(item["sentence"])) for item in content.get("unlike_runs") or []]
-    return ["Followed, and unlike the others (dirt, a battery, a plate that was wiped?):", *told] if told else []
+    return ["Runs unlike the others, for example because of dirt, the battery or a wiped plate:", *told] if told else []
 
 
 def not_tried_sentence(content: Json) -> str:
-    """Which effects these runs cannot show; empty where all were tried."""
+    """Effects that these runs cannot show; empty if all were tested."""
     effects = content.get("not_tried") or []
-    reason = "The poses of each run begin at the origin of its own frame, so effects that are fixed to the plate"
-    return f"{reason} were not tried: {', '.join(effects)}." if effects else ""
+    reason = "Poses are relative to the start of each run, so effects that are fixed to the plate"
+    return f"{reason} were not tested: {', '.join(effects)}." if effects else ""
 
 
 def rivals_sentence(content: Json) -> str:
-    """The best rival that is more probable than the verdict, by less than is asked of an effect; empty where none is.
+    """The best rival that is more probable than the verdict, but by less than the required odds; empty without one.
 
-    None that needs values beyond what is known of them, and no form without a name: such a one has its own verdict.
+    Rivals that strain tolerances, and free-form terms, are left out: these have verdicts of their own.
     """
     if content.get("verdict") not in ("none", "effect"):
         return ""
     for rival in content.get("rivals") or []:
         effects, odds = rival.get("effects") or [], rival.get("log_odds")
         named = effects and not any(str(effect).startswith(PREFIX) for effect in effects)
-        if named and odds is not None and odds > WORTH_A_WORD and not rival.get("strains"):
+        if named and odds is not None and odds > REPORTED_LOG_ODDS and not rival.get("strains"):
             words = " with ".join(map(words_of, effects))
-            return f"Perhaps, at odds of {significant(math.exp(min(odds, 20.0)), 2)} to 1, less than is asked: {words}."
+            ratio = significant(math.exp(min(odds, 20.0)), 2)
+            return f"Possible, but below the required odds: {words} (odds of {ratio} to 1)."
     return ""
 
 
@@ -164,20 +166,20 @@ RUN_KEYS = ("left_rpm", "right_rpm", "duration_s", "x_mm", "y_mm", "heading_deg"
 
 
 def next_runs(content: Json) -> list[Json]:
-    """The runs that a diagnosis proposes; those of other programs may be described otherwise, and are left out."""
+    """Further runs that a diagnosis proposes; entries without all `RUN_KEYS` (of other programs) are left out."""
     following = content.get("next_experiment")
     runs = following.get("runs") if isinstance(following, dict) else None
     return [run for run in runs or [] if isinstance(run, dict) and run.keys() >= set(RUN_KEYS)]
 
 
 def next_runs_sentence(content: Json) -> str:
-    """Which runs would tell more; empty where none would."""
+    """Further runs that would be informative; empty without any."""
     runs = next_runs(content)
-    return f"What would tell more: {'; '.join(map(_run_words, runs))}." if runs else ""
+    return f"Most informative further runs: {'; '.join(map(_run_words, runs))}." if runs else ""
 
 
 def separations_sentence(content: Json) -> str:
-    """What the proposed runs would separate, and what no runs of this rig would; empty where nothing is left."""
+    """Effects that the proposed runs would distinguish, and those that no runs of this rig would; empty if neither."""
     following = content.get("next_experiment")
     if not isinstance(following, dict):
         return ""
@@ -185,12 +187,13 @@ def separations_sentence(content: Json) -> str:
     parts = []
     if apart:
         told = _listed([f"{sigmas:.1f} sigmas from {words_of(name)}" for name, sigmas in apart.items()])
-        parts.append(f"Expected separation once such runs are made, with those at hand: {told}.")
+        parts.append(f"Expected separation with these further runs: {told}.")
     if beyond:
         told = _listed([f"{words_of(name)} ({sigmas:.1f} sigmas)" for name, sigmas in beyond.items()])
         parts.append(
-            f"Not even {following.get('most_runs', 'many')} more runs at these speeds on this plate would tell it from "
-            f"{told}: look at the robot, the plate and the wires, or drive faster."
+            f"Even {following.get('most_runs', 'many')} further runs at these speeds on this plate would not "
+            "distinguish "
+            f"it from {told}: inspect the robot, the plate and the wires, or drive faster."
         )
     return " ".join(parts)
 
@@ -223,11 +226,11 @@ def effect_words(name: str) -> str:
     return term.describe() if term is not None else name
 
 
-NOISE_OF_GROUND = "what ground and tracker do and no model says makes"
+NOISE_FLOOR, FLOOR_OF_GROUND = "the noise floor is", "the noise floor, with unmodelled effects of the ground, is"
 
 
 def gap_sentence(content: Json) -> str:
-    """Before and after, on fitted runs and on those held out, against the noise; empty where there is no gap."""
+    """Gap before and after, on fitted and held-out runs, beside the noise floor; empty without a gap."""
     gap = content.get("gap") or {}
     if not gap.get("before"):
         return ""
@@ -239,23 +242,20 @@ def gap_sentence(content: Json) -> str:
             return ""
         return f"{f'from {length(before)} to {length(after)}' if again else length(before)} on {where}"
 
-    parts = " and ".join(
-        filter(None, (change("fit", "the runs that were fitted"), change("held_out", "held-out runs")))
-    )
-    # where run-to-run scatter is not told apart, as on open ground, the noise is what the best model leaves
+    parts = " and ".join(filter(None, (change("fit", "fitted runs"), change("held_out", "held-out runs"))))
+    # without an estimate of run-to-run scatter, as on open ground, the noise is the residual of the best model
     told_apart = (content.get("noise") or {}).get("run_to_run", True)
-    left = "noise alone, of marks, camera and plate, makes" if told_apart else NOISE_OF_GROUND
-    noise = f"{left} {length(gap['noise_floor'])}"
+    noise = f"{NOISE_FLOOR if told_apart else FLOOR_OF_GROUND} {length(gap['noise_floor'])}"
     if not again:
-        return f"The distance between model and marks is {parts}; {noise}."
+        return f"The RMS distance between simulated and measured marks is {parts}; {noise}."
     if not content.get("effects") and gap["before"] == gap["after"]:
-        return f"The distance between model and marks is {parts}; {noise}."
-    how = "With what was found" if content.get("effects") else "With nominal values moved within their tolerances"
-    return f"{how}, the distance between model and marks goes {parts}; {noise}."
+        return f"The RMS distance between simulated and measured marks is {parts}; {noise}."
+    how = "With the effects found" if content.get("effects") else "With nominal values adjusted within their tolerances"
+    return f"{how}, the RMS distance between simulated and measured marks changes {parts}; {noise}."
 
 
 def in_words(text: str) -> str:
-    """A sentence with free-form terms in words."""
+    """A sentence with the ids of free-form terms replaced by words."""
     return re.sub(re.escape(PREFIX) + r"[\w.+=-]+", lambda match: effect_words(match[0]), text)
 
 

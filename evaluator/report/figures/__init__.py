@@ -1,1 +1,1 @@
-"""The report's figures, each a function from runs to a finished Figure, or None where the runs cannot show it."""
+"""The report's figures: each is a function from runs to a Figure, or None if the runs lack the data."""

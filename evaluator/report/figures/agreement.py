@@ -41,8 +41,8 @@ def radius_agreement(runs: Sequence[RunView]) -> Figure | None:
     return Figure(
         "radius-agreement",
         "Where model and robot disagree",
-        "The bar is the measured radius with its 95 % interval, set to zero; the square is how far the simulation is "
-        "off. Squares on one side point to a wrong parameter; a pattern by direction or speed, to a missing effect.",
+        "Bar: 95 % interval of the measured radius, relative to it. Square: deviation of the simulated radius. Squares "
+        "on one side suggest a wrong parameter; a pattern by direction or speed suggests a missing effect.",
         (canvas.svg,),
         pd.DataFrame(
             {

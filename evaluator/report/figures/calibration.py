@@ -1,4 +1,4 @@
-"""What a calibration rests on: residuals, where dots were seen, and how the lens bends."""
+"""Figures of a calibration: residuals, coverage, lens distortion and flatness of the gauge."""
 
 from __future__ import annotations
 
@@ -35,11 +35,10 @@ def residual_vectors(calibration: Calibration) -> Figure:
     names = np.repeat([view.name for view in calibration.views], [len(view) for view in calibration.views])
     return Figure(
         "residual-vectors",
-        "What remains",
-        f"Measured minus predicted place of each dot, {stretch:g} times enlarged; RMS {calibration.rms_px:.3g} px per "
-        "axis. "
-        "Arrows without order are noise. Neighbours that point the same way mean that the gauge is bent or the lens "
-        "model does not fit.",
+        "Residuals",
+        f"Measured minus predicted position of each dot, {stretch:g} times enlarged; RMS {calibration.rms_px:.3g} px "
+        "per axis. Random arrows are noise. If neighbouring arrows agree, the gauge is bent or the lens model does not "
+        "fit.",
         (canvas.svg,),
         pd.DataFrame({"image": names, "x_px": points[:, 0], "y_px": points[:, 1]}).assign(
             residual_x_px=residual[:, 0], residual_y_px=residual[:, 1]
@@ -65,10 +64,10 @@ def coverage_map(calibration: Calibration, best: NextImage | None = None) -> Fig
     rows = [(view.name, *point) for view in calibration.views for point in view.centers_px]
     return Figure(
         "coverage",
-        "Where dots were seen",
-        "One colour and marker an image; the cross is the principal point with its 95 % interval. Distortion is known "
-        "where dots were, and extrapolated elsewhere. The arrows are x and y of the plate frame."
-        + ("" if best is None else " Dashed: the gauge in the image that would help most next."),
+        "Coverage",
+        "Dots of all images, one colour and marker per image. Outside of them, distortion is extrapolated. Cross: "
+        "principal point with its 95 % interval. Arrows: x and y of the plate frame."
+        + ("" if best is None else " Dashed: the gauge in the most useful further image."),
         (canvas.svg,),
         pd.DataFrame(rows, columns=["image", "x_px", "y_px"]),
     )
@@ -115,9 +114,9 @@ def gauge_face(calibration: Calibration) -> Figure | None:
         axes.set_ylabel("y on the gauge, mm")
     return Figure(
         "gauge-face",
-        "How the gauge is bent",
-        f"Height of its face over its mean plane (broken lines are below it), solved from all images; peak to "
-        f"valley {found.peak_to_valley_mm:.3g} mm ({found.low_mm:.3g} to {found.high_mm:.3g}, 95 %).",
+        "Flatness of the gauge",
+        f"Height of its face above its mean plane (dashed: below), estimated from all images; peak to valley "
+        f"{found.peak_to_valley_mm:.3g} mm ({found.low_mm:.3g} to {found.high_mm:.3g}, 95 %).",
         (canvas.svg,),
         pd.DataFrame({"x_mm": place[..., 0].ravel(), "y_mm": place[..., 1].ravel(), "height_um": height_um.ravel()}),
     )
@@ -149,11 +148,10 @@ def distortion_map(camera: Camera) -> Figure:
     factor = "at true length" if stretch == 1 else f"{stretch:g} times their length"
     return Figure(
         "distortion",
-        "What the lens does",
-        f"Arrows, {factor}, end where the lens shows a point and begin where one without distortion would; "
-        f"{largest:.3g} px at most."
+        "Lens distortion",
+        f"Arrows, {factor}, lead from the position without distortion to the distorted one; at most {largest:.3g} px."
         if largest > 0
-        else "The lens moves no point: the model that fits best has no distortion.",
+        else "The selected lens model has no distortion.",
         (canvas.svg,),
         pd.DataFrame({"x_px": grid[:, 0], "y_px": grid[:, 1], "shift_x_px": shift[:, 0], "shift_y_px": shift[:, 1]}),
     )

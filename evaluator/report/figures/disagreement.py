@@ -1,4 +1,4 @@
-"""Where measurement and model disagree: what it depends on, in sigmas, and the pieces of the runs themselves."""
+"""Figures of the disagreement between measurement and model: dependences in sigmas, and residuals by second."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ MOST_PANELS = 6
 MOST_POINTS = 250  # of a panel: more hide each other, and make the page heavy
 SHORT = {"along_mm_s": "along", "across_mm_s": "sideways", "yaw_deg_s": "yaw rate"}
 FULL_SIGMAS = 12.0  # the darkest shade
-ON_PLATE_WORDS = " On the plate: triangles up more, down less than simulated, before."
-AFTER_WORDS = "; dots: after, with what was found"
+ON_PLATE_WORDS = " On the plate, before: triangles up, measured more than simulated; down, less."
+AFTER_WORDS = "; dots: after, with the effects found"
 BEFORE: dict[str, Any] = {"color": VERMILLION, "marker": "s", "mfc": "none", "mew": 0.8, "ms": 4.0, "ls": "none"}
 AFTER: dict[str, Any] = {"color": BLUE, "marker": "o", "ms": 2.6, "ls": "none"}
 
@@ -61,9 +61,8 @@ def disagreement_map(pieces: pd.DataFrame, *, after: bool = True) -> Figure:
     return Figure(
         "disagreement-map",
         "What the disagreement depends on",
-        f"Significance in sigmas, run-to-run scatter counted; {SHOWN_SIGMAS:g} and more, in bold, is not chance. Even: "
-        "the same whichever way the robot drives; odd: of opposite sign when it drives backward. An empty place: these "
-        "runs cannot tell.",
+        f"Significance in sigmas, with run-to-run scatter; bold from {SHOWN_SIGMAS:g} on. Even: same sign forward and "
+        "backward; odd: opposite sign backward. Empty cell: not determined by these runs.",
         (canvas.svg,),
         pd.DataFrame(rows, columns=["quantity", "by", "model", "sigmas"]),
     )
@@ -112,10 +111,10 @@ def disagreement_panels(pieces: pd.DataFrame, *, after: bool = True) -> Figure |
         panels.append(canvas.svg)
     return Figure(
         "disagreement",
-        "The disagreement itself, second by second",
-        "Measured minus simulated, a point for about a second of a run. Open squares: before, with the model as "
-        f"robot.toml has it{AFTER_WORDS if after else ''}. Where a sign follows the motion, backward pieces are turned "
-        f"over, so that one line shows it.{ON_PLATE_WORDS if any(_axis(item) == 'place' for item in shown) else ''}",
+        "Disagreement, second by second",
+        "Measured minus simulated; each point is about one second of a run. Open squares: before, the model of "
+        f"robot.toml{AFTER_WORDS if after else ''}. Where the sign follows the motion, backward pieces have their sign "
+        f"reversed.{ON_PLATE_WORDS if any(_axis(item) == 'place' for item in shown) else ''}",
         tuple(panels),
         pieces,
         (Line("vermillion", "before", marker="square"), Line("blue", "after", marker="dot")) if after else (),
@@ -157,7 +156,7 @@ def _against(axes: Axes, pieces: pd.DataFrame, item: Dependence, *, after: bool)
     names = {
         "speed": "speed, rpm (backward negative)",
         "difference": "right minus left, rpm",
-        "both": "right minus left, rpm, backward turned over",
+        "both": "right minus left, rpm, sign reversed backward",
         "heading_deg": "heading on the plate, °",
         "time_s": "time since the command, s",
         "order": "run of the session",

@@ -1,4 +1,4 @@
-"""Before and after: the gap between model and data without and with the effect that was found."""
+"""The gap between model and data, without and with the effects found."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from evaluator.report.numbers import METRES, MILLIMETRES
 from evaluator.report.style import BLUE, FAINT, INK, SOFT, VERMILLION, Figure, drawing, plain_numbers
 
 MOST_ROWS = 40
-AFTER = "; dots: with what was found"
-HELD_OUT = "no effect was fitted to them; which effects the model has was decided with all runs"
+AFTER = "; dots: with the effects found"
+HELD_OUT = "the sizes of the effects were fitted without them; which effects the model has was decided with all runs"
 
 
 def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, after: bool = True) -> Figure | None:
@@ -30,11 +30,11 @@ def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, a
     chosen = list(table.loc[order].index[:MOST_ROWS])
     unit = MILLIMETRES if table["before"].max() < 1.0 else METRES  # shown in the smaller one: µm or mm
     before, after_mm, floor = (table.loc[chosen, name].to_numpy() for name in ("before", "after", "noise_floor"))
-    aside = np.array([run in held for run in chosen])
+    held_out = np.array([run in held for run in chosen])
     rows = np.arange(len(chosen))[::-1]
     with drawing("gap", height=1.1 + 0.2 * len(chosen)) as canvas:
         (axes,) = canvas.axes
-        for row in rows[aside]:
+        for row in rows[held_out]:
             axes.axhspan(row - 0.5, row + 0.5, color=FAINT, lw=0)
         axes.hlines(rows, after_mm if after else floor, before, color=SOFT, lw=0.8)
         axes.plot(before, rows, color=VERMILLION, marker="s", mfc="none", ls="none", label="before")
@@ -46,20 +46,21 @@ def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, a
         axes.grid(visible=False, axis="y")
         axes.set_xscale("log")
         plain_numbers(axes.xaxis, unit.small_mm)
-        axes.set_xlabel(f"distance between model and marks, {unit.small} RMS")
+        axes.set_xlabel(f"RMS distance of simulated and measured marks, {unit.small}")
         canvas.canvas.legend(loc="outside upper right", ncols=3)
     shown = "" if len(chosen) == len(table) else f" The {MOST_ROWS} runs with the largest gap of {len(table)}."
     return Figure(
         "gap",
         "The gap, before and after" if after else "The gap",
-        f"Squares: the model as robot.toml has it{AFTER if after else ''}. Points at the strokes mean that nothing is "
-        "left but noise. Start pose and the scatter of the run are taken out. The shaded runs were held out: "
+        f"Squares: the model of robot.toml{AFTER if after else ''}. Strokes: noise floor. The start pose and random "
+        "effects "
+        "of each run are fitted. Shaded runs were held out: "
         f"{HELD_OUT}.{shown}",
         (canvas.svg,),
         pd.DataFrame(
             {
                 "run": chosen,
-                "kept_aside": aside,
+                "kept_aside": held_out,
                 "followed": [run not in not_followed for run in chosen],
                 "before_um": 1000 * before,
                 "after_um": 1000 * after_mm,
@@ -69,6 +70,6 @@ def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, a
     )
 
 
-def _label(run: str, aside: bool, lost: bool) -> str:
-    said = [word for word, true in (("held out", aside), ("not followed", lost)) if true]
+def _label(run: str, held_out: bool, lost: bool) -> str:
+    said = [word for word, true in (("held out", held_out), ("not followed", lost)) if true]
     return f"{run} ({', '.join(said)})" if said else run

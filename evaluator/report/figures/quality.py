@@ -1,4 +1,4 @@
-"""How good the measurement is: the running check of scale, frames lost, uncertainty of the camera over the field."""
+"""Figures of measurement quality: scale check, lost frames, uncertainty of the camera over the field."""
 
 from __future__ import annotations
 
@@ -24,19 +24,20 @@ def scale_check(runs: Sequence[RunView]) -> Figure | None:
         axes.errorbar(order, off, 1.96 * sigma, color=BLUE, marker="o", ls="none", capsize=2.5, lw=1.2)
         few = order if len(runs) <= 12 else order[:: -(-len(runs) // 12)]
         axes.set_xticks(few, [runs[index].id for index in few], rotation=35, ha="right", rotation_mode="anchor")
-        axes.set_ylabel("distance of the marks, % off robot.toml")
+        axes.set_ylabel("distance of the marks, % from robot.toml")
     return Figure(
         "scale-check",
-        "Is a millimetre a millimetre?",
-        "The distance of the two marks is known and the same in every frame. All runs off by the same amount: wrong "
-        "calibration, mark height or robot.toml. One run off: look at its video. Bars: 95 % for independent frames.",
+        "Scale check",
+        "Measured distance of the two marks, relative to robot.toml. If all runs deviate by the same amount, "
+        "calibration, "
+        "mark height or robot.toml is wrong; if one run does, inspect its video. Bars: 95 % for independent frames.",
         (canvas.svg,),
         pd.DataFrame({"run": [run.id for run in runs], "off_percent": off, "sigma_percent": sigma}),
     )
 
 
 def lost_frames(runs: Sequence[RunView]) -> Figure | None:
-    """When the marks were not seen; None where they always were."""
+    """Times without a pose; None if every frame has one."""
     lost = [(run, run.poses["time_s"][run.poses["x_mm"].isna()].to_numpy()) for run in runs]
     lost = [(run, times) for run, times in lost if len(times)]
     if not lost:
@@ -54,8 +55,9 @@ def lost_frames(runs: Sequence[RunView]) -> Figure | None:
     return Figure(
         "lost-frames",
         "Frames without a pose",
-        "Each stroke is a frame in which a mark was not found or not believed; the data give each reason. Strokes "
-        "at one place of the plate point to glare or an edge of the image.",
+        "Each stroke is a frame in which a mark was not found or was rejected; the data give each reason. Strokes at "
+        "one "
+        "position on the plate suggest glare or the edge of the image.",
         (canvas.svg,),
         pd.DataFrame(rows, columns=["run", "time_s", "reason"]),
     )
@@ -81,9 +83,9 @@ def camera_uncertainty(camera: Camera, height_mm: float) -> Figure:
         axes.set_ylabel("y, mm")
     return Figure(
         "camera-uncertainty",
-        "How well the camera knows a place",
+        "Uncertainty of the camera",
         f"Standard uncertainty of a coordinate on the plane {height_mm:g} mm above the plate, from the calibration "
-        "alone: the part that more frames would not improve. The frame is the edge of the image.",
+        "alone; more frames do not reduce it. The frame is the edge of the image.",
         (canvas.svg,),
         pd.DataFrame(
             {

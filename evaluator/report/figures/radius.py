@@ -34,8 +34,9 @@ def radius_against_difference(runs: Sequence[RunView]) -> Figure | None:
     return Figure(
         "radius-difference",
         "Radius against difference of rotational frequency",
-        "Each circle is a run, with its 95 % interval; the square at the same place is its simulation. Where a square "
-        "lies outside the interval, model and robot disagree. (Figure 18 of the paper.)",
+        "Circles: runs with 95 % intervals; squares: their simulations. Where a square lies outside the interval, "
+        "model "
+        "and robot disagree. (Figure 18 of the paper.)",
         (canvas.svg,),
         _radius_data(turning),
     )
@@ -96,8 +97,9 @@ def radius_by_group(runs: Sequence[RunView]) -> Figure | None:
     return Figure(
         "radius-groups",
         "Forward and backward, group by group",
-        "Filled marks are forward runs, open triangles backward runs. A pair that is apart by more than its intervals "
-        "turns differently in the two directions. (Figure 22 of the paper.)",
+        "Filled: forward runs; open triangles: backward runs. If the intervals of a pair do not overlap, the robot "
+        "turns "
+        "differently in the two directions. (Figure 22 of the paper.)",
         (canvas.svg,),
         data,
     )

@@ -1,4 +1,4 @@
-"""Repetitions of each command about their mean: scatter from run to run beside the uncertainty of each run."""
+"""Repetitions of each command about their mean, with run-to-run scatter and the uncertainty of each run."""
 
 from __future__ import annotations
 
@@ -49,9 +49,10 @@ def repetitions(runs: Sequence[RunView], pooled: pd.DataFrame) -> Figure | None:
     columns = ["run", "group", "left_rpm", "right_rpm", "off_percent", "sigma_percent", "between_percent"]
     return Figure(
         "repetitions",
-        "Do repetitions repeat?",
-        "Each circle is a run with the 95 % interval that noise gives it; the grey band is the scatter from run to run "
-        "(one standard deviation, noise taken off). A band wider than the bars: the robot varies, not the measurement.",
+        "Scatter of repetitions",
+        "Circles: runs with 95 % intervals from noise. Grey band: scatter from run to run (one standard deviation, "
+        "noise "
+        "subtracted). A band wider than the bars means that the robot varies, not the measurement.",
         (canvas.svg,),
         pd.DataFrame(data, columns=columns),
     )

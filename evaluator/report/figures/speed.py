@@ -36,8 +36,9 @@ def straight_speed(runs: Sequence[RunView], wheel_radius_mm: float) -> Figure | 
     return Figure(
         "straight-speed",
         "Straight runs: speed against rotational frequency",
-        "On the line the wheels roll without slip. Marks apart from each other mean that the run was not "
-        "straight; all below the line, that the wheels slip or turn slower than commanded. (Figure 17 of the paper.)",
+        "Line: rolling without slip. Different speeds of the marks mean that the run was not straight; points below "
+        "the "
+        "line, that the wheels slip or turn slower than commanded. (Figure 17 of the paper.)",
         (canvas.svg,),
         pd.DataFrame(
             {

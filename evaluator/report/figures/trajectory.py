@@ -38,9 +38,8 @@ def trajectories(runs: Sequence[RunView]) -> Figure | None:
     return Figure(
         "trajectories",
         "Trajectories and circles of minimum radius",
-        "The dot is the start. The thin circle is the minimum turning radius; where the dashed line leaves the thick "
-        "one, the simulation leaves the robot. One run per command, forward and backward side by side; all are in the "
-        "player. (Figure 19 of the paper.)",
+        "Thick: measured; dashed: simulated; thin circle: minimum turning radius; dot: start. One run per command, "
+        "forward and backward side by side; the player shows all runs. (Figure 19 of the paper.)",
         tuple(panels),
         pd.concat([_data(run) for run in chosen], ignore_index=True),
         legend=legend_of(chosen),

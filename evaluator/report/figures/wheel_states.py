@@ -66,7 +66,7 @@ def wheel_states_figure(name: str, title: str, robot: Robot, turn: SteadyTurn) -
     caption = (
         f"Moving {motion}, radius {abs(turn.radius_mm) / unit.mm:.2f} {unit.name}. Thick orange arrows: friction on "
         "each wheel; thin blue arrows: velocity of the wheel over the ground; dotted lines: radii from the centre of "
-        f"the turn (cross).{ROLLS_FREELY if free else ''} Seen from above, front at the top."
+        f"the turn (cross).{ROLLS_FREELY if free else ''} View from above, front at the top."
     )
     return Figure(name, title, caption, (canvas.svg,), table)
 

@@ -1,1 +1,1 @@
-"""Sections on how well was measured."""
+"""Sections on measurement uncertainty."""

@@ -16,16 +16,17 @@ LEAST_DEG = 1e-6  # less is the rounding of a subtraction
 
 
 def budget_section(run: RunView, budget: Budget) -> Section:
-    """What each source contributes to radius, speed and heading of one run."""
+    """Section on the contribution of each source to radius, speed and heading of one run."""
     radius = budget.turning.radius_mm
     measured = budget.combined(measured_only=True)
     everything = budget.combined(measured_only=False)
     rows = tuple(_row(item, radius) for item in (*budget.contributions, measured, everything))
     caption = (
-        f"Standard uncertainties (GUM, JCGM 100) of run {run.id}: the run was measured again with one source changed "
-        "at a time. Those of the measurement make the intervals of this report. What robot.toml and the clock are off "
-        "by is the same in all runs of a robot: it does not blur a comparison of runs, but one with the model. "
-        "[known_to] says how well it is known."
+        f"Standard uncertainties (GUM, JCGM 100) of run {run.id}, measured again with one source changed at a time. "
+        "The "
+        "intervals of this report contain those of the measurement. Errors of robot.toml and the clock are common to "
+        "all "
+        "runs of a robot: they affect a comparison with the model, not one between runs. Their sizes are in [known_to]."
     )
     head = ("source", "radius, µm", "radius, %", "speed, µm/s", "heading, deg", "")
     figure = _bars(run, budget)
@@ -38,8 +39,9 @@ def _sentence(budget: Budget) -> str:
     radius, measured = budget.turning.radius_mm, budget.combined(measured_only=True)
     largest = max(budget.contributions, key=lambda item: item.radius_mm)
     return (
-        f"The measurement knows the radius to {significant(100 * measured.radius_mm / radius, 2)} %. "
-        f"The largest source of all is: {largest.source}, {significant(100 * largest.radius_mm / radius, 2)} %."
+        f"Standard uncertainty of the radius from the measurement: "
+        f"{significant(100 * measured.radius_mm / radius, 2)} %. "
+        f"Largest source of all: {largest.source}, {significant(100 * largest.radius_mm / radius, 2)} %."
     )
 
 
@@ -73,7 +75,7 @@ def _bars(run: RunView, budget: Budget) -> Figure:
     return Figure(
         "budget-radius",
         f"Sources of the uncertainty of the radius, run {run.id}",
-        f"Each bar ends at the standard uncertainty that its source gives the radius, {LEAST_PERCENT:g} % at least.",
+        f"Standard uncertainty of the radius from each source, drawn with at least {LEAST_PERCENT:g} %.",
         (canvas.svg,),
         pd.DataFrame({"source": names, "radius_percent": percent}),
     )

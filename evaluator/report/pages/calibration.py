@@ -1,4 +1,4 @@
-"""The page of one calibration: verdict in plain words, next step, and the images that show why."""
+"""The page of a calibration: verdict, next steps, figures and tables."""
 
 from __future__ import annotations
 
@@ -55,22 +55,22 @@ def write_calibration_page(
             _sentence(verdict.summary),
             range_sentence,
             *(f"Next: {step}." for step in verdict.next_steps),
-            *([f"An image more would help: {advice.sentence}."] if advice.sentence else []),
+            *([f"Another image would help: {advice.sentence}."] if advice.sentence else []),
         ),
         sections=(
             Section(
                 "trust",
-                "Where millimetres can be trusted",
+                "Uncertainty over the image",
                 (),
                 (
                     camera_uncertainty(camera, verdict.mark_height_mm),
                     coverage_map(calibration, advice.next if advice.sentence else None),
                 ),
             ),
-            Section("fit", "How the model fits", (), _fit_figures(calibration)),
+            Section("fit", "Fit of the camera model", (), _fit_figures(calibration)),
             Section("numbers", "Numbers", tuple(map(_sentence, notes)), (), _tables(calibration)),
         ),
-        footer="Written by turnscope calibrate. Uncertainties are standard ones unless 95 % is said.",
+        footer="Written by turnscope calibrate. Uncertainties are standard uncertainties unless 95 % is stated.",
     )
     write_text(path, page_html(page))
 
@@ -94,7 +94,7 @@ def _tables(calibration: Calibration) -> tuple[Table, ...]:
     camera = calibration.camera
     named = [name for name in calibration.fit.state.free if camera.sigma(name) > 0]
     parameters = Table(
-        "Lens parameters that were fitted.",
+        "Fitted lens parameters.",
         ("parameter", "value", "standard uncertainty"),
         tuple((name, *_with_uncertainty(camera.value(name), camera.sigma(name))) for name in named),
     )
@@ -109,7 +109,8 @@ def _tables(calibration: Calibration) -> tuple[Table, ...]:
         ),
     )
     models = Table(
-        "Models tried, first the simplest of those that predict unseen dots as well as the best.",
+        "Lens models compared by cross-validation; the first is the simplest that is not significantly worse than "
+        "the best.",
         ("lens", "free parameters", "gauge", "held-out error, sigmas"),
         tuple(
             (trial.model, ", ".join(trial.free), FACES[trial.face], f"{np.sqrt(trial.held_out / 2):.4g}")

@@ -10,10 +10,10 @@ from evaluator.report.style import INK, MEASURED, SIMULATED, Figure, drawing
 from evaluator.workflow import CircularResult, circular_test_table
 
 CAPTION = (
-    "Understeer: by how much more the command must bend the path for every m/s² of lateral acceleration, as the angle "
-    "of steered wheels at the robot's wheelbase; positive: the faster, the wider it turns. Command over path: the "
-    "curvature that wheels without slip would give over the curvature driven, slowly. In brackets the 95 % interval, "
-    "from the scatter of the runs about the line."
+    "Understeer gradient: additional commanded curvature per m/s² of lateral acceleration, as the equivalent steering "
+    "angle at the robot's wheelbase; positive: the faster, the wider the turn. Command over path: curvature of rolling "
+    "without slip over the measured curvature, extrapolated to speed 0. In brackets: 95 % interval from the scatter of "
+    "the runs about the line."
 )
 
 
@@ -41,23 +41,23 @@ def _figure(found: CircularResult) -> Figure:
     assert found.measured is not None
     sides = (("measured", MEASURED, found.measured), ("simulated", SIMULATED, found.simulated))
     with drawing("circular-test", width=7.2, columns=2) as canvas:
-        wider, aside = canvas.axes
+        wider, sideslip = canvas.axes
         for name, look, test in sides:
             rows = test.points[test.points["series"] >= 0]
             slow = np.array([test.series[number].curvature_per_mm for number in rows["series"]])
             across = rows["lateral_acceleration_mm_s2"].to_numpy()
             wider.plot(across, rows["radius_mm"].to_numpy() * slow, label=name, **look.markers())
-            aside.plot(across, rows["sideslip_deg"].to_numpy(), **look.markers())
+            sideslip.plot(across, rows["sideslip_deg"].to_numpy(), **look.markers())
         wider.axhline(1, color=INK, lw=0.6)
-        aside.axhline(0, color=INK, lw=0.6)
-        wider.set_ylabel("radius over that of slow turns")
-        aside.set_ylabel("sideslip at the centre, out of the turn, °")
+        sideslip.axhline(0, color=INK, lw=0.6)
+        wider.set_ylabel("radius / radius of slow turns")
+        sideslip.set_ylabel("sideslip at the centre, out of the turn, °")
         for axes in canvas.axes:
             axes.set_xlabel("lateral acceleration, mm/s²")
         wider.legend()
     caption = (
-        "Rising to the right: the faster the robot drives, the wider it turns (understeer). Each point is a run; "
-        "simulated points are steady turns of the model at the same commands."
+        "Rising to the right: understeer. Each point is a run; simulated points are steady turns of the model at the "
+        "same commands."
     )
     return Figure(
         "circular-test", "Radius and sideslip against speed", caption, (canvas.svg,), circular_test_table(found)

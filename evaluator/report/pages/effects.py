@@ -1,4 +1,4 @@
-"""The catalogue of effects as one page: what each does, its law, where that is from and where it stops being true."""
+"""The catalogue of effects as one page: description, law, source and limits of each."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ LEFT_RPM, RIGHT_RPM, DURATION_S = 33.3, 14.4, 6.0  # the turn of the paper's Fig
 FRAMES_PER_S = 30
 RUN_INDEX = 10  # of what changes from run to run, the eleventh run is drawn
 SUMMARY = (
-    f"Each drawing: the {ROBOT} robot at {LEFT_RPM:g}/{RIGHT_RPM:g} rpm for {DURATION_S:g} s, without and with the "
-    f"effect, as a camera measures the robot's centre. Effects of open ground: the {OF_GROUND} robot, of 50 kg."
+    f"Each drawing: measured path of the centre of the {ROBOT} robot at {LEFT_RPM:g}/{RIGHT_RPM:g} rpm for "
+    f"{DURATION_S:g} s, without and with the effect. For effects of open ground: the {OF_GROUND} robot of 50 kg."
 )
-HEAD = ("parameter", "unit", "if not given", "fitted from", "to")
+HEAD = ("parameter", "unit", "default", "fitted from", "to")
 
 
 def effects_page() -> str:
@@ -73,12 +73,12 @@ def _section(effect: Effect, robot: Robot, plain: pd.DataFrame) -> Section:
             effect.sentence,
             f"Law: {effect.law}.",
             f"Source: {effect.source}.",
-            f"Where it stops being true: {effect.limits}",
+            f"Limits: {effect.limits}",
         ),
         figures=(effect_figure(effect.id, sizes, table),),
         tables=(
             Table(
-                "Parameters, and the bounds of a fit. At the values that hold if not given, the effect vanishes.",
+                "Parameters, and their bounds in a fit. At the default values the effect vanishes.",
                 HEAD,
                 parameter_rows(effect),
             ),

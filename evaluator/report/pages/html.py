@@ -1,4 +1,4 @@
-"""The page that every report is: one HTML file that needs nothing else."""
+"""The frame of all pages: a single self-contained HTML file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of a self-test: machine, versions, and each figure beside its claim."""
+"""The page of a self-test: machine, versions, and each figure with its claim."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def sentence_of(found: SelfTest) -> str:
         return f"All {len(found.outcomes)} claims hold on this machine ({seconds:.0f} s)."
     return (
         f"{failed} of {len(found.outcomes)} claims do not hold on this machine ({seconds:.0f} s): "
-        "please send this page to a maintainer."
+        "please send this page to the maintainers."
     )
 
 

@@ -35,13 +35,14 @@ def fit_sentences(fit: SlipFit, forces: pd.DataFrame) -> tuple[str, ...]:
     sigmas = f"{wheel:.3g} mN·mm (wheel) and {disk:.3g} mN·mm (disk)"
     sentences = [f"{fit.measurements} torques fitted; standard uncertainty {sigmas}, {source}."]
     if fit.sigmas_given:
-        widened = " Intervals are widened by it." if fit.misfit > 1 else ""
-        sentences.append(f"The law misses the torques by {fit.misfit:.2f} standard uncertainties RMS.{widened}")
+        widened = " The intervals are widened by this factor." if fit.misfit > 1 else ""
+        sentences.append(f"RMS residual of the fit: {fit.misfit:.2f} standard uncertainties.{widened}")
     unknown = int((forces["lateral_status"] != LATERAL_OK).sum())
     if unknown:
         sentences.append(
-            f"Lateral force unknown in {unknown} rows at slip angle 0, where the disk's torque says nothing of it; "
-            "their torques still take part in the fit."
+            f"Lateral force unknown in {unknown} rows at slip angle 0, where it does not act on the disk's torque; "
+            "their "
+            "torques are still used in the fit."
         )
     return tuple(sentences)
 

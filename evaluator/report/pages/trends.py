@@ -30,10 +30,10 @@ def change_sentences(found: Trends) -> tuple[str, ...]:
     ]
     count = f"{len(found.series)} quantities over {len(found.sessions)} sessions"
     if not sentences:
-        return (f"Nothing changed beyond scatter and noise: {count} were compared.",)
+        return (f"No significant change; {count} were compared.",)
     return (
         *map(true_minus, sentences),
-        f"{count} were compared; the chance of any false change is {100 * SIGNIFICANCE:g} %.",
+        f"{count} were compared; the probability of any false change is {100 * SIGNIFICANCE:g} %.",
     )
 
 
@@ -128,10 +128,10 @@ def _changes(found: Trends) -> Section:
         for change in series.changes
     )
     text = (
-        "A change is reported where two neighbouring stretches of sessions differ by more than the scatter from "
-        f"session to session and the noise allow, at {100 * SIGNIFICANCE:g} % for all quantities and splits together. "
-        "Sessions that share a camera file share its errors, which cancel; otherwise what the calibrations leave open "
-        "is counted."
+        "A change is reported if the mean of consecutive sessions before it differs from the mean after it, given "
+        "noise "
+        f"and scatter between sessions, at a significance of {100 * SIGNIFICANCE:g} % for all quantities and splits "
+        "together. Calibration errors cancel between sessions that share a camera file and are included otherwise."
     )
     tables = (Table("Changes", HEAD, rows),) if rows else ()
     return Section("changes", "Changes", (text,), tables=tables)
@@ -142,9 +142,7 @@ def _sessions(found: Trends) -> Section:
         (session.name, session.day.isoformat() if session.day else UNKNOWN, str(session.folder))
         for session in found.sessions
     )
-    return Section(
-        "sessions", "Sessions", tables=(Table("In the order of time.", ("session", "date", "folder"), rows),)
-    )
+    return Section("sessions", "Sessions", tables=(Table("In order of time.", ("session", "date", "folder"), rows),))
 
 
 def _when(found: Trends, at: int) -> str:

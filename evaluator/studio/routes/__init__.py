@@ -1,1 +1,1 @@
-"""What the browser may ask for, a file a screen."""
+"""Routes of the studio, one file per screen."""

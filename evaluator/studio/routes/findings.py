@@ -1,4 +1,4 @@
-"""The screens Results, Diagnosis and Sandbox: what was found, what it means, what would be."""
+"""Routes of the screens Results, Diagnosis and Sandbox."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The first screen: experiments and cameras of the folder, new ones, the samples; and jobs, which all screens show."""
+"""Routes of the first screen: experiments, cameras, samples; and of jobs, which all screens show."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The live camera of the screen Camera: what it shows with the dots in it, and images taken for the calibration."""
+"""Routes of the live camera: current frame with dots, and images for the calibration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Effects of the user's own on the screen Diagnosis: those beside the experiment, and a form for new ones."""
+"""Routes of user-defined effects on the screen Diagnosis."""
 
 from __future__ import annotations
 

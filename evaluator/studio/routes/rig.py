@@ -1,4 +1,4 @@
-"""The screens Marks and Camera: what the tracker sees and how it is helped; gauge images and what they are good for."""
+"""Routes of the screens Marks (candidates, settings, corrections) and Camera (gauge images, calibration)."""
 
 from __future__ import annotations
 

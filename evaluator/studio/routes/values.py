@@ -1,4 +1,4 @@
-"""What the gauge and the robot are said to be, value by value: forms of the screens Camera and Runs."""
+"""Routes of the forms for values of gauge.toml and robot.toml on the screens Camera and Runs."""
 
 from __future__ import annotations
 

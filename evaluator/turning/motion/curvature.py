@@ -13,8 +13,8 @@ Z_975 = 1.96  # standard deviations to either side of a normal distribution that
 class Curvature:
     """Curvature of the path of the robot's centre with 95 % bounds, 1/mm; positive counter-clockwise.
 
-    sigma: standard uncertainty by noise, which more frames would reduce; systematic: by the camera's own uncertainty,
-    which only a better calibration would. The bounds hold both.
+    sigma: standard uncertainty from noise, reduced by more frames; systematic: from the uncertainty of the camera,
+    reduced by a better calibration only. The bounds include both.
     """
 
     value: float
@@ -36,11 +36,11 @@ class Curvature:
 
     @property
     def straight(self) -> bool:
-        """Whether the interval holds a straight path."""
+        """Whether the interval includes a straight path."""
         return self.low <= 0 <= self.high
 
     def radius_mm(self) -> tuple[float, float, float]:
-        """Radius with its 95 % bounds; NaN where the path may be straight."""
+        """Radius with its 95 % bounds; NaN if the path may be straight."""
         if self.straight or self.value == 0:
             return float("nan"), float("nan"), float("nan")
         ends = sorted((abs(self.low), abs(self.high)))

@@ -1,4 +1,4 @@
-"""Steady motion of a stretch of poses with its uncertainty: outliers out, noise estimated from what is left over."""
+"""Steady motion of an interval of poses with its uncertainty: outliers rejected, noise estimated from residuals."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MOTION = 4  # parameters of a steady motion: start across it and twist across it
 
 @dataclass(frozen=True)
 class TurnFit:
-    """A steady motion fitted to a stretch of poses.
+    """A steady motion fitted to an interval of poses.
 
     offset_mm: (2,) body-frame place of the point whose position and heading noise are uncorrelated (between the marks);
     the motion is that of this point. used: (n,) frames that took part. averaged: steps of the four parameters about
@@ -159,7 +159,7 @@ def part(scaled: Scaled, where: Flags) -> Scaled:
 
 
 def fit_turn(time_s: Array, scaled: Scaled) -> TurnFit:
-    """Fit a steady motion to all given frames; frames that jump out of their neighbours are set aside and counted.
+    """Fit a steady motion to all given frames; frames that jump out of their neighbours are rejected and counted.
 
     The relative size of the errors comes from the covariances; their scale, their correlation between the two
     channels and in time come from the residuals.
@@ -171,9 +171,9 @@ def fit_turn(time_s: Array, scaled: Scaled) -> TurnFit:
 
 
 def fit_turns(time_s: Array, scaled: Scaled, stretches: list[Flags], *, bending: bool = False) -> list[TurnFit]:
-    """Fit a steady motion to each of several stretches, all with the same noise.
+    """Fit a steady motion to each of several intervals with common noise.
 
-    bending: the curvature may change inside a stretch, and what is estimated is its mean over the path.
+    bending: the curvature may change within an interval; its mean over the path is estimated.
     """
     parts = [part(scaled, where) for where in stretches]
     fits = [_robust_motion(one) for one in parts]

@@ -1,4 +1,4 @@
-"""Generalised least squares with noise that is correlated in time, honest where few independent values are left.
+"""Generalised least squares with noise correlated in time, valid also for few independent values.
 
 What the noise is like (its correlation from frame to frame, how much of it is white, whether it is fixed to the image
 or to the body) is not known. The estimate is therefore averaged over these, weighted by their restricted likelihood
@@ -44,7 +44,7 @@ class NoiseModel:
 
 
 def noise_models(turned_rad: float, duration: float) -> tuple[NoiseModel, ...]:
-    """All noise models that data of this heading range and duration, in frame intervals, can tell apart."""
+    """Noise models that data of this heading range and duration, in frame intervals, can distinguish."""
     models = [NoiseModel(0.0, 0.0, in_image=False)]
     for in_image in (False, True) if turned_rad > TURN_THAT_TELLS_RAD else (False,):
         for share, times in SEEN_CORRELATION_TIMES.items():
@@ -99,7 +99,7 @@ class Averaged:
 
 @dataclass(frozen=True)
 class Block:
-    """One stretch of data with parameters of its own.
+    """One interval of data with separate parameters.
 
     time: (n,) in frame intervals. heading_rad: (n,) unwrapped. residual: (n, c) channels of unit relative variance.
     design: (n, c, p), their derivative by the parameters.
@@ -112,7 +112,7 @@ class Block:
 
     @property
     def freedom(self) -> int:
-        """Values less parameters."""
+        """Degrees of freedom: values minus parameters."""
         n, channels, parameters = self.design.shape
         return int(n * channels - parameters)
 
@@ -123,7 +123,7 @@ def averaged_least_squares(block: Block) -> Averaged:
 
 
 def averaged_over_blocks(blocks: tuple[Block, ...]) -> tuple[Averaged, ...]:
-    """Solve blocks that share the noise, its scale included, and nothing else.
+    """Solve blocks with separate parameters and common noise, including its scale.
 
     Raises ValueError where there are no more data than parameters.
     """
@@ -188,7 +188,7 @@ def _log_prior(models: tuple[NoiseModel, ...]) -> Array:
 
 
 def responses(averaged: Averaged, block: Block, columns: Array) -> Array:
-    """What the most probable estimator answers to given deviations (n, c, k) instead of the residual: (p, k)."""
+    """Parameter changes (p, k) of the most probable estimator for given deviations (n, c, k) of the data."""
     parameters = block.design.shape[2]
     model = averaged.models[averaged.best]
     data: Array = np.concatenate([block.design, columns], axis=2)

@@ -1,1 +1,1 @@
-"""The steady-state circular test of a robot: the runs to make, and what they say, measured and simulated."""
+"""The steady-state circular test of a robot: planning of its runs, and evaluation, measured and simulated."""

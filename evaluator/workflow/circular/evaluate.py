@@ -1,4 +1,4 @@
-"""What a steady-state circular test says, of an experiment (measured beside simulated) or of a robot alone."""
+"""Evaluation of a steady-state circular test: of an experiment (measured and simulated) or of a robot model alone."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def evaluate_circular_test(
 
 
 def circular_test_of(analysis: Analysis, robot: Robot) -> CircularResult:
-    """The circular test of an analysis: runs set aside and runs that failed are left out.
+    """The circular test of an analysis: runs with mistakes and runs that failed are left out.
 
     Raises InputError where there is no turn.
     """
@@ -81,7 +81,7 @@ def simulate_circular_test(
 
 
 def circular_test_table(result: CircularResult) -> pd.DataFrame:
-    """A row per turn: what was measured, then what is simulated at its command."""
+    """A row per turn: measured values, then simulated values at the same command."""
     simulated = result.simulated.points
     if result.measured is None:
         return simulated

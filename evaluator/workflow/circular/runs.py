@@ -25,7 +25,7 @@ FARTHEST = 1e-3  # a radius is met to this share
 
 @dataclass(frozen=True)
 class CircularRun:
-    """One run to make: the command, how long to drive, and the circle that the model predicts."""
+    """A planned run: command, duration, and the circle predicted by the model."""
 
     left_rpm: float
     right_rpm: float
@@ -51,9 +51,11 @@ def circular_runs(
     described = robot_of(robot)
     levels = sorted(set(rpm))
     if len(levels) < 3 or min(levels) <= 0 or not all(map(math.isfinite, levels)):
-        raise InputError(f"{', '.join(f'{level:g}' for level in rpm)} rpm: a circular test needs three speeds above 0")
+        raise InputError(
+            f"{', '.join(f'{level:g}' for level in rpm)} rpm: a circular test needs at least three speeds above 0"
+        )
     if radius_mm is None and not (ratios and all(-1 < ratio < 1 for ratio in ratios)):
-        raise InputError("a ratio of the slower to the faster wheel lies between -1 and 1, without both")
+        raise InputError("the ratio of slower to faster wheel must lie between -1 and 1, exclusive")
     if radius_mm is not None and not (math.isfinite(radius_mm) and radius_mm > 0):
         raise InputError(f"a radius of {radius_mm:g} mm is none; give one above 0")
     pairs = [

@@ -1,1 +1,1 @@
-"""The diagnosis of experiment files: one or several, and whether an earlier one still holds."""
+"""Diagnosis of one or more experiment files, and whether a stored diagnosis is up to date."""

@@ -1,4 +1,4 @@
-"""Diagnoses of several experiments side by side, in processes on all cores or on a cluster."""
+"""Diagnoses of several experiments in parallel, on all cores or on a cluster."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from simulator.errors import SimulationError
 
 @dataclass(frozen=True)
 class Order:
-    """An experiment to diagnose, the folder of its results, in how many processes to track, and how long to search."""
+    """An experiment to diagnose: output folder, number of processes for tracking, and time limit of the search."""
 
     experiment: Path
     out: Path
@@ -29,7 +29,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Answer:
-    """The content of diagnosis.json and whether it was made anew, or the one reason why there is none."""
+    """Content of diagnosis.json and whether it was computed now, or the reason why there is none."""
 
     experiment: Path
     out: Path
@@ -78,7 +78,7 @@ def folders_of(experiments: Sequence[Path], out: Path) -> dict[Path, Path]:
         for path in experiments
     }
     if len(set(names.values())) < len(experiments):
-        raise InputError("two experiments have the same name in folders of the same name; diagnose them one by one")
+        raise InputError("two experiments have the same name in folders of the same name; diagnose them separately")
     return {path: out / name for path, name in names.items()}
 
 

@@ -1,4 +1,4 @@
-"""The diagnosis of an experiment file: marks from files or videos in, diagnosis.json and a better robot file out."""
+"""Diagnosis of an experiment file: from marks or videos to diagnosis.json and a corrected robot file."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from simulator.own_effects.files import file_of
 
 @dataclass(frozen=True, repr=False)
 class DiagnosisResult:
-    """The content of diagnosis.json, the folder it is in, and whether it was made anew or still held."""
+    """Content of diagnosis.json, its folder, and whether it was computed now or was up to date."""
 
     experiment: Path
     out: Path
@@ -83,7 +83,7 @@ def diagnose(
     seconds: float = USUAL_SECONDS,
     progress: Progress = no_progress,
 ) -> DiagnosisResult:
-    """Name the missing effect that makes model and data disagree; see `diagnose_experiment`.
+    """Find the effect that the model lacks; see `diagnose_experiment`.
 
     effects: files of the user's own effects besides those in the folder `effects` beside the experiment; Python files
     among them are run. seconds: of processor time, after which the search is stopped. Cancelled by its progress, or

@@ -1,4 +1,4 @@
-"""A planned experiment as files: experiment.toml, its recordings still to be made, and the command of each run."""
+"""A planned experiment as files: experiment.toml without recordings yet, and the command file of each run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COMMANDS = "commands"  # folder of the command files, beside experiment.toml
 
 
 class PlannedRun(Protocol):
-    """One run to make."""
+    """A planned run."""
 
     @property
     def left_rpm(self) -> float:
@@ -28,7 +28,7 @@ class PlannedRun(Protocol):
 
     @property
     def duration_s(self) -> float:
-        """How long the motors are on."""
+        """Time for which the motors are on."""
 
 
 def planned_files(output: Path | str, runs: int) -> list[Path]:
@@ -40,7 +40,7 @@ def planned_files(output: Path | str, runs: int) -> list[Path]:
     paths = [output, *(output.parent / COMMANDS / f"r{number:02d}.csv" for number in range(1, runs + 1))]
     for path in paths:
         if path.exists():
-            raise InputError(f"{path} is already there; give another name or folder, or remove it")
+            raise InputError(f"{path} exists already; give another name or folder, or remove it")
     return paths
 
 

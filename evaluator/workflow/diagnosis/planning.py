@@ -1,4 +1,4 @@
-"""The runs of a good experiment, and what they would show."""
+"""The runs of a good experiment, and the effects that they can detect."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Plan:
-    """Runs in the order in which to make them, and by how many sigmas every effect would show in them."""
+    """Planned runs in their order, and the significance, in sigmas, with which each effect would be detected."""
 
     runs: tuple[CandidateRun, ...]
     effects: tuple[Expected, ...]
@@ -41,7 +41,7 @@ def plan(
     plate_mm: tuple[float, float] = (40.0, 30.0),
     progress: Progress = no_progress,
 ) -> Plan:
-    """Propose the runs of a good experiment and say what they would show.
+    """Plan the runs of an experiment and predict which effects they can detect.
 
     rpm: speeds of the faster wheel; plate_mm: what the camera sees of the plate along its x and y.
     Raises InputError for a plate on which the robot finds no room, and as load_robot does.
@@ -54,8 +54,8 @@ def plan(
     half_mm = max(described.body.length_mm, described.body.width_mm) / 2
     if min(plate_mm) <= 2 * half_mm or not all(map(math.isfinite, plate_mm)):
         raise InputError(
-            f"a plate of {plate_mm[0]:g} by {plate_mm[1]:g} mm leaves {described.name} no room to drive: it is "
-            f"{2 * half_mm:g} mm across; give what the camera sees of the plate, in mm (--plate X Y)"
+            f"a plate of {plate_mm[0]:g} by {plate_mm[1]:g} mm leaves {described.name} no room to drive: the robot is "
+            f"{2 * half_mm:g} mm across; give the visible size of the plate in mm (--plate X Y)"
         )
     room = Room.of_plate(plate_mm, half_mm)
     progress("terms", 0.0)

@@ -1,4 +1,4 @@
-"""Does a diagnosis still hold? By content, as for every other result: inputs, settings and code."""
+"""Whether a stored diagnosis is up to date, by the content of inputs, settings and code."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STAGE = "diagnose"
 
 
 def key_of_diagnosis(experiment: Experiment, outputs: Outputs, own: Sequence[str] = ()) -> str:
-    """One hash of everything a diagnosis is made from: recordings, cameras, commands, robots, own effects, code.
+    """Hash of all inputs of a diagnosis: recordings, cameras, commands, robots, user-defined effects, code.
 
     Raises InputError for a robot that cannot be read.
     """
@@ -56,15 +56,15 @@ def _text_of(effect: str) -> str:
 
 
 @dataclass(frozen=True)
-class Kept:
-    """A diagnosis found in an output folder: the content of diagnosis.json, and whether its inputs are still these."""
+class StoredDiagnosis:
+    """A stored diagnosis: the content of diagnosis.json, and whether its inputs are unchanged."""
 
     content: dict[str, Any]
     outdated: bool
 
 
-def earlier_diagnosis(experiment: Experiment, outputs: Outputs) -> Kept | None:
-    """What is known of an earlier diagnosis; None where there is none.
+def earlier_diagnosis(experiment: Experiment, outputs: Outputs) -> StoredDiagnosis | None:
+    """The stored diagnosis of an output folder; None without one.
 
     A diagnosis.json without a record, from another program, counts as up to date: nothing is known against it.
     """
@@ -74,7 +74,7 @@ def earlier_diagnosis(experiment: Experiment, outputs: Outputs) -> Kept | None:
     record = Record.load(outputs.diagnosis_record)
     own = [load_own(Path(file)).id for file in content.get("own_effects", {}).values() if Path(file).is_file()]
     outdated = STAGE in record.stages and record.fresh(STAGE, key_of_diagnosis(experiment, outputs, own)) is None
-    return Kept(content, outdated)
+    return StoredDiagnosis(content, outdated)
 
 
 def load_diagnosis(path: Path) -> dict[str, Any]:
@@ -89,7 +89,7 @@ def load_diagnosis(path: Path) -> dict[str, Any]:
 
 
 def keep(outputs: Outputs, key: str, files: list[Path]) -> None:
-    """Remember what the files of a diagnosis were made from."""
+    """Store the hashes of the inputs and files of a diagnosis."""
     Record(outputs.diagnosis_record).keep(STAGE, key, files, {})
 
 

@@ -1,1 +1,1 @@
-"""Files that people write, changed by a front end: comments stay, and nobody overwrites what another has written."""
+"""Edits of user files by a front end; comments are kept, and concurrent changes are never overwritten."""

@@ -1,4 +1,4 @@
-"""One TOML file, changed piece by piece: comments and order stay, and a change made meanwhile is never lost."""
+"""Edits of single values of a TOML file; comments and order are kept, and a concurrent change is never lost."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def read_document(path: Path) -> tuple[TOMLDocument, str]:
     except FileNotFoundError as error:
         raise InputError(f"{path.name}: no such file") from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, ParseError) as error:
-        raise InputError(f"{path.name}: not valid TOML: {error}; mend it in a text editor") from error
+        raise InputError(f"{path.name}: not valid TOML: {error}; correct it in a text editor") from error
 
 
 def change_document(path: Path, version: str, change: Callable[[TOMLDocument], None]) -> str:

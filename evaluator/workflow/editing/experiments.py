@@ -1,4 +1,4 @@
-"""experiment.toml as a table of runs: what is in it, what is wrong with each cell, and changes to cells and rows."""
+"""experiment.toml as a table of runs: contents, errors per cell, and changes to cells and rows."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PLACES = ("video", "marks", "poses", "commands", "corrections", "camera")  # key
 
 @dataclass(frozen=True)
 class Fault:
-    """What is wrong with a cell: row of the table (None: the file itself), key ("" : the row), one sentence."""
+    """An error of a cell: row of the table (None: the file itself), key ("": the row), one sentence."""
 
     row: int | None
     key: str
@@ -103,7 +103,7 @@ def _apply(document: Any, edit: Edit) -> None:
         runs.append(table) if edit.row is None or edit.row + 1 >= len(runs) else runs.insert(edit.row + 1, table)
         return
     if edit.row is None or not 0 <= edit.row < len(runs):
-        raise InputError("this run is not in the file any more")
+        raise InputError("this run is no longer in the file")
     if edit.kind == "remove":
         del runs[edit.row]
         if not len(runs):
@@ -133,7 +133,7 @@ def _faults(path: Path, content: Mapping[str, Any]) -> list[Fault]:
         for key in PLACES:
             name = run.get(key)
             if isinstance(name, str) and not (folder / name).exists():
-                found.append(Fault(row, key, f"{name} is not there"))
+                found.append(Fault(row, key, f"{name} does not exist"))
         if _missing_robot(folder, run.get("robot")):
             found.append(Fault(row, "robot", f"{run['robot']} is not there"))
     camera = content.get("camera")

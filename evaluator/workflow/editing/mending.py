@@ -1,4 +1,4 @@
-"""The experiment file with its mistakes put right: a new file beside the old one, never instead of it."""
+"""The experiment file with its mistakes corrected, as a new file beside the old one."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from simulator.robot import load_robot
 if TYPE_CHECKING:
     from evaluator.diagnosis.mistakes.correction import Correction
 
-LEFT_OUT = "is left out: nothing in its files puts it right"
+LEFT_OUT = "is left out: it cannot be corrected in its files"
 
 
 @dataclass(frozen=True)
 class Mended:
-    """The file that was written, and what was changed, a sentence for each run."""
+    """The file that was written, and its changes, one sentence for each run."""
 
     path: Path
     changes: tuple[str, ...]
 
 
 def write_mended(path: Path, out: Path | None = None) -> Mended | None:
-    """Write NAME-mended.toml beside an experiment.toml, with all mistakes of its runs put right; None without any.
+    """Write NAME-mended.toml beside an experiment.toml, with all mistakes in its runs corrected; None without any.
 
     Runs that nothing in their files can put right (held, pushed, unlike the robot) are left out. Marks that were read
     wrongly are written anew, NAME-mended-RUN.csv; comments of the experiment stay. out: folder in which an analysis
@@ -49,7 +49,7 @@ def write_mended(path: Path, out: Path | None = None) -> Mended | None:
         return None
     target = path.with_name(f"{path.stem}-mended.toml")
     if target.exists():
-        raise InputError(f"{target}: is there already; rename or remove it, and write the mended experiment again")
+        raise InputError(f"{target}: exists already; rename or remove it, and write the mended experiment again")
     document, _ = read_document(path)
     rows: Any = document["run"]
     robots = {run.id: Path(run.robot or experiment.robot) for run in experiment.run}

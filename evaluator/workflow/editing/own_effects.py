@@ -1,4 +1,4 @@
-"""Effects of the user's own, effects/ID.toml beside an experiment: what is there, what could be, changes."""
+"""User-defined effects, effects/ID.toml beside an experiment: list, write, remove, and proposals of a diagnosis."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def own_effects(experiment: Path) -> list[OwnEffect]:
 
 
 def offered_effect(file: Path) -> OwnEffect | None:
-    """The form without a name that a diagnosis wrote, as an effect that is not written yet; None without one."""
+    """The free-form term of a diagnosis as an effect that is not written yet; None without one."""
     if not file.is_file():
         return None
     found = _read(file)
@@ -80,7 +80,7 @@ def write_own_effect(experiment: Path, effect: OwnEffect) -> Path:
     if path.exists():
         raise InputError(f"there is an effect {effect.id} already; choose another id")
     if any("low" not in term or "high" not in term for term in terms):
-        raise InputError("say between which bounds each coefficient is to be sought")
+        raise InputError("give the bounds of each coefficient")
     replace_text(path, "", template(effect.id, [TermRow(**term) for term in terms], effect.name, sentence))
     return path
 
@@ -105,13 +105,13 @@ def remove_own_effect(experiment: Path, effect_id: str, version: str) -> None:
     """Remove effects/ID.toml of a known version. Raises ChangedMeanwhileError, InputError where it is not there."""
     path = next((one for one in own_effects_folder(experiment).glob("*.toml") if one.stem == effect_id), None)
     if path is None:
-        raise InputError(f"there is no effect {effect_id} beside the experiment (any more)")
+        raise InputError(f"there is no effect {effect_id} beside the experiment")
     replace_text(path, version, "")
     path.unlink()
 
 
 def term_grammar() -> dict[str, Any]:
-    """What terms can be made of: channels, with the bases that each takes and their unit, bounds and step; patterns.
+    """Components of terms: channels, with their bases, units, bounds and steps; patterns over the wheels.
 
     Bounds and steps are those of a robot of the paper's size, as the search for forms without a name has them.
     """

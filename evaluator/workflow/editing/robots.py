@@ -1,4 +1,4 @@
-"""Effects in the robot of an experiment: those that a diagnosis found, or those that a person thinks of."""
+"""Adding effects to the robot file of an experiment, from a diagnosis or from the user."""
 
 from __future__ import annotations
 

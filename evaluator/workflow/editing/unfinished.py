@@ -1,4 +1,4 @@
-"""An experiment that is still being filled in: its recordings are looked at before their commands are known."""
+"""Reading an incomplete experiment file, so that recordings can be viewed before their commands are entered."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def run_of(experiment: Path, run_id: str) -> UnfinishedRun:
     """A run of an experiment.toml that need not be valid. Raises InputError where there is none of that id."""
     found = next((run for run in read_unfinished(experiment).runs if run.id == run_id), None)
     if found is None:
-        raise InputError(f"there is no run {run_id} in this experiment (any more)")
+        raise InputError(f"there is no run {run_id} in this experiment")
     return found
 
 
@@ -52,7 +52,7 @@ def _load(path: Path) -> Unfinished:
     content, folder = tomllib.loads(path.read_text(encoding="utf-8")), path.resolve().parent
     robot, runs = _robot(folder, content.get("robot")), content.get("run")
     if robot is None:
-        raise InputError(f"{path.name}: robot is missing; name a shipped robot or a robot.toml")
+        raise InputError(f"{path.name}: robot is missing; give a shipped robot or a robot.toml")
     rows = [row for row in runs if isinstance(row, dict)] if isinstance(runs, list) else []
     return Unfinished(
         str(content.get("name", path.stem)),

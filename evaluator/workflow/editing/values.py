@@ -1,4 +1,4 @@
-"""The values of gauge.toml and robot.toml one by one, so that a form can change them; comments stay."""
+"""Single values of gauge.toml and robot.toml for forms; comments are kept."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Values:
 
 
 def gauge_values(path: Path) -> Values:
-    """What a gauge.toml says. Raises InputError where it is not TOML."""
+    """Values of a gauge.toml. Raises InputError if it is not TOML."""
     return Values(path, version_of(path), _each(_read(path)))
 
 
@@ -50,7 +50,7 @@ def set_gauge_value(path: Path, version: str, place: Place, value: object) -> Va
 
 
 def robot_values(experiment: Path) -> Values:
-    """What the robot of an experiment is said to be, but for its effects. Raises InputError."""
+    """Values of the robot file of an experiment, without its effects. Raises InputError."""
     there = robot_file(experiment)
     return Values(there.path, there.version, _each(_robot_text(experiment)))
 
@@ -88,7 +88,7 @@ def _each(text: str) -> tuple[tuple[Place, str | float | bool], ...]:
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}; mend it in a text editor") from error
+        raise InputError(f"not valid TOML: {error}; correct it in a text editor") from error
     return tuple(_below((), {key: value for key, value in content.items() if key not in ELSEWHERE}))
 
 
@@ -115,7 +115,7 @@ def _with_value(text: str, place: Place, value: object) -> str:
             # A whole number stays one only where the file has one: 2.0 mm may become 2.5, 17 dots never 17.5.
             table[last] = float(value) if isinstance(table[last], float) and isinstance(value, int) else value
     except (LookupError, TypeError) as error:
-        raise InputError("this value is not in the file any more; look at the newer version") from error
+        raise InputError("this value is no longer in the file; see the newer version") from error
     return tomlkit.dumps(document)
 
 

@@ -1,1 +1,1 @@
-"""Work on all cores of this machine or on a Dask cluster, and compilation ahead of its use."""
+"""Parallel execution on all cores or on a Dask cluster, and precompilation of kernels."""

@@ -1,4 +1,4 @@
-"""A function over many jobs, on all cores or on a cluster; the answers depend on neither."""
+"""Mapping a function over jobs, on all cores or on a cluster, with identical results."""
 
 from __future__ import annotations
 

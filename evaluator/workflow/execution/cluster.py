@@ -63,7 +63,7 @@ def _client(address: str) -> Iterator[Client]:
     try:
         client = Client(address, timeout=DASK_TIMEOUT_S, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
-        raise InputError(f"no Dask scheduler answers at {address} ({error})") from error
+        raise InputError(f"no Dask scheduler responds at {address} ({error})") from error
     try:
         deadline = time.monotonic() + DASK_TIMEOUT_S
         while not client.scheduler_info()["workers"]:

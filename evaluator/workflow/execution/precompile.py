@@ -1,6 +1,6 @@
-"""Kernels compiled ahead, by other processes, while the first is busy with something else.
+"""Precompilation of kernels in other processes while the main process does other work.
 
-Only the first analysis after installation gains by it: kernels are kept on disk, and this process then only reads them.
+This only speeds up the first analysis after installation; afterwards kernels are read from the cache on disk.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Work on the cores of this machine."""
+"""Parallel execution on the cores of this machine."""
 
 from __future__ import annotations
 

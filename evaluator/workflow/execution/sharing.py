@@ -1,4 +1,4 @@
-"""What local processes and a cluster have in common: a job keeps to one core, and answers come as they are ready."""
+"""Common part of local and cluster execution: one core per job, results in order of completion."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def nothing() -> None:
 
 @contextmanager
 def one_core() -> Iterator[None]:
-    """Keep the libraries from starting threads: processes share the cores, and sums keep one order of addition."""
+    """Limit libraries to one thread: processes share the cores, and the order of summation is fixed."""
     import cv2
     import numba
     from threadpoolctl import threadpool_limits

@@ -1,1 +1,1 @@
-"""Frames for people to look at: exact, decoded in a process of its own, as JPEG."""
+"""Frames for display: exact, decoded in a separate process, as JPEG."""

@@ -1,4 +1,4 @@
-"""A process that answers questions, and the door to it: media that nobody has checked crash that process at most."""
+"""A child process that answers requests, so that damaged media crash at most that process."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ class Child:
     _pipe: Connection | None = None
 
     def start(self) -> None:
-        """Start the process ahead of the first question."""
+        """Start the process before the first request."""
         with self._lock:
             self._running()
 
     def ask(self, *question: Any) -> Any:
-        """The answer to a question. Raises InputError."""
+        """Answer of the process to a request. Raises InputError."""
         with self._lock:
             pipe = self._running()
             try:
@@ -100,5 +100,5 @@ def _serve(pipe: Connection, idle_s: float | None, maker: Callable[..., Answer],
         except (InputError, CalibrationError) as error:
             answer = False, str(error)
         except Exception as error:  # noqa: BLE001 - any fault of media is told, and the next question is answered
-            answer = False, f"this cannot be decoded ({type(error).__name__}: {error})"
+            answer = False, f"decoding failed ({type(error).__name__}: {error})"
         pipe.send(answer)

@@ -1,4 +1,4 @@
-"""Frames of recordings and images, decoded in a process of its own."""
+"""Frames of recordings and images, decoded in a separate process."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Wanted:
 
 
 class Decoder:
-    """Frames from a process that is started when it is first needed, and anew after it ended."""
+    """Frames from a child process that is started by the first request, and again after it ended."""
 
     def __init__(self) -> None:
         """Start nothing yet."""
@@ -39,11 +39,11 @@ class Decoder:
             (),
             ANSWER_S,
             slow="decoding this recording takes too long; convert it, for example to H.264",
-            died="the decoder stopped at this recording: it is damaged; record or copy it again",
+            died="the decoder crashed: the recording is damaged; record or copy it again",
         )
 
     def start(self) -> None:
-        """Start the process ahead of the first question."""
+        """Start the process before the first request."""
         self._child.start()
 
     def contents(self, path: Path, rate_hz: float | None = None) -> dict[str, Any]:
@@ -57,7 +57,7 @@ class Decoder:
         return found
 
     def marks(self, path: Path, numbers: list[int], settings: dict[str, Any], rate_hz: float | None) -> list[Any]:
-        """What the search for marks sees in some frames, with settings as of tracking.toml. Raises InputError."""
+        """Candidates for marks in some frames, with settings as of tracking.toml. Raises InputError."""
         found: list[Any] = self._child.ask("marks", path, rate_hz, numbers, settings)
         return found
 

@@ -1,4 +1,4 @@
-"""A live camera: what it shows now with the gauge found in it, and images taken from it, in a process of its own."""
+"""A live camera in a separate process: the current frame with the gauge found in it, and captured images."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def cameras_here() -> list[dict[str, str]]:
 
 
 class LiveCamera:
-    """One camera at a time; it is let go when nobody has looked for a while, and opened again by the next look."""
+    """One camera at a time; it is released after a while without requests, and opened again by the next."""
 
     def __init__(self) -> None:
         """Open nothing yet."""
@@ -77,7 +77,7 @@ class LiveCamera:
         child.ask("take", path)
 
     def close(self) -> None:
-        """Let go of the camera."""
+        """Release the camera."""
         with self._lock:
             if self._child is not None:
                 self._child.close()
@@ -87,8 +87,8 @@ class LiveCamera:
         if self._child is None or source != self._source:
             if self._child is not None:
                 self._child.close()
-            slow = f"{source.name}: the camera gives no answer; unplug it and plug it in again"
-            died = f"{source.name}: the camera stopped; is it still plugged in?"
+            slow = f"{source.name}: the camera does not respond; disconnect and reconnect it"
+            died = f"{source.name}: the camera stopped; is it still connected?"
             self._child, self._source = Child(_answers, (source,), ANSWER_S, slow, died, IDLE_S), source
         return self._child
 
@@ -143,7 +143,7 @@ class _Bench:
         with self._new:
             self._new.wait_for(lambda: self._ended or self._latest is not self._shown, FIRST_FRAME_S)
             if self._latest is None:
-                raise InputError(f"{self._source.name}: gives not a single frame")
+                raise InputError(f"{self._source.name}: delivers no frames")
             return self._latest
 
     def _open(self) -> None:

@@ -1,4 +1,4 @@
-"""Names of everything an analysis leaves in its output folder: one place, so that commands agree."""
+"""Names of all files in an output folder."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ class Outputs:
 
     @property
     def report(self) -> Path:
-        """The page for people."""
+        """The HTML report."""
         return self.folder / "report.html"
 
     @property
     def diagnosis(self) -> Path:
-        """What `turnscope diagnose` found, where it has run."""
+        """Result of `turnscope diagnose`."""
         return self.folder / "diagnosis.json"
 
     @property
@@ -54,7 +54,7 @@ class Outputs:
 
     @property
     def own_effect(self) -> Path:
-        """What explains the runs and has no name, as a file that makes it an effect of the user's own."""
+        """The free-form term that explains the runs, as a file of a user-defined effect."""
         return self.folder / "own_effect.toml"
 
     @property
@@ -64,17 +64,17 @@ class Outputs:
 
     @property
     def robot_with_effect(self) -> Path:
-        """The robot file with what the diagnosis found in it."""
+        """The robot file with the effects that the diagnosis found."""
         return self.folder / "robot_with_effect.toml"
 
     @property
     def diagnosis_record(self) -> Path:
-        """What the diagnosis was made from; no run id begins like this."""
+        """Hashes of the inputs of the diagnosis; no run id starts like this name."""
         return self.folder / "records" / "_diagnosis.json"
 
     @property
     def diagnosis_fits(self) -> Path:
-        """Where the fits of a diagnosis under way have ended; gone once it is done."""
+        """Fit cache of an unfinished diagnosis; removed when it is complete."""
         return self.folder / "records" / "_diagnosis-fits.jsonl"
 
     @property
@@ -95,7 +95,7 @@ class Outputs:
         return self.folder / "poses" / f"{run}.csv"
 
     def simulated(self, run: str) -> Path:
-        """The simulated counterpart of a run."""
+        """The simulation of a run."""
         return self.folder / "simulated" / f"{run}.csv"
 
     def thumbnails(self, run: str) -> Path:
@@ -103,5 +103,5 @@ class Outputs:
         return self.folder / "thumbnails" / f"{run}.json"
 
     def record(self, run: str) -> Path:
-        """What each stage of a run was made from, so that a later command can tell whether it still holds."""
+        """Hashes of the inputs of each stage of a run, to determine whether it is up to date."""
         return self.folder / "records" / f"{run}.json"

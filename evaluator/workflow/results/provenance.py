@@ -1,6 +1,6 @@
-"""What the results were made from: versions, settings, hashes of inputs, command line.
+"""Provenance of results: versions, settings, hashes of inputs, command line.
 
-Nothing that changes by itself (no clock, no host), so that the same input gives the same file.
+It contains no time and no host name, so that the same input gives the same file.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Did a file change while it was read? A recording that is still being copied, a table that is edited meanwhile.
+"""Detection of input files that change while they are read, for example during copying or editing.
 
 Results belong to the content whose hash they are kept under (`validity`). Where a file changed between its hash and the
 last read of it, they belong to neither content, and must not be kept.
@@ -11,14 +11,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-CHANGED = "changed while it was read; wait until it is whole, then run the same command again"
+CHANGED = "changed while it was read; wait until it is complete, then run the command again"
 
 State = tuple[object, ...] | None  # None: not there
 
 
 @dataclass(frozen=True)
 class AsFound:
-    """Files as they were at one moment: place on the disk, size and time of the last write. Devices never change.
+    """Files at one moment: location on disk, size and time of the last write. Devices never change.
 
     Every write changes one of the three, and asking for them costs microseconds, also of recordings of gigabytes.
     """

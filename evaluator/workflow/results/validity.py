@@ -1,4 +1,4 @@
-"""Is a result still up to date? By content: hashes of inputs, settings and code, never by dates.
+"""Whether a cached result is up to date, by hashes of inputs, settings and code, not by dates.
 
 A record of a run holds, for every stage, the key of what the stage was made from, the hashes of the files it wrote and
 the values it found. A stage is reused only when its key is the same and its files are still what it wrote.
@@ -91,7 +91,7 @@ class Record:
         return Record(path, stages if isinstance(stages, dict) else {})
 
     def fresh(self, stage: str, key: str) -> dict[str, Any] | None:
-        """Values of a stage that was made from exactly these inputs and whose files are untouched, else None."""
+        """Values of a stage if it was computed from exactly these inputs and its files are unchanged, else None."""
         cached = self.stages.get(stage)
         if not isinstance(cached, dict) or cached.get("key") != key:
             return None

@@ -1,1 +1,1 @@
-"""One run of an experiment: its job, its stages, and what came of it."""
+"""One run of an experiment: job, stages and result."""

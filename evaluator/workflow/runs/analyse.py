@@ -1,4 +1,4 @@
-"""The work of one run, done: a result in every case."""
+"""Executing the stages of one run; errors are returned as results."""
 
 from __future__ import annotations
 

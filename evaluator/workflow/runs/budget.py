@@ -15,7 +15,7 @@ from simulator.robot import load_robot
 
 
 def budget_of(experiment: Experiment, outputs: Outputs, run_id: str) -> Budget:
-    """What each source contributes to the uncertainty of a run that was analysed.
+    """Uncertainty budget of an analysed run: the contribution of each source.
 
     Raises InputError where its marks or its camera cannot be read, KeyError for a run that the experiment has not.
     """

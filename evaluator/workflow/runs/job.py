@@ -1,4 +1,4 @@
-"""One run as a job: what it is made from, whether its results still hold, and what came of it.
+"""One run as a job: inputs, cache validity and result.
 
 Light to import: the parent of a batch needs no more than this; the libraries that do the work are the workers'.
 """
@@ -101,7 +101,7 @@ def _shape_of(robot: Robot | MeasuredRobot) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class RunResult:
-    """What came of one run: rows for the tables, one for each phase, or the one reason why there are none."""
+    """Result of one run: rows for the tables, one for each phase, or the reason why there are none."""
 
     run: str
     turning: tuple[dict[str, Any], ...] = ()
@@ -130,7 +130,7 @@ def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterat
     yield from tracked.get("notes", ())
     if "late_s" in turning and turning["late_high_s"] - turning["late_low_s"] < LATE_S < abs(turning["late_s"]):
         yield (
-            f"moves {turning['late_s']:.3f} s later than its log of commands says (95 % from "
+            f"moves {turning['late_s']:.3f} s later than its command log (95 % from "
             f"{turning['late_low_s']:.3f} to {turning['late_high_s']:.3f}): a clock that is off (start_s), or motors "
             "that wait"
         )
@@ -150,13 +150,13 @@ def outside_recording(run: Run, told: Told, first_s: float, last_s: float) -> st
     if start_s is not None and start_s >= last_s:
         return (
             f"run {run.id}: {key} {start_s:g} s, but {named} ends at {last_s:.2f} s; "
-            "give the time of the recording at which the motors were commanded on"
+            "give the time in the recording at which the motors were commanded on"
         )
     key = "commands: motors off at" if told.logged else "stop_s ="
     if told.stop_s is not None and told.stop_s <= first_s:
         return (
             f"run {run.id}: {key} {told.stop_s:g} s, but {named} begins at {first_s:.2f} s; "
-            "give the time of the recording at which the motors were commanded off"
+            "give the time in the recording at which the motors were commanded off"
         )
     return None
 

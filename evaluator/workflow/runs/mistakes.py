@@ -1,4 +1,4 @@
-"""Mistakes of an experiment for `check`, `analyze` and the report: recognised from marks that are there already."""
+"""Mistakes of an experiment for `check`, `analyze` and the report, recognised from existing marks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def mistakes_of_marks(experiment: Experiment, marks: Mapping[str, Path]) -> list[Mistake]:
-    """What is wrong with the runs whose marks CSV is given by run id; nothing where no robot can be simulated.
+    """Mistakes of the runs whose marks CSV is given by run id; none if no robot can be simulated.
 
     Raises nothing for files that cannot be read: that is said elsewhere, of the file itself.
     """

@@ -1,4 +1,4 @@
-"""The phases of a run: the whole of a run with one command, each stretch of held command of a run with a log."""
+"""The phases of a run: intervals of constant command, or the whole run if the command is constant."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from evaluator.interchange.commands import Told
 from evaluator.pose import Poses
 from evaluator.turning import RobotShape, Turning, measure_turning
-from evaluator.turning.clock import Lateness, lateness
+from evaluator.turning.clock import CommandDelay, command_delay
 
 # A stretch of fewer frames is no phase: a joystick passes through many values on its way to one.
 FEWEST_FRAMES = 12
@@ -68,21 +68,21 @@ def phases_of(told: Told, poses: Poses) -> tuple[Phase, ...]:
         left, right = told.main(first, last)
         start_s = told.start_s if told.starts_at_rest else None
         return (Phase(slice(None), left, right, start_s, told.stop_s),)
-    late = lateness_of(told, poses)
+    late = command_delay_of(told, poses)
     return tuple(_stretches(told, poses.time_s, late))
 
 
-def lateness_of(told: Told, poses: Poses) -> Lateness:
-    """How much later than its log a run moves."""
+def command_delay_of(told: Told, poses: Poses) -> CommandDelay:
+    """Delay of a run's motion after its command log."""
     there = poses.measured
     if there.sum() < FEWEST_FRAMES:
-        return Lateness()
+        return CommandDelay()
     pose = np.column_stack([poses.x_mm, poses.y_mm, poses.heading_rad])[there]
     changes = [item.begin_s for item in told.command.stretches() if math.isfinite(item.begin_s)]
-    return lateness(poses.time_s[there], pose, changes)
+    return command_delay(poses.time_s[there], pose, changes)
 
 
-def _stretches(told: Told, time_s: NDArray[np.float64], late: Lateness) -> Iterator[Phase]:
+def _stretches(told: Told, time_s: NDArray[np.float64], late: CommandDelay) -> Iterator[Phase]:
     low, high = (late.low_s, late.high_s) if late.is_known else (0.0, 0.0)
     number = 0
     for item in told.driven:

@@ -1,4 +1,4 @@
-"""What is done for one run: track, turn, simulate; each stage is cached and reused while it is up to date.
+"""Stages of one run: track, turn, simulate; each is cached and reused while it is up to date.
 
 A stage reads what the stage before it wrote (not what it had in memory), so that an analysis that was interrupted and
 one that ran through give the same bytes.
@@ -33,7 +33,7 @@ from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.unchanged import CHANGED, AsFound
 from evaluator.workflow.runs.job import Job, RunResult, outside_recording
 from evaluator.workflow.runs.phases import Phase, phases_of, rows_of
-from evaluator.workflow.runs.thumbnails import Glimpsed
+from evaluator.workflow.runs.thumbnails import WithThumbnails
 from simulator.robot import Robot
 
 
@@ -118,7 +118,7 @@ class _Stages:
         assert self.run.video is not None  # one of the three, says the model of the file
         assert self.camera is not None
         # One decoder thread: the other cores have runs of their own.
-        recording = Glimpsed(open_recording(self.run.video, rate_hz=self.run.rate_hz, threads=1))
+        recording = WithThumbnails(open_recording(self.run.video, rate_hz=self.run.rate_hz, threads=1))
         said = read_with(load_settings, self.job.tracking) if self.job.tracking else None
         settings = sought(RobotGeometry(self.job.robot.layout), said)
         table = track(AsCalibrated(recording, self.camera), settings, self.progress)
@@ -126,9 +126,7 @@ class _Stages:
         if self.run.corrections is not None:
             corrections = read_corrections(self.run.corrections)
             table = correct(table, corrections, str(self.run.corrections))
-            by_hand = [
-                f"{counted(len(corrections), 'mark')} placed or taken away by hand ({self.run.corrections.name})"
-            ]
+            by_hand = [f"{counted(len(corrections), 'mark')} placed or removed by hand ({self.run.corrections.name})"]
         report = recording.report()
         _refuse_cut(report, recording.expected_frames, recording.expected_s, self.run.video)
         _refuse_unseen(table, [mark.name for mark in self.job.robot.layout], self.run.video)
@@ -173,9 +171,9 @@ def _refuse_cut(report: TimingReport, promised: int, promised_s: float | None, v
         return
     there = 1 + round(report.last / report.interval)
     if promised and promised - there > promised / 100:
-        promise = f"{report.frames} of the {promised} frames that it promises are there"
+        promise = f"{report.frames} of the {promised} frames announced in the file are present"
     elif not promised and promised_s and promised_s / report.interval - there > there / 100:
-        promise = f"it promises {promised_s:.2f} s"
+        promise = f"the file announces {promised_s:.2f} s"
     else:
         return
     raise InputError(f"{video}: cut off after {float(report.last):.2f} s: {promise}; copy it again from the camera")

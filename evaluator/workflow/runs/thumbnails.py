@@ -1,4 +1,4 @@
-"""A few small frames of a recording, kept while it is tracked: the report shows them without decoding again."""
+"""Thumbnails of a recording, saved during tracking for the report."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ WIDTH_PX = 320
 ASSUMED_FRAMES = 600  # where the container does not say how many there are: ten seconds of the usual 60/s
 
 
-class Glimpsed:
-    """A recording that keeps small copies of some of its frames as they pass by."""
+class WithThumbnails:
+    """A recording that collects thumbnails of some of its frames while it is read."""
 
     def __init__(self, recording: Recording | ImageSequence) -> None:
         """Wrap a recording; nothing is decoded before the first iteration."""

@@ -1,1 +1,1 @@
-"""The self-test: what this version claims, tried on the user's own machine."""
+"""The self-test: the accuracy claims of this version, checked on the user's machine."""

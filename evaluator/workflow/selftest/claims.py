@@ -1,4 +1,4 @@
-"""What this version claims of itself, in one place: figures that a self-test must reach on any machine.
+"""The accuracy claims of this version: limits that a self-test must meet on any machine.
 
 The measured figures, with their conditions, stand in tests/benchmarks/README.md; a limit leaves room for another draw
 of the noise, not for another algorithm.
@@ -55,7 +55,7 @@ CALIBRATING, TRACKING, FITTING, SIMULATING, DIAGNOSING = "calibrate", "track", "
 CLAIMS = (
     at_most(
         "residual_px", CALIBRATING, "residual of the gauge's dots, RMS", 0.005, "px",
-        "0.0018 px where this was written; rendered gauges are exact",
+        "0.0018 px on the reference machine; rendered gauges are exact",
     ),
     at_most(
         "marks_um", TRACKING, "error of a mark's place on the plate, RMS", 5.0, "µm",
@@ -79,5 +79,5 @@ CLAIMS = (
         "size_intervals", DIAGNOSING, "error of its size over half its 95 % interval", 1.5, "",
         "beyond 1 in one of 20 draws, beyond 1.5 in one of 300",
     ),
-    exactly("swapped", DIAGNOSING, "only the exchanged run is set aside (1: yes)", 1.0, "it turns the other way"),
+    exactly("swapped", DIAGNOSING, "only the exchanged run is left out (1: yes)", 1.0, "it turns the other way"),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The laboratory of the self-test: scenes to render, and an experiment that hides an effect under a mess.
+"""Inputs of the self-test: scenes to render, and an experiment with a hidden effect and usual mistakes.
 
 Random numbers come from a seed, so that a maintainer can repeat what a user saw.
 """
@@ -35,7 +35,7 @@ COMMANDS_RPM = (
 
 
 @dataclass(frozen=True)
-class Messy:
+class HiddenEffect:
     """An experiment file, and the id of the run whose sides are exchanged in it."""
 
     experiment: Path
@@ -72,7 +72,7 @@ def write_turn(folder: Path, marks: Path) -> Path:
     return folder / "turn.toml"
 
 
-def write_messy(folder: Path, seed: int) -> Messy:
+def write_hidden_effect(folder: Path, seed: int) -> HiddenEffect:
     """Simulate runs of a robot with a hidden effect, in a laboratory that is not tidy, and write what it would know."""
     from simulator.robot import load_robot
 
@@ -89,7 +89,7 @@ def write_messy(folder: Path, seed: int) -> Messy:
             f'start_s = {START_S + LATE_S}\nmarks = "h{number:02d}.csv"\n'
         )
     write_text(folder / "hidden.toml", "\n".join(runs))
-    return Messy(folder / "hidden.toml", f"h{SWAPPED:02d}")
+    return HiddenEffect(folder / "hidden.toml", f"h{SWAPPED:02d}")
 
 
 def _marks(robot: Robot, rpm: tuple[float, float], rng: np.random.Generator) -> pd.DataFrame:

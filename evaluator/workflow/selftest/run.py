@@ -1,4 +1,4 @@
-"""The self-test: render, calibrate, track, fit, simulate, diagnose, and set each figure beside its claim."""
+"""The self-test: render, calibrate, track, fit, simulate, diagnose, and compare each figure with its claim."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class SelfTest:
-    """What a self-test found; seconds: of every stage, on the clock; machine: what it ran on, by name."""
+    """Result of a self-test; seconds: wall time of every stage; machine: properties by name."""
 
     outcomes: tuple[Outcome, ...]
     seconds: Mapping[str, float]
@@ -77,7 +77,7 @@ class SelfTest:
 
 
 def self_test(folder: Path | str, *, seed: int = 1, progress: Progress = no_progress) -> SelfTest:
-    """Try on this machine what this version claims, in a folder that keeps all files made.
+    """Check the accuracy claims of this version on this machine; all files are kept in the folder.
 
     A stage that fails does not stop the others, except those that need its files: their figures are NaN with the
     reason. Raises InputError where the sample recipes are not installed, OSError where the folder cannot be written.
@@ -112,7 +112,7 @@ def self_test(folder: Path | str, *, seed: int = 1, progress: Progress = no_prog
 
 
 def machine_facts() -> dict[str, str]:
-    """What a maintainer must know of this machine; no name of it or of its user."""
+    """Properties of this machine for a maintainer, without names of it or of its user."""
     return {
         "turnscope": f"{installed_version('turnscope')}, code {code_hash()[:12]}",
         "system": f"{platform.system()} {platform.release()}, {platform.machine()}",
@@ -199,11 +199,11 @@ def _simulate(folder: Path, seed: int) -> Figures:
 
 
 def _diagnose(folder: Path, seed: int) -> Figures:
-    messy = laboratory.write_messy(folder, seed)
-    found = diagnose(messy.experiment, folder / "hidden")
+    hidden = laboratory.write_hidden_effect(folder, seed)
+    found = diagnose(hidden.experiment, folder / "hidden")
     figures: Figures = {"named": float(found.effects == (laboratory.HIDDEN,))}
-    aside = [run for item in found.content["mistakes"] for run in item["runs"]]
-    figures["swapped"] = float(aside == [messy.swapped])
+    left_out = [run for item in found.content["mistakes"] for run in item["runs"]]
+    figures["swapped"] = float(left_out == [hidden.swapped])
     for effect in found.content["effects"]:
         if effect["id"] == laboratory.HIDDEN:
             size = effect["parameters"][laboratory.PARAMETER]

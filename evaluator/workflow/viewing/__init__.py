@@ -1,1 +1,1 @@
-"""What a front end shows of files and results: as plain values, ready for JSON, computed when asked for."""
+"""Files and results as plain values for a front end, ready for JSON."""

@@ -1,4 +1,4 @@
-"""Gauge images and cameras for a front end: the dots found, how well the plate is known where, the sheet to print."""
+"""Gauge images and cameras for a front end: dots found, map of the uncertainty, printable sheet."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def dots_of_image(path: Path) -> dict[str, Any]:
 
 
 def gauge_in(image: NDArray[np.generic]) -> dict[str, Any]:
-    """What an image shows of a gauge: size_px, centres (n, 2), which of them form the array, their sigma, focus, light.
+    """Gauge found in an image: size_px, centres (n, 2), which of them form the array, their sigma, focus, exposure.
 
     image: (h, w) or (h, w, 3). blur_px: width of the edges, median, None without an array. light: a sentence where the
     exposure is wrong, else "".
@@ -63,7 +63,7 @@ def gauge_in(image: NDArray[np.generic]) -> dict[str, Any]:
 
 
 def light_of(image: NDArray[np.generic]) -> str:
-    """What is wrong with the exposure of an image of 8 or 16 bit, in a sentence; "" where nothing is."""
+    """Fault of the exposure of an 8 or 16 bit image in a sentence; "" without one."""
     if image.dtype not in (np.uint8, np.uint16):
         return ""
     top = int(np.iinfo(np.uint16 if image.dtype == np.uint16 else np.uint8).max)
@@ -72,9 +72,9 @@ def light_of(image: NDArray[np.generic]) -> str:
     clipped = float(np.mean(brightest == top))
     level = float(np.percentile(brightest, 95)) / top
     if clipped > CLIPPED:
-        return f"{100 * clipped:.0f} % of the pixels are as bright as they can be: expose for a shorter time"
+        return f"{100 * clipped:.0f} % of the pixels are saturated: reduce the exposure time"
     if level < DARK:
-        return f"the brightest pixels reach {100 * level:.0f} % of the range: expose for longer, or give more light"
+        return f"the brightest pixels reach {100 * level:.0f} % of the range: increase the exposure time or the light"
     return ""
 
 

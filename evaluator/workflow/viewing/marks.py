@@ -1,4 +1,4 @@
-"""What the search for marks sees in a frame, and the files with which a person helps it: tracking.toml, corrections."""
+"""Candidates for marks in a frame, and edits of tracking.toml and of the manual corrections."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def settings_of(said: Mapping[str, Any]) -> TrackingSettings:
 
 
 def look_at(frame: Frame, settings: TrackingSettings) -> dict[str, Any]:
-    """Mask, blobs and the measured centre of every mark in one frame, as if none had been seen before."""
+    """Mask, blobs and measured centre of every mark in a single frame, without knowledge of other frames."""
     from evaluator.tracking import track
     from evaluator.tracking.detection.explain import explain as seen_in
 

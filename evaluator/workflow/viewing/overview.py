@@ -1,4 +1,4 @@
-"""Experiments and cameras among files, each in a few words, and which results are up to date."""
+"""Summaries of the experiments and cameras in a folder, and which results are up to date."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class CameraSummary:
 
 @dataclass(frozen=True)
 class ResultsState:
-    """What is there of an experiment's results. outdated: steps to compute by run; diagnosis: none, current, stale."""
+    """State of an experiment's results. outdated: steps to compute by run; diagnosis: none, current, stale."""
 
     outdated: dict[str, list[str]]
     results: bool
@@ -73,7 +73,7 @@ def files_named(experiment: Path) -> list[Path]:
 
 
 def results_state(experiment: Path) -> ResultsState:
-    """What of an experiment's results is up to date; by content, which reads every recording."""
+    """State of an experiment's results, by content; this reads every recording."""
     from evaluator.workflow.analysis import pending
     from evaluator.workflow.diagnosis.validity import is_current, key_of_diagnosis, own_effect_ids
     from simulator.errors import SimulationError
@@ -99,7 +99,9 @@ def _in_short(experiment: Path, sentence: str) -> str:
     except InputError:
         return sentence
     return (
-        f"{len(faults)} values are missing or wrong; the table of its runs marks them" if len(faults) > 1 else sentence
+        f"{len(faults)} values are missing or wrong; they are marked in the table of runs"
+        if len(faults) > 1
+        else sentence
     )
 
 

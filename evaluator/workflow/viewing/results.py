@@ -46,7 +46,7 @@ class DiagnosisView:
 
 
 def results_view(experiment: Path) -> Results:
-    """What was measured and simulated of every run that has results. Raises InputError for an unreadable experiment."""
+    """Measured and simulated values of every run with results. Raises InputError for an unreadable experiment."""
     outputs = Outputs(out_folder(experiment))
     if not outputs.turning.is_file():
         return Results(read_unfinished(experiment).name, (), float("nan"))

@@ -1,4 +1,4 @@
-"""What a change of the robot or an effect would do to its turns: motions simulated in a millisecond each."""
+"""Simulated motions of a robot with changed parameters or effects, fast enough for sliders."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ NOMINAL = (
 
 @dataclass(frozen=True)
 class Slider:
-    """A number that can be moved: its key, words, unit, bounds, step and where it stands when nothing is changed."""
+    """A slider: key, label, unit, bounds, step and initial value."""
 
     key: str
     words: str
@@ -73,7 +73,7 @@ class EffectSliders:
 
 
 def effect_sliders(experiment: Path | None = None) -> list[EffectSliders]:
-    """Sliders of all catalogued effects and of those beside an experiment, at rest where they vanish."""
+    """Sliders of all effects of the catalogue and beside an experiment, initially at their defaults."""
     own = () if experiment is None else load_beside(experiment.parent)
     return [
         EffectSliders(e.id, e.name, e.sentence, e.law, e.kind, tuple(_slider(parameter) for parameter in e.parameters))
@@ -106,7 +106,7 @@ def sandbox_motions(
     effects: Mapping[str, Mapping[str, float]],
     duration_s: float,
 ) -> list[dict[str, Any]]:
-    """The path of every command (left, right rpm) from rest at the origin, for a robot with changes.
+    """Simulated path of every command (left, right rpm) from rest at the origin, for a changed robot.
 
     nominal: values by dotted key; effects: parameters by id, added to those of the robot or in place of them. Gives
     x_mm, y_mm as they would be measured, radius_mm (None when straight), speed_mm_s.

@@ -71,7 +71,7 @@ def test_a_step_of_eight_times_the_noise_is_a_light(rise: float, *, seen: bool) 
     if seen:
         assert light_on(time, brightness)[0] == pytest.approx((AT - 0.5) * STEP_S)
     else:
-        with pytest.raises(InputError, match="no light goes on there: brightness steps by 2 levels"):
+        with pytest.raises(InputError, match="no light switches on there: brightness steps by 2 levels"):
             light_on(time, brightness)
 
 

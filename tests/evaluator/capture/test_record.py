@@ -142,7 +142,7 @@ def test_start_by_a_light_is_within_its_uncertainty(known: bool) -> None:
 def test_no_light_no_start() -> None:
     rng = np.random.default_rng(5)
     for _ in range(200):
-        with pytest.raises(InputError, match="no light goes on"):
+        with pytest.raises(InputError, match="no light switches on"):
             light_on(np.arange(300) / 60, np.rint(50 + rng.standard_normal(300)))
 
 
@@ -212,7 +212,7 @@ def test_command_says_what_it_recorded_and_never_records_over_a_file(tmp_path: P
     assert "6 frames at 59.94/s" in done.output
     assert "2 frames were dropped" in done.output
     before = out.read_bytes()
-    with pytest.raises(InputError, match="there already"):
+    with pytest.raises(InputError, match="exists already"):
         record_camera(source, out)
     assert out.read_bytes() == before
     assert sorted(file.name for file in tmp_path.iterdir()) == ["camera.nut", "r01.capture.json", "r01.mp4"]
@@ -224,7 +224,7 @@ def test_command_says_what_it_recorded_and_never_records_over_a_file(tmp_path: P
         (["/dev/video97"], "no such camera"),
         (["missing.mp4"], "cannot be opened"),
         (["{camera}", "-o", "{folder}/r.avi"], r"written as \.mp4"),
-        (["{camera}", "--start-line", "--start-program", "ls"], "give one of"),
+        (["{camera}", "--start-line", "--start-program", "ls"], "give only one of"),
     ],
 )
 def test_what_cannot_be_recorded_is_said_in_a_sentence(tmp_path: Path, arguments: list[str], said: str) -> None:

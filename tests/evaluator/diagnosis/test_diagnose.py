@@ -215,7 +215,7 @@ def test_one_run_cannot_decide_and_says_why(tmp_path: Path) -> None:
     assert json.loads(done.stdout)["verdict"] == "insufficient"
     assert "1 usable run with" in json.loads(done.stdout)["reason"]
     sections = diagnosis_sections(known_diagnosis(load_experiment(experiment), Outputs(tmp_path / "out")))
-    assert sections[0].text[0] == "These runs cannot decide what is missing."
+    assert sections[0].text[0] == "These runs cannot decide whether an effect is missing, or which."
 
 
 @pytest.mark.parametrize(

@@ -142,10 +142,10 @@ def test_a_run_that_cannot_be_simulated_from_its_start_pose_is_named_with_the_re
 def test_the_report_says_which_runs_the_predicted_gap_lacks() -> None:
     pair, cannot = {"fit": 0.01, "held_out": None}, {"r02": "the wheels leave the plate"}
     whole = {"verdict": "none", "gap": {"predicted": {"before": pair, "after": pair}, "not_predicted": {}}}
-    assert "Without" not in predicted_sentence(whole)
+    assert "Not predicted" not in predicted_sentence(whole)
     some = {"verdict": "none", "gap": {"predicted": {"before": pair, "after": pair}, "not_predicted": cannot}}
-    assert predicted_sentence(some).endswith(" Without r02 (the wheels leave the plate).")
+    assert predicted_sentence(some).endswith(" Not predicted: r02 (the wheels leave the plate).")
     nothing = {"verdict": "none", "gap": {"predicted": {}, "not_predicted": cannot}}
     assert predicted_sentence(nothing) == (
-        "From the start pose alone nothing can be predicted. Without r02 (the wheels leave the plate)."
+        "No run can be predicted from its start pose alone. Not predicted: r02 (the wheels leave the plate)."
     )

@@ -73,9 +73,9 @@ def test_a_diagnosis_of_another_program_is_shown_with_verdict_size_equivalents_a
     verdict, gap = diagnosis_sections(DiagnosisView(CONTRACT, None, outdated=False))
     assert verdict.text == (
         "Missing in the model: the plate is not level (plate-tilt), angle 1.81° [95 %: 1.72 to 1.90].",
-        "These runs cannot tell it from: a wire pulls toward a fixed anchor (tether-spring).",
+        "These runs cannot distinguish it from: a wire pulls toward a fixed anchor (tether-spring).",
     )
-    assert "from 410 µm to 6 µm on the runs that were fitted and from 440 µm to 7 µm on held-out runs" in gap.text[0]
+    assert "from 410 µm to 6 µm on fitted runs and from 440 µm to 7 µm on held-out runs" in gap.text[0]
 
 
 def test_runs_to_make_stand_in_a_table_with_what_they_would_and_would_not_separate() -> None:
@@ -89,7 +89,7 @@ def test_runs_to_make_stand_in_a_table_with_what_they_would_and_would_not_separa
     verdict, _ = diagnosis_sections(DiagnosisView({**CONTRACT, "next_experiment": following}, None, outdated=False))
     assert verdict.tables[1].rows == (("−60", "42", "8", "1.5", "−3", "45", "2"),)
     assert "5.2 sigmas from mass-offset" in verdict.text[-1]
-    assert "Not even 8 more runs" in verdict.text[-1]
+    assert "Even 8 further runs" in verdict.text[-1]
     assert "tether-spring (1.2 sigmas)" in verdict.text[-1]
     assert "−60 / 42 rpm for 8 s" in next_runs_sentence({"next_experiment": following})
 
@@ -106,7 +106,7 @@ def test_runs_to_make_stand_in_a_table_with_what_they_would_and_would_not_separa
 )
 def test_a_rival_more_probable_than_the_verdict_is_told_with_its_odds(rival: dict[str, Any], told: bool) -> None:
     sentence = rivals_sentence({"verdict": "none", "rivals": [rival]})
-    assert ("at odds of 200 to 1" in sentence and "viscous" in sentence) is told
+    assert ("odds of 200 to 1" in sentence and "viscous" in sentence) is told
     assert bool(sentence) is told
     assert rivals_sentence({"verdict": "unknown", "rivals": [rival]}) == ""
 
@@ -121,7 +121,7 @@ def test_a_value_far_outside_its_tolerance_is_said_in_the_sentence_of_the_verdic
 def test_values_off_together_are_said_in_the_sentence_of_the_verdict_and_among_the_findings() -> None:
     at_once = "what is known to a tolerance is off by more, taken together, than chance allows (probability 0.0004)"
     content = {"verdict": "none", "findings": [], "known_together": {"sentence": at_once}}
-    assert verdict_sentence(content) == f"No effect has to be added, but not all is as stated: {at_once}."
+    assert verdict_sentence(content) == f"No effect is missing, but not all values are as stated: {at_once}."
     assert finding_sentences(content) == [f"W{at_once[1:]}."]
     usual = {**content, "known_together": {"sentence": None}}
     assert "Nothing is missing" in verdict_sentence(usual)
@@ -131,8 +131,8 @@ def test_values_off_together_are_said_in_the_sentence_of_the_verdict_and_among_t
 @pytest.mark.parametrize(
     ("content", "opening"),
     [
-        ({"verdict": "none"}, "The robot file as it stands is off, and"),
-        ({"verdict": "none", "negligible": [{"id": "command-lag"}]}, "no more than does not matter is left of it:"),
+        ({"verdict": "none"}, "With the nominal values of the robot file"),
+        ({"verdict": "none", "negligible": [{"id": "command-lag"}]}, "no relevant disagreement remains."),
         ({"verdict": "effect"}, "Measured sideways speed varies"),
     ],
 )
@@ -227,4 +227,4 @@ def test_a_probability_is_told_of_what_is_named_and_is_neither_nought_nor_one(
 def test_runs_that_are_unlike_the_others_are_told_beside_the_verdict() -> None:
     sentence = "r08, r09: the left wheels turn 1.5 % faster than in the other runs"
     lines = verdict_lines({**CONTRACT, "reason": "so", "unlike_runs": [{"runs": ["r08", "r09"], "sentence": sentence}]})
-    assert lines[lines.index(f"{sentence}.") - 1].startswith("Followed, and unlike the others")
+    assert lines[lines.index(f"{sentence}.") - 1].startswith("Runs unlike the others")

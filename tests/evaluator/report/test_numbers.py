@@ -27,8 +27,8 @@ def test_nothing_is_neither_negative_nor_a_power() -> None:
 def test_noise_on_ground_claims_no_friction_of_single_runs() -> None:
     noise = {"mark_sigma_mm": 80.0, "correlation_s": 0.3}
     for scatter, said in (
-        (None, "what differs from run to run is part of that"),
-        ({"friction": 0.02, "wheel_speed": 0.004}, "friction varies by 2.0 % and wheel speed by 0.40 %"),
+        (None, "this includes the scatter from run to run"),
+        ({"friction": 0.02, "wheel_speed": 0.004}, "friction scatters by 2.0 % and wheel speed by 0.40 %"),
     ):
         section = _small_print({"noise": {**noise, "run_to_run": scatter}})
         assert section is not None
@@ -48,7 +48,7 @@ def test_friction_that_changes_along_the_way_is_said_where_it_does() -> None:
     for change, said in ((0.016, True), (0.0, False)):
         section = _small_print({"noise": {**noise, "friction_in_10_mm": change}})
         assert section is not None
-        assert ("friction changes by 1.6 % in 10 mm" in " ".join(section.text)) == said
+        assert ("Friction varies by 1.6 % over 10 mm" in " ".join(section.text)) == said
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,7 @@ def test_a_run_that_is_not_what_the_file_says_is_named_first_and_in_no_compariso
     summary = re.search(r'<ul class="summary"><li>(.*?)</li><li>(.*?)</li>', report_html(found), re.DOTALL)
     assert summary is not None
     assert summary[1].startswith("r2: turns as if left and right were exchanged")
-    assert summary[2].endswith("left out of every result that follows: r2.")
+    assert summary[2].endswith("Left out of all results below until this is corrected: r2.")
 
 
 def test_phases_of_a_run_that_is_set_aside_are_in_no_result_and_count_as_one_run(tmp_path: Path) -> None:
@@ -105,5 +105,5 @@ def test_phases_of_a_run_that_is_set_aside_are_in_no_result_and_count_as_one_run
     summary = re.search(r'<ul class="summary">(.*?)</ul>', page, re.DOTALL)
     assert summary is not None
     assert "r2 (" not in summary[1]  # though it turns tightest by far
-    assert "r2 (1) (set aside)" in page
+    assert "r2 (1) (left out)" in page
     assert re.search(r"\b4 runs, from marks", page)

@@ -92,7 +92,7 @@ def test_the_summary_names_the_tightest_turn_with_the_digits_its_interval_bears(
 
 
 def test_slips_of_the_wheels_stand_measured_beside_simulated(page: str) -> None:
-    table = page[page.index("Measured above simulated") :]
+    table = page[page.index("Upper line: measured") :]
     row = re.sub("<[^>]*>", " ", table[: table.index("</tr>", table.index("<tbody>"))])
     assert "slip ratio, front left" in row
     assert len(re.findall(r"[−0-9.]+\n[−0-9.]+", row.split("r01")[-1])) == 7
@@ -105,7 +105,7 @@ def test_repetitions_and_directions_are_pooled_on_the_page(tmp_path: Path) -> No
     html = with_spaces(report_html(found))
     assert 'id="repetitions"' in html
     assert "1 of 2 commands have fewer; 14.4 / 33.3, −14.4 / −33.3 rpm were driven to one side only" in html
-    (bounds,) = re.findall(r"Backward turns are ([0-9.]+) % tighter than forward ones", html)
+    (bounds,) = re.findall(r"Backward turns are ([0-9.]+) % tighter than forward turns", html)
     assert float(bounds) == pytest.approx(100 * (1 - 5.5 / 6.05), rel=0.1)
 
 

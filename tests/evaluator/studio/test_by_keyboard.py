@@ -84,7 +84,7 @@ def test_from_recordings_to_a_named_effect(tmp_path: Path, open_page: OpenPage) 
         page.locator("[aria-label='Frame of p01']").wait_for()
         screen(page, "Marks")
         page.locator(".contact canvas").first.wait_for()
-        press(page, "Frame with what the search for marks sees")  # the cross begins at the mark
+        press(page, "Frame with the candidates for marks")  # the cross begins at the mark
         page.get_by_text("Saved in puzzle/tracking.toml").wait_for()
         assert "hue_deg" in (tmp_path / "puzzle" / "tracking.toml").read_text()
         screen(page, "Runs")

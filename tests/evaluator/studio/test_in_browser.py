@@ -221,7 +221,7 @@ def test_a_hidden_effect_is_found_added_to_the_robot_and_the_gap_shrinks(tmp_pat
         page.keyboard.type("a-push")
         page.get_by_label("What is wrong, in a few words").fill("something pushes")
         page.get_by_role("button", name="Write it").click()
-        page.get_by_text("have changed since this diagnosis").wait_for()  # there is an effect that is new
+        page.get_by_text("changed after this diagnosis").wait_for()  # there is an effect that is new
         page.get_by_role("button", name="Take a-push away").click()
         page.get_by_text("up to date", exact=True).wait_for()
         page.get_by_role("button", name="Add it to the robot").click()

@@ -121,7 +121,7 @@ def test_a_process_that_nobody_asks_ends_and_begins_anew() -> None:
 
 @pytest.mark.parametrize(
     ("share_clipped", "level", "words"),
-    [(0.015, 0.7, "as bright as they can be"), (0.004, 0.7, ""), (0.0, 0.4, ""), (0.0, 0.2, "give more light")],
+    [(0.015, 0.7, "saturated"), (0.004, 0.7, ""), (0.0, 0.4, ""), (0.0, 0.2, "increase the exposure time")],
 )
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
 def test_light_that_is_wrong_is_said(share_clipped: float, level: float, words: str, kind: type) -> None:

@@ -94,7 +94,7 @@ def test_an_effect_is_changed_and_what_the_form_does_not_know_stays(studio: Serv
         (changed(terms=[{**EFFECT["terms"][0], "depends_on": "heading"}]), "depends_on"),
         (changed(terms=[{**EFFECT["terms"][0], "step": "1e999"}]), "finite"),
         (changed(terms=[{**EFFECT["terms"][0], "low": 0.5}]), "must hold 0"),
-        (changed(terms=[{**TERM, "step": 0.1}]), "between which bounds"),
+        (changed(terms=[{**TERM, "step": 0.1}]), "give the bounds"),
         (changed(name=None), "name is missing"),
     ],
 )

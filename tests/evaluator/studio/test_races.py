@@ -51,7 +51,7 @@ def test_work_that_ends_while_its_screen_loads_is_shown_and_no_older_answer_afte
         page.wait_for_function("() => window.go")  # the screen is about to be told that there is no diagnosis
         diagnosed(tmp_path / "folder" / "out")
         page.evaluate("(jobs) => window.tell(jobs)", [{**job, "state": "done"}])
-        heading = page.locator("h1", has_text="Nothing is missing")
+        heading = page.locator("h1", has_text="No effect is missing")
         heading.wait_for()
         page.evaluate("window.go()")
         page.wait_for_function("() => window.gone")

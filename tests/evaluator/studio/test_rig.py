@@ -95,7 +95,7 @@ def test_the_tracker_honours_corrections_and_says_so(studio: Serving, folder: Pa
     assert [row["x"] for row in found["rows"]] == [123.25, None]
     assert studio.refused(path, {"version": "", "rows": []})[0] == 409
     analysis = analyze(folder / "experiment.toml", folder / "out", workers=1)
-    assert any("2 marks placed or taken away by hand" in note for note in analysis.notes[RUN])
+    assert any("2 marks placed or removed by hand" in note for note in analysis.notes[RUN])
     marks = pd.read_csv(folder / "out" / "marks" / f"{RUN}.csv").set_index("frame")
     assert marks.loc[100, "green_x_px"] == 123.25
     assert marks.loc[100, "green_status"] == "corrected"
@@ -153,7 +153,7 @@ def test_a_gauge_is_described_without_a_text_editor(studio: Serving, folder: Pat
     studio.post(path, change(["dots", "pitch_mm"], 3))
     assert (folder / "gauge.toml").read_text() == text.replace("pitch_mm = 2.0", "pitch_mm = 3.0")
     assert "integer" in studio.refused(path, change(["dots", "columns"], 17.5))[1]
-    assert "not in the file" in studio.refused(path, change(["fiducial", 7, "row"], 1))[1]
+    assert "no longer in the file" in studio.refused(path, change(["fiducial", 7, "row"], 1))[1]
     assert studio.refused(path, {**change(["dots", "rows"], 9), "version": "older"})[0] == 409
     studio.post(path, change(["fiducial", 1], None))
     assert (folder / "gauge.toml").read_text().count("[[fiducial]]") == 1

@@ -107,10 +107,10 @@ def test_marks_and_robot_come_back_by_undo(studio: Serving, tmp_path: Path, open
         page.get_by_title("all marks found").first.wait_for(timeout=1000 * HANGS_S)  # what finds marks is compiled
         page.locator("h1").click()
         page.keyboard.press("Delete")
-        page.get_by_text("taken away by hand in this frame").wait_for()
+        page.get_by_text("dropped by hand in this frame").wait_for()
         page.keyboard.press("Control+z")
         finished(page, "Undone: a correction of left")
-        page.get_by_text("taken away by hand in this frame").wait_for(state="detached")
+        page.get_by_text("dropped by hand in this frame").wait_for(state="detached")
         page.goto(f"{studio.origin}/#/x/{identifier}/sandbox")
         page.get_by_text("both driving wheels are faster").click()
         page.get_by_label("factor, drive-speed-scale").fill("1.05")
@@ -250,7 +250,7 @@ def test_marks_are_placed_and_exclusions_drawn_by_keyboard(
         slowly(page)
         for key in ("ArrowRight", "Delete", "ArrowRight", "Delete"):  # the second before the first is answered
             page.keyboard.press(key)
-        page.get_by_text("taken away by hand in this frame").wait_for()
+        page.get_by_text("dropped by hand in this frame").wait_for()
         rows = studio.get(f"/api/experiments/{identifier}/runs/left/corrections")["rows"]
         assert [(row["frame"], row["x"] is None) for row in rows] == [(0, False), (1, True), (2, True)]
     (box,) = tomllib.loads((tmp_path / "folder" / "tracking.toml").read_text(encoding="utf-8"))["mask_px"]

@@ -56,7 +56,7 @@ def test_each_blob_is_told_why_it_is_not_the_mark(
 def test_the_command_draws_what_the_search_saw_and_points_to_it(tmp_path: Path) -> None:
     video, sheet = moving(BLUE).write(tmp_path), tmp_path / "search.png"
     told = CliRunner().invoke(track, [str(video), "-o", str(tmp_path / "m.csv"), "-q"])
-    assert "see what the search saw with --explain search.png" in str(told.exception)
+    assert "--explain search.png shows all candidates" in str(told.exception)
     shown = CliRunner().invoke(track, [str(video), "-o", str(tmp_path / "m.csv"), "-q", "--explain", str(sheet)])
     assert f"see {sheet}" in str(shown.exception)
     image = cv2.imread(str(sheet))

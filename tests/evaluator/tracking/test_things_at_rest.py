@@ -39,7 +39,7 @@ def things(green_px: tuple[float, float], yellow_px: tuple[float, float]) -> Cli
 def test_things_of_which_none_moves_and_that_look_like_no_pair_are_no_marks(tmp_path: Path) -> None:
     clip = things((9, 9), (30, 16))
     assert wrong(clip, tmp_path) == (0, {UNLIKE})
-    with pytest.raises(InputError, match="never moves, and does not look like the two marks of a robot"):
+    with pytest.raises(InputError, match="never move and do not look like the two marks of a robot"):
         track_recording(tmp_path / "clip.mp4")
 
 

@@ -111,7 +111,7 @@ def test_marks_in_one_place_have_no_heading() -> None:
     marks.loc[:149, MARKS[2:]] = marks.loc[:149, MARKS[:2]].to_numpy()
     poses = poses_from_marks(marks, GEOMETRY)
     assert not poses.measured[:150].any()
-    assert poses.status[0] == "both marks are in one place: no heading"
+    assert poses.status[0] == "both marks are at one position: no heading"
     assert measure_turning(poses).radius_mm == pytest.approx(5.0, rel=1e-2)
 
 

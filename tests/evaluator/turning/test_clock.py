@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluator.turning.clock import Lateness, _left_over, lateness
+from evaluator.turning.clock import CommandDelay, _left_over, command_delay
 
 FRAME_S = 0.05
 Twist = tuple[float, float, float]  # forward and leftward mm/s, yaw rad/s
@@ -45,7 +45,7 @@ def noisy(pose: np.ndarray, seed: int, share: float = 0.0) -> np.ndarray:
 def test_lateness_common_to_all_changes_is_found_whatever_its_sign(late: float) -> None:
     time, changes = np.arange(0, 9, FRAME_S), [2.5, 6.0]
     pose = driven(time, [change + late for change in changes], STRAIGHT, TURN, BACK)
-    found = lateness(time, noisy(pose, 1), [-5.0, *changes, 40.0])
+    found = command_delay(time, noisy(pose, 1), [-5.0, *changes, 40.0])
     assert found.value_s == pytest.approx(late, abs=0.01)
     assert found.low_s < late < found.high_s
     assert found.is_known
@@ -63,7 +63,7 @@ def scatter(share: float) -> tuple[np.ndarray, np.ndarray]:
     """Errors of 25 runs, and half the widths of their intervals."""
     time = np.arange(0, 3, FRAME_S)
     pose = driven(time, [1.62], STRAIGHT, TURN)
-    found = [lateness(time, noisy(pose, seed, share), [1.5]) for seed in range(25)]
+    found = [command_delay(time, noisy(pose, seed, share), [1.5]) for seed in range(25)]
     return np.array([one.value_s - 0.12 for one in found]), np.array([one.high_s - one.low_s for one in found]) / 2
 
 
@@ -81,14 +81,14 @@ def test_a_change_needs_six_frames_on_either_side(frames: int, known: bool) -> N
     change = (frames - 0.5) * FRAME_S
     pose = noisy(driven(time, [change], STRAIGHT, TURN), 3)
     # Half the time before the change is the most that a run may be late.
-    late = lateness(time, pose, [change])
+    late = command_delay(time, pose, [change])
     assert np.isfinite(late.value_s) == known
 
 
 def test_nothing_is_known_without_a_change_in_the_recording_and_little_of_a_wide_interval() -> None:
     time = np.arange(0, 3, FRAME_S)
     pose = noisy(driven(time, [1.5], STRAIGHT, STRAIGHT), 2)
-    assert not lateness(time, pose, []).is_known
-    assert not lateness(time, pose, [-1.0, 3.5]).is_known
-    assert Lateness(0.1, -0.35, 0.64).is_known
-    assert not Lateness(0.1, -0.35, 0.66).is_known
+    assert not command_delay(time, pose, []).is_known
+    assert not command_delay(time, pose, [-1.0, 3.5]).is_known
+    assert CommandDelay(0.1, -0.35, 0.64).is_known
+    assert not CommandDelay(0.1, -0.35, 0.66).is_known

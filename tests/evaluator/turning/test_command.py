@@ -141,7 +141,7 @@ def test_pixels_without_scale_stay_pixels(tmp_path: Path) -> None:
     result = CliRunner().invoke(turning, told)
     assert "green mark: path radius 99." in result.output
     assert not (tmp_path / "phases.csv").exists()
-    assert "phases.csv: not written" in result.output
+    assert "phases.csv is not written" in result.output
     assert "no robot.toml" in result.output
     assert pd.read_csv(output)["green_radius_px"][0] == pytest.approx(99.5, abs=0.5)
 
@@ -169,7 +169,7 @@ def test_different_runs_are_not_pooled_and_repetitions_are(tmp_path: Path) -> No
     same = CliRunner().invoke(turning, [paths["a"], paths["b"], "--robot", "barrel"]).output
     assert "2 repetitions: radius 5.00" in same
     other = CliRunner().invoke(turning, [paths["a"], paths["c"], "--robot", "barrel"]).output
-    assert "not pooled, these are no repetitions: radii from 5 to 8" in other
+    assert "not pooled as repetitions: radii from 5 to 8" in other
     assert "repetitions: radius" not in other
 
 

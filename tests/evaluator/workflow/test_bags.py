@@ -134,7 +134,7 @@ def test_a_velocity_becomes_wheel_speeds_by_the_lengths_of_the_controller(
     assert sides == pytest.approx(np.array([[5.0, 5.0], [-2.0, 2.0]]))
     told = from_log(tmp_path / "run", -EPOCH_S, topics=lengths)
     assert told.main(1.3, 2.0) == pytest.approx((-2.0 * 30 / np.pi, 2.0 * 30 / np.pi))
-    with pytest.raises(InputError, match="say wheel_radius_m and track_m"):
+    with pytest.raises(InputError, match="give wheel_radius_m and track_m"):
         from_log(tmp_path / "run")
 
 
@@ -193,7 +193,7 @@ def test_a_bag_of_ros_1_is_read_alike(tmp_path: Path) -> None:
 
 def test_a_file_that_is_no_recording_is_named_in_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "run.mcap").write_bytes(b"no recording")
-    with pytest.raises(InputError, match=r"run\.mcap: not a recording of ROS that can be read"):
+    with pytest.raises(InputError, match=r"run\.mcap: not a readable ROS recording"):
         read_commands(tmp_path / "run.mcap", Topics())
     with pytest.raises(InputError, match="no such file"):
         read_commands(tmp_path / "none.mcap", Topics())

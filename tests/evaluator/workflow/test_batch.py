@@ -124,5 +124,5 @@ def test_a_scheduler_that_does_not_answer_is_refused(tmp_path: Path, monkeypatch
     pytest.importorskip("distributed", reason="the optional extra dask is not installed")
     monkeypatch.setattr(cluster, "DASK_TIMEOUT_S", 0.2)
     experiment = write_experiment(tmp_path, [("r0", 14.4, 33.3, circling_marks(5.0, seconds=1))])
-    with pytest.raises(InputError, match="no Dask scheduler answers"):
+    with pytest.raises(InputError, match="no Dask scheduler responds"):
         analyze(experiment, tmp_path / "out", dask="tcp://127.0.0.1:1")

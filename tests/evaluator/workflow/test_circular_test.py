@@ -128,8 +128,8 @@ def test_the_commands_say_what_was_found(tmp_path: Path) -> None:
     output = tmp_path / "circular.toml"
     done = CliRunner().invoke(plan, ["--circular-test", *levels, "--ratio", "0.5", "-o", str(output)])
     assert done.output == (
-        f"{output}: 36 runs, the commands in {tmp_path / 'commands'}\n"
-        f"next: record them, then turnscope check {output}\n"
+        f"{output}: 36 runs, commands in {tmp_path / 'commands'}\n"
+        f"next: record the runs, then turnscope check {output}\n"
     )
     assert isinstance(CliRunner().invoke(circular_test, []).exception, InputError)
     assert CliRunner().invoke(plan, ["--ratio", "0.5"]).exit_code == 2

@@ -78,7 +78,7 @@ def test_the_clock_of_the_commands_is_found_to_a_millisecond(analysed: Analysis)
     assert row["late_s"] == pytest.approx(LATE_S, abs=2e-3)
     assert row["late_low_s"] < LATE_S < row["late_high_s"]
     assert row["late_high_s"] - row["late_low_s"] < 4e-3
-    assert any("later than its log of commands says" in note for note in analysed.notes["r01"])
+    assert any("later than its command log" in note for note in analysed.notes["r01"])
 
 
 def test_comparison_and_report_show_the_phases(analysed: Analysis) -> None:

@@ -48,7 +48,7 @@ NOWHERE = [Edit("remove"), Edit("remove", -1), Edit("remove", 2), Edit("set", -1
 @pytest.mark.parametrize("edit", NOWHERE, ids=lambda edit: f"{edit.kind} {edit.row}")
 def test_a_row_that_is_not_there_is_neither_changed_nor_removed(edit: Edit, experiment: Path) -> None:
     before = experiment.read_bytes()
-    with pytest.raises(InputError, match="this run is not in the file any more"):
+    with pytest.raises(InputError, match="this run is no longer in the file"):
         edit_experiment(experiment, read_experiment(experiment).version, [edit])
     assert experiment.read_bytes() == before
 

@@ -81,5 +81,5 @@ def test_a_mended_experiment_that_is_there_is_not_written_over(tmp_path: Path) -
     assert write_mended(path) is None
     rewrite(path, "left_rpm = 33.3\nright_rpm = 14.4", "left_rpm = -33.3\nright_rpm = -14.4")
     assert write_mended(path) is not None
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="exists already"):
         write_mended(path)

@@ -57,7 +57,7 @@ def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
     told = ["--circular-test", "--rpm", "20", "--rpm", "40", "--rpm", "60", "--repetitions", "1", "-o", str(output)]
     done = CliRunner().invoke(turnscope, ["plan", *told])
     assert done.exit_code == 0, done.output
-    assert f"{output}: 24 runs, the commands in {tmp_path / 'commands'}" in done.output
+    assert f"{output}: 24 runs, commands in {tmp_path / 'commands'}" in done.output
     assert len(list((tmp_path / "commands").iterdir())) == 24
 
 

@@ -76,7 +76,7 @@ def test_radius_comparison_and_report_of_a_run_of_poses_are_those_of_its_motion(
     assert row["radius_high_mm"] - row["radius_low_mm"] < 0.01 * radius
     assert found.comparison is not None
     assert found.comparison["gap_rms_mm"][0] < 3 * SIGMA_MM
-    assert any("noise taken from the poses" in note for note in found.notes["r01"])
+    assert any("noise estimated from the poses" in note for note in found.notes["r01"])
     write_report(found)
     assert "1 run, from poses" in found.outputs.report.read_text(encoding="utf-8")
 
@@ -88,7 +88,7 @@ def test_the_turning_command_measures_poses_without_a_robot_file(tmp_path: Path)
     found = measure_table(tmp_path / "r01.csv", Request(start_s=1.7e9 + 0.5))
     radius = np.hypot(run.u_mm_s[-1], run.v_mm_s[-1]) / abs(run.yaw_rate_rad_s[-1])
     assert found.row["radius_low_mm"] < radius < found.row["radius_high_mm"]
-    assert any("noise taken from the poses" in line for line in found.lines)
+    assert any("noise estimated from the poses" in line for line in found.lines)
     assert found.row["start_delay_s"] == pytest.approx(0.0, abs=0.1)
 
 
@@ -173,7 +173,7 @@ def test_held_values_are_dropped_counted_and_said(tmp_path: Path) -> None:
     found = read_poses(tmp_path / "r01.csv")
     assert found.dropped == 240
     assert np.allclose(found.table["time_s"], np.arange(120) / 20)
-    assert "240 of 360 poses repeat the one before" in found.notes()[0]
+    assert "240 of 360 poses repeat the previous one" in found.notes()[0]
     done = analyze(experiment(tmp_path), tmp_path / "out", workers=1)
     assert "240 of 360 poses" in " ".join(done.notes["r01"])
 

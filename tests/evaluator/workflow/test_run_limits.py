@@ -148,7 +148,7 @@ def test_turns_whose_radii_differ_by_more_than_a_tenth_are_no_repetitions(radius
         for value in (10.0, radius)
     ]  # fmt: skip
     said = together(rows)
-    assert said.startswith("2 repetitions: radius" if one else "not pooled, these are no repetitions")
+    assert said.startswith("2 repetitions: radius" if one else "not pooled as repetitions")
 
 
 def said_stream(order: int) -> Any:
@@ -200,6 +200,6 @@ def test_light_of_a_gauge_image_clips_a_hundredth_at_most_and_reaches_a_quarter_
     image.reshape(-1, 3)[:100, 1] = top
     assert light_of(image) == ""
     image.reshape(-1, 3)[100, 1] = top
-    assert light_of(image).startswith("1 % of the pixels are as bright as they can be")
+    assert light_of(image).startswith("1 % of the pixels are saturated")
     assert light_of(np.full((9, 9), 0.26 * top).astype(kind)) == ""
     assert light_of(np.full((9, 9), 0.24 * top).astype(kind)).startswith("the brightest pixels reach 24 % of the range")

@@ -87,7 +87,7 @@ def test_the_hidden_effect_is_of_the_catalogue_and_one_run_is_told_with_its_side
 
     from evaluator.workflow.selftest import laboratory
 
-    messy = laboratory.write_messy(tmp_path, 3)
+    messy = laboratory.write_hidden_effect(tmp_path, 3)
     told = {item["id"]: item for item in tomllib.loads(messy.experiment.read_text(encoding="utf-8"))["run"]}
     commands = [(item["left_rpm"], item["right_rpm"]) for item in told.values()]
     assert [k for k, pair in enumerate(commands) if pair != laboratory.COMMANDS_RPM[k]] == [laboratory.SWAPPED]

@@ -135,7 +135,7 @@ def test_compliant_axles_are_the_two_of_the_wheels_that_grip() -> None:
     assert row["axle_x"] == pytest.approx([3.0, -1.0])
     assert row["general"] == 1
     three = robot_with([*pair(3.0), *pair(0.0, driven=False), *pair(-3.0, driven=False)])
-    with pytest.raises(SimulationError, match="two of them; found wheels at 3 places of x"):
+    with pytest.raises(SimulationError, match="needs two axles; found wheels at 3 positions of x"):
         compile_robot(affected(three, "axle-compliance", deg_per_mN=1.0))
     toed = compile_robot(affected(robot_of(), "wheel-toe", left_deg=0.0, right_deg=1.0))[0]
     assert (toed["general"], toed["steer"][1]) == (1, pytest.approx(math.radians(1.0)))

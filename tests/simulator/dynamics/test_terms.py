@@ -173,7 +173,7 @@ def test_terms_of_the_body_come_first_and_friction_last_in_a_record(barrel: Robo
 def test_forty_terms_fit_and_one_more_is_refused_with_their_number(barrel: Robot) -> None:
     term = Term(terms.MOMENT, terms.ONE, 1.0)
     assert compile_robot(barrel, extra=[term] * 40)[0]["body_terms"] == 40
-    with pytest.raises(SimulationError, match="41 terms of added physics; at most 40"):
+    with pytest.raises(SimulationError, match="41 terms of effects; at most 40"):
         compile_robot(barrel, extra=[term] * 41)
 
 

@@ -85,5 +85,5 @@ def test_fields_of_an_interlaced_frame_are_half_a_frame_apart() -> None:
 def test_odd_sizes_and_wrong_endings_are_refused_with_a_remedy(tmp_path: Path) -> None:
     with pytest.raises(SimulationError, match='chroma = "444"'):
         render_clip(scene(camera={"size_px": (161, 120)}), tmp_path / "clip.mp4")
-    with pytest.raises(SimulationError, match="name the video so"):
+    with pytest.raises(SimulationError, match="use that suffix"):
         render_clip(scene(encoding={"codec": "lossless"}), tmp_path / "clip.avi")

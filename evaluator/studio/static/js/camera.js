@@ -14,7 +14,7 @@ const SOFT_EDGE = 2.5; // px of blur from which on an image is out of focus
 export async function show(view, { rest, signal }) {
   const known = new Map(); // dots by image
   const place = h("div"), live = h("div");
-  fill(view, h("div", { class: "stack" }, h("div", {}, h("p", { class: "kind" }, "Camera"), h("h1", {}, "Where every pixel lies on the plate")), live, place));
+  fill(view, h("div", { class: "stack" }, h("div", {}, h("p", { class: "kind" }, "Camera"), h("h1", {}, "Camera calibration")), live, place));
   fill(place, h("p", { class: "soft", role: "status" }, "Looking for gauges, images and cameras …"));
   let undo = null, form = null;
   const rig = async () => {
@@ -28,7 +28,7 @@ export async function show(view, { rest, signal }) {
     gauge = now.gauge;
     if (!gauge) { fill(place, nothing()); return; }
     undo ??= undoing("camera", gauge.id, signal, () => { form.again(); return load(); });
-    form ??= values_form("What the gauge is", `/api/gauges/${gauge.id}/values`, signal, { make: undo.make });
+    form ??= values_form("Gauge", `/api/gauges/${gauge.id}/values`, signal, { make: undo.make });
     fill(place, bench(now, { known, signal, shown, undo, form }));
   });
   onJobs((_, ended) => {
@@ -46,7 +46,7 @@ export async function show(view, { rest, signal }) {
 }
 
 function nothing() {
-  return h("div", { class: "empty" }, h("h2", {}, "No gauge yet"), h("p", {}, "A camera is solved from images of a plate of dots. Make a new experiment on the first screen: it comes with a gauge.toml to fill in and to print. Then put the images beside it."), h("p", {}, h("a", { class: "button", href: "#/" }, "First screen")));
+  return h("div", { class: "empty" }, h("h2", {}, "No gauge yet"), h("p", {}, "A camera is calibrated from images of a dot gauge. Make a new experiment on the first screen: it contains a gauge.toml to fill in and print. Then put the images beside it."), h("p", {}, h("a", { class: "button", href: "#/" }, "First screen")));
 }
 
 // Images beside a gauge, or in a folder around it: gauge images often lie with the recordings of several experiments.
@@ -121,7 +121,7 @@ function bench({ found, gauge, solved }, { known, signal, shown: first, undo, fo
   return h("div", { class: "stack" },
     h("div", { class: "row end" }, pick, h("div", { class: "row" }, undo.undo, undo.redo, h("a", { class: "button", href: `/api/gauges/${gauge.id}/sheet.pdf`, download: "gauge.pdf" }, "Print the gauge (PDF)"), h("button", { class: "main", disabled: !images.length, onclick: solve }, solved ? "Calibrate again" : "Calibrate"))), form.box,
     images.length ? h("div", { class: "split" }, h("section", { class: "stack" }, view.canvas, facts), h("section", { class: "stack" },
-      h("div", { class: "scroll tall" }, h("table", { class: "wordlist" }, h("thead", {}, h("tr", {}, ["use", "image", "on the plate", "dots", "without it"].map((text) => h("th", { scope: "col" }, text)))), list)), solved ? [h("p", { class: "small soft" }, "Without it: by how much places would be less certain if an image were left out."), verdict(solved, signal, (on) => { guide = on; view.redraw(); })] : h("p", { class: "soft" }, "Not calibrated yet: choose the images and which of them shows the gauge lying flat on the plate.")))
+      h("div", { class: "scroll tall" }, h("table", { class: "wordlist" }, h("thead", {}, h("tr", {}, ["use", "image", "on the plate", "dots", "without it"].map((text) => h("th", { scope: "col" }, text)))), list)), solved ? [h("p", { class: "small soft" }, "Without it: increase of the uncertainty if this image were left out."), verdict(solved, signal, (on) => { guide = on; view.redraw(); })] : h("p", { class: "soft" }, "Not calibrated yet: choose the images and which of them shows the gauge lying flat on the plate.")))
       : h("div", { class: "empty" }, h("h2", {}, "No images beside this gauge"), h("p", {}, `Take them with the live camera above, or put them into ${gauge.folder === "." ? "the folder of the studio" : gauge.folder} or a folder around it: one with it lying on the plate, five or more with it tilted by 20° to 40° in different directions.`)));
 }
 
@@ -162,12 +162,12 @@ function verdict(found, signal, guide) {
       context.fillRect(x, y, Math.floor(((k % map.columns) + 1) * w) - x, Math.floor((Math.floor(k / map.columns) + 1) * t) - y);
     });
     context.globalAlpha = 1;
-  }, signal, { class: "uncertainty", role: "img", "aria-label": `Uncertainty of places, from ${num(least)} to ${num(most)} µm` });
+  }, signal, { class: "uncertainty", role: "img", "aria-label": `Uncertainty of positions, from ${num(least)} to ${num(most)} µm` });
   chart.canvas.style.aspectRatio = `${found.size_px[0]} / ${found.size_px[1]}`;
   return h("div", { class: "card stack" },
     h("div", { class: "row" }, h("h2", { style: { margin: 0 } }, "Verdict"), h("span", { class: `tag ${said.level === "sound" ? "good" : "warn"}` }, said.level)),
     h("p", {}, said.summary), [...said.reasons, ...said.next_steps, ...said.notes].map((text) => h("p", { class: "small" }, text)),
     h("p", { class: "small soft" }, `${counted(found.images.length, "image")}, residual ${fixed(found.rms_px, 3)} px RMS; dots cover ${Math.round(100 * said.coverage)} % of the image.`),
-    found.next_image ? h("p", {}, `An image more that would help most: ${found.next_image.sentence}. `, h("label", {}, h("input", { type: "checkbox", onchange: (event) => guide(event.target.checked) }), " show its outline")) : null,
-    h("h3", {}, `Uncertainty of a place, ${num(map.height_mm)} mm above the plate, against the middle of the image`), chart.canvas, h("p", { class: "small soft" }, `From ${num(least)} µm (pale) to ${num(most)} µm (full colour), 1 sigma.`));
+    found.next_image ? h("p", {}, `Most useful further image: ${found.next_image.sentence}. `, h("label", {}, h("input", { type: "checkbox", onchange: (event) => guide(event.target.checked) }), " show its outline")) : null,
+    h("h3", {}, `Standard uncertainty of a position ${num(map.height_mm)} mm above the plate, relative to the middle of the image`), chart.canvas, h("p", { class: "small soft" }, `From ${num(least)} µm (pale) to ${num(most)} µm (full colour), 1 sigma.`));
 }

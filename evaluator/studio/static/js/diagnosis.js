@@ -1,4 +1,4 @@
-// The Diagnosis screen: what is missing, where it shows, what else was tried, and what to do next.
+// The Diagnosis screen: verdict, disagreements, gap, alternatives, tolerances and next runs.
 
 import { get, latest, post } from "./api.js";
 import { fill, fixed, h, length, num, withBounds } from "./dom.js";
@@ -9,7 +9,7 @@ import { matrix } from "./matrix.js";
 import { own_effects } from "./owneffects.js";
 import { undoing } from "./undo.js";
 
-const VERDICTS = { effect: "A missing effect is named", none: "Nothing is missing", unknown: "Something unknown is missing", insufficient: "The data cannot decide" };
+const VERDICTS = { effect: "A missing effect was found", none: "No effect is missing", unknown: "An unknown effect is missing", insufficient: "The data cannot decide" };
 const MENDED = { reversed: "Turn both commands round", "sides-swapped": "Swap left and right" };
 
 export async function show(view, { id, signal }) {
@@ -32,18 +32,18 @@ const start = (id, kind) => () => { say(""); post(`/api/experiments/${id}/jobs`,
 
 function nothing(id) {
   return h("div", { class: "stack" }, h("div", {}, h("p", { class: "kind" }, "Diagnosis"), h("h1", {}, "Why do model and robot differ?")),
-    h("div", { class: "empty" }, h("h2", {}, "No diagnosis yet"), h("p", {}, "The diagnosis tries every known effect, and terms without a name, on all runs together; runs that are held out test what it found. It takes a minute or a few."),
+    h("div", { class: "empty" }, h("h2", {}, "No diagnosis yet"), h("p", {}, "The diagnosis tests every effect of the catalogue, and free-form terms, on all runs together, and checks the result on held-out runs. This takes one to a few minutes."),
       h("p", {}, h("button", { class: "main", disabled: Boolean(jobOf(id)), onclick: start(id, "diagnose") }, "Diagnose"))));
 }
 
 function screen(found, id, signal, { load, own, undo }) {
   const { content } = found;
   const again = h("div", { class: "row" }), notice = h("div");
-  // Whether it still holds takes the reading of every recording: that is said when it is known.
+  // Whether it is up to date is shown later, because every recording has to be read.
   get(`/api/experiments/${id}/state`, signal).then((state) => {
     const stale = state.diagnosis !== "current";
     fill(again, !stale && h("span", { class: "tag good" }, "up to date"), h("button", { class: stale ? "main" : "", disabled: Boolean(jobOf(id)), onclick: start(id, "diagnose") }, "Diagnose again"));
-    fill(notice, stale && h("p", { class: "notice" }, "The experiment, its robot or its recordings have changed since this diagnosis."));
+    fill(notice, stale && h("p", { class: "notice" }, "The experiment, its robot or its recordings changed after this diagnosis."));
   }).catch(say);
   return h("div", { class: "stack", style: { gap: "1.4rem" } },
     h("div", { class: "row end" },
@@ -52,7 +52,7 @@ function screen(found, id, signal, { load, own, undo }) {
     notice,
     mistakes(content, id, load, undo),
     h("div", { class: "two" }, h("div", { class: "stack" }, ...content.effects.map((effect) => effect_card(effect)), offer(own), add(found, id, load, undo), words(found)), gaps(content)),
-    content.where.length || Object.keys(found.pieces).length ? h("section", { class: "card stack" }, h("h2", {}, "Where it disagrees"), h("ul", { class: "plainlist" }, content.where.slice(0, 5).map((one) => h("li", {}, one.sentence.replaceAll(" -", " −")))), found.pieces.run ? matrix(found.pieces, id, signal) : null) : null,
+    content.where.length || Object.keys(found.pieces).length ? h("section", { class: "card stack" }, h("h2", {}, "Where model and robot disagree"), h("ul", { class: "plainlist" }, content.where.slice(0, 5).map((one) => h("li", {}, one.sentence.replaceAll(" -", " −")))), found.pieces.run ? matrix(found.pieces, id, signal) : null) : null,
     h("div", { class: "two" }, rivals(content), known(content)),
     next_runs(content, id, signal));
 }
@@ -65,10 +65,10 @@ function mistakes(content, id, load, undo) {
     await load();
   }).catch(say);
   const copy = () => post(`/api/experiments/${id}/mended`).then((made) => { say(`Written to ${made.path}: ${made.changes.join("; ")}.`, true); location.hash = `#/x/${made.id}/runs`; }).catch(say);
-  return h("section", { class: "card warned" }, h("h2", {}, "Mistakes of the experiment"),
+  return h("section", { class: "card warned" }, h("h2", {}, "Mistakes in the experiment"),
     content.mistakes.map((one) => h("div", { class: "row end" }, h("p", {}, one.sentence),
       MENDED[one.kind] ? h("button", { onclick: mend(one) }, MENDED[one.kind]) : h("a", { class: "button", href: `#/x/${id}/runs/${encodeURIComponent(one.runs[0])}` }, "See the run"))),
-    h("div", { class: "row end" }, h("p", {}, "Or all of them at once, in a copy; runs that nothing puts right are left out."), h("button", { onclick: copy }, "Write a mended experiment")));
+    h("div", { class: "row end" }, h("p", {}, "Or correct all of them in a copy; runs that cannot be corrected are left out."), h("button", { onclick: copy }, "Write a mended experiment")));
 }
 
 function sizeRow(name, parameter) {
@@ -79,7 +79,7 @@ function sizeRow(name, parameter) {
 function effect_card(effect) {
   return h("section", { class: "card found" }, h("p", { class: "kind" }, effect.id), h("h2", {}, effect.name),
     h("table", { class: "parameters" }, h("tbody", {}, Object.entries(effect.parameters).map((one) => sizeRow(...one)))),
-    effect.equivalent?.length ? h("p", { class: "small soft" }, `These runs cannot tell it from: ${effect.equivalent.join(", ")}.`) : null);
+    effect.equivalent?.length ? h("p", { class: "small soft" }, `These runs cannot distinguish it from: ${effect.equivalent.join(", ")}.`) : null);
 }
 
 function add(found, id, load, undo) {
@@ -97,18 +97,18 @@ function add(found, id, load, undo) {
     }
     await load();
   }).catch(say);
-  return h("section", { class: "card row end" }, h("p", { class: "small" }, `Added to ${found.robot.path}, the simulation has the effect from then on.`), h("button", { class: "main", onclick: write }, "Add it to the robot"));
+  return h("section", { class: "card row end" }, h("p", { class: "small" }, `Adds the effect to ${found.robot.path}; from then on it is simulated.`), h("button", { class: "main", onclick: write }, "Add it to the robot"));
 }
 
-// The form without a name that explains the runs of an unknown verdict.
+// The free-form term that explains the runs of an "unknown" verdict.
 function offer(own) {
   if (!own.offered) return null;
-  return h("section", { class: "card stack" }, h("p", {}, "This form explains the runs, and no effect of the catalogue has it. Give it a name, and the next diagnosis tries it like the others."),
+  return h("section", { class: "card stack" }, h("p", {}, "This free-form term explains the runs and is not in the catalogue. Give it a name, and the next diagnosis tests it like the other effects."),
     h("div", { class: "row" }, h("button", { class: "main", onclick: own.open }, "Add this as your effect")));
 }
 
 function words(found) {
-  return h("details", { class: "card" }, h("summary", {}, "The whole finding in words"), found.lines.map((line) => h("p", { class: "small" }, line)));
+  return h("details", { class: "card" }, h("summary", {}, "The diagnosis in words"), found.lines.map((line) => h("p", { class: "small" }, line)));
 }
 
 function gaps(content) {
@@ -118,18 +118,18 @@ function gaps(content) {
   const bars = groups.flatMap(([words, one]) => [["fitted runs", "fit"], ["held-out runs", "held_out"]].filter(([, key]) => one.before[key] !== null).map(([who, key]) => ({ words: `${who}, ${words}`, before: one.before[key], after: one.after[key] })));
   const most = Math.max(...bars.flatMap((bar) => [bar.before, bar.after]), gap.noise_floor);
   const bar = (value, ink) => h("div", { class: "measure" }, h("i", { class: ink, style: { width: `${Math.max((100 * value) / most, 0.6)}%` } }), h("span", {}, length(value)));
-  return h("section", { class: "card stack" }, h("h2", {}, "Distance of model and marks, before and after"),
+  return h("section", { class: "card stack" }, h("h2", {}, "RMS distance of simulated and measured marks, before and after"),
     bars.map((one) => h("div", {}, h("p", { class: "small" }, one.words), bar(one.before, "vermillion"), bar(one.after, "green"))),
     h("p", { class: "legend small soft" }, h("i", { class: "vermillion" }), "before", h("i", { class: "green" }), "after"),
-    h("p", { class: "small soft" }, `Noise alone, of marks, camera and plate, makes ${length(gap.noise_floor)}.`),
-    gap.held_out_runs?.length ? h("p", { class: "small soft" }, `Held out: ${gap.held_out_runs.join(", ")}. No effect was fitted to them; which effects the model has was decided with all runs.`) : null);
+    h("p", { class: "small soft" }, `The noise floor is ${length(gap.noise_floor)}.`),
+    gap.held_out_runs?.length ? h("p", { class: "small soft" }, `Held out: ${gap.held_out_runs.join(", ")}. The size of the effects was fitted without them; which effects the model has was decided with all runs.`) : null);
 }
 
 function rivals(content) {
   const chosen = { effects: content.effects.map((one) => one.id), probability: Math.min(...content.effects.map((one) => one.probability), 1), log_odds: 0, reason: "the verdict" };
   const rows = [chosen, ...content.rivals];
   const lowest = Math.min(...rows.map((row) => row.log_odds), -1);
-  return h("section", { class: "card stack" }, h("h2", {}, "What was tried"), h("p", { class: "small soft" }, "The longer the bar, the less probable the runs are with it (logarithm of the odds against the verdict)."),
+  return h("section", { class: "card stack" }, h("h2", {}, "Alternatives"), h("p", { class: "small soft" }, "Bar: logarithm of the odds against it, relative to the verdict."),
     rows.map((row) => h("div", {}, h("p", { class: "small" }, h("strong", {}, row.effects.join(" + ") || "no effect"), ` — ${row.reason}`),
       h("div", { class: "measure" }, h("i", { class: row === chosen ? "green" : "soft", style: { width: `${Math.max((70 * Math.log1p(-row.log_odds)) / Math.log1p(-lowest), 0.6)}%` } }), h("span", {}, row === chosen ? "verdict" : `${fixed(row.log_odds / Math.LN10, 1)} powers of ten`)))));
 }
@@ -142,6 +142,6 @@ function known(content) {
       h("i", { class: "zone", style: { left: at(-one.taken), right: `calc(100% - ${at(one.taken)})` } }), h("i", { class: "span", style: { left: at(one.low), right: `calc(100% - ${at(one.high)})` } }), h("i", { class: "mid", style: { left: at(one.found) } }))),
       h("td", { class: "small soft" }, `± ${num(one.taken)} ${one.unit === "1" ? "" : one.unit}`));
   };
-  return h("section", { class: "card" }, h("h2", {}, "What is taken as known"), h("p", { class: "small soft" }, "Band: what the laboratory knows, 1 sigma. Line: what the runs say, 95 %."), h("div", { class: "scroll tall" }, h("table", { class: "words" }, h("tbody", {}, content.known_to.map(made)))));
+  return h("section", { class: "card" }, h("h2", {}, "Quantities known to a tolerance"), h("p", { class: "small soft" }, "Band: stated tolerance, 1 sigma. Line: fitted value, 95 %."), h("div", { class: "scroll tall" }, h("table", { class: "words" }, h("tbody", {}, content.known_to.map(made)))));
 }
 

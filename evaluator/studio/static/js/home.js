@@ -25,15 +25,15 @@ function screen(found, signal, again) {
     nothing ? first(found, again) : h("section", {}, h("h2", {}, "Experiments"), h("div", { class: "cards" }, found.experiments.map((one) => experiment(one, signal)))),
     h("section", {}, h("h2", {}, "Cameras"), found.cameras.length
       ? h("div", { class: "cards" }, found.cameras.map(camera))
-      : h("p", { class: "soft" }, "No camera is calibrated yet. A camera is solved from images of a dot gauge; the samples come with both.")));
+      : h("p", { class: "soft" }, "No camera is calibrated yet. It is calibrated from images of a dot gauge; the samples contain both.")));
 }
 
 function first(found, again) {
   return h("div", { class: "empty stack" },
     h("div", {}, h("h2", {}, "Nothing is measured here yet"),
       h("p", {}, found.recordings
-        ? `There ${found.recordings === 1 ? "is one recording" : `are ${found.recordings} recordings`} in this folder. Make an experiment of them: say what each run was commanded to do.`
-        : "Put the recordings of your runs into this folder, or look at the samples first: they show the whole way from video to a named effect.")),
+        ? `There ${found.recordings === 1 ? "is one recording" : `are ${found.recordings} recordings`} in this folder. Make an experiment of them, with the command of each run.`
+        : "Put the recordings of your runs into this folder, or begin with the samples, which lead from video to diagnosis.")),
     h("div", { class: "row" }, samplesButton(found, !found.recordings),
       h("button", { class: found.recordings ? "main" : "", onclick: () => create(found, again) }, "New experiment")));
 }
@@ -41,7 +41,7 @@ function first(found, again) {
 function samplesButton(found, main) {
   return h("button", { class: main ? "main" : "", onclick: (event) => {
     event.currentTarget.disabled = true;
-    post("/api/samples").then(() => say("The samples are copied, and their camera is solved from images of a gauge …", true)).catch(say);
+    post("/api/samples").then(() => say("Copying the samples and calibrating their camera …", true)).catch(say);
   } }, "Open the samples");
 }
 

@@ -11,7 +11,7 @@ export async function live_camera(signal, { seen, take: take_from }) {
   const state = { on: false, bitmap: null, found: null, sharpest: Infinity, frames: 0, began: 0 };
   const pick = h("select", { "aria-label": "Camera", onchange: () => { if (state.on) start(); } },
     cameras.map((one) => h("option", { value: `camera=${encodeURIComponent(one.name)}` }, one.words)),
-    files.map((one) => h("option", { value: `file=${one.id}` }, `recording ${one.path}, as if it were a camera`)));
+    files.map((one) => h("option", { value: `file=${one.id}` }, `recording ${one.path} in place of a camera`)));
   const size = h("input", { "aria-label": "Size", placeholder: "its own size", size: 10, autocomplete: "off" });
   const rate = h("input", { "aria-label": "Frames per second", placeholder: "its own rate", size: 10, inputmode: "decimal", autocomplete: "off" });
   const view = surface((context, width, height) => {
@@ -26,7 +26,7 @@ export async function live_camera(signal, { seen, take: take_from }) {
     for (const dots of seen()) dots.centers_px.forEach(([x, y], k) => { if (dots.of_array[k]) context.fillRect(x * scale - 1.5, y * scale - 1.5, 3, 3); });
     context.globalAlpha = 1;
     outline_dots(context, state.found, scale);
-  }, signal, { class: "film", role: "img", "aria-label": "What the camera shows, with the dots found in it" });
+  }, signal, { class: "film", role: "img", "aria-label": "Camera image with the dots found" });
   const help = h("div", { class: "stack", "aria-live": "off" });
   const tell = () => {
     const { found } = state;
@@ -92,5 +92,5 @@ export async function live_camera(signal, { seen, take: take_from }) {
   signal.addEventListener("abort", () => { if (state.on) stop(); state.bitmap?.close(); });
   return h("details", { class: "card stack" }, h("summary", {}, "Live camera"),
     cameras.length + files.length ? [h("div", { class: "row", style: { margin: ".7rem 0" } }, pick, size, rate, toggle), body]
-      : h("p", { class: "soft" }, "No camera is found on this computer, and no recording in this folder that could stand in for one. Plug a camera in and open this screen again."));
+      : h("p", { class: "soft" }, "No camera was found on this computer, and no recording in this folder to use in its place. Connect a camera and open this screen again."));
 }

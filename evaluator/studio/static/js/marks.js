@@ -35,7 +35,7 @@ async function workbench(place, id, run, file, signal) {
   state.rows = corrections.rows;
   state.correctionsVersion = corrections.version;
 
-  const screen = surface((context, width, height) => drawMarks(context, width, height, state, frames), signal, { class: "film pick", tabindex: 0, role: "application", "aria-label": "Frame with what the search for marks sees; arrows move a cross, with Shift ten pixels, Enter does what a click does" });
+  const screen = surface((context, width, height) => drawMarks(context, width, height, state, frames), signal, { class: "film pick", tabindex: 0, role: "application", "aria-label": "Frame with the candidates for marks; arrows move a cross, with Shift ten pixels, Enter acts like a click" });
   screen.canvas.style.aspectRatio = `${frames.width} / ${frames.height}`;
   const readout = h("div", { class: "stack" });
   const sheet = h("div", { class: "contact" });
@@ -103,7 +103,7 @@ async function workbench(place, id, run, file, signal) {
       const place_of = !one ? "…" : one.status === "ok" ? `centre ${fixed(one.x_px, 2)}, ${fixed(one.y_px, 2)} px · sigma ${num(one.x_sigma_px, 2)} px` : one.status;
       return h("div", { class: `card markcard ${state.mark === name ? "chosen" : ""}` },
         h("label", { class: "row" }, h("input", { type: "radio", name: "mark", checked: state.mark === name, onchange: () => { state.mark = name; tell(); } }), h("strong", {}, name), h("i", { class: "hue", style: { background: `linear-gradient(90deg, hsl(${low} 90% 50%), hsl(${(low + high) / 2} 90% 50%), hsl(${high} 90% 50%))` } }), h("span", { class: "small soft" }, !own.hue_deg && !one ? "…" : `hue ${Math.round(low)}° to ${Math.round(high)}°${own.hue_deg ? "" : " (default)"}`)),
-        h("p", { class: `small ${one && one.status !== "ok" ? "warn" : ""}` }, place_of), hand && h("p", { class: "small" }, hand.x === null ? "taken away by hand in this frame" : `placed by hand at ${fixed(hand.x, 1)}, ${fixed(hand.y, 1)} px`),
+        h("p", { class: `small ${one && one.status !== "ok" ? "warn" : ""}` }, place_of), hand && h("p", { class: "small" }, hand.x === null ? "dropped by hand in this frame" : `placed by hand at ${fixed(hand.x, 1)}, ${fixed(hand.y, 1)} px`),
         one && one.status !== "ok" && one.blobs.length ? h("ul", { class: "plainlist small soft" }, one.blobs.slice(0, 3).map((blob) => h("li", {}, `at ${Math.round(blob.x_px)}, ${Math.round(blob.y_px)}: ${blob.verdict}`))) : null);
     }));
     boxes();
@@ -154,7 +154,7 @@ async function workbench(place, id, run, file, signal) {
     if (state.tool === "place") { correct(x, y); return; }
     const blobs = Object.values(state.seen.get(state.index)?.marks ?? {}).flatMap((one) => one.blobs);
     const near = blobs.map((blob) => ({ blob, d: Math.hypot(blob.x_px - x, blob.y_px - y) / Math.max(blob.radius_px, 4) })).sort((a, b) => a.d - b.d)[0];
-    if (!near || near.d > 2) { say("There is nothing colourful here; click the middle of a mark."); return; }
+    if (!near || near.d > 2) { say("No colour here; click the middle of a mark."); return; }
     const { color: _, ...own } = state.said.mark[state.mark];
     const hue = Math.round(near.blob.hue_deg);
     save({ ...state.said, mark: { ...state.said.mark, [state.mark]: { ...own, hue_deg: [hue - HALF_HUE, hue + HALF_HUE] } } });
@@ -176,7 +176,7 @@ async function workbench(place, id, run, file, signal) {
     if (event.key === "Delete") correct(null, null);
   }, { signal });
 
-  const path = h("p", { class: "small soft" }, file.version ? `Settings: ${file.path}` : "Nothing is set: the tracker uses its defaults.");
+  const path = h("p", { class: "small soft" }, file.version ? `Settings: ${file.path}` : "No settings yet: the tracker uses its defaults.");
   const tools = h("div", { class: "row", role: "group", "aria-label": "What a click does" }, TOOLS.map(([tool, words]) => h("button", { "aria-pressed": String(tool === state.tool), onclick: (event) => { state.tool = tool; for (const one of tools.children) one.setAttribute("aria-pressed", String(one === event.currentTarget)); } }, words)));
   const shapes = h("div", { class: "row" });
   const boxes = () => fill(shapes,
@@ -185,7 +185,7 @@ async function workbench(place, id, run, file, signal) {
     state.rows.some((row) => row.frame === state.index && row.mark === state.mark) && h("button", { class: "small", onclick: () => correct() }, "Undo the correction here"));
   fill(place, h("div", { class: "split" },
     h("section", { class: "stack" }, tools, screen.canvas, h("div", { class: "row" }, h("span", { style: { flex: "1 1 14rem" } }, scrub), clock),
-      h("div", { class: "row" }, h("label", {}, h("input", { type: "checkbox", checked: true, onchange: (event) => { state.showMask = event.target.checked; screen.redraw(); } }), "Show what has the colour"), h("button", { onclick: () => correct(null, null), title: "This mark is not to be used in this frame (Delete)" }, "Drop it in this frame"), undo.undo, undo.redo), shapes, path),
+      h("div", { class: "row" }, h("label", {}, h("input", { type: "checkbox", checked: true, onchange: (event) => { state.showMask = event.target.checked; screen.redraw(); } }), "Show pixels of this colour"), h("button", { onclick: () => correct(null, null), title: "This mark is not to be used in this frame (Delete)" }, "Drop it in this frame"), undo.undo, undo.redo), shapes, path),
     h("section", { class: "stack" }, readout, h("h2", {}, "In eight frames"), sheet)));
   tell();
   go(0);

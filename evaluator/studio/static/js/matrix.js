@@ -70,5 +70,5 @@ export function matrix(pieces, id, signal) {
   const sides = h("button", { "aria-pressed": "false", onclick: () => { after = !after; sides.setAttribute("aria-pressed", String(after)); tell(); } }, "After the finding");
   tell();
   return h("div", { class: "stack", style: { gap: ".6rem" } }, h("div", { class: "row" }, h("span", { class: "row", role: "group", "aria-label": "Quantity" }, Object.keys(QUANTITIES).filter((key) => pieces[key]).map(choice)), pieces[`after_${quantity}`] ? sides : null, said),
-    made.canvas, h("p", { class: "small soft" }, "Vermillion: more than the model says; blue: less. Full colour: among the largest before the finding."));
+    made.canvas, h("p", { class: "small soft" }, "Vermillion: measured more than simulated; blue: less. Full colour: among the largest before the effects are included."));
 }

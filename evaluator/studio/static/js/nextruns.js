@@ -7,7 +7,7 @@ import { say } from "./say.js";
 
 export function next_runs(content, id, signal) {
   const runs = content.next_experiment?.runs ?? [];
-  if (!runs.length) return h("section", { class: "card" }, h("h2", {}, "Next experiment"), h("p", { class: "soft" }, content.verdict === "insufficient" ? "No further runs of this kind were found that would decide." : content.verdict === "unknown" ? "None is proposed for a form without a name: make it an effect of your own, below, and diagnose again." : "No further runs are needed: nothing is left that they would tell apart."));
+  if (!runs.length) return h("section", { class: "card" }, h("h2", {}, "Next experiment"), h("p", { class: "soft" }, content.verdict === "insufficient" ? "No runs of this kind would decide." : content.verdict === "unknown" ? "None is proposed for a free-form term: make it an effect of your own, below, and diagnose again." : "No further runs are needed: nothing remains to be distinguished."));
   let paths = null;
   const plate = surface((context, width, height) => {
     const placed = runs.map((run, k) => (paths ? moved(paths[k], run) : { x_mm: [run.x_mm], y_mm: [run.y_mm] }));

@@ -14,7 +14,7 @@ export async function own_effects(id, signal, make, written) {
   const found = await get(path, signal);
   const place = h("div", { class: "stack" });
   const box = h("section", { class: "card stack", id: "own-effects" }, h("div", {}, h("h2", {}, "Effects of your own"),
-    h("p", { class: "small soft" }, "What the catalogue does not know, as a sum of terms: where it acts, times what it depends on. It is written to the folder “effects” beside the experiment; the next diagnosis tries it, and the sandbox has sliders for it.")), place);
+    h("p", { class: "small soft" }, "Physics that the catalogue lacks, as a sum of terms; each is a coefficient times what it depends on, and acts on one channel. It is written to the folder “effects” beside the experiment. The next diagnosis tests it, and the sandbox has sliders for it.")), place);
   const keep = async (sentence) => { await written(); say(sentence, true); };
   const remove = (one) => () => make(async () => {
     await post(`${path}/remove`, { id: one.id, version: one.version }, signal);
@@ -29,7 +29,7 @@ export async function own_effects(id, signal, make, written) {
     const form = effect_form(effect, found.grammar, {
       save: (said) => make(async () => {
         const next = await post(path, said, signal);
-        await keep(`Written to ${next.path}. The next diagnosis tries it.`);
+        await keep(`Written to ${next.path}. The next diagnosis tests it.`);
       }),
       close: list,
     });
@@ -69,7 +69,7 @@ function effect_form(effect, grammar, { save, close }) {
   draw();
   return h("form", { class: "stack", "aria-label": anew ? "New effect" : `Effect ${effect.id}`, onkeydown: (event) => { if (event.key === "Escape") close(); }, onsubmit: async (event) => {
     event.preventDefault();
-    if (!FORM.test(id.value.trim())) { fault.textContent = "Give the effect an id of small letters and digits, words joined by -, such as mixed-drive."; id.focus(); return; }
+    if (!FORM.test(id.value.trim())) { fault.textContent = "The id must consist of lower-case letters, digits and hyphens, such as mixed-drive."; id.focus(); return; }
     try {
       await save({ version: effect.version, id: id.value.trim(), name: name.value, sentence: sentence.value || name.value, terms });
     } catch (error) { fault.textContent = error.message; }
@@ -96,6 +96,6 @@ function term_row(term, k, grammar, several, { turn, remove }) {
     choice("where it acts", term.channel, grammar.channels.map((one) => [one.id, one.words]), of_channel),
     choice("what it depends on", term.depends_on, (channel?.bases ?? []).map((one) => [one.id, one.words]), (basis) => turn(usual({ pattern: term.pattern }, grammar, term.channel, basis))),
     channel?.of_wheels ? choice("on which wheels", term.pattern, grammar.patterns.map((one) => [one, one === "common" ? "all alike" : one]), (pattern) => turn({ ...term, pattern })) : null,
-    field("coefficient", "coefficient"), field("unit", "unit"), field("from", "low", true), field("to", "high", true), field("a step that shows", "step", true),
+    field("coefficient", "coefficient"), field("unit", "unit"), field("from", "low", true), field("to", "high", true), field("smallest visible step", "step", true),
     several ? h("button", { type: "button", class: "plain small", "aria-label": `Take term ${k + 1} away`, onclick: remove }, "Take away") : null);
 }

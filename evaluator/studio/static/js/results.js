@@ -18,7 +18,7 @@ export async function show(view, { id, rest, signal }) {
 function nothing(found, id) {
   const start = () => post(`/api/experiments/${id}/jobs`, { kind: "analyse" }).catch(say);
   return h("div", { class: "stack" }, h("div", {}, h("p", { class: "kind" }, "Results"), h("h1", {}, found.name)),
-    h("div", { class: "empty" }, h("h2", {}, "Nothing is measured yet"), h("p", {}, "The analysis tracks the marks in every recording, measures each turn, and simulates its counterpart."),
+    h("div", { class: "empty" }, h("h2", {}, "Nothing is measured yet"), h("p", {}, "The analysis tracks the marks in every recording, measures each turn, and simulates each run."),
       h("p", {}, h("button", { class: "main", disabled: Boolean(jobOf(id)), onclick: start }, "Analyse all runs"))));
 }
 

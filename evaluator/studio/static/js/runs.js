@@ -29,7 +29,7 @@ export async function show(view, { id, rest, signal }) {
 
   const states = () => found.rows.map((row) => {
     const job = jobOf(id), steps = outdated?.[row.id];
-    if (found.faults.some((one) => one.row !== null && found.rows[one.row] === row)) return { kind: "warn", title: "something is wrong with this run" };
+    if (found.faults.some((one) => one.row !== null && found.rows[one.row] === row)) return { kind: "warn", title: "error in this run" };
     if (job?.outdated?.[row.id]?.length) return job.finished.includes(row.id) ? { kind: "good", title: "done" } : { kind: "busy", title: "being analysed" };
     if (steps === undefined) return { kind: "", title: "" };
     return steps.length ? { kind: "stale", title: `to do: ${steps.join(", ")}` } : { kind: "good", title: "up to date" };
@@ -50,7 +50,7 @@ export async function show(view, { id, rest, signal }) {
     }).catch(say);
   };
   const undo = undoing("runs", id, signal, async () => { form.again(); accept(await get(path, signal)); choose(shown ?? 0, false); });
-  const form = values_form("What the robot is", `${path}/robot/values`, signal, { make: undo.make, changed: () => refresh() });
+  const form = values_form("Robot", `${path}/robot/values`, signal, { make: undo.make, changed: () => refresh() });
 
   const table = sheet(COLUMNS, { edit, chosen: (row) => choose(row), signal });
   const recordings = h("datalist", { id: "recordings" });
@@ -73,7 +73,7 @@ export async function show(view, { id, rest, signal }) {
     fill(work,
       h("button", { class: "main", disabled: Boolean(job) || fault || !found.rows.length, onclick: start("analyse"), title: fault ? "Mend what is marked in the table first" : "Track, measure and simulate every run that is not up to date" },
         job ? "Working …" : todo ? `Analyse ${todo} of ${found.rows.length} runs` : "Analyse"),
-      h("button", { disabled: Boolean(job) || fault || !found.rows.length, onclick: start("diagnose"), title: "Find the effect that is missing in the model" }, "Diagnose"));
+      h("button", { disabled: Boolean(job) || fault || !found.rows.length, onclick: start("diagnose"), title: "Find the effect that the model lacks" }, "Diagnose"));
   };
   const asked = latest(() => get(`${path}/state`, signal), (state) => {
     outdated = state.outdated;

@@ -23,7 +23,7 @@ export async function show(view, { id, signal }) {
     () => get(`/api/sandbox?${source().experiment ? `experiment=${source().experiment}` : `robot=${source().robot}`}`, signal),
     (found) => fill(place, screen(found, source(), signal, undo)),
   );
-  fill(view, h("div", { class: "row end" }, h("div", {}, h("p", { class: "kind" }, "Sandbox"), h("h1", {}, "What would it do to my turns?")), pick), place);
+  fill(view, h("div", { class: "row end" }, h("div", {}, h("p", { class: "kind" }, "Sandbox"), h("h1", {}, "Effects on the turns")), pick), place);
   await load();
 }
 
@@ -75,11 +75,11 @@ function screen(found, source, signal, undo) {
     const given = found.in_robot.find((own) => own.id === one.id);
     const sliders = one.sliders.map((own) => slider(given && given[own.key] !== undefined ? { ...own, value: Number(given[own.key]) } : own, (value) => { state.effects[one.id] = { ...(state.effects[one.id] ?? given_values(one, given)), [own.key]: value }; box.classList.add("moved"); }, one.id));
     const box = h("details", { class: "effect" }, h("summary", {}, h("span", {}, one.name), h("span", { class: "small soft" }, given ? `${one.id} · in the robot` : one.id)), h("p", { class: "small soft" }, one.sentence), sliders.map((own) => own.row),
-      h("button", { class: "plain small", onclick: () => { delete state.effects[one.id]; for (const own of sliders) own.reset(); box.classList.remove("moved"); ask(); } }, "Back to where it was"));
+      h("button", { class: "plain small", onclick: () => { delete state.effects[one.id]; for (const own of sliders) own.reset(); box.classList.remove("moved"); ask(); } }, "Reset"));
     return box;
   };
   const given_values = (one, given) => Object.fromEntries(one.sliders.map((own) => [own.key, given && given[own.key] !== undefined ? given[own.key] : own.value]));
-  const add = source.experiment && h("button", { title: "Put the effects that were moved into the robot file of the experiment", onclick: () => {
+  const add = source.experiment && h("button", { title: "Write the changed effects to the robot file of the experiment", onclick: () => {
     if (!Object.keys(state.effects).length) { say("Move a slider of an effect first."); return; }
     undo.make(async () => {
       const { robot } = await post(`/api/experiments/${source.experiment}/robot`, { version: found.version, effects: state.effects });
