@@ -49,7 +49,7 @@ class Found:
     """A mistake in one run: what is seen, as the end of a sentence that begins with the run, and the remedy.
 
     equivalent: other kinds that this run alone cannot be distinguished from. correction: what puts its files right, if
-    anything does.
+    anything does. group: runs of which it is said once, of all together.
     """
 
     run: str
@@ -58,6 +58,7 @@ class Found:
     remedy: str
     equivalent: tuple[Kind, ...] = ()
     correction: Correction | None = None
+    group: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -98,14 +99,15 @@ def mistakes_of(found: Sequence[Found], runs: int, showing: Mapping[Kind, int] |
             alike = tuple(k for k in ORDER if all(k in item.equivalent for item in of_kind))
             result.append(Mistake(concerned, kind, sentence, True, alike, _corrections(of_kind)))
             continue
-        result += [
-            Mistake(
-                *((item.run,), kind, f"{item.run}: {item.seen}; {item.remedy}"),
-                equivalent_kinds=item.equivalent,
-                corrections=_corrections([item]),
+        for concerned in dict.fromkeys(item.group or (item.run,) for item in of_kind):
+            first_of = next(item for item in of_kind if item.run in concerned)
+            result.append(
+                Mistake(
+                    *(concerned, kind, f"{', '.join(concerned)}: {first_of.seen}; {first_of.remedy}"),
+                    equivalent_kinds=first_of.equivalent,
+                    corrections=_corrections([item for item in of_kind if item.run in concerned]),
+                )
             )
-            for item in of_kind
-        ]
     return result
 
 

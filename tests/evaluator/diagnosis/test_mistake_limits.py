@@ -199,7 +199,7 @@ def test_mistake_of_all_runs_that_could_show_it_is_said_once() -> None:
     swapped = [Found(f"r{k}", "sides-swapped", "turns", "exchange") for k in range(5)]
     (mistake,) = mistakes_of(swapped, 9, {"sides-swapped": 5})
     assert mistake.everywhere
-    assert mistake.sentence.startswith("5 of 9 runs, all that could show it: turns")
+    assert mistake.sentence.startswith("5 of 9 runs, all that could show it, r0 for example: turns")
     assert len(mistakes_of(swapped, 9)) == 5
 
 

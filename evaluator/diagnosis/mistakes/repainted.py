@@ -1,0 +1,57 @@
+"""Runs in two groups, in one of which the marks are nearer together: they were repainted, or it is another robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.recognised import Found
+from evaluator.diagnosis.mistakes.spacing import spacing
+from evaluator.robot_geometry import reference_line
+from simulator.robot import Robot
+
+Floats = NDArray[np.float64]
+
+FEWEST_OF_GROUP = 2  # a single one is known by wrong_scale, farther off
+# By more the distance of the marks does not change where a camera is calibrated anew: its scale by 1e-3 and what a lens
+# leaves by 8 µm a mark, 3e-3 of their 3.66 mm, either time; three of these standard deviations.
+CHANGED_SHARE = 0.0135
+APART = 2.0  # times the range of either group: what lies between them. Runs of one robot scatter as they like, evenly
+
+
+def repainted_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
+    """The runs whose marks are farther from the robot file, where all runs are of two kinds; else none."""
+    lines_mm = [float(np.hypot(*reference_line(robot))) for robot in robots]
+    spacings = [spacing(run.marks_mm, line) for run, line in zip(data, lines_mm, strict=True)]
+    if len(data) < 2 * FEWEST_OF_GROUP or any(run.from_poses for run in data):
+        return []
+    share = np.log([float(np.median(item.ratio)) for item in spacings])
+    larger = _split(share)
+    group = np.where(larger, 0.5, -0.5)
+    design = np.column_stack([np.ones(len(data)), group, [np.median(item.stretch_mm, axis=0) for item in spacings]])
+    keystone = np.linalg.lstsq(design, share, rcond=None)[0][2:]
+    share = share - design[:, 2:] @ keystone
+    low, high = share[~larger], share[larger]
+    between = float(high.min() - low.max())
+    if between < max(CHANGED_SHARE, APART * float(np.ptp(low)), APART * float(np.ptp(high))):
+        return []
+    far = larger if abs(np.median(high)) > abs(np.median(low)) else ~larger
+    if far.sum() > len(data) / 2 + 1e-9:
+        far = ~far
+    mine, others = (np.exp(np.median(share[part])) * np.median(np.array(lines_mm)[part]) for part in (far, ~far))
+    runs = tuple(run.id for run, is_far in zip(data, far, strict=True) if is_far)
+    words = f"their marks are {mine:.4g} mm apart, in the other runs {others:.4g} mm"
+    remedy = "were they repainted? Give these runs a robot file of their own (robot, below the run)"
+    return [Found(run, "wrong-robot", words, remedy, group=runs) for run in runs]
+
+
+def _split(values: Floats) -> NDArray[np.bool_]:
+    """Which values lie above the widest gap that leaves a group on either side."""
+    order = np.argsort(values)
+    gaps = np.diff(values[order])[FEWEST_OF_GROUP - 1 : len(values) - FEWEST_OF_GROUP]
+    above = np.zeros(len(values), dtype=np.bool_)
+    above[order[FEWEST_OF_GROUP + int(np.argmax(gaps)) :]] = True
+    return above

@@ -1,0 +1,61 @@
+"""Two groups of runs whose marks differ in their distance are told; a keystone, a camera or a spread makes none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.recognised import mistakes_of
+from evaluator.diagnosis.mistakes.repainted import repainted_runs
+from simulator.robot import load_robot
+
+ROBOT = load_robot("barrel")  # its marks are 3.66 mm apart
+TIME = np.arange(60) / 30
+
+
+def _runs(
+    spacings_mm: Sequence[float], places_mm: NDArray[np.float64] | None = None, keystone: float = 0.0
+) -> list[RunData]:
+    """Robots that turn on their place, seen by a camera whose scale grows by so much in 1 mm along x."""
+    rng = np.random.default_rng(0)
+    places_mm = rng.uniform(-30, 30, (len(spacings_mm), 2)) if places_mm is None else places_mm
+    runs = []
+    for number, (apart_mm, place) in enumerate(zip(spacings_mm, places_mm, strict=True)):
+        half = apart_mm / 2 * np.column_stack([np.cos(TIME + number), np.sin(TIME + number)])
+        marks = np.concatenate([place + half, place - half], axis=1)
+        marks = marks * (1 + keystone * marks[:, [0, 0, 2, 2]]) + rng.normal(size=marks.shape) * 0.003
+        runs.append(RunData(f"r{number}", 30.0, 20.0, 0.0, None, TIME, marks, number))
+    return runs
+
+
+@pytest.mark.parametrize(("changed", "said"), [(0.95, True), (0.98, True), (0.99, False), (1.01, False), (1.05, True)])
+def test_marks_that_were_repainted_after_four_runs_are_told_once_of_the_later_ones(
+    *, changed: float, said: bool
+) -> None:
+    runs = _runs([3.66] * 6 + [3.66 * changed] * 4)
+    found = mistakes_of(repainted_runs(runs, [ROBOT] * 10), 10)
+    assert [item.runs for item in found] == ([("r6", "r7", "r8", "r9")] if said else [])
+    if said:
+        assert f"r9: their marks are {3.66 * changed:.2f}"[:-1] in found[0].sentence
+        assert "mm apart, in the other runs 3.66 mm; were they repainted?" in found[0].sentence.replace("3.659", "3.66")
+
+
+@pytest.mark.parametrize("wide", [0.03, 0.1])
+def test_marks_of_all_distances_are_no_two_groups(wide: float) -> None:
+    for seed in range(20):
+        spread = np.random.default_rng(seed).uniform(-wide, wide, 12)
+        assert repainted_runs(_runs(list(3.66 * (1 + spread))), [ROBOT] * 12) == []
+
+
+def test_runs_in_two_corners_under_a_tilted_camera_are_no_two_groups() -> None:
+    corners = np.array([[-30.0, 0.0]] * 6 + [[30.0, 0.0]] * 6) + np.random.default_rng(1).uniform(-8, 8, (12, 2))
+    assert repainted_runs(_runs([3.66] * 12, corners, keystone=1e-3), [ROBOT] * 12) == []
+
+
+def test_one_run_alone_is_no_group() -> None:
+    assert repainted_runs(_runs([3.66] * 6 + [3.5]), [ROBOT] * 7) == []
+    assert repainted_runs(_runs([3.66, 3.66, 3.5]), [ROBOT] * 3) == []
