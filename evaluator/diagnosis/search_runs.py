@@ -17,7 +17,7 @@ from evaluator.diagnosis.assessment.model_comparison import (
     separations,
     standing,
 )
-from evaluator.diagnosis.assessment.verdict import KEEP, best_named
+from evaluator.diagnosis.assessment.verdict import RELIEVING, best_named
 from evaluator.diagnosis.candidates.already_said import is_said_by, named_that_say_no_more
 from evaluator.diagnosis.candidates.coordinates import named_terms, size_of
 from evaluator.diagnosis.candidates.free_form import free_terms
@@ -282,9 +282,9 @@ def name_what_is_off(search: Search, ids: Set, known: Sequence[Quantity], famili
     """A fitted set with the effects that do what it wants of known quantities beyond three of their tolerances.
 
     A wheel that is 3 % smaller than its pair, where callipers measure to half a per cent, is a mismatch of the drive,
-    not a measurement of the wheel. Such an effect must pay as a second one does. Short of that, what is off stays a
-    finding: a laboratory that measured a mark worse than it said is untidy, and no physics. Not on open ground, whose
-    left-overs are no noise and move such quantities.
+    not a measurement of the wheel. Such an effect must earn what one that relieves known values must. Short of that,
+    what is off stays a finding: a laboratory that measured a mark worse than it said is untidy, and no physics. Not on
+    open ground, whose left-overs are no noise and move such quantities.
     """
     if search.problem.open_ground:
         return ids
@@ -301,6 +301,6 @@ def name_what_is_off(search: Search, ids: Set, known: Sequence[Quantity], famili
 
 
 def _pays_for_itself(search: Search, more: Set, ids: Set, families: int) -> bool:
-    """Whether a set can be fitted, from where one within it stands, and earns what a second effect must."""
+    """Whether a set can be fitted from where one within it stands, and what it adds earns enough."""
     found = search.fits.get(more) or fit_set(search, more, {}, search.fits[ids], search.explained)
-    return found is not None and score(search, more, families) > score(search, ids, families) + KEEP[2]
+    return found is not None and score(search, more, families) > score(search, ids, families) + RELIEVING

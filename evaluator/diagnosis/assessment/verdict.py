@@ -18,12 +18,15 @@ from evaluator.diagnosis.inference.search import LARGEST_SET, Search
 Verdict = Literal["none", "effect", "unknown", "insufficient"]
 
 # An effect stays in the model where leaving it out costs this much of the log posterior, by the size of the set: odds
-# of 3000 to 1 for the first, or for a free-form term where no effect is named, 400 to 1 for a second, as something is
-# missing then anyway. Odds of 90 to 1 were enough in worlds whose errors are exactly those of the model; in the second
-# world (tests/laboratory), whose errors are not, an untidy experiment earned 1100 to 1 (7.0) and a second effect beside
-# a true one 200 to 1 (5.3). An effect that shows by five sigmas earns about nine. Several named effects together can
-# imitate physics that has no name, so sets of three must earn more.
-KEEP = (8.0, 8.0, 6.0, 12.0)
+# of 3000 to 1, for a second one as for the first, or for a free-form term. Odds of 90 to 1 were enough in worlds whose
+# errors are exactly those of the model; in the second world (tests/laboratory), whose errors are not, an untidy
+# experiment earned 1100 to 1 (7.0), and a second effect beside a true one 900 to 1 (6.8), a gradient of friction on a
+# plate without one: that something is missing says nothing of what else is. An effect that shows by five sigmas earns
+# about nine. Several named effects together can imitate physics that has no name, so sets of three must earn more.
+KEEP = (8.0, 8.0, 8.0, 12.0)
+# And this much, odds of 400 to 1, where it stands for values that would have to be off by more than chance allows: then
+# something is missing anyway.
+RELIEVING = 6.0
 # Named effects are the answer where the free-form terms together have at most this probability beside them. In
 # development experiments they had 0.01 % at most where the named effects were true (34 of 34; in two made by another
 # program, 15 and 17 %), and 79 % or more where these imitated something else (17 of 19; in two, where the data do not
@@ -69,15 +72,15 @@ STRAINED = 2
 def pays(search: Search, table: Standing, families: int, ids: Set) -> bool:
     """Whether each effect of a set pays for itself, and all together, and what is known holds: it may be an answer.
 
-    A single named effect need earn no more than a second one where it stands for what else several values together
-    would have to be off by more than chance allows: something is missing then anyway. A set with an effect at the bound
+    A single named effect need earn less where it stands for what else several values together would have to be off by
+    more than chance allows. A set with an effect at the bound
     of what it may be stands for something that it is not.
     """
     if not may_be_right(search, ids):
         return False
     least, first = least_gain(ids), KEEP[1]
     if len(ids) == 1 and not any(map(is_free, ids)) and _relieves(search, ids):
-        least = first = KEEP[2]
+        least = first = RELIEVING
     # two effects that undo each other cost much to part, and may together gain nothing over none
     gained = not ids or table.of(ids) - score(search, frozenset(), families) > first
     return gained and all(table.of(ids) - score(search, ids - {effect}, families) > least for effect in ids)

@@ -34,7 +34,7 @@ FREE, BESIDE = frozenset({"free:force_left.v_abs_v"}), PAIR | {"free:speed.sign_
         ({BESIDE: -3.4, PAIR: -3.6, OFFSET: -4.0, NOTHING: 0.0}, "none", NOTHING),
         # two that undo each other: dear to part, and together no better than nothing missing
         ({PAIR: 7.5, OFFSET: 0.5, NOTHING: 0.0}, "none", NOTHING),
-        ({PAIR: 8.5, OFFSET: 0.5, NOTHING: 0.0}, "effect", PAIR),
+        ({PAIR: 8.6, OFFSET: 0.5, NOTHING: 0.0}, "effect", PAIR),
         # about as probable as the named one; it must pay for itself to be the answer
         ({OFFSET: 9.0, FREE: 8.6, NOTHING: 0.0}, "unknown", FREE),
         ({OFFSET: 9.0, FREE: 7.7, NOTHING: 0.0}, "effect", OFFSET),

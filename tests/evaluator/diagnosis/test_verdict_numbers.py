@@ -41,11 +41,11 @@ def ranked(monkeypatch: pytest.MonkeyPatch, scores: dict[frozenset[str], float])
 
 @pytest.mark.parametrize(
     ("ids", "below", "odds"),
-    [(A, {NONE: 0.0}, 8.0), (AB, {A: 20.0, NONE: 0.0}, 6.0), (ABC, {AB: 40.0, A: 20.0, NONE: 0.0}, 12.0)],
+    [(A, {NONE: 0.0}, 8.0), (AB, {A: 20.0, NONE: 0.0}, 8.0), (ABC, {AB: 40.0, A: 20.0, NONE: 0.0}, 12.0)],
     ids=["one", "two", "three"],
 )
 @pytest.mark.parametrize(("more", "enough"), [(0.05, True), (-0.05, False)])
-def test_an_effect_stays_at_odds_that_depend_on_the_size_of_the_set(
+def test_an_effect_stays_at_odds_that_grow_from_two_to_three(
     ids: frozenset[str],
     below: dict[frozenset[str], float],
     odds: float,
@@ -59,14 +59,23 @@ def test_an_effect_stays_at_odds_that_depend_on_the_size_of_the_set(
 
 
 @pytest.mark.parametrize(("more", "enough"), [(0.05, True), (-0.05, False)])
+def test_a_single_effect_that_relieves_known_values_earns_less(
+    more: float, enough: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search, table = ranked(monkeypatch, {A: 6.0 + more, NONE: 0.0})
+    monkeypatch.setattr(verdict, "_relieves", lambda *_: True)
+    assert pays(search, table, 95, A) == enough
+
+
+@pytest.mark.parametrize(("more", "enough"), [(0.05, True), (-0.05, False)])
 def test_a_term_without_a_name_earns_as_much_as_a_first_effect_even_beside_two(
     more: float, enough: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     search, table = ranked(monkeypatch, {FREE: 8.0 + more, NONE: 0.0})
     assert pays(search, table, 95, FREE) == enough
     beside = FREE | {"a"}
-    search, table = ranked(monkeypatch, {beside: 26.0 + more, A: 20.0, FREE: 10.0, NONE: 0.0})
-    assert pays(search, table, 95, beside) == enough  # by what a second effect earns
+    search, table = ranked(monkeypatch, {beside: 28.0 + more, A: 20.0, FREE: 10.0, NONE: 0.0})
+    assert pays(search, table, 95, beside) == enough
 
 
 @pytest.mark.parametrize(("rival", "answer"), [(8.55, "effect"), (8.65, "unknown")])
