@@ -7,8 +7,10 @@ import pytest
 from scipy.signal import lfilter
 
 from evaluator.diagnosis.likelihood.noise.tracking import (
+    QUANTIZATION_MM,
     Drift,
     Noise,
+    Spectrum,
     _whittle,
     expected_power,
     fit_noise,
@@ -126,3 +128,17 @@ def test_the_slopes_of_the_likelihood_of_a_noise_are_its_derivatives() -> None:
         steps = 1e-5 * np.eye(3)
         differences = [(_whittle(free + h, *known)[0] - _whittle(free - h, *known)[0]) / 2e-5 for h in steps]
         np.testing.assert_allclose(_whittle(free, *known)[1], differences, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize(("power_mm2", "sigma_mm"), [(4e-6, np.sqrt(4e-6 / 0.4549)), (0.0, QUANTIZATION_MM)])
+def test_noise_that_shows_no_correlation_of_its_own_has_that_of_what_is_made_alike(
+    power_mm2: float, sigma_mm: float
+) -> None:
+    """Even power, the median of what chance makes of its mean; never less than the rounding of a file."""
+    shared = Noise(3.0, 4.0, 1e-3)  # 5 mm in all, forgotten from frame to frame
+    even = Spectrum(np.linspace(0.1, 30, 300), np.full(300, power_mm2), 1 / 60)
+    found = fit_noise([even], shared)
+    assert found.sigma_mm == pytest.approx(sigma_mm, rel=1e-6)
+    assert (found.white_mm / found.slow_mm, found.correlation_s) == pytest.approx((0.75, 1e-3))
+    alone = fit_noise([even])
+    assert (alone.white_mm, alone.slow_mm) == pytest.approx((sigma_mm, 0.0))

@@ -234,13 +234,14 @@ def fit_noise(spectra: list[Spectrum], shared: Noise | None = None) -> Noise:
         for start in starts
     ]
     chosen = min(fits, key=lambda fit: float(fit.fun))
-    best, white_mm2 = chosen.x, float(np.mean(power))
-    white_alone = known[3] * len(power) * (np.log(white_mm2) + 1)
+    best, mean_mm2 = chosen.x, float(np.mean(power))
+    white_mm2 = max(mean_mm2, QUANTIZATION_MM**2)
+    white_alone = known[3] * len(power) * (np.log(white_mm2) + mean_mm2 / white_mm2)
     if white_alone - float(chosen.fun) < CORRELATED_AT:
         if shared is not None and shared.slow_mm:
             size = float(np.sqrt(np.mean(power / expected_power(shared, frequency, step_s))))
             return shared.scaled(max(size, QUANTIZATION_MM / shared.sigma_mm))
-        return Noise(max(float(np.sqrt(white_mm2)), QUANTIZATION_MM), 0.0, step_s)
+        return Noise(float(np.sqrt(white_mm2)), 0.0, step_s)
     decay = _decay(best[2])
     return Noise(
         float(np.exp(best[0] / 2)),
