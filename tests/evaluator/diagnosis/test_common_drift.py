@@ -7,9 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.features import Compression, compression
-from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
-from evaluator.diagnosis.likelihood.noise.common_drift import common_drift
+from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, reduce_runs
+from evaluator.diagnosis.likelihood.noise.common_drift import _log_evidence, _Run, changed, common_drift
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise, correlated
+from tests.evaluator.diagnosis.synthetic import FEATURES, linear_runs
 
 Floats = NDArray[np.float64]
 
@@ -65,6 +66,27 @@ def _found(views: list[Linearized], compressions: list[Compression], assumed: Dr
 def test_drift_is_found_by_what_it_does_within_a_run(true: Drift, seed: int) -> None:
     found = _found(*_runs(seed, true))
     assert found.about_mean_mm(4.0) == pytest.approx(true.about_mean_mm(4.0), rel=0.35)
+
+
+@pytest.mark.parametrize("walk", [0.0, 0.7])
+@pytest.mark.parametrize("drift", [NO_DRIFT, Drift(0.6, 8.0), Drift(creep_mm_s=0.8), Drift(0.6, 8.0, 0.8)])
+def test_evidence_of_a_drift_is_that_of_its_dense_covariance(drift: Drift, walk: float) -> None:
+    """Of features that are three of either coordinate of the midpoint and three others; start poses are free."""
+    rng, prior, third = np.random.default_rng(0), np.array([0.7**-2.0, 0.0]), FEATURES // 3
+    runs, dense, widths = [], [], 0.0
+    for view in linear_runs():
+        wanders, creeps = rng.uniform(0, 5, third), rng.normal(size=third)
+        friction = rng.normal(size=(FEATURES, 2))
+        runs.append(_Run(view, wanders, creeps, friction))
+        covariance = np.eye(FEATURES) + walk**2 * friction @ friction.T
+        for coordinate in (slice(0, third), slice(third, 2 * third)):
+            covariance[coordinate, coordinate] += drift.size_mm**2 * np.diag(wanders)
+            covariance[coordinate, coordinate] += drift.creep_mm_s**2 * np.outer(creeps, creeps)
+        white = np.linalg.inv(np.linalg.cholesky(covariance))
+        dense.append(changed(view, lambda part, white=white: part @ white.T))
+        widths += np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(dense[-1].start.T @ dense[-1].start)[1]
+    expected = MixedModel(reduce_runs(dense), prior).log_evidence([0, 1]) - widths / 2
+    assert _log_evidence(runs, drift, walk, prior) == pytest.approx(expected, abs=1e-6)
 
 
 def test_what_creeps_is_told_from_what_wanders() -> None:

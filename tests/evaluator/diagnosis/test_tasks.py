@@ -219,10 +219,13 @@ def test_without_a_sigma_of_the_start_no_run_has_a_start_of_its_own() -> None:
     np.testing.assert_allclose(marks, expected(), atol=2e-4)
 
 
-def test_a_recording_that_begins_late_is_simulated_from_the_start_of_the_motors() -> None:
+@pytest.mark.parametrize("factor", [1.0, 1.25])
+def test_a_recording_that_begins_late_is_simulated_from_the_start_of_the_motors(factor: float) -> None:
+    """By a clock that runs fast by a factor, which the start was read off as well."""
     late = replace(RUN, time_s=TIME + 1.0, systematic={})
-    (marks,) = Simulated([BARREL], [late], {}).marks([task()])
-    whole = expected(time=np.concatenate([[START_S], TIME + 1.0]))
+    terms = named_terms(20.0, (30.0, 60.0))
+    (marks,) = Simulated([BARREL], [late], terms).marks([task(terms={"time-base": (factor,)})])
+    whole = expected(time=np.concatenate([[START_S], TIME + 1.0]) / factor, start_s=START_S / factor)
     np.testing.assert_allclose(marks, whole[1:], atol=2e-4)
     assert np.abs(whole[1] - whole[0]).max() > 0.3  # it has moved by its first frame
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluator.turning.clock import CommandDelay, _left_over, command_delay
+from evaluator.turning.clock import CommandDelay, _left_over, _misfit, command_delay
 
 FRAME_S = 0.05
 Twist = tuple[float, float, float]  # forward and leftward mm/s, yaw rad/s
@@ -57,6 +57,20 @@ def test_constant_velocities_on_either_side_of_a_change_leave_nothing_of_their_a
     assert np.abs(headings).max() < 1e-9
     assert np.abs(places).max() < 1e-5  # of the arcs drawn above
     assert np.abs(_left_over(since, driven(since, [0.2], TURN, BACK))[1]).max() > 0.05
+
+
+@pytest.mark.parametrize("times", [2.0, 100.0])
+def test_misfit_grows_with_the_square_of_the_noise_and_has_no_other_part(times: float) -> None:
+    """Of two changes; of noise that is alike from frame to frame by 0.6 what is left over is alike, too."""
+    time, changes = np.arange(0, 9, FRAME_S), [2.5, 6.0]
+    exact = driven(time, changes, STRAIGHT, TURN, BACK)
+    noise = 1e-4 * (noisy(exact, 4, 0.6) - exact)
+    windows = [(change, np.abs(time - change) <= 1.0) for change in changes]
+    less, freedom, alike = _misfit(time, exact + noise, windows, 0.0)
+    more, _, _ = _misfit(time, exact + times * noise, windows, 0.0)
+    assert more / less == pytest.approx(times**2, rel=1e-3)
+    assert freedom == 2 * (3 * 41 - 9)
+    assert alike == pytest.approx(0.55, abs=0.15)
 
 
 def scatter(share: float) -> tuple[np.ndarray, np.ndarray]:
