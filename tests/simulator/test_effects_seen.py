@@ -110,3 +110,22 @@ def test_error_of_a_measured_coordinate_is_a_coefficient_times_what_it_depends_o
     expected = np.array([6.0, -4.0])
     expected[axis] += 2 * 0.01 * size
     assert seen == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("view", "plain", "bends"),
+    [
+        (View((), scale=1.1, time_factor=0.9), True, False),
+        (View((), keystone_per_mm=(0.0, 1e-4)), False, True),
+        (View((), keystone_per_mm=(1e-4, 0.0)), False, True),
+        (View((), errors=(Term(CHANNELS["camera_x"], BASES["y"], 0.01),)), False, False),
+        (View((), errors=(Term(CHANNELS["camera_y"], BASES["y_r_squared"], 1e-6),)), False, True),
+    ],
+)
+def test_a_view_is_plain_but_for_a_scale_and_bends_paths_where_its_error_is_not_linear(
+    view: View, plain: bool, bends: bool
+) -> None:
+    assert (view.is_plain, view.bends_with_place) == (plain, bends)
+    path = np.array([[0.0, 0.0], [3.0, 1.0], [4.0, 5.0]])
+    here, there = view.place(path), view.place(path + np.array([20.0, 30.0]))
+    assert (np.abs((here - here[0]) - (there - there[0])).max() > 1e-6) == bends

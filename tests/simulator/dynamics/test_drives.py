@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from simulator.dynamics.model import compile_robot
+from tests.simulator.dynamics.touching import barrel
+from tests.simulator.effect_probe import affected
 from tests.simulator.plain import plain
 
 STEP_S = 1e-3
@@ -158,3 +161,11 @@ def test_steady_segments_are_those_in_which_neither_side_changes(lag: float, mov
     knots = np.array([[0.0, 5.0, 5.0], [1.0, 5.0, 5.0], [2.0, 5.0, 9.0], [3.0, 5.0, 9.0]])
     segments = motors.command_segments(knots, 0.5, 2.8, model_of(lag=lag))
     assert segments[:, motors.STEADY].tolist() == moving
+
+
+def test_motors_that_have_been_told_one_command_for_long_turn_by_it_limited_and_above_the_dead_band() -> None:
+    robot = affected(affected(barrel(), "dead-band", rpm=12.0), "speed-limit", wheel_rpm=50.0)
+    held = plain("motors").held_drive
+    model = compile_robot(robot)[0]
+    assert held(11.0, -13.0, model) == (0.0, -13.0)
+    assert held(80.0, -49.0, model) == (50.0, -49.0)

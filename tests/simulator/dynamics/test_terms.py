@@ -259,3 +259,24 @@ def test_states_and_commands_count_in_the_units_of_the_robot() -> None:
     state = scaled_states(np.array([[8.0, -4.0, 0.3, 6.0, 1.0, 0.25]]), 2.0)
     assert state == pytest.approx(np.array([[2.0, -1.0, 0.3, 3.0, 0.5, 0.5]]))
     assert scaled_knots(np.array([[3.0, 10.0, -20.0]]), 2.0) == pytest.approx(np.array([[1.5, 20.0, -40.0]]))
+
+
+@pytest.mark.parametrize(
+    ("channel", "basis", "of_plate", "of_place"),
+    [
+        ("force_forward", "u", False, False),
+        ("force_forward", "cos_heading", True, False),
+        ("moment", "x", True, True),
+        ("friction", "cos_2_slide", True, False),
+        ("force_plate_y", "one", True, False),
+        ("camera_x", "time", True, False),
+        ("camera_y", "y_r_squared", True, True),
+        ("speed", "cos_wheel_angle", False, False),
+    ],
+)
+def test_a_term_is_of_the_plate_by_its_channel_or_by_what_it_depends_on(
+    channel: str, basis: str, of_plate: bool, of_place: bool
+) -> None:
+    numbers = terms.CHANNELS[channel], terms.BASES[basis]
+    assert terms.is_of_plate(*numbers) == of_plate
+    assert terms.Term(*numbers, 1.0).depends_on_place == of_place
