@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import optimize, stats
 
-from evaluator.diagnosis.assessment.adequacy import Adequacy, _order, _widest, unlike_runs
+from evaluator.diagnosis.assessment.adequacy import Adequacy, _odd, _order, _widest, unlike_runs
 from evaluator.diagnosis.likelihood.run_data import RunData
 
 COMMANDS = [(30, 30), (60, 60), (-30, -30), (-60, -60), (33.3, 14.4), (14.4, 33.3), (-33.3, -14.4), (-14.4, -33.3)]
@@ -64,3 +65,42 @@ def test_runs_that_scatter_by_chance_are_hardly_ever_unlike() -> None:
     rng = np.random.default_rng(4)
     said = [bool(unlike_runs(_left(rng, np.zeros(runs)), range(runs))) for runs in (8, 20) for _ in range(300)]
     assert np.mean(said) < 0.01
+
+
+# The data with which Rosner's test is explained in the NIST/SEMATECH e-Handbook of Statistical Methods, 1.3.5.17.3.
+ROSNER = [
+    *(-0.25, 0.68, 0.94, 1.15, 1.20, 1.26, 1.26, 1.34, 1.38, 1.43, 1.49, 1.49, 1.55, 1.56, 1.58, 1.65, 1.69, 1.70),
+    *(1.76, 1.77, 1.81, 1.91, 1.94, 1.96, 1.99, 2.06, 2.09, 2.10, 2.14, 2.15, 2.23, 2.24, 2.26, 2.35, 2.37, 2.40),
+    *(2.47, 2.54, 2.62, 2.64, 2.90, 2.92, 2.92, 2.93, 3.21, 3.26, 3.30, 3.59, 3.68, 4.30, 4.64, 5.34, 5.42, 6.01),
+]
+
+
+def test_three_outliers_of_the_published_example_are_found_though_the_first_alone_would_not_be() -> None:
+    values = np.array(ROSNER)
+    assert sorted(_odd(values, 0.05)) == [51, 52, 53]
+    assert sorted(_odd(-values[::-1], 0.05)) == [0, 1, 2]
+    assert _odd(values[:51], 0.05) == []
+
+
+@pytest.mark.parametrize(("count", "critical"), [(10, 2.290), (20, 2.709), (30, 2.908)])
+@pytest.mark.parametrize(("off", "odd"), [(-0.01, False), (0.01, True)])
+def test_one_value_is_odd_beyond_the_tabled_two_sided_limit_of_grubbs(
+    count: int, critical: float, off: float, odd: bool
+) -> None:
+    """Critical values of Grubbs (1969), Technometrics 11, 1, at 5 %."""
+    others = stats.norm.ppf((np.arange(count - 1) + 0.5) / (count - 1))
+
+    def deviate(value: float) -> float:
+        values = np.append(others, value)
+        return float((value - values.mean()) / values.std(ddof=1))
+
+    value = optimize.brentq(lambda at: deviate(at) - critical - off, 1.0, 1e3)
+    assert _odd(np.append(others, value), 0.05) == ([count - 1] if odd else [])
+
+
+@pytest.mark.parametrize(("count", "far", "found"), [(6, 1, 0), (7, 1, 1), (8, 2, 2), (11, 3, 0), (12, 3, 3)])
+def test_of_seven_runs_and_more_a_quarter_may_be_odd(count: int, far: int, found: int) -> None:
+    """Of a third that are far, each hides the others, and which are the odd ones is not clear."""
+    values = 1e-3 * np.resize([1.0, -1.0], count)
+    values[:far] += 100.0 + np.arange(far)
+    assert sorted(_odd(values, 0.05)) == list(range(found))
