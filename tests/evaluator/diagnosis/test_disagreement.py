@@ -18,6 +18,7 @@ from evaluator.diagnosis.assessment.disagreement import (
     _velocity_misfit,
     dependences,
     every_dependence,
+    most_telling,
     pieces,
     root_mean_squares,
 )
@@ -246,6 +247,11 @@ def test_what_stands_out_by_three_and_a_half_sigmas_is_shown(monkeypatch: pytest
     items = [Dependence("along_mm_s", "everywhere", "even", sigmas, "") for sigmas in (3.4, 3.6, 9.0)]
     monkeypatch.setattr(disagreement, "every_dependence", lambda _: items)
     assert [item.sigmas for item in dependences(disagreeing())] == [9.0, 3.6]
+    assert [item.sigmas for item in most_telling(disagreeing())] == [9.0, 3.6]
+    less = [Dependence("along_mm_s", "everywhere", "even", sigmas, "") for sigmas in (1.2, 3.4, 0.0)]
+    for left, told in ((less, [3.4]), (less[2:], [])):  # 0: too few runs to say
+        monkeypatch.setattr(disagreement, "every_dependence", lambda _, left=left: left)
+        assert [item.sigmas for item in most_telling(disagreeing())] == told
 
 
 def test_a_run_of_less_than_a_second_is_one_piece_and_few_frames_are_none() -> None:
