@@ -2,11 +2,11 @@
 
 python -m tests.benchmarks.interval_ranks --experiments 400 --cameras 100 --seed 1
 
-Each experiment draws its truth from continuous ranges, measures it, and notes where in the stated distribution the truth
-lies: rank = Φ((truth - estimate)/sigma). Ranks of honest intervals are uniform (simulation-based calibration, Talts et al.
-2018, arXiv:1804.06788); of intervals that are too narrow they crowd at both ends, of biased estimates at one. Each row is
-tested by itself (Kolmogorov-Smirnov), and the smallest p is held against the number of rows (Bonferroni). Ranks of effects
-are those of `python -m tests.benchmarks.laboratory`.
+Each experiment draws its truth from continuous ranges, measures it, and notes where in the stated distribution the
+truth lies: rank = Φ((truth - estimate)/sigma). Ranks of honest intervals are uniform (simulation-based calibration,
+Talts et al. 2018, arXiv:1804.06788); of intervals that are too narrow they crowd at both ends, of biased estimates at
+one. Each row is tested by itself (Kolmogorov-Smirnov), and the smallest p is held against the number of rows
+(Bonferroni). Ranks of effects are those of `python -m tests.benchmarks.laboratory`.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def noisy_marks(poses: Array, rng: np.random.Generator) -> pd.DataFrame:
 
 
 def turns(rng: np.random.Generator) -> Ranked:
-    """A turn of 15 degrees to three circles on a radius of 2.5 to 100 mm: radius, speeds, slips, poses, path of a mark."""
+    """A turn of 15 to 1080 degrees on a radius of 2.5 to 100 mm: radius, speeds, slips, poses, path of a mark."""
     radius = float(np.exp(rng.uniform(np.log(2.5), np.log(100))))
     turned_deg = float(np.exp(rng.uniform(np.log(15), np.log(1080))))
     frames, slip = int(rng.integers(100, 600)), float(rng.uniform(-0.2, 0.2))
@@ -72,7 +72,10 @@ def turns(rng: np.random.Generator) -> Ranked:
     stated = (turn.curvature_high_per_mm - turn.curvature_low_per_mm) / (2 * Z_975)
     yield "curvature of a turn", (1 / radius - turn.curvature_per_mm) / stated
     if np.isfinite(turn.radius_mm):
-        yield "smallest sustained radius", _by_curvature(radius, turn.radius_mm, turn.radius_low_mm, turn.radius_high_mm)
+        yield (
+            "smallest sustained radius",
+            _by_curvature(radius, turn.radius_mm, turn.radius_low_mm, turn.radius_high_mm),
+        )
     yield "speed", (radius * yaw - turn.speed_mm_s) / turn.speed_sigma_mm_s
     yield "yaw rate", (np.degrees(yaw) - turn.yaw_rate_deg_s) / turn.yaw_rate_sigma_deg_s
     yield "body slip angle", (np.degrees(slip) - turn.body_slip_angle_deg) / turn.body_slip_angle_sigma_deg
