@@ -161,6 +161,7 @@ def test_slow_runs_are_those_up_to_the_median_of_the_speed_whichever_way_they_dr
     assert "left and right" not in found
 
 
+@pytest.mark.exam
 def test_intervals_over_commands_hold_where_commands_differ_and_those_of_runs_do_not() -> None:
     """Eight commands of three runs, each with a size of its own about 1 that scatters by 0.3."""
     rng = np.random.default_rng(3)
@@ -183,6 +184,18 @@ def test_intervals_over_commands_hold_where_commands_differ_and_those_of_runs_do
     over_commands, over_runs = np.mean(holds, axis=0)
     assert 0.9 < over_commands < 0.99
     assert over_runs < 0.6
+
+
+def test_what_commands_differ_by_is_the_error_of_their_mean_with_students_factor_for_their_number() -> None:
+    """Runs alike but for their response, one a command: leaving one out in turn, s/√m is the error of the mean."""
+    rng = np.random.default_rng(7)
+    common, start, scatter = 3 * rng.normal(size=(9, 1)), rng.normal(size=(9, 3)), np.zeros((9, 4))
+    values = np.array([0.3, 1.4, 0.8, 2.0, 1.1])
+    runs = [Linearized(common[:, 0] * value, common, start, scatter) for value in values]
+    fit = fit_of(runs, [column("effect")], np.array([values.mean()]), TAU, np.array([[1e-6]]))
+    data = [run_data(30.0, float(number), number) for number in range(5)]
+    sigma = stats.t.ppf(0.975, 4) / stats.norm.ppf(0.975) * values.std(ddof=1) / np.sqrt(5)
+    assert covariance_over_commands(fit, data, {})[0, 0] == pytest.approx(sigma**2, rel=1e-6)
 
 
 def test_a_single_command_leaves_the_covariance_as_it_is() -> None:

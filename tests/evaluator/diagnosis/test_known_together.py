@@ -51,6 +51,15 @@ def test_the_joint_preference_of_true_laboratories_is_chi_square() -> None:
     assert stats.kstest(squares, stats.chi2(3).cdf).pvalue > 0.01
 
 
+@pytest.mark.parametrize(("left", "counts"), [(0.4, True), (0.49, True), (0.51, False)])
+def test_a_value_of_which_the_runs_tell_a_part_scatters_by_the_root_of_that_part(left: float, counts: bool) -> None:
+    """Of a variance that is narrowed to 0.4 of the prior's, 0.6 is what preferences scatter by."""
+    covariance = np.diag(SIGMAS**2) * [left, 1.0, 1.0, 1.0, 1.0]
+    found = together(fit(1.2 * SIGMAS * [1, 0, 0, 0, 0], covariance), TOLERANCE)
+    assert found.freedom == counts
+    assert found.square == pytest.approx(1.44 / (1 - left) if counts else 0.0)
+
+
 def test_several_values_two_tolerances_off_are_a_finding_and_one_is_not() -> None:
     covariance = 1e-3 * np.diag(SIGMAS**2)
     off = together(fit(2.1 * SIGMAS * [1, -1, 1, 1, 0], covariance), TOLERANCE)
