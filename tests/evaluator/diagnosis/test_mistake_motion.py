@@ -71,6 +71,15 @@ def test_motion_begins_where_its_distance_from_rest_is_extrapolated_to(begins_s:
     assert onset_s(started(begins_s, noise_mm)) == pytest.approx(begins_s, abs=0.004 + noise_mm)
 
 
+@pytest.mark.parametrize("heading", [0.0, np.pi / 2])
+@pytest.mark.parametrize("yaw", [0.8, -0.8])
+def test_onset_of_a_robot_that_turns_about_one_of_its_marks_is_that_of_the_other(yaw: float, heading: float) -> None:
+    marks = moving(np.maximum(TIME - 1.0, 0.0), 1.6, yaw, heading)
+    rests = 0 if yaw > 0 else 2
+    assert np.ptp(marks[:, rests : rests + 2], axis=0).max() < 1e-9
+    assert onset_s(recorded(marks)) == pytest.approx(1.0, abs=0.01)
+
+
 def test_a_robot_that_never_moves_or_moves_from_the_first_frame_has_no_onset() -> None:
     assert onset_s(started(9.0, 0.01)) is None
     assert onset_s(started(-1.0)) is None
