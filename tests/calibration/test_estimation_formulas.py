@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from calibration.camera import camera_above, camera_height
+from calibration.errors import CalibrationError
+from calibration.estimation import calibrate
 from calibration.estimation.bundle_adjustment import (
     State,
     _moved,
@@ -21,6 +23,7 @@ from calibration.estimation.bundle_adjustment import (
     view_rows,
     whitening,
 )
+from calibration.estimation.calibrate import Calibration
 from calibration.estimation.disc_projection import fitted_centers
 from calibration.estimation.flatness import (
     PEAK_TO_VALLEY_SIGMAS,
@@ -103,6 +106,39 @@ def test_dots_beyond_five_robust_sigmas_are_left_out() -> None:
     assert np.flatnonzero(~outliers(fit)[0]).tolist() == [4]
 
 
+def test_residual_of_a_calibration_is_the_root_mean_square_of_both_coordinates_of_all_images() -> None:
+    found: Any = SimpleNamespace(fit=SimpleNamespace(residual_px=[np.array([[3.0, 4.0]]), np.array([[0.0, 5.0]])]))
+    get = Calibration.rms_px.fget
+    assert get is not None
+    assert get(found) == pytest.approx(np.sqrt((9 + 16 + 25) / 4))
+
+
+@pytest.mark.parametrize(
+    ("extents", "refused"),
+    [
+        ([("whole", "whole")], False),
+        ([("short", "whole")], True),
+        ([("whole", "short")], True),
+        ([("open", "open")], False),
+        ([("short", "whole"), ("whole", "short")], False),  # each shows what the other lacks
+        ([("short", "open"), ("open", "whole")], True),
+    ],
+)
+def test_an_array_that_ends_early_in_all_images_is_not_that_of_the_file(
+    extents: list[tuple[str, str]], refused: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(calibrate, "does_not_fit", lambda *_: "it does not fit")
+    sightings: Any = [
+        SimpleNamespace(name=f"{k}.png", match=SimpleNamespace(extent=extent), lattice=None)
+        for k, extent in enumerate(extents)
+    ]
+    if refused:
+        with pytest.raises(CalibrationError, match=r"0\.png: it does not fit"):
+            calibrate._check_extent(sightings, GAUGE)
+    else:
+        calibrate._check_extent(sightings, GAUGE)
+
+
 def test_solve_finds_the_camera_and_the_noise_of_its_dots() -> None:
     views, state = bundle(4, noise_px=0.06, seed=2)
     views = [replace(view, whitening=view.whitening * 3) for view in views]  # stated as 0.02 px
@@ -113,6 +149,14 @@ def test_solve_finds_the_camera_and_the_noise_of_its_dots() -> None:
     error = fit.state.lens[[0, 2, 3, 4]] - state.lens[[0, 2, 3, 4]]
     assert np.abs(error / sigma).max() < 3.5
     assert fit.cost == pytest.approx(sum(np.sum(w**2) for w in fit.whitened), rel=0.05)
+
+
+def test_a_start_from_which_some_steps_lead_uphill_ends_in_the_same_place() -> None:
+    """From twice and a half as far and 0.4 rad turned, steps have to be damped on the way."""
+    views, state = bundle(4, noise_px=0.06, seed=2)
+    far = state.poses * [1, 1, 1, 2.5, 2.5, 2.5] + [0.4, 0, 0, 0, 0, 0]
+    found = solve(views, replace(state, lens=state.lens * [1, 1, 1, 1, 0, 1, 1, 1, 1, 1], poses=far), LOOSE)
+    assert found.cost == pytest.approx(solve(views, state, LOOSE).cost, rel=0.01)
 
 
 def test_dots_that_are_out_of_place_widen_the_noise_of_their_images_by_their_size_there() -> None:

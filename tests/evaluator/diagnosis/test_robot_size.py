@@ -57,6 +57,16 @@ def test_shipped_robots_keep_the_steps_that_were_chosen_for_them(name: str) -> N
     assert size_of(load_robot(name)) == PAPER_SIZE
 
 
+def test_size_of_a_large_robot_is_the_distance_of_its_wheels_from_their_middle_and_its_load_beside_the_papers() -> None:
+    """Wheels at (±256, ±277.5) mm against (±2, ±2); 50 kg against 53.9 mN of weight and attraction."""
+    size = size_of(load_robot(LARGE))
+    assert size.length == pytest.approx(np.hypot(256.0, 277.5) / np.sqrt(8))
+    assert size.force == pytest.approx(50e3 * 9.8 / 53.9)
+    moved = load_robot(LARGE)
+    wheels = tuple(wheel.model_copy(update={"x_mm": wheel.x_mm + 900.0}) for wheel in moved.wheel)
+    assert size_of(moved.model_copy(update={"wheel": wheels})).length == pytest.approx(size.length)
+
+
 def test_steps_and_bounds_have_the_dimension_of_their_unit() -> None:
     size = Size(length=100.0, force=1e4)
     usual, large = (named_terms(20.0, (30.0,), size=item) for item in (PAPER_SIZE, size))
