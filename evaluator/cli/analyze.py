@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from collections.abc import Hashable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from evaluator.workflow import Analysis
 
 MOST_NAMED = 6  # runs in a remark that many share
+WHOLE_NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?!\.?\w)")  # in words; not a part of the name of a file or a run
 SOME_FAILED = 1  # exit status: results for the good runs, a reason for each of the others
 
 STATUS_NOTE = """Exit status: 0, all runs were analysed; 1, some runs could not be analysed (reasons on standard error,
@@ -99,12 +101,30 @@ def run_analysis(options: BatchOptions, *, simulate: bool) -> Analysis:
 
 
 def runs_by_note(notes: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
-    """Runs that share each remark, in the order of the first."""
-    found: dict[str, list[str]] = {}
+    """Runs that share each remark, in the order of the first.
+
+    A remark that differs from run to run by its numbers alone, and would fill the screen, is made once, with their
+    ranges.
+    """
+    kinds: dict[str, list[tuple[str, str]]] = {}
     for run, said in notes.items():
         for note in said:
-            found.setdefault(note, []).append(run)
+            kinds.setdefault(WHOLE_NUMBER.sub("#", note), []).append((run, note))
+    found: dict[str, list[str]] = {}
+    for same in kinds.values():
+        many = len({note for _, note in same}) > MOST_NAMED
+        shared = _with_ranges([note for _, note in same]) if many else ""
+        for run, note in same:
+            found.setdefault(shared or note, []).append(run)
     return found
+
+
+def _with_ranges(notes: Sequence[str]) -> str:
+    """Remarks that differ by their numbers alone, as one."""
+    numbers = zip(*(WHOLE_NUMBER.findall(note) for note in notes), strict=True)
+    ends = [(min(item, key=float), max(item, key=float)) for item in numbers]
+    ranges = iter([low if low == high else f"{low} to {high}" for low, high in ends])
+    return WHOLE_NUMBER.sub(lambda _: next(ranges), notes[0])
 
 
 def status_of(found: Analysis) -> int:
@@ -154,7 +174,7 @@ def turning_text(found: Analysis, *, verbose: bool) -> str:
 def comparison_text(found: Analysis, *, verbose: bool) -> str:
     """Measured beside simulated, for a terminal."""
     from evaluator.cli.tables import text_table
-    from evaluator.report.numbers import command_text, number
+    from evaluator.report.numbers import UNKNOWN, command_text, number
 
     assert found.comparison is not None
     rows = []
@@ -162,7 +182,8 @@ def comparison_text(found: Analysis, *, verbose: bool) -> str:
         if row["run"] in found.faults:
             continue
         command, simulated = command_text(row["left_rpm"], row["right_rpm"]), row["simulated_radius_mm"]
-        known = f"{simulated:.3f}" if math.isfinite(simulated) else "straight"
+        nothing = "straight" if math.isfinite(row["left_rpm"]) else UNKNOWN
+        known = f"{simulated:.3f}" if math.isfinite(simulated) else nothing
         cells = [name_of(row), command, *radius(measured), known, f"{row['gap_rms_mm']:.3f}"]
         rows.append([*cells, number(row["heading_gap_end_deg"], 2)] if verbose else cells)
     head = ["run", "rpm left / right", "radius, mm", "95 %", "simulated, mm", "path gap, mm"]

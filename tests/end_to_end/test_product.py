@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pandas as pd
@@ -141,7 +142,20 @@ def test_numbers_for_people_have_a_minus_sign_and_names_keep_their_hyphen() -> N
     from evaluator.report.numbers import command_text, true_minus
 
     assert command_text(-33.3, 14.4) == "−33.3 / 14.4"
+    assert command_text(math.nan, math.nan) == "–"
     assert true_minus("turn-33.3-14.4: -0.5 to +.5, r^-1.5, [-3") == "turn-33.3-14.4: −0.5 to +.5, r^−1.5, [−3"
+
+
+def test_a_remark_on_many_runs_that_differs_by_its_numbers_alone_is_made_once_with_their_ranges() -> None:
+    from evaluator.cli.analyze import runs_by_note
+
+    runs = [f"r{number:02d}" for number in range(8)]
+    notes = {run: [f"{9 + n} of 40 poses repeat", f"noise: {n}.5 mm", f"{run}.json read"] for n, run in enumerate(runs)}
+    found = runs_by_note(notes)
+    assert found["9 to 16 of 40 poses repeat"] == found["noise: 0.5 to 7.5 mm"] == runs
+    assert found["r03.json read"] == ["r03"]
+    few = runs_by_note({run: notes[run] for run in runs[:3]})
+    assert few["9 of 40 poses repeat"] == ["r00"]
 
 
 def test_dry_run_names_marks_as_read_and_help_shows_an_example_file_line_by_line(tmp_path: Path) -> None:

@@ -107,6 +107,7 @@ def _stretches(told: Told, time_s: NDArray[np.float64], late: CommandDelay) -> I
 def rows_of(phases: Sequence[Phase], poses: Poses, shape: RobotShape | None) -> list[dict[str, Any]]:
     """A row of turning.csv for every phase; one that says why for a log without any."""
     if not phases:
-        reason = f"its log of commands holds nothing with a motor on for {FEWEST_FRAMES} frames of the recording"
+        kept, there = "its log of commands holds nothing with a motor on for", int(poses.measured.sum())
+        reason = f"{kept} {FEWEST_FRAMES} frames of the recording, which has {there} with a pose"
         return [Turning(radius_status=reason).to_row()]
     return [{**phase.head, **phase.measured(poses, shape).to_row()} for phase in phases]
