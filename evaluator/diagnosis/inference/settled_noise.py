@@ -19,8 +19,10 @@ SETTLED_NOISE = 0.9  # a search is repeated where its best model lowers the nois
 def settled_noise(search: Search, best: frozenset[str]) -> Problem | None:
     """The problem with the noise that a fitted set leaves; None where that is as it was, or no quieter."""
     fit, runs = search.fits[best], range(len(search.problem.data))
-    # without effects the drift was asked for at the beginning, or the misfit is so large that none is owed to a camera
-    drifting = with_common_drift(search, fit) if best else search.problem
+    # Without effects the drift was asked for at the beginning, or the misfit is so large that none is owed to a camera.
+    # On open ground all that is left over is noise already, be it of the camera, of friction or of the model.
+    asked = best and not search.problem.open_ground
+    drifting = with_common_drift(search, fit) if asked else search.problem
     problem = with_noise_of(drifting, place_runs(search.problem, fit.point, runs, fit.posterior.scatter))
     pairs = zip(problem.noise, search.problem.noise, strict=True)
     ratio = np.median([new[0].sigma_mm / old[0].sigma_mm for new, old in pairs])

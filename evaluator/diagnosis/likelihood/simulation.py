@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.diagnosis.candidates.coordinates import size_of
 from evaluator.diagnosis.candidates.free_form import UNEVEN_FRICTION
 from evaluator.diagnosis.likelihood.feature_cache import Paths, laid
 from evaluator.diagnosis.likelihood.known_to import START, amount_of, mark_keys
@@ -22,6 +23,7 @@ from evaluator.diagnosis.likelihood.run_data import START_POSE, Floats, RunData,
 from evaluator.diagnosis.likelihood.variants import Variant, Variants
 from simulator.dynamics.record import model_type
 from simulator.effects.coordinates import Candidate
+from simulator.effects.parameter import PAPER_SIZE
 from simulator.integrator.batch import integrate_many
 from simulator.robot import Robot
 from simulator.simulation import RUN_IN_S
@@ -29,8 +31,10 @@ from simulator.simulation import RUN_IN_S
 # Runs of a robot take up to some hundred steps. Where a fit tries what makes wheels chatter they would take any number:
 # such a point is as good as one that cannot be simulated.
 MOST_STEPS = 1500
-# Well under the tracking noise, and small enough that a difference of two runs keeps four digits.
-TOLERANCE_MM = 1e-6
+# Of a step, in the unit of length of the kernel of a robot. On a plate well under the tracking noise, small enough that
+# a difference of two runs keeps four digits. On open ground what a model leaves over is ten thousand times as much
+# noise: there runs end within a third of the model floor (features.MODEL_FLOOR_MM), and take half the time.
+TOLERANCE_MM, GROUND_TOLERANCE_MM = 1e-6, 1e-4
 
 
 class Simulated:
@@ -62,6 +66,8 @@ class Simulated:
         self._from_rest = np.array([item.starts_at_rest for item in told], dtype=np.bool_)
         self._variants = variants or Variants(self.robots, self._terms, self.known)
         self._paths = Paths()
+        on_ground = any(size_of(robot) != PAPER_SIZE for robot in self.robots)
+        self._tolerance_mm = GROUND_TOLERANCE_MM if on_ground else TOLERANCE_MM
 
     def of_frames(self, data: Sequence[RunData]) -> Simulated:
         """The same runs, of which only these frames are asked for; robots compiled for one serve the other."""
@@ -157,10 +163,12 @@ class Simulated:
             begin = times_s[edges[:-1]][moving]
             run_in = np.column_stack([begin - RUN_IN_S, begin]).ravel()
             ends = _integrated(
-                models, knots, knot_edges, states[moving], run_in, 2 * np.arange(len(moving) + 1), moving
+                *(models, knots, knot_edges, states[moving], run_in, 2 * np.arange(len(moving) + 1), moving),
+                self._tolerance_mm,
             )
             states[moving, 3:] = ends[1::2, 3:]
-        return _integrated(models, knots, knot_edges, states, times_s, edges, np.arange(count))
+        chosen = np.arange(count)
+        return _integrated(models, knots, knot_edges, states, times_s, edges, chosen, self._tolerance_mm)
 
     def _told(
         self, tasks: Sequence[Task], per_run: Floats, time_factors: Sequence[float]
@@ -200,6 +208,7 @@ def _integrated(
     times_s: Floats,
     edges: NDArray[np.int64],
     chosen: NDArray[np.int64],
+    tolerance_mm: float,
 ) -> Floats:
     """States (edges[-1], 6) of runs from states (n, 6) at the first of their times; chosen: their models and knots."""
     count = len(states)
@@ -214,7 +223,7 @@ def _integrated(
         times_s,
         edges,
         out,
-        TOLERANCE_MM,
+        tolerance_mm,
         np.zeros((count, 0, 2)),
         np.zeros(count, dtype=np.int64),
         False,
