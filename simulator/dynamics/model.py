@@ -169,6 +169,7 @@ def _numbers_of_motors(draft: Draft, unit: float) -> dict[str, Sequence[float]]:
         "mix": draft.mix.ravel().tolist(),
         "sliding": (draft.sliding_share,),
         "limits": [limit * unit for limit in draft.limits_rpm],
+        "ramps": [ramp / unit**2 for ramp in draft.ramps_s_per_rpm],
     }
 
 

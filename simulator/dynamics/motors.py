@@ -18,6 +18,7 @@ BEGIN, END, STEADY, LEFT, RIGHT, COLUMNS = 0, 1, 2, 3, 7, 11
 RAD_PER_REVOLUTION_MINUTE = 2 * math.pi / 60
 # An exponential is over after so many time constants: exp(-36) is the rounding of a double.
 LASTING_LAGS = 36.0
+ROUNDED = 1e-12  # relative: a part of a command that is off by no more has met what it is told
 
 
 @compiled()
@@ -52,8 +53,8 @@ def command_segments(knots: Any, begin: float, end: float, model: Any) -> Any:
 
     knots: (k, 3) time, left and right rpm. The lag starts settled on the first value.
     """
+    knots = _ramped(_told(knots, model.mix, model.limits), model.ramps)
     count = len(knots)
-    knots = _told(knots, model.mix, model.limits)
     segments = np.zeros((12 * (count + 2), COLUMNS))
     used = counter(0)
     lagged = np.zeros(2)
@@ -95,6 +96,79 @@ def _told(knots: Any, mix: Any, limits: Any) -> Any:
             common, half = _within(0.5 * (left + right), ahead), _within(0.5 * (right - left), turn)
             told[row, 1], told[row, 2] = _within(common - half, wheel), _within(common + half, wheel)
     return told
+
+
+@compiled()
+def _ramped(knots: Any, ramps: Any) -> Any:
+    """Knots of a drive whose common part and half difference take ramps (2,) at least to change by 1 rpm.
+
+    Each part goes toward what it is told as fast as it may, and follows it from where it meets it. Straight lines stay
+    straight lines: a part bends where what it is told does, and where it meets that.
+    """
+    if ramps[0] <= 0.0 and ramps[1] <= 0.0:
+        return knots
+    count = len(knots)
+    bent = np.empty(
+        (4 * count, 3)
+    )  # of each piece its beginning and its end, and where each part meets what it is told
+    told, slope, part, speed = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    used = counter(0)
+    _parts_of(knots, 0, part)
+    for piece in range(count):
+        at, last = knots[piece, 0], piece == count - 1
+        end = np.inf if last else knots[piece + 1, 0]
+        if end <= at:
+            continue
+        _parts_of(knots, piece, told)
+        slope[:] = 0.0
+        if not last:
+            _parts_of(knots, piece + 1, slope)
+            for k in range(2):
+                slope[k] = (slope[k] - told[k]) / (end - at)
+        while at < end:
+            meeting = end - at
+            for k in range(2):
+                speed[k], soon = _nearing(told[k] - part[k], ROUNDED * (1.0 + abs(told[k])), slope[k], ramps[k])
+                if soon > 0.0:
+                    meeting = min(meeting, soon)
+                else:
+                    part[k] = told[k]
+            used = _knot(bent, used, at, part)
+            if meeting == np.inf:
+                break
+            for k in range(2):
+                told[k] += slope[k] * meeting
+                part[k] += speed[k] * meeting
+            at = at + meeting if meeting < end - at else end
+        if not last:
+            used = _knot(bent, used, end, part)
+    return bent[:used]
+
+
+@compiled()
+def _nearing(off: float, rounding: float, slope: float, ramp: float) -> tuple[float, float]:
+    """How fast a part moves that is off what it is told, and after what time it meets that: 0 where it follows it."""
+    if ramp <= 0.0 or (abs(off) <= rounding and abs(slope) * ramp <= 1.0):
+        return slope, 0.0
+    if abs(off) <= rounding:
+        return (1.0 if slope > 0.0 else -1.0) / ramp, np.inf
+    speed = (1.0 if off > 0.0 else -1.0) / ramp
+    nearing = (speed - slope) / off
+    return speed, 1.0 / nearing if nearing > 0.0 else np.inf
+
+
+@compiled()
+def _knot(knots: Any, used: int, at: float, parts: Any) -> int:
+    """Write a knot of both sides from what they have in common and half of their difference."""
+    knots[used, 0], knots[used, 1], knots[used, 2] = at, parts[0] - parts[1], parts[0] + parts[1]
+    return used + 1
+
+
+@compiled()
+def _parts_of(knots: Any, row: int, parts: Any) -> None:
+    """Write what both sides of a knot have in common, and half of their difference, to parts (2,)."""
+    parts[0] = 0.5 * (knots[row, 1] + knots[row, 2])
+    parts[1] = 0.5 * (knots[row, 2] - knots[row, 1])
 
 
 @compiled()

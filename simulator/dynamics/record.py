@@ -41,6 +41,7 @@ NUMBERS: dict[str, int | str] = {
     "mix": 8,  # added to the left, then to the right command, per rpm of left, right and their sizes
     "sliding": 1,  # share of friction that opposes the velocity at which a wheel slides
     "limits": 3,  # rpm, of each wheel, of what both sides have in common, and of half of their difference
+    "ramps": 2,  # s per rpm: how long the last two take at least to change by one; 0 where nothing limits them
 }
 # Numbers of the slip law of one wheel, in the order above.
 LAW = (

@@ -24,7 +24,7 @@ class Draft:
     Arrays over wheels are in the order of the robot's, (n,); speed_factor: of the left and the right command.
     run_index counts the runs of a session from 0. mix: what is added to the left and right command per rpm of the left
     and the right command and of their sizes. limits_rpm: of each wheel, of what both sides have in
-    common, and of half of their difference.
+    common, and of half of their difference. ramps_s_per_rpm: how long the last two take at least to change by 1 rpm.
     """
 
     robot: NominalRobot
@@ -45,6 +45,7 @@ class Draft:
     last: list[Callable[[Draft], None]] = field(default_factory=list)
     mix: Array = field(default_factory=lambda: np.zeros((2, 4)))
     limits_rpm: tuple[float, ...] = (NO_LIMIT_RPM,) * 3
+    ramps_s_per_rpm: tuple[float, ...] = (0.0,) * 2
 
     def __post_init__(self) -> None:
         """Take wheels and centre of gravity from the robot."""

@@ -30,6 +30,7 @@ UNITS = {
     "1/mm": Unit("per_mm", "per mm", -1),
     "deg/s": Unit("deg_s", "°/s"),
     "mm/s": Unit("mm_s", "mm/s", 1),
+    "rpm/s": Unit("rpm_s", "rpm/s"),
     "deg": Unit("deg", "°"),
     "mm": Unit("mm", "mm", 1),
     "mN": Unit("mN", "mN", 0, 1),

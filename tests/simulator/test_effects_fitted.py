@@ -17,7 +17,16 @@ from simulator.robot import load_robot
 from tests.simulator.effect_probe import affected
 
 SCENE = Scene(20.0, (30.0, 10.0, 0.0, 10.0 + 1e-9, 10.0))  # levels are rounded before they are compared
-OWN = {"speed-limit", "command-lag", "magnet-strength", "tether-spring", "plate-tilt", "speed-ripple", "friction-grain"}
+OWN = {
+    "speed-limit",
+    "acceleration-limit",
+    "command-lag",
+    "magnet-strength",
+    "tether-spring",
+    "plate-tilt",
+    "speed-ripple",
+    "friction-grain",
+}
 
 
 def candidate(effect_id: str) -> Candidate:
@@ -98,6 +107,13 @@ def test_limits_are_fitted_in_their_inverses_from_the_median_of_the_commanded_sp
     assert set(found.physical(found.absent).values()) == {1e6}
     assert found.starts == (pytest.approx((0.1,) * 3),)  # of 10, 10, 10 and 30 rpm
     assert EFFECTS["speed-limit"].candidate(Scene(20.0, ())).starts == (pytest.approx((1 / 60,) * 3),)
+
+
+def test_accelerations_are_fitted_in_their_inverses_from_half_a_second_to_the_median_of_the_commanded_speeds() -> None:
+    found = candidate("acceleration-limit")
+    assert found.physical((0.05, 0.0)) == pytest.approx({"ahead_rpm_s": 20.0, "turn_rpm_s": 1e6})
+    assert set(found.physical(found.absent).values()) == {1e6}
+    assert found.starts == (pytest.approx((0.05, 0.05)),)  # of 10, 10, 10 and 30 rpm
 
 
 def test_magnets_are_fitted_in_the_inverse_of_their_level_and_their_balance() -> None:

@@ -24,8 +24,10 @@ KNOTS = np.array(
         *([2.5, 8.0, 12.0], [3.2, 8.0, 12.0]),
     ]
 )
+TIMES_S, SEEN_S = np.arange(0.0, 8.0, STEP_S), np.arange(0.1, 8.0, 0.097)
 NO_MIX = np.zeros(8)
 NO_LIMITS = np.full(3, 1e6)
+NO_RAMPS = np.zeros(2)
 
 
 def model_of(
@@ -34,8 +36,9 @@ def model_of(
     dead_time: float = 0.0,
     mix: np.ndarray = NO_MIX,
     limits: np.ndarray = NO_LIMITS,
+    ramps: np.ndarray = NO_RAMPS,
 ) -> SimpleNamespace:
-    return SimpleNamespace(lag=lag, dead_band=dead_band, dead_time=dead_time, mix=mix, limits=limits)
+    return SimpleNamespace(lag=lag, dead_band=dead_band, dead_time=dead_time, mix=mix, limits=limits, ramps=ramps)
 
 
 def driven(model: Any, begin: float, end: float, times: np.ndarray, knots: np.ndarray = KNOTS) -> np.ndarray:
@@ -116,6 +119,37 @@ def test_limits_hold_what_is_common_then_the_difference_then_each_wheel(
     knots = np.array([[0.0, *told]])
     found = driven(model_of(limits=np.array(limits)), 0.0, 2.0, np.array([1.0]), knots)[0]
     assert found[:2] == pytest.approx(turned)
+
+
+@pytest.mark.parametrize(("lag", "dead_time"), [(0.0, 0.0), (0.3, 0.25)])
+@pytest.mark.parametrize("ramps", [(0.02, 0.0), (0.0, 0.01), (0.03, 0.08), (1e-4, 2e-4)])
+def test_a_drive_follows_as_fast_as_its_acceleration_lets_it(
+    ramps: tuple[float, float], lag: float, dead_time: float
+) -> None:
+    """Against common part and half difference that take one step at a time toward what they are told.
+
+    Told to change sides, to stop half way, to ramp faster and slower than they may.
+    """
+    model = model_of(lag, dead_time=dead_time, ramps=np.array(ramps))
+    told = np.array([np.interp(TIMES_S, *jumps_apart(KNOTS, side)) for side in (0, 1)])
+    parts = []
+    for goal, ramp in zip((told.sum(axis=0) / 2, (told[1] - told[0]) / 2), ramps, strict=True):
+        most, now = STEP_S / ramp if ramp else math.inf, goal[0]
+        parts.append([now := now + min(max(value - now, -most), most) for value in goal])
+    common, half = np.array(parts)
+    knots = np.column_stack([TIMES_S, common - half, common + half])
+    expected = driven(model_of(lag, dead_time=dead_time), 0.0, 8.0, SEEN_S, knots)
+    found = driven(model, 0.0, 8.0, SEEN_S)
+    np.testing.assert_allclose(found[:, 2:], expected[:, 2:], atol=0.03)
+    np.testing.assert_allclose(found[-1, :2], KNOTS[-1, 1:], atol=1e-6)
+
+
+def test_a_drive_takes_as_long_to_turn_as_its_acceleration_makes_it() -> None:
+    """From rest to 10 and 30 rpm: 20 in common at 40 rpm/s take half a second, a difference of 10 at 5 rpm/s two."""
+    model = model_of(ramps=np.array([1 / 40, 1 / 5]))
+    knots = np.array([[1.0, 0.0, 0.0], [1.0, 10.0, 30.0]])
+    found = driven(model, 0.0, 9.0, np.array([1.0, 1.25, 2.0, 3.0, 8.0]), knots)[:, :2]
+    assert found == pytest.approx(np.array([[0, 0], [8.75, 11.25], [15, 25], [10, 30], [10, 30]]))
 
 
 def test_a_drive_limits_what_it_has_mixed() -> None:

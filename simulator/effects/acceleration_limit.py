@@ -1,0 +1,59 @@
+"""A drive that limits how fast the wheels change their speed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simulator.effects.coordinates import Candidate, Coordinate, Parameters, Scene
+from simulator.effects.definition import Effect, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
+
+NO_LIMIT_RPM_S = 1e6  # an acceleration that no drive reaches
+AHEAD, TURN = (
+    Parameter(name, "rpm/s", NO_LIMIT_RPM_S, 1.0, 0.0, NO_LIMIT_RPM_S, at_least=1e-3, shown=40.0)
+    for name in ("ahead_rpm_s", "turn_rpm_s")
+)
+USUAL_RPM = 60.0  # of a session that commands nothing: some command for scale
+STEP_S = 0.01  # in which speed comes up: as much of a delay shows (command-lag)
+BEGUN_S = 0.5  # in which a usual speed comes up where a fit begins: half a second, as drives of a metre have it
+
+
+def _act(draft: Draft, values: Values) -> None:
+    told = (0.0 if values[item.name] >= NO_LIMIT_RPM_S else 1 / values[item.name] for item in (AHEAD, TURN))
+    draft.ramps_s_per_rpm = tuple(max(old, new) for old, new in zip(draft.ramps_s_per_rpm, told, strict=True))
+
+
+def _fitted(scene: Scene) -> Candidate:
+    """The inverses of both limits: seconds per rpm, nought where there is none; a ramp is late by half of its time."""
+    levels = [level for level in scene.command_levels_rpm if level > 0] or [USUAL_RPM]
+    usual = float(np.median(levels))
+    parts = tuple(
+        Coordinate(f"s_per_rpm_{item.name.removesuffix('_rpm_s')}", 0.0, STEP_S / usual, 0.0, closed=True)
+        for item in (AHEAD, TURN)
+    )
+
+    def physical(values: tuple[float, ...]) -> Parameters:
+        return {
+            item.name: 1 / max(value, 1 / NO_LIMIT_RPM_S) for item, value in zip((AHEAD, TURN), values, strict=True)
+        }
+
+    return Candidate("acceleration-limit", parts, physical, ((BEGUN_S / usual,) * 2,))
+
+
+EFFECT = Effect(
+    id="acceleration-limit",
+    name="the drive limits how fast the wheels change speed",
+    sentence="What both sides have in common changes by ahead_rpm_s at most, how much faster or slower each turns "
+    "by turn_rpm_s.",
+    law="|d/dt (n_left + n_right)/2| ≤ ahead_rpm_s, |d/dt (n_right − n_left)/2| ≤ turn_rpm_s",
+    source="limits of linear and angular acceleration of drive controllers (ros2_controllers, diff_drive_controller); "
+    "measured on the wheels of a Clearpath Husky and a Warthog (tests/benchmarks)",
+    limits="The same for speeding up and slowing down, forward and backward; after limits of the speed, before dead "
+    f"time and lag of the motors. {NO_LIMIT_RPM_S:g} rpm/s are no limit.",
+    kind="command",
+    parameters=(AHEAD, TURN),
+    act=_act,
+    fitted=_fitted,
+    of_ground=True,
+)
