@@ -15,13 +15,16 @@ from evaluator.cli.options import PATH, quiet_option
 )
 @click.argument("robot", metavar="NAME|ROBOT.toml")
 @click.option(
-    "--format", "kind", type=click.Choice(["mjcf", "sdf"]), default="mjcf", show_default=True, help="MuJoCo, Gazebo."
+    "--format",
+    "kind",
+    type=click.Choice(["mjcf", "sdf"]),
+    help="MuJoCo, Gazebo; without it, sdf for a FILE that ends so and mjcf for any other.",
 )
 @click.option("--left", "left_rpm", type=float, default=33.3, show_default=True, help="Command of the turn, rpm.")
 @click.option("--right", "right_rpm", type=float, default=14.4, show_default=True, help="Command of the turn, rpm.")
 @click.option("-o", "--out", "output", type=PATH, required=True, metavar="FILE", help="File to write.")
 @quiet_option
-def export_robot(robot: str, kind: str, left_rpm: float, right_rpm: float, output: Path, quiet: bool) -> None:
+def export_robot(robot: str, kind: str | None, left_rpm: float, right_rpm: float, output: Path, quiet: bool) -> None:
     """Export a robot to MuJoCo or Gazebo, and list what is lost.
 
     Other simulators have no slip curve. Their contact parameters are matched to the slip law at one steady turn
@@ -29,6 +32,7 @@ def export_robot(robot: str, kind: str, left_rpm: float, right_rpm: float, outpu
     """
     from evaluator.workflow import export_robot as export
 
-    lost = export(robot, output, left_rpm, right_rpm, kind)
+    by_ending = "sdf" if output.suffix.lower() == ".sdf" else "mjcf"
+    lost = export(robot, output, left_rpm, right_rpm, kind or by_ending)
     if not quiet:
         click.echo(f"{output}\n\nWhat was lost:\n" + "\n".join(f"- {sentence}" for sentence in lost))

@@ -25,6 +25,20 @@ def test_every_command_says_what_it_does_with_an_example() -> None:
         assert f"turnscope {name}" in shown.output.split("Options:")[-1], f"{name} has no example"
 
 
+@pytest.mark.parametrize(("name", "given", "root"), [("r.sdf", (), "sdf"), ("r.xml", ("--format", "sdf"), "sdf")])
+def test_a_robot_is_written_in_the_format_that_its_file_ends_in_or_that_is_asked_for(
+    name: str, given: tuple[str, ...], root: str, tmp_path: Path
+) -> None:
+    from click.testing import CliRunner
+
+    from evaluator.cli.group import turnscope as group
+
+    done = CliRunner().invoke(group, ["export-robot", "barrel", *given, "-o", str(tmp_path / name)])
+    assert done.exit_code == 0
+    assert f"<{root} " in (tmp_path / name).read_text(encoding="utf-8")
+    assert "Gazebo" in done.output
+
+
 def test_help_fits_a_terminal_of_eighty_columns() -> None:
     """But for examples, which are copied as they are."""
     from click.testing import CliRunner
