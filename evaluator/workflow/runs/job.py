@@ -131,8 +131,8 @@ def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterat
     if "late_s" in turning and turning["late_high_s"] - turning["late_low_s"] < LATE_S < abs(turning["late_s"]):
         yield (
             f"moves {turning['late_s']:.3f} s later than its command log (95 % from "
-            f"{turning['late_low_s']:.3f} to {turning['late_high_s']:.3f}): a clock that is off (start_s), or motors "
-            "that wait"
+            f"{turning['late_low_s']:.3f} to {turning['late_high_s']:.3f}): a clock that is off (start_s), motors "
+            "that wait, or a robot that comes up to speed slowly"
         )
     last_s = tracked.get("last_s")
     if last_s is not None and run.stop_s is not None and run.stop_s > last_s + LATE_S:
