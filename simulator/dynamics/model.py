@@ -121,23 +121,26 @@ def _numbers_of_wheels(draft: Draft) -> dict[str, Sequence[float]]:
     frictions = draft.friction_factor.tolist()
     if not min(frictions) > 0:
         raise SimulationError(f"{robot.name}: every wheel needs a positive friction; the factors are {frictions}")
-    rows = map(_friction_of, draft.layout.wheels, repeat(robot.slip), weights, loads, frictions)
+    across = [draft.across_factor * friction for friction in frictions]
+    rows = map(_friction_of, draft.layout.wheels, repeat(robot.slip), weights, loads, frictions, across)
     numbers: dict[str, Sequence[float]] = dict(zip(LAW, zip(*rows, strict=True), strict=True))
     numbers["steer"] = draft.toe_rad.tolist()
     return numbers
 
 
-def _friction_of(wheel: Wheel, common: Slip, weight: float, load: float, friction: float) -> tuple[float, ...]:
+def _friction_of(
+    wheel: Wheel, common: Slip, weight: float, load: float, along: float, across: float
+) -> tuple[float, ...]:
     """Numbers of the slip law of one wheel, by the names of LAW.
 
-    weight and load in µN, friction: factor of its coefficients.
+    weight and load in µN; along, across: factors of its coefficients of friction.
     """
     slip = wheel.slip or common
     if load <= 0 or wheel.support != "wheel":
         return NO_FRICTION
     follows = slip.stiffness_basis == "load"
     stiffness = slip.lateral_stiffness * (load if follows else max(weight, 0.0))
-    grip_x, grip_y = slip.longitudinal_friction * friction * load, slip.lateral_friction * friction * load
+    grip_x, grip_y = slip.longitudinal_friction * along * load, slip.lateral_friction * across * load
     return (
         grip_x,
         grip_y,

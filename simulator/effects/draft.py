@@ -22,6 +22,7 @@ class Draft:
     """What effects may change before a robot is compiled: factors over the wheels, offsets, and added terms.
 
     Arrays over wheels are in the order of the robot's, (n,); speed_factor: of the left and the right command.
+    across_factor: of the lateral friction of all wheels, besides friction_factor.
     run_index counts the runs of a session from 0. mix: what is added to the left and right command per rpm of the left
     and the right command and of their sizes. limits_rpm: of each wheel, of what both sides have in
     common, and of half of their difference. ramps_s_per_rpm: how long the last two take at least to change by 1 rpm.
@@ -41,6 +42,7 @@ class Draft:
     droop_rpm_per_uN_mm: float = 0.0
     compliance_rad_per_mN: float = 0.0
     sliding_share: float = 0.0
+    across_factor: float = 1.0
     terms: list[Term] = field(default_factory=list)
     last: list[Callable[[Draft], None]] = field(default_factory=list)
     mix: Array = field(default_factory=lambda: np.zeros((2, 4)))

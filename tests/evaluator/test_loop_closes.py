@@ -29,6 +29,7 @@ SIZES: dict[str, dict[str, float]] = {
     "sliding-friction": {"share": 1.0},
     "speed-limit": {"wheel_rpm": 25.0, "ahead_rpm": 22.0, "turn_rpm": 5.0},
     "acceleration-limit": {"ahead_rpm_s": 60.0, "turn_rpm_s": 30.0},
+    "friction-across": {"factor": 1.5},
     "speed-drift": {"per_run": 0.01},
     "magnet-imbalance": {"left_over_right": 1.4},
     "magnet-strength": {"driving_factor": 0.7, "driven_factor": 1.5},

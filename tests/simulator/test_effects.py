@@ -29,6 +29,7 @@ CONTRACT = {
     "command-lag": "dead_time_s time_constant_s",
     "speed-limit": "wheel_rpm ahead_rpm turn_rpm",
     "acceleration-limit": "ahead_rpm_s turn_rpm_s",
+    "friction-across": "factor",
     "sliding-friction": "share",
     "speed-ripple": "amplitude phase_deg",
     "dead-band": "rpm",

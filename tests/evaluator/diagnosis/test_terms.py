@@ -59,7 +59,7 @@ def test_effects_and_terms_of_the_plate_are_not_tried_where_runs_share_no_frame(
     assert (
         set(named_terms(30.0, (10.0, 30.0), size=Size(100.0, 1e4))) - set(TERMS)
         == of_ground
-        == {"speed-limit", "acceleration-limit", "sliding-friction"}
+        == {"speed-limit", "acceleration-limit", "sliding-friction", "friction-across"}
     )
     free = free_terms(one_frame=False)
     assert "free:moment.one" in free

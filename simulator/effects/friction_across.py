@@ -1,0 +1,28 @@
+"""Friction across the wheels larger or smaller than along them, beside what is stated."""
+
+from __future__ import annotations
+
+from simulator.effects.definition import Effect, Values
+from simulator.effects.draft import Draft
+from simulator.effects.parameter import Parameter
+
+
+def _act(draft: Draft, values: Values) -> None:
+    draft.across_factor *= values["factor"]
+
+
+EFFECT = Effect(
+    id="friction-across",
+    name="friction across the wheels is higher or lower than stated",
+    sentence="The lateral friction coefficient of all wheels is factor times the stated one; the longitudinal one, and "
+    "the stiffness for small slip, stay.",
+    law="μ_y = factor · μ_y,nominal",
+    source="tread that grips better across than along: yaw rate over that of wheels, by the encoders of a Clearpath "
+    "Husky (tests/benchmarks)",
+    limits="One factor for all wheels. A skid-steered robot turns the less the larger it is, above all on the spot; "
+    "contacts that resist spinning (scrub-torque) cost wide turns as much.",
+    kind="dynamics",
+    parameters=(Parameter("factor", "", 1.0, 0.01, 0.3, 3.0, at_least=0.01, shown=2.0),),
+    act=_act,
+    of_ground=True,
+)
