@@ -54,8 +54,8 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     left = adequacy(search.fits[chosen], session.data)
     constant = constancy(search.fits[named], session.data, search.tolerance)
     reserve = "" if verdict == "unknown" else doubts(left, constant)
-    if reserve and verdict == "effect" and search.problem.open_ground:  # ground leaves more than any model says
-        reason = f"{reason}; {reserve}"
+    if reserve and verdict in ("effect", "insufficient") and search.problem.open_ground:
+        reason = f"{reason}; {reserve}"  # ground leaves more than any model says
     elif reserve:
         verdict, reason = "unknown", reserve
         chosen = next((ids for ids in table.sets if any(map(is_free, ids))), chosen)

@@ -5,6 +5,9 @@ beside it, such as motors that follow late, is lost in what is left over; what s
 beside it though it explains nothing any more; and the noise, which is made of left-overs, is that of a poor model. So
 sets grow from the model without effects by whatever promises most, the noise is estimated anew after every size, and
 the best set is challenged from within: every effect of it is taken out and everything is tried in its place.
+
+A search takes as long as it has runs. Of a long session it sees runs of commands far apart from one another, and what
+leads there is fitted to all runs, which decide.
 Source: floating search, which takes back what it has added: Pudil, Novovičová & Kittler (1994), Pattern Recognition
 Letters 15, 1119.
 """
@@ -12,17 +15,24 @@ Letters 15, 1119.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-from evaluator.diagnosis.assessment.model_comparison import Set, score
+import numpy as np
+
+from evaluator.diagnosis.assessment.model_comparison import Set, is_free, score
+from evaluator.diagnosis.assessment.verdict import carries_over
+from evaluator.diagnosis.experiment import runs_by_command
 from evaluator.diagnosis.inference.fit import fit_model
-from evaluator.diagnosis.inference.search import LARGEST_SET, MOST_STEPS, RIVALS_KEPT, Search, fit_set
+from evaluator.diagnosis.inference.search import MOST_STEPS, RIVALS_KEPT, Search, fit_set
 from evaluator.diagnosis.inference.settled_noise import settled_noise
 from evaluator.diagnosis.inference.strategy import ADDITIONS_REFITTED, BEAM, SINGLES_REFITTED, extend
-from evaluator.diagnosis.likelihood.problem import Problem
+from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.search_runs import Prepared, fitted_runs
 from evaluator.progress import Progress
 
+SEARCHED = 36  # runs of a session that a search sees; of a long one at least so many
 ROUNDS = 3  # of noise after the sets have grown; in eight subsets of two robots' recordings it settled after one or two
+NAMED_KEPT = 2  # of the sets that lead, at least so many without a form: what a form must be better than
 EXCHANGES = 3  # sets in a row that gave way to a better one
 # Sets of none, of one, of two effects that grow, and additions to each that are fitted.
 GROWN = ((1, SINGLES_REFITTED), *((count, ADDITIONS_REFITTED) for count in BEAM))
@@ -32,7 +42,8 @@ def searched_on_ground(ready: Prepared, progress: Progress) -> tuple[Search, Sea
     """Searches without the runs held out and of all: of the first only the model without effects is fitted."""
     families = len(ready.free)
     every = tuple(range(len(ready.problem.data)))
-    whole = Search(ready.problem, ready.terms, ready.tolerance, every, asked=ready.own)
+    searched = apart(ready.problem.data, SEARCHED)
+    whole = Search(ready.problem, ready.terms, ready.tolerance, searched, asked=ready.own)
     whole.fits[frozenset()] = fit_model(whole.problem, ready.start, [], whole.tolerance, whole.runs)
     for size, (count, additions) in enumerate(GROWN):
         progress(f"{size + 1} effects", 0.1 + 0.2 * size)
@@ -45,9 +56,30 @@ def searched_on_ground(ready: Prepared, progress: Progress) -> tuple[Search, Sea
         if quieter is None:
             break
         whole = quieter
+    if searched != every:
+        progress("all runs", 0.9)
+        whole = _under(whole, families, runs=every)
     part = whole.anew(runs=fitted_runs(whole.problem.data))
     part.fits[frozenset()] = fit_model(part.problem, whole.null.point, [], part.tolerance, part.runs)
     return part, whole
+
+
+def apart(data: Sequence[RunData], count: int) -> tuple[int, ...]:
+    """Numbers of at least so many runs, all of each command, of commands as far apart from one another as can be.
+
+    Each further command is that farthest from all before, from the fastest on; all runs where there are no more.
+    Source: Kennard & Stone (1969), Technometrics 11, 137.
+    """
+    groups = list(runs_by_command(data).items())
+    commands = np.array([command for command, _ in groups])
+    nearest = np.full(len(groups), np.inf)
+    at, chosen = int(np.argmax(np.hypot(*commands.T))), list[int]()
+    while True:
+        chosen += groups[at][1]
+        if len(chosen) >= min(count, len(data)):
+            return tuple(sorted(chosen))
+        nearest = np.minimum(nearest, np.hypot(*(commands - commands[at]).T))
+        at = int(np.argmax(nearest))
 
 
 def grow(search: Search, families: int, size: int, count: int, additions: int) -> None:
@@ -69,7 +101,7 @@ def exchange(search: Search, families: int) -> None:
         for rest in [best - {effect} for effect in sorted(best)]:
             if fit_set(search, rest, {}, search.fits[best]) or search.reached(rest):
                 _extend_once(search, rest)
-        if len(best) < LARGEST_SET:
+        if len(best) < search.largest:
             _extend_once(search, best)
         if _ranked(search, families)[0] == best:
             break
@@ -83,8 +115,17 @@ def _extend_once(search: Search, ids: Set, additions: int = ADDITIONS_REFITTED) 
 
 
 def _ranked(search: Search, families: int) -> list[Set]:
-    """Fitted sets, the most probable first; those with an effect at a bound, which is no answer, last."""
-    return sorted(search.fits, key=lambda ids: (bool(search.fits[ids].at_bounds), -score(search, ids, families)))
+    """Fitted sets, the most probable first; those that cannot be the answer last.
+
+    These have an effect at a bound, or one that helps some commands and harms as many others. Under the noise of a
+    model that was bent to its runs, such effects are worth more than true ones.
+    """
+
+    def key(ids: Set) -> tuple[bool, float]:
+        no_answer = bool(search.fits[ids].at_bounds) or not carries_over(search, ids)
+        return no_answer, -score(search, ids, families)
+
+    return sorted(search.fits, key=key)
 
 
 def _afford(search: Search) -> None:
@@ -94,16 +135,17 @@ def _afford(search: Search) -> None:
 
 def _quieter(search: Search, families: int) -> Search | None:
     """The search under the noise that its best set leaves, with what leads in it; None where that is no quieter."""
-    leading = _ranked(search, families)
-    problem = settled_noise(search, leading[0])
-    return None if problem is None else _under(problem, search, leading[:RIVALS_KEPT])
+    problem = settled_noise(search, _ranked(search, families)[0])
+    return None if problem is None else _under(search, families, problem=problem)
 
 
-def _under(problem: Problem, search: Search, leading: Sequence[Set]) -> Search:
-    """The leading sets of a search, and the model without effects, fitted again under another noise."""
-    found = search.anew(problem=problem)
-    found.fits[frozenset()] = fit_model(problem, search.null.point, [], search.tolerance, search.runs)
-    for ids in leading:
+def _under(search: Search, families: int, **changes: Any) -> Search:
+    """What leads a search, and the model without effects, fitted anew under another noise or to other runs."""
+    found = search.anew(**changes)
+    found.fits[frozenset()] = fit_model(found.problem, search.null.point, [], found.tolerance, found.runs)
+    ranked = _ranked(search, families)
+    named = [ids for ids in ranked if not any(map(is_free, ids))]
+    for ids in dict.fromkeys([*ranked[:RIVALS_KEPT], *named[:NAMED_KEPT]]):
         if ids:
             fit_set(found, ids, {}, search.fits[ids])
     return found

@@ -10,7 +10,12 @@ import numpy as np
 from scipy import special
 
 from evaluator.diagnosis.assessment.adequacy import Adequacy
-from evaluator.diagnosis.assessment.cross_validation import Constancy, advantage, covariance_over_commands
+from evaluator.diagnosis.assessment.cross_validation import (
+    Constancy,
+    advantage,
+    covariance_over_commands,
+    predicts_better,
+)
 from evaluator.diagnosis.assessment.knowledge import strained, together
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, score
 from evaluator.diagnosis.inference.search import LARGEST_SET, Search
@@ -60,7 +65,7 @@ def material_gain(runs: int) -> float:
 
 def least_gain(ids: Set) -> float:
     """Log odds that each effect of a set must earn."""
-    return KEEP[min(len(ids), LARGEST_SET - 1) if any(map(is_free, ids)) else len(ids)]
+    return KEEP[min(len(ids), LARGEST_SET - 1 if any(map(is_free, ids)) else LARGEST_SET)]
 
 
 # Values that no set may move beyond three of their tolerances, unless the model without effects does so too. Of some
@@ -73,9 +78,20 @@ def pays(search: Search, table: Standing, families: int, ids: Set) -> bool:
     """Whether each effect of a set pays for itself, and all together, and what is known holds: it may be an answer.
 
     A single named effect need earn less where it stands for what else several values together would have to be off by
-    more than chance allows. A set with an effect at the bound
-    of what it may be stands for something that it is not.
+    more than chance allows. A set with an effect at the bound of what it may be stands for something that it is not. On
+    open ground odds alone say little, as the noise is what the best model leaves: there each effect must carry over to
+    commands left out, too.
     """
+    return has_the_odds(search, table, families, ids) and (not search.problem.open_ground or carries_over(search, ids))
+
+
+def carries_over(search: Search, ids: Set) -> bool:
+    """Whether commands left out are predicted better with each effect of a set than without it, beyond chance."""
+    return all(_predicts(search, ids, ids - {effect}) for effect in ids)
+
+
+def has_the_odds(search: Search, table: Standing, families: int, ids: Set) -> bool:
+    """Whether each effect of a set pays for itself by its odds, and all together, and what is known holds: see pays."""
     if not may_be_right(search, ids):
         return False
     least, first = least_gain(ids), KEEP[1]
@@ -138,7 +154,7 @@ def decide(
     # on open ground what is left is the noise, so that odds alone say little: it must carry over, too
     if least_material > -math.inf:
         free = [ids for ids in free if _is_told(search, ids)]
-        likely = [ids for ids in likely if ids in free and _gain_left_out(search, ids, named)[0] > BETTER_BY]
+        likely = [ids for ids in likely if ids in free and _predicts(search, ids, named)]
     doubted = bool(likely) and table.share_of(likely, answers) > DOUBT
     if doubted and pays(search, table, families, likely[0]):
         return likely[0], "unknown", "a free-form term explains the runs as well as the named effects, or better"
@@ -151,14 +167,25 @@ def decide(
             and all(_predicts(search, ids, other) for other in {named, likeliest})
         ):
             return ids, "unknown", "a free-form term predicts commands left out better than any named effect"
+    if search.problem.open_ground and not named:
+        better = next((ids for ids in table.sets if ids and has_the_odds(search, table, families, ids)), None)
+        if better is not None:
+            what = " with ".join("a form without a name" if is_free(effect) else effect for effect in sorted(better))
+            reason = f"{what} explains the runs better, but predicts commands left out no better than chance"
+            return named, "insufficient", f"{reason}: runs of more commands are needed"
     if named:
         return named, "effect", "each effect pays for itself, and nothing is left that a free-form term could explain"
     return named, "none", "the model explains the data within noise and tolerances"
 
 
 def _predicts(search: Search, ids: Set, other: Set) -> bool:
-    """Whether a set predicts commands left out better than another, beyond chance."""
-    gain, error = _gain_left_out(search, ids, other)
+    """Whether a set predicts commands left out better than another, beyond chance; yes where that was not fitted."""
+    if other not in search.fits:
+        return True
+    fits = search.fits[ids], search.fits[other]
+    if search.problem.open_ground:
+        return predicts_better(*fits, search.problem.data, search.tolerance)
+    gain, error = advantage(*fits, search.problem.data, search.tolerance)
     return gain > BETTER_BY and gain > BETTER_SIGMAS * error
 
 
@@ -173,11 +200,6 @@ def _is_told(search: Search, ids: Set) -> bool:
         return bool((size[own] > -special.ndtri(NOT_TOLD / 2 / len(own)) * sigma[own]).any())
 
     return all(told(effect) for effect in ids if is_free(effect))
-
-
-def _gain_left_out(search: Search, ids: Set, other: Set) -> tuple[float, float]:
-    """Gain of a set over another in log density of commands left out, and its standard error."""
-    return advantage(search.fits[ids], search.fits[other], search.problem.data, search.tolerance)
 
 
 def doubts(left: Adequacy, constant: Sequence[Constancy]) -> str:

@@ -17,6 +17,9 @@ from simulator.effects.coordinates import Candidate
 # Prior of no, one, two, three effects. A lab that asks is as likely as not to have one; each further one is rarer.
 SIZE_PRIOR = (0.5, 0.35, 0.12, 0.03)
 LARGEST_SET = 3
+# On open ground. By their encoders the drives of a Husky and a Warthog follow late, limit speed and limit acceleration;
+# that of the Husky has other gains than stated as well.
+LARGEST_ON_GROUND = 4
 RIVALS_KEPT = 4  # sets that go on to a search under another noise, or on all runs
 # Friction and gains: what wet or dusty plates and DC motors show; starts as they are stated.
 USUAL_SCATTER = (0.03, 0.006, 0.006, 1.0)
@@ -53,6 +56,11 @@ class Search:
     def exhausted(self) -> bool:
         """Whether it has made as many steps as a search may."""
         return self.steps >= self.most_steps
+
+    @property
+    def largest(self) -> int:
+        """How many effects a set may have."""
+        return LARGEST_ON_GROUND if self.problem.open_ground else LARGEST_SET
 
     @property
     def explained(self) -> float:

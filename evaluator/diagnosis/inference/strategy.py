@@ -123,7 +123,7 @@ def _fit_asked(search: Search, view: Screen, ordered: Sequence[tuple[str, tuple[
     """
     for effect in sorted(search.asked - fit.terms):
         begin = search.terms[effect].begin
-        if begin and len(fit.terms) < LARGEST_SET and not search.exhausted:
+        if begin and len(fit.terms) < search.largest and not search.exhausted:
             fit_set(search, fit.terms | {effect}, {effect: begin}, fit, search.explained)
     _refit(search, view, [(offer,) for offer in ordered if offer[0] in search.asked], len(search.asked), fit)
 
@@ -147,7 +147,7 @@ def _refit(
         enough = min(most, SINGLES_REFITTED) if explained > -np.inf else most
         if search.exhausted or (len(tries) >= enough and ids not in tries):
             break
-        if tries.get(ids, 0) >= 2 or len(ids) > LARGEST_SET:
+        if tries.get(ids, 0) >= 2 or len(ids) > search.largest:
             continue
         evidence = view.evidence(*offers)
         top = max(top, evidence)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,12 +10,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from evaluator.diagnosis.assessment import cross_validation
 from evaluator.diagnosis.assessment.cross_validation import (
     Constancy,
     _densities,
     advantage,
     constancy,
     covariance_over_commands,
+    predicts_better,
 )
 from evaluator.diagnosis.assessment.model_comparison import (
     predictive_score,
@@ -58,6 +61,11 @@ def test_density_of_runs_left_out_is_that_of_all_less_that_of_the_others() -> No
     for group, value in zip(groups, found, strict=True):
         rest = [run for at, run in enumerate(runs) if at not in group]
         assert value == pytest.approx(log_density(runs, weight) - log_density(rest, weight), rel=1e-6)
+    by_run = dict(zip((0, 3, 1), _densities(fit, groups, TOLERANCE, by_run=True), strict=True))
+    for run, group in ((0, groups[0]), (3, groups[0]), (1, groups[1])):
+        rest = [item for at, item in enumerate(runs) if at not in group]
+        alone = log_density([*rest, runs[run]], weight) - log_density(rest, weight)
+        assert by_run[run] == pytest.approx(alone, rel=1e-6)
 
 
 def test_advantage_is_the_gain_over_commands_with_the_error_of_a_sum() -> None:
@@ -73,6 +81,26 @@ def test_advantage_is_the_gain_over_commands_with_the_error_of_a_sum() -> None:
     of_three = stats.t.isf(stats.norm.sf(2.0), 2) / 2.0  # what two standard errors are of a spread told by three
     assert error == pytest.approx(gains.std(ddof=1) * np.sqrt(3) * of_three)
     assert advantage(one, other, [run_data(30.0, 20.0, number) for number in range(6)], TOLERANCE)[1] == np.inf
+
+
+@pytest.mark.parametrize(
+    ("missed", "better"),
+    [
+        ((3.0, 2.5, 4.0, 3.5, 2.8), True),  # each command is missed by a third of what it was
+        ((0.9, 1.1, 900.0, 0.95, 1.05), False),  # a single command that was missed by much
+        ((20.0, 15.0, 30.0, 0.3, 0.4), False),  # three are better, two as much worse as is chance among five
+        ((1.0, 1.0, 1.0, 1.0, 1.0), False),
+    ],
+)
+def test_a_model_predicts_better_where_it_misses_most_commands_by_less_whatever_one_of_them_weighs(
+    missed: tuple[float, ...], better: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = [run_data(30.0, 5.0 * number, number) for number in range(5)]
+    runs: Any = SimpleNamespace(runs=range(5))
+    one, other = copy(runs), copy(runs)
+    found = {id(one): -np.full(5, 30.0), id(other): -30.0 * np.array(missed)}
+    monkeypatch.setattr(cross_validation, "_densities", lambda fit, *_, **__: found[id(fit)])
+    assert predicts_better(one, other, data, TOLERANCE) == better
 
 
 def test_predictive_score_is_the_gaussian_density_of_new_runs(monkeypatch: pytest.MonkeyPatch) -> None:

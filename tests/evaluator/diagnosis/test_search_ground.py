@@ -10,7 +10,8 @@ import pytest
 
 from evaluator.diagnosis import search_ground
 from evaluator.diagnosis.inference.search import Search
-from evaluator.diagnosis.search_ground import exchange, grow
+from evaluator.diagnosis.search_ground import apart, exchange, grow
+from tests.evaluator.diagnosis.synthetic import run_data
 
 FORM = "free:mixed"
 NAMES = ("lag", "proxy", "other", FORM)
@@ -30,7 +31,9 @@ EVIDENCE = {
 
 def fit_of(ids: frozenset[str], at_bound: Collection[frozenset[str]] = ()) -> Any:
     return SimpleNamespace(
-        posterior=SimpleNamespace(log_evidence=EVIDENCE.get(ids, 0.0)), at_bounds=ids if ids in at_bound else ()
+        posterior=SimpleNamespace(log_evidence=EVIDENCE.get(ids, 0.0)),
+        at_bounds=ids if ids in at_bound else (),
+        point=None,
     )
 
 
@@ -49,6 +52,7 @@ def search_of(
         for effect in more[:most]:
             fitted(search, ids | {effect})
 
+    monkeypatch.setattr(search_ground, "carries_over", lambda *_: True)
     monkeypatch.setattr(search_ground, "fit_set", fitted)
     monkeypatch.setattr(search_ground, "extend", extended)
     search = Search(cast("Any", SimpleNamespace(open_ground=True)), dict.fromkeys(NAMES, cast("Any", None)), {}, (0,))
@@ -79,3 +83,33 @@ def test_a_proxy_that_was_picked_first_gives_way_to_what_is_better_in_its_place(
     assert search_ground._ranked(search, 95)[0] == best
     assert frozenset({FORM}) in search.fits  # what each effect stands against was fitted
     assert len(asked) == len(set(asked))  # each once: a view of all candidates is dear
+
+
+def test_a_set_with_an_effect_that_harms_as_many_commands_as_it_helps_leads_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    search, _ = search_of(monkeypatch)
+    monkeypatch.setattr(search_ground, "carries_over", lambda _, ids: "proxy" not in ids)
+    for ids in EVIDENCE:
+        search.fits[ids] = fit_of(ids)
+    assert search_ground._ranked(search, 95)[:3] == [{"lag", FORM}, {FORM}, {"lag"}]
+
+
+def test_of_a_long_session_all_runs_of_commands_far_apart_are_searched_and_what_leads_is_fitted_to_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """On a line from 0 to 8 the fastest first, then the slowest, then the middle one."""
+    data = [run_data(float(level), float(level), number) for number, level in enumerate((0, 1, 4, 8, 8, 7, 0))]
+    assert apart(data, 2) == (3, 4)
+    assert apart(data, 3) == (0, 3, 4, 6)
+    assert apart(data, 5) == (0, 2, 3, 4, 6)
+    assert apart(data, 7) == apart(data, 99) == tuple(range(7))
+    search, _ = search_of(monkeypatch)
+    for ids in EVIDENCE:
+        search.fits[ids] = fit_of(ids)
+    monkeypatch.setattr(search_ground, "fit_model", lambda *_: fit_of(frozenset()))
+    monkeypatch.setattr(search_ground, "RIVALS_KEPT", 2)
+    whole = search_ground._under(search, 95, runs=(0, 1, 2))
+    assert whole.runs == (0, 1, 2)
+    leading = {frozenset({"lag", "proxy", FORM}), frozenset({"lag", FORM})}
+    assert set(whole.fits) == {frozenset(), *leading, frozenset({"lag", "proxy"}), frozenset({"proxy"})}

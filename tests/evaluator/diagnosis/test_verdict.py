@@ -17,6 +17,7 @@ NOTHING: frozenset[str] = frozenset()
 OFFSET, PAIR = frozenset({"mark-offset"}), frozenset({"mark-offset", "motor-droop"})
 TRIPLE = PAIR | {"friction-level"}
 FREE, BESIDE = frozenset({"free:force_left.v_abs_v"}), PAIR | {"free:speed.sign_u.front-left"}
+PLATE = cast("Search", SimpleNamespace(problem=SimpleNamespace(open_ground=False)))
 
 
 @pytest.mark.parametrize(
@@ -50,7 +51,7 @@ def test_what_speaks_for_named_effects_and_what_against_them(
     monkeypatch.setattr(f"{module}._relieves", lambda *_: False)
     monkeypatch.setattr(f"{module}._predicts", lambda _, ids, __: ids == BESIDE)
     order = sorted(scores, key=lambda ids: -scores[ids])
-    search, table = cast("Search", None), Standing(tuple(order), np.array([scores[ids] for ids in order]))
+    search, table = PLATE, Standing(tuple(order), np.array([scores[ids] for ids in order]))
     assert decide(search, table, 95, best_named(search, table, 95))[:2] == (chosen, verdict)
 
 
@@ -75,7 +76,7 @@ def test_what_ends_at_a_bound_is_no_answer_however_probable(
     monkeypatch.setattr(f"{module}._predicts", lambda *_: False)
     fits = {ids: SimpleNamespace(at_bounds=ids if ids in at_bound else NOTHING, unbelieved=NOTHING) for ids in scores}
     order = sorted(scores, key=lambda ids: -scores[ids])
-    search = cast("Search", SimpleNamespace(fits=fits))
+    search = cast("Search", SimpleNamespace(fits=fits, problem=PLATE.problem))
     table = Standing(tuple(order), np.array([scores[ids] for ids in order]))
     assert decide(search, table, 95, best_named(search, table, 95))[:2] == (chosen, verdict)
 
@@ -102,6 +103,7 @@ def test_a_set_that_moves_two_values_beyond_what_is_known_is_no_answer(
     scores = {PAIR: 30.0, OFFSET: 2.0, NOTHING: 0.0}
     monkeypatch.setattr(f"{module}.score", lambda _, ids, __: scores.get(ids, -np.inf))
     monkeypatch.setattr(f"{module}._relieves", lambda *_: False)
+    monkeypatch.setattr(f"{module}._predicts", lambda *_: True)
     keys = ("green_y_mm", "yellow_y_mm", "start_common_s")
 
     def fit(*sigmas: float) -> SimpleNamespace:
