@@ -12,6 +12,7 @@ from evaluator.recording import Frame
 from evaluator.tracking.detection.selection import Candidate
 from evaluator.tracking.refinement import kernels
 from evaluator.tracking.refinement.disc import Disc
+from evaluator.tracking.refinement.edge import View, find_edge, matters, without_edge
 from evaluator.tracking.refinement.learn_shape import Patch, Steps, cut_patch, learn_disc
 from evaluator.tracking.refinement.occluded_pixels import CORE_EXPECTED
 from evaluator.tracking.refinement.occlusion import NOTABLE, fit_uncovered
@@ -23,7 +24,10 @@ SOFTNESS = 5.0
 # Times that a shape is learnt anew without what covers it: the first shape bends toward that, and hides half of it.
 CLEARINGS = 3
 SEVERAL = 3  # patches: fewer do not tell what covers a mark from what it is
+SELDOM = 0.5  # of the patches: a shape is no other one for what fewer show
 NO_DISC = 0.5  # share of the information on its centre that a mark has lost where it is no disc at all
+ROUGH = 0.1  # of the amplitude: what a shape that was learnt without the edge may be off by
+RIM = 1.6  # radii
 ENOUGH = 1009  # samples of a patch that a shape is learnt from: all of a mark of 8 px radius
 
 
@@ -59,7 +63,7 @@ def learn_color(candidate: Candidate, others_uv: Sequence[tuple[float, float]], 
 
 def patch_of(frame: Frame, center_px: tuple[float, float], radius_px: float) -> Patch:
     """Luma around a mark, with the rim that learning needs."""
-    return cut_patch(frame.luma, (frame.row_origin, frame.row_step), center_px, 1.3 * radius_px + 4.0)
+    return cut_patch(frame.luma, (frame.row_origin, frame.row_step), center_px, RIM * radius_px + 5.0)
 
 
 def learn_shape(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0) -> Steps[Disc | None]:
@@ -71,6 +75,7 @@ def learn_shape(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0
         disc = yield from learn_disc([_thinned(patch) for patch in whole], radius_px, blur_px)
         if len(whole) >= SEVERAL:
             disc = yield from _learn_clear(whole, disc)
+            disc = yield from _learn_beside_edge(whole, disc)
     except np.linalg.LinAlgError:
         return None
     plausible = 0.4 < disc.radius_px / radius_px < 2.0
@@ -96,17 +101,50 @@ def _learn_clear(patches: list[Patch], first: Disc) -> Steps[Disc]:
     return disc
 
 
-def _uncovered(patch: Patch, disc: Disc) -> tuple[NDArray[np.bool_], float]:
-    """Which samples of a patch (a whole rectangle) nothing lies across, (n,); what share of the information is lost."""
+def _learn_beside_edge(patches: list[Patch], first: Disc) -> Steps[Disc]:
+    """Learn a disc anew without what shines into it from beyond the edge of its body; the first one where none does."""
+    disc, other, least, edge = first, first, np.inf, first.edge
+    for _ in range(CLEARINGS):
+        cleared, left, rough = list[Patch](), list[float](), max(other.noise, (ROUGH * other.amplitude) ** 2)
+        for patch in patches:
+            plain, sloped = (_fitted(patch, other, sloping=sloping)[-1] for sloping in (False, True))
+            if not matters(plain, sloped):
+                continue
+            plain[kernels.X], sloped[kernels.X] = plain[kernels.X] + patch.x[0], sloped[kernels.X] + patch.x[0]
+            found = find_edge(View(patch, other, (0.0, 0.0), (rough, SOFTNESS)), plain, sloped, edge)
+            yield
+            if found is not None:
+                edge = found[1]
+                cleared.append(_thinned(without_edge(patch, other, *found)))
+                left.append(found[0][kernels.RESIDUAL] * rough)
+        if len(cleared) < max(SEVERAL, SELDOM * len(patches)) or not np.mean(left) < least:
+            break
+        disc, least = replace(other, edge=edge), float(np.mean(left))
+        other = yield from learn_disc(cleared, first.radius_px, disc.blur_px)
+    return disc
+
+
+def _fitted(patch: Patch, disc: Disc, *, sloping: bool) -> tuple[NDArray[np.unsignedinteger], tuple[int, int], Array]:
+    """Fit a disc in a patch (a whole rectangle); its luma, origin and step of the rows, what `fit_disc` gives.
+
+    Columns count from the patch's own first one.
+    """
     columns = int(np.count_nonzero(patch.y == patch.y[0]))
     kind = np.uint8 if patch.value.max() < 256 else np.uint16
     luma: NDArray[np.unsignedinteger] = patch.value.reshape(-1, columns).astype(kind)
     # Whole rows of the frame, as whole numbers: kernels are compiled for those.
     rows = round(patch.y[0]), round(patch.y[columns] - patch.y[0]) if len(patch.y) > columns else 1
     start = np.array([patch.center_px[0] - patch.x[0], patch.center_px[1], disc.amplitude, disc.base])
-    shown, fitted, noise = np.ones(luma.shape, bool), np.zeros(kernels.RESULTS), np.array([disc.noise, SOFTNESS])
+    fitted, noise = np.zeros(kernels.RESULTS), np.array([disc.noise, SOFTNESS])
+    kernels.fit_disc(luma, *rows, start, sloping, disc.numbers(), disc.table, noise, fitted)
+    return luma, rows, fitted
+
+
+def _uncovered(patch: Patch, disc: Disc) -> tuple[NDArray[np.bool_], float]:
+    """Which samples of a patch nothing lies across, (n,); what share of the information is lost."""
+    luma, rows, fitted = _fitted(patch, disc, sloping=True)
+    shown, noise = np.ones(luma.shape, bool), np.array([disc.noise, SOFTNESS])
     shape, share, table = disc.numbers(), 0.0, disc.table
-    kernels.fit_disc(luma, *rows, start, True, shape, table, noise, fitted)
     if np.isfinite(fitted[kernels.X]):
         where, result = (luma, *rows), fitted.copy()
         _, share = fit_uncovered(*where, fitted, shape, table, noise, result, shown, CORE_EXPECTED, NOTABLE)

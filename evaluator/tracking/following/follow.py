@@ -72,7 +72,7 @@ class Follower(Motion):
         self._disc, self._table = disc.numbers(), disc.table
         self._noise = np.array([disc.noise, SOFTNESS])
         inner_px = disc.radius_px - 2.5 * disc.blur_px
-        self._slow_path = SlowPath(self._disc, self._table, self._noise, self._result, inner_px, disc.blur_px)
+        self._slow_path = SlowPath(self._disc, self._table, self._noise, self._result, inner_px, disc)
         self._usual[[fast_path.U_AMPLITUDE, fast_path.U_BASE, fast_path.U_LEAST_NOISE, fast_path.U_AREA]] = (
             disc.amplitude, disc.base, 0.5 * disc.noise, look.area_px2
         )  # fmt: skip

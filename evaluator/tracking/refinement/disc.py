@@ -8,7 +8,8 @@ finds itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,13 +27,26 @@ PER_EDGE_PX = 128
 NOTHING = 1e-15
 
 
+class Edge(NamedTuple):
+    """An edge, and one at a right angle to it, against the clock as the image shows it.
+
+    angle: of the normal, rad. distance_px, aside_px: of the two from the mark's centre. height: how much lighter it is
+    beyond, levels.
+    """
+
+    angle: float
+    distance_px: float
+    aside_px: float
+    height: float
+
+
 @dataclass(frozen=True)
 class Disc:
     """Shape of a mark in the frame.
 
     radius_px, blur_px: of the disc and its edge; e1, e2: slant, r² = (1+e1) dx² + 2 e2 dx dy + (1-e1) dy². amplitude,
     base: luma of the mark above its surroundings, and of the surroundings. noise: luma variance. profile, slope: of
-    `tabulate`. table: of `by_square`.
+    `tabulate`. table: of `by_square`. edge: of its body, where it shines into the mark's rim, as it was seen last.
     """
 
     radius_px: float
@@ -46,6 +60,7 @@ class Disc:
     slope: Array
     table: NDArray[np.float32]
     occluded: float = 0.0
+    edge: Edge | None = None
 
     @property
     def outer_px(self) -> float:
@@ -108,7 +123,8 @@ def make_disc(
 def shaped_as(own: Disc, shape: Disc) -> Disc:
     """A disc of its own levels with the shape, and the noise, of another."""
     levels = own.amplitude, own.base
-    return make_disc(shape.radius_px, shape.blur_px, (shape.e1, shape.e2), levels, shape.noise)
+    disc = make_disc(shape.radius_px, shape.blur_px, (shape.e1, shape.e2), levels, shape.noise)
+    return replace(disc, edge=own.edge)
 
 
 def by_square(radius_px: float, profile: Array, slope: Array) -> NDArray[np.float32]:

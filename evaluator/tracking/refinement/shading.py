@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 # What lenses and lamps do (1 sigma): light changes by 0.1 % a pixel, and that by 1e-3 over 200 px. Without enough
 # frames the prior wins, and nothing is taken out.
 PRIOR = np.diag([1e-3, 5e-6, 5e-6]) ** 2
-LEAST = 20
+LEAST = 8
 FAR, ROUNDS = 4.0, 3  # sigmas beyond which a slope is not the light's; fits, each without the last one's outliers
 
 

@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from evaluator.recording import Frame
 from evaluator.tracking.refinement import fast_path, kernels
+from evaluator.tracking.refinement.disc import Disc, Edge
+from evaluator.tracking.refinement.edge import AROUND, View, find_edge, matters
+from evaluator.tracking.refinement.learn_shape import cut_patch
 from evaluator.tracking.refinement.occluded_pixels import CORE, CORE_EXPECTED
 from evaluator.tracking.refinement.occlusion import BENT, NOTABLE, SLOPING, fit_uncovered
 
@@ -25,6 +28,11 @@ LEFT = 0.35  # share of a mark's information that is left where it is still meas
 EXPLAINED = 0.9
 # Standard uncertainty, in blurs of the edge, up to which the parts of a rim agree: beyond, steps are no longer linear.
 AGREED = 0.25
+NEGLIGIBLE = 0.5  # of a centre's own sigma: an edge that shifts it by less adds an eighth to its error at most
+# Of the shift that an edge makes, what may be left where it is taken out: lenses blur light, and in the gamma that
+# cameras write the flank of a light edge reaches farther than that of a mark. A gamma of 2.2 leaves 0.5 to 0.65 of it.
+EDGED = 0.6
+HALF = 0.5  # of the residual before a slope: a body's edge explains that, though it is not all that disturbs
 NEVER = 2.0  # share that nothing reaches
 
 
@@ -35,7 +43,9 @@ class SlowPath:
     inner_px: radius of the mark's even inside. watch: frames left in which a slope is looked for; occluded_lately: and
     what covers the mark, too. shift: of the centre by a slope that was not taken out when the slow path was last taken,
     as far as it may be wrong, px. occluded: whether the result is that of what shows beside something that covers the
-    mark: its variances are then whole.
+    mark: its variances are then whole. shape: of the mark. edge: beside the mark, as it was seen
+    last; edge_lately: frames left in which it is fitted even if nothing slopes, or below zero in which it is not, as
+    there was none.
     """
 
     disc: Array
@@ -43,7 +53,7 @@ class SlowPath:
     noise: Array
     result: Array
     inner_px: float
-    blur_px: float
+    shape: Disc
     watch: int = 0
     occluded_lately: int = 0
     shift: tuple[float, float] = (0.0, 0.0)
@@ -51,12 +61,14 @@ class SlowPath:
 
     def __post_init__(self) -> None:
         """Make the arrays that the kernels read and fill."""
+        self.edge: Edge | None = None
+        self.edge_lately = 0 if self.shape.edge is None else WATCHED
         self.sloped, self.unoccluded = np.zeros(kernels.RESULTS), np.zeros(kernels.RESULTS)
 
     def begin(self, frame: Frame) -> bool:
         """Forget the frame before; whether this one takes the slow path even if the mark looks well."""
         self.occluded = False
-        return self.watch > 0 or self.regular(frame)
+        return self.watch > 0 or self.edge_lately > 0 or self.regular(frame)
 
     @staticmethod
     def regular(frame: Frame) -> bool:
@@ -83,6 +95,10 @@ class SlowPath:
         due = suspicious or self.occluded_lately > 0 or (self.regular(frame) and result[kernels.RESIDUAL] > 1.0)
         seeming, share = self._fit_unoccluded(frame, result, NOTABLE) if due else (0.0, 0.0)
         self._fit(frame, result[: kernels.BASE + 1], sloping=True, result=sloped)
+        self.edge_lately -= int(np.sign(self.edge_lately))
+        edge = self._fit_beside_edge(frame)
+        if edge is not None and edge[kernels.RESIDUAL] < max(fast_path.DISTURBED, HALF * sloped[kernels.RESIDUAL]):
+            return self._keep_edge(edge)
         self.occluded = (
             share > 0.0 and self._sound(share) and self._fit_unoccluded(frame, sloped, NEVER)[0] > EXPLAINED * seeming
         )
@@ -95,21 +111,52 @@ class SlowPath:
 
     def _keep_slope(self, frame: Frame, *, suspicious: bool) -> bool:
         """Keep the fit with a slope where the slope is there: the onset of glare or shadow; else the plain one."""
-        result, sloped = self.result, self.sloped
-        residual = result.item(kernels.RESIDUAL)
-        sloping = (residual - sloped.item(kernels.RESIDUAL)) * result.item(kernels.PIXELS) > SLOPING
+        residual = self.result.item(kernels.RESIDUAL)
+        sloping = self._sloping()
         taken = (sloping and (suspicious or self._glares(frame))) or (suspicious and residual >= fast_path.DISTURBED)
         self.watch = WATCHED if sloping else self.watch - 1
-        self.shift = (0.0, 0.0)
-        if sloping:
-            share = BENT if taken else UNTAKEN
-            self.shift = (
-                share * (sloped.item(kernels.X) - result.item(kernels.X)),
-                share * (sloped.item(kernels.Y) - result.item(kernels.Y)),
-            )
+        self.shift = self._share(BENT if taken else UNTAKEN, self.sloped) if sloping else (0.0, 0.0)
         if taken:
-            result[:] = sloped
+            self.result[:] = self.sloped
         return taken
+
+    def _sloping(self) -> bool:
+        """Whether the light slopes across the mark by more than chance."""
+        result, sloped = self.result, self.sloped
+        fall = result.item(kernels.RESIDUAL) - sloped.item(kernels.RESIDUAL)
+        return bool(fall * result.item(kernels.PIXELS) > SLOPING)
+
+    def _share(self, share: float, other: Array) -> tuple[float, float]:
+        """Share of the way from the plain fit's centre to another's, px."""
+        x, y = share * (other[: kernels.Y + 1] - self.result[: kernels.Y + 1])
+        return float(x), float(y)
+
+    def _fit_beside_edge(self, frame: Frame) -> Array | None:
+        """Fit the edge of the body beside the mark; None where nothing slopes, or a slope explains it as well."""
+        sloping = self._sloping() and matters(self.result, self.sloped)
+        if self.edge_lately < 0 or not (self.edge_lately or sloping):
+            return None
+        smear, noise = (self.disc.item(5), self.disc.item(6)), (self.noise.item(0), self.noise.item(1))
+        rows, place = (frame.row_origin, frame.row_step), (self.result.item(kernels.X), self.result.item(kernels.Y))
+        patch = cut_patch(frame.luma, rows, place, self.shape.outer_px + 2.0 * AROUND * self.shape.blur_px)
+        found = find_edge(View(patch, self.shape, smear, noise), self.result, self.sloped, self.edge)
+        if found is None:
+            self.edge_lately = -WATCHED if self.edge is None is self.shape.edge else self.edge_lately
+            return None
+        fitted, self.edge = found
+        shift = fitted[: kernels.Y + 1] - self.result[: kernels.Y + 1]
+        if shift @ shift < NEGLIGIBLE**2 * fitted[[kernels.VAR_X, kernels.VAR_Y]].sum():
+            self.edge_lately = -WATCHED
+            return None
+        return fitted
+
+    def _keep_edge(self, edge: Array) -> bool:
+        """Keep the fit beside an edge."""
+        self.occluded, self.occluded_lately, self.watch = False, self.occluded_lately - 1, WATCHED
+        self.edge_lately = WATCHED
+        self.shift = self._share(EDGED, edge)
+        self.result[:] = edge
+        return True
 
     def _fit_unoccluded(self, frame: Frame, fitted: Array, least: float) -> tuple[float, float]:
         """Fit what shows beside something that covers the mark; least, and what is returned: of `fit_uncovered`."""
@@ -120,7 +167,7 @@ class SlowPath:
     def _sound(self, share: float) -> bool:
         """Whether a fit beside something that covers a share of the mark tells where the mark is."""
         unoccluded = self.unoccluded
-        sure = unoccluded[kernels.VAR_X] + unoccluded[kernels.VAR_Y] < 2.0 * (AGREED * self.blur_px) ** 2
+        sure = unoccluded[kernels.VAR_X] + unoccluded[kernels.VAR_Y] < 2.0 * (AGREED * self.shape.blur_px) ** 2
         return bool(0.0 < share < 1.0 - LEFT and sure and unoccluded[kernels.RESIDUAL] < fast_path.DISTURBED)
 
     def _glares(self, frame: Frame) -> bool:

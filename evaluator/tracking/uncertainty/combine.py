@@ -90,8 +90,9 @@ def _add_hidden(
 ) -> None:  # fmt: skip
     """Widen by what the course shows, in place; new: frames (n,) that are no repetitions, which have no course."""
     mean = values[new, 2:4].mean(axis=1)
-    near, apart = (None if of_all is None else of_all[new] for of_all in (abrupt, apart))
-    values[new, 2:4] += hidden_variance(time_s[new], values[new, :2], mean, kind[new], near, apart)[:, None]
+    near = None if abrupt is None else abrupt[new]
+    between = None if apart is None else apart[new]
+    values[new, 2:4] += hidden_variance(time_s[new], values[new, :2], mean, kind[new], near, between)[:, None]
 
 
 def _apart(numbers: dict[str, Array], name: str, body: Sequence[str]) -> Array | None:

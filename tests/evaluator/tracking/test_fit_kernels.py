@@ -202,7 +202,7 @@ def path(**said: float) -> SlowPath:
     sloped[[kernels.AMPLITUDE, kernels.RESIDUAL]] = 100.0, said.get("sloped", 1.2)
     sloped[[kernels.X, kernels.Y]] = 0.3, -0.1
     sloped[[kernels.SLOPE_X, kernels.SLOPE_Y]] = said.get("slope", 0.0) * np.array([0.6, 0.8])
-    one = SlowPath(DISC.numbers(), DISC.table, np.array([4.0, 5.0]), result, said.get("inner", 4.0), 0.9)
+    one = SlowPath(DISC.numbers(), DISC.table, np.array([4.0, 5.0]), result, said.get("inner", 4.0), DISC)
     one.sloped[:] = sloped
     return one
 

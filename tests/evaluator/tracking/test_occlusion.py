@@ -94,7 +94,7 @@ def test_a_slope_of_light_is_told_from_a_wire() -> None:
     across = np.linspace(-30.0, 30.0, SIZE)[None, :]
     wire = [(0.4, 0.8, 2.0)]
     for image, covered in ((seen(rng, 8.0, [])[0] + across, False), (seen(rng, 8.0, wire)[0], True)):
-        slow_path = SlowPath(disc.numbers(), disc.table, np.array([disc.noise, SOFTNESS]), np.zeros(RESULTS), 5.9, 0.85)
+        slow_path = SlowPath(disc.numbers(), disc.table, np.array([disc.noise, SOFTNESS]), np.zeros(RESULTS), 5.9, disc)
         frame = next(frames_in_memory([np.repeat(np.clip(image, 0, 255)[..., None], 3, axis=2)]))
         slow_path.fit(frame, np.array([SIZE / 2, SIZE / 2, AMPLITUDE_LEVELS, BASE_LEVELS]))
         assert slow_path.refit(frame, suspicious=True)

@@ -1,0 +1,212 @@
+"""A mark beside the edge of its body: out of focus or smeared, what lies beyond the edge shines into the mark's rim.
+
+To a fit before an even or sloping background that light is a shift of the mark, of a pixel and more where the lens
+blurs by a fifth of the mark. So the edge is fitted with the disc, blurred as the disc is, or two that meet in a right
+corner: their direction, their distances, and how much lighter or darker it is beyond.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from evaluator.tracking.refinement import kernels
+from evaluator.tracking.refinement.disc import PER_PX, Disc, Edge
+from evaluator.tracking.refinement.learn_shape import Patch
+from evaluator.tracking.refinement.motion_blur import path_of
+
+Array = NDArray[np.float64]
+
+AROUND = 1.0  # blurs beyond the pixels that a disc alone is fitted to, so that more than a flank of the edge is seen
+PLACES = (0.5, 1.5, 2.5)  # blurs from the rim of the disc to the edge, that are tried first
+FAR = 6.0  # blurs beyond the disc: an edge there is none
+ANGLE, DISTANCE, ASIDE, HEIGHT = range(4, 8)  # places of what is unknown of the edge, after those of the disc
+UNKNOWNS = 8
+CLEARLY = 20.0  # fall of the squares, in variances, that four unknowns bring by chance once in 2000 frames
+SHIFTED = 3.0  # sigmas that a slope shifts a mark by where an edge shifts it by one: in clips it makes a third or less
+STEPS, ENOUGH_PX = 20, 0.01
+LARGEST = 0.4  # of the radius: a step of the centre or the edge
+TURNED = 0.3  # rad: a step of the edge's direction
+
+
+@dataclass(frozen=True)
+class View:
+    """What an edge is fitted to: pixels around a mark, its disc and smear; noise: variance, softness."""
+
+    patch: Patch
+    disc: Disc
+    path_px: tuple[float, float]
+    noise: tuple[float, float]
+
+
+def find_edge(view: View, plain: Array, sloped: Array, last: Edge | None = None) -> tuple[Array, Edge] | None:
+    """Fit a disc and an edge beside it where they explain what is seen better than a sloping background does.
+
+    plain, sloped: what `kernels.fit_disc` gives without and with slopes. last: the edge as it was seen before. Returns
+    the numbers of `kernels.fit_disc`, and the edge; None where there is none beside the mark.
+    """
+    disc, patch = view.disc, view.patch
+    reach = disc.outer_px + AROUND * disc.blur_px
+    near = np.hypot(patch.x - plain[kernels.X], patch.y - plain[kernels.Y]) < reach
+    if np.count_nonzero(near) < 4 * UNKNOWNS:
+        return None
+    patch = replace(patch, x=patch.x[near], y=patch.y[near], value=patch.value[near])
+    model, rough = _Model(replace(view, patch=patch)), _Model(replace(view, patch=_thinned(patch)))
+    centers = [one[: kernels.Y + 1].tolist() for one in (plain, sloped)]
+    again = [] if last is None else [(last.angle, last.distance_px, last.aside_px)]
+    for starts in filter(None, (again, _anywhere(disc, sloped))):
+        states = [rough.levelled(np.array([*at, 0.0, 0.0, *edge, 1.0])) for edge in starts for at in centers]
+        found = model.fit(min(states, key=rough.squares))
+        if found is not None and model.cost_of_slope(sloped) - _left(found[0]) > CLEARLY:
+            return found
+    return None
+
+
+def matters(plain: Array, sloped: Array) -> bool:
+    """Whether the light beside a mark slopes so that its edge may shift it; as of `find_edge`."""
+    shift = sloped[: kernels.Y + 1] - plain[: kernels.Y + 1]
+    return bool(shift @ shift > SHIFTED**2 * plain[[kernels.VAR_X, kernels.VAR_Y]].sum())
+
+
+def _thinned(patch: Patch) -> Patch:
+    """Some samples, spread evenly: enough to tell where to begin."""
+    every = slice(None, None, 1 + len(patch.value) // (20 * UNKNOWNS))
+    return replace(patch, x=patch.x[every], y=patch.y[every], value=patch.value[every])
+
+
+def _left(fitted: Array) -> float:
+    """Squares over the noise that are left of a fit with an edge."""
+    return float(fitted[kernels.RESIDUAL] * (fitted[kernels.USED] * fitted[kernels.PIXELS] - UNKNOWNS))
+
+
+def without_edge(patch: Patch, disc: Disc, fitted: Array, edge: Edge) -> Patch:
+    """The patch as it would be if its even background went on beyond the edge."""
+    state = np.array([*fitted[: kernels.BASE + 1], *edge])
+    beyond = _beyond(patch.x - state[0], patch.y - state[1], (disc.blur_px, disc.blur_px), state)[0]
+    return replace(patch, value=patch.value - edge.height * beyond)
+
+
+def _anywhere(disc: Disc, sloped: Array) -> list[tuple[float, float, float]]:
+    """Angles and distances to begin with: an edge or a corner on the light or the dark side of the slope."""
+    across = float(np.arctan2(sloped.item(kernels.SLOPE_Y), sloped.item(kernels.SLOPE_X)))
+    far = disc.outer_px + FAR * disc.blur_px
+    starts = []
+    for turn in (0.0, np.pi):
+        for place in PLACES:
+            distance = disc.radius_px + place * disc.blur_px
+            starts += [(across + turn, distance, far), (across + turn - np.pi / 4, distance, distance)]
+    return starts
+
+
+class _Model:
+    """Luma of a disc beside an edge; what is unknown: x, y, amplitude, base, angle, distance, aside, height."""
+
+    def __init__(self, view: View) -> None:
+        self._view = view
+        self._x, self._y, self._value = view.patch.x, view.patch.y, view.patch.value
+        path = path_of(view.disc.numbers(view.path_px))
+        self._offsets = np.zeros((1, 2)) if path is None else path[:, :2].astype(float)
+        self._radii = np.arange(len(view.disc.profile)) / PER_PX
+
+    def __call__(self, state: Array) -> tuple[Array, Array]:
+        """Luma, (n,), and its slopes by what is unknown, (n, UNKNOWNS)."""
+        disc, offsets = self._view.disc, self._offsets
+        dx, dy = self._x - state[0], self._y - state[1]
+        profile, steep_x, steep_y = np.zeros_like(dx), np.zeros_like(dx), np.zeros_like(dx)
+        for off_x, off_y in offsets:
+            ax, ay = dx - off_x, dy - off_y
+            out_x, out_y = (1.0 + disc.e1) * ax + disc.e2 * ay, disc.e2 * ax + (1.0 - disc.e1) * ay
+            r = np.sqrt(np.maximum(ax * out_x + ay * out_y, 1e-12))
+            profile += np.interp(r, self._radii, disc.profile, right=0.0) / len(offsets)
+            steep = np.interp(r, self._radii, disc.slope, right=0.0) / r / len(offsets)
+            steep_x, steep_y = steep_x + steep * out_x, steep_y + steep * out_y
+        beyond, (by_angle, by_distance, by_aside) = _beyond(dx, dy, self._blurs(state[ANGLE]), state)
+        amplitude, height = state[2], state[HEIGHT]
+        cos, sin = np.cos(state[ANGLE]), np.sin(state[ANGLE])
+        # The edge goes with the mark: its distance is what stays as the centre moves.
+        by_x = -amplitude * steep_x + height * (by_distance * cos - by_aside * sin)
+        by_y = -amplitude * steep_y + height * (by_distance * sin + by_aside * cos)
+        edge = height * by_angle, height * by_distance, height * by_aside, beyond
+        slopes = np.stack([by_x, by_y, profile, np.ones_like(dx), *edge], axis=1)
+        return amplitude * profile + state[3] + height * beyond, slopes
+
+    def _blurs(self, angle: float) -> tuple[float, float]:
+        """Blur of the edge and of the one aside: that of the lens, and of the motion across them."""
+        (x, y), cos, sin = self._view.path_px, np.cos(angle), np.sin(angle)
+        across = (x * cos + y * sin) ** 2, (y * cos - x * sin) ** 2
+        return tuple(float(np.sqrt(self._view.disc.blur_px**2 + path / 12.0)) for path in across)  # type: ignore[return-value]
+
+    def squares(self, state: Array) -> float:
+        """Sum of the squares of what is left."""
+        return float(np.sum((self._value - self(state)[0]) ** 2))
+
+    def levelled(self, state: Array) -> Array:
+        """The state with the amplitude, base and height that fit best."""
+        levels = [2, 3, HEIGHT]
+        state = state.copy()
+        state[levels] = np.linalg.lstsq(self(state)[1][:, levels], self._value, rcond=None)[0]
+        return state
+
+    def _cost(self, residual: Array) -> float:
+        """Squares whose growth ends where their weight does: the integral of 2r/(1 + (r/s)⁴)."""
+        far = self._view.noise[0] * self._view.noise[1] ** 2
+        return float(np.sum(far * np.arctan(residual**2 / far)))
+
+    def cost_of_slope(self, sloped: Array) -> float:
+        """Squares over the noise that a disc before a sloping background leaves; sloped: of `kernels.fit_disc`."""
+        even = np.array([*sloped[: kernels.BASE + 1], 0.0, np.inf, np.inf, 0.0])
+        tilt = sloped[kernels.SLOPE_X] * (self._x - even[0]) + sloped[kernels.SLOPE_Y] * (self._y - even[1])
+        return self._cost(self._value - self(even)[0] - tilt) / self._view.noise[0]
+
+    def fit(self, state: Array) -> tuple[Array, Edge] | None:
+        """Fit all by Levenberg and Marquardt; as `find_edge` returns it."""
+        (noise, softness), disc = self._view.noise, self._view.disc
+        damping, best, cost = 1e-3, state, np.inf
+        largest = LARGEST * disc.radius_px
+        for _ in range(STEPS):
+            shown, slopes = self(state)
+            residual = self._value - shown
+            now = self._cost(residual)
+            if now < cost:
+                moved = float(np.abs((state - best)[[0, 1, DISTANCE]]).max())
+                done = np.isfinite(cost) and cost - now < 1e-3 * now and moved < ENOUGH_PX
+                # What is far off at first is the edge, not something in the way: it keeps its weight until it fits.
+                scale = max(noise, float(np.mean(residual**2)))
+                weight = 1.0 / (1.0 + (residual**2 / (scale * softness**2)) ** 2)
+                best, cost, damping = state, now, damping / 5.0
+                normal, right = (slopes.T * weight) @ slopes, (slopes.T * weight) @ residual
+                if done:
+                    break
+            elif damping > 1e4:
+                break
+            else:
+                damping *= 8.0
+            move = np.linalg.solve(normal + np.diag(damping * np.diag(normal) + 1e-9 * np.trace(normal)), right)
+            move[[0, 1, DISTANCE, ASIDE]] = np.clip(move[[0, 1, DISTANCE, ASIDE]], -largest, largest)
+            move[ANGLE] = np.clip(move[ANGLE], -TURNED, TURNED)
+            state = best + move
+        if not min(best[DISTANCE], best[ASIDE]) > disc.radius_px:
+            return None
+        covariance = np.linalg.inv(normal + 1e-9 * np.trace(normal) * np.eye(UNKNOWNS)) * noise
+        result = np.zeros(kernels.RESULTS)
+        result[[kernels.X, kernels.Y, kernels.AMPLITUDE, kernels.BASE]] = best[:4]
+        result[[kernels.VAR_X, kernels.VAR_Y, kernels.COV_XY]] = covariance[0, 0], covariance[1, 1], covariance[0, 1]
+        result[kernels.RESIDUAL] = cost / noise / max(float(weight.sum()) - UNKNOWNS, 1.0)
+        result[kernels.USED], result[kernels.INSIDE], result[kernels.PIXELS] = weight.mean(), 1.0, len(residual)
+        return result, Edge(*best[ANGLE:].tolist())
+
+
+def _beyond(dx: Array, dy: Array, blurs: tuple[float, float], state: Array) -> tuple[Array, tuple[Array, Array, Array]]:
+    """Share of each pixel that lies beyond an edge, (n,), and its slopes by angle, distance and distance aside."""
+    cos, sin = np.cos(state[ANGLE]), np.sin(state[ANGLE])
+    along, aside = cos * dx + sin * dy, cos * dy - sin * dx
+    (one, rise), (other, rise_aside) = (
+        (ndtr(depth / blur), np.exp(-0.5 * (depth / blur) ** 2) / (blur * np.sqrt(2.0 * np.pi)))
+        for depth, blur in zip((along - state[DISTANCE], aside - state[ASIDE]), blurs, strict=True)
+    )
+    by_distance, by_aside = -rise * (1.0 - other), -rise_aside * (1.0 - one)
+    # Turning moves the one edge along the other's depth.
+    return one + other - one * other, (-by_distance * aside + by_aside * along, by_distance, by_aside)
