@@ -38,7 +38,7 @@ def read_pixels(path: Path) -> NDArray[np.generic] | None:
 
 
 def count_images(path: Path) -> int:
-    """How many images a file holds as far as a TIFF says; 1 for any other format. Raises OSError as `read_pixels`."""
+    """Number of images in a TIFF file; 1 for any other format. Raises OSError as `read_pixels`."""
     with path.open("rb") as file:
         if file.read(4) not in TIFF:
             return 1

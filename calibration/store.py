@@ -32,18 +32,18 @@ class Table(BaseModel):
 
 
 class StoredImage(Table):
-    """One image of the set: dots used, their residual, and how many times as uncertain places would be without it."""
+    """One image of the set: dots used, residual, and factor on the uncertainty of positions without it."""
 
     name: str
-    dots: int
-    left_out: int
-    rms_px: float
-    gain: float | None = None
+    dots: int  # used
+    left_out: int  # rejected dots
+    rms_px: float  # residual
+    gain: float | None = None  # factor on the uncertainty without this image
     adds_nothing: bool = False
 
 
 class StoredNextImage(Table):
-    """The image of the gauge that would help most next: how to hold it, its outline, and uncertainty of places, mm."""
+    """The most useful further image: sentence, outline of the gauge, and uncertainty of positions, mm."""
 
     sentence: str
     outline_px: tuple[tuple[float, float], ...]
@@ -71,23 +71,23 @@ class CameraFile(Table):
     kind: Literal["camera"] = "camera"
     size_px: tuple[PositiveInt, PositiveInt] = Field(description="width, height")
     lens: LensModel
-    parameters: dict[str, float]
-    sigma: dict[str, float]
-    free: tuple[str, ...]
-    covariance: tuple[tuple[float, ...], ...]
+    parameters: dict[str, float]  # value by name, see camera.py
+    sigma: dict[str, float]  # standard uncertainty by name
+    free: tuple[str, ...]  # fitted lens parameters
+    covariance: tuple[tuple[float, ...], ...]  # of all parameters, in their order
     gauge: Gauge
     variance: float = Field(description="of unit weight: scatter of the residuals over the stated uncertainty, squared")
     # Files written before November 2026 call them "pictures".
     images: tuple[StoredImage, ...] = Field(validation_alias=AliasChoices("images", "pictures"))
-    rms_px: float
-    verdict: Verdict
-    flatness: StoredFlatness | None = None
+    rms_px: float  # residual per axis
+    verdict: Verdict  # quality of the calibration
+    flatness: StoredFlatness | None = None  # of the gauge
     pitch_error: tuple[float, ...] | None = Field(
         default=None,
         description="what one standard deviation of the gauge's pitch does to the parameters; part of the covariance",
     )
     left_out: dict[str, str] = Field(default={}, description="images that were not used, with the reason")
-    next_image: StoredNextImage | None = None
+    next_image: StoredNextImage | None = None  # most useful further image
 
     def camera(self) -> Camera:
         """The camera, with the verdict as its doubt where it is not sound."""

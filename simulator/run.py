@@ -104,7 +104,7 @@ class Run:
 
     @property
     def is_converged(self) -> bool:
-        """Whether smaller errors of a step, and speeds as well known, lead to the same run."""
+        """Whether smaller step errors, and slightly different speeds, lead to the same motion."""
         return self.unsettled_mm == 0.0
 
     @cached_property

@@ -63,7 +63,7 @@ class NextImage:
 
     @property
     def sentence(self) -> str:
-        """How to hold the gauge, and what that gives."""
+        """How to hold the gauge, and the resulting uncertainty."""
         how = f"tilted by {TILT_DEG:.0f} degrees, its {self.lifted} nearer to the camera" if self.lifted else "untilted"
         return (
             f"gauge in the {self.place} of the view, {how}; positions at the height of the marks would be known to "
@@ -95,24 +95,24 @@ def _relative_sensitivity(camera: Camera, height_mm: float, grid: tuple[int, int
 
 @dataclass(frozen=True)
 class Advice:
-    """What the images of a calibration give, and the next one. gains: see `gains`; next: None where nothing helps."""
+    """Gain of each image of a calibration (see `gains`), and the most useful next image; None if none helps."""
 
     gains: tuple[float, ...]
     next: NextImage | None
 
     @property
     def sentence(self) -> str:
-        """What to take next; empty where one image more is not worth it."""
+        """The next image to take; empty if it would not be worthwhile."""
         best = self.next
         return "" if best is None or best.after_mm > WORTH * best.before_mm else best.sentence
 
     def adds_nothing(self, k: int) -> bool:
-        """Whether places would be as certain without image k, to NOTHING."""
+        """Whether the uncertainty of positions would be the same without image k, within NOTHING."""
         return bool(self.gains[k] - 1 < NOTHING)
 
 
 def advise(found: Calibration, height_mm: float) -> Advice:
-    """What each image of a calibration gives, and the best next one, for marks at a height above the plate."""
+    """Gain of each image of a calibration, and the best next image, for marks at a height above the plate."""
     return Advice(gains(found, height_mm), next_image(found, height_mm))
 
 
@@ -130,7 +130,7 @@ def image_notes(advice: Advice, names: Sequence[str]) -> tuple[str, ...]:
 
 
 class Information:
-    """What a solved calibration knows of the lens and the plate's pose, image by image."""
+    """Information of a calibration on the lens and the plate's pose, by image."""
 
     def __init__(self, found: Calibration, height_mm: float) -> None:
         """Take the solution apart. height_mm: of the marks above the plate."""
@@ -196,7 +196,7 @@ class Information:
 
 
 def gains(found: Calibration, height_mm: float) -> tuple[float, ...]:
-    """How many times as uncertain places would be without each image; NaN for that of the plate, which is needed."""
+    """Factor on the uncertainty of positions without each image; NaN for the image of the plate, which is needed."""
     if len(found.views) == 1:
         return (float("nan"),)
     known = Information(found, height_mm)

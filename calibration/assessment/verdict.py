@@ -10,9 +10,9 @@ Level = Literal["sound", "limited", "ill-conditioned"]
 
 
 class Verdict(BaseModel):
-    """level: "sound", "limited" (good on some plane, with a stated doubt elsewhere) or "ill-conditioned".
+    """level: "sound", "limited" (good on one plane, larger stated uncertainty elsewhere) or "ill-conditioned".
 
-    summary: the verdict in one sentence. reasons: why not sound. next_steps: what to do. notes: what was seen and needs
+    summary: the verdict in one sentence. reasons: why not sound. next_steps: what to do. notes: remarks that need
     no action. scale_sigma: relative standard uncertainty of lengths, and so of turning radii, at mark height;
     plate_scale_sigma: on the plate itself. coverage: share of the image that dots cover.
     """
@@ -27,5 +27,5 @@ class Verdict(BaseModel):
     mark_height_mm: float
     scale_sigma: float
     plate_scale_sigma: float
-    tilt_spread_deg: float
+    tilt_spread_deg: float  # largest angle between two images
     coverage: float

@@ -99,7 +99,7 @@ def sight(image: NDArray[np.generic], gauge: Gauge, name: str) -> Sighting:
 
 
 def fewest_dots(gauge: Gauge) -> int:
-    """How many dots of a gauge an image must show."""
+    """Minimum number of dots that an image must show."""
     count = gauge.dots.columns * gauge.dots.rows
     return min(FEWEST_DOTS, max(FEWEST_EVER, int(np.ceil(FEWEST_SHARE * count))))
 

@@ -57,7 +57,7 @@ def doubted(fitted: Array, covariance: Array, noise: Array) -> Array:
 
 
 def useful(covariance_px2: Array) -> NDArray[np.bool_]:
-    """Which of the dots (n, 2, 2) px² of one image say anything beside the others."""
+    """Which dots, by their covariances (n, 2, 2) px², add information to that of the others."""
     size = np.sqrt(np.trace(covariance_px2, axis1=1, axis2=2))
     return np.asarray(size < USELESS * np.median(size))
 

@@ -47,7 +47,7 @@ def coefficient_sigma(gauge: Gauge) -> float:
 
 @dataclass(frozen=True)
 class Flatness:
-    """What the images say of the face: peak to valley over the array with its 95 % interval, mm.
+    """Flatness of the gauge from the images: peak to valley over the array with its 95 % interval, mm.
 
     coefficients_mm: (k,), with their covariance_mm2 (k, k). used: whether the camera was solved with this face; else it
     was taken as flat because the images speak for no bend, and high_mm bounds what they could have missed.

@@ -38,7 +38,7 @@ def effect_values(entry: EffectEntry) -> dict[str, float]:
 
 
 def faults_of_effects(entries: Sequence[EffectEntry]) -> list[str]:
-    """What is wrong with the [[effect]] entries of a robot, a phrase each."""
+    """Errors in the [[effect]] entries of a robot, a phrase each."""
     faults = [fault for entry in entries for fault in _faults(entry)]
     ids = [entry.id for entry in entries if entry.id != free_form.ID]
     return faults + [f"effect {id_} is defined twice" for id_ in sorted(set(ids)) if ids.count(id_) > 1]

@@ -39,7 +39,7 @@ from simulator.rendering.tables import (
 
 
 class SceneBase(Table):
-    """What every scene has."""
+    """Keys common to all scenes."""
 
     format: Literal[1]
     name: str = ""
@@ -85,14 +85,14 @@ class Scene(SceneBase):
 
 
 class Missing(Table):
-    """A dot that is not there."""
+    """A missing dot."""
 
     column: int = Field(ge=0)
     row: int = Field(ge=0)
 
 
 class GaugeScene(SceneBase):
-    """A dot gauge under the camera: its middle at x, y and height_mm above the plate, turned, then tilted.
+    """A dot gauge under the camera, turned about the vertical, then tilted.
 
     Tilt leans the gauge's normal toward tilt_azimuth_deg of the plate frame; the gauge's own dots.height_mm is added
     when the gauge lies flat.

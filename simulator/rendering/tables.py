@@ -44,7 +44,7 @@ class Table(BaseModel):
 
 
 class CameraTable(Table):
-    """Where the camera stands: the arguments of calibration.camera.camera_above, or a camera.json."""
+    """Camera: a camera.json, or a pose and lens (see calibration.camera.camera_above)."""
 
     file: Path | None = None  # camera.json, instead of the following keys
     size_px: tuple[Annotated[int, Field(ge=16, le=16384)], Annotated[int, Field(ge=16, le=16384)]] = (640, 480)
@@ -67,21 +67,21 @@ class CameraTable(Table):
 
 
 class Optics(Table):
-    """Lens blur as the standard deviation of a Gaussian; vignetting: share of the light lost in the corners."""
+    """Gaussian lens blur and vignetting."""
 
     blur_px: Annotated[float, Field(ge=0, le=30)] = 0.8  # standard deviation
     vignetting: Share = 0.15  # share of the light lost in the corners
 
 
 class Exposure(Table):
-    """How long each frame collects light, and the gain on it (1: white paper just below full scale)."""
+    """Exposure of each frame."""
 
     time_s: NotNegative = 0.004
     gain: Positive = 1.0  # 1: white paper just below full scale
 
 
 class Sensor(Table):
-    """Photon noise by the electrons of a full pixel (0: none), read noise, pedestal and bits of a number."""
+    """Noise and quantisation of the sensor."""
 
     full_well_e: NotNegative = 12000.0  # electrons at full scale; 0: no photon noise
     read_noise_e: NotNegative = 20.0  # standard deviation
@@ -91,7 +91,7 @@ class Sensor(Table):
 
 
 class Plate(Table):
-    """Brushed metal: mean reflectance, contrast of the brush marks, their direction and width; an even sheen."""
+    """Plate of brushed metal."""
 
     brightness: Share = 0.34  # mean reflectance
     contrast: Share = 0.14  # of the brush marks
@@ -101,7 +101,7 @@ class Plate(Table):
 
 
 class MarksLook(Table):
-    """Light of the marks, loss of light at their rim, and whether colours swap (the order of the lights is reversed).
+    """Appearance of the marks.
 
     NAME = [red, green, blue] of any mark; 1 is full scale. Others have the colour that their name begins with.
     """
@@ -132,7 +132,7 @@ def _mark_colors() -> dict[str, Light]:
 
 
 class Lighting(Table):
-    """Uneven light: a linear change across the image, and a moment before which the light is at another level."""
+    """Uneven light: a linear gradient across the image, and a step in time."""
 
     gradient: Annotated[float, Field(ge=0, lt=1)] = 0.0  # relative change across the image
     gradient_direction_deg: Finite = 0.0
@@ -156,14 +156,14 @@ class Simulated(Table):
 
 
 class Given(Table):
-    """Motion from a CSV of time_s, x_mm, y_mm, heading_deg; between its rows a monotone cubic."""
+    """Motion from a CSV with time_s, x_mm, y_mm, heading_deg, interpolated by a monotone cubic."""
 
     kind: Literal["poses"]
     file: Path  # CSV
 
 
 class Circle(Table):
-    """Steady turn: the pose at time 0, a signed speed and a radius, left or right; at rest outside start and stop."""
+    """Steady turn from a pose at time 0 with a signed speed; at rest before start_s and after stop_s."""
 
     kind: Literal["circle"]
     radius_mm: Positive
@@ -177,7 +177,7 @@ class Circle(Table):
 
 
 class Line(Table):
-    """Straight run at a signed speed; at rest outside start and stop."""
+    """Straight run at a signed speed; at rest before start_s and after stop_s."""
 
     kind: Literal["line"]
     speed_mm_s: Finite
@@ -195,7 +195,7 @@ Preset = Literal["ultrafast", "superfast", "veryfast", "faster", "fast", "medium
 
 
 class Encoding(Table):
-    """How the video is stored. "lossless" is H.264 in RGB at quantiser 0; ffv1 keeps 10 and 16 bits too."""
+    """Encoding of the video. "lossless" is H.264 in RGB at quantiser 0; ffv1 also stores 10 and 16 bits."""
 
     codec: Literal["h264", "lossless", "ffv1", "mjpeg"] = "h264"
     crf: Annotated[float, Field(ge=0, le=51)] = 18.0  # of H.264
@@ -205,7 +205,7 @@ class Encoding(Table):
 
 
 class Timing(Table):
-    """Faults of a recorder: frames lost, frames written twice, jitter of the exposure times, interlaced fields."""
+    """Faults of the recording: lost and repeated frames, jitter of the exposure times, interlaced fields."""
 
     dropped: tuple[Annotated[int, Field(ge=0)], ...] = ()  # frame numbers
     repeated: tuple[Annotated[int, Field(ge=1)], ...] = ()  # frame numbers
@@ -214,7 +214,7 @@ class Timing(Table):
 
 
 class Glare(Table):
-    """A reflection that adds light: Gaussian about an image point, radius as its standard deviation."""
+    """A Gaussian reflection at an image point."""
 
     x_px: Finite
     y_px: Finite
@@ -231,7 +231,7 @@ class Wire(Table):
 
 
 class Distractor(Table):
-    """A coloured disc that is no mark, at rest or moving over the plate."""
+    """A coloured disc that is not a mark, at rest or moving over the plate."""
 
     x_mm: Finite
     y_mm: Finite
