@@ -1,1 +1,1 @@
-"""Where measurement and simulation disagree, and which missing effect explains it."""
+"""Diagnosis: where measurement and simulation disagree, and which missing effect explains it."""

@@ -1,4 +1,4 @@
-"""The answer that a search gives: which effects, how sure, and when its runs are too few to say more."""
+"""The answer of a search: effects, their probabilities, and whether the runs suffice."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     if verdict in ("none", "effect"):
         wider = name_what_is_off(search, chosen, session.known, len(free))
         if wider != chosen:
-            reason = f"{', '.join(sorted(wider - chosen))} does what would be off beyond three tolerances without it"
+            reason = f"{', '.join(sorted(wider - chosen))} is needed to keep values within three tolerances"
             chosen, named, verdict, table = wider, wider, "effect", standing(search, len(free))
     done = {effect: changes(search.problem, search.fits[chosen], effect) for effect in chosen}
     negligible: Set = frozenset()
     if verdict == "effect" and not any(item.matter(session.relevant) for item in done.values()):
         negligible, verdict = chosen, "none"
-        reason = f"what is missing ({', '.join(sorted(chosen))}) does less than is stated as relevant"
+        reason = f"the effects found ({', '.join(sorted(chosen))}) are below the limits of relevance"
     left = adequacy(search.fits[chosen], session.data)
     constant = constancy(search.fits[named], session.data, search.tolerance)
     reserve = "" if verdict == "unknown" else doubts(left, constant)
@@ -65,7 +65,7 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     known = knowledge(session.known, search.fits[chosen])
     at_once = together(search.fits[chosen], search.tolerance)
     if verdict == "none" and not chosen and (at_once.is_finding or any(item.is_finding for item in known)):
-        reason = "with what is off beyond its tolerance put right, the model explains the data within noise"
+        reason = "with the values that contradict their tolerance corrected, the model explains the data within noise"
     return Answer(verdict, reason, chosen, named, table, left, tuple(constant), done, negligible, known, at_once)
 
 

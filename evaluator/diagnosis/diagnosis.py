@@ -1,4 +1,4 @@
-"""From runs to a verdict: noise, recalibration, search, confirmation on runs held out, and the right to abstain."""
+"""From runs to a verdict: noise, mistakes, search, confirmation on held-out runs, and abstention."""
 
 from __future__ import annotations
 
@@ -141,12 +141,12 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
             break
         run, others = found.session.data[suspect], found.session.data[:suspect] + found.session.data[suspect + 1 :]
         alone = not has_kin(run, others)  # it may be the only one in which an effect can show
-        rests = f"all of it rests on {run.id}, and no other run drives like it: repeat that run"
+        rests = f"the evidence rests on {run.id} alone, and no other run has a similar command: repeat that run"
         again = None if alone and found.verdict == "effect" else _without(found, suspect, watch, fits)
         if again is None:
             return replace(found, reason=f"{found.reason}; {rests}") if alone else found
         if alone and again.verdict == "none":
-            return replace(again, verdict="insufficient", reason=f"what disagrees with the model: {rests}")
+            return replace(again, verdict="insufficient", reason=f"the model is contradicted, but {rests}")
         found = again
     return found
 
@@ -163,14 +163,14 @@ def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None
         return None
     again = _diagnosed(rest, watch, fits)
     if again.stopped:
-        tail = f"all that was found with {data[suspect].id}, {found.summary}, rests on this run alone"
+        tail = f"the finding with {data[suspect].id}, {found.summary}, rests on this run alone"
         return Diagnosis("insufficient", f"{again.reason}; {tail}", found.session, stopped=True)
     simpler = again.chosen < found.chosen or (again.chosen == found.chosen and suspect in found.outlying)
     if again.verdict not in ("none", "effect") or not (found.verdict == "unknown" or simpler):
         return None
     if _is_followed(found, again, suspect):
         more = ", ".join(sorted(found.chosen - again.chosen)) or "more than noise"
-        why = f"{more}, which no other run shows, rests on it alone; repeat it"
+        why = f"{more} rests on this run alone; repeat it"
         return replace(again, session=replace(rest, left_out={**rest.left_out, data[suspect].id: why}))
     nominal = {key: value for key, value in again.fit.point.nominal.items() if not is_shared(key)}
     gains = None
@@ -317,13 +317,15 @@ def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
         return _looked_at_again(replace(found, chosen=frozenset(), reason=f"{found.reason}; {reason} with it"), nominal)
     if found.verdict in ("unknown", "insufficient"):
         return found
-    reason = "" if found.follows else "neither the nominal model nor any effect that could be fitted follows the marks"
+    reason = "" if found.follows else "neither the nominal model nor any effect could be fitted to the marks"
     if not found.follows:
         return replace(found, verdict="unknown", reason=reason)
     if found.verdict == "none" and not found.negligible:
         missed = unexplained(found.left, found.search.problem, found.session.relevant.path_noise_floors)
         reason = (
-            f"adjusted within all tolerances, the model still misses something: {missed.sentence}" if missed else ""
+            f"significant residuals remain with all values adjusted within their tolerances: {missed.sentence}"
+            if missed
+            else ""
         )
     elif found.verdict == "effect":
         reason = grown_gap(found.gap, found.held_out)

@@ -1,4 +1,4 @@
-"""The runs of an experiment as the diagnosis wants them, and what keeps an experiment from being diagnosable."""
+"""Preparation of the runs of an experiment for a diagnosis, and reasons why one cannot be diagnosed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The search on open ground: named effects and forms without a name together, under the noise that the best one leaves.
+"""The search on open ground: effects and free-form terms together, with the noise that the best model leaves.
 
 There what has no name may be most of the misfit, as where a drive mixes its sides. Until it is in the model, an effect
 beside it, such as motors that follow late, is lost in what is left over; what stood in for it before it was there stays

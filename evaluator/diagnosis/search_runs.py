@@ -1,4 +1,4 @@
-"""The searches of a diagnosis: named effects without the runs held out, the best sets on all runs, free-form terms."""
+"""The searches of a diagnosis: effects without the held-out runs, the best sets on all runs, free-form terms."""
 
 from __future__ import annotations
 

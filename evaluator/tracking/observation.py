@@ -1,4 +1,4 @@
-"""What is said of one mark in one frame."""
+"""Observation of one mark in one frame."""
 
 from __future__ import annotations
 

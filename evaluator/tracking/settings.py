@@ -1,4 +1,4 @@
-"""tracking.toml: what a user may say about the marks; everything has a default that is learnt from the recording."""
+"""tracking.toml: optional settings of the marks; defaults are learnt from the recording."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Which model holds, how well it fits, and where it does not."""
+"""Assessment of models: comparison, adequacy, disagreements and verdict."""

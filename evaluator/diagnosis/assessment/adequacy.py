@@ -1,4 +1,4 @@
-"""Is what a model leaves over noise? Absolute tests that no comparison between models can replace.
+"""Adequacy of a model: absolute tests of whether its residuals are noise.
 
 Left-overs of every run, freed of start pose and random effects, are compared with the tracking
 noise mode by mode: slow modes hold motion, fast ones noise, so their ratio does not depend on the level of the noise.
@@ -73,7 +73,7 @@ def _widest(scatter: Floats) -> str:
     """
     for what, found, asked in (("friction", scatter[0], FRICTION_SCATTER), ("wheel speed", scatter[1], GAIN_SCATTER)):
         if found > np.sqrt(asked[-2] * asked[-1]):
-            return f"{what} differs from run to run by {100 * found:.0f} %, which no laboratory leaves to chance"
+            return f"{what} differs from run to run by {100 * found:.0f} %, more than is plausible as chance"
     return ""
 
 

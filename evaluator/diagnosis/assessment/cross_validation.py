@@ -1,4 +1,4 @@
-"""How a fitted model carries over: to commands that were left out, and from one half of the runs to the other.
+"""Cross-validation of a fitted model: on held-out commands, and between halves of the runs.
 
 Each command in turn is held out with all its repeats; common parameters come from the other runs alone. An effect
 that is real has the same size forward and backward, slow and fast, to the left and to the right. The linear views of

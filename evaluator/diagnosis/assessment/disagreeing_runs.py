@@ -1,4 +1,4 @@
-"""Which runs disagree with the model, in which phase and quantity: each against what the best model leaves over."""
+"""Runs that disagree with the model, by phase and quantity, relative to the residuals of the best model."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def grown_gap(gap: Gap, held_out: Sequence[int] = ()) -> str:
         return reason
     before, after, floor = (rms(values, held_out) for values in (gap.before_mm, gap.after_mm, gap.floor_mm))
     if after > before + CHANGED_FLOORS * floor:
-        return f"with it the gap of the runs held out grows ({before:.3g} to {after:.3g} mm)"
+        return f"with it, the gap of held-out runs grows ({before:.3g} to {after:.3g} mm)"
     change = gap.predicted_after_mm - gap.predicted_before_mm
     changes = np.abs(change) > CHANGED_FLOORS * gap.floor_mm  # not a number, not simulated, is no change
     aside = np.isin(np.arange(len(change)), held_out)

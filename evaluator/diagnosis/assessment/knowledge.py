@@ -1,4 +1,4 @@
-"""Where the data want what a laboratory knows only to within a tolerance."""
+"""Fitted values of quantities known to a tolerance, and where they contradict it."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ class Knowledge:
             way = "later" if self.found > 0 else "earlier"
             return f"motion starts {1e3 * abs(self.found):.0f} ms {way} than start_s in all runs"
         unit = "" if item.unit == "1" else f" {item.unit}"
-        tail = f" (the same as the effect {self.alike})" if self.alike else ""
-        return f"{item.name}: off by {self.found:+.2g}{unit}, taken as known to {item.sigma:.2g}{unit}{tail}"
+        tail = f" (equivalent to the effect {self.alike})" if self.alike else ""
+        return f"{item.name}: off by {self.found:+.2g}{unit}, tolerance {item.sigma:.2g}{unit}{tail}"
 
 
 def knowledge(quantities: Sequence[Quantity], fit: Fit) -> tuple[Knowledge, ...]:
@@ -109,8 +109,8 @@ class Together:
         names = {item.key: item.name for item in quantities}
         most = ", ".join(f"{names.get(key, key)} {sigmas:+.1f}" for key, sigmas in self.furthest[:MOST_NAMED])
         return (
-            f"what is known to a tolerance is off by more, taken together, than chance allows (probability "
-            f"{self.probability:.1g}; most of all, in tolerances: {most})"
+            f"the values with a tolerance deviate jointly by more than chance (probability "
+            f"{self.probability:.1g}; largest deviations, in tolerances: {most})"
         )
 
 

@@ -1,4 +1,4 @@
-"""Models against each other: probabilities, drop-one tests, and which effects these data cannot tell apart."""
+"""Model comparison: probabilities, drop-one tests, and effects that these data cannot distinguish."""
 
 from __future__ import annotations
 

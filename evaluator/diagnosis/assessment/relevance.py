@@ -1,4 +1,4 @@
-"""Does an effect matter: by how much it moves the marks, a radius or a speed, somewhere in the experiment."""
+"""Relevance of an effect: its largest change of path, radius and speed in the experiment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Robot and commands with what the fitted runs say of the whole session, for a prediction from the start pose alone.
+"""Robot and commands with the quantities common to the session as fitted, for predictions from the start pose.
 
 What a laboratory knows only to within a tolerance (start of motion, clock, scale, level, wheels, places of the marks)
 is one value for all runs. It is fitted on the fitted runs and holds for those held out as it is, like an effect.

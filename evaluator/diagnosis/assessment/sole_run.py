@@ -1,4 +1,4 @@
-"""Whether what was found rests on one run alone: that is a matter of this run, not of the robot.
+"""Whether a finding rests on a single run, and is therefore a property of that run and not of the robot.
 
 Physics of a robot shows in every run that it acts on, more or less. One run that was mixed up, pushed or driven on
 another plate can bring more evidence than all others together, and a set of effects may imitate it. So the evidence of

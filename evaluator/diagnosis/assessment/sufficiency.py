@@ -1,4 +1,4 @@
-"""When runs can carry the verdict that something is missing which has no name, and when it may as well be chance.
+"""Whether the runs suffice for the verdict "unknown", or scatter between them is as plausible.
 
 Two things speak for physics without a name. A model may miss what happens within runs: there every run is evidence by
 itself, but runs also go wrong by themselves, so more of them must disagree than may be odd. Or it may fit each run and
@@ -45,9 +45,12 @@ def too_few(left: Adequacy, parameters: int, with_law: Adequacy | None = None) -
     if mended or missed > most_odd(runs) or runs >= wanted:
         return ""
     within = (
-        f"{missed} of {runs} runs miss the model by themselves" if missed else "the model follows each run by itself"
+        f"{missed} of {runs} runs contradict the model individually"
+        if missed
+        else "no run contradicts the model individually"
     )
     return (
-        f"{within}, and so few runs cannot tell a law from what is chance between them (friction, speeds, one odd run "
-        f"in twenty): repeat these commands and their reverse, until there are {wanted} runs"
+        f"{within}, and so few runs cannot distinguish a missing effect from scatter between runs (friction, speeds, "
+        "an odd "
+        f"run): repeat these commands forward and backward, until there are {wanted} runs"
     )

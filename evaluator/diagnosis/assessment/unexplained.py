@@ -1,4 +1,4 @@
-"""What a fitted model still misses: where that is more than chance, the verdict that nothing is missing is wrong.
+"""Significant residuals of a fitted model, which contradict the verdict "none".
 
 The robot file as it stands may differ from the measurement without anything missing: friction of a run, nominal values
 and what a laboratory knows are free within their tolerances. What is left after that has to depend on nothing.

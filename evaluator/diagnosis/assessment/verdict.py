@@ -1,4 +1,4 @@
-"""The verdict: which effects pay for themselves, when a free-form term answers better, and what is left to doubt."""
+"""The verdict: significance of each effect, comparison with free-form terms, and remaining doubts."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def decide(
         likely = [ids for ids in likely if ids in free and _predicts(search, ids, named)]
     doubted = bool(likely) and table.share_of(likely, answers) > DOUBT
     if doubted and pays(search, table, families, likely[0]):
-        return likely[0], "unknown", "a free-form term explains the runs as well as the named effects, or better"
+        return likely[0], "unknown", "a free-form term explains the runs at least as well as the effects found"
     # also better than named effects that do not pay for themselves: chance that looks like one looks like both
     likeliest = next(ids for ids in table.sets if not any(map(is_free, ids)))
     for ids in free:
@@ -166,15 +166,15 @@ def decide(
             and table.of(ids) > table.of(frozenset())
             and all(_predicts(search, ids, other) for other in {named, likeliest})
         ):
-            return ids, "unknown", "a free-form term predicts commands left out better than any named effect"
+            return ids, "unknown", "a free-form term predicts held-out commands better than any effect of the catalogue"
     if search.problem.open_ground and not named:
         better = next((ids for ids in table.sets if ids and has_the_odds(search, table, families, ids)), None)
         if better is not None:
-            what = " with ".join("a form without a name" if is_free(effect) else effect for effect in sorted(better))
-            reason = f"{what} explains the runs better, but predicts commands left out no better than chance"
+            what = " with ".join("a free-form term" if is_free(effect) else effect for effect in sorted(better))
+            reason = f"{what} explains the runs better, but predicts held-out commands no better than chance"
             return named, "insufficient", f"{reason}: runs of more commands are needed"
     if named:
-        return named, "effect", "each effect pays for itself, and nothing is left that a free-form term could explain"
+        return named, "effect", "each effect is significant by itself, and no free-form term explains more"
     return named, "none", "the model explains the data within noise and tolerances"
 
 
@@ -205,9 +205,9 @@ def _is_told(search: Search, ids: Set) -> bool:
 def doubts(left: Adequacy, constant: Sequence[Constancy]) -> str:
     """Why what a model leaves over is not noise and chance; empty where it is."""
     if left.excess > EXCESS and left.excess_sigma > EXCESS_SIGMA:
-        return f"left-overs are {left.excess:.2f} times the tracking noise ({left.excess_sigma:.0f} sigmas)"
+        return f"residuals are {left.excess:.2f} times the tracking noise ({left.excess_sigma:.0f} sigmas)"
     if left.order_p < NOT_CHANCE:
-        return f"the {left.depends_on}, which is not chance (probability {left.order_p:.1g})"
+        return f"the {left.depends_on}, significantly (probability {left.order_p:.1g})"
     if left.widest:
         return left.widest
     for item in constant:

@@ -1,1 +1,1 @@
-"""Effects that may be missing, in the coordinates in which they are fitted."""
+"""Candidates: effects and free-form terms in the coordinates in which they are fitted."""

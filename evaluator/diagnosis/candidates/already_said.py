@@ -1,4 +1,4 @@
-"""Which terms say no more than an effect of the user's own does, and need not be tried beside it.
+"""Free-form terms that are equivalent to a user-defined effect and need not be tested beside it.
 
 Who takes up a form that a diagnosis found has an effect of the same terms. Nothing would distinguish the family from
 it, and each would have any share of what both do.

@@ -1,1 +1,1 @@
-"""Experiments that would decide: candidate runs, a first plan, the next runs."""
+"""Design of experiments: candidate runs, a first plan, the next runs."""

@@ -1,4 +1,4 @@
-"""Runs that could be made: commands, and start poses from which they stay on the plate."""
+"""Candidate runs: commands, and start poses from which they stay on the plate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The runs that would separate what remains, and what no runs of this rig would separate.
+"""The runs that would distinguish the remaining models, and models that no runs of this rig would distinguish.
 
 Candidate runs are simulated under the chosen model. What no parameter of a rival within its present uncertainty, no
 start pose and no run-to-run scatter can imitate, over the tracking noise, is what a run tells; runs are added one by

@@ -1,4 +1,4 @@
-"""A good experiment before there are any data, and what it would show.
+"""Plan of an experiment before there are data, and the effects that it can detect.
 
 Runs go round a fixed order of straight runs and turns, forward and backward, left and right, so that any first few of
 them are balanced; speeds alternate, commands repeat once all have been driven. Start heading and place of each are

@@ -1,4 +1,4 @@
-"""Where the linear view of a model leads: the most probable parameters, and the density that it predicts there."""
+"""Optimum of a linearized model: the most probable parameters, and the predicted density there."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far a fit may move each parameter."""
+"""Bounds of each parameter in a fit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Nonlinear fit of one model: Gauss-Newton on the mixed model, relinearized by simulation until nothing moves.
+"""Nonlinear fit of one model: Gauss-Newton on the mixed model, relinearized by simulation until convergence.
 
 A fit that does not converge is retried with shorter steps and then reported as not converged; it is never evidence.
 """

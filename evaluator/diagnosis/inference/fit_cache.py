@@ -1,4 +1,4 @@
-"""A cache of fits, written as they are made: an interrupted diagnosis goes on where it stopped.
+"""Fit cache on disk, so that an interrupted diagnosis continues where it stopped.
 
 The search of a diagnosis is deterministic, so a second run asks for the same fits in the same order. Of a fit only its
 end point is stored, a line of JSON; its linearization is computed again, which costs one of the several steps of a fit.

@@ -1,4 +1,4 @@
-"""What a fitted model leaves of the whitened features of each run."""
+"""Residuals of the whitened features of each run for a fitted model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Linear screening: what every candidate promises, alone and together, from one linearization of all runs.
+"""Linear screening: expected gain of every candidate, alone and together, from one linearization of all runs.
 
 A candidate that begins at a place where it acts (motors that are late already, a limit that holds some wheels back) is
 seen from there: what the whole change to that place does, and the slopes there. Slopes alone, laid on the motion

@@ -1,4 +1,4 @@
-"""A search over sets of effects: what it knows so far, and the fit of one set."""
+"""State of a search over sets of effects, and the fit of one set."""
 
 from __future__ import annotations
 
@@ -95,8 +95,8 @@ class Search:
         best = self.ranked()[0]
         what = " with ".join(sorted(best)) or "the model without an effect"
         explains = "explains" if self.fits[best].excess < EXPLAINED else "does not explain"
-        left = f"it leaves {self.fits[best].excess:.2g} times the mean square of the noise"
-        return f"of {len(self.fits)} models fitted the most probable is {what}, which {explains} the runs: {left}"
+        left = f"its residuals are {self.fits[best].excess:.2g} times the mean square of the noise"
+        return f"of {len(self.fits)} fitted models the most probable is {what}, which {explains} the runs: {left}"
 
     def ranked(self) -> list[frozenset[str]]:
         """Fitted sets, the most probable first."""

@@ -1,4 +1,4 @@
-"""Noise that a fitted model of a search leaves, where a misfit was taken for noise, or drift or ground for motion."""
+"""Noise estimated again from a fitted model, if the first estimate contained misfit, drift or ground."""
 
 from __future__ import annotations
 

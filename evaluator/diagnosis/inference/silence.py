@@ -1,4 +1,4 @@
-"""Coordinates of which no run says anything where a fit ended: a limit of speed that no command exceeds.
+"""Coordinates that no run informs at the fitted values, such as a speed limit that no command exceeds.
 
 Their slopes are nought there, so that a linear view gives them any value. What the runs do say is how far such a
 coordinate may go before they are worse followed than chance allows, all else as it is.

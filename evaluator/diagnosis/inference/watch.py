@@ -1,4 +1,4 @@
-"""What a diagnosis looks at between the steps of its fits, whether to go on, and the cores that it may use."""
+"""Control of a diagnosis between the steps of its fits: cancellation, time limit, and cores."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ class SearchStoppedError(Exception):
         self.so_far = so_far
         tail = f"; so far, {so_far}" if so_far else ""
         super().__init__(
-            f"the search was stopped after {seconds:g} s of computing, before it could tell what explains the runs: "
-            f"diagnose again to go on from here, or give it more time (--seconds){tail}"
+            f"the search was stopped after {seconds:g} s of processor time without a decision: "
+            f"diagnose again to continue it, or give it more time (--seconds){tail}"
         )
 
 

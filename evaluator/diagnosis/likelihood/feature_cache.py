@@ -1,4 +1,4 @@
-"""Features and motions of simulations made before: a search returns to the same points again and again.
+"""Cache of simulated features and motions, because a search returns to the same points.
 
 A fit ends with a linear view of where it is, a screening begins with that view and adds candidates, the next fit begins
 there. One simulation in five was made before. And a robot drives alike everywhere on even ground: where nothing depends

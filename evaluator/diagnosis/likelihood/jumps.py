@@ -1,4 +1,4 @@
-"""Slopes of runs near a fold of the model, where a parameter changed by next to nothing leads to another motion.
+"""Derivatives of runs near a discontinuity of the model, where a tiny change of a parameter gives another motion.
 
 A robot that turns about on the spot goes on along one of two ways. Next to the point where they part, a difference over
 the step of a derivative holds the jump from one way to the other: divided by so short a step it outweighs all that the

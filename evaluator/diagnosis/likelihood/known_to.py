@@ -1,4 +1,4 @@
-"""What a laboratory knows only to within a tolerance: start of motion, clock, scale, geometry, level, as parameters.
+"""Quantities known to a tolerance, as parameters: start of motion, clock, scale, geometry, level.
 
 Nobody knows the start of the motors to the millisecond, a wheel to the micrometre or a plate to be level. A diagnosis
 that took these for exact would name each as an effect. Here every such quantity is a parameter with a Gaussian prior,

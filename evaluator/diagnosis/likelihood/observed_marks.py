@@ -1,4 +1,4 @@
-"""Marks as a camera would observe them, from simulated poses: the view of each robot, and errors that runs share."""
+"""Observed marks from simulated poses, with the view of each robot and errors common to runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From runs to a problem that can be fitted: the noise of every run, and its compression to few numbers."""
+"""From runs to a fit problem: noise of every run, and compression to a few features."""
 
 from __future__ import annotations
 

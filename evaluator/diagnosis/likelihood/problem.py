@@ -1,4 +1,4 @@
-"""The measured runs, the simulator and the noise put together: linearizations of an experiment at any point.
+"""The fit problem: runs, simulator and noise, and linearizations of an experiment at any point.
 
 A point holds everything that the prediction of every run depends on. Derivatives are differences of simulations: with
 tens of microseconds a run they cost less than any cleverness.

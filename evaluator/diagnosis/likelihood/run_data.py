@@ -1,4 +1,4 @@
-"""What the diagnosis asks of a simulator: the marks of a run for given parameters, many at a time."""
+"""Interface of the diagnosis to a simulator: marks of runs for given parameters, in batches."""
 
 from __future__ import annotations
 

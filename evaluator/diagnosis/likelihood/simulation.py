@@ -1,4 +1,4 @@
-"""The project's simulator as the diagnosis uses it: thousands of small variations of the same runs.
+"""The simulator behind a diagnosis: thousands of small variations of the same runs.
 
 Motors start at start_s in the time of the recording. A recording that begins after that starts its simulation at
 start_s all the same; the start pose is then the pose at start_s, which is fitted like any other. A robot that does not

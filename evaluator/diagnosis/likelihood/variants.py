@@ -1,4 +1,4 @@
-"""Robots with nominal values moved and terms added, compiled for the simulator and shared by tasks."""
+"""Robots with changed nominal values and added terms, compiled for the simulator and shared by tasks."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Mistakes of an experiment, recognised before any physics is looked for."""
+"""Mistakes of an experiment, recognised before the search for effects."""

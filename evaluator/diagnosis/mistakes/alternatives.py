@@ -1,4 +1,4 @@
-"""The ways in which a run may have come about: as its file says, or by one of the mistakes that people make."""
+"""Hypotheses on a run: as stated in the file, or with one of the usual mistakes."""
 
 from __future__ import annotations
 

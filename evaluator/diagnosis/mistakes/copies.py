@@ -1,4 +1,4 @@
-"""Runs that are one recording: it counts once, and under the command that its motion agrees with."""
+"""Runs with the same recording, which counts once, with the command that its motion agrees with."""
 
 from __future__ import annotations
 
@@ -27,6 +27,6 @@ def copies(data: Sequence[RunData]) -> list[Found]:
         key = seen.tobytes(), tuple((stretch.left_rpm, stretch.right_rpm) for stretch in run.told.driven)
         if key in first:
             words = f"has the same marks as {first[key]}, frame for frame, and counts once"
-            found.append(Found(run.id, "duplicate", words, "is it the recording that it should be?"))
+            found.append(Found(run.id, "duplicate", words, "is it the right recording?"))
         first.setdefault(key, run.id)
     return found

@@ -1,4 +1,4 @@
-"""What puts a mistake right in the files of a run: another command, another start, marks or seconds read otherwise."""
+"""Correction of a mistake in the files of a run: command, start, marks or times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What happens to single runs: they stand, are held or pushed, start late, their camera moves, their unit is wrong."""
+"""Disturbances of single runs: stuck, held or pushed robot, late start, moved camera, wrong unit."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
         ]
         if wrongly:
             when = "" if len(wrongly) == len(mine) else f" from {wrongly[0].start_s:.2f} s on"
-            remedy = "look at the recording: is the robot held, or a motor off?"
+            remedy = "inspect the recording: is the robot held, or a motor off?"
             found.append(Found(run.id, "stuck", f"hardly moves{when}, though runs of slower wheels do", remedy))
             continue
         if all(id(phase) in standing for phase in mine):
@@ -131,7 +131,7 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
         moved = jump(run)
         if moved is not None:
             seen = f"both marks jump by {moved[1]:.2f} mm at {moved[0]:.2f} s"
-            found.append(Found(run.id, "camera-moved", seen, "was the camera knocked, or the robot put elsewhere?"))
+            found.append(Found(run.id, "camera-moved", seen, "was the camera moved, or the robot displaced?"))
             continue
         moving = [phase for phase in mine if id(phase) not in standing]
         found += [item for phase in moving if (item := _disturbance(phase) or _carried_off(phase)) is not None][:1]
@@ -184,8 +184,8 @@ def _carried_off(run: RunData) -> Found | None:
     moved = displacement_in_gap(run, _span(run))
     if moved is None:
         return None
-    seen = f"is {moved[2]:.2f} mm off its way after the time without frames from {moved[0]:.2f} to {moved[1]:.2f} s"
-    remedy = "look at the recording: was it pushed, or the camera knocked?"
+    seen = f"is {moved[2]:.2f} mm off its path after the gap without frames from {moved[0]:.2f} to {moved[1]:.2f} s"
+    remedy = "inspect the recording: was the robot pushed, or the camera moved?"
     return Found(run.id, "pushed", seen, remedy, ("camera-moved",))
 
 
@@ -205,14 +205,14 @@ def _disturbance(run: RunData) -> Found | None:
     held = _longest(speed < HELD_SHARE * driven, motion)
     if held is not None and driven > 0 and _is_stop(motion, held):
         seen = f"stands still from {held[0]:.2f} to {held[1]:.2f} s with its motors on"
-        return Found(run.id, "stuck", seen, "look at the recording: does it snag?")
+        return Found(run.id, "stuck", seen, "inspect the recording: is the robot caught on something?")
     odd = (speed > PUSHED_SHARE * size) | (np.abs(motion.across - np.median(motion.across)) > 0.6 * size)
     odd |= np.abs(motion.yaw - turning) > 0.6 * max(abs(turning), size)
     unlike = _unlike(motion)
     pushed = _longest(odd & unlike, motion) or _brief_push(run, unlike, motion)
     if pushed is not None:
         seen = f"moves unlike the rest of the run from {pushed[0]:.2f} to {pushed[1]:.2f} s"
-        return Found(run.id, "pushed", seen, "look at the recording: was it pushed or pulled?")
+        return Found(run.id, "pushed", seen, "inspect the recording: was the robot pushed or pulled?")
     return None
 
 

@@ -1,4 +1,4 @@
-"""Each run against what it should be and against what it could be by mistake: the one simulated beside the other.
+"""Comparison of each run with simulations of its stated command and of the hypotheses of mistakes.
 
 A path that was simulated may be laid anywhere on the plate, so all that is compared is its shape in time: RMS distance
 of both marks after the best rotation and shift. A mistake is believed where the run fits it several times better than
@@ -203,7 +203,7 @@ REMEDIES: dict[Kind, str] = {
     "marks-swapped": "exchange the columns of the two marks",
     "mirrored": "mirror the recording, or the x of its marks",
     "wrong-rate": "give the true frame rate (rate_hz), or correct time_s",
-    "wrong-command": "look up which command belongs to this recording",
+    "wrong-command": "check which command belongs to this recording",
     "late-start": "shift the times of its command log (start_s)",
 }
 

@@ -1,4 +1,4 @@
-"""A run that alone disagrees with a robot with which all others agree, named once these others have been explained."""
+"""A single run that disagrees with a robot that explains all others."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from simulator.robot import Robot
 # A neighbour that is a quarter faster or slower has 64 % of the evidence or more for what grows with speed: what speaks
 # loudly in one run cannot be silent in it. The share of the wheel speeds by which turns differ counts likewise.
 SPEED_FACTOR, SHARE_STEP = 1.25, 0.1
-REPEAT = "look at the recording, or repeat the run"
+REPEAT = "inspect the recording, or repeat the run"
 
 
 def has_kin(run: RunData, others: Sequence[RunData]) -> bool:
@@ -57,7 +57,7 @@ def outlying_run(
     Of a robot of a metre it is not said which mistake: of two dozen other commands one fits by chance what ground did.
     gains: how much faster than commanded its wheels turn, relative, where these alone are what disagrees.
     """
-    alone = f"{run.id} alone disagrees with what the other {len(others)} runs say of the robot"
+    alone = f"{run.id} disagrees with the robot that the other {len(others)} runs determine"
     on_ground = size_of(robot) != PAPER_SIZE
     reading = None if on_ground else reading_of(run, others, robot)
     if reading is None and gains is not None and run.log is None and not on_ground:

@@ -1,4 +1,4 @@
-"""A run as its phases: the times over which its motors hold one command."""
+"""Phases of a run: intervals of constant command."""
 
 from __future__ import annotations
 

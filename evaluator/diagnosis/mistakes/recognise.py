@@ -1,4 +1,4 @@
-"""All mistakes of a session, in the order in which one hides another."""
+"""Recognition of all mistakes of a session, in the order in which one can hide another."""
 
 from __future__ import annotations
 

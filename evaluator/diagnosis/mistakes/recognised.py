@@ -1,4 +1,4 @@
-"""What a mistake is: which runs, of what kind, what shows it, and what to do about it."""
+"""Definition of a mistake: runs, kind, evidence and remedy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far apart marks are seen, and how much of that a tilted camera explains: a change of scale over the plate."""
+"""Observed distance of the marks, and the part of its variation that a tilted camera explains."""
 
 from __future__ import annotations
 

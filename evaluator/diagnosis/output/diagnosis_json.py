@@ -1,4 +1,4 @@
-"""diagnosis.json: the verdict for programs, in the fields of the file contract, with words for people beside them."""
+"""diagnosis.json: the verdict in the fields of the file contract, with sentences."""
 
 from __future__ import annotations
 
@@ -222,8 +222,10 @@ def _reason(diagnosis: Diagnosis, ids: Set, odds: float) -> str:
     if ids < chosen:
         return f"leaving out {', '.join(sorted(chosen - ids))} makes the runs {_times(odds)} less probable"
     if ids > chosen:
-        return f"adding {', '.join(sorted(ids - chosen))} does not pay for its parameters"
-    return f"makes the runs {_times(odds)} less probable" if odds < 0 else "an effect in it does not pay for itself"
+        return f"adding {', '.join(sorted(ids - chosen))} is not significant"
+    return (
+        f"makes the runs {_times(odds)} less probable" if odds < 0 else "it contains an effect that is not significant"
+    )
 
 
 def _times(odds: float) -> str:

@@ -1,4 +1,4 @@
-"""The effects of diagnosis.json: what was chosen, its sizes with intervals, and what the runs cannot tell from it."""
+"""The effects of diagnosis.json: sizes with intervals, and effects that the runs cannot distinguish from them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What explains the runs and has no name, as a file that makes it an effect of the user's own."""
+"""The free-form term that explains the runs, as a file of a user-defined effect."""
 
 from __future__ import annotations
 

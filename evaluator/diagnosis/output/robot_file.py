@@ -1,4 +1,4 @@
-"""The text of a robot file, changed in single values and otherwise as its author wrote it."""
+"""Edits of single values in the text of a robot file; the rest is unchanged."""
 
 from __future__ import annotations
 

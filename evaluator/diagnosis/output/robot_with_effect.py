@@ -1,4 +1,4 @@
-"""The robot file with the effect in it: the user's text, nominal values that moved, and [[effect]] tables after it."""
+"""The robot file with the effects found: the user's text, adjusted nominal values, and [[effect]] tables."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from evaluator.diagnosis.output.effect_tables import effect_tables
 from evaluator.diagnosis.output.robot_file import with_value, with_values_of_each
 from simulator.robot import Robot
 
-MOVED = "before turnscope diagnose, which moved it within its tolerance"
+MOVED = "before turnscope diagnose, which adjusted it within its tolerance"
 DEVIATION_DIGITS = 7  # a smaller change is rounding
 
 

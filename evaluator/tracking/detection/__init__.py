@@ -1,1 +1,1 @@
-"""Where in a frame the marks are: coloured regions, their selection, lookalikes."""
+"""Detection of the marks in a frame: coloured regions, their selection, lookalikes."""

@@ -1,4 +1,4 @@
-"""What is learnt of a mark from the frames it was found in: its colour against the plate, its disc."""
+"""Appearance of a mark, learnt from its frames: colour relative to the plate, disc."""
 
 from __future__ import annotations
 

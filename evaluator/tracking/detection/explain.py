@@ -1,4 +1,4 @@
-"""Why a search took or refused what is coloured in a frame: for people who find that their marks are not found."""
+"""Explanation of a search: why coloured regions of a frame were accepted or rejected."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Find marks in a whole frame without knowing where they are: coloured blobs, their shape, the likeliest pair.
+"""First search for marks in a whole frame: coloured blobs, their shape, the most probable pair.
 
 Works on the colour planes at their own resolution. Where the balance of `color_map` gives no good pair, the plate
 itself may be coloured, and the camera's own balance is taken.

@@ -1,4 +1,4 @@
-"""Pairs of marks that look alike where marks are first found: which of them is the robot shows when it moves.
+"""Lookalike pairs at the first detection; motion shows which of them is the robot.
 
 Until then its marks are ambiguous: choosing by chance would be a guess dressed as a measurement. A region or a mask in
 the settings decides at once. What was not chosen is remembered as a place where no lost mark is sought.

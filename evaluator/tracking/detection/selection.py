@@ -1,4 +1,4 @@
-"""Which of the coloured blobs of a frame are the marks: colour, roundness, size, and the distance of a pair."""
+"""Selection of the marks among coloured blobs, by colour, roundness, size and distance of a pair."""
 
 from __future__ import annotations
 

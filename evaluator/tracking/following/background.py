@@ -1,4 +1,4 @@
-"""Things that have a mark's colour but do not move with the robot: they are none of its marks.
+"""Background objects of a mark's colour that do not move with the robot.
 
 The two marks of one robot keep their distance, apart from perspective. Where one of them never moves while the other
 travels, and their distance changes by more than perspective does, the one at rest belongs to the background. A robot

@@ -1,4 +1,4 @@
-"""The two marks of a robot are equal discs: what one of them shows of its shape better, the other has too."""
+"""Common shape of the two marks of a robot, which are equal discs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sightings that a mark cannot have moved to: residue that a codec left behind, something else that was taken for it.
+"""Impossible jumps of a mark, from codec residue or a wrong object.
 
 A codec that saves bits skips blocks: a mark then stands where it was while its robot drives on, and jumps when the
 block is coded again; or a faded copy of it stays and is found now and then. Every single frame of that looks like a

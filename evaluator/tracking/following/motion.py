@@ -1,4 +1,4 @@
-"""Where a mark was last and how it moves: what all kinds of marks have in common."""
+"""Last position and velocity of a mark, for all kinds of marks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frames that show the frame before once more, found from how the marks move.
+"""Repeated frames, detected from the motion of the marks.
 
 A recorder that fills a gap repeats a frame, and a codec then stores it anew, not quite the same. What gives it away:
 every mark stands still for a frame in the midst of motion and then makes up for it in one step. At the end of a

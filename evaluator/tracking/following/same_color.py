@@ -1,4 +1,4 @@
-"""Two marks of one colour on one body: which is which is told by how the body turns, and by nothing else.
+"""Identity of two marks of one colour on a body, from the rotation of the body.
 
 The names are given by chance when the marks are found first. Where something hides them they may be found again the
 other way round. A body does not turn about within a few frames: where the line between the marks does, the names are

@@ -1,4 +1,4 @@
-"""Whether the two marks that are followed are those that a search of the whole frame would choose now.
+"""Check whether the followed marks are those that a search of the whole frame would choose now.
 
 What is in view when a recording begins (a cup, a sleeve, one mark taken for the other in the dark) may be the likeliest
 pair there and then, and is none once the robot comes in or a lamp is lit. Until two marks have travelled as one body,

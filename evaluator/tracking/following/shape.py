@@ -1,4 +1,4 @@
-"""Whether a mark is a disc or something else, seen from the first frames that show it."""
+"""Decision whether a mark is a disc, from the first frames that show it."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Marks that luma alone shows: tags (ArUco, AprilTag) and lights."""
+"""Marks found in the luma: tags (ArUco, AprilTag) and lights."""

@@ -1,4 +1,4 @@
-"""Why a search took or refused bright blobs and square outlines: for people whose lights or tags are not found."""
+"""Explanation of a search: why bright blobs and square outlines were accepted or rejected."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a mark looks like: a disc blurred by lens and pixels, seen at a slant; its profile, and a fit of it.
+"""Model of a mark: an oblique disc blurred by lens and pixels; its profile and fit.
 
 Profile of a uniform disc of radius R blurred by a Gaussian of standard deviation s, on its radius r:
 dP/dr = -(R/s²)·exp(-(r-R)²/2s²)·i1e(rR/s²), the integral of the Gaussian's gradient along the edge (divergence

@@ -1,4 +1,4 @@
-"""The fast path: what is done with a mark in every frame in which nothing is unusual.
+"""The fast path: processing of a mark in a frame without anything unusual.
 
 `fit_mark` looks for the mark's colour where it should be, fits its disc there, and says whether anything is unusual:
 `follow` then takes the slow path. Afterwards `settle` lets what is usual follow what was measured.

@@ -1,4 +1,4 @@
-"""Which pixels of a mark something lies across: residuals that neighbours share, beyond noise and a small shift.
+"""Occluded pixels of a mark: residuals common to neighbours, beyond noise and a small shift.
 
 Planes of a window: the mark's profile, its slopes along x and y, what the luma leaves of it, and the mean of that.
 """

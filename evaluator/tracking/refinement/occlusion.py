@@ -1,4 +1,4 @@
-"""Fit what shows of a mark that something lies across: a wire, a glint, a scratch.
+"""Fit of the visible part of a mark that is occluded by a wire, a glint or a scratch.
 
 Weights that single pixels lose as outliers keep the inside of a wire out of a fit, but not its blurred flanks, each of
 whose pixels is within the noise: together they pull. What lies across shows in residuals that neighbouring pixels

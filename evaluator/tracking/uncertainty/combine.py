@@ -1,4 +1,4 @@
-"""What the whole recording tells of each centre: uneven light and exposure taken out, uncertainties made whole."""
+"""Combination over the whole recording: correction for uneven light and exposure, complete uncertainties."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each centre of a mark differs from the course of its neighbours: marks move smoothly, so that it is error."""
+"""Deviation of each centre from the smooth path of its neighbours in time, which is tracking error."""
 
 from __future__ import annotations
 

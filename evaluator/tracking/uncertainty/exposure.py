@@ -1,4 +1,4 @@
-"""Where a mark was in the middle of an exposure: its frame shows where it was on the average.
+"""Position of a mark at mid-exposure, from its average position in the frame.
 
 Speed that changes by a·t during an exposure T leaves the average off the middle by a·T²/24. Where it jumps by Δv at a
 moment t from the middle, the average is off by Δv·(T/2 - |t|)²/2T: a jump at any moment is as likely as at any other,

@@ -1,4 +1,4 @@
-"""Where a body starts, stops or turns back: that is no error of its marks."""
+"""Starts, stops and reversals of a body, which are not errors of its marks."""
 
 from __future__ import annotations
 

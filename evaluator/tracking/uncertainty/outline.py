@@ -1,4 +1,4 @@
-"""What the outline of a mark of any shape tells of its centre: where one end moves, the centre moves by half of that.
+"""Uncertainty of the centre of a mark of any shape from its outline.
 
 A codec that saves bits leaves an end of a sticker where it was, or smears it, for many frames: the course of the mark
 stays smooth, and nothing between frames shows the error. But its length changes, which a rigid mark's does not. Where

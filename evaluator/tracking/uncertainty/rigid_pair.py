@@ -1,4 +1,4 @@
-"""What two marks on one body tell of each other: their distance is constant; what is left of its changes is error."""
+"""Errors of two marks on one body, from changes of their distance."""
 
 from __future__ import annotations
 

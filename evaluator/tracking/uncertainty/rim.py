@@ -1,4 +1,4 @@
-"""What the rim of a mark tells of errors that repeat: how far it lies off the disc, in parts that no shift explains.
+"""Repeating errors of a mark, from deviations of its rim from the disc.
 
 Around a mark whose shape is known, the rim's distance from the disc's is a sum of harmonics of the direction. The first
 is the shift that is fitted; the higher ones are zero but for error. Whatever disturbs a part of the rim (a wire, a

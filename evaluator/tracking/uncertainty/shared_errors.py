@@ -1,4 +1,4 @@
-"""Errors that neighbouring frames share: a slow mark rests in the codec's memory, and frames farther apart show it."""
+"""Errors that neighbouring frames share because of the codec's prediction, from frames farther apart."""
 
 from __future__ import annotations
 

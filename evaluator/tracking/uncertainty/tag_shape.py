@@ -1,4 +1,4 @@
-"""What the shape of a tag tells of its corners: it is rigid, so that what its outline does between frames is error.
+"""Errors of the corners of a tag, from changes of its rigid shape between frames.
 
 A codec bends the borders of a tag for many frames alike: the course of the tag stays smooth, and points of one border
 err together, so that their scatter about a straight line shows too little. But the outline changes its shape, which

@@ -70,7 +70,7 @@ def test_the_gap_of_runs_held_out_may_not_grow_by_half_the_noise_floor(after_mm:
     found = gap(0.01)
     found.after_mm[3] = after_mm  # 0.1 mm before
     assert grown_gap(found) == ""
-    assert ("runs held out grows" in grown_gap(found, (3,))) == speaks
+    assert ("held-out runs grows" in grown_gap(found, (3,))) == speaks
 
 
 def test_where_nothing_is_added_the_gap_after_is_never_worse_than_that_of_the_file() -> None:

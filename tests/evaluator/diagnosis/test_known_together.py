@@ -66,7 +66,7 @@ def test_several_values_two_tolerances_off_are_a_finding_and_one_is_not() -> Non
     assert off.square == pytest.approx(4 * 2.1**2, rel=2e-3)
     assert off.is_finding
     said = off.sentence([Quantity("plane_scale", "millimetres of the plate", "1", 1e-3, 1.0)])
-    assert "more, taken together, than chance allows (probability 0.001" in said
+    assert "deviate jointly by more than chance (probability 0.001" in said
     assert "millimetres of the plate +2.1" in said
     assert not together(fit(2.1 * SIGMAS * [1, 0, 0, 0, 9], covariance), TOLERANCE).is_finding
 

@@ -135,25 +135,25 @@ def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkey
     monkeypatch.setattr(outlying, "reading_of", lambda *_: None)
     unread = outlying_run(run, others, ROBOT)
     assert (unread.runs, unread.kind) == (("r0",), "outlying")
-    assert unread.sentence.startswith("r0 alone disagrees with what the other 2 runs say of the robot; none of")
+    assert unread.sentence.startswith("r0 disagrees with the robot that the other 2 runs determine; none of")
     driven_else = outlying_run(run, others, ROBOT, gains=(-0.5, 0.0))
     assert driven_else.kind == "wrong-command"
     slower, same = 0.5 * run.left_rpm, run.right_rpm
     assert (
-        f"commanded about {slower:.2g} / {same:.2g} rpm, not {run.left_rpm:g} / {same:g}; look up"
+        f"commanded about {slower:.2g} / {same:.2g} rpm, not {run.left_rpm:g} / {same:g}; check which"
         in driven_else.sentence
     )
     hardly = outlying_run(run, others, ROBOT, gains=(-0.004, 0.003))
     assert hardly.kind == "outlying"
-    assert "its left wheels turn 0.4 % slower than commanded, its right wheels 0.3 % faster; look" in hardly.sentence
+    assert "its left wheels turn 0.4 % slower than commanded, its right wheels 0.3 % faster; inspect" in hardly.sentence
     read = Found("r0", "mirrored", "moves so", "mirror it", ("reversed",))
     monkeypatch.setattr(outlying, "reading_of", lambda *_: read)
     named = outlying_run(run, others, ROBOT)
     assert (named.kind, named.equivalent_kinds) == ("mirrored", ("reversed",))
-    assert named.sentence.endswith("say of the robot: it moves so; mirror it")
+    assert named.sentence.endswith("runs determine: it moves so; mirror it")
     ground = outlying_run(run, others, load_robot(HUSKY))
     assert (ground.kind, ground.equivalent_kinds) == ("outlying", ())
-    assert ground.sentence.endswith("say of the robot; look at the recording, or repeat the run")
+    assert ground.sentence.endswith("runs determine; inspect the recording, or repeat the run")
 
 
 @pytest.mark.parametrize(

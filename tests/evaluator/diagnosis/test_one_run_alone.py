@@ -58,7 +58,7 @@ def test_what_others_do_not_need_is_no_physics_unless_no_other_drives_alike(
     chosen = TILT if verdict == "effect" else frozenset[str]()
     found = diagnosed(monkeypatch, Diagnosis(verdict, "so", session_of(12), chosen=chosen), NOTHING, kin=kin)
     assert found.verdict == said
-    assert ("all of it rests on r3, and no other run drives like it" in found.reason) == (not kin)
+    assert ("the evidence rests on r3 alone, and no other run has a similar command" in found.reason) == (not kin)
     assert [item.runs for item in found.session.mistakes] == ([] if said == "effect" else [("r3",)])
 
 
@@ -79,7 +79,7 @@ def test_a_run_that_the_others_follow_is_left_out_and_not_called_mistaken(monkey
         monkeypatch, Diagnosis("effect", "so", session_of(12), chosen=both), rest, kin=True, followed=True
     )
     assert (found.verdict, found.chosen, found.session.mistakes) == ("effect", TILT, ())
-    why = "friction-gradient, which no other run shows, rests on it alone; repeat it"
+    why = "friction-gradient rests on this run alone; repeat it"
     assert found.session.left_out == {"r3": why}
 
 

@@ -25,7 +25,7 @@ def session_of(runs: int) -> Session:
 def test_a_watch_whose_time_is_over_says_what_was_found() -> None:
     watch = Watch(seconds=0.0)
     watch.so_far = "the tilt explains the runs"
-    with pytest.raises(SearchStoppedError, match=r"after 0 s of computing.*; so far, the tilt explains the runs"):
+    with pytest.raises(SearchStoppedError, match=r"after 0 s of processor time.*; so far, the tilt explains the runs"):
         watch.look()
 
 
@@ -36,7 +36,9 @@ def test_what_was_found_is_the_most_probable_model_and_what_it_leaves(excess: fl
 
     terms: Any = {"plate-tilt": None, "mass-offset": None}
     search = Search(SimpleNamespace(), terms, {}, (0, 1), fits={frozenset(): fit(0.0), TILT: fit(40.0)})  # type: ignore[arg-type]
-    assert search.so_far.startswith(f"of 2 models fitted the most probable is plate-tilt, which {words}: it leaves")
+    assert search.so_far.startswith(
+        f"of 2 fitted models the most probable is plate-tilt, which {words}: its residuals are"
+    )
     search.fits[TILT] = fit(-40.0)
     assert "the model without an effect" in search.so_far
 
@@ -53,4 +55,4 @@ def test_an_effect_that_rests_on_one_run_is_no_verdict_where_the_search_without_
     monkeypatch.setattr(module, "shortcomings", lambda _: [])
     found = diagnose(session, no_progress)
     assert (found.verdict, found.stopped, found.search) == ("insufficient", True, None)
-    assert "all that was found with r3, effect (plate-tilt), rests on this run alone" in found.reason
+    assert "the finding with r3, effect (plate-tilt), rests on this run alone" in found.reason

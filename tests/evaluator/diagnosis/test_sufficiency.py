@@ -28,12 +28,12 @@ def test_as_many_runs_may_be_odd_as_go_wrong_by_themselves(runs: int, odd: int) 
 
 def test_four_runs_that_the_model_follows_carry_no_law_without_a_name() -> None:
     said = too_few(left(0.9, 1.0, 1.1, 1.2), 1)
-    assert "the model follows each run by itself" in said
+    assert "no run contradicts the model individually" in said
     assert said.endswith(f"until there are {fewest_runs(1)} runs")
 
 
 def test_one_run_of_four_may_be_odd_two_are_physics() -> None:
-    assert "1 of 4 runs miss the model by themselves" in too_few(left(1.0, 1.0, 1.0, 40.0), 1)
+    assert "1 of 4 runs contradict the model individually" in too_few(left(1.0, 1.0, 1.0, 40.0), 1)
     assert too_few(left(1.0, 1.0, 30.0, 40.0), 1) == ""
 
 

@@ -167,12 +167,12 @@ def left(excess: float = 1.0, sigma: float = 9.0, order_p: float = 1.0) -> Adequ
 def test_left_overs_are_doubted_beyond_an_eighth_of_the_noise_and_five_sigmas() -> None:
     assert doubts(left(), []) == ""
     assert doubts(left(1.11, 9.0), []) == doubts(left(1.5, 4.9), []) == ""
-    assert doubts(left(1.13, 5.1), []) == "left-overs are 1.13 times the tracking noise (5 sigmas)"
+    assert doubts(left(1.13, 5.1), []) == "residuals are 1.13 times the tracking noise (5 sigmas)"
 
 
 def test_dependence_and_inconstancy_are_doubted_below_one_in_a_thousand() -> None:
     assert doubts(left(order_p=1.1e-3), [Constancy("forward and backward", 1.1e-3)]) == ""
-    assert "depends on order, which is not chance (probability 0.0009)" in doubts(left(order_p=9e-4), [])
+    assert "depends on order, significantly (probability 0.0009)" in doubts(left(order_p=9e-4), [])
     assert doubts(replace(left(), widest="friction differs"), []) == "friction differs"
     said = doubts(left(), [Constancy("slow and fast", 0.5), Constancy("left and right", 9e-4)])
     assert said == "the effect differs in size between left and right (probability 0.0009)"

@@ -1,1 +1,1 @@
-"""Linear views of runs: their mixed model, the normal equations of many scatters, the random effects of each run."""
+"""Linearized runs: mixed model, normal equations for many scatters, random effects of each run."""

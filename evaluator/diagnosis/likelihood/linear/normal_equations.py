@@ -1,4 +1,4 @@
-"""Normal equations of many models at once, one for each scatter of a grid: what their solutions explain, and cost.
+"""Normal equations of many models at once, one for each scatter of a grid.
 
 Evidence asks no more of a model than the decrease of its squares and one determinant. Both stand in one elimination of
 its normal equations bordered by their right-hand side, a fifth of the work of solving them; most scatters are so

@@ -1,1 +1,1 @@
-"""What no model of the robot explains: tracking noise, its drift, outliers, and motion on open ground."""
+"""Noise: tracking noise, drift, outliers, varying friction, and unmodelled motion on open ground."""

@@ -1,4 +1,4 @@
-"""What no run repeats: drift that both marks share, and friction that wanders along the way.
+"""Noise common to both marks that does not repeat between runs: drift, and friction that varies along the path.
 
 A camera moves against the plate, by some micrometres in seconds.
 

@@ -1,4 +1,4 @@
-"""Motion that no model of a robot on open ground predicts: its size, from what the model at hand leaves over.
+"""Size of unmodelled motion on open ground, from the residuals of the current model.
 
 A microrobot on a plate repeats its runs to some micrometres, so that all that is slow and not explained is an effect.
 A robot of a metre on a floor or outdoors does not: the same command, driven twice, ends decimetres apart within two

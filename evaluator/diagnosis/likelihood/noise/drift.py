@@ -1,4 +1,4 @@
-"""Slow errors of tracking, from the one thing that no motion of the robot can change: the distance of its marks.
+"""Slow tracking errors, estimated from the distance of the marks, which no motion of the robot changes.
 
 A codec that repeats its errors, or brush marks of the plate beside a mark, move the mark by some hundredths of a pixel
 for seconds. Fast modes do not show this, and in the path of the robot it cannot be distinguished from motion; in the

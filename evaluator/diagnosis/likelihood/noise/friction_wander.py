@@ -1,4 +1,4 @@
-"""Friction that changes along the way of a run: a plate is not equally clean everywhere.
+"""Friction that varies along the path of a run, as on an unevenly clean plate.
 
 Each run has a friction of its own; where the plate is polished, greasy or dusty, friction also changes while the robot
 drives, by a per cent or two over a centimetre. No model predicts where. A diagnosis that took friction for constant

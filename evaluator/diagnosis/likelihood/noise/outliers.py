@@ -1,4 +1,4 @@
-"""Frames in which a tracker was mistaken: marks that jump from their neighbours and back."""
+"""Outlying frames: marks that jump away from their neighbours in time and back."""
 
 from __future__ import annotations
 

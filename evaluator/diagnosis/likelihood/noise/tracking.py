@@ -1,4 +1,4 @@
-"""Tracking noise of marks: its size and its correlation in time, from what no motion of the robot can make.
+"""Tracking noise of marks: size and correlation in time, from modes that no motion of the robot contains.
 
 The residual of a run is split into cosine modes. Slow modes hold the misfit of the model, fast ones only noise. A white
 part plus a first-order autoregressive part is fitted to the fast modes and carried over to the slow ones, so a model
