@@ -279,7 +279,7 @@ def test_errors_of_the_camera_leave_the_robot_alone_and_move_its_marks(barrel: R
         ),
         ('id = "free-form"\nchannel = "camera_x"\nbasis = "u"\ncoefficient = 1.0', "does not take basis u"),
         ('id = "free-form"\nchannel = "moment"\nbasis = "x_r_squared"\ncoefficient = 1.0', "does not take basis"),
-        ('id = "time-base"\nfactor = 1.0\n[[effect]]\nid = "time-base"\nfactor = 1.1', "stands twice"),
+        ('id = "time-base"\nfactor = 1.0\n[[effect]]\nid = "time-base"\nfactor = 1.1', "defined twice"),
     ],
 )
 def test_faulty_effect_is_refused_with_the_nearest_remedy(tmp_path: Path, entry: str, said: str) -> None:

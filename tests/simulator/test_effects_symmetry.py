@@ -32,6 +32,7 @@ VALUES: dict[str, Values] = {
     "speed-limit": {"wheel_rpm": 35.0, "ahead_rpm": 25.0, "turn_rpm": 6.0},
     "camera-tilt": {"per_mm_x": 0.004, "per_mm_y": -0.003, "perspective": 1.0},
     "command-lag": {"dead_time_s": 0.1, "time_constant_s": 0.2},
+    "acceleration-limit": {"ahead_rpm_s": 60.0, "turn_rpm_s": 25.0},
 }
 
 
