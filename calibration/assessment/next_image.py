@@ -17,18 +17,17 @@ from numpy.typing import NDArray
 from calibration.assignment.gauge_in_image import fewest_dots
 from calibration.camera import PARAMETERS, POSE, Camera, project
 from calibration.estimation.bundle_adjustment import (
-    HUBER,
     POSE_COUNT,
     State,
     View,
     add_prior,
     places_of_view,
-    robust_scale,
     view_rows,
 )
 from calibration.estimation.calibrate import Calibration
 from calibration.estimation.flatness import coefficient_sigma, face_terms
 from calibration.estimation.initial_values import rough_prior
+from calibration.estimation.robust import huber_weights
 from calibration.lens import undistort
 
 Array = NDArray[np.float64]
@@ -136,11 +135,10 @@ class Information:
         """Take the solution apart. height_mm: of the marks above the plate."""
         self._found = found
         fit = found.fit
-        scale = robust_scale(fit.whitened)
         self._parts = []
         for k, (view, white) in enumerate(zip(found.views, fit.whitened, strict=True)):
             rows = view_rows(view, fit.state, k)[2]
-            weight = HUBER / np.maximum(np.hypot(white[:, 0], white[:, 1]) / scale, HUBER)
+            weight = huber_weights(white, fit.scale)
             flat = rows.reshape(-1, rows.shape[-1])
             self._parts.append((rows * weight[:, None, None]).reshape(flat.shape).T @ flat)
         prior = replace(
@@ -149,7 +147,7 @@ class Information:
         # what the images leave open is known so little that the weights must be those of the parts to the last digit
         self._prior = np.zeros_like(fit.normal)
         add_prior(self._prior, np.zeros(len(fit.normal)), fit.state, prior)
-        self._prior *= scale**2
+        self._prior *= fit.scale**2
         relative = _relative_sensitivity(found.camera, height_mm, MAP)
         relative = relative[np.isfinite(relative).all(axis=(1, 2))]
         joint = [*(POSE_COUNT + fit.state.free_index), *range(*POSE.indices(len(PARAMETERS)))]

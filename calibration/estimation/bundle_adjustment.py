@@ -14,16 +14,13 @@ from numpy.typing import NDArray
 
 from calibration.camera import PARAMETERS, camera_height, project
 from calibration.estimation.disc_projection import fitted_centers
+from calibration.estimation.robust import HUBER, OUTLIER, huber_weights, robust_scale
 from calibration.lens import LensModel
 
 Array = NDArray[np.float64]
 POSE_COUNT = 6
 LENS_PARAMETERS = PARAMETERS[6:]
 STEPS = 60
-# Residuals beyond this many standard deviations pull with constant force (Huber); of 10 000 sound ones 27 are.
-HUBER = 3.0
-# After the fit, those beyond this are left out: of 10 000 sound dots 0.04 are.
-OUTLIER = 5.0
 DISC_ROUNDS = 4
 DISC_REST_PX = 1e-5  # a hundredth of the best centre's uncertainty
 
@@ -122,7 +119,8 @@ class State:
 class Fit:
     """A solved bundle. residual_px: per view (n, 2). normal: (shared + 6 n_views)² matrix.
 
-    variance: of unit weight: 1 where the stated dot uncertainties are right. cost: robust sum of squares.
+    variance: of unit weight: 1 where the stated dot uncertainties are right. cost: robust sum of squares. scale: of the
+    residuals from which on they weigh less, see huber_weights; the normal matrix holds these weights.
     """
 
     state: State
@@ -131,6 +129,7 @@ class Fit:
     whitened: list[Array] = field(repr=False)
     normal: Array = field(repr=False)
     variance: float = 1.0
+    scale: float = 1.0
 
 
 def solve_discs(views: list[View], start: State, prior: Prior) -> tuple[Fit, list[View]]:
@@ -195,14 +194,7 @@ def solve(views: list[View], start: State, prior: Prior, *, steps: int = STEPS) 
             if damping > 1e8:
                 break
     variance = _variance(now.whitened, len(now.gradient))
-    return Fit(state, now.cost * scale**2, now.residual, now.whitened, now.matrix * scale**2, variance)
-
-
-def robust_scale(whitened: list[Array]) -> float:
-    """Standard deviation of whitened residuals from their median size (a Rayleigh median is 1.177)."""
-    size = np.concatenate([np.hypot(r[:, 0], r[:, 1]) for r in whitened])
-    size = size[np.isfinite(size)]
-    return float(max(np.median(size) / 1.1774, 1e-3)) if len(size) else 1.0
+    return Fit(state, now.cost * scale**2, now.residual, now.whitened, now.matrix * scale**2, variance, scale)
 
 
 def outliers(fit: Fit) -> list[NDArray[np.bool_]]:
@@ -263,7 +255,7 @@ def _normal(views: list[View], state: State, prior: Prior, scale: float) -> _Nor
             return _Normal(matrix, gradient, np.inf, [], [])
         size_ = np.hypot(white[:, 0], white[:, 1]) / scale
         far = size_ > HUBER
-        weight = np.where(far, HUBER / np.maximum(size_, HUBER), 1.0) / scale**2
+        weight = huber_weights(white, scale) / scale**2
         cost += float(np.where(far, 2 * HUBER * size_ - HUBER**2, size_**2).sum())
         place = places_of_view(state, k)
         flat = rows.reshape(-1, len(place))

@@ -13,7 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import project
-from calibration.estimation.bundle_adjustment import Fit, State, View, places_of_view, points_of, view_rows, whitening
+from calibration.estimation.bundle_adjustment import (
+    Fit,
+    State,
+    View,
+    places_of_view,
+    points_of,
+    view_rows,
+    whitening,
+)
+from calibration.estimation.robust import huber_weights
 from calibration.gauge.geometry import Tolerance
 
 Array = NDArray[np.float64]
@@ -64,7 +73,8 @@ def change_by_pitch(views: list[View], fit: Fit) -> Array:
 
 def _pulls(view: View, fit: Fit, k: int) -> tuple[NDArray[np.int64], Array]:
     """Places of a view's unknowns in the normal matrix, and the pull on them (n, place, 2) of each dot's place."""
-    by_parameter = view_rows(view, fit.state, k)[2]
+    _, white, by_parameter = view_rows(view, fit.state, k)
+    by_parameter = by_parameter * huber_weights(white, fit.scale)[:, None, None]  # those of the normal matrix
     by_dot = view.whitening @ _by_plane(view, fit.state, k)
     return places_of_view(fit.state, k), np.swapaxes(by_parameter, 1, 2) @ by_dot
 

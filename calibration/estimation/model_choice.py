@@ -12,15 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.estimation.bundle_adjustment import (
-    OUTLIER,
     Fit,
     Prior,
     View,
     places_of_view,
-    robust_scale,
     solve,
     view_rows,
 )
+from calibration.estimation.robust import OUTLIER, robust_scale
 from calibration.lens import LensModel
 
 Array = NDArray[np.float64]

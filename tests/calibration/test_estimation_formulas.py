@@ -9,8 +9,9 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
-from calibration.camera import camera_above, camera_height
+from calibration.camera import PARAMETERS, camera_above, camera_height, project
 from calibration.errors import CalibrationError
 from calibration.estimation import calibrate
 from calibration.estimation.bundle_adjustment import (
@@ -18,7 +19,6 @@ from calibration.estimation.bundle_adjustment import (
     _moved,
     _normal,
     outliers,
-    robust_scale,
     solve,
     view_rows,
     whitening,
@@ -36,8 +36,9 @@ from calibration.estimation.flatness import (
 )
 from calibration.estimation.gauge_tolerance import change_by_pitch, with_tolerance
 from calibration.estimation.initial_values import rough_pose, rough_prior
+from calibration.estimation.robust import robust_scale
 from calibration.gauge.geometry import Tolerance
-from tests.calibration.bundles import GAUGE, LOOSE, STEPS, bundle, moved_by, seen
+from tests.calibration.bundles import FREE, GAUGE, LOOSE, STEPS, bundle, moved_by, seen
 from tests.calibration.drawing import gauge_of
 
 
@@ -244,6 +245,71 @@ def test_centre_of_a_small_discs_image_is_that_of_the_conic() -> None:
     of_middle = tilted.image_from_plate([[*center, 0.0]])[0]
     assert np.hypot(*(expected - of_middle)) > 0.1
     assert found == pytest.approx(expected, abs=2e-3)
+
+
+def nearest_ellipse(rim: np.ndarray) -> np.ndarray:
+    """Centre of the ellipse of least mean square distance, per length of a rim (n, 2), by brute force."""
+    length = np.hypot(*((np.roll(rim, -1, 0) - np.roll(rim, 1, 0)) / 2).T)
+    about = rim - rim.mean(axis=0)
+    a, b, _, c = np.linalg.inv(2 * about.T @ about / len(rim)).ravel()
+
+    def distances(p: np.ndarray) -> np.ndarray:
+        off = rim - p[:2]
+        slope = off @ [[p[2], p[3]], [p[3], p[4]]]
+        q = np.sqrt((off * slope).sum(axis=1))
+        return np.asarray((q - 1) * q / np.hypot(*slope.T) * np.sqrt(length))
+
+    start = [*rim.mean(axis=0), a, b, c]
+    return np.asarray(
+        least_squares(distances, start, x_scale=[1, 1, a, a, a], xtol=1e-14, ftol=1e-14, gtol=1e-14).x[:2]
+    )
+
+
+@pytest.mark.parametrize("place", [(8.0, -5.0), (-9.0, 6.0), (3.0, 9.0)])
+def test_centre_of_a_discs_image_through_a_lens_is_that_of_the_ellipse_nearest_to_its_rim(
+    place: tuple[float, float],
+) -> None:
+    """It lies a pixel beside the image of the disc's centre; weighed by other lengths, 0.002 px elsewhere."""
+    tilted = camera_above(size_px=(640, 480), focal_px=900, distance_mm=60, tilt_deg=45, tilt_azimuth_deg=60, k1=-0.3)
+    angle = np.linspace(0, 2 * np.pi, 721)[:-1]
+    circle = np.array(place) + 3.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+    rim = project(np.column_stack([circle, 0 * angle]), tilted.parameters, tilted.lens)[0]
+    found = fitted_centers(np.array([[*place, 0.0]]), np.array([3.0]), tilted.parameters, tilted.lens)[0]
+    assert found == pytest.approx(nearest_ellipse(rim), abs=1e-4)
+
+
+@pytest.mark.parametrize("pitch_percent", [0.0, 0.2])
+def test_camera_has_the_covariance_of_its_solve_and_the_error_of_the_pitch(pitch_percent: float) -> None:
+    views, state = bundle(3)
+    fit = solve(views, state, LOOSE)
+    gauge = gauge_of(columns=11, rows=8, pitch_tolerance_percent=pitch_percent)
+    camera = calibrate._camera(fit, views, gauge, None, (400, 300))
+    joint = np.linalg.inv(fit.normal) * fit.variance
+    exact = camera.with_exact_pitch().covariance
+    names = [*FREE, *PARAMETERS[:6]]  # the pose in the first image follows the lens
+    rows = [PARAMETERS.index(name) for name in names]
+    np.testing.assert_allclose(exact[np.ix_(rows, rows)], joint[:10, :10], rtol=1e-6, atol=1e-12)
+    others = np.setdiff1d(np.arange(len(PARAMETERS)), rows)
+    assert not exact[others].any()
+    share = pitch_percent / 100
+    assert camera.pitch_error[3:6] == pytest.approx(share * fit.state.poses[0][3:], abs=1e-4)
+    np.testing.assert_allclose(camera.covariance - exact, np.outer(camera.pitch_error, camera.pitch_error), atol=1e-12)
+
+
+def test_camera_of_a_bent_gauge_has_the_rest_of_its_face_and_a_wider_pitch() -> None:
+    views, state = bundle(3)
+    fit = solve(views, state, LOOSE)
+    bent = Flatness(np.zeros(1), np.zeros((1, 1)), 0.12, 0.1, 0.14, 0.12**2, 0.004)
+    plain, found, flat = (
+        calibrate._camera(fit, views, GAUGE, flatness, (400, 300))
+        for flatness in (None, bent, replace(bent, used=False))
+    )
+    rest = rest_covariance(bent, GAUGE, fit.state.poses[0])
+    exact = [camera.with_exact_pitch().covariance for camera in (plain, found, flat)]
+    np.testing.assert_allclose(exact[1][:6, :6] - exact[0][:6, :6], rest, atol=1e-9)
+    np.testing.assert_allclose(exact[2], exact[0])
+    times = found.pitch_error[5] / fit.state.poses[0][5]
+    assert abs(times) == pytest.approx(np.hypot(GAUGE.scale_sigma, 0.001), rel=1e-3)
 
 
 @pytest.mark.parametrize("turn_deg", [0.0, 130.0])
