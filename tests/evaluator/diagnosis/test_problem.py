@@ -129,6 +129,33 @@ def test_an_effect_seen_from_a_place_of_its_own_has_the_derivative_of_that_place
     assert problem.linearized(point, columns[1:2], [2])[0].response == pytest.approx(views[2].response)
 
 
+@pytest.mark.parametrize(
+    ("fails", "seen"),
+    [
+        (lambda task: task.terms.get("pull", (0.0,))[0] > 0, True),  # a candidate offers nothing where it fails
+        (lambda task: task.per_run[4] > 0, False),  # but a run needs its slopes by friction and gains
+        (lambda task: task.per_run[6] > 0, False),
+        (lambda _: True, False),
+    ],
+    ids=["effect", "gain", "start", "everything"],
+)
+def test_a_run_is_seen_without_the_effects_that_cannot_be_simulated(fails: Any, seen: bool) -> None:
+    data = measured()
+    circle: Any = Circle(data)
+    problem, point = build_problem(data, circle)
+    marks = circle.marks
+    circle.marks = lambda tasks: [
+        found * np.nan if fails(task) else found for task, found in zip(tasks, marks(tasks), strict=True)
+    ]
+    point = replace(point, per_run=np.add(point.per_run, [0, 0, 0, 0.01, 0, 0, 0]))
+    columns = [*(Column(f"unknown_{number}") for number in range(8)), pull(1.0)]  # a circle knows none of these
+    view = problem.attempted(point, columns, [1])[0]
+    assert (view is not None) == seen
+    if view is not None:
+        assert not view.common.any()
+        assert np.abs(view.scatter).max() > 0
+
+
 def test_starts_far_from_where_a_run_began_are_found_in_more_steps_than_one(built: tuple[Problem, Point]) -> None:
     """Headings off by half a radian are beyond what one linear step makes good."""
     problem, point = built
