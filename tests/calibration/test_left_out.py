@@ -96,7 +96,7 @@ def test_odd_image_is_searched_without_a_fault(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("image", "said"),
-    [(np.zeros((1, 1), np.uint8), "1×1 pixels, too small"), (np.full((90, 90), np.nan, np.float32), "no numbers")],
+    [(np.zeros((1, 1), np.uint8), "1×1 pixels, too small"), (np.full((90, 90), np.nan, np.float32), "NaN or infinite")],
 )
 def test_image_that_can_hold_no_dots_is_refused_with_the_reason(tmp_path: Path, image: np.ndarray, said: str) -> None:
     path = tmp_path / "image.tiff"

@@ -24,7 +24,7 @@ from evaluator.interchange.commands import constant
 from evaluator.report.diagnosis.words import in_words, parameter
 from evaluator.robot_geometry import reference_places
 from evaluator.settings import KnownTo
-from simulator.effects.parameter import PAPER_SIZE, Size
+from simulator.effects.parameter import PAPER_SIZE, UNITS, Size
 from simulator.robot import Robot, load_robot, shipped_robots
 
 LARGE = Path(__file__).parents[2] / "driven_robot" / "husky.toml"
@@ -65,6 +65,32 @@ def test_size_of_a_large_robot_is_the_distance_of_its_wheels_from_their_middle_a
     moved = load_robot(LARGE)
     wheels = tuple(wheel.model_copy(update={"x_mm": wheel.x_mm + 900.0}) for wheel in moved.wheel)
     assert size_of(moved.model_copy(update={"wheel": wheels})).length == pytest.approx(size.length)
+
+
+def powers(unit: str) -> tuple[int, int]:
+    """Powers of length and of force in a unit, read from how it is written."""
+    above, _, below = unit.replace("(", "").replace(")", "").partition("/")
+
+    def count(part: str, *symbols: str) -> int:
+        return sum(factor in symbols for factor in part.split("·"))
+
+    return count(above, "mm") - count(below, "mm"), count(above, "mN", "µN") - count(below, "mN", "µN")
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_a_quantity_grows_with_length_and_force_as_its_unit_says(unit: str) -> None:
+    """Times are alike on robots of any size, so that a mm/s grows as a length does."""
+    length, force = powers(unit)
+    assert Size(length=7.0, force=11.0).of(unit) == pytest.approx(7.0**length * 11.0**force)
+
+
+def test_metres_hold_to_a_tenth_and_seconds_to_a_hundredth_on_open_ground() -> None:
+    terms = named_terms(3000.0, (30.0,), size=Size(100.0, 1e4))
+    bounds = {name: (terms[name].coordinates[0].low, terms[name].coordinates[0].high) for name in OF_THE_UNIT}
+    assert bounds == OF_THE_UNIT
+
+
+OF_THE_UNIT = {"plane-scale": (0.9, 1.1), "time-base": (0.99, 1.01)}
 
 
 def test_steps_and_bounds_have_the_dimension_of_their_unit() -> None:
