@@ -22,6 +22,7 @@ from evaluator.diagnosis.assessment.disagreement import (
 )
 from evaluator.diagnosis.assessment.gap import (
     Gap,
+    counting_data,
     farthest_followed,
     grown_gap,
     noise_floor,
@@ -283,7 +284,7 @@ def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
     terms, session = found.terms, found.session
     (before_mm, lost_before), (predicted_mm, lost_after) = (
         predicted_gaps(
-            later_started(session.data, session.known, gap_fit.point),
+            later_started(counting_data(problem), session.known, gap_fit.point),
             [with_session(robot, session.known, gap_fit.point) for robot in robots],
             session.robots,
         )

@@ -100,6 +100,15 @@ def not_shrunk(gap: Gap) -> str:
     return "" if after < before else f"the gap after refitting does not shrink ({before:.3g} to {after:.3g} mm)"
 
 
+def counting_data(problem: Problem) -> tuple[RunData, ...]:
+    """The runs without the marks of frames that do not count in a fit either: a robot taken away at the end is one."""
+    counts = [np.isfinite(item).all(axis=1, keepdims=True) for item in problem.channels]
+    return tuple(
+        replace(run, marks_mm=np.where(seen, run.marks_mm, np.nan))
+        for run, seen in zip(problem.data, counts, strict=True)
+    )
+
+
 def predicted_gaps(
     data: Sequence[RunData], robots: Sequence[Robot], measured_by: Sequence[Robot]
 ) -> tuple[Floats, dict[int, str]]:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.assessment import sole_run as module
-from evaluator.diagnosis.assessment.gap import run_gaps
+from evaluator.diagnosis.assessment.gap import counting_data, run_gaps
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.linear.random_effects import place_starts
 from evaluator.diagnosis.likelihood.noise.friction_wander import whitening
@@ -65,3 +65,12 @@ def test_a_run_that_cannot_be_simulated_is_not_followed(monkeypatch: pytest.Monk
     problem: Any = SimpleNamespace(of_tracking=None)
     fit: Any = SimpleNamespace(point=Point(np.zeros((1, 7))), posterior=SimpleNamespace(scatter=np.ones(4)))
     assert not module.is_followed(problem, fit, np.zeros((1, 7)), 0, {})
+
+
+def test_frames_in_which_a_robot_is_taken_away_count_in_no_gap() -> None:
+    problem, _ = build_problem(data := measured(8), Circle(data))  # type: ignore[arg-type]
+    channels = problem.channels[0].copy()
+    channels[-4:, 2] = np.nan
+    kept = counting_data(replace(problem, channels=(channels, *problem.channels[1:])))
+    assert np.isnan(kept[0].marks_mm).all(axis=1).tolist() == [False] * (len(TIME) - 4) + [True] * 4
+    np.testing.assert_array_equal(kept[1].marks_mm, data[1].marks_mm)
