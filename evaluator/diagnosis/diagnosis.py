@@ -313,7 +313,7 @@ def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
     """The diagnosis, or what speaks against it: what is missed, a gap that grew, marks that are not followed."""
     assert found.gap is not None
     assert found.search is not None
-    if found.verdict == "unknown" and found.chosen and (reason := not_shrunk(found.gap)):
+    if found.verdict == "unknown" and found.chosen and (reason := not_shrunk(found.gap, found.held_out)):
         # a term without a name that does not carry over to runs held out says nothing of what is missing
         return _looked_at_again(replace(found, chosen=frozenset(), reason=f"{found.reason}; {reason} with it"), nominal)
     if found.verdict in ("unknown", "insufficient"):

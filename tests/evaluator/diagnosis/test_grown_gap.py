@@ -9,7 +9,7 @@ import pytest
 
 from evaluator.diagnosis import diagnosis
 from evaluator.diagnosis.assessment import gap as gap_room
-from evaluator.diagnosis.assessment.gap import Gap, grown_gap, predicted_gaps
+from evaluator.diagnosis.assessment.gap import Gap, grown_gap, not_shrunk, predicted_gaps
 from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.report.diagnosis.knowledge import predicted_sentence
 from simulator.errors import SimulationError
@@ -26,6 +26,20 @@ def gap(after: float, *, grown: int = 0, by_mm: float = 0.05, heading_mm: float 
     change = np.where(np.arange(RUNS) < grown, by_mm, -0.05)
     change[-1] += 0.3 * heading_mm
     return Gap(before, np.full(RUNS, after), FLOOR, predicted, predicted + change)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "speaks"),
+    [(0.03, 0.031, True), (0.03, 0.029, False), (0.012, 0.013, False)],
+    ids=["does not carry over", "carries over", "nothing to explain"],
+)
+def test_a_form_without_a_name_explains_runs_held_out_where_the_file_does_not_follow_them(
+    *, before: float, after: float, speaks: bool
+) -> None:
+    usual = gap(0.01)
+    usual.before_mm[:2], usual.after_mm[:2] = before, after
+    assert bool(not_shrunk(usual, (0, 1))) == speaks
+    assert not not_shrunk(usual)
 
 
 @pytest.mark.parametrize(("grown", "speaks"), [(0, False), (6, False), (9, False), (10, True), (12, True)])
