@@ -47,7 +47,7 @@ def command_text(left_rpm: float, right_rpm: float) -> str:
     """A command as people write it; a dash where there is none, as of a log that holds nothing measured."""
     if not (np.isfinite(left_rpm) and np.isfinite(right_rpm)):
         return UNKNOWN
-    return true_minus(f"{left_rpm:g} / {right_rpm:g}")
+    return true_minus(f"{left_rpm:.4g} / {right_rpm:.4g}")
 
 
 def number(value: float, digits: int, *, sign: bool = False) -> str:

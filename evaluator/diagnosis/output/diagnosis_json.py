@@ -17,6 +17,7 @@ from evaluator.diagnosis.assessment.disagreement import QUANTITIES, UNITS
 from evaluator.diagnosis.assessment.gap import rms
 from evaluator.diagnosis.assessment.knowledge import strained
 from evaluator.diagnosis.assessment.model_comparison import Set
+from evaluator.diagnosis.assessment.verdict import carries_over
 from evaluator.diagnosis.design.next_runs import MOST_RUNS
 from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.experiment import Session
@@ -198,9 +199,17 @@ def _rivals(diagnosis: Diagnosis) -> list[Json]:
                     "log_odds": rounded(float(score) - best),
                     "reason": _reason(diagnosis, ids, float(score) - best),
                     "strains": _strains(diagnosis, ids),
+                    "carries_over": _carries_over(diagnosis, ids),
                 }
             )
     return rivals
+
+
+def _carries_over(diagnosis: Diagnosis, ids: Set) -> bool | None:
+    """Whether each effect of a set carries over to commands left out; None but on open ground, where it must."""
+    search = diagnosis.search
+    assert search is not None
+    return carries_over(search, ids) if search.problem.open_ground else None
 
 
 def _strains(diagnosis: Diagnosis, ids: Set) -> list[str]:
@@ -221,6 +230,8 @@ def _reason(diagnosis: Diagnosis, ids: Set, odds: float) -> str:
         return f"without any effect the runs are {_times(odds)} less probable"
     if ids < chosen:
         return f"leaving out {', '.join(sorted(chosen - ids))} makes the runs {_times(odds)} less probable"
+    if odds > 0 and _carries_over(diagnosis, ids) is False:
+        return "an effect in it predicts commands left out no better than chance"
     if ids > chosen:
         return f"adding {', '.join(sorted(ids - chosen))} is not significant"
     return (

@@ -24,11 +24,11 @@ from evaluator.report.diagnosis.words import (
     rivals_sentence,
     separations_sentence,
     signed_percent,
+    sizes,
     unlike_sentences,
     value_text,
     verdict_sentence,
     where_sentences,
-    with_interval,
 )
 from evaluator.report.figures.disagreement import disagreement_map, disagreement_panels
 from evaluator.report.figures.gap import HELD_OUT, gap_before_after
@@ -64,7 +64,7 @@ def _verdict(view: DiagnosisView) -> Section:
         (effect["name"], *parameter(name, effect["id"]), best, f"{low} to {high}")
         for effect in content.get("effects") or []
         for name, value in effect["parameters"].items()
-        for best, low, high in [with_interval(value)]
+        for best, low, high in [sizes(name, value, effect["id"])]
     ]
     head = ("effect", "parameter", "unit", "value", "95 %")
     table = Table("Effects found, with 95 % intervals.", head, tuple(rows))

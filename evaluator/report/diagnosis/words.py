@@ -74,7 +74,7 @@ def _sizes(effect: Json) -> str:
     parts: list[str] = []
     for name, value in effect["parameters"].items():
         words, unit = parameter(name, effect["id"])
-        best, low, high = with_interval(value)
+        best, low, high = sizes(name, value, effect["id"])
         size = f"{best} {unit}".replace(" °", "°").rstrip()
         parts.append(f"{words} {size} [{'' if parts else '95 %: '}{low} to {high}]")
     return ", " + ", ".join(parts) if parts else ""
@@ -102,6 +102,19 @@ def _unit_of(name: str) -> Unit:
         if unit.ending and f"_{name}".endswith(f"_{unit.ending}"):
             return unit
     return UNITS["1/mm"] if name.startswith("per_mm_") else UNITS[""]
+
+
+def sizes(name: str, value: Json, effect_id: str = "") -> tuple[str, str, str]:
+    """A parameter's value and bounds; a limit at the value at which it limits nothing is infinite."""
+    declared = EFFECTS[effect_id].parameter(name) if effect_id in EFFECTS else None
+    if declared is None or declared.absent < declared.high:
+        return with_interval(value)
+    given = [value[key] for key in ("value", "low", "high")]
+    bounds = [math.inf if bound is not None and bound >= declared.absent else bound for bound in given]
+    if math.inf not in bounds:
+        return with_interval(value)
+    best, low, high = ("∞" if bound == math.inf else value_text(bound) for bound in bounds)
+    return best, low, high
 
 
 def with_interval(value: Json) -> tuple[str, str, str]:
@@ -146,7 +159,7 @@ def not_tried_sentence(content: Json) -> str:
 
 
 def rivals_sentence(content: Json) -> str:
-    """The best rival that is more probable than the verdict, but by less than the required odds; empty without one.
+    """The best rival that is more probable than the verdict, but is not the answer, and why; empty without one.
 
     Rivals that strain tolerances, and free-form terms, are left out: these have verdicts of their own.
     """
@@ -157,6 +170,9 @@ def rivals_sentence(content: Json) -> str:
         named = effects and not any(str(effect).startswith(PREFIX) for effect in effects)
         if named and odds is not None and odds > REPORTED_LOG_ODDS and not rival.get("strains"):
             words = " with ".join(map(words_of, effects))
+            if rival.get("carries_over") is False:
+                few = "but predicts commands left out no better than chance: more commands would decide"
+                return f"More probable in these runs, {few}: {words}."
             ratio = significant(math.exp(min(odds, 20.0)), 2)
             return f"Possible, but below the required odds: {words} (odds of {ratio} to 1)."
     return ""

@@ -18,6 +18,7 @@ from evaluator.report.diagnosis.words import (
     next_runs_sentence,
     parameter,
     rivals_sentence,
+    sizes,
     verdict_sentence,
     where_sentences,
 )
@@ -109,6 +110,15 @@ def test_a_rival_more_probable_than_the_verdict_is_told_with_its_odds(rival: dic
     assert ("odds of 200 to 1" in sentence and "viscous" in sentence) is told
     assert bool(sentence) is told
     assert rivals_sentence({"verdict": "unknown", "rivals": [rival]}) == ""
+    unconfirmed = rivals_sentence({"verdict": "effect", "rivals": [rival | {"carries_over": False}]})
+    assert ("no better than chance" in unconfirmed) is told
+
+
+def test_a_limit_that_limits_nothing_is_infinite_and_a_large_force_is_a_number() -> None:
+    value = {"value": 1e6, "low": 43.7038, "high": 1e6}
+    assert sizes("ahead_rpm", value, "speed-limit") == ("∞", "43.7", "∞")
+    assert sizes("ahead_rpm", {"value": 30.0, "low": 20.0, "high": 1e6}, "speed-limit") == ("30", "20", "∞")
+    assert "∞" not in sizes("x_mN", value, "tether-pull")
 
 
 def test_a_value_far_outside_its_tolerance_is_said_in_the_sentence_of_the_verdict() -> None:
