@@ -26,7 +26,10 @@ from simulator.robot import Robot, load_robot
 
 Floats = NDArray[np.float64]
 
-FEWEST_FRAMES = 12  # fewer leave nothing once a start pose is fitted
+FEWEST_FRAMES = 12
+# A lidar of 5 Hz gives seven to eleven poses in two seconds. Every three are a mode of each coordinate and of heading
+# (features.compression); two of each are twice what a start pose takes, one of each leaves nothing.
+FEWEST_POSES = 6
 FEWEST_RUNS = 4
 FEWEST_COMMANDS = 2
 ONE_PLACE = 1e-6  # of the distance of the marks: a rounding in the file, far below what any sensor repeats
@@ -115,9 +118,10 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
             continue
         values = table[["time_s", *columns_of(pairs[name])]].to_numpy(dtype=float)
         both = np.isfinite(values).all(axis=1)
-        if both.sum() < FEWEST_FRAMES:
+        fewest = FEWEST_POSES if run.poses else FEWEST_FRAMES
+        if both.sum() < fewest:
             seen = "poses that do not repeat the one before" if run.poses else "frames in which both marks are seen"
-            skipped[run.id] = f"{both.sum()} {seen}; at least {FEWEST_FRAMES} are needed"
+            skipped[run.id] = f"{both.sum()} {seen}; at least {fewest} are needed"
             continue
         inside = slice(int(np.flatnonzero(both)[0]), int(np.flatnonzero(both)[-1]) + 1)
         values = values[inside]

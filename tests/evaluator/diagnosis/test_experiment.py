@@ -9,8 +9,10 @@ import pandas as pd
 
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.candidates.free_form import free_terms
-from evaluator.diagnosis.experiment import held_out_runs, shortcomings
-from evaluator.diagnosis.likelihood.run_data import RunData, Task
+from evaluator.diagnosis.experiment import FEWEST_POSES, held_out_runs, shortcomings
+from evaluator.diagnosis.likelihood.features import compression
+from evaluator.diagnosis.likelihood.noise.tracking import Noise
+from evaluator.diagnosis.likelihood.run_data import START_POSE, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.likelihood.variants import varies_by_run
 from evaluator.diagnosis.output.effect_tables import PATTERN_SUMS
@@ -121,8 +123,16 @@ def test_where_too_few_runs_are_left_it_is_said_why_the_others_are_not() -> None
     assert shortcomings(_runs([(30.0, 30.0), (33.3, 14.4)] * 4), skipped) == []
 
 
+def test_the_fewest_poses_leave_twice_of_what_a_start_pose_takes_and_one_less_nothing() -> None:
+    left = []
+    for count in (FEWEST_POSES, FEWEST_POSES - 1):
+        part = compression(np.linspace(0.0, 2.0, count), np.ones(count, dtype=np.bool_), (Noise(1.0, 0.0, 0.1),) * 4)
+        left.append(sum(functional.shape[1] for functional in part.functional[:3]))  # x, y and heading
+    assert left == [2 * START_POSE, START_POSE]
+
+
 def test_a_run_of_few_poses_is_left_out_for_poses_not_for_marks(tmp_path: Path) -> None:
-    for name, count in (("few", 9), ("many", 30)):
+    for name, count in (("few", 5), ("many", 30)):
         time_s = 0.2 * np.arange(count)
         table = pd.DataFrame({"time_s": time_s, "x_mm": 3 * time_s, "y_mm": 0.0, "heading_deg": 0.0})
         table.to_csv(tmp_path / f"{name}.csv", index=False)
@@ -132,7 +142,7 @@ def test_a_run_of_few_poses_is_left_out_for_poses_not_for_marks(tmp_path: Path) 
     path = tmp_path / "experiment.toml"
     path.write_text(f'format = 1\nname = "poses"\nrobot = "barrel"\n{runs}', encoding="utf-8")
     content = diagnose_experiment(path, tmp_path / "out", workers=1)[1]
-    assert content["skipped_runs"] == {"few": "9 poses that do not repeat the one before; at least 12 are needed"}
+    assert content["skipped_runs"] == {"few": "5 poses that do not repeat the one before; at least 6 are needed"}
 
 
 def test_patterns_of_single_wheels_are_sums_of_the_patterns_of_robot_files() -> None:
