@@ -192,7 +192,7 @@ def _judged(item: Judgement, usual: set[Kind], least_share: float = MISFIT_SHARE
     kind = next((kind for kind in near if kind in usual), next(iter(near)))
     others = tuple(other for other in near if other != kind)
     words = ", or ".join(near[one][1].words for one in (kind, *others))
-    seen = f"{words} (its marks are {best:.2g} mm from that motion, {stated:.2g} mm from the one that the file says)"
+    seen = f"{words} (simulated so {best:.2g} mm from its marks, as stated in the file {stated:.2g} mm)"
     remedy = "; or ".join(REMEDIES[one] for one in (kind, *others))
     return Found(ways[0].run.id, kind, seen, remedy, others, correction_to(near[kind][1], ways[0]))
 

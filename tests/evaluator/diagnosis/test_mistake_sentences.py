@@ -80,7 +80,7 @@ def test_a_judgement_says_both_misfits_and_every_reading_that_fits_as_well() -> 
     assert found is not None
     assert (
         found.seen
-        == "seen in a mirror, or b (its marks are 1 mm from that motion, 9 mm from the one that the file says)"
+        == "seen in a mirror, or b (simulated so 1 mm from its marks, as stated in the file 9 mm)"
     )
     assert (found.kind, found.equivalent) == ("mirrored", ("reversed",))
     assert found.correction == Correction(marks_times=(-1.0, 1.0))
