@@ -12,6 +12,7 @@ from evaluator.report.diagnosis.knowledge import (
     preferred_sentence,
 )
 from evaluator.report.diagnosis.words import (
+    WITHOUT_EFFECTS,
     as_sentence,
     closes,
     equivalents_sentence,
@@ -53,7 +54,7 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
     lines += unlike_sentences(content)
     where = where_sentences(content, SENTENCES)
     if where and content["effects"] and closes(content):
-        lines.append("Without these effects, the robot file and the runs disagree as follows:")
+        lines.append(WITHOUT_EFFECTS)
     lines += where
     lines += [
         rivals_sentence(content),

@@ -85,7 +85,7 @@ def uncertainty_budget(
     if camera is not None and geometry.height_mm is not None:
         found += _of_camera(lambda through: measured(geometry, marks, through), camera, geometry.height_mm)
     moved = [measured(places, marks, camera) for places in _moved(geometry, known.mark_position_mm)]
-    found.append(_between("places of the marks in robot.toml", (poses, turning), moved))
+    found.append(_between("positions of the marks in robot.toml", (poses, turning), moved))
     if camera is not None and geometry.height_mm is not None and _placed(marks, geometry):
         higher = _at_height(marks, geometry, camera, geometry.height_mm + known.mark_height_mm)
         changed = measured(geometry, higher, camera)
@@ -111,7 +111,7 @@ def _of_camera(
     """
     exact = camera.with_exact_pitch()
     perfect = replace(exact, covariance=np.zeros_like(exact.covariance))
-    names = ("marks, wrong alike in all frames", "lens and plane, from the gauge images", "pitch of the gauge")
+    names = ("marks, common to all frames", "lens and plane, from the gauge images", "pitch of the gauge")
     found, before = [], np.zeros(3)
     for name, one in zip(names, (perfect, exact, camera), strict=True):
         poses, turning = through(one)

@@ -9,6 +9,7 @@ from evaluator.report.diagnosis.knowledge import knowledge_section, mistakes_sec
 from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.diagnosis.words import (
     RUN_KEYS,
+    WITHOUT_EFFECTS,
     as_sentence,
     closes,
     effect_words,
@@ -82,6 +83,8 @@ def _next_runs(content: Json) -> tuple[Table, ...]:
 def _where(view: DiagnosisView) -> Section | None:
     items = [item for item in view.content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
     text = where_sentences(view.content, SENTENCES)
+    if text and view.content.get("effects") and closes(view.content):
+        text.insert(0, WITHOUT_EFFECTS)
     text += [as_sentence(item) for item in view.content.get("where") or [] if isinstance(item, str)]
     if len(items) > SENTENCES:
         text.append(f"{len(items) - SENTENCES} more in diagnosis.json.")
@@ -120,7 +123,8 @@ def _gap(content: Json) -> Section | None:
     )
     tables = (Table(caption, ("halves", "probability", "equal size"), rows),) if rows else ()
     figure = gap_before_after(gap, lost, after=closes(content))
-    return Section("diagnosis-gap", "Does the gap close?", _full(text), (figure,) if figure else (), tables)
+    title = "Gap between simulation and measurement"
+    return Section("diagnosis-gap", title, _full(text), (figure,) if figure else (), tables)
 
 
 def _rivals(content: Json) -> Section | None:

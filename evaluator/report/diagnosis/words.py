@@ -49,11 +49,11 @@ def _description(content: Json) -> str:
     return f", and no free-form term does either{largest}" if seen else ""
 
 
-def where_sentences(content: Json, most: int) -> list[str]:
-    """Disagreements between the robot file and the runs, at most so many sentences.
+WITHOUT_EFFECTS = "Without these effects, the robot file and the runs disagree as follows:"
 
-    With the verdict "none", a first sentence says why that is no contradiction.
-    """
+
+def where_sentences(content: Json, most: int) -> list[str]:
+    """Disagreements of robot file and runs, at most so many; with "none", first why that is consistent."""
     items = [item for item in content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
     sentences = [as_sentence(str(item["sentence"])) for item in items[:most]]
     if not sentences or content.get("verdict") != "none":

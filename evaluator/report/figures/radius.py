@@ -66,7 +66,7 @@ def radius_against_ratio(runs: Sequence[RunView], *, magnetic: bool = True) -> F
     data.insert(3, "ratio", ratios)
     return Figure(
         "radius-ratio",
-        "One curve for all speeds",
+        "Radius against ratio of the wheel speeds",
         f"If only the ratio of the wheel speeds matters, all runs fall on one line.{EQUATION_11 if magnetic else ''} "
         "(Figure 14 of the paper.)",
         (canvas.svg,),
@@ -96,7 +96,7 @@ def radius_by_group(runs: Sequence[RunView]) -> Figure | None:
     data.insert(2, "direction", ["backward" if run.backward else "forward" for run in turning])
     return Figure(
         "radius-groups",
-        "Forward and backward, group by group",
+        "Forward and backward by group",
         "Filled: forward runs; open triangles: backward runs. If the intervals of a pair do not overlap, the robot "
         "turns "
         "differently in the two directions. (Figure 22 of the paper.)",

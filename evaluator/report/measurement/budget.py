@@ -30,9 +30,7 @@ def budget_section(run: RunView, budget: Budget) -> Section:
     )
     head = ("source", "radius, µm", "radius, %", "speed, µm/s", "heading, deg", "")
     figure = _bars(run, budget)
-    return Section(
-        "budget", "Where the uncertainty comes from", (_sentence(budget),), (figure,), (Table(caption, head, rows),)
-    )
+    return Section("budget", "Uncertainty budget", (_sentence(budget),), (figure,), (Table(caption, head, rows),))
 
 
 def _sentence(budget: Budget) -> str:

@@ -151,7 +151,7 @@ def _page(paper: Paper) -> Page:
             Section("slip", "Slip characteristics", figures=slip),
             Section("turns", "Turns and speeds", figures=turns),
             Section("states", "State of each wheel", figures=states),
-            Section("readings", "How equations (3) to (8) can be read", tables=(tried,)),
+            Section("readings", "Readings of Equations (3) to (8)", tables=(tried,)),
         ),
         footer="Made by turnscope. Each figure and its data lie beside this page as SVG and CSV.",
     )
