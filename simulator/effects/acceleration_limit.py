@@ -25,7 +25,7 @@ def _act(draft: Draft, values: Values) -> None:
 
 
 def _fitted(scene: Scene) -> Candidate:
-    """The inverses of both limits: seconds per rpm, nought where there is none; a ramp is late by half of its time."""
+    """Inverses of both limits, s/rpm, 0 without a limit; a ramp is late by half its duration."""
     levels = [level for level in scene.command_levels_rpm if level > 0] or [USUAL_RPM]
     usual = float(np.median(levels))
     parts = tuple(
@@ -44,8 +44,8 @@ def _fitted(scene: Scene) -> Candidate:
 EFFECT = Effect(
     id="acceleration-limit",
     name="the drive limits how fast the wheels change speed",
-    sentence="What both sides have in common changes by ahead_rpm_s at most, how much faster or slower each turns "
-    "by turn_rpm_s.",
+    sentence="The mean speed of both sides changes by at most ahead_rpm_s, half of their difference by at most "
+    "turn_rpm_s.",
     law="|d/dt (n_left + n_right)/2| ≤ ahead_rpm_s, |d/dt (n_right − n_left)/2| ≤ turn_rpm_s",
     source="limits of linear and angular acceleration of drive controllers (ros2_controllers, diff_drive_controller); "
     "measured on the wheels of a Clearpath Husky and a Warthog (tests/benchmarks)",

@@ -14,13 +14,13 @@ def _act(draft: Draft, values: Values) -> None:
 EFFECT = Effect(
     id="friction-across",
     name="friction across the wheels is higher or lower than stated",
-    sentence="The lateral friction coefficient of all wheels is factor times the stated one; the longitudinal one, and "
-    "the stiffness for small slip, stay.",
+    sentence="The lateral friction coefficient of all wheels is factor times the stated one; the longitudinal "
+    "coefficient and the stiffness for small slip are unchanged.",
     law="μ_y = factor · μ_y,nominal",
-    source="tread that grips better across than along: yaw rate over that of wheels, by the encoders of a Clearpath "
-    "Husky (tests/benchmarks)",
-    limits="One factor for all wheels. A skid-steered robot turns the less the larger it is, above all on the spot; "
-    "contacts that resist spinning (scrub-torque) cost wide turns as much.",
+    source="tread with more lateral than longitudinal grip: measured and wheel yaw rates of a Clearpath Husky "
+    "(tests/benchmarks)",
+    limits="One factor for all wheels. A larger factor reduces the yaw rate, most of all on the spot; scrub-torque "
+    "reduces it in wide turns as well.",
     kind="dynamics",
     parameters=(Parameter("factor", "", 1.0, 0.01, 0.3, 3.0, at_least=0.01, shown=2.0),),
     act=_act,

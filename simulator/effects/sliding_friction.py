@@ -14,11 +14,11 @@ def _act(draft: Draft, values: Values) -> None:
 EFFECT = Effect(
     id="sliding-friction",
     name="friction opposes the sliding of the wheels",
-    sentence="The share of the friction of each wheel opposes the velocity at which its contact slides over the "
-    "ground, with both slips over one speed; the rest follows slip ratio and slip angle.",
+    sentence="The given share of the friction of each wheel opposes the sliding velocity of its contact; the rest "
+    "follows slip ratio and slip angle.",
     law="F = (1 − share) · F(s, α) + share · F(σ_x, σ_y), (σ_x, σ_y) = (u − r·φ', v) / max(√(u² + v²), |r·φ'|)",
     source="theoretical slip (Pacejka 2012, Tire and Vehicle Dynamics, section 4.2)",
-    limits="The two agree where wheels hardly slide aside. In a turn on the spot they do not: there the slip angle of "
+    limits="The two agree if wheels hardly slide sideways, but not in a turn on the spot: there the slip angle of "
     "a wheel's centre says nothing of a wheel that spins.",
     kind="dynamics",
     parameters=(Parameter("share", "", 0.0, 0.05, 0.0, 1.0, at_least=0.0, closed=True),),

@@ -45,8 +45,8 @@ def _fitted(scene: Scene) -> Candidate:
 EFFECT = Effect(
     id="speed-limit",
     name="the drive limits the speed of the wheels",
-    sentence="No wheel turns faster than wheel_rpm; what both sides have in common is limited to ahead_rpm before, and "
-    "what each turns faster or slower than that to turn_rpm.",
+    sentence="The mean speed of both sides is limited to ahead_rpm and half of their difference to turn_rpm; then each "
+    "wheel is limited to wheel_rpm.",
     law="common = clip((n_left + n_right)/2, ±ahead_rpm), half = clip((n_right − n_left)/2, ±turn_rpm), "
     "n = clip(common ∓ half, ±wheel_rpm)",
     source="limits of linear and angular velocity of drive controllers (ros2_controllers, diff_drive_controller) and "

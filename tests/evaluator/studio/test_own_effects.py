@@ -86,14 +86,14 @@ def test_an_effect_is_changed_and_what_the_form_does_not_know_stays(studio: Serv
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        (changed(id="../robot"), "small letters"),
+        (changed(id="../robot"), "lower-case letters"),
         (changed(id="../../outside"), "outside the folder"),
         (changed(id="plate-tilt"), "effect of the catalogue"),
         (changed(terms=[]), "at least one"),
         (changed(terms=[{**EFFECT["terms"][0], "channel": "force"}]), "did you mean"),
         (changed(terms=[{**EFFECT["terms"][0], "depends_on": "heading"}]), "depends_on"),
         (changed(terms=[{**EFFECT["terms"][0], "step": "1e999"}]), "finite"),
-        (changed(terms=[{**EFFECT["terms"][0], "low": 0.5}]), "must hold 0"),
+        (changed(terms=[{**EFFECT["terms"][0], "low": 0.5}]), "must include 0"),
         (changed(terms=[{**TERM, "step": 0.1}]), "give the bounds"),
         (changed(name=None), "name is missing"),
     ],

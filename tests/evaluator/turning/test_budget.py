@@ -63,7 +63,7 @@ def test_noise_of_a_frame_turns_the_line_through_the_marks(budget: Budget) -> No
 
 def test_what_a_tracker_gets_wrong_in_all_frames_turns_the_heading_and_scales_nothing(budget: Budget) -> None:
     """Of either mark, fixed to the body and fixed to the image: across the line of the marks each turns it."""
-    alike = of(budget, "marks, wrong alike")
+    alike = of(budget, "marks, common")
     on_body = np.hypot(COMMON_SHARE * SIGMA_MM, COMMON_PX / PX_PER_MM)
     turned = np.sqrt(2) * np.hypot(on_body, IMAGE_SHARE * SIGMA_MM) / SPACING_MM
     assert alike.heading_deg == pytest.approx(np.degrees(turned), rel=1e-3)
@@ -94,7 +94,7 @@ def test_marks_off_along_both_axes_give_what_geometry_says(budget: Budget) -> No
     """A mark off along x turns the heading by sigma / spacing, and the centre, 1.55 mm ahead of the marks, moves
     sideways by 1.55 mm times that; one off along y moves the middle of both by half of it. There are two of each.
     """
-    places, sigma = of(budget, "places"), KNOWN.mark_position_mm
+    places, sigma = of(budget, "positions"), KNOWN.mark_position_mm
     turned = sigma * np.sqrt(2) / SPACING_MM
     assert places.heading_deg == pytest.approx(np.degrees(turned), rel=0.03)
     assert places.radius_mm == pytest.approx(np.hypot(1.55 * turned, sigma / np.sqrt(2)), rel=0.03)
@@ -121,4 +121,4 @@ def test_measurement_alone_is_the_interval_and_all_together_is_more(budget: Budg
 def test_without_a_camera_its_sources_are_left_out() -> None:
     marks = circling_marks(RADIUS_MM, seconds=2.0)
     sources = [item.source for item in uncertainty_budget(marks, GEOMETRY, known=KNOWN).contributions]
-    assert [source.split()[0] for source in sources] == ["noise", "places", "clock"]
+    assert [source.split()[0] for source in sources] == ["noise", "positions", "clock"]

@@ -15,7 +15,7 @@ const TOOLS = [["color", "Set its colour"], ["region", "Draw the region"], ["mas
 export async function show(view, { id, rest, signal }) {
   const [table, file] = await Promise.all([get(`/api/experiments/${id}`, signal), get(`/api/experiments/${id}/tracking`, signal)]);
   const runs = table.rows.filter((row) => row.video && row.id);
-  const head = h("div", {}, h("p", { class: "kind" }, "Marks"), h("h1", {}, "What the tracker sees"));
+  const head = h("div", {}, h("p", { class: "kind" }, "Marks"), h("h1", {}, "Candidates for marks"));
   if (!runs.length) { fill(view, head, h("div", { class: "empty" }, h("h2", {}, "No recording yet"), h("p", {}, "Add runs with a video on the screen “Runs”."))); return; }
   const run = runs.find((row) => row.id === rest[0]) ?? runs[0];
   const pick = h("select", { "aria-label": "Run", onchange: (event) => { location.hash = `#/x/${id}/marks/${encodeURIComponent(event.target.value)}`; } }, runs.map((row) => h("option", { value: row.id, selected: row === run }, row.id)));
@@ -186,7 +186,7 @@ async function workbench(place, id, run, file, signal) {
   fill(place, h("div", { class: "split" },
     h("section", { class: "stack" }, tools, screen.canvas, h("div", { class: "row" }, h("span", { style: { flex: "1 1 14rem" } }, scrub), clock),
       h("div", { class: "row" }, h("label", {}, h("input", { type: "checkbox", checked: true, onchange: (event) => { state.showMask = event.target.checked; screen.redraw(); } }), "Show pixels of this colour"), h("button", { onclick: () => correct(null, null), title: "This mark is not to be used in this frame (Delete)" }, "Drop it in this frame"), undo.undo, undo.redo), shapes, path),
-    h("section", { class: "stack" }, readout, h("h2", {}, "In eight frames"), sheet)));
+    h("section", { class: "stack" }, readout, h("h2", {}, "Eight frames"), sheet)));
   tell();
   go(0);
   contact();

@@ -90,7 +90,7 @@ function screen(found, source, signal, undo) {
   ask(true);
   return h("div", { class: "side" },
     h("section", { class: "stack", "aria-label": "Sliders" },
-      h("details", { class: "effect" }, h("summary", {}, h("span", {}, "The robot itself"), h("span", { class: "small soft" }, "nominal values")), found.robot.map((one) => slider(one, (value) => { state.nominal[one.key] = value; }).row)),
+      h("details", { class: "effect" }, h("summary", {}, h("span", {}, "Robot"), h("span", { class: "small soft" }, "nominal values")), found.robot.map((one) => slider(one, (value) => { state.nominal[one.key] = value; }).row)),
       found.effects.map(effect)),
     h("section", { class: "stack" }, plate.canvas,
       h("div", { class: "row end" }, h("p", { class: "legend small soft" }, h("i", { class: "soft" }), "as it is", h("i", { class: "vermillion" }), "with the changes"), took, h("div", { class: "row" }, add, undo && [undo.undo, undo.redo])),
