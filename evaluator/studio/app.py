@@ -6,8 +6,8 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.resources import files
 from pathlib import Path
+from threading import Thread
 
-from anyio import to_thread
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import FileResponse, PlainTextResponse, Response
@@ -33,7 +33,7 @@ def application(root: Path, port: int, secrets: Secrets) -> Guard:
     @asynccontextmanager
     async def living(_: Starlette) -> AsyncIterator[None]:
         studio.jobs.start()
-        await to_thread.run_sync(studio.decoder.start)
+        Thread(target=studio.decoder.start, daemon=True).start()  # nobody waits for it before the first question
         yield
         studio.jobs.close()
         studio.decoder.close()

@@ -17,7 +17,7 @@ from typing import Any
 from evaluator.files import write_text
 from evaluator.studio.folder import Folder
 from evaluator.studio.work import carry_out
-from evaluator.workflow import SPAWNING, Outputs, files_named, out_folder
+from evaluator.workflow import PROCESSES, Outputs, files_named, out_folder
 
 JOURNAL = ".turnscope-studio.json"
 TAKEN_UP = ("analyse", "diagnose")  # after the studio was ended; the file may be another's: it names no more than these
@@ -146,10 +146,10 @@ class Jobs:
             self._run(job)
 
     def _run(self, job: Job) -> None:
-        ours, theirs = SPAWNING.Pipe()
+        ours, theirs = PROCESSES.Pipe()
         order = self._orders[job.number]
         # Not a daemon: it has worker processes of its own. It ends by itself when our end of the pipe is closed.
-        process = SPAWNING.Process(
+        process = PROCESSES.Process(
             target=carry_out, args=(theirs, job.kind, self._folder.root / job.target, order["options"])
         )
         process.start()

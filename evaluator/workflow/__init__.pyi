@@ -51,7 +51,7 @@ from .editing.values import gauge_values as gauge_values
 from .editing.values import robot_values as robot_values
 from .editing.values import set_gauge_value as set_gauge_value
 from .editing.values import set_robot_value as set_robot_value
-from .execution.machine import SPAWNING as SPAWNING
+from .execution.machine import PROCESSES as PROCESSES
 from .exporting import export as export
 from .frames.decoder import Decoder as Decoder
 from .frames.decoder import Wanted as Wanted

@@ -53,7 +53,9 @@ class _Spawned(_WithoutScript, SpawnProcess):
     pass
 
 
-class _Spawning(SpawnContext):
+class Spawning(SpawnContext):
+    """How processes start where there is no fork server."""
+
     Process = _Spawned
 
 
@@ -65,13 +67,12 @@ if sys.platform == "linux":
     class _Forking(multiprocessing.context.ForkServerContext):
         Process = _Forked
 
-    # A fork server imports the libraries once and is free of the threads that make plain forks unsafe.
-    _POOLING: BaseContext = _Forking()
-    _POOLING.set_forkserver_preload(["evaluator.workflow.runs.stages"])
+    # A fork server imports the libraries once, for all processes that this one starts: to import them takes longer than
+    # most of what is asked of a process. It is free of the threads that make plain forks unsafe.
+    PROCESSES: BaseContext = _Forking()
+    PROCESSES.set_forkserver_preload(["evaluator.workflow.runs.stages"])
 else:
-    _POOLING = _Spawning()
-
-SPAWNING = _Spawning()  # processes that share nothing with this one, nor its script
+    PROCESSES = Spawning()
 
 
 @contextmanager
@@ -80,8 +81,8 @@ def worker_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 
     Give it work through `interruptible`. Workers end with this process, even where it is killed outright.
     """
-    ended, end = _POOLING.Pipe(duplex=False)
-    pool = ProcessPoolExecutor(workers, mp_context=_POOLING, initializer=_begin, initargs=(ended,))
+    ended, end = PROCESSES.Pipe(duplex=False)
+    pool = ProcessPoolExecutor(workers, mp_context=PROCESSES, initializer=_begin, initargs=(ended,))
     try:
         yield pool
     finally:

@@ -10,8 +10,9 @@ from collections.abc import Callable
 from functools import partial
 from itertools import islice
 from pathlib import Path
+from threading import Thread
 
-from evaluator.workflow.execution.machine import SPAWNING
+from evaluator.workflow.execution.machine import PROCESSES
 
 FRAMES = 60  # of a recording, enough for every kernel of the tracker
 
@@ -26,8 +27,13 @@ def precompile(video: Path) -> None:
 
     if is_kept(integrate_some):
         return
+    # In a thread: the first process waits until the libraries are imported.
+    Thread(target=_start, args=(video,), daemon=True).start()
+
+
+def _start(video: Path) -> None:
     for work in (simulate_run, partial(measure_turn, video)):
-        SPAWNING.Process(target=_quietly, args=(work,), daemon=True).start()
+        PROCESSES.Process(target=_quietly, args=(work,), daemon=True).start()
 
 
 def _quietly(work: Callable[[], None]) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from calibration.errors import CalibrationError
 from evaluator.errors import InputError
-from evaluator.workflow.execution.machine import SPAWNING
+from evaluator.workflow.execution.machine import PROCESSES
 
 Answer = Callable[..., Any]
 
@@ -69,9 +69,9 @@ class Child:
     def _running(self) -> Connection:
         if self._pipe is None or not self._process.is_alive():
             self._end()
-            self._pipe, theirs = SPAWNING.Pipe()
+            self._pipe, theirs = PROCESSES.Pipe()
             arguments = (theirs, self.idle_s, self.maker, self.arguments)
-            self._process = SPAWNING.Process(target=_serve, args=arguments, daemon=True, name="turnscope media")
+            self._process = PROCESSES.Process(target=_serve, args=arguments, daemon=True, name="turnscope media")
             self._process.start()
             theirs.close()
         return self._pipe

@@ -19,7 +19,7 @@ print(len(done.turning))
 SPAWNED = """
 import evaluator.workflow.execution.machine as machine
 from evaluator.workflow.execution.answers import answers_of
-machine._POOLING = machine.SPAWNING
+machine.PROCESSES = machine.Spawning()
 print("begun")
 with answers_of(abs, [-1, 2], workers=2, when_killed=print) as answers:
     print(len(dict(answers)))
