@@ -89,11 +89,11 @@ def overwritten(good: Path, target: Path) -> None:
 DAMAGES: dict[str, tuple[Damage, str]] = {
     "missing": (lambda _, __: None, "no such file"),
     "empty": (lambda _, target: target.touch(), "empty"),
-    "folder": (lambda _, target: target.mkdir(), "folder of images has no clock"),
+    "folder": (lambda _, target: target.mkdir(), "folder of images has no time stamps"),
     "text": (text, "not a video"),
     "overwritten": (overwritten, "not a video"),
     "cut": (cut_in_the_middle, "cut off after"),
-    "cut-matroska": (cut_matroska, "it promises 1.48 s"),
+    "cut-matroska": (cut_matroska, "the file announces 1.48 s"),
     "cut-index": (cut_before_its_index, "not a video that FFmpeg can open"),
     "sound": (sound_only, "holds no video"),
     "grey": (grey, "mark is in none of 24 frames"),
