@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
-from multiprocessing.context import BaseContext, SpawnContext, SpawnProcess
+from multiprocessing.context import SpawnContext, SpawnProcess
 from types import ModuleType
 from typing import TypeVar
 
@@ -69,7 +69,7 @@ if sys.platform == "linux":
 
     # A fork server imports the libraries once, for all processes that this one starts: to import them takes longer than
     # most of what is asked of a process. It is free of the threads that make plain forks unsafe.
-    PROCESSES: BaseContext = _Forking()
+    PROCESSES = _Forking()
     PROCESSES.set_forkserver_preload(["evaluator.workflow.runs.stages"])
 else:
     PROCESSES = Spawning()
