@@ -181,7 +181,8 @@ def _ill_conditioned(calibration: Calibration, spread: float) -> list[str]:
 def _wrong_size(calibration: Calibration) -> list[str]:
     """Dots of another size than the file's: then its pitch may be as wrong, which no image can tell."""
     ratio = float(np.median([sighting.size_ratio for sighting in calibration.sightings]))
-    if not (ratio > WIDEST or ratio < NARROWEST):
+    bloom = 1.0 + float(np.median([sighting.bloom for sighting in calibration.sightings]))
+    if not (ratio / bloom > WIDEST or ratio * bloom < NARROWEST):
         return []
     sentence = (
         f"the ratio of dot diameter to pitch is {ratio:.2f} times that of the gauge file: pitch_mm or "

@@ -46,7 +46,9 @@ def with_values(**values: float) -> Camera:
 
 def calibration(camera: Camera = CAMERA, **said: Any) -> Any:
     """A calibration that is sound but for what is said: five images, all dots used."""
-    dots = SimpleNamespace(size_ratio=1.0, name="g.png", match=type("M", (list,), {"certain": True})([0] * 100))
+    dots = SimpleNamespace(
+        size_ratio=1.0, bloom=0.0, name="g.png", match=type("M", (list,), {"certain": True})([0] * 100)
+    )
     tilted = [cv2.Rodrigues(np.array([np.pi, 0.0, 0.0]))[0]]
     tilted += [cv2.Rodrigues(0.4 * np.array([np.cos(a), np.sin(a), 0.0]))[0] @ tilted[0] for a in range(4)]
     poses = np.array([[*cv2.Rodrigues(rotation)[0][:, 0], 0.0, 0.0, DISTANCE] for rotation in tilted])
@@ -81,12 +83,16 @@ def test_residuals_from_three_times_the_sharpness_of_dots_on_are_a_misfit(sigmas
     assert (assess(calibration(fit=fit)).level == "limited") == wrong
 
 
+def _seen(size_ratio: float) -> SimpleNamespace:
+    """An image in focus whose dots are so many times as wide as the gauge file says."""
+    return SimpleNamespace(size_ratio=size_ratio, bloom=0.0, name="g.png", match=calibration().sightings[0].match)
+
+
 @pytest.mark.parametrize(("ratio", "wrong"), [(1.14, False), (1.16, True), (0.81, False), (0.79, True)])
 def test_dots_a_seventh_wider_or_a_fifth_narrower_than_the_file_says_are_of_a_wrong_size(
     ratio: float, wrong: bool
 ) -> None:
-    dots = SimpleNamespace(size_ratio=ratio, name="g.png", match=calibration().sightings[0].match)
-    odd = SimpleNamespace(size_ratio=9.0, name="g.png", match=dots.match)
+    dots, odd = _seen(ratio), _seen(9.0)
     assert bool(_wrong_size(calibration(sightings=(dots, dots, odd)))) == wrong  # the median counts
 
 
@@ -143,7 +149,7 @@ def test_images_that_show_dots_in_a_part_are_judged_by_the_corners_or_not_believ
     [
         ({"camera": known(focal_px=0.02 * FOCAL)}, "focal length is known to 2 % only", "five or more images"),
         ({"fit": SimpleNamespace(variance=16.0, state=calibration().fit.state)}, "4 times", "flat, rigid gauge"),
-        ({"sightings": (SimpleNamespace(size_ratio=1.2, name="g.png", match=calibration().sightings[0].match),) * 5},
+        ({"sightings": (_seen(1.2),) * 5},
          "1.20 times that of the gauge file", "measure pitch and dot diameter"),
         ({"camera": known(translation_z_mm=0.5)}, "not determine the height correction", "tilted by 10 to 30 degrees"),
     ],
@@ -156,7 +162,9 @@ def test_every_doubt_comes_with_what_to_do(said: dict[str, Any], reason: str, st
 
 
 def test_an_image_that_was_left_out_and_an_origin_that_may_be_off_by_a_pitch_are_noted() -> None:
-    unsure = SimpleNamespace(size_ratio=1.0, name="g.png", match=type("M", (list,), {"certain": False})([0] * 100))
+    unsure = SimpleNamespace(
+        size_ratio=1.0, bloom=0.0, name="g.png", match=type("M", (list,), {"certain": False})([0] * 100)
+    )
     notes = _notes(calibration(sightings=(unsure,) * 5, left_out=(("h.png", "no dots"),)))
     assert notes[0] == "left out h.png: no dots"
     assert "off by whole pitches" in notes[-1]
