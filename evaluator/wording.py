@@ -21,11 +21,12 @@ def with_bounds(value: float, low: float, high: float) -> tuple[str, str, str]:
     """Give a value and its 95 % bounds with as many decimals as their distance bears, never as powers.
 
     A quarter of the distance is about the standard uncertainty: the last decimal is its first figure. Three figures
-    where there is no distance.
+    where there is no distance, and never more than nine: drawn paths are known to the last bit.
     """
     if not 0 < high - low < math.inf:
         return f"{value:.3g}", f"{low:.3g}", f"{high:.3g}"
-    decimals = max(0, -math.floor(math.log10((high - low) / 4)))
+    borne, shown = -math.floor(math.log10((high - low) / 4)), 8 - math.floor(math.log10(max(-low, high)))
+    decimals = max(0, min(borne, shown))
     best, least, most = (f"{round(item, decimals) + 0.0:.{decimals}f}" for item in (value, low, high))
     return best, least, most
 

@@ -58,6 +58,7 @@ def test_friction_that_changes_along_the_way_is_said_where_it_does() -> None:
         ((8.5e-7, -1.96e-4, 1.97e-4), ("0.00000", "-0.00020", "0.00020")),
         ((1234.56, 1200.0, 1270.0), ("1235", "1200", "1270")),
         ((0.25, 0.25, 0.25), ("0.25", "0.25", "0.25")),
+        ((101.7874176900073, 101.7874176900072, 101.7874176900074), ("101.787418",) * 3),
     ],
 )
 def test_a_value_and_its_bounds_have_the_decimals_that_their_distance_bears(
