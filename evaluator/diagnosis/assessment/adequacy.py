@@ -100,6 +100,8 @@ def unlike_runs(left: Adequacy, runs: Sequence[int]) -> list[Unlike]:
         seen = left.told[:, number] > LEAST_TOLD
         alike, which = left.random_effects[seen, number] / np.sqrt(left.told[seen, number]), np.asarray(runs)[seen]
         odd = _odd(alike, UNLIKE / (len(SCATTER) - 1))
+        if not odd:  # on open ground no run has friction or gains of its own
+            continue
         change = alike - np.delete(alike, odd).mean()
         for side in (1, -1):
             same = [k for k in sorted(odd) if side * change[k] > 0]

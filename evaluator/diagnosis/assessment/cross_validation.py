@@ -46,35 +46,25 @@ def advantage(first: Fit, second: Fit, data: Sequence[RunData], tolerance: Mappi
 def predicts_better(first: Fit, second: Fit, data: Sequence[RunData], tolerance: Mapping[str, float]) -> bool:
     """Whether the first fit predicts commands left out better than the second, by more than chance among commands.
 
-    On open ground the noise is what the best model leaves over, and a run that a model misses by ten times as much
-    outweighs all others by its density. So each run counts by how many times less it is missed, and these ratios must
-    be above one on average over commands (one-sided t test of their logarithms, the runs of a command averaged). What
-    a single command shows is no effect.
+    On open ground the noise is what the best model leaves over, and a command that a model misses by ten times as much
+    outweighs all others by its density. So each command counts by how many times less its runs are missed, and these
+    ratios must be above one on average (one-sided t test of their logarithms). One command alone shows no effect.
     """
     aside = [np.array(runs) for runs in runs_by_command([data[run] for run in first.runs]).values()]
     if len(aside) < 2:
         return False
     # a density of whitened features is that of a unit normal, so its negative is half of what is missed, and of noise
-    less, more = (np.maximum(-_densities(fit, aside, tolerance, by_run=True), 0.5) for fit in (first, second))
-    edges = np.cumsum([len(runs) for runs in aside])[:-1]
-    ratios = np.array([part.mean() for part in np.split(np.log(more / less), edges)])
+    less, more = (np.maximum(-_densities(fit, aside, tolerance), 0.5) for fit in (first, second))
+    ratios = np.log(more / less)
     error = ratios.std(ddof=1) / np.sqrt(len(ratios))
     return bool(ratios.mean() > special.stdtrit(len(ratios) - 1, 1 - BY_CHANCE) * error)
 
 
-def _densities(
-    fit: Fit, aside: Sequence[NDArray[np.int64]], tolerance: Mapping[str, float], *, by_run: bool = False
-) -> Floats:
-    """Log density of each group of runs, given the parameters that the other groups tell, (groups,).
-
-    by_run: of each run of the groups by itself instead, (runs,) in the order of the groups.
-    """
+def _densities(fit: Fit, aside: Sequence[NDArray[np.int64]], tolerance: Mapping[str, float]) -> Floats:
+    """Log density of each group of runs, given the parameters that the other runs tell, (groups,)."""
     tau = fit.posterior.scatter
     s, g, G = at_scatter(fit.reduced, tau)
     without = _told_without(g, G, aside, fit, tolerance)
-    if by_run:
-        without = [told for told, group in zip(without, aside, strict=True) for _ in group]
-        aside = np.concatenate(aside)[:, None].tolist()
     widths = np.linalg.slogdet(fit.reduced.A + np.diag(tau**-2.0))[1] + 2 * np.log(tau).sum()
     found = []
     for group, (mean, covariance) in zip(aside, without, strict=True):
