@@ -32,12 +32,13 @@ def finding_sentences(content: Json) -> list[str]:
 
 
 def preferred_sentence(content: Json) -> str:
-    """Fitted values within their tolerances whose 95 % intervals exclude 0; empty without any."""
+    """Fitted values within their tolerances whose 95 % intervals exclude 0, the farthest first; empty without any."""
     parts = []
-    for item in content.get("known_to") or []:
+    for item in sorted(content.get("known_to") or [], key=_tolerances, reverse=True):
         if item.get("low") is not None and item["low"] * item["high"] > 0:
             found, low, high = _found(item)
-            parts.append(f"{item.get('name') or item['quantity']} {found}{_unit(item)} [{low}, {high}]")
+            far = f" ({_tolerances(item):.1f} tolerances)" if _tolerances(item) > FAR else ""
+            parts.append(f"{item.get('name') or item['quantity']} {found}{_unit(item)} [{low}, {high}]{far}")
     return as_sentence(f"Values that the data prefer, within their tolerances: {'; '.join(parts)}") if parts else ""
 
 
@@ -101,12 +102,23 @@ def mistakes_section(content: Json) -> Section | None:
 
 
 def _row(item: Json) -> tuple[str, ...]:
-    taken, value = item.get("taken"), item.get("found")
-    far = bool(taken and value is not None and abs(value) > FAR * taken)
     found, low, high = _found(item)
     interval = UNKNOWN if item.get("low") is None else f"{low} to {high}"
     name = str(item.get("name") or item["quantity"])
-    return (name, _unit(item).strip(), value_text(taken), found, interval, "far" if far else "")
+    return (
+        name,
+        _unit(item).strip(),
+        value_text(item.get("taken")),
+        found,
+        interval,
+        "far" if _tolerances(item) > FAR else "",
+    )
+
+
+def _tolerances(item: Json) -> float:
+    """How far a value is from what was taken as known, in standard deviations of that; 0 where it is not known."""
+    taken, value = item.get("taken"), item.get("found")
+    return abs(value) / taken if taken and value is not None else 0.0
 
 
 def _found(item: Json) -> tuple[str, str, str]:

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from evaluator.diagnosis.assessment.disagreement import COLUMNS, QUANTITIES, SHOWN_SIGMAS, every_dependence
-from evaluator.report.diagnosis.knowledge import finding_sentences
+from evaluator.report.diagnosis.knowledge import finding_sentences, preferred_sentence
 from evaluator.report.diagnosis.sections import diagnosis_sections
 from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.diagnosis.words import (
@@ -238,3 +238,14 @@ def test_runs_that_are_unlike_the_others_are_told_beside_the_verdict() -> None:
     sentence = "r08, r09: the left wheels turn 1.5 % faster than in the other runs"
     lines = verdict_lines({**CONTRACT, "reason": "so", "unlike_runs": [{"runs": ["r08", "r09"], "sentence": sentence}]})
     assert lines[lines.index(f"{sentence}.") - 1].startswith("Runs unlike the others")
+
+
+def test_values_that_the_data_prefer_are_told_the_farthest_first() -> None:
+    def value(name: str, found: float, taken: float) -> dict[str, Any]:
+        return {"quantity": name, "unit": "mm", "taken": taken, "found": found, "low": found - 0.1, "high": found + 0.1}
+
+    items = [value("near", 1.0, 1.0), value("far", -2.5, 1.0), value("nought", 0.05, 0.01), value("next", 1.9, 1.0)]
+    assert preferred_sentence({"known_to": items}) == (
+        "Values that the data prefer, within their tolerances: far −2.50 mm [−2.60, −2.40] (2.5 tolerances); "
+        "next 1.90 mm [1.80, 2.00]; near 1.00 mm [0.90, 1.10]."
+    )
