@@ -15,9 +15,11 @@ from calibration.camera import PARAMETERS, camera_above, camera_height, project
 from calibration.errors import CalibrationError
 from calibration.estimation import calibrate
 from calibration.estimation.bundle_adjustment import (
+    LENS_PARAMETERS,
     State,
     _moved,
     _normal,
+    add_prior,
     outliers,
     solve,
     view_rows,
@@ -82,6 +84,30 @@ def test_priors_weigh_a_lens_by_its_sigmas_and_the_focal_length_by_its_logarithm
     short = replace(state, lens=np.array([79.0, *state.lens[1:]]))
     assert np.isinf(_normal([], replace(short, poses=np.zeros((0, 6))), prior, 1.0).cost)  # less than 0.2 widths
     assert _moved(state, np.array([-1e6, *[0.0] * 9])).lens[0] == pytest.approx(0.3 * 1200)
+
+
+def test_priors_are_known_to_their_sigmas_by_the_normal_matrix_too() -> None:
+    """At their means the matrix is minus the derivative of the gradient; no image says anything."""
+    _, state = bundle(1)
+    free = tuple(LENS_PARAMETERS)
+    prior = replace(rough_prior((400, 300)), distance_mm=(camera_height(state.poses[0])[0], 0.4), face_mm=0.05)
+    state = replace(state, free=free, lens=prior.mean, face_mm=np.zeros(3))
+
+    def added(at: State) -> tuple[np.ndarray, np.ndarray]:
+        matrix, gradient = np.zeros((19, 19)), np.zeros(19)
+        add_prior(matrix, gradient, at, prior)
+        return matrix, gradient
+
+    matrix, gradient = added(state)
+    assert gradient == pytest.approx(np.zeros(19), abs=1e-9)
+    sigmas = [1 / np.sqrt(matrix[k, k]) for k in range(13)]
+    assert sigmas == pytest.approx([*prior.sigma, 0.05, 0.05, 0.05])
+    for place in range(19):
+        step = 1e-4
+        slope = (added(moved_by(state, place, step))[1] - added(moved_by(state, place, -step))[1]) / (2 * step)
+        np.testing.assert_allclose(matrix[place], -slope, rtol=1e-3, atol=1e-4 * np.abs(matrix).max())
+    height = camera_height(state.poses[0])[1]
+    assert height @ matrix[13:, 13:] @ height == pytest.approx((height @ height / 0.4) ** 2)
 
 
 def test_cost_of_a_residual_is_its_square_up_to_three_sigmas_and_then_a_line() -> None:
