@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from evaluator.diagnosis.assessment import sole_run as module
 from evaluator.diagnosis.assessment.adequacy import Adequacy
 from evaluator.diagnosis.assessment.sole_run import SoleRun, _misfits, sole_gains, sole_misfit, sole_run
 from evaluator.diagnosis.candidates.coordinates import named_terms
@@ -132,3 +133,36 @@ def test_a_run_that_tells_its_wheel_speeds_better_than_others_is_not_unlike_them
     effects[3, 1] = 0.05
     assert sole_gains(_left_of(effects), tuple(range(20)), 0.1) == 3
     assert sole_gains(_left_of(effects, told), tuple(range(20)), 0.1) is None
+
+
+def updated(monkeypatch: pytest.MonkeyPatch, covariance: np.ndarray, G: np.ndarray, g: np.ndarray) -> Any:
+    """Parameters, at 0.3 each by a fit of this covariance, with a run of this information (p, p), (p,)."""
+    monkeypatch.setattr(module, "reduce_runs", lambda _: None)
+    monkeypatch.setattr(module, "at_scatter", lambda *_: (None, g[None], G[None]))
+    monkeypatch.setattr(module, "bounds", lambda columns, _: (np.full(len(columns), -9.0), np.full(len(columns), 9.0)))
+    problem: Any = SimpleNamespace(linearized=lambda *_: None)
+    placed: Any = SimpleNamespace(value=lambda _: 0.3, at=lambda _, theta: theta)
+    posterior = SimpleNamespace(covariance=covariance, scatter=None)
+    fit: Any = SimpleNamespace(columns=tuple(range(len(g))), posterior=posterior)
+    return module._updated(problem, fit, placed, 0, {})
+
+
+def test_a_run_moves_the_parameters_of_a_fit_as_bayes_theorem_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    root, rows = np.random.default_rng(0).normal(size=(2, 3, 3))
+    covariance, G = root @ root.T, rows.T @ rows
+    g = G @ np.full(3, 0.3) + np.linalg.cholesky(G) @ [0.5, -0.3, 0.2]
+    expected = np.linalg.solve(np.linalg.inv(covariance) + G, np.linalg.solve(covariance, np.full(3, 0.3)) + g)
+    np.testing.assert_allclose(updated(monkeypatch, covariance, G, g), expected)
+
+
+@pytest.mark.parametrize(("sigmas", "follows"), [(3.2, True), (-3.2, True), (3.4, False), (-3.4, False)])
+def test_a_run_that_wants_parameters_beyond_chance_is_not_followed(
+    monkeypatch: pytest.MonkeyPatch, sigmas: float, follows: bool
+) -> None:
+    """Of what a run tells three times better than the fit the two differ by the variances of both: 3.29 is a 1000th."""
+    variance, information = 0.25, 12.0
+    off = sigmas * np.sqrt(variance + 1 / information)
+    found = updated(
+        monkeypatch, np.array([[variance]]), np.array([[information]]), np.array([information * (0.3 + off)])
+    )
+    assert (found is not None) == follows
