@@ -76,11 +76,10 @@ def _pose(view: View, lens: Array, size_px: tuple[int, int]) -> Array:
     near = np.argsort(distance)[: max(12, len(view) // 2)]
     normalised = (view.centers_px[near] - lens[2:4]) / (lens[0], lens[0] * lens[1])
     plane = view.points_mm[near, :2]
-    homography = cv2.findHomography(plane - plane.mean(axis=0), normalised, 0)[0]
+    homography = cv2.findHomography(plane - plane.mean(axis=0), normalised, 0)[0]  # its last element is 1
     if homography is None:
         homography = np.diag([1.0, -1.0, 1.0])
     homography = homography / np.sqrt(np.linalg.norm(homography[:, 0]) * np.linalg.norm(homography[:, 1]))
-    homography = homography if homography[2, 2] > 0 else -homography
     r1, r2, translation = homography.T
     u, _, vt = np.linalg.svd(np.stack([r1, r2, np.cross(r1, r2)], axis=1))
     rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
