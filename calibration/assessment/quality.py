@@ -265,7 +265,6 @@ def _flatness_notes(calibration: Calibration) -> list[str]:
     rest = REST * np.sqrt(found.mean_square_mm2)
     solved = (
         f"the shape of the gauge was estimated: peak to valley {found.peak_to_valley_mm:.3g} mm ({interval}); the "
-        "points on "
-        f"which it rests are unknown, so the plate's height is known to {rest:.2g} mm (1 sigma, included)"
+        f"points on which it rests are unknown, so the plate's height is known to {rest:.2g} mm (1 sigma, included)"
     )
     return [solved]

@@ -63,8 +63,7 @@ def simulate(
     if run.is_by_chance:
         click.echo(
             "note: the robot may turn differently: it passes an unstable equilibrium, where a small disturbance "
-            "grows by "
-            f"a factor of {run.amplification:.0e} (for example when wheels start in opposite directions)",
+            f"grows by a factor of {run.amplification:.0e} (for example when wheels start in opposite directions)",
             err=True,
         )
     if not run.is_converged:

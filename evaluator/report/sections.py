@@ -198,8 +198,7 @@ def _run_table(runs: Sequence[RunView], set_aside: AbstractSet[str]) -> Section:
         columns["group"] = lambda run: run.group
     caption = (
         "Radius: minimum turning radius of the robot's centre, sustained for a quarter turn; a dash if the run does "
-        "not "
-        "turn. Full tables: turning.csv and comparison.csv."
+        "not turn. Full tables: turning.csv and comparison.csv."
     )
     status = {run.id: str(run.turning["radius_status"]) for run in runs}
     text = tuple(

@@ -37,8 +37,7 @@ def slip_table(runs: Sequence[RunView]) -> Table:
     columns["slip angle of the body, °"] = _beside("body_slip_angle_deg", 2)
     caption = (
         "Upper line: measured; lower: simulated. Measured slip ratios assume that the wheels turn as commanded, so a "
-        "motor "
-        "that turns slower than commanded appears as slip."
+        "motor that turns slower than commanded appears as slip."
     )
     return table_of_runs(caption, columns, runs)
 
@@ -66,8 +65,7 @@ def outline_table(runs: Sequence[RunView]) -> Table:
     caption = (
         "Radii about the centre of rotation, of marks, the outermost wheel and the outermost corner (wall to wall, "
         "SAE J695), and position of this centre in the body frame. Path efficiency: length of the fitted over the "
-        "driven "
-        "path. Smoothness: spectral arc length of the speed; nearer zero is smoother."
+        "driven path. Smoothness: spectral arc length of the speed; nearer zero is smoother."
     )
     return table_of_runs(caption, columns, runs)
 
@@ -132,8 +130,7 @@ def directions_table(directions: pd.DataFrame, unit: LengthUnit) -> Table:
     ]
     caption = (
         "Change: backward relative to forward. Its interval comes from the scatter of repetitions; with one run each "
-        "way "
-        "it contains the measurement uncertainty only, and smoothness has no interval."
+        "way it contains the measurement uncertainty only, and smoothness has no interval."
     )
     head = (
         *("left / right, rpm", "runs", f"forward, {unit.name}", f"backward, {unit.name}", "change, %", "95 %, %"),

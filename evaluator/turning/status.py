@@ -39,8 +39,7 @@ def spacing_fault(poses: Poses) -> str:
     times = f"{ratio:.3g} times too far apart" if ratio > 1 else f"{1 / ratio:.3g} times too near"
     return (
         f"wrong scale: {found}, {times}; are the positions of the marks in robot.toml, their height and the pitch of "
-        "the "
-        "gauge right?"
+        "the gauge right?"
     )
 
 

@@ -51,6 +51,5 @@ def too_few(left: Adequacy, parameters: int, with_law: Adequacy | None = None) -
     )
     return (
         f"{within}, and so few runs cannot distinguish a missing effect from scatter between runs (friction, speeds, "
-        "an odd "
-        f"run): repeat these commands forward and backward, until there are {wanted} runs"
+        f"an odd run): repeat these commands forward and backward, until there are {wanted} runs"
     )

@@ -142,8 +142,7 @@ def _rivals(content: Json) -> Section | None:
         return None
     caption = (
         "The best other sets of effects. Behind: natural logarithm of the odds against it, with priors; 3 is odds of "
-        "20 "
-        "to 1."
+        "20 to 1."
     )
     table = Table(caption, ("effects", "probability", "behind", "reason against it"), rows, words=True)
     return Section("diagnosis-rivals", "Alternatives", tables=(table,))
@@ -165,8 +164,7 @@ def _small_print(content: Json) -> Section | None:
         if noise.get("common_drift_mm"):
             text.append(
                 f"Both marks drift together by {length(noise['common_drift_mm'])} RMS within a run, for example "
-                "because "
-                "the camera moves against the plate or because of warm air. This is treated as noise."
+                "because the camera moves against the plate or because of warm air. This is treated as noise."
             )
         if noise.get("friction_in_10_mm"):
             text.append(

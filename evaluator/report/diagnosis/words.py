@@ -208,8 +208,7 @@ def separations_sentence(content: Json) -> str:
         told = _listed([f"{words_of(name)} ({sigmas:.1f} sigmas)" for name, sigmas in beyond.items()])
         parts.append(
             f"Even {following.get('most_runs', 'many')} further runs at these speeds on this plate would not "
-            "distinguish "
-            f"it from {told}: inspect the robot, the plate and the wires, or drive faster."
+            f"distinguish it from {told}: inspect the robot, the plate and the wires, or drive faster."
         )
     return " ".join(parts)
 

@@ -56,8 +56,7 @@ def lost_frames(runs: Sequence[RunView]) -> Figure | None:
         "lost-frames",
         "Frames without a pose",
         "Each stroke is a frame in which a mark was not found or was rejected; the data give each reason. Strokes at "
-        "one "
-        "position on the plate suggest glare or the edge of the image.",
+        "one position on the plate suggest glare or the edge of the image.",
         (canvas.svg,),
         pd.DataFrame(rows, columns=["run", "time_s", "reason"]),
     )

@@ -35,8 +35,7 @@ def radius_against_difference(runs: Sequence[RunView]) -> Figure | None:
         "radius-difference",
         "Radius against difference of rotational frequency",
         "Circles: runs with 95 % intervals; squares: their simulations. Where a square lies outside the interval, "
-        "model "
-        "and robot disagree. (Figure 18 of the paper.)",
+        "model and robot disagree. (Figure 18 of the paper.)",
         (canvas.svg,),
         _radius_data(turning),
     )
@@ -98,8 +97,7 @@ def radius_by_group(runs: Sequence[RunView]) -> Figure | None:
         "radius-groups",
         "Forward and backward by group",
         "Filled: forward runs; open triangles: backward runs. If the intervals of a pair do not overlap, the robot "
-        "turns "
-        "differently in the two directions. (Figure 22 of the paper.)",
+        "turns differently in the two directions. (Figure 22 of the paper.)",
         (canvas.svg,),
         data,
     )

@@ -51,8 +51,7 @@ def repetitions(runs: Sequence[RunView], pooled: pd.DataFrame) -> Figure | None:
         "repetitions",
         "Scatter of repetitions",
         "Circles: runs with 95 % intervals from noise. Grey band: scatter from run to run (one standard deviation, "
-        "noise "
-        "subtracted). A band wider than the bars means that the robot varies, not the measurement.",
+        "noise subtracted). A band wider than the bars means that the robot varies, not the measurement.",
         (canvas.svg,),
         pd.DataFrame(data, columns=columns),
     )

@@ -37,8 +37,7 @@ def straight_speed(runs: Sequence[RunView], wheel_radius_mm: float) -> Figure | 
         "straight-speed",
         "Straight runs: speed against rotational frequency",
         "Line: rolling without slip. Different speeds of the marks mean that the run was not straight; points below "
-        "the "
-        "line, that the wheels slip or turn slower than commanded. (Figure 17 of the paper.)",
+        "the line, that the wheels slip or turn slower than commanded. (Figure 17 of the paper.)",
         (canvas.svg,),
         pd.DataFrame(
             {

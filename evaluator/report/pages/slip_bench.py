@@ -41,8 +41,7 @@ def fit_sentences(fit: SlipFit, forces: pd.DataFrame) -> tuple[str, ...]:
     if unknown:
         sentences.append(
             f"Lateral force unknown in {unknown} rows at slip angle 0, where it does not act on the disk's torque; "
-            "their "
-            "torques are still used in the fit."
+            "their torques are still used in the fit."
         )
     return tuple(sentences)
 
