@@ -135,7 +135,7 @@ def _odds_sigmas(fit: Fit, evidence: float) -> float:
 
 def _left_over(model: MixedModel, at: int, own: Sequence[int], size: Floats, others: Sequence[int]) -> float:
     """Norm of own columns at size, orthogonal to the others, in sigmas."""
-    G = model.G[at]
+    (G,) = model.inner(at=[at])
     H = G[np.ix_(others, others)] + np.diag(model.prior[list(others)])
     scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
     cross = G[np.ix_(others, own)] @ size
@@ -156,7 +156,7 @@ def predictive_score(search: Search, fit: Fit, runs: Sequence[int]) -> float:
     reduced = reduce_runs(search.problem.linearized(point, columns, runs))
     model = MixedModel(reduced, prior_precision(columns, search.tolerance))
     at = _nearest(model, fit.posterior.scatter)
-    G, g, s = model.G[at], model.g[at], model.s[at]
+    (G,), g, s = model.inner(at=[at]), model.g[at], model.s[at]
     excess = g - G @ theta
     covariance = fit.posterior.covariance
     inner = np.linalg.solve(np.eye(len(columns)) + covariance @ G, covariance)

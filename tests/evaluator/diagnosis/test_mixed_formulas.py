@@ -45,7 +45,7 @@ def test_inner_products_at_every_scatter_are_the_dense_likelihood() -> None:
     for at in few_scatters(model):
         for theta in (np.zeros(2), np.array([0.3, -1.2])):
             dense = sum(minus_two_log(run, theta, model.tau[at]) for run in runs)
-            found = model.s[at] - 2 * model.g[at] @ theta + theta @ model.G[at] @ theta + model.logdet[at]
+            found = model.s[at] - 2 * model.g[at] @ theta + theta @ model.inner(at=[at])[0] @ theta + model.logdet[at]
             assert found == pytest.approx(dense, rel=1e-8)
 
 
@@ -58,7 +58,7 @@ def test_evidence_of_a_nominal_value_is_its_integral_by_quadrature_over_value_an
     weight = np.ones(4001) * (value[1] - value[0])
     weight[[0, -1]] /= 2
     prior = np.exp(-0.5 * (value / 0.7) ** 2) / (0.7 * np.sqrt(2 * np.pi))
-    square = model.s[:, None] - 2 * model.g * value + model.G[:, 0] * value**2 + model.logdet[:, None]
+    square = model.s[:, None] - 2 * model.g * value + model.inner()[:, 0] * value**2 + model.logdet[:, None]
     joint = np.exp(-0.5 * (square - square.min())) * prior * weight
     total = joint.sum() / len(model.tau)
     assert found.log_evidence == pytest.approx(np.log(total) - 0.5 * square.min(), abs=1e-6)
@@ -72,7 +72,7 @@ def test_evidence_of_a_nominal_value_is_its_integral_by_quadrature_over_value_an
 def test_evidence_of_an_effect_is_its_best_likelihood_less_half_the_logarithm_of_the_runs() -> None:
     runs = linear_runs(count=7, parameters=1)
     model = MixedModel(reduce_runs(runs), np.zeros(1))
-    best = model.s - model.g[:, 0] ** 2 / model.G[:, 0, 0] + model.logdet
+    best = model.s - model.g[:, 0] ** 2 / model.inner()[:, 0, 0] + model.logdet
     expected = np.log(np.mean(np.exp(-0.5 * (best - best.min())))) - 0.5 * best.min() - 0.5 * np.log(7)
     found = model.posterior([0])
     assert found.log_evidence == pytest.approx(expected, abs=1e-6)
@@ -107,7 +107,7 @@ def test_a_column_that_the_base_says_already_brings_nothing_more(sign: int) -> N
     """What is left of it is rounding, of either sign: its evidence was no number, and no order of candidates held."""
     runs = [replace(run, common=run.common[:, [0, 1, 1]]) for run in linear_runs()]
     model = MixedModel(reduce_runs(runs), np.zeros(3))
-    model.G[:, 2, 2] *= 1 + sign * 5e-12
+    model.whole[2, 2] *= 1 + sign * 5e-12
     given = model.given([0, 1])
     nothing = given.posterior([]).log_evidence - 0.5 * np.log(len(runs))
     assert given.posterior([2]).log_evidence == pytest.approx(nothing)

@@ -213,7 +213,7 @@ def test_odds_in_sigmas_are_the_root_of_twice_the_loss() -> None:
 
 
 def test_separation_is_the_part_of_an_effect_that_the_others_cannot_make() -> None:
-    model: Any = SimpleNamespace(G=np.array([[[4.0, 3.0], [3.0, 9.0]]]), prior=np.array([0.0, 7.0]))
+    model: Any = SimpleNamespace(inner=lambda at: np.array([[[4.0, 3.0], [3.0, 9.0]]])[at], prior=np.array([0.0, 7.0]))
     assert _left_over(model, 0, [0], np.array([2.0]), []) == pytest.approx(4.0)  # two sigmas a unit, two units
     assert _left_over(model, 0, [0], np.array([2.0]), [1]) == pytest.approx(np.sqrt(16 - 36 / 16))
 
@@ -224,7 +224,7 @@ def separable(monkeypatch: pytest.MonkeyPatch, others: dict[frozenset[str], floa
     columns = np.array(list(along.values()))
     view = SimpleNamespace(
         model=SimpleNamespace(
-            G=np.array([np.zeros((4, 4)), columns @ columns.T]),
+            inner=lambda at: np.array([np.zeros((4, 4)), columns @ columns.T])[at],
             prior=np.zeros(4),
             tau=np.array([[0.3, 0.1, 0.1, 1.0], TAU_FITTED]),
         ),

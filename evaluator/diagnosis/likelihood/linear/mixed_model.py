@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,14 +119,32 @@ class MixedModel:
         precision = reduced.A[None] + inverse[:, None, :, None] * np.eye(len(SCATTER))  # (grid, n, 4, 4)
         # Half of each correction, so that all runs together are one product: M = root · rootᵀ of every run.
         root = np.linalg.inv(np.linalg.cholesky(precision))  # lower triangle L⁻¹, M = L⁻ᵀ·L⁻¹
-        half = np.matmul(root, np.concatenate([reduced.C, reduced.c[:, :, None]], axis=2)).reshape(grid, -1, p + 1)
-        taken = np.matmul(half.transpose(0, 2, 1), half)  # (grid, p + 1, p + 1)
-        self.s = float(reduced.s.sum()) - taken[:, p, p]
-        self.g = reduced.g.sum(axis=0) - taken[:, :p, p]
-        self.G = reduced.G.sum(axis=0) - taken[:, :p, :p]
-        self.rounding = RIDGE * np.diag(reduced.G.sum(axis=0))  # of what is left of a column, by differences
+        sides = np.concatenate([reduced.C, reduced.c[:, :, None]], axis=2).transpose(0, 2, 1)
+        half = np.matmul(sides, root.transpose(0, 1, 3, 2)).transpose(0, 2, 1, 3).reshape(grid, p + 1, -1)
+        columns, response = half[:, :p], half[:, p]
+        self.s = float(reduced.s.sum()) - np.sum(response**2, axis=1)
+        self.g = reduced.g.sum(axis=0) - np.matmul(columns, response[:, :, None])[:, :, 0]
+        self.whole = reduced.G.sum(axis=0)
+        self.corrections = [(columns, columns)]  # (grid, p, r) each: what scatter and a given base take of the whole
+        self.said = np.zeros((grid, p), dtype=np.bool_)  # columns of which nothing is left at a scatter
+        self.rounding = RIDGE * np.diag(self.whole)  # of what is left of a column, by differences
         diagonals = np.diagonal(root, axis1=2, axis2=3)
         self.logdet = -2 * np.log(diagonals).sum(axis=(1, 2)) - self.runs * np.log(inverse).sum(axis=1)
+
+    def inner(
+        self, rows: NDArray[np.int64] | None = None, columns: NDArray[np.int64] | None = None, at: Any = slice(None)
+    ) -> Floats:
+        """Inner products (t, r, c) of columns at grid points; default: of all, at all.
+
+        Made when asked for: of hundreds of candidates those of each with all others are never needed.
+        """
+        every = np.arange(len(self.prior))
+        rows, columns = (every if part is None else part for part in (rows, columns))
+        found = np.broadcast_to(self.whole[np.ix_(rows, columns)], (len(self.tau[at]), len(rows), len(columns))).copy()
+        for left, right in self.corrections:
+            found -= np.matmul(left[at][:, rows], right[at][:, columns].transpose(0, 2, 1))
+        found[self.said[at][:, rows, None] | self.said[at][:, None, columns]] = 0.0
+        return found
 
     def given(self, base: Sequence[int]) -> MixedModel:
         """The model of the other columns once those of base, always in it, are at their best for each scatter.
@@ -135,17 +154,19 @@ class MixedModel:
         """
         keep = np.asarray(base, dtype=np.int64)
         rest = np.setdiff1d(np.arange(len(self.prior)), keep)
-        H = self._normal(keep, np.arange(len(self.tau)))
-        sides = np.concatenate([self.G[:, keep][:, :, rest], self.g[:, keep, None]], axis=2)
-        taken = np.matmul(sides.transpose(0, 2, 1), solved(H, sides))
+        H = self._normal(keep, slice(None))
+        sides = np.concatenate([self.inner(keep, rest), self.g[:, keep, None]], axis=2)
+        solution = solved(H, sides)
+        left, right = (np.zeros((len(self.tau), len(self.prior), len(keep))) for _ in range(2))
+        left[:, rest], right[:, rest] = (part[:, :, :-1].transpose(0, 2, 1) for part in (sides, solution))
         found = copy(self)
-        found.s = self.s - taken[:, -1, -1]
-        found.g, found.G, found.prior = self.g.copy(), self.G.copy(), self.prior
-        found.g[:, rest] -= taken[:, :-1, -1]
-        found.G[np.ix_(np.arange(len(H)), rest, rest)] -= taken[:, :-1, :-1]
-        said = np.diagonal(found.G, axis1=1, axis2=2) < self.rounding
-        found.g[said] = 0.0  # what base says already: the rest of it is rounding, of either sign
-        found.G[said[:, :, None] | said[:, None, :]] = 0.0
+        found.corrections = [*self.corrections, (left, right)]
+        found.s = self.s - np.sum(sides[:, :, -1] * solution[:, :, -1], axis=1)
+        found.g = self.g - np.matmul(left, solution[:, :, -1:])[:, :, 0]
+        own = np.diag(self.whole) - sum(np.einsum("tpr,tpr->tp", *pair) for pair in found.corrections)
+        # what base says already: the rest of it is rounding, of either sign
+        found.said = own < self.rounding
+        found.g[found.said] = 0.0
         found.logdet = self.logdet + self._explained(keep, H, sides[:, :, -1])[1]
         return found
 
@@ -155,13 +176,13 @@ class MixedModel:
             return self
         of = np.asarray(columns, dtype=np.int64)
         found = copy(self)
-        found.s = self.s - 2 * self.g[:, of].sum(axis=1) + self.G[:, of][:, :, of].sum(axis=(1, 2))
-        found.g = self.g - self.G[:, :, of].sum(axis=2)
+        found.s = self.s - 2 * self.g[:, of].sum(axis=1) + self.inner(of, of).sum(axis=(1, 2))
+        found.g = self.g - self.inner(None, of).sum(axis=2)
         return found
 
-    def _normal(self, keep: NDArray[np.int64], at: NDArray[np.int64]) -> Floats:
+    def _normal(self, keep: NDArray[np.int64], at: Any) -> Floats:
         """Normal matrices (t, k, k) of some columns, with their priors, at some grid points."""
-        return normal_matrices(self.G[np.ix_(at, keep, keep)], self.prior[keep])
+        return normal_matrices(self.inner(keep, keep, at), self.prior[keep])
 
     def _explained(self, keep: NDArray[np.int64], H: Floats, g: Floats) -> tuple[Floats, Floats]:
         """What the parameters of some columns take off -2 log likelihood, (t,), and what they cost of it, (t,).
@@ -174,23 +195,22 @@ class MixedModel:
         gain, log_det = explained(H, g, known)
         return gain, log_det - np.log(self.prior[keep][known]).sum() + np.sum(~known) * np.log(self.runs)
 
-    def _scored(self, keep: NDArray[np.int64], at: NDArray[np.int64]) -> tuple[Floats, Floats, Floats, Floats]:
+    def _scored(self, keep: NDArray[np.int64], at: Any) -> tuple[Floats, Floats, Floats, Floats]:
         """Log evidence and misfit (t,) at grid points, and their normal equations (t, k, k), (t, k)."""
-        H, g = self._normal(keep, at), self.g[np.ix_(at, keep)]
+        H, g = self._normal(keep, at), self.g[at][:, keep]
         gain, cost = self._explained(keep, H, g)
         misfit = self.s[at] - gain + self.logdet[at]
         return -0.5 * (misfit + cost), misfit, H, g
 
     def log_evidence(self, columns: Sequence[int]) -> float:
         """Log evidence of the model with these columns, as in its posterior."""
-        keep = np.asarray(columns, dtype=np.int64)
-        return _log_mean(self._scored(keep, np.arange(len(self.tau)))[0])
+        return _log_mean(self._scored(np.asarray(columns, dtype=np.int64), slice(None))[0])
 
     def posterior(self, columns: Sequence[int], at: NDArray[np.int64] | None = None) -> Posterior:
         """Evidence and parameters of the model with these columns; at: grid points to use (default: all)."""
         keep = np.asarray(columns, dtype=np.int64)
-        at = np.arange(len(self.tau)) if at is None else at
-        score, misfit, H, g = self._scored(keep, at)
+        chosen = slice(None) if at is None else at
+        score, misfit, H, g = self._scored(keep, chosen)
         weight = np.exp(score - score.max())
         weight /= weight.sum()
         likely = weight > UNLIKELY
@@ -201,8 +221,8 @@ class MixedModel:
         center = share @ mean
         spread = mean - center
         covariance = np.einsum("t,tij->ij", share, inverse) + np.einsum("t,ti,tj->ij", share, spread, spread)
-        best = int(at[int(np.argmin(misfit))])
-        return Posterior(_log_mean(score), center, covariance, weight @ self.tau[at], float(misfit.min()), best)
+        best = int(np.arange(len(self.tau))[chosen][np.argmin(misfit)])
+        return Posterior(_log_mean(score), center, covariance, weight @ self.tau[chosen], float(misfit.min()), best)
 
 
 def _log_mean(score: Floats) -> float:
