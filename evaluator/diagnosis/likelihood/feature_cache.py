@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.compilation import compiled
 from evaluator.diagnosis.likelihood.run_data import Task
 
 Floats = NDArray[np.float64]
@@ -83,12 +82,12 @@ class Paths:
         self,
         runs: Sequence[int],
         keys: Sequence[Hashable],
-        models: Sequence[Any],
+        lasting: Sequence[Any],
         simulated: Callable[[Sequence[int]], Sequence[Floats]],
     ) -> list[Floats]:
         """States (n, 6) of every item; simulated: gives those of items, by number, that are not known.
 
-        runs, keys: what an item is of; equal ones are simulated once. models: kept as long as their states, so that
+        runs, keys: what an item is of; equal ones are simulated once. lasting: kept as long as their states, so that
         keys may hold their identity.
         """
         missing: dict[tuple[int, Hashable], int] = {}
@@ -97,29 +96,10 @@ class Paths:
                 missing.setdefault((run, key), number)
         made = simulated(list(missing.values())) if missing else ()
         for ((run, key), number), states in zip(missing.items(), made, strict=True):
-            self._of_run[run][key] = states, models[number]
+            self._of_run[run][key] = states, lasting[number]
         found = [self._of_run[run][key][0] for run, key in zip(runs, keys, strict=True)]
         for run in {run for run, _ in missing}:
             known = self._of_run[run]
             for key in list(islice(known, max(len(known) - MOST_PATHS, 0))):
                 del known[key]
         return found
-
-
-def laid(states: Floats, begins: Floats, starts: Floats, edges: NDArray[np.int64]) -> Floats:
-    """States (edges[-1], 6) of runs that were simulated from poses begins (n, 3), as they are from starts (n, 3)."""
-    found = states.copy()
-    _lay(found, begins, starts, edges)
-    return found
-
-
-@compiled(nogil=True)
-def _lay(states: Floats, begins: Floats, starts: Floats, edges: NDArray[np.int64]) -> None:
-    for run in range(len(begins)):
-        turn = starts[run, 2] - begins[run, 2]
-        cos, sin = np.cos(turn), np.sin(turn)
-        for row in range(edges[run], edges[run + 1]):
-            x, y = states[row, 0] - begins[run, 0], states[row, 1] - begins[run, 1]
-            states[row, 0] = starts[run, 0] + cos * x - sin * y
-            states[row, 1] = starts[run, 1] + sin * x + cos * y
-            states[row, 2] += turn

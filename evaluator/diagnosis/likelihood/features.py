@@ -34,6 +34,7 @@ Floats = NDArray[np.float64]
 CHANNELS = ("midpoint_x", "midpoint_y", "direction", "distance")
 FASTEST_HZ = 3.0  # two wheel revolutions a second at 90 rpm, and a motor's lag of 50 ms, stay visible
 MOST_MODES = 72
+AT_ONCE = 16  # frames
 DISTANCE_MODES = 8  # the distance of the marks is constant but for the camera; it needs no more
 # Two correct programs of the same model of the paper's robot differ by this: steps, start transients, regularization.
 MODEL_FLOOR_MM = 3e-4
@@ -66,13 +67,79 @@ def residual_of_marks(measured: Floats, marks_mm: Floats, half_distance_mm: floa
 def _residual_into(measured: Floats, marks_mm: Floats, half_distance_mm: float, residual: Floats) -> None:
     """channel_residual of channels_of in one pass: half of the time of a fit went into these few lines."""
     for row in range(len(marks_mm)):
-        x, y, other_x, other_y = marks_mm[row, 0], marks_mm[row, 1], marks_mm[row, 2], marks_mm[row, 3]
-        residual[row, 0] = measured[row, 0] - (x + other_x) / 2
-        residual[row, 1] = measured[row, 1] - (y + other_y) / 2
-        angle = measured[row, 2] - math.atan2(y - other_y, x - other_x)
-        turns = math.floor((angle + math.pi) / (2 * math.pi)) if math.isfinite(angle) else 0
-        residual[row, 2] = (angle - 2 * math.pi * turns) * half_distance_mm
-        residual[row, 3] = measured[row, 3] - math.hypot(x - other_x, y - other_y)
+        _residual_of_frame(measured, marks_mm, row, half_distance_mm, residual[row])
+
+
+@compiled(nogil=True)
+def _residual_of_frame(measured: Floats, marks_mm: Floats, row: int, half_distance_mm: float, residual: Floats) -> None:
+    x, y, other_x, other_y = marks_mm[row, 0], marks_mm[row, 1], marks_mm[row, 2], marks_mm[row, 3]
+    residual[0] = measured[row, 0] - (x + other_x) / 2
+    residual[1] = measured[row, 1] - (y + other_y) / 2
+    angle = measured[row, 2] - math.atan2(y - other_y, x - other_x)
+    turns = math.floor((angle + math.pi) / (2 * math.pi)) if math.isfinite(angle) else 0
+    residual[2] = (angle - 2 * math.pi * turns) * half_distance_mm
+    residual[3] = measured[row, 3] - math.hypot(x - other_x, y - other_y)
+
+
+@compiled(nogil=True)
+def _features_into(
+    measured: Floats,
+    marks_mm: Floats,
+    frames: NDArray[np.int64],
+    half_distance_mm: float,
+    by_x: Floats,
+    by_y: Floats,
+    by_direction: Floats,
+    by_distance: Floats,
+    found: Floats,
+) -> None:
+    """Features (m, k) of these frames of marks (m, n, 4): few frames of all marks at a time, for the cache."""
+    count = by_x.shape[1]
+    residual = np.empty((AT_ONCE, 4))
+    for first in range(0, len(frames), AT_ONCE):
+        rows = min(AT_ONCE, len(frames) - first)
+        for item in range(len(marks_mm)):
+            for row in range(rows):
+                _residual_of_frame(measured, marks_mm[item], frames[first + row], half_distance_mm, residual[row])
+            own = found[item]
+            _add(residual[:rows, 0], by_x[first : first + rows], own[:count])
+            _add(residual[:rows, 1], by_y[first : first + rows], own[count : 2 * count])
+            _add(residual[:rows, 2], by_direction[first : first + rows], own[2 * count : 3 * count])
+            _add(residual[:rows, 3], by_distance[first : first + rows], own[3 * count :])
+
+
+@compiled(nogil=True)
+def _add(residual: Floats, functional: Floats, found: Floats) -> None:
+    """Add residuals (n,) times functionals (n, k) to what was found (k,)."""
+    whole = len(residual) // 4 * 4
+    for row in range(0, whole, 4):
+        a, b, c, d = residual[row], residual[row + 1], residual[row + 2], residual[row + 3]
+        for k in range(len(found)):
+            found[k] += (a * functional[row, k] + b * functional[row + 1, k]) + (
+                c * functional[row + 2, k] + d * functional[row + 3, k]
+            )
+    for row in range(whole, len(residual)):
+        for k in range(len(found)):
+            found[k] += residual[row] * functional[row, k]
+
+
+@compiled(nogil=True)
+def _whiten(shares: Floats, turned: Floats, found: Floats) -> None:
+    """Whitening.of in place."""
+    size, parts = turned.shape
+    along = np.empty(parts)
+    for item in range(len(found)):
+        along[:] = 0.0
+        for k in range(size):
+            for j in range(parts):
+                along[j] += found[item, k] * turned[k, j]
+        for j in range(parts):
+            along[j] *= shares[j]
+        for k in range(size):
+            more = 0.0
+            for j in range(parts):
+                more += along[j] * turned[k, j]
+            found[item, k] += more
 
 
 def rms_apart(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> float:
@@ -98,6 +165,21 @@ class Compression:
         """Whitened features of residual channels at the used frames, (n, 4) or (m, n, 4): (k,) or (m, k)."""
         found = self.of_tracking(residual_mm)
         return found if self.ground is None else self.ground.of(found)
+
+    def features_of_marks(self, measured: Floats, marks_mm: Floats, half_distance_mm: float) -> Floats:
+        """Whitened features (m, k) of measured channels (n, 4) over marks (m, n, 4) that a model predicts.
+
+        Those of each prediction do not depend on what else is asked for: a product by BLAS would round otherwise.
+        """
+        modes = [part.shape[1] for part in self.functional]
+        found = np.zeros((len(marks_mm), sum(modes)))
+        ground = self.ground or Whitening(np.zeros((sum(modes), 0)), np.zeros(0))
+        frames = np.flatnonzero(self.used)
+        by_x, by_y, by_direction, by_distance = self.functional
+        measured = np.ascontiguousarray(measured)
+        _features_into(measured, marks_mm, frames, half_distance_mm, by_x, by_y, by_direction, by_distance, found)
+        _whiten(ground.shares, np.ascontiguousarray(ground.turned), found)
+        return found
 
     def of_tracking(self, residual_mm: Floats) -> Floats:
         """Features whitened by the noise of each channel alone."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,34 +13,70 @@ from evaluator.diagnosis.likelihood.known_to import SCALE, amount_of
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Floats, RunData
 from simulator.effects.view import View
 
+Pose = tuple[float, float, float]  # x, y, mm; heading
 
-def marks_of_states(states: Floats, times_s: Floats, view: View, moved_mm: Sequence[float] = ()) -> Floats:
-    """Marks (n, 4) of states (n, 6) at their times; moved_mm: how far either mark is off on the robot, x, y, x, y."""
-    places = view.places_mm
-    if moved_mm:
-        x, y, other_x, other_y = moved_mm
-        places = ((places[0][0] + x, places[0][1] + y), (places[1][0] + other_x, places[1][1] + other_y))
-    marks = np.empty((len(states), 4))
-    if view.is_plain:
-        _plain_marks_into(states, view.scale, (*places[0], *places[1]), marks)
-    else:
+
+@dataclass(frozen=True)
+class Sight:
+    """How a run is seen: scale of the plate, shifts (n, 4) of its marks or none (0, 4), places of these on the robot.
+
+    moved_mm: how far either mark is off on the robot, x, y, x, y.
+    """
+
+    scale: float
+    shift_mm: Floats
+    moved_mm: tuple[float, ...]
+
+    def marks(self, path: Floats, times_s: Floats, begin: Pose, start: Pose, view: View) -> Floats:
+        """Marks (n, 4) of a path (n, 6) that was simulated from a pose begin, as it is from another start, at times."""
+        (x, y), (other_x, other_y) = view.places_mm
+        right, up, other_right, other_up = self.moved_mm or (0.0, 0.0, 0.0, 0.0)
+        places = x + right, y + up, other_x + other_right, other_y + other_up
+        marks = np.empty((len(path), 4))
+        if view.is_plain:
+            _plain_marks_into(path, begin, start, self.scale * view.scale, self.shift_mm, places, marks)
+            return marks
+        states = laid(path, begin, start)
+        seen = replace(view, places_mm=(places[:2], places[2:]))
         x_mm, y_mm, heading = states[:, :3].T
-        np.concatenate(replace(view, places_mm=places).marks(x_mm, y_mm, heading, times_s), axis=1, out=marks)
-    return marks
+        np.concatenate(seen.marks(x_mm, y_mm, heading, times_s), axis=1, out=marks)
+        marks *= self.scale
+        return marks + self.shift_mm if len(self.shift_mm) else marks
+
+
+def laid(path: Floats, begin: Pose, start: Pose) -> Floats:
+    """States (n, 6) of a run that was simulated from a pose begin, as they are from another start."""
+    turn = start[2] - begin[2]
+    turned = np.exp(1j * turn) * (path[:, 0] - begin[0] + 1j * (path[:, 1] - begin[1]))
+    return np.column_stack([start[0] + turned.real, start[1] + turned.imag, path[:, 2] + turn, path[:, 3:]])
 
 
 @compiled(nogil=True)
 def _plain_marks_into(
-    states: Floats, scale: float, places_mm: tuple[float, float, float, float], marks: Floats
+    path: Floats,
+    begin: Pose,
+    start: Pose,
+    scale: float,
+    shift_mm: Floats,
+    places_mm: tuple[float, float, float, float],
+    marks: Floats,
 ) -> None:
-    """Marks (n, 4) of states (n, 6) as View.marks has them where only a scale acts on what is seen."""
+    """Sight.marks in one pass where only a scale acts on what is seen."""
     ahead, left, other_ahead, other_left = places_mm
-    for row in range(len(states)):
-        x, y, cos, sin = states[row, 0], states[row, 1], math.cos(states[row, 2]), math.sin(states[row, 2])
-        marks[row, 0] = scale * (x + ahead * cos - left * sin)
-        marks[row, 1] = scale * (y + ahead * sin + left * cos)
-        marks[row, 2] = scale * (x + other_ahead * cos - other_left * sin)
-        marks[row, 3] = scale * (y + other_ahead * sin + other_left * cos)
+    turn = start[2] - begin[2]
+    turn_cos, turn_sin = math.cos(turn), math.sin(turn)
+    for row in range(len(path)):
+        way_x, way_y, angle = path[row, 0] - begin[0], path[row, 1] - begin[1], path[row, 2] + turn
+        here_x = start[0] + turn_cos * way_x - turn_sin * way_y
+        here_y = start[1] + turn_sin * way_x + turn_cos * way_y
+        cos, sin = math.cos(angle), math.sin(angle)
+        marks[row, 0] = scale * (here_x + ahead * cos - left * sin)
+        marks[row, 1] = scale * (here_y + ahead * sin + left * cos)
+        marks[row, 2] = scale * (here_x + other_ahead * cos - other_left * sin)
+        marks[row, 3] = scale * (here_y + other_ahead * sin + other_left * cos)
+    for row in range(len(shift_mm)):
+        for k in range(4):
+            marks[row, k] += shift_mm[row, k]
 
 
 class SharedErrors:
@@ -52,12 +88,12 @@ class SharedErrors:
         self._shifts = np.array([run.systematic[key].ravel() / SHARED_UNIT for key in self._keys])
         self._known = known
 
-    def of(self, nominal: Mapping[str, float]) -> tuple[float, Floats | None]:
-        """Scale of the plate, and shifts (n, 4) of the marks, where there are any; nominal: of a Task.
+    def of(self, nominal: Mapping[str, float]) -> tuple[float, Floats]:
+        """Scale of the plate, and shifts (n, 4) of the marks, none (0, 4) where there are none; nominal: of a Task.
 
         The scale is one of the marks as predicted. Those measured hold their noise: a scale of theirs explains it to
         the last frame against a scale of the prediction (plane-scale).
         """
-        amounts = np.array([nominal.get(key, 0.0) for key in self._keys])
-        shift = (amounts @ self._shifts).reshape(-1, 4) if amounts.any() else None
+        amounts = [nominal.get(key, 0.0) for key in self._keys]
+        shift = (np.array(amounts) @ self._shifts).reshape(-1, 4) if any(amounts) else np.zeros((0, 4))
         return 1 + amount_of(nominal, SCALE, self._known), shift

@@ -10,6 +10,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -185,15 +186,16 @@ class Problem:
         return self.cache.of(tasks, self._simulated_features)
 
     def _simulated_features(self, tasks: Sequence[Task]) -> list[Floats]:
-        """Features of tasks, each by itself.
+        """Features of tasks; they must not depend on what was simulated before or together with them.
 
-        Of several at once BLAS rounds otherwise. They must not depend on what was simulated before: a search that was
-        interrupted would end elsewhere.
+        A search that was interrupted would end elsewhere.
         """
-        found = []
-        for task, residual in zip(tasks, self.residuals(tasks), strict=True):
-            compression = self.compressions[task.run]
-            found.append(compression.features(residual[compression.used]))
+        found: list[Floats] = []
+        marks = self.forward.marks(tasks)
+        for run, group in groupby(range(len(tasks)), lambda number: tasks[number].run):
+            predicted = np.array([marks[number] for number in group])
+            part = self.compressions[run]
+            found += list(part.features_of_marks(self.channels[run], predicted, self.half_distance_mm))
         return found
 
     def linearized(

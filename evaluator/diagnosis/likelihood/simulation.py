@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from evaluator.diagnosis.candidates.coordinates import size_of
 from evaluator.diagnosis.candidates.free_form import UNEVEN_FRICTION
-from evaluator.diagnosis.likelihood.feature_cache import Paths, laid
+from evaluator.diagnosis.likelihood.feature_cache import Paths
 from evaluator.diagnosis.likelihood.known_to import START, amount_of, mark_keys
-from evaluator.diagnosis.likelihood.observed_marks import SharedErrors, marks_of_states
+from evaluator.diagnosis.likelihood.observed_marks import Pose, SharedErrors, Sight
 from evaluator.diagnosis.likelihood.run_data import START_POSE, Floats, RunData, Task
 from evaluator.diagnosis.likelihood.variants import Variant, Variants
 from simulator.dynamics.record import model_type
@@ -76,76 +76,62 @@ class Simulated:
     def marks(self, tasks: Sequence[Task]) -> list[Floats]:
         """Marks (n, 4) of every task at the frame times of its run; NaN where the simulation fails.
 
-        Tasks that differ only in how the marks are seen (errors of the camera, places of the marks) share a simulation.
+        Tasks that differ only in where they start or in how the marks are seen (errors of the camera, places of the
+        marks) share a simulation.
         """
         variants = self._variants.of(tasks, self._data)
-        keys = [
-            (task.run, task.per_run, self._late_s(task), id(variant))
-            for task, variant in zip(tasks, variants, strict=True)
+        able = [  # friction must stay above zero
+            number
+            for number, (task, variant) in enumerate(zip(tasks, variants, strict=True))
+            if variant.record is not None and task.per_run[START_POSE] > -1.0
         ]
-        distinct = dict(zip(keys, zip(tasks, variants, strict=True), strict=True))
-        simulated = dict(zip(distinct, self._simulated(*zip(*distinct.values(), strict=True)), strict=True))
-        seen: dict[tuple[object, ...], Floats] = {}
-        errors: dict[tuple[int, int], tuple[float, Floats | None]] = {}
-        result = []
-        for key, task, variant in zip(keys, tasks, variants, strict=True):
-            moved = tuple(amount_of(task.nominal, name, self.known) for name in self._mark_keys[task.run])
-            if (key, moved) not in seen:
-                states, times_s = simulated[key]
-                seen[key, moved] = marks_of_states(states, times_s, variant.view, moved)
+        paths = self._paths_of([(tasks[number], variants[number]) for number in able])
+        sights: dict[tuple[int, int], Sight] = {}
+        found: dict[int, Floats] = {}
+        for number, (begin, path, times_s) in zip(able, paths, strict=True):
+            task = tasks[number]
             place = task.run, id(task.nominal)  # a mapping lives as long as its task
-            if place not in errors:
-                errors[place] = self._errors[task.run].of(task.nominal)
-            scale, shift = errors[place]
-            scaled = scale * seen[key, moved]
-            result.append(scaled if shift is None else scaled + shift)
-        return result
+            if place not in sights:
+                sights[place] = self._sight(task)
+            x, y, heading = task.per_run[:START_POSE]
+            found[number] = sights[place].marks(path, times_s, begin, (x, y, heading), variants[number].view)
+        return [
+            found[number] if number in found else np.full((len(self._data[task.run].time_s), 4), np.nan)
+            for number, task in enumerate(tasks)
+        ]
 
-    def _simulated(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[tuple[Floats, Floats]]:
-        """States (n, 6) of every task at its frames, NaN where it cannot be simulated, and their true times."""
-        # friction must stay above zero
-        pairs = list(zip(tasks, variants, strict=True))
-        able = [n for n, (task, variant) in enumerate(pairs) if variant.record is not None and task.per_run[3] > -1.0]
-        if not able:
-            return [self._nothing(task) for task in tasks]
-        able_tasks, able_variants = [tasks[n] for n in able], [variants[n] for n in able]
-        times = self._true_times(able_tasks, able_variants)
-        paths, begins = self._paths_of(able_tasks, able_variants, times)
-        edges = np.cumsum([0, *map(len, times)])
-        starts = np.array([task.per_run[:START_POSE] for task in able_tasks])
-        states = laid(np.concatenate(paths), begins, starts, edges)
-        # the first of each is its start
-        made = {
-            n: (states[begin + 1 : end], t[1:]) for n, t, (begin, end) in zip(able, times, pairwise(edges), strict=True)
-        }
-        return [made[n] if n in made else self._nothing(task) for n, task in enumerate(tasks)]
+    def _sight(self, task: Task) -> Sight:
+        """How a task is seen."""
+        moved = tuple(amount_of(task.nominal, name, self.known) for name in self._mark_keys[task.run])
+        return Sight(*self._errors[task.run].of(task.nominal), moved)
 
-    def _nothing(self, task: Task) -> tuple[Floats, Floats]:
-        """States of a task that cannot be simulated."""
-        times_s = self._data[task.run].time_s
-        return np.full((len(times_s), 6), np.nan), times_s
+    def _paths_of(self, items: Sequence[tuple[Task, Variant]]) -> list[tuple[Pose, Floats, Floats]]:
+        """Of tasks that can be simulated a pose, states (n, 6) from there at the frames, and their true times.
 
-    def _paths_of(
-        self, tasks: Sequence[Task], variants: Sequence[Variant], times: Sequence[Floats]
-    ) -> tuple[list[Floats], Floats]:
-        """States (n, 6) of every task from a pose that all tasks with the same motion share, and these poses (n, 3)."""
-        begins = np.array(
-            [variant.begin(task.per_run[:START_POSE]) for task, variant in zip(tasks, variants, strict=True)]
-        )
+        The pose is one that all tasks with the same motion share.
+        """
+        if not items:
+            return []
+        times = self._true_times(items)
+        begins = [variant.begin(task.per_run[:START_POSE]) for task, variant in items]
 
         def simulated(numbers: Sequence[int]) -> list[Floats]:
-            moved = [replace(tasks[n], per_run=(*begins[n].tolist(), *tasks[n].per_run[START_POSE:])) for n in numbers]
+            asked, variants = zip(*(items[n] for n in numbers), strict=True)
+            moved = [
+                replace(task, per_run=(*begins[n], *task.per_run[START_POSE:]))
+                for n, task in zip(numbers, asked, strict=True)
+            ]
             edges = np.cumsum([0, *(len(times[n]) for n in numbers)])
-            stacked_s = np.concatenate([times[n] for n in numbers])
-            states = self._states(moved, [variants[n] for n in numbers], stacked_s, edges)
-            return np.split(states, edges[1:-1])
+            states = self._states(moved, variants, np.concatenate([times[n] for n in numbers]), edges)
+            return [states[begin + 1 : end] for begin, end in pairwise(edges)]  # the first of each is its start
 
         keys = [
-            (tuple(begin), task.per_run[START_POSE:], self._late_s(task), id(variant.record), variant.view.time_factor)
-            for begin, task, variant in zip(begins.tolist(), tasks, variants, strict=True)
+            (begin, task.per_run[START_POSE:], self._late_s(task), id(variant.record), variant.view.time_factor)
+            for begin, (task, variant) in zip(begins, items, strict=True)
         ]
-        records = [variant.record for variant in variants]
-        return self._paths.of([task.run for task in tasks], keys, records, simulated), begins
+        records = [variant.record for _, variant in items]
+        paths = self._paths.of([task.run for task, _ in items], keys, records, simulated)
+        return [(begin, path, time[1:]) for begin, path, time in zip(begins, paths, times, strict=True)]
 
     def _states(
         self, tasks: Sequence[Task], variants: Sequence[Variant], times_s: Floats, edges: NDArray[np.int64]
@@ -186,11 +172,11 @@ class Simulated:
         """How much later than stated the motors of a task start, by the clock of the recording."""
         return task.per_run[6] * self.start_sigma_s + amount_of(task.nominal, START, self.known)
 
-    def _true_times(self, tasks: Sequence[Task], variants: Sequence[Variant]) -> list[Floats]:
+    def _true_times(self, items: Sequence[tuple[Task, Variant]]) -> list[Floats]:
         """Start of the simulation, then the frames; measured times, of the start too, are true ones times a factor."""
         known: dict[tuple[int, float, float], Floats] = {}
         result = []
-        for task, variant in zip(tasks, variants, strict=True):
+        for task, variant in items:
             key = task.run, variant.view.time_factor, self._late_s(task)
             if key not in known:
                 run = self._data[task.run]

@@ -83,28 +83,34 @@ class Variants:
         if len(self._found) > MOST_VARIANTS:
             self._found.clear()
             self._records.clear()
-        met: dict[tuple[object, ...], Variant] = {}
+        # tasks of a linearization share their mappings, which live as long as their tasks
+        met: dict[tuple[int, int, int], tuple[bool, dict[str, float], tuple[object, ...]]] = {}
+        here: dict[tuple[int, int, int, int], Variant] = {}
         result = []
         for task in tasks:
-            run = data[task.run]
-            kind = self._kinds[task.run]
-            ordered = any(varies_by_run(effect) for effect in task.terms) or any(
-                varies_by_run(entry.id) for entry in self._robots[kind].effect
-            )
-            place = kind, run.order if ordered else 0
-            key = *place, id(task.nominal), id(task.terms)  # mappings live as long as their tasks
-            if key not in met:
-                nominal = {
-                    name: value
-                    for name, value in task.nominal.items()
-                    if not is_shared(name) or (name in SIMULATED and name in self._known and name != START)
-                }
-                lasting = *place, *nominal.items(), *task.terms.items()
-                if lasting not in self._found:
-                    self._found[lasting] = self._compiled(*place, nominal, task.terms)
-                met[key] = self._found[lasting]
-            result.append(met[key])
+            kind, order = self._kinds[task.run], data[task.run].order
+            shared = kind, id(task.nominal), id(task.terms)
+            if shared not in met:
+                met[shared] = self._asked(kind, task)
+            ordered, nominal, lasting = met[shared]
+            place = *shared, order if ordered else 0
+            if place not in here:
+                key = place[3], lasting
+                if key not in self._found:
+                    self._found[key] = self._compiled(kind, place[3], nominal, task.terms)
+                here[place] = self._found[key]
+            result.append(here[place])
         return result
+
+    def _asked(self, kind: int, task: Task) -> tuple[bool, dict[str, float], tuple[object, ...]]:
+        """Whether a task differs from run to run, its deviations that act in simulations, and what tells it apart."""
+        effects = *task.terms, *(entry.id for entry in self._robots[kind].effect)
+        nominal = {
+            name: value
+            for name, value in task.nominal.items()
+            if not is_shared(name) or (name in SIMULATED and name in self._known and name != START)
+        }
+        return any(map(varies_by_run, effects)), nominal, (kind, *nominal.items(), *task.terms.items())
 
     def _compiled(self, kind: int, order: int, nominal: Mapping[str, float], terms: Values) -> Variant:
         robot = varied_robot(self._robots[kind], {key: value for key, value in nominal.items() if not is_shared(key)})

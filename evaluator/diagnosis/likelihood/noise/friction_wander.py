@@ -100,20 +100,25 @@ class Whitening:
 
     def of(self, features: Floats) -> Floats:
         """Features (d,) or (m, d), white."""
-        return self._moved(features, 1 / np.sqrt(1 + self.squares) - 1)
+        return np.asarray(features + ((features @ self.turned) * self.shares) @ self.turned.T)
+
+    @property
+    def shares(self) -> Floats:
+        """By how much of itself each of the turned parts moves what lies along it, (k,)."""
+        return self._shares(1 / np.sqrt(1 + self.squares))
 
     def undone(self, features: Floats) -> Floats:
         """Features (d,) or (m, d) as they were before."""
-        return self._moved(features, np.sqrt(1 + self.squares) - 1)
+        shares = self._shares(np.sqrt(1 + self.squares))
+        return np.asarray(features + ((features @ self.turned) * shares) @ self.turned.T)
 
     @property
     def log_det(self) -> float:
         """Of the covariance."""
         return float(np.sum(np.log1p(self.squares)))
 
-    def _moved(self, features: Floats, more: Floats) -> Floats:
-        weight = more / np.maximum(self.squares, 1e-300)
-        return np.asarray(features + ((features @ self.turned) * weight) @ self.turned.T)
+    def _shares(self, scaled: Floats) -> Floats:
+        return np.asarray((scaled - 1) / np.maximum(self.squares, 1e-300))
 
 
 def whitening(columns: Floats) -> Whitening:
