@@ -25,7 +25,7 @@ from evaluator.diagnosis.likelihood.linear.mixed_model import (
     run_effects,
     solve_within,
 )
-from evaluator.diagnosis.likelihood.linear.random_effects import MOST_SCATTER, settled_by_run
+from evaluator.diagnosis.likelihood.linear.random_effects import MOST_SCATTER, secant, settled_by_run
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import Values
 from simulator.effects.coordinates import Candidate
@@ -56,6 +56,9 @@ WATCHED = 3
 # not close half of it. Sets that come in for a verdict end within ten of one another.
 LAGGING = 60.0
 CLOSING = 0.5
+# Of the decrease that was promised a step before: where old slopes promise more than this, they seldom lead on. Of 45
+# such steps of one diagnosis, 15 of 18 below it were better than the point before, and 8 of 27 above it.
+CARRIES = 0.1
 
 
 @dataclass(frozen=True)
@@ -239,7 +242,42 @@ def _fitted(
         point, better = _line_search(problem, fit, ahead)
         if not better:
             return replace(fit, converged=ahead.predicted < STALLED)
+        point = _carried_on(problem, fit, ahead, point, tolerance, most_scatter)
     return fit
+
+
+def _carried_on(
+    problem: Problem, fit: Fit, ahead: Ahead, point: Point, tolerance: Mapping[str, float], most_scatter: Floats
+) -> Point:
+    """Where the slopes at hand lead on to from a point that a line search found, corrected by what each step changed.
+
+    A view with slopes of its own costs as much as a dozen such steps, and follows anyway to tell whether they settled.
+    """
+    sizes = np.concatenate([[column.step for column in fit.columns], problem.per_run_steps])
+    while True:
+        found = problem.seen_again(point, fit.linearized, fit.runs, fit.columns)
+        theta = [np.array([at.value(column) for column in fit.columns]) for at in (fit.point, point)]
+        views = tuple(
+            secant(
+                before,
+                after,
+                np.concatenate([theta[0], fit.point.per_run[run]]),
+                np.concatenate([theta[1], point.per_run[run]]),
+                sizes,
+            )
+            for run, before, after in zip(fit.runs, fit.linearized, found, strict=True)
+            if after is not None
+        )
+        if len(views) < len(fit.runs):
+            return point
+        fit = replace(fit, point=point, linearized=views, reduced=reduce_runs(views))
+        promised, ahead = ahead.predicted, _ahead(fit, tolerance, most_scatter)
+        if not SETTLED < ahead.predicted < CARRIES * promised:
+            return point
+        moved, better = _line_search(problem, fit, ahead, DAMPINGS[:1])
+        if not better:
+            return point
+        point = moved
 
 
 def _ahead(fit: Fit, tolerance: Mapping[str, float], most_scatter: Floats) -> Ahead:
@@ -254,13 +292,13 @@ def _with_shortfall(fit: Fit, predicted: float) -> Fit:
     return replace(fit, posterior=less, shortfall=predicted)
 
 
-def _line_search(problem: Problem, fit: Fit, ahead: Ahead) -> tuple[Point, bool]:
+def _line_search(problem: Problem, fit: Fit, ahead: Ahead, dampings: Sequence[float] = DAMPINGS) -> tuple[Point, bool]:
     """The first point on the way to the goal that is better than now, and whether there is one; else the farthest.
 
     Start pose and random effects of every run are fitted anew; the slopes by them of the view at hand serve nearby.
     """
     farthest = None
-    for damping in DAMPINGS:
+    for damping in dampings:
         problem.watch.look()
         trial = ahead.theta + damping * (ahead.goal - ahead.theta)
         try:

@@ -76,6 +76,15 @@ class Point:
     nominal: Mapping[str, float] = field(default_factory=dict)
     terms: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
+    def without_absent(self, columns: Sequence[Column]) -> Point:
+        """The point without those terms of these columns that change nothing: the motion is that of the model without.
+
+        A fit begins there where a screening has looked already.
+        """
+        absent = {column.key: column.term.absent for column in columns if column.term is not None}
+        kept = {effect: values for effect, values in self.terms.items() if values != absent.get(effect)}
+        return self if len(kept) == len(self.terms) else replace(self, terms=kept)
+
     def moved(self, column: Column, amount: float) -> Point:
         """The point with one common parameter changed; a whole change is made as a whole."""
         if column.term is None:
@@ -211,6 +220,7 @@ class Problem:
 
     def attempted(self, point: Point, columns: Sequence[Column], runs: Sequence[int]) -> list[Linearized | None]:
         """Response and derivatives of the runs at a point; None for runs that cannot be simulated there."""
+        point = point.without_absent(columns)
         at_once = max(1, TASKS_AT_ONCE // (len(columns) + len(self.varied) + 1))
         groups = [runs[first : first + at_once] for first in range(0, len(runs), at_once)]
         work = partial(self._attempted, point, columns, *_points(point, columns))
@@ -248,12 +258,15 @@ class Problem:
             point.task(run, step) for step in np.diag(self.per_run_steps)[self.varied]
         ]
 
-    def seen_again(self, point: Point, views: Sequence[Linearized], runs: Sequence[int]) -> list[Linearized | None]:
-        """Views of runs without common columns at a point nearby: the response anew, the slopes as they were."""
+    def seen_again(
+        self, point: Point, views: Sequence[Linearized], runs: Sequence[int], columns: Sequence[Column] = ()
+    ) -> list[Linearized | None]:
+        """Views of runs, of these columns, at a point nearby: the response anew, the slopes as they were."""
         result: list[Linearized | None] = []
+        theta = _theta(point, columns)
         for run, view, features in zip(runs, views, self.features([point.task(run) for run in runs]), strict=True):
             sound = bool(np.isfinite(features).all())
-            response = features + view.scatter @ point.per_run[run, 3:]
+            response = features + view.common @ theta + view.scatter @ point.per_run[run, 3:]
             result.append(replace(view, response=response) if sound else None)
         return result
 

@@ -64,6 +64,16 @@ def test_fit_that_wants_friction_no_run_can_have_is_not_tried_without_limit_agai
     assert limits == [None, USUAL_SCATTER]
 
 
+def test_slopes_at_hand_lead_to_the_same_end_with_fewer_views(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    session = hidden_session(tmp_path, {"friction-level": {"factor": 0.8}}, exact=True)
+    carried = fitted(session, "friction-level")
+    monkeypatch.setattr("evaluator.diagnosis.inference.fit._carried_on", lambda *given: given[3])
+    viewed = fitted(session, "friction-level")
+    assert (carried.converged, viewed.converged) == (True, True)
+    assert carried.steps < viewed.steps
+    assert carried.posterior.log_evidence == pytest.approx(viewed.posterior.log_evidence, abs=0.05)
+
+
 @pytest.mark.parametrize("seed", [103, 3])
 def test_wheels_that_follow_late_by_two_causes_are_not_taken_for_one(seed: int, tmp_path: Path) -> None:
     """A dead time alone is nearly as good, and in dead time and time constant no step leads away from it."""

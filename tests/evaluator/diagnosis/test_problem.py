@@ -180,26 +180,24 @@ def test_slopes_from_nearby_lead_to_the_same_place_with_fewer_simulations(built:
     assert fewer < 0.7 * simulated
 
 
-def test_a_step_corrects_slopes_along_itself_to_what_it_changed_and_no_other_way() -> None:
+@pytest.mark.parametrize("common", [0, 2])
+def test_a_step_corrects_slopes_along_itself_to_what_it_changed_and_no_other_way(common: int) -> None:
     rng = np.random.default_rng(6)
-    steps, before, moved = (
-        np.array([1e-3, 1e-3, 1e-4, 1e-3, 2e-4, 2e-4, 0.1]),
-        rng.normal(0, 1e-2, 7),
-        rng.normal(0, 1, 7),
-    )
-    moved *= steps
-    true, slopes = rng.normal(0, 1, (30, 7)), rng.normal(0, 1, (30, 7))
+    steps = np.array([*(5e-4, 0.2)[:common], 1e-3, 1e-3, 1e-4, 1e-3, 2e-4, 2e-4, 0.1])
+    before, moved = rng.normal(0, 1e-2, common + 7), steps * rng.normal(0, 1, common + 7)
+    true, slopes = rng.normal(0, 1, (30, common + 7)), rng.normal(0, 1, (30, common + 7))
+    counted = np.r_[np.ones(common), np.zeros(3), np.ones(4)]  # a start pose is measured from where a view was taken
 
     def view(own: np.ndarray) -> Linearized:
-        return Linearized(-true @ own + slopes[:, 3:] @ own[3:], np.zeros((30, 0)), slopes[:, :3], slopes[:, 3:])
+        return Linearized(-true @ own + slopes @ (counted * own), *np.split(slopes, [common, common + 3], axis=1))
 
     after = before + moved
     found = secant(view(before), view(after), before, after, steps)
-    corrected = np.column_stack([found.start, found.scatter])
+    corrected = np.column_stack([found.common, found.start, found.scatter])
     np.testing.assert_allclose(corrected @ moved, true @ moved, rtol=1e-9)
     aside = np.linalg.svd((moved / steps)[None])[2][1:].T * steps[:, None]  # steps at right angles to the one made
     np.testing.assert_allclose(corrected @ aside, slopes @ aside, atol=1e-12)
-    np.testing.assert_allclose(found.response - found.scatter @ after[3:], -true @ after, atol=1e-12)
+    np.testing.assert_allclose(found.response - corrected @ (counted * after), -true @ after, atol=1e-12)
 
 
 def test_one_core_and_three_see_the_same_to_the_last_bit(

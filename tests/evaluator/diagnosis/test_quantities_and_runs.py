@@ -152,7 +152,7 @@ def test_linear_view_of_a_run_predicts_its_features_at_any_parameters() -> None:
     )
     here = view.response - view.scatter @ point.per_run[0, 3:]
     np.testing.assert_allclose(here - 0.01 * view.common[:, 0], wide, atol=1e-6)
-    (again,) = problem.seen_again(replace(point, per_run=own[None]), [view], [0])
+    (again,) = problem.seen_again(replace(point, per_run=own[None]), [view], [0], [column])
     assert again is not None
     np.testing.assert_allclose(again.response - view.scatter @ own[3:], direct, atol=1e-9)
 

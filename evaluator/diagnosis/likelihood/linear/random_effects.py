@@ -54,7 +54,8 @@ def settled_by_run(
     value = np.full(len(best), np.inf)
     step = np.zeros_like(best)
     share = np.ones(len(best))
-    views = {} if seen is None else dict(zip(runs, seen, strict=True))
+    own = [replace(view, common=view.common[:, :0]) for view in seen or ()]  # common parameters stay at the point
+    views = dict(zip(runs, own, strict=True)) if own else {}
     pending = list(runs)
     for number in range(PER_RUN_PASSES):
         trial = replace(point, per_run=best + share[:, None] * step)
@@ -87,27 +88,26 @@ def settled_by_run(
     return replace(point, per_run=best), value[list(runs)]
 
 
-def secant(
-    before: Linearized, after: Linearized, per_run_before: Floats, per_run_after: Floats, steps: Floats
-) -> Linearized:
-    """The view after a step (7,) with slopes that explain what the step changed, and no more: Broyden's update.
+def secant(before: Linearized, after: Linearized, at_before: Floats, at_after: Floats, steps: Floats) -> Linearized:
+    """The view after a step with slopes that explain what the step changed, and no more: Broyden's update.
 
-    before, after: views with the same slopes. steps: sizes (7,) in which numbers are compared.
+    before, after: views with the same slopes. at_before, at_after: common parameters (p,), then the numbers of the run
+    (7,). steps: sizes (p + 7,) in which numbers are compared.
     Source: Broyden (1965), Mathematics of Computation 19, 577.
     """
-    moved = per_run_after - per_run_before
+    moved = at_after - at_before
     square = float(np.sum((moved / steps) ** 2))
     if square == 0.0:
         return after
-    slopes = np.column_stack([after.start, after.scatter])
-    left = [
-        view.response - view.scatter @ per_run[3:]
-        for view, per_run in ((before, per_run_before), (after, per_run_after))
-    ]
+    slopes = np.column_stack([after.common, after.start, after.scatter])
+    begin, end = (count := after.common.shape[1]), count + after.start.shape[1]
+    # start poses are measured from where a view was taken, all else from where it changes nothing
+    counted = np.ones(len(moved))
+    counted[begin:end] = 0.0
+    left = [view.response - slopes @ (counted * at) for view, at in ((before, at_before), (after, at_after))]
     missed = left[1] - left[0] + slopes @ moved
     slopes = slopes - np.outer(missed, moved / steps**2 / square)
-    response = left[1] + slopes[:, 3:] @ per_run_after[3:]
-    return replace(after, response=response, start=slopes[:, :3], scatter=slopes[:, 3:])
+    return Linearized(left[1] + slopes @ (counted * at_after), *np.split(slopes, [begin, end], axis=1))
 
 
 def _per_run_value(item: Linearized, per_run: Floats, scatter: Floats | None) -> float:
