@@ -59,6 +59,20 @@ class Variant:
         return 0.0, 0.0, heading if self.of_direction else 0.0
 
 
+@dataclass(frozen=True)
+class _Asked:
+    """What tasks with the common parameters of a task ask for.
+
+    task: kept, so that nothing else has the identity of its mappings. ordered: whether it differs from run to run.
+    nominal: deviations that act in a simulation. lasting: all that tells it apart.
+    """
+
+    task: Task
+    ordered: bool
+    nominal: Mapping[str, float]
+    lasting: tuple[object, ...]
+
+
 class Variants:
     """The variants of an experiment's robots, compiled when they are first asked for; threads may share them.
 
@@ -72,6 +86,7 @@ class Variants:
         self._kinds = [self._robots.index(robot) for robot in self._robots]  # equal robots have equal variants
         self._places = {kind: reference_places(self._robots[kind]) for kind in self._kinds}  # of the file
         self._found: dict[tuple[object, ...], Variant] = {}
+        self._asked: dict[tuple[int, int, int], _Asked] = {}
         self._records: dict[bytes, NDArray[np.int64]] = {}
 
     def of(self, tasks: Sequence[Task], data: Sequence[RunData]) -> list[Variant]:
@@ -80,37 +95,36 @@ class Variants:
             return self._of(tasks, data)
 
     def _of(self, tasks: Sequence[Task], data: Sequence[RunData]) -> list[Variant]:
-        if len(self._found) > MOST_VARIANTS:
+        if max(len(self._found), len(self._asked)) > MOST_VARIANTS:
             self._found.clear()
+            self._asked.clear()
             self._records.clear()
-        # tasks of a linearization share their mappings, which live as long as their tasks
-        met: dict[tuple[int, int, int], tuple[bool, dict[str, float], tuple[object, ...]]] = {}
         here: dict[tuple[int, int, int, int], Variant] = {}
         result = []
         for task in tasks:
             kind, order = self._kinds[task.run], data[task.run].order
-            shared = kind, id(task.nominal), id(task.terms)
-            if shared not in met:
-                met[shared] = self._asked(kind, task)
-            ordered, nominal, lasting = met[shared]
-            place = *shared, order if ordered else 0
+            shared = kind, id(task.nominal), id(task.terms)  # tasks of a linearization share their mappings
+            asked = self._asked.get(shared)
+            if asked is None:
+                asked = self._asked[shared] = self._of_point(kind, task)
+            place = *shared, order if asked.ordered else 0
             if place not in here:
-                key = place[3], lasting
+                key = place[3], asked.lasting
                 if key not in self._found:
-                    self._found[key] = self._compiled(kind, place[3], nominal, task.terms)
+                    self._found[key] = self._compiled(kind, place[3], asked.nominal, task.terms)
                 here[place] = self._found[key]
             result.append(here[place])
         return result
 
-    def _asked(self, kind: int, task: Task) -> tuple[bool, dict[str, float], tuple[object, ...]]:
-        """Whether a task differs from run to run, its deviations that act in simulations, and what tells it apart."""
+    def _of_point(self, kind: int, task: Task) -> _Asked:
         effects = *task.terms, *(entry.id for entry in self._robots[kind].effect)
         nominal = {
             name: value
             for name, value in task.nominal.items()
             if not is_shared(name) or (name in SIMULATED and name in self._known and name != START)
         }
-        return any(map(varies_by_run, effects)), nominal, (kind, *nominal.items(), *task.terms.items())
+        lasting = kind, *nominal.items(), *task.terms.items()
+        return _Asked(task, any(map(varies_by_run, effects)), nominal, lasting)
 
     def _compiled(self, kind: int, order: int, nominal: Mapping[str, float], terms: Values) -> Variant:
         robot = varied_robot(self._robots[kind], {key: value for key, value in nominal.items() if not is_shared(key)})
@@ -183,16 +197,22 @@ def _act(effect: str, draft: Draft, values: Mapping[str, float]) -> None:
 
 def varied_robot(robot: Robot, deviations: Mapping[str, float]) -> Robot:
     """The robot with nominal values, by dotted key, multiplied by 1 + deviation; of a [[wheel]] list, those of each."""
-
-    def scaled(part: BaseModel, name: str, factor: float) -> BaseModel:
-        return part.model_copy(update={name: getattr(part, name) * factor})
-
+    factors: dict[str, dict[str, float]] = {}
     for key, deviation in deviations.items():
         if deviation:
             table, name = key.split(".")
-            part = getattr(robot, table)
-            factor = 1 + deviation
-            each = isinstance(part, tuple)
-            changed = tuple(scaled(item, name, factor) for item in part) if each else scaled(part, name, factor)
-            robot = robot.model_copy(update={table: changed})
-    return robot
+            factors.setdefault(table, {})[name] = 1 + deviation
+    if not factors:
+        return robot
+
+    def scaled(part: BaseModel, by: Mapping[str, float]) -> BaseModel:
+        return part.model_copy(update={name: getattr(part, name) * factor for name, factor in by.items()})
+
+    tables = {table: getattr(robot, table) for table in factors}
+    changed = {
+        table: tuple(scaled(item, factors[table]) for item in part)
+        if isinstance(part, tuple)
+        else scaled(part, factors[table])
+        for table, part in tables.items()
+    }
+    return robot.model_copy(update=changed)
