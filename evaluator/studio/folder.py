@@ -55,7 +55,7 @@ class Folder:
         relative = self._known.get(identifier)
         found = None if relative is None else self.inside(self.root / relative)
         if found is None or not found.exists():
-            raise InputError("this file is not there (any more); go back to the first screen")
+            raise InputError("this file no longer exists; go back to the first screen")
         return found
 
     def files(self, endings: tuple[str, ...] = ()) -> Iterator[Path]:

@@ -135,12 +135,14 @@ def _faults(path: Path, content: Mapping[str, Any]) -> list[Fault]:
             if isinstance(name, str) and not (folder / name).exists():
                 found.append(Fault(row, key, f"{name} does not exist"))
         if _missing_robot(folder, run.get("robot")):
-            found.append(Fault(row, "robot", f"{run['robot']} is not there"))
+            found.append(Fault(row, "robot", f"{run['robot']} does not exist"))
     camera = content.get("camera")
     if isinstance(camera, str) and not (folder / camera).exists():
-        found.append(Fault(None, "camera", f"{camera} is not there yet: calibrate the camera first"))
+        found.append(Fault(None, "camera", f"{camera} does not exist yet: calibrate the camera first"))
     if _missing_robot(folder, content.get("robot")):
-        found.append(Fault(None, "robot", f"{content['robot']} is not there: robot = names a file, or a shipped robot"))
+        found.append(
+            Fault(None, "robot", f"{content['robot']} does not exist: robot = must be a file or a shipped robot")
+        )
     return found
 
 

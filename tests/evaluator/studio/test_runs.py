@@ -76,7 +76,7 @@ def test_a_cell_is_written_and_comments_stay(studio: Serving, folder: Path) -> N
 
 def test_faults_stand_at_their_cells(studio: Serving) -> None:
     path, table = first(studio)
-    assert {"row": 1, "key": "video", "sentence": "gone.mp4 is not there"} in table["faults"]
+    assert {"row": 1, "key": "video", "sentence": "gone.mp4 does not exist"} in table["faults"]
     edits = [set_cell(1, "id", "no spaces please"), set_cell(0, "right_rpm", None)]
     table = studio.post(f"{path}/edit", {"version": table["version"], "edits": edits})
     places = {(fault["row"], fault["key"]) for fault in table["faults"]}
@@ -87,7 +87,7 @@ def test_a_robot_file_that_is_not_there_is_a_fault_of_the_table(studio: Serving,
     (folder / "experiment.toml").write_text(EXPERIMENT.replace('robot = "barrel"', 'robot = "robt.toml"'))
     _, table = first(studio)
     found = [fault["sentence"] for fault in table["faults"] if fault["key"] == "robot"]
-    assert found == ["robt.toml is not there: robot = names a file, or a shipped robot"]
+    assert found == ["robt.toml does not exist: robot = must be a file or a shipped robot"]
 
 
 def test_a_file_that_is_no_toml_is_said_in_the_words_of_every_command(folder: Path) -> None:

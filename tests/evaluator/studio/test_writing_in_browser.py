@@ -39,7 +39,7 @@ def test_the_form_of_an_unknown_verdict_becomes_an_effect_by_keyboard_and_is_und
         page.keyboard.press("Enter")
         page.keyboard.type("Mixed Drive")
         page.keyboard.press("Enter")
-        page.locator("form [role=alert]", has_text="small letters").wait_for()
+        page.locator("form [role=alert]", has_text="lower-case letters").wait_for()
         page.keyboard.press("Control+a")
         page.keyboard.type("mixed-drive")
         page.get_by_label("to, term 2").focus()
@@ -83,7 +83,7 @@ def test_an_image_is_taken_from_a_live_camera_and_undone(studio: Serving, tmp_pa
     with open_page(studio.link) as page:
         page.get_by_role("link", name="Camera").click()
         page.get_by_text("Live camera", exact=True).click()
-        page.get_by_label("Camera", exact=True).select_option("recording camera.mkv, as if it were a camera")
+        page.get_by_label("Camera", exact=True).select_option("recording camera.mkv in place of a camera")
         page.get_by_role("button", name="Start", exact=True).click()
         page.get_by_text("Focus: edges").wait_for(timeout=1000 * HANGS_S)
         page.locator("h1").click()
