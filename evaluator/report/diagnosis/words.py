@@ -45,8 +45,7 @@ def _description(content: Json) -> str:
     if free:
         return f", and no free-form term does either; the nearest is {free}"
     seen = [item["sentence"] for item in content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
-    largest = f"; the largest disagreement: {_with_minus(seen[0])}"
-    return f", and no free-form term does either{largest}" if seen else ""
+    return f", and no free-form term does either; the largest disagreement: {_with_minus(seen[0])}" if seen else ""
 
 
 WITHOUT_EFFECTS = "Without these effects, the robot file and the runs disagree as follows:"

@@ -249,3 +249,8 @@ def test_values_that_the_data_prefer_are_told_the_farthest_first() -> None:
         "Values that the data prefer, within their tolerances: far −2.50 mm [−2.60, −2.40] (2.5 tolerances); "
         "next 1.90 mm [1.80, 2.00]; near 1.00 mm [0.90, 1.10]."
     )
+
+
+def test_an_unknown_verdict_without_a_disagreement_is_a_whole_sentence() -> None:
+    content: dict[str, Any] = {"verdict": "unknown", "effects": [], "where": []}
+    assert verdict_sentence(content) == "The model lacks something that no known effect explains."
