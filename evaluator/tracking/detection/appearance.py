@@ -66,8 +66,13 @@ def patch_of(frame: Frame, center_px: tuple[float, float], radius_px: float) -> 
     return cut_patch(frame.luma, (frame.row_origin, frame.row_step), center_px, RIM * radius_px + 5.0)
 
 
-def learn_shape(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0) -> Steps[Disc | None]:
-    """Learn the disc from patches around the mark; returns None where there is none of about that radius."""
+def learn_shape(
+    patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0, *, smeared: bool = False
+) -> Steps[Disc | None]:
+    """Learn the disc from patches around the mark; returns None where there is none of about that radius.
+
+    smeared: it moves so fast that an edge beside it is smeared in another way in each patch, and cannot be taken out.
+    """
     whole = [patch for patch in patches if len(patch.value) > 30]
     if not whole:
         return None
@@ -75,7 +80,7 @@ def learn_shape(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0
         disc = yield from learn_disc([_thinned(patch) for patch in whole], radius_px, blur_px)
         if len(whole) >= SEVERAL:
             disc = yield from _learn_clear(whole, disc)
-            disc = yield from _learn_beside_edge(whole, disc)
+            disc = disc if smeared else (yield from _learn_beside_edge(whole, disc))
     except np.linalg.LinAlgError:
         return None
     plausible = 0.4 < disc.radius_px / radius_px < 2.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +11,12 @@ from numpy.typing import NDArray
 
 from evaluator.recording import Frame
 from evaluator.tracking.detection import color_kernels
-from evaluator.tracking.detection.appearance import SOFTNESS, Appearance, patch_of
+from evaluator.tracking.detection.appearance import SOFTNESS, Appearance, learn_shape, patch_of
 from evaluator.tracking.following.motion import Motion, Point, beyond
 from evaluator.tracking.observation import ABSENT, OK, Sighting
 from evaluator.tracking.refinement import fast_path, kernels
-from evaluator.tracking.refinement.learn_shape import Patch
+from evaluator.tracking.refinement.disc import Disc
+from evaluator.tracking.refinement.learn_shape import Patch, Steps
 from evaluator.tracking.refinement.shading import LightNotes, interior_px
 from evaluator.tracking.refinement.slow_path import SlowPath
 from evaluator.tracking.uncertainty.rim import Rim, rim_power
@@ -239,6 +241,12 @@ class Follower(Motion):
             and self._result[kernels.RESIDUAL] < fast_path.DISTURBED
         ):
             self.views.append(patch_of(frame, self.position or (0.0, 0.0), self.radius_px))
+
+    def learn_anew(self, patches: Sequence[Patch], interval_s: float) -> Steps[Disc | None]:
+        """Learn the shape from patches of the mark as it moves now."""
+        return learn_shape(
+            patches, self.radius_px, self.look.disc.blur_px, smeared=self.step_px(interval_s) > SMEARED_PX
+        )
 
     def looks_changed(self) -> bool:
         """Whether residuals are no longer what they were while the shape was learnt: then it is worth learning anew."""

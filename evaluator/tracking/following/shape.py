@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from evaluator.recording import Frame
-from evaluator.tracking.detection.appearance import learn_color, learn_shape, patch_of, with_disc
+from evaluator.tracking.detection.appearance import learn_color, patch_of, with_disc
 from evaluator.tracking.detection.color_map import allowed_cells, neutral_of
 from evaluator.tracking.detection.find import candidates
 from evaluator.tracking.detection.lookalikes import RESTING_PX, Rivals, mover
@@ -125,10 +125,11 @@ def learn_anew(followers: Followers, settings: TrackingSettings, held: Sequence[
     """Learn the shapes of discs from all the frames held, and measure in those once more; in place."""
     marks = [followers.get(name) for name in settings.mark]
     discs = [(k, mark) for k, mark in enumerate(marks) if isinstance(mark, Follower)]
+    interval_s = float(np.median(np.diff([frame.time_s for frame, _ in held]))) if len(held) > 1 else 0.0
     for k, follower in discs:
         seen = [(frame, (s[k].x, s[k].y)) for frame, s in held if s[k].status == OK]
         patches = [patch_of(frame, place, follower.radius_px) for frame, place in seen[::2]]
-        disc = finished(learn_shape(patches, follower.radius_px, follower.look.disc.blur_px))
+        disc = finished(follower.learn_anew(patches, interval_s))
         if disc is not None:
             follower.take_look(with_disc(follower.look, disc))
     agree(followers, settings.pair, Follower.take_look)

@@ -138,7 +138,7 @@ class Tracker:
             follower.keep_view(frame)
             if follower.seen in RELEARN_AT and follower.views and follower.looks_changed():
                 views = follower.views[:: -(-len(follower.views) // LEARNING_FRAMES)]
-                self._lessons.append((follower, learn_shape(views, follower.radius_px, follower.look.disc.blur_px)))
+                self._lessons.append((follower, follower.learn_anew(views, self.interval_s)))
             if not frame.index & (SHADING_MASK if follower.seen < SHADED else RARELY_MASK):
                 follower.note_light(frame)
         elif (

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -9,8 +12,8 @@ from numpy.typing import NDArray
 
 from evaluator.tracking.detection.appearance import learn_shape
 from evaluator.tracking.refinement import kernels, slow_path
-from evaluator.tracking.refinement.disc import Disc, fit
-from evaluator.tracking.refinement.edge import View, find_edge
+from evaluator.tracking.refinement.disc import Disc, Edge, fit, make_disc
+from evaluator.tracking.refinement.edge import View, find_edge, matters
 from evaluator.tracking.refinement.learn_shape import Patch, cut_patch, finished
 
 Array = NDArray[np.float64]
@@ -84,3 +87,38 @@ def test_a_mark_far_from_any_edge_has_none() -> None:
     disc, _, shift = errors_beside(40.0, 2.0)
     assert disc.edge is None
     assert np.abs(shift).max() < 0.01
+
+
+def fitted(x: float, sigma: float = 0.02, residual: float = 1.0) -> Array:
+    numbers = np.zeros(kernels.RESULTS)
+    numbers[[kernels.X, kernels.VAR_X, kernels.VAR_Y]] = x, sigma**2 / 2, sigma**2 / 2
+    numbers[[kernels.AMPLITUDE, kernels.RESIDUAL, kernels.PIXELS]] = 100.0, residual, 200.0
+    return numbers
+
+
+def test_an_edge_is_looked_for_where_a_slope_shifts_a_mark_by_three_sigmas() -> None:
+    assert not matters(fitted(30.0), fitted(30.058))
+    assert matters(fitted(30.0), fitted(30.062))
+
+
+@pytest.mark.parametrize(
+    ("shift_px", "residual", "kept"),
+    [(0.009, 1.0, False), (0.011, 1.0, True), (0.2, 1.6, True), (0.2, 2.1, False)],
+)
+def test_an_edge_counts_where_it_shifts_the_mark_by_half_a_sigma_and_explains_what_disturbs_it(
+    shift_px: float, residual: float, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disc = make_disc(6.0, 0.9, (0.0, 0.0), (100.0, 30.0), 4.0)
+    plain, edge = fitted(30.0, residual=4.5), fitted(30.0 + shift_px, residual=residual)
+    path = slow_path.SlowPath(disc.numbers(), disc.table, np.array([4.0, 5.0]), plain, 4.0, disc)
+    monkeypatch.setattr(
+        path, "_fit", lambda *_, result, **__: result.__setitem__(slice(None), fitted(30.3, residual=4.0))
+    )
+    monkeypatch.setattr(path, "_fit_unoccluded", lambda *_: (0.0, 0.0))
+    monkeypatch.setattr(path, "_glares", lambda _: False)
+    monkeypatch.setattr(slow_path, "cut_patch", lambda *_: None)
+    monkeypatch.setattr(slow_path, "find_edge", lambda *_: (edge, Edge(0.0, 9.0, 40.0, 90.0)))
+    frame: Any = SimpleNamespace(luma=None, row_origin=0, row_step=1, index=1)
+    path.refit(frame, suspicious=False)
+    assert (plain[kernels.X] == edge[kernels.X]) == kept
+    assert (path.shift[0] == pytest.approx(slow_path.EDGED * shift_px)) == kept

@@ -250,6 +250,16 @@ def test_a_shape_is_learnt_anew_where_noise_is_no_longer_what_it_was() -> None:
     assert (*one._usual[:2], one._noise[0], one.radius_px) == (90.0, 30.0, 9.0, 7.0)
 
 
+@pytest.mark.parametrize(("step_px", "smeared"), [(1.9, False), (2.1, True)])
+def test_no_edge_is_looked_for_beside_a_mark_that_is_smeared_while_it_is_learnt(
+    step_px: float, smeared: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = list[Any]()
+    monkeypatch.setattr(follow, "learn_shape", lambda *_, smeared: told.append(smeared))
+    follower(velocity=(60.0 * step_px, 0.0)).learn_anew([], 1 / 60)
+    assert told == [smeared]
+
+
 def test_every_tenth_clear_view_is_kept_before_the_last_lesson(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(follow, "patch_of", lambda _, place, radius: (place, radius))
     one = follower(position=(50.0, 40.0))
