@@ -48,14 +48,14 @@ def searched_on_ground(ready: Prepared, progress: Progress) -> tuple[Search, Sea
     for size, (count, additions) in enumerate(GROWN):
         progress(f"{size + 1} effects", 0.1 + 0.2 * size)
         grow(whole, families, size, count, additions)
-        whole = _quieter(whole, families) or whole
+        whole = _settled(whole, families) or whole
     for number in range(ROUNDS):
         progress("other effects in place of each", 0.7 + 0.08 * number)
         exchange(whole, families)
-        quieter = _quieter(whole, families)
-        if quieter is None:
+        settled = _settled(whole, families)
+        if settled is None:
             break
-        whole = quieter
+        whole = settled
     if searched != every:
         progress("all runs", 0.9)
         whole = _under(whole, families, runs=every)
@@ -133,8 +133,8 @@ def _afford(search: Search) -> None:
     search.most_steps = search.steps + MOST_STEPS
 
 
-def _quieter(search: Search, families: int) -> Search | None:
-    """The search under the noise that its best set leaves, with what leads in it; None where that is no quieter."""
+def _settled(search: Search, families: int) -> Search | None:
+    """The search under the noise that its best set leaves, with what leads in it; None where that is as it was."""
     problem = settled_noise(search, _ranked(search, families)[0])
     return None if problem is None else _under(search, families, problem=problem)
 

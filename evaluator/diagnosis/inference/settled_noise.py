@@ -13,11 +13,16 @@ from evaluator.diagnosis.likelihood.noise.common_drift import changed, common_dr
 from evaluator.diagnosis.likelihood.preparation import friction_shifts, with_noise_of
 from evaluator.diagnosis.likelihood.problem import Problem
 
-SETTLED_NOISE = 0.9  # a search is repeated where its best model lowers the noise below this share
+SETTLED_NOISE = (
+    0.9  # a search is repeated where its best model lowers the noise below this share (or, on ground, lifts)
+)
 
 
 def settled_noise(search: Search, best: frozenset[str]) -> Problem | None:
-    """The problem with the noise that a fitted set leaves; None where that is as it was, or no quieter."""
+    """The problem with the noise that a fitted set leaves; None where that is as it was, or no quieter.
+
+    On open ground louder noise counts as well: that of a set that no longer leads is no noise of the one that does.
+    """
     fit, runs = search.fits[best], range(len(search.problem.data))
     # Without effects the drift was asked for at the beginning, or the misfit is so large that none is owed to a camera.
     # On open ground all that is left over is noise already, be it of the camera, of friction or of the model.
@@ -26,7 +31,8 @@ def settled_noise(search: Search, best: frozenset[str]) -> Problem | None:
     problem = with_noise_of(drifting, place_runs(search.problem, fit.point, runs, fit.posterior.scatter))
     pairs = zip(problem.noise, search.problem.noise, strict=True)
     ratio = np.median([new[0].sigma_mm / old[0].sigma_mm for new, old in pairs])
-    return problem if ratio <= SETTLED_NOISE or drifting is not search.problem else None
+    louder = search.problem.open_ground and ratio >= 1 / SETTLED_NOISE
+    return problem if ratio <= SETTLED_NOISE or louder or drifting is not search.problem else None
 
 
 def with_common_drift(search: Search, fit: Fit) -> Problem:
