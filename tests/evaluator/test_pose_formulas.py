@@ -314,3 +314,13 @@ def test_three_distances_tell_the_noise_of_a_coordinate_and_two_none(frames: int
     covariance = poses_from_marks(table, GEOMETRY).covariance
     sigma = 1.4826 * 0.01 / np.sqrt(2) if frames == 3 else ROUNDING_SIGMA_MM
     np.testing.assert_allclose(covariance[:, 2, 2], (sigma / 3.66) ** 2 * 2, rtol=0.02)  # of the heading
+
+
+def test_how_well_a_mark_is_known_where_frames_are_refused_does_not_count_in_its_weight() -> None:
+    sigmas = {f"{name}_{axis}_sigma_mm": 0.01 for name in ("green", "yellow") for axis in "xy"}
+    marks = table(40, **sigmas, green_x_mm=9.3)  # a spacing that is wrong: either mark takes its share
+    odd = np.arange(40) < 30
+    marks.loc[odd, "yellow_x_mm"], marks.loc[odd, "yellow_y_mm"] = 9.3, 22.0  # both at one position
+    marks.loc[odd, ["yellow_x_sigma_mm", "yellow_y_sigma_mm"]] = 1.0
+    alone = poses_from_marks(marks[~odd], LOPSIDED)
+    np.testing.assert_allclose(poses_from_marks(marks, LOPSIDED).x_mm[~odd], alone.x_mm)

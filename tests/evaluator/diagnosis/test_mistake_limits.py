@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from evaluator.diagnosis.mistakes import disturbances
 from evaluator.diagnosis.mistakes.alternatives import Alternative
 from evaluator.diagnosis.mistakes.copies import copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
@@ -14,6 +15,7 @@ from evaluator.diagnosis.mistakes.hypotheses import (
     Judgement,
     _without_regimes,
 )
+from evaluator.diagnosis.mistakes.motion import Onset
 from evaluator.diagnosis.mistakes.recognised import Found, mistakes_of
 from tests.evaluator.diagnosis.straight_session import ROBOT, ROLLED_MM_S, driven, kinds, session
 
@@ -59,6 +61,15 @@ def test_a_start_is_late_from_a_tenth_of_a_second_on(late_s: float, told: bool) 
     if told:
         assert float(found[0].remedy.removeprefix("set start_s = ")) == pytest.approx(0.5 + late_s, abs=0.03)
         assert ("later" if late_s > 0 else "earlier") in found[0].seen
+
+
+@pytest.mark.parametrize(("sigmas", "told"), [(4.8, False), (5.2, True), (-5.2, True)])
+def test_a_start_is_late_from_five_of_its_standard_deviations_on(
+    sigmas: float, told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begins = {"r0": 0.5 + sigmas * 0.06}
+    monkeypatch.setattr(disturbances, "onset", lambda run: Onset(begins.get(run.id, 0.5), 0.06))
+    assert kinds(late_starts(session(driven(0)), [ROBOT] * 8)) == ([("r0", "late-start")] if told else [])
 
 
 def test_a_start_that_noise_leaves_open_is_no_late_one() -> None:

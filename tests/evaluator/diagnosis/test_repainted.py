@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -42,6 +43,14 @@ def test_marks_that_were_repainted_after_four_runs_are_told_once_of_the_later_on
     if said:
         assert f"r9: their marks are {3.66 * changed:.2f}"[:-1] in found[0].sentence
         assert "mm apart, in the other runs 3.66 mm; were they repainted?" in found[0].sentence.replace("3.659", "3.66")
+
+
+@pytest.mark.parametrize("changed", [0.95, 1.05])
+def test_of_two_halves_the_one_farther_from_the_robot_file_is_told_and_of_poses_none(changed: float) -> None:
+    runs = _runs([3.66 * changed] * 4 + [3.66] * 4)
+    assert [found.run for found in repainted_runs(runs, [ROBOT] * 8)] == ["r0", "r1", "r2", "r3"]
+    runs[7] = replace(runs[7], from_poses=True)
+    assert repainted_runs(runs, [ROBOT] * 8) == []
 
 
 @pytest.mark.parametrize("wide", [0.03, 0.1])
