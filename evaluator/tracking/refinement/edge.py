@@ -58,8 +58,8 @@ def find_edge(view: View, plain: Array, sloped: Array, last: Edge | None = None)
     centers = [one[: kernels.Y + 1].tolist() for one in (plain, sloped)]
     again = [] if last is None else [(last.angle, last.distance_px, last.aside_px)]
     for starts in filter(None, (again, _anywhere(disc, sloped))):
-        states = [rough.levelled(np.array([*at, 0.0, 0.0, *edge, 1.0])) for edge in starts for at in centers]
-        found = model.fit(min(states, key=rough.squares))
+        tried = [rough.levelled(np.array([*at, 0.0, 0.0, *edge, 1.0])) for edge in starts for at in centers]
+        found = model.fit(min(tried, key=lambda one: one[0])[1])
         if found is not None and model.cost_of_slope(sloped) - _left(found[0]) > CLEARLY:
             return found
     return None
@@ -139,16 +139,12 @@ class _Model:
         across = (x * cos + y * sin) ** 2, (y * cos - x * sin) ** 2
         return tuple(float(np.sqrt(self._view.disc.blur_px**2 + path / 12.0)) for path in across)  # type: ignore[return-value]
 
-    def squares(self, state: Array) -> float:
-        """Sum of the squares of what is left."""
-        return float(np.sum((self._value - self(state)[0]) ** 2))
-
-    def levelled(self, state: Array) -> Array:
-        """The state with the amplitude, base and height that fit best."""
-        levels = [2, 3, HEIGHT]
-        state = state.copy()
-        state[levels] = np.linalg.lstsq(self(state)[1][:, levels], self._value, rcond=None)[0]
-        return state
+    def levelled(self, state: Array) -> tuple[float, Array]:
+        """The state with the amplitude, base and height that fit best, after the squares that are left of it."""
+        levels, state = [2, 3, HEIGHT], state.copy()
+        shown = self(state)[1][:, levels]
+        state[levels] = np.linalg.lstsq(shown, self._value, rcond=None)[0]
+        return float(np.sum((self._value - shown @ state[levels]) ** 2)), state
 
     def _cost(self, residual: Array) -> float:
         """Squares whose growth ends where their weight does: the integral of 2r/(1 + (r/s)⁴)."""
