@@ -92,8 +92,10 @@ def _timed(files: list[Path], out: Path, workers: int, code: Path = ROOT) -> tup
     """Wall and processor seconds of the command."""
     options = [*map(str, files), "-o", str(out), "--workers", str(workers), "-q"]
     command = [sys.executable, "-m", "evaluator", "diagnose", *options]
+    # PYTHONPATH: the command starts processes of its own, which would find the package that is installed
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(code.resolve())}
     began, used = time.perf_counter(), _used()
-    subprocess.run(command, check=True, cwd=code, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"})
+    subprocess.run(command, check=True, cwd=code, env=environment)
     return time.perf_counter() - began, _used() - used
 
 
