@@ -5,10 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
-from calibration.assessment.next_image import Advice, NextImage, advise, image_notes, place_sigmas_mm
+from calibration.assessment.next_image import (
+    TILT_DEG,
+    Advice,
+    NextImage,
+    _pose,
+    _whole_gauge,
+    advise,
+    image_notes,
+    place_sigmas_mm,
+)
 from calibration.camera import PARAMETERS, Camera, camera_above, project
 from calibration.estimation.calibrate import Calibration, calibrate
 from tests.calibration.drawing import draw_gauge, gauge_of, posed, random_poses
@@ -53,6 +63,22 @@ def test_proposed_image_when_taken_gives_what_was_foretold(found: Calibration, a
     assert best.after_mm < 0.9 * best.before_mm
     taken = solved([*VIEWS, seen_in(best)])
     assert rms_mm(taken) == pytest.approx(best.after_mm, rel=0.25)
+
+
+@pytest.mark.parametrize("direction", [(0, 0), (1, 0), (1, -1)])
+def test_a_proposed_pose_has_its_middle_where_it_is_asked_for_and_is_tilted_as_asked(
+    found: Calibration, direction: tuple[int, int]
+) -> None:
+    whole = _whole_gauge(found)
+    center_mm = (whole.points_mm.max(axis=0) + whole.points_mm.min(axis=0)) / 2
+    pose = _pose(found, whole, np.array([150.0, 180.0]), direction)
+    state = found.fit.state
+    middle = project(center_mm[None], np.concatenate([pose, state.lens]), state.model)[0]
+    np.testing.assert_allclose(middle, [[150.0, 180.0]], atol=0.01)
+    normal = cv2.Rodrigues(pose[:3])[0][:, 2]  # toward the camera
+    assert np.degrees(np.arccos(-normal[2])) == pytest.approx(TILT_DEG if any(direction) else 0.0, abs=1e-5)
+    across = np.array([normal[1], -normal[0]]) @ direction
+    assert across == pytest.approx(0.0, abs=1e-4)
 
 
 def test_proposed_outline_is_where_the_gauge_is_seen(advice: Advice) -> None:
