@@ -70,6 +70,7 @@ def test_a_proposed_pose_has_its_middle_where_it_is_asked_for_and_is_tilted_as_a
     found: Calibration, direction: tuple[int, int]
 ) -> None:
     whole = _whole_gauge(found)
+    whole = replace(whole, points_mm=whole.points_mm + np.array([2.0, 1.0, 0.0]))  # its origin is not in its middle
     center_mm = (whole.points_mm.max(axis=0) + whole.points_mm.min(axis=0)) / 2
     pose = _pose(found, whole, np.array([150.0, 180.0]), direction)
     state = found.fit.state
