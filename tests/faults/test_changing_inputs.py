@@ -165,7 +165,7 @@ def test_a_recording_that_grows_while_it_is_tracked_gives_no_marks(
         return None
 
     monkeypatch.setattr(tracking_module, "track", tracked)
-    with pytest.raises(InputError, match=r"r01\.mkv: changed while it was read; wait until it is whole"):
+    with pytest.raises(InputError, match=r"r01\.mkv: changed while it was read; wait until it is complete"):
         track_recording(video, tmp_path / "marks.csv")
     assert not (tmp_path / "marks.csv").exists()
 

@@ -57,7 +57,7 @@ def test_every_wheel_has_a_contact_and_every_driven_one_a_motor() -> None:
 
 
 def test_what_cannot_be_exported_is_said() -> None:
-    with pytest.raises(SimulationError, match="do not know plate-tilt"):
+    with pytest.raises(SimulationError, match="other simulators lack plate-tilt"):
         mjcf(affected(load_robot("barrel"), "plate-tilt", angle_deg=2.0), 33.3, 14.4)
     assert any("attraction" in sentence for sentence in losses(load_robot("barrel"), 33.3, 14.4))
     assert not any("attraction" in sentence for sentence in losses(load_robot("tire"), 33.3, 14.4))

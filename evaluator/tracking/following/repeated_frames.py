@@ -2,7 +2,8 @@
 
 A recorder that fills a gap repeats a frame, and a codec then stores it anew, not quite the same. What gives it away:
 every mark stands still for a frame in the midst of motion and then makes up for it in one step. At the end of a
-recording that repeats frames no step is left: there, standing still for as long as before tells enough.
+recording that repeats frames no step is left: there it is enough that every mark stands still no longer than in the
+repeated frames before.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 # Frames over which the usual step is a mean: twice two, so that a recording of 30 frames a second which a screen shows
 # at 60, each frame twice, has a usual step that is half of each second one.
@@ -22,23 +24,33 @@ AGAIN = 0.35  # relative difference between the step after and what was to be ma
 LONGEST = 5  # frames repeated in a row
 
 
-def repeated_frames(marks_px: list[Array]) -> list[NDArray[np.bool_]]:
+def repeated_frames(marks_px: list[Array]) -> list[Flags]:
     """Per mark the frames in which it moves, but all marks that move are seen to stand still and then to catch up.
 
     marks_px: (n, 2) each, NaN where absent. A mark at rest is where it is seen, shown again or not.
     """
     each = [_of_mark(points) for points in marks_px]
-    again = np.all([shown | ~moving for moving, shown in each], axis=0)
-    return [moving & again for moving, _ in each]
+    moving, shown, ending = (np.array(part) for part in zip(*each, strict=True))
+    again = (shown | ~moving).all(axis=0) & moving.any(axis=0)
+    at_end = (ending | ~moving).all(axis=0) & moving.any(axis=0)
+    if at_end.sum() <= _longest_run(again):
+        again |= at_end
+    return list(moving & again)
 
 
-def _of_mark(points: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Where a mark moves around a frame, and where it is shown again."""
+def _longest_run(flags: Flags) -> int:
+    """Most flags in a row."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
+    return int(np.max(ends[1::2] - ends[::2], initial=0))
+
+
+def _of_mark(points: Array) -> tuple[Flags, Flags, Flags]:
+    """Where a mark moves around a frame, where it is shown again, and where the recording ends as it stands still."""
     n = len(points)
-    moving, shown = np.zeros(n, bool), np.zeros(n, bool)
+    moving, shown, ending = np.zeros(n, bool), np.zeros(n, bool), np.zeros(n, bool)
     step = np.concatenate([[np.nan], np.hypot(*np.diff(points, axis=0).T)])
     if n <= 2 * AROUND or np.isfinite(step).sum() <= AROUND:
-        return moving, shown
+        return moving, shown, ending
     pace = np.hypot(*(points[PACED:] - points[:-PACED]).T) / PACED
     padded = np.pad(pace, AROUND + PACED // 2, constant_values=np.nan)
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
@@ -51,7 +63,6 @@ def _of_mark(points: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         usual[known[-1] + 1 :] = usual[known[-1]]
     moving = usual > MOVING_PX
     still = moving & (step < STILL * usual)
-    longest = 0
     for first in np.flatnonzero(still & ~np.roll(still, 1)):
         last = first
         while last + 1 < n and still[last + 1]:
@@ -62,10 +73,9 @@ def _of_mark(points: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         if last + 1 < n:
             due = (count + 1) * usual[first]
             shown[first : last + 1] = abs(step[last + 1] - due) < AGAIN * due
-            longest = max(longest, count * shown[first])
-        else:  # the recording ends before the mark could catch up
-            shown[first:] = count <= longest
-    return moving, shown
+        else:  # before the mark could catch up
+            ending[first:] = True
+    return moving, shown, ending
 
 
 def _pace_before(points: Array, first: int) -> float:

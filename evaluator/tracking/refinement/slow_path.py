@@ -32,6 +32,7 @@ NEGLIGIBLE = 0.5  # of a centre's own sigma: an edge that shifts it by less adds
 # Of the shift that an edge makes, what may be left where it is taken out: lenses blur light, and in the gamma that
 # cameras write the flank of a light edge reaches farther than that of a mark. A gamma of 2.2 leaves 0.5 to 0.65 of it.
 EDGED = 0.6
+CHANCE = 2.0  # standard deviations
 HALF = 0.5  # of the residual before a slope: a body's edge explains that, though it is not all that disturbs
 NEVER = 2.0  # share that nothing reaches
 
@@ -145,7 +146,13 @@ class SlowPath:
             return None
         fitted, self.edge = found
         shift = fitted[: kernels.Y + 1] - self.result[: kernels.Y + 1]
-        if shift @ shift < NEGLIGIBLE**2 * fitted[[kernels.VAR_X, kernels.VAR_Y]].sum():
+        # A rough floor looks like an edge, too, but leaves more than a slope does: more than chance makes of residuals,
+        # each a mean of squares.
+        chance = CHANCE * np.sqrt(2.0 / self.sloped.item(kernels.PIXELS))
+        if (
+            fitted[kernels.RESIDUAL] > (1.0 + chance) * self.sloped.item(kernels.RESIDUAL)
+            or shift @ shift < NEGLIGIBLE**2 * fitted[[kernels.VAR_X, kernels.VAR_Y]].sum()
+        ):
             self.edge_lately = -WATCHED
             return None
         return fitted

@@ -98,7 +98,7 @@ def test_an_unchanged_experiment_is_answered_at_once_and_a_changed_one_anew(puzz
     before = outputs.diagnosis.stat().st_mtime_ns
     again = run(puzzle)
     assert again.return_value == 0
-    assert "nothing has changed" in again.output
+    assert "up to date, not computed again" in again.output
     assert outputs.diagnosis.stat().st_mtime_ns == before
     view = known_diagnosis(experiment, outputs)
     assert view is not None

@@ -81,7 +81,7 @@ def test_what_a_camera_shows_has_its_dots_and_an_image_is_taken_without_loss_and
         ("camera=/dev/video999", "is it plugged in"),
         ("camera=0&size=big", "width x height"),
         ("camera=0&rate=1e9", "up to 1000"),
-        ("file=0123456789abcdef", "not there"),
+        ("file=0123456789abcdef", "no longer exists"),
     ],
 )
 def test_nothing_but_cameras_and_recordings_of_the_folder_is_opened(studio: Serving, query: str, words: str) -> None:

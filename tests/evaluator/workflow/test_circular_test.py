@@ -79,7 +79,7 @@ def test_a_planned_experiment_can_be_read(tmp_path: Path) -> None:
     written = tomllib.loads(output.read_text(encoding="utf-8"))
     assert [(run["left_rpm"], run["right_rpm"]) for run in written["run"]] == [(r.left_rpm, r.right_rpm) for r in runs]
     assert written["robot"] == "barrel"
-    with pytest.raises(InputError, match="already there"):
+    with pytest.raises(InputError, match="exists already"):
         write_circular_test(runs, "barrel", output)
 
 

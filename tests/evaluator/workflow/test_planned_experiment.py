@@ -37,7 +37,7 @@ def test_an_experiment_and_its_commands_are_written(tmp_path: Path) -> None:
 def test_nothing_is_overwritten_and_nothing_written_in_part(tmp_path: Path, there: str) -> None:
     (tmp_path / "commands").mkdir()
     (tmp_path / there).write_text("mine")
-    with pytest.raises(InputError, match="already there"):
+    with pytest.raises(InputError, match="exists already"):
         write_plan(Plan(RUNS, ()), "barrel", tmp_path / "planned.toml")
     assert [path.read_text() for path in tmp_path.rglob("*") if path.is_file()] == ["mine"]
 
@@ -77,4 +77,4 @@ def test_an_ordinary_plan_is_written_from_the_command_line_beside_what_programs_
     monkeypatch.setattr("evaluator.workflow.plan", None)  # refused before anything is computed
     again = CliRunner().invoke(turnscope, told)
     assert isinstance(again.exception, InputError)
-    assert "already there" in str(again.exception)
+    assert "exists already" in str(again.exception)

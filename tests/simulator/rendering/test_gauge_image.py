@@ -76,7 +76,7 @@ def test_missing_dot_is_not_drawn_and_not_visible(tmp_path: Path) -> None:
 
 
 def test_gauge_out_of_view_and_unknown_colour_are_explained() -> None:
-    with pytest.raises(SimulationError, match="not in the image"):
+    with pytest.raises(SimulationError, match="outside the image"):
         render_gauge_image(CAMERA, gauge(), translation_mm=(500.0, 0.0, 0.0))
     with pytest.raises(SimulationError, match="#rrggbb"):
         render_gauge_image(CAMERA, gauge(color="blakc"))
