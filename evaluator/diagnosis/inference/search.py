@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluator.diagnosis.inference.ahead import LAGGING
-from evaluator.diagnosis.inference.fit import Fit, fit_model
+from evaluator.diagnosis.inference.fit import LAGGING, Fit, fit_model
 from evaluator.diagnosis.likelihood.problem import Point, Problem
 from evaluator.diagnosis.likelihood.run_data import START_POSE, Values
 from simulator.effects.coordinates import Candidate
@@ -73,14 +72,6 @@ class Search:
         return best.posterior.log_evidence if best is not None and explains else -np.inf
 
     @property
-    def rival(self) -> float:
-        """Log evidence of the best fit so far, which a further set must come near while it is fitted.
-
-        On open ground, where the noise is that of the best model, none.
-        """
-        return -np.inf if self.problem.open_ground else max(fit.posterior.log_evidence for fit in self.fits.values())
-
-    @property
     def null(self) -> Fit:
         """The recalibrated model without effects."""
         return self.fits[frozenset()]
@@ -121,15 +112,14 @@ def log_prior(size: int, candidates: int) -> float:
 def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit, rival: float = -np.inf) -> Fit | None:
     """Fit a set once from these starting values; keep it where it is the best fit of the set so far.
 
-    rival: log evidence near which this one must come, or it is given up. Where a set explains the runs, one that is
-    given up is not tried again without the scatter of the origin.
+    rival: log evidence of a set that explains the runs, near which this one must come.
     """
     values = {**origin.point.terms, **starts}
     smooth = [search.terms[effect] for effect in sorted(ids) if not search.terms[effect].stepwise]
     fixed = {effect: values[effect] for effect in ids if search.terms[effect].stepwise}
     values = {effect: values.get(effect, search.terms[effect].absent) for effect in ids}
     fit = _fit_from(search, Point(origin.point.per_run, origin.point.nominal, values), smooth, fixed, rival=rival)
-    lags = fit is not None and fit.posterior.log_evidence < min(rival, search.explained) - LAGGING
+    lags = fit is not None and fit.posterior.log_evidence < rival - LAGGING
     if fit is None or not (fit.converged or lags):
         # friction and gains with which a wrong model helped itself may be a place from which no step leads on
         without_scatter = origin.point.per_run.copy()

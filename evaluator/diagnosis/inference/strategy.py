@@ -12,8 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from evaluator.diagnosis.inference.ahead import LAGGING
-from evaluator.diagnosis.inference.fit import Fit, fit_model
+from evaluator.diagnosis.inference.fit import LAGGING, Fit, fit_model
 from evaluator.diagnosis.inference.screening import Screen, screen
 from evaluator.diagnosis.inference.search import LARGEST_SET, Search, fit_set
 from evaluator.diagnosis.likelihood.problem import Point
@@ -66,11 +65,7 @@ def _fit_whole_changes(search: Search, nominal: Point) -> None:
     view = screen(search, nominal, (), stepwise)
     for effect, extra in _ordered(view, view.offers)[:WHOLE_CHANGES_REFITTED]:
         fit_set(
-            search,
-            frozenset([effect]),
-            {effect: view.start_of((effect, extra))},
-            replace(search.null, point=nominal),
-            search.rival,
+            search, frozenset([effect]), {effect: view.start_of((effect, extra))}, replace(search.null, point=nominal)
         )
 
 
@@ -160,4 +155,4 @@ def _refit(
             break
         tries[ids] = tries.get(ids, 0) + 1
         starts = {effect: view.start_of((effect, extra)) for effect, extra in offers}
-        fit_set(search, ids, starts, origin, search.rival)
+        fit_set(search, ids, starts, origin, explained)

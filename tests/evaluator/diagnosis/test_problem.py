@@ -14,14 +14,7 @@ from evaluator.diagnosis.inference.watch import Cores, Watch
 from evaluator.diagnosis.likelihood import problem as problems
 from evaluator.diagnosis.likelihood.features import channels_of
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
-from evaluator.diagnosis.likelihood.linear.random_effects import (
-    MOST_SCATTER,
-    PER_RUN_SETTLED,
-    _per_run_goal,
-    secant,
-    settled,
-    settled_by_run,
-)
+from evaluator.diagnosis.likelihood.linear.random_effects import MOST_SCATTER, _per_run_goal, secant, settled
 from evaluator.diagnosis.likelihood.preparation import NO_DISTANCE_MM, build_problem
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
@@ -161,31 +154,6 @@ def test_a_run_is_seen_without_the_effects_that_cannot_be_simulated(fails: Any, 
     if view is not None:
         assert not view.common.any()
         assert np.abs(view.scatter).max() > 0
-
-
-def test_a_term_that_changes_nothing_is_not_simulated_beside_the_model_without(built: tuple[Problem, Point]) -> None:
-    problem, point = built
-    forward: Any = problem.forward
-    column = replace(pull(1.0), start=None)
-    problem.linearized(replace(point, nominal={"time_base": 0.1}), [column])
-    forward.asked.clear()
-    again = replace(point, nominal={"time_base": 0.1}, terms={"pull": (0.0, 1.0)})
-    problem.linearized(again, [column])
-    assert forward.asked == []
-    problem.linearized(replace(again, terms={"pull": (0.1, 1.0)}), [column])
-    assert forward.asked
-
-
-def test_runs_that_need_not_settle_closely_are_simulated_less(built: tuple[Problem, Point]) -> None:
-    problem, point = built
-    forward: Any = problem.forward
-    asked = []
-    for turn, near in ((0.45, PER_RUN_SETTLED), (0.46, 1e6)):
-        off = replace(point, per_run=np.add(point.per_run, [0, 0, turn, 0, 0, 0, 0]))
-        forward.asked.clear()
-        settled_by_run(problem, off, range(3), None, None, near)
-        asked.append(sum(forward.asked))
-    assert asked[1] < asked[0]
 
 
 def test_starts_far_from_where_a_run_began_are_found_in_more_steps_than_one(built: tuple[Problem, Point]) -> None:

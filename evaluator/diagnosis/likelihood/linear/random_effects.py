@@ -42,14 +42,12 @@ def settled_by_run(
     runs: Sequence[int],
     scatter: Floats | None,
     seen: Sequence[Linearized] | None = None,
-    near: float = PER_RUN_SETTLED,
 ) -> tuple[Point, Floats]:
     """Start pose, friction and gains of every run fitted at a point, and -2 log density (runs,) of each there.
 
     With scatter None the start pose alone is fitted. Runs do not depend on one another here: each goes on until its own
     density settles, with shorter steps where a step made it worse, and with slopes that each step corrects. seen: views
-    of these runs nearby, whose slopes serve to begin with. near: of one run's density, where it has settled.
-    FloatingPointError where a run cannot be simulated at the
+    of these runs nearby, whose slopes serve to begin with. FloatingPointError where a run cannot be simulated at the
     point.
     """
     best = point.per_run.copy()
@@ -69,7 +67,7 @@ def settled_by_run(
         going_on = []
         for run, item in zip(pending, found, strict=True):
             now = np.inf if item is None else _per_run_value(item, trial.per_run[run], scatter)
-            if share[run] == 1.0 and value[run] < now <= value[run] + near:
+            if share[run] == 1.0 and value[run] < now <= value[run] + PER_RUN_SETTLED:
                 continue  # settled: where a whole step leads is as good
             if now > value[run]:
                 share[run] *= SHORTER
@@ -82,7 +80,7 @@ def settled_by_run(
             view = item if as_seen else secant(views[run], item, best[run], trial.per_run[run], problem.per_run_steps)
             views[run], best[run], value[run], share[run] = view, trial.per_run[run], now, 1.0
             step[run] = _per_run_goal(view, best[run], scatter) - best[run]
-            if gained > near:
+            if gained > PER_RUN_SETTLED:
                 going_on.append(run)
         pending = going_on
         if not pending:
