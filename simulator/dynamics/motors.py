@@ -108,9 +108,8 @@ def _ramped(knots: Any, ramps: Any) -> Any:
     if ramps[0] <= 0.0 and ramps[1] <= 0.0:
         return knots
     count = len(knots)
-    bent = np.empty(
-        (4 * count, 3)
-    )  # of each piece its beginning and its end, and where each part meets what it is told
+    # Of each piece its beginning and its end, and where each part meets what it is told.
+    bent = np.empty((4 * count, 3))
     told, slope, part, speed = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     used = counter(0)
     _parts_of(knots, 0, part)

@@ -13,9 +13,8 @@ from evaluator.diagnosis.likelihood.noise.common_drift import changed, common_dr
 from evaluator.diagnosis.likelihood.preparation import friction_shifts, with_noise_of
 from evaluator.diagnosis.likelihood.problem import Problem
 
-SETTLED_NOISE = (
-    0.9  # a search is repeated where its best model lowers the noise below this share (or, on ground, lifts)
-)
+# A search is repeated where its best model lowers the noise below this share, or on open ground lifts it as far above.
+SETTLED_NOISE = 0.9
 
 
 def settled_noise(search: Search, best: frozenset[str]) -> Problem | None:
