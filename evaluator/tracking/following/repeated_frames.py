@@ -29,6 +29,8 @@ def repeated_frames(marks_px: list[Array]) -> list[Flags]:
 
     marks_px: (n, 2) each, NaN where absent. A mark at rest is where it is seen, shown again or not.
     """
+    if not marks_px:
+        return []
     each = [_of_mark(points) for points in marks_px]
     moving, shown, ending = (np.array(part) for part in zip(*each, strict=True))
     again = (shown | ~moving).all(axis=0) & moving.any(axis=0)

@@ -135,3 +135,7 @@ def test_a_jump_is_longer_than_the_usual_step_and_a_share_of_the_mark(
     points = course(1.0)
     points[30] += [off_px, off_px]
     assert off_course(TIME, points, radius_px).tolist() == [wrong and number == 30 for number in range(60)]
+
+
+def test_no_mark_is_shown_again_where_there_is_none() -> None:
+    assert repeated_frames([]) == []
