@@ -171,8 +171,9 @@ def _radius(run: RunView) -> str:
 def _interval(run: RunView) -> str:
     low, high = (run.value(f"radius_{end}_mm") / run.unit.mm for end in ("low", "high"))
     digits = _digits(run)
-    upper = f"{high:.{digits}f}" if np.isfinite(high) else "straight"
-    return f"{low:.{digits}f} to {upper} {run.unit.name}"
+    if not np.isfinite(high):
+        return f"{low:.{digits}f} {run.unit.name} to straight"
+    return f"{low:.{digits}f} to {high:.{digits}f} {run.unit.name}"
 
 
 def _digits(run: RunView) -> int:

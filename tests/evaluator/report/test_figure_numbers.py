@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf, nan, pi
 from pathlib import Path
 from types import SimpleNamespace
@@ -29,21 +29,7 @@ from evaluator.report.summary import headline
 from evaluator.workflow.results.outputs import Outputs
 from simulator.robot import load_robot
 from simulator.steady import steady_turn
-
-
-@dataclass(frozen=True)
-class Shown(RunView):
-    """A run with two marks that need no file."""
-
-    @property
-    def mark_names(self) -> tuple[str, ...]:
-        """Both marks."""
-        return ("green", "yellow")
-
-
-def shown(run: str, left: float, right: float, compared: dict[str, Any] | None = None, **values: Any) -> Shown:
-    row = {"left_rpm": left, "right_rpm": right, **values}
-    return Shown(run, "", row, compared or {}, Outputs(Path("nowhere")))
+from tests.evaluator.report.shown import Shown, shown
 
 
 def test_theory_of_a_straight_run_is_the_rim_of_a_wheel_that_does_not_slip() -> None:

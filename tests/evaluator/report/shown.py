@@ -1,0 +1,35 @@
+"""Runs of a report that are known by their rows alone and need no file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from evaluator.report.runs import RunView
+from evaluator.workflow.results.outputs import Outputs
+
+
+@dataclass(frozen=True)
+class Shown(RunView):
+    """A run with two marks that need no file."""
+
+    @property
+    def mark_names(self) -> tuple[str, ...]:
+        """Both marks."""
+        return ("green", "yellow")
+
+
+def shown(run: str, left: float, right: float, compared: dict[str, Any] | None = None, **values: Any) -> Shown:
+    """A run of a command with the numbers of its rows in comparison.csv (compared) and turning.csv (values)."""
+    row = {"left_rpm": left, "right_rpm": right, **values}
+    return Shown(run, "", row, compared or {}, Outputs(Path("nowhere")))
+
+
+def turned(
+    run: str, radius: float, off: float = 0.0, simulated: float = 0.0, half: float = 0.1, **values: Any
+) -> Shown:
+    """A turn of a radius within half a millimetre or so; off, simulated: what comparison.csv holds."""
+    compared = {"radius_difference_percent": off, "simulated_radius_mm": simulated}
+    bounds = {"radius_mm": radius, "radius_low_mm": radius - half, "radius_high_mm": radius + half}
+    return shown(run, 30.0, 20.0, compared, **{"turned_deg": 90.0, **bounds, **values})
