@@ -1,0 +1,92 @@
+"""The order in which mistakes are looked for: a run has one, and what hides another is found first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes import recognise as module
+from evaluator.diagnosis.mistakes.disturbances import _unlike
+from evaluator.diagnosis.mistakes.motion import Motion
+from evaluator.diagnosis.mistakes.recognised import Found, Kind
+from evaluator.interchange.commands import Told
+from simulator.command import Command
+from simulator.robot import Robot, load_robot
+from tests.evaluator.diagnosis.straight_session import ROBOT, driven
+
+HUSKY = load_robot(Path(__file__).parents[2] / "driven_robot" / "husky.toml")
+LOG = Told(Command.constant(30.0, 30.0), logged=True)
+SEARCHES: dict[str, Kind] = {
+    "copies": "duplicate",
+    "wrong_scale": "wrong-unit",
+    "repainted_runs": "wrong-robot",
+    "misread_runs": "reversed",
+    "disturbed_runs": "stuck",
+    "late_starts": "late-start",
+}
+
+
+def searches(monkeypatch: pytest.MonkeyPatch, finds: Callable[[str, list[str]], Sequence[str]]) -> list[Any]:
+    """Replace every search by one that finds its kind in some of the runs that it is given; what each was given."""
+    given: list[Any] = []
+
+    def search(name: str) -> Callable[..., list[Found]]:
+        def found(data: Sequence[RunData], robots: Sequence[Robot] | None = None) -> list[Found]:
+            ids = [run.id for run in data]
+            assert robots is None or len(robots) == len(ids)
+            given.append((name, ids))
+            return [Found(run, SEARCHES[name], "", "") for run in finds(name, ids)]
+
+        return found
+
+    for name in SEARCHES:
+        monkeypatch.setattr(module, name, search(name))
+    monkeypatch.setattr(module, "standing_runs", lambda *_: {"r7"})
+    return given
+
+
+def test_each_search_is_given_the_runs_in_which_nothing_was_found_and_all_that_is_found_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """r7 stands: nothing tells what it was commanded. Logs, of r8 and r9, are read before anything else disturbs."""
+    given = searches(monkeypatch, lambda name, ids: ids[-1:] if (name, len(given)) == ("misread_runs", 4) else ids[:1])
+    data = [replace(driven(number), log=LOG if number > 7 else None) for number in range(10)]
+    told = module.recognise(data, [ROBOT] * 10)
+    assert given == [
+        ("copies", [f"r{number}" for number in range(10)]),
+        ("wrong_scale", [f"r{number}" for number in range(1, 10)]),
+        ("repainted_runs", [f"r{number}" for number in range(2, 10)]),
+        ("misread_runs", ["r3", "r4", "r5", "r6", "r8", "r9"]),
+        ("disturbed_runs", ["r3", "r4", "r5", "r6", "r7", "r8"]),
+        ("misread_runs", ["r4", "r5", "r6", "r8"]),
+        ("late_starts", ["r5", "r6", "r8"]),
+    ]
+    assert {(item.runs[0], item.kind) for item in told} == {
+        *(("r0", "duplicate"), ("r1", "wrong-unit"), ("r2", "wrong-robot"), ("r9", "reversed")),
+        *(("r3", "stuck"), ("r4", "reversed"), ("r5", "late-start")),
+    }
+
+
+@pytest.mark.parametrize(("wrong", "told"), [(8, 1), (7, 0)])
+def test_of_a_robot_of_a_metre_only_copies_and_what_concerns_four_fifths_of_its_runs_is_told(
+    wrong: int, told: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    searches(monkeypatch, lambda name, ids: {"copies": ids[:1], "wrong_scale": ids[:wrong]}.get(name, []))
+    found = module.recognise([driven(number) for number in range(10)], [HUSKY] * 10)
+    assert [item.kind for item in found] == ["duplicate", *["wrong-unit"] * told]
+
+
+def test_moments_are_unlike_a_run_beyond_eight_of_its_own_standard_deviations() -> None:
+    """Nine values of which half lie beyond 1 of their median: a standard deviation of 1.4826."""
+    usual = np.array([-2.0, -1.0, -1.0, 0.0, 0.0, 1.0, 1.0, 2.0, 0.0])
+    for channel in range(3):
+        for sigmas, unlike in ((7.9, False), (8.1, True), (-8.1, True)):
+            values = np.tile(usual + 5.0, (3, 1))
+            values[channel, -1] += sigmas * 1.4826
+            assert _unlike(Motion(np.arange(9.0), *values)).tolist() == [False] * 8 + [unlike]
