@@ -67,24 +67,31 @@ class Frame:
             for plane in (self.u, self.v)
         )
 
+    @property
+    def black(self) -> float:
+        """Luma of black."""
+        return 0.0 if self.full_range else 16.0 * 2.0 ** (self.depth - 8)
+
+    @property
+    def rgb_from_planes(self) -> NDArray[np.float64]:
+        """R, G, B in levels of 8 bits from luma, u, v and 1, (3, 4)."""
+        scale = 2.0 ** (8 - self.depth)
+        kr, kb = (0.2126, 0.0722) if self.matrix == "bt709" else (0.299, 0.114)
+        luma, color = (1.0, 1.0) if self.full_range else (255 / 219, 255 / 224)
+        red, blue = 2 * (1 - kr) * color, 2 * (1 - kb) * color
+        of_color = np.array([[0.0, red], [-kb * blue / (1 - kr - kb), -kr * red / (1 - kr - kb)], [blue, 0.0]])
+        constant = -luma * scale * self.black - 128.0 * of_color.sum(axis=1)
+        return np.column_stack([np.full(3, luma * scale), of_color * scale, constant])
+
     def to_rgb(self) -> NDArray[np.uint8]:
         """Convert to (height, width, 3) RGB of 8 bits; a field's lines are doubled. For frames people look at."""
-        scale = 2.0 ** (self.depth - 8)
-        luma = self.luma.astype(np.float32)
+        planes, to_rgb = [self.luma.astype(np.float32)], self.rgb_from_planes
         if self.u is None or self.v is None:
-            planes, to_rgb = [luma], np.ones((3, 1))
+            to_rgb = to_rgb[:, [0, 3]]
+            to_rgb[:, 1] = -to_rgb[:, 0] * self.black  # middle of no colour
         else:
-            kr, kb = (0.2126, 0.0722) if self.matrix == "bt709" else (0.299, 0.114)
-            red, blue = 2.0 * (1.0 - kr), 2.0 * (1.0 - kb)
-            green = np.array([kb * blue, kr * red]) / (1.0 - kr - kb)
-            gain = 1.0 if self.full_range else 219.0 / 224.0  # of colour over luma
-            planes = [luma, self._upsampled(self.u), self._upsampled(self.v)]
-            to_rgb = np.array([[1.0, 0.0, red * gain], [1.0, *(-gain * green)], [1.0, blue * gain, 0.0]])
-        # Black at 0, colour about its middle, all in one matrix with a constant column.
-        black, white = (0.0, 255.0) if self.full_range else (16.0, 235.0)
-        zero = scale * np.array([black, 128.0, 128.0])[: len(planes)]
-        to_rgb = to_rgb * 255.0 / ((white - black) * scale)
-        rgb = cv2.transform(cv2.merge(planes), np.column_stack([to_rgb, -to_rgb @ zero]))
+            planes += [self._upsampled(self.u), self._upsampled(self.v)]
+        rgb = cv2.transform(cv2.merge(planes), to_rgb)
         image = np.clip(np.rint(rgb), 0, 255).astype(np.uint8)
         return np.repeat(image, self.row_step, axis=0) if self.row_step > 1 else image
 

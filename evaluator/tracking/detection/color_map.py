@@ -64,7 +64,7 @@ def color_map(frame: Frame, allowed: NDArray[np.bool_], balance: float = 1.0, sh
     luma: Plane = np.asarray(
         cv2.resize(np.ascontiguousarray(frame.luma), (columns, rows), interpolation=cv2.INTER_AREA), frame.luma.dtype
     )
-    to_rgb = _rgb_from_planes(frame)
+    to_rgb = frame.rgb_from_planes
     sample = sampled(allowed)
     middle = np.maximum(np.median(_rgb(to_rgb, luma[sample], frame.u[sample], frame.v[sample]), axis=1), 1.0)
     # Lamps from candle to blue sky stay within a factor of two between channels.
@@ -81,17 +81,6 @@ def color_map(frame: Frame, allowed: NDArray[np.bool_], balance: float = 1.0, sh
     cell = float(across), float(down * frame.row_step)
     origin = (across - 1) / 2, frame.row_origin + (down - 1) / 2 * frame.row_step
     return ColorMap(chroma, floor, colorful, hue, frame.u, frame.v, cell, origin, tints > STICKER)
-
-
-def _rgb_from_planes(frame: Frame) -> Array:
-    """(3, 4): R, G, B, levels of 8 bits, from luma, u, v of the frame's own depth and 1."""
-    scale = 2.0 ** (8 - frame.depth)
-    kr, kb = (0.2126, 0.0722) if frame.matrix == "bt709" else (0.299, 0.114)
-    luma, color, black = (1.0, 1.0, 0.0) if frame.full_range else (255 / 219, 255 / 224, 16.0)
-    red, blue = 2 * (1 - kr) * color, 2 * (1 - kb) * color
-    of_planes = np.array([[0.0, red], [-kb * blue / (1 - kr - kb), -kr * red / (1 - kr - kb)], [blue, 0.0]])
-    constant = -luma * black - 128.0 * of_planes.sum(axis=1)
-    return np.column_stack([np.full(3, luma * scale), of_planes * scale, constant])
 
 
 def _rgb(to_rgb: Array, luma: Plane, u: Plane, v: Plane) -> NDArray[np.float32]:

@@ -58,5 +58,4 @@ class Search:
 
 def mean_light(frame: Frame) -> float:
     """Mean luma of the frame above black, from a few hundred of its pixels."""
-    black = 0.0 if frame.full_range else 16.0 * 2 ** (frame.depth - 8)
-    return max(float(frame.luma[::37, ::23].mean()) - black, 1e-9)
+    return max(float(frame.luma[::37, ::23].mean()) - frame.black, 1e-9)

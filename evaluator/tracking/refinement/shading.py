@@ -75,7 +75,7 @@ class LightNotes:
         if self.interior_px == 0.0:
             return
         kernels.interior_slope(frame.luma, frame.row_origin, frame.row_step, *place, self.interior_px, self._slope)
-        self._black = 0.0 if frame.full_range else 16.0 * 2 ** (frame.depth - 8)
+        self._black = frame.black
         self._places.append(place)
         self._slopes.append((float(self._slope[0]), float(self._slope[1])))
 
