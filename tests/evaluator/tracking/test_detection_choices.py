@@ -1,0 +1,169 @@
+"""Which reading of a frame's colours is believed, and which shape: choices, with all that is measured made up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.tracking.detection import appearance, find
+from evaluator.tracking.refinement.learn_shape import Patch, finished
+from evaluator.tracking.settings import TrackingSettings
+
+
+def believed(
+    monkeypatch: pytest.MonkeyPatch, scores: dict[tuple[float, float], float], *, motley: bool = False,
+    names: tuple[str, ...] = ("green", "yellow"), settings: TrackingSettings | None = None, seen: int = 2,
+) -> tuple[Any, list[Any]]:  # fmt: skip
+    """The reading, (balance, degrees by which hues are wider), that is believed, and all that were tried.
+
+    scores: of the readings, -20 of others. seen: how many marks have a blob.
+    """
+    tried = []
+
+    def candidates(_frame: Any, colors: Any, _settings: Any, _names: Any, wider: float = 0.0) -> list[Any]:
+        tried.append((colors.balance, wider))
+        return [tried[-1]]
+
+    monkeypatch.setattr(find, "allowed_cells", lambda *_: np.ones(1, bool))
+    monkeypatch.setattr(find, "color_map", lambda *at: SimpleNamespace(balance=(*at, 1.0)[2], motley=motley))
+    monkeypatch.setattr(find, "_candidates", candidates)
+    monkeypatch.setattr(
+        find, "choose", lambda blobs, _: (dict.fromkeys(names[:seen], blobs[0]), scores.get(blobs[0], -20.0))
+    )
+    found: Any = find.find_marks(None, settings or TrackingSettings(), list(names))  # type: ignore[arg-type]
+    assert found.balance == found.blobs[0][0]
+    return found.blobs[0], tried
+
+
+USUAL, PLAIN, WIDER, BOTH = (1.0, 0.0), (0.0, 0.0), (1.0, 15.0), (0.0, 15.0)
+
+
+@pytest.mark.parametrize(
+    ("scores", "reading"),
+    [
+        ({USUAL: -3.9, PLAIN: 0.0}, USUAL),  # good enough: nothing else is tried
+        ({USUAL: -4.1, PLAIN: -2.0}, PLAIN),  # two less for the camera's own balance
+        ({USUAL: -4.1, PLAIN: -2.2}, USUAL),
+        ({USUAL: -7.0, PLAIN: -4.1}, USUAL),  # less than a good pair is no reason
+        ({USUAL: -9.0, WIDER: -3.0, BOTH: -0.9}, BOTH),  # four less for wider hues, six for both
+        ({USUAL: -9.0, WIDER: -3.0, BOTH: -1.1}, WIDER),
+        ({USUAL: -9.0, PLAIN: -3.0, WIDER: -0.9}, WIDER),
+        ({USUAL: -9.0, PLAIN: -3.0, WIDER: -1.1}, PLAIN),
+        ({USUAL: -6.9, WIDER: -3.0}, USUAL),
+        ({USUAL: -7.1, WIDER: -3.0}, WIDER),
+    ],
+)
+def test_colours_are_read_in_an_unusual_way_where_that_gives_a_good_pair_against_its_odds(
+    scores: dict[tuple[float, float], float], reading: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, tried = believed(monkeypatch, scores)
+    assert found == reading
+    assert len(tried) == (1 if scores[USUAL] > -4.0 else 4)
+
+
+def test_the_cameras_own_balance_is_read_too_where_colours_are_motley_or_were_all_read_off_the_image(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    of_both = {USUAL: -3.0, PLAIN: -2.9}
+    said = TrackingSettings.model_validate({"mark": {name: {"color": "#40c040"} for name in ("green", "yellow")}})
+    one = TrackingSettings.model_validate({"mark": {"green": {"color": "#40c040"}, "yellow": {}}})
+    assert believed(monkeypatch, of_both, motley=True)[0] == PLAIN
+    assert believed(monkeypatch, of_both, settings=said)[0] == PLAIN
+    assert believed(monkeypatch, of_both, settings=one)[0] == USUAL
+    assert believed(monkeypatch, {USUAL: -2.8, PLAIN: -2.9}, motley=True)[0] == USUAL
+
+
+def test_a_mark_that_is_not_seen_counts_as_thirty_and_one_mark_alone_is_read_as_usual(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert believed(monkeypatch, {USUAL: 27.0, PLAIN: 30.0}, seen=1)[0] == USUAL
+    assert believed(monkeypatch, {USUAL: 24.0, PLAIN: 27.0}, seen=1)[0] == PLAIN
+    assert believed(monkeypatch, {USUAL: -9.0, PLAIN: 0.0}, names=("green",)) == (USUAL, [USUAL])
+
+
+def patch(samples: int = 40) -> Patch:
+    return Patch(np.arange(float(samples)), np.zeros(samples), np.arange(float(samples)), (0.0, 0.0))
+
+
+def learnt(
+    monkeypatch: pytest.MonkeyPatch, patches: list[Patch], hidden: tuple[float, ...] = (), **values: float
+) -> tuple[Any, list[list[int]]]:
+    """The shape learnt, each time one px larger than before, and from how many samples of each patch.
+
+    hidden: share of each patch that something lies across. values: of the shape.
+    """
+    lessons: list[list[int]] = []
+    shape = {
+        "radius_px": 10.0,
+        "blur_px": 1.0,
+        "amplitude": 50.0,
+        "noise": 4.0,
+        "edge": None,
+        "occluded": 0.0,
+        **values,
+    }
+
+    def learn(given: list[Patch], _radius: float, _blur: float) -> Iterator[None]:
+        lessons.append([len(one.value) for one in given])
+        yield
+        return Shape(**{**shape, "radius_px": shape["radius_px"] + len(lessons) - 1})  # type: ignore[return-value]
+
+    shares = iter(hidden)
+    monkeypatch.setattr(appearance, "learn_disc", learn)
+    monkeypatch.setattr(appearance, "replace", lambda disc, **new: Shape(**{**vars(disc), **new}))
+    monkeypatch.setattr(appearance, "_uncovered", lambda one, _: (one.value < 35.0, next(shares)))
+    return finished(appearance.learn_shape(patches, 10.0, smeared=True)), lessons
+
+
+class Shape(SimpleNamespace):
+    """Stands for a disc."""
+
+
+@pytest.mark.parametrize(
+    ("values", "is_one"),
+    [
+        ({"radius_px": 4.1}, True),
+        ({"radius_px": 3.9}, False),
+        ({"radius_px": 19.0}, True),
+        ({"radius_px": 21.0}, False),
+        ({"amplitude": -4.1}, True),  # of a noise of two levels
+        ({"amplitude": 3.9}, False),
+    ],
+)
+def test_a_shape_is_a_disc_of_about_the_size_that_was_seen_and_stands_out_of_the_noise(
+    values: dict[str, float], is_one: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert (learnt(monkeypatch, [patch()] * 2, **values)[0] is not None) == is_one
+
+
+def test_a_shape_is_learnt_from_patches_of_thirty_samples_and_a_thousand_of_larger_ones(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert learnt(monkeypatch, [patch(30)])[0] is None
+    assert learnt(monkeypatch, [patch(31), patch(1009), patch(5000)][:2])[1] == [[31, 1009]]
+    assert learnt(monkeypatch, [patch(5000)])[1] == [[1009]]
+    thin = appearance._thinned(patch(5000))
+    assert (thin.x[0], thin.x[-1]) == (0.0, 4999.0)
+
+
+@pytest.mark.parametrize(
+    ("hidden", "lessons", "occluded"),
+    [
+        ((0.0,) * 3, 1, 0.0),  # nothing lies across it
+        ((0.3, 0.0, 0.0, *(0.0,) * 3), 2, 0.1),  # learnt anew without what did, once nothing does
+        ((0.3, 0.0, 0.0, 0.6, 0.0, 0.0, 0.9, 0.0, 0.0), 4, 0.3),  # three times at most
+        ((0.6, 0.6, 0.4), 1, 0.0),  # so much that it is no disc at all
+        ((0.3, 0.0, 0.0, 0.6, 0.6, 0.6), 2, 0.0),
+    ],
+)
+def test_a_shape_is_learnt_anew_without_what_lies_across_it(
+    hidden: tuple[float, ...], lessons: int, occluded: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disc, given = learnt(monkeypatch, [patch()] * 3, hidden)
+    assert given == [[40] * 3, *[[35] * 3] * (lessons - 1)]
+    assert disc.occluded == pytest.approx(occluded)
+    assert disc.radius_px == (10.0 if occluded == 0.0 else 9.0 + lessons)
