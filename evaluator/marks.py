@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.errors import InputError
-from evaluator.files import csv_dialect, write_table
+from evaluator.files.csv_tables import csv_dialect, write_table
 
 # Whatever lies beyond is no measurement: a thousand kilometres, and thirty thousand years of seconds (a clock that
 # counts nanoseconds since 1970 is beyond it too). Squares of lengths within stay far from the limits of a float.

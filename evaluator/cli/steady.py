@@ -43,7 +43,7 @@ def steady(
     """
     import numpy as np
 
-    from evaluator.files import write_table
+    from evaluator.files.csv_tables import write_table
     from evaluator.wording import counted
     from evaluator.workflow import steady_turns
 

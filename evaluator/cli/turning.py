@@ -136,7 +136,7 @@ def _say(path: Path, found: MeasuredTable) -> None:
 def _write(output: Path, rows: Sequence[dict[str, Any]]) -> None:
     import pandas as pd
 
-    from evaluator.files import write_table
+    from evaluator.files.csv_tables import write_table
 
     write_table(pd.DataFrame(rows), output)
 

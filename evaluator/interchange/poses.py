@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from calibration.frames import plate_from_body
 from evaluator.errors import InputError
-from evaluator.files import csv_dialect, read_with
+from evaluator.files import read_with
+from evaluator.files.csv_tables import csv_dialect
 from evaluator.interchange.bags import Topics, is_bag, read_trajectory
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import check_marks

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evaluator.errors import InputError
-from evaluator.files import read_with, write_table
+from evaluator.files import read_with
+from evaluator.files.csv_tables import write_table
 from evaluator.progress import Progress, no_progress, part_way
 from evaluator.settings import Experiment, MeasuredRobot, load_any_robot, load_experiment
 from evaluator.workflow.execution.answers import answers_of

@@ -9,7 +9,8 @@ import pytest
 
 from evaluator.cli.printable import printable
 from evaluator.errors import InputError
-from evaluator.files import read_with, write_table
+from evaluator.files import read_with
+from evaluator.files.csv_tables import write_table
 from evaluator.settings import load_experiment
 from tests.end_to_end.commands import turnscope
 from tests.evaluator.synthetic import circling_marks, three_runs, write_experiment

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from evaluator.files import write_table, write_text
+from evaluator.files import write_text
+from evaluator.files.csv_tables import write_table
 from evaluator.report.diagnosis.words import as_sentence
 from evaluator.report.numbers import UNKNOWN, interval, significant, true_minus
 from evaluator.report.pages.html import Page, Section, Table, page_html

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from evaluator.files import write_table, write_text
+from evaluator.files import write_text
+from evaluator.files.csv_tables import write_table
 from evaluator.progress import Progress, no_progress
 from evaluator.turning.circular_test import CircularTest, Series, circular_test
 from evaluator.workflow.analysis import Analysis, analyze

@@ -18,7 +18,8 @@ from evaluator.diagnosis.output.own_effect import own_effect
 from evaluator.diagnosis.output.robot_file import robot_text
 from evaluator.diagnosis.output.robot_with_effect import robot_with_effect
 from evaluator.errors import InputError
-from evaluator.files import read_with, write_table, write_text
+from evaluator.files import read_with, write_text
+from evaluator.files.csv_tables import write_table
 from evaluator.interchange.tracks import program_of
 from evaluator.progress import Progress, no_progress
 from evaluator.settings import Experiment, Run, load_experiment

@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 
 from evaluator.errors import InputError
-from evaluator.files import read_with, write_table, write_text
+from evaluator.files import read_with, write_text
+from evaluator.files.csv_tables import write_table
 from evaluator.marks import read_marks
 from evaluator.robot_geometry import reference_pair
 from evaluator.settings import load_experiment

@@ -17,7 +17,8 @@ import pandas as pd
 from calibration.camera import Camera
 from evaluator.comparison import comparison_row, simulated_poses
 from evaluator.errors import InputError
-from evaluator.files import read_with, write_table, write_text
+from evaluator.files import read_with, write_text
+from evaluator.files.csv_tables import write_table
 from evaluator.interchange.commands import Told
 from evaluator.interchange.poses import poses_of, read_poses, with_marks
 from evaluator.interchange.tracks import read_any_marks

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from evaluator.files import write_table, write_text
+from evaluator.files import write_text
+from evaluator.files.csv_tables import write_table
 from evaluator.workflow.rendering import SceneOrder, read_scene
 from evaluator.workflow.samples import sample_folder
 

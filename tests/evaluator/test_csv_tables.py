@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluator.interchange import csv_text as module
-from evaluator.interchange.csv_text import csv_text
+from evaluator.files import csv_tables as module
+from evaluator.files.csv_tables import csv_text
 
 
 def of_pandas(table: pd.DataFrame) -> str:

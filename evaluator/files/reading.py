@@ -1,0 +1,97 @@
+"""Reading files, with one sentence for all faults of a file."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from evaluator.errors import InputError
+
+Value = TypeVar("Value")
+
+
+def read_with(load: Callable[[Path], Value], path: Path) -> Value:
+    """Load a file and convert every error into an InputError with file, place and remedy."""
+    try:
+        return load(path)
+    except FileNotFoundError as error:
+        raise InputError(f"{error.filename or path}: no such file") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not a text file (byte {error.start} is not UTF-8)") from error
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: not valid TOML: {error}") from error
+    except ValidationError as error:
+        raise InputError(f"{path}: {explain(error, load)}") from error
+
+
+def explain(error: ValidationError, load: Callable[[Path], object]) -> str:
+    """All faults of a file in one sentence, with the nearest valid key for each unknown one.
+
+    load: the function that raised; its return annotation names the model whose keys are valid.
+    """
+    model = load.__annotations__.get("return")
+    if isinstance(model, str):
+        model = getattr(load, "__globals__", {}).get(model)
+    items = error.errors()
+    reported = [item for item in items if item["type"] != "too_short" or not _inner_fault(item["loc"], items)]
+    return "; ".join(_fault(item["loc"], item["type"], item["msg"], item.get("input"), model) for item in reported)
+
+
+def _inner_fault(place: tuple[int | str, ...], items: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether entries of a list are faulty; pydantic then reports the list as too short as well, which adds nothing."""
+    return any(item["loc"] != place and item["loc"][: len(place)] == place for item in items)
+
+
+def _fault(place: tuple[int | str, ...], kind: str, message: str, found: object, model: object) -> str:
+    keys, models = _resolved(model, place[:-1])
+    keys += place[-1:]
+    dotted = "".join(f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in keys).lstrip(".")
+    if kind == "extra_forbidden":
+        near = difflib.get_close_matches(str(place[-1]), _keys_of(models), n=1, cutoff=0.5)
+        return f"unknown key {dotted}" + (f"; did you mean {near[0]}?" if near else "")
+    if kind == "missing":
+        return f"{dotted} is missing"
+    text = (message[0].lower() + message[1:]).removeprefix("value error, ")
+    return text if isinstance(found, dict) or not dotted else f"{dotted} = {found!r}: {text}"
+
+
+def _resolved(model: object, place: tuple[int | str, ...]) -> tuple[tuple[int | str, ...], list[type[BaseModel]]]:
+    """Keys of a place as the file has them, and the models that may stand there.
+
+    A place within one of several models names which one it is, by a tag that is no key of the file: it is left out.
+    """
+    keys: tuple[int | str, ...] = ()
+    models = [model] if isinstance(model, type) and issubclass(model, BaseModel) else []
+    for part in place:
+        tagged = [each for each in models if _has_tag(each, part)] if len(models) > 1 else []
+        if tagged:
+            models = tagged[:1]
+            continue
+        keys += (part,)
+        if isinstance(part, str):
+            fields = [each.model_fields[part].annotation for each in models if part in each.model_fields]
+            models = [inner for annotation in fields for inner in _models_in(annotation)]
+    return keys, models
+
+
+def _has_tag(model: type[BaseModel], part: int | str) -> bool:
+    return any(part in get_args(field.annotation) for field in model.model_fields.values())
+
+
+def _keys_of(models: Sequence[type[BaseModel]]) -> list[str]:
+    """Valid keys of a table that one of some models describes."""
+    return [field.alias or name for model in models for name, field in model.model_fields.items()]
+
+
+def _models_in(annotation: object) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from _models_in(argument)

@@ -1,0 +1,90 @@
+"""Writing files whole or not at all: a reader never finds half a file, whatever interrupts the writer."""
+
+from __future__ import annotations
+
+import errno
+import math
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from evaluator.errors import InputError, UnwritableError
+
+if TYPE_CHECKING:  # it takes long to import, and writing text does not need it
+    import numpy as np
+    from numpy.typing import NDArray
+
+NO_ROOM = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
+IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """Give a temporary name beside path and rename it to path when the block ends without an error.
+
+    The temporary name has the same suffix, by which encoders choose their format. A file that is already at path stays
+    until the rename. Raises UnwritableError if the writing fails.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        umask = os.umask(0)
+        os.umask(umask)
+        temporary.chmod(0o666 & ~umask)  # mkstemp makes private files; a result is as readable as any other file
+        temporary.replace(path)
+    except OSError as error:  # other errors come from files that the block reads
+        if error.errno not in NO_ROOM and str(error.filename) != str(temporary):
+            raise
+        reason = str(error.strerror).lower()
+        raise UnwritableError(
+            f"{path}: cannot be written ({reason}); free space or write elsewhere, and run the command again"
+        ) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole or not at all."""
+    with written_whole(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all."""
+    with written_whole(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def write_image(image: NDArray[np.generic], path: Path) -> None:
+    """Write an image (h, w) or (h, w, 3) RGB whole or not at all, in the format of its ending. Raises InputError."""
+    import cv2
+    import numpy as np
+
+    if path.suffix.lower() not in IMAGES:
+        raise InputError(f"{path}: an image is written as {', '.join(IMAGES)}")
+    stored = image[..., ::-1] if image.ndim == 3 else image  # OpenCV writes blue, green, red
+    with written_whole(path) as temporary:
+        if not cv2.imwrite(str(temporary), np.ascontiguousarray(stored)):  # it does not say why
+            raise OSError(errno.EIO, os.strerror(errno.EIO), str(temporary))
+
+
+def plain(value: Any) -> Any:
+    """A value that strict JSON can hold: what is not a finite number becomes null."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    return str(value)
