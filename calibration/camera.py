@@ -22,7 +22,7 @@ PARAMETERS = (
     "focal_px", "aspect", "principal_x_px", "principal_y_px", "k1", "k2", "p1", "p2", "k3", "k4",
 )  # fmt: skip
 __all__ = ["PARAMETERS", "Camera", "LensModel", "camera_above", "camera_height", "project"]
-CHORD = 0.15  # of the image's shorter side: half the length of the chords that stand for lengths
+CHORD = 0.15  # of the image's shorter side: half the length of the chords by which lengths are compared
 POSE, PINHOLE, DISTORTION = slice(0, 6), slice(6, 10), slice(10, 16)
 
 
@@ -32,9 +32,9 @@ class Camera:
 
     size_px: (width, height) of its images. parameters: (16,) in the order of PARAMETERS; the rotation vector and
     translation take plate coordinates to camera coordinates. covariance: (16, 16) of the parameters, zero rows for
-    those that are fixed, the error of the gauge's pitch included. lens: "brown" (k1, k2, p1, p2, k3) or "fisheye" (k1
-    to k4). doubt: why its millimetres are not to be trusted, empty where they are. pitch_error: (16,) what one standard
-    deviation of the gauge's pitch does to the parameters; its share of the covariance is the outer product.
+    those that are fixed, including the error of the gauge's pitch. lens: "brown" (k1, k2, p1, p2, k3) or "fisheye" (k1
+    to k4). doubt: why its millimetres are not trustworthy, else empty. pitch_error: (16,) change of the parameters by
+    one standard deviation of the gauge's pitch; its contribution to the covariance is the outer product.
     """
 
     size_px: tuple[int, int]
@@ -88,8 +88,8 @@ class Camera:
     def scale_sigma(self, height_mm: float, middle_px: ArrayLike | None = None) -> float:
         """Relative standard uncertainty of lengths about an image point on the plane height_mm above the plate.
 
-        It holds all of the covariance, so the tolerance of the gauge's pitch too. middle_px: (2,), default the middle
-        of the image. NaN where the plane is not seen there.
+        It includes the whole covariance, and hence the tolerance of the gauge's pitch. middle_px: (2,), default the
+        middle of the image. NaN if the plane is not visible there.
         """
         width, height = self.size_px
         middle = np.array([(width - 1) / 2, (height - 1) / 2]) if middle_px is None else np.asarray(middle_px)
@@ -114,7 +114,7 @@ class Camera:
         return project(points.reshape(-1, 3), self.parameters, self.lens)[0].reshape(*points.shape[:-1], 2)
 
     def plate_from_image(self, points_px: ArrayLike, height_mm: float) -> Array:
-        """Place image points (..., 2) px on the plane height_mm above the plate; returns (..., 2) mm.
+        """Map image points (..., 2) px to the plane height_mm above the plate; returns (..., 2) mm.
 
         NaN where the line of sight misses the plane or the lens model has no inverse.
         """
@@ -142,15 +142,15 @@ class Camera:
     def plate_sensitivity(self, points_px: ArrayLike, height_mm: float) -> Array:
         """Derivative of `plate_from_image` by the parameters: (..., 2, 16).
 
-        With `covariance` it gives the systematic covariance between any points, J C Jᵀ: errors that no more frames
-        would average away. From the implicit function: the image point stays, so dX/dθ = -(du/dX)⁻¹ du/dθ.
+        With `covariance` it gives the systematic covariance between any points, J C Jᵀ: errors that do not average out
+        over frames. By the implicit function theorem, at a fixed image point dX/dθ = -(du/dX)⁻¹ du/dθ.
         """
         points = np.asarray(points_px, dtype=float)
         by_point, by_parameter = self._at(points.reshape(-1, 2), height_mm)
         return -solve_2x2(by_point, by_parameter).reshape(*points.shape[:-1], 2, len(PARAMETERS))
 
     def plate_covariance(self, points_px: ArrayLike, height_mm: float) -> Array:
-        """Covariance (..., 2, 2) mm² of a placed point that follows from the calibration alone."""
+        """Covariance (..., 2, 2) mm² of a mapped point due to the calibration alone."""
         sensitivity = self.plate_sensitivity(points_px, height_mm)
         return np.asarray(sensitivity @ self.covariance @ np.swapaxes(sensitivity, -1, -2))
 
@@ -191,7 +191,7 @@ def project(points_mm: Array, parameters: Array, lens: LensModel) -> tuple[Array
 
 
 def camera_height(pose: Array) -> tuple[float, Array]:
-    """Height of the lens above the plane z = 0 of a pose, mm, and its derivative by the pose (6,)."""
+    """Height of the lens above the plane z = 0, mm, for a pose, and its derivative by the pose (6,)."""
 
     def height(p: Array) -> float:
         return float(-(cv2.Rodrigues(np.ascontiguousarray(p[:3]))[0].T @ p[3:6])[2])

@@ -6,7 +6,7 @@ class CalibrationError(ValueError):
 
 
 class ImageError(CalibrationError):
-    """One image of a set cannot be used; others may do without it. image: its name. reason: the message without it."""
+    """One image of a set cannot be used; the others may suffice. image: its name. reason: the message without it."""
 
     def __init__(self, image: str, reason: str) -> None:
         """Join name and reason to the message."""

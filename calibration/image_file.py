@@ -24,13 +24,13 @@ SHORT = 3  # type of the tag's value: 16 bits
 def read_pixels(path: Path) -> NDArray[np.generic] | None:
     """Decode an image file: (height, width), or (height, width, channels) BGR, of 8 bits, 16 bits or floats.
 
-    None for what is no image, or a damaged one. Of a TIFF stack the first image. Raises OSError where the file cannot
-    be read.
+    None if the file is not an image, or damaged. The first image of a TIFF stack. Raises OSError if the file cannot be
+    read.
     """
     raw = np.fromfile(path, dtype=np.uint8)
     if raw.size == 0 or _is_cut_png(raw.data):
         return None
-    # OpenCV obeys the tag of a TIFF whatever it is told, and of no other format where it is told not to.
+    # OpenCV always applies the orientation tag of a TIFF; for other formats it can be disabled.
     _set_upright(raw.data)
     with _silent():
         image: NDArray[np.generic] | None = cv2.imdecode(raw, cv2.IMREAD_UNCHANGED)
@@ -57,7 +57,7 @@ def read_stack(path: Path) -> Iterator[NDArray[np.generic] | None]:
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """Keep OpenCV's own lines from the terminal: whoever reads the file says what is wrong with it."""
+    """Suppress messages of OpenCV on the terminal; the caller reports what is wrong with the file."""
     logging = cv2.utils.logging
     level = logging.setLogLevel(logging.LOG_LEVEL_SILENT)
     try:
@@ -67,12 +67,12 @@ def _silent() -> Iterator[None]:
 
 
 def _is_cut_png(raw: memoryview) -> bool:
-    """Whether a PNG lacks its end, of which its library writes to the terminal itself (PNG specification, 11.2.5)."""
+    """Whether a PNG is truncated, on which its library would write to the terminal (PNG specification, 11.2.5)."""
     return bytes(raw[:8]) == b"\x89PNG\r\n\x1a\n" and bytes(raw).rfind(b"IEND") < 0
 
 
 def _set_upright(raw: memoryview) -> None:
-    """Overwrite the orientation of every image of a TIFF, in place; anything else stays as it is."""
+    """Set the orientation tag of every image of a TIFF to upright, in place; other files are not changed."""
     for order, entry, value, first, last in _directories(raw):
         for at in range(first, min(last, len(raw) - entry + 1), entry):
             if struct.unpack_from(order + "HH", raw, at) == (ORIENTATION, SHORT):
@@ -80,9 +80,9 @@ def _set_upright(raw: memoryview) -> None:
 
 
 def _directories(raw: memoryview) -> list[tuple[str, int, int, int, int]]:
-    """Of every image of a TIFF: byte order, length of an entry, place of the value in it, first entry, end of the last.
+    """For every image of a TIFF: byte order, entry length, offset of the value in it, first entry, end of the last.
 
-    One that lies beyond the end of the file has no entries. None for what is no TIFF.
+    A directory beyond the end of the file has no entries. Empty for a file that is not a TIFF.
     """
     if bytes(raw[:4]) not in TIFF or len(raw) < 16:
         return []

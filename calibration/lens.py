@@ -22,7 +22,7 @@ def distort(normalised: Array, coefficients: Array, lens: LensModel) -> tuple[Ar
 
 
 def undistort(distorted: Array, coefficients: Array, lens: LensModel) -> Array:
-    """Invert `distort` for (n, 2) points; NaN where the lens model has no inverse on the sheet around the axis."""
+    """Invert `distort` for (n, 2) points; NaN where the lens model has no inverse on the branch around the axis."""
     start = _axial_start(distorted, coefficients, lens)
     if lens == "fisheye" or not np.any(coefficients[2:4]):
         return start

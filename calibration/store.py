@@ -1,7 +1,7 @@
 """camera.json: the camera with its covariance and verdict.
 
-Parameters are named as in camera.py; `covariance` is their full matrix in that order. `verdict.level` other than
-"sound" says why in `verdict.reasons`, and travels with the camera as its `doubt`.
+Parameters are named as in camera.py; `covariance` is their full matrix in that order. If `verdict.level` is not
+"sound", `verdict.reasons` are attached to the camera as its `doubt`.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class StoredNextImage(Table):
 class StoredFlatness(Table):
     """Shape of the gauge's face over its array: peak to valley with its 95 % interval, mm; see flatness.py.
 
-    used: whether the camera was solved with it; else the face was taken as flat, and high_mm bounds what was missed.
+    used: whether the camera was solved with it; otherwise the face was assumed to be flat, and high_mm bounds its bend.
     """
 
     peak_to_valley_mm: float
@@ -90,7 +90,7 @@ class CameraFile(Table):
     next_image: StoredNextImage | None = None  # most useful further image
 
     def camera(self) -> Camera:
-        """The camera, with the verdict as its doubt where it is not sound."""
+        """The camera; if its verdict is not sound, the reasons are its doubt."""
         return Camera(
             size_px=self.size_px,
             parameters=np.array([self.parameters[name] for name in PARAMETERS]),
@@ -163,7 +163,7 @@ def _stored_flatness(found: Flatness) -> StoredFlatness:
 
 
 def load_camera_file(path: Path) -> CameraFile:
-    """Read camera.json with all that it says. Raises OSError and CalibrationError."""
+    """Read the whole camera.json. Raises OSError and CalibrationError."""
     path = Path(path)
     try:
         stored = CameraFile.model_validate_json(path.read_text(encoding="utf-8"))

@@ -19,7 +19,7 @@ RPM_PER_RAD_S = 60.0 / (2.0 * math.pi)
 
 @dataclass(frozen=True)
 class Stretch:
-    """A time over which both sides hold one command: begin_s to end_s (infinite at an open end), rpm."""
+    """An interval of constant command, begin_s to end_s (infinite at an open end), rpm."""
 
     begin_s: float
     end_s: float
@@ -36,9 +36,9 @@ class Stretch:
 class Command:
     """Piecewise linear commands with jumps.
 
-    time_s: (n,) knots, never decreasing; two knots at one time are a jump. left_rpm, right_rpm: (n,), negative drives
-    backward. Before the first knot the first value holds, after the last knot the last value; at a jump the later
-    value counts. Raises SimulationError for knots that are not finite, go back in time or differ in number.
+    time_s: (n,) knots, not decreasing; two knots at one time are a jump. left_rpm, right_rpm: (n,), negative: backward.
+    The first value holds before the first knot, the last value after the last knot, and the later value at a jump.
+    Raises SimulationError for knots that are not finite, go back in time or differ in number.
     """
 
     time_s: Array
@@ -110,8 +110,8 @@ class Command:
     def held(cls, path: str | Path, *, starts_at_rest: bool = True) -> Command:
         """Read a command log as from_csv does, each value held until the next.
 
-        Columns left_rad_s, right_rad_s may stand for left_rpm, right_rpm. Before the first row the motors are off, or,
-        where the robot does not start at rest, do what the first row says.
+        Columns left_rad_s, right_rad_s may replace left_rpm, right_rpm. Before the first row the motors are off; if the
+        robot does not start at rest, the first row holds from the beginning.
         """
         time, left, right = _columns_of_log(path)
         try:
@@ -121,27 +121,27 @@ class Command:
 
     @classmethod
     def held_samples(cls, time_s: Array, sides_rpm: Array, *, starts_at_rest: bool = True) -> Command:
-        """The command of samples (n,), (n, 2) left and right, each held until the next; before the first as in held."""
-        # A log that repeats a value many times a second has one change, not many.
+        """The command of samples, time_s (n,) and sides (n, 2), each held until the next; start as in held."""
+        # A log that repeats a value many times a second has one knot per change, not per row.
         changes = np.r_[True, (np.diff(sides_rpm, axis=0) != 0).any(axis=1)]
         rows = zip(time_s[changes], sides_rpm[changes], strict=True)
         found = cls.steps((float(time), float(left), float(right)) for time, (left, right) in rows)
-        # The first knot of steps says that the motors are off until the first row.
+        # The first knot of steps has the motors off until the first row.
         return found if starts_at_rest else cls(found.time_s[1:], found.left_rpm[1:], found.right_rpm[1:])
 
     @classmethod
     def always(cls, left_rpm: float, right_rpm: float, stop_s: float | None = None) -> Command:
-        """Motors on from long ago, off at stop_s where given."""
+        """Motors on from the beginning, off at stop_s if given."""
         if stop_s is None:
             return cls(np.zeros(1), np.array([left_rpm]), np.array([right_rpm]))
         return cls(np.full(2, stop_s), np.array([left_rpm, 0.0]), np.array([right_rpm, 0.0]))
 
     def retimed(self, factor: float = 1.0, later_s: float = 0.0) -> Command:
-        """The command with every time multiplied by a factor and then so much later."""
+        """The command with every time multiplied by factor and then shifted by later_s."""
         return Command(factor * self.time_s + later_s, self.left_rpm, self.right_rpm)
 
     def stretches(self) -> tuple[Stretch, ...]:
-        """Where the command holds, in time; what lies between, ramps, is left out."""
+        """Intervals of constant command, in order of time; ramps between them are omitted."""
         same = (np.diff(self.left_rpm) == 0) & (np.diff(self.right_rpm) == 0) & (np.diff(self.time_s) > 0)
         edges = [(-math.inf, float(self.time_s[0]), 0)]
         edges += [(float(self.time_s[k]), float(self.time_s[k + 1]), int(k)) for k in np.flatnonzero(same)]

@@ -105,7 +105,7 @@ def checked_layout(marks: Marks, mark: tuple[Mark, ...]) -> tuple[Mark, ...]:
 
 
 def in_mm(content: Any) -> Any:
-    """A table whose lengths in m (keys that end in _m) are in mm. Raises ValueError where one is given in both."""
+    """A table with lengths in m (keys that end in _m) converted to mm. Raises ValueError if one is given in both."""
     if not isinstance(content, dict):
         return content
     return in_standard_units(content, [f"{key}m" for key in content if isinstance(key, str) and key.endswith("_m")])
@@ -118,10 +118,10 @@ def _unknown(key: str, known: list[str]) -> str:
 
 
 def with_default_places(content: Any) -> Any:
-    """A robot file that says no mark, with those of the robot of the paper (its robot file is shipped).
+    """Content of robot.toml; without marks, those of the paper's robot are added.
 
-    They stand in proportion to the length of the body: a robot of a metre that is given by poses needs marks that show
-    its heading as well as its place.
+    Their positions are scaled with the length of the body: a robot of a metre that is measured by poses needs marks
+    which are far enough apart to show its heading.
     """
     if not isinstance(content, dict) or content.get("mark"):
         return content
@@ -136,7 +136,7 @@ def with_default_places(content: Any) -> Any:
 
 
 def _length_mm(body: Any, otherwise_mm: float) -> float:
-    """Length of a body as it is written; of one that does not say it, or not as a length, another."""
+    """Length of a [body] as given, mm; otherwise_mm if it is missing or invalid."""
     length = in_mm(body).get("length_mm") if isinstance(body, dict) else None
     if isinstance(length, int | float) and not isinstance(length, bool) and 0 < length < math.inf:
         return float(length)

@@ -21,12 +21,12 @@ WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 TOLERATED = ("body", "wheels", "magnetic_attraction", "slip", "marks")  # tables that [tolerance] may name numbers of
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Shape = Annotated[float, Field(gt=0, le=2)]  # beyond, friction would push a wheel that slides far
+Shape = Annotated[float, Field(gt=0, le=2)]  # beyond 2, friction at large slip would act along the sliding
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class Table(BaseModel):
-    """A table of robot.toml: unknown keys are errors, values never change; a key's unit may be another of its kind."""
+    """A table of robot.toml: unknown keys are errors, values are immutable; units of keys may vary."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -206,7 +206,7 @@ class NominalRobot(Table):
 
     @property
     def track_mm(self) -> float:
-        """Distance from the wheels that the right command drives to those of the left, in the mean."""
+        """Lateral distance between the wheels of the left and the right command; means if they differ."""
         if self.wheels:
             return self.wheels.track_mm
         left, right = (
@@ -233,7 +233,7 @@ def _numbers_in(table: str, part: BaseModel) -> list[str]:
 def four_wheels(
     wheelbase_mm: float, track_mm: float, radius_mm: float, driving_mN: float, driven_mN: float
 ) -> tuple[Wheel, ...]:
-    """The list that [wheels] and [magnetic_attraction] are short for."""
+    """The four [[wheel]] entries that [wheels] and [magnetic_attraction] abbreviate."""
     x, y = wheelbase_mm / 2, track_mm / 2
     rows = zip(
         *(WHEELS, (x, x, -x, -x), (y, -y, y, -y), ("left", "right", "none", "none")),
@@ -249,7 +249,7 @@ def four_wheels(
 
 
 def _check_list(robot: NominalRobot) -> None:
-    """Raise ValueError where a [[wheel]] list contradicts itself or the rest of the file."""
+    """Raise ValueError if a [[wheel]] list contradicts itself or the rest of the file."""
     if robot.wheels is not None:
         raise ValueError("there are both [wheels] and [[wheel]]; keep one of them")
     if robot.magnetic_attraction != MagneticAttraction():

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def marks_of_run(robot: Robot, run: Run) -> pd.DataFrame:
     """Marks of a run: time_s, then NAME_x_mm, NAME_y_mm of every mark in the plate frame, a row per time.
 
-    Observation effects of the robot are applied, to places and to times.
+    Observation effects of the robot are applied to positions and times.
     """
     import pandas as pd
 
@@ -31,7 +31,7 @@ def marks_of_run(robot: Robot, run: Run) -> pd.DataFrame:
 
 
 def view_of(robot: Robot, places_mm: Sequence[tuple[float, float]] | None = None) -> View:
-    """How the robot's marks, or points of its body at other places, are seen, with its observation effects."""
+    """The view of the robot's marks, or of points of its body at places_mm, with its observation effects."""
     view = View(tuple(robot.points_mm.values() if places_mm is None else places_mm))
     for entry in robot.effect:
         if entry.id == free_form.ID:

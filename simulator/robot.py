@@ -38,7 +38,7 @@ class Robot(NominalRobot):
 
 
 def _entry_in_standard_units(entry: Any) -> Any:
-    """An [[effect]] as it is written with its parameters in the units of the catalogue."""
+    """An [[effect]] of a file with its parameters converted to the units of the catalogue."""
     effect = EFFECTS.get(str(entry.get("id"))) if isinstance(entry, dict) else None
     if effect is None:
         return entry
@@ -54,8 +54,8 @@ def shipped_robots() -> tuple[str, ...]:
 def load_robot(name_or_path: str | Path) -> Robot:
     """Read a shipped robot by name or any robot.toml by path.
 
-    Effects of the user's own in the folder `effects` beside a file are known from then on. Raises SimulationError for
-    an unknown name and for a faulty effect, else OSError, tomllib.TOMLDecodeError, pydantic.ValidationError.
+    Also loads the user's effects in the folder `effects` beside the file. Raises SimulationError for an unknown name
+    and for a faulty effect, else OSError, tomllib.TOMLDecodeError, pydantic.ValidationError.
     """
     text = str(name_or_path)
     if text not in shipped_robots() and (text.endswith(".toml") or Path(text).exists()):

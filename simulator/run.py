@@ -37,7 +37,7 @@ class State:
 
 @dataclass(frozen=True)
 class WheelStates:
-    """Slip and friction of w wheels in the order of the robot's, each (n, w), in the frame of each wheel."""
+    """Slip and friction of w wheels in the robot's order, arrays (n, w), in the frame of each wheel."""
 
     slip_ratio: Array
     slip_angle_rad: Array
@@ -50,11 +50,10 @@ class Run:
     """Motion of the robot's centre: plate frame pose, body frame velocity, wheel states; all at time_s (n,).
 
     heading_rad is unwrapped. Wheel arrays are (n, w), in the order of wheel_names. Arrays are read-only. Wheel states
-    are worked out when they are first asked for, by wheels_of; NaN where a motion is given without it. amplification:
-    by how much a small disturbance of the velocity grows at most between two breaks of the command, while the robot
-    passes balances that are unstable; 1 where a motion is given without it. unsettled_mm: how far apart this solution
-    and one with larger errors of a step, or with speeds that are as well known, are, where that is more than such
-    errors add up to; 0 where they agree.
+    are computed by wheels_of on first use; they are NaN without it. amplification: largest factor by which a small
+    disturbance of the velocity grows between two breaks of the command, while the robot passes unstable equilibria.
+    unsettled_mm: distance between this solution and one with other step errors, or with speeds changed within their
+    uncertainty, if it is larger than the accumulation of such errors; 0 if they agree.
     """
 
     time_s: Array
@@ -70,13 +69,13 @@ class Run:
     unsettled_mm: float = 0.0
 
     def __repr__(self) -> str:
-        """One line: how long, from where to where."""
+        """One line: samples, time, first and last position, angle turned."""
         if not len(self.time_s):
             return "Run(empty)"
         return "Run(" + ", ".join(f"{name} {value}" for name, value in self._facts().items()) + ")"
 
     def _repr_html_(self) -> str:
-        """The facts of one line as a table, for notebooks."""
+        """Content of __repr__ as a table, for notebooks."""
         if not len(self.time_s):
             return "Run(empty)"
         rows = (f"<tr><th>{name}</th><td>{value}</td></tr>" for name, value in self._facts().items())
@@ -94,17 +93,16 @@ class Run:
 
     @property
     def is_by_chance(self) -> bool:
-        """Whether a disturbance of a nanometre a second grows beyond all that rest is rounded to (100 rest speeds).
+        """Whether a disturbance of 1 nm/s grows beyond the smoothing of friction at rest (100 rest speeds).
 
-        So where wheels that turn against each other start from rest, and the robot may follow either: the model has two
-        stable turns (simulator.steady.steady_turns gives both), the run shows one of them, and a real robot takes
-        either.
+        This happens when wheels that turn against each other start from rest: the model then has two stable turns
+        (simulator.steady.steady_turns gives both), of which the run shows one, and a real robot may take either.
         """
         return self.amplification > CHANCE_AMPLIFICATION
 
     @property
     def is_converged(self) -> bool:
-        """Whether smaller step errors, and slightly different speeds, lead to the same motion."""
+        """Whether smaller step errors and slightly different speeds give the same motion."""
         return self.unsettled_mm == 0.0
 
     @cached_property
@@ -127,7 +125,7 @@ class Run:
 
     @property
     def longitudinal_force_mN(self) -> Array:
-        """Friction on each wheel along it."""
+        """Friction on each wheel along its rolling direction."""
         return self.wheels.longitudinal_force_mN
 
     @property

@@ -28,8 +28,8 @@ from simulator.wheel_states import wheel_states
 Array = NDArray[np.float64]
 _NO_PLAN = np.zeros((0, 3))
 LARGEST_LOGARITHM = 700.0  # of a double
-# Slip settles within milliseconds on a robot of a gram, and within some tenths of a second on one of 50 kg; what the
-# motors have left of an earlier command is known in closed form.
+# Slip relaxes within milliseconds for a robot of a gram, and within some tenths of a second for one of 50 kg; the state
+# of the motors after earlier commands is known in closed form.
 RUN_IN_S = 1.0
 
 
@@ -43,13 +43,13 @@ def simulate(
 ) -> Run:
     """Integrate the full dynamics from start at times_s[0]; outputs at times_s (n,), increasing.
 
-    robot: a Robot, with its effects, or its record from compile_robot, which knows no names of wheels. run_index:
-    number of the run within its session, from 0. tolerance_mm: local error of a step of a robot as small as the
-    paper's; of others, in proportion to their size (simulator.dynamics.scale). A robot that added forces drag away over
-    sliding wheels does not forget errors of its velocity, and is off by up to 1e-3 of its way. Where the smallest
-    disturbance decides which turn is taken, the Run says so (is_by_chance); so it does where smaller errors of a step,
-    or speeds that are as well known, lead elsewhere (is_converged). Raises SimulationError for times that do not
-    increase or are not finite, and where the motion cannot be followed.
+    robot: a Robot with its effects, or its record from compile_robot, which does not hold the names of wheels.
+    run_index: number of the run within its session, from 0. tolerance_mm: local error of a step for a robot of the
+    paper's size; for others in proportion to their size (simulator.dynamics.scale). If added forces drag a robot away
+    over sliding wheels, errors of its velocity do not decay, and its position may be wrong by up to 1e-3 of its path.
+    Run.is_by_chance states that an arbitrarily small disturbance decides which turn is taken; Run.is_converged, that
+    smaller step errors and slightly different speeds give the same motion. Raises SimulationError for times that do not
+    increase or are not finite, and if the integration fails.
     """
     times = _checked_times(times_s)
     model: Any = (compile_robot(robot, run_index) if isinstance(robot, Robot) else robot)[0]
@@ -80,10 +80,10 @@ def simulate(
 
 
 def _followed(problem: tuple[Any, Array, Array, Array], tolerance_mm: float, most_steps: int) -> tuple[Array, float]:
-    """States (n, 6) at a tolerance, and the logarithm of what a disturbance grows by. Raises SimulationError."""
+    """States (n, 6) at a tolerance, and the logarithm of the growth of disturbances. Raises SimulationError."""
     model, knots, state, times = problem
     states = np.empty((len(times), 6))
-    # A kernel is compiled anew for arrays that are read-only; batches hand over their own.
+    # Writable copies: for read-only arrays the kernel would be compiled again.
     done, steps, grown = integrate_run(
         model, knots, state.copy(), times.copy(), states, tolerance_mm, _NO_PLAN, False, most_steps
     )
@@ -95,10 +95,10 @@ def _followed(problem: tuple[Any, Array, Array, Array], tolerance_mm: float, mos
 
 
 def _beside_mm(problem: tuple[Any, Array, Array, Array], usual: Array, tolerance_mm: float) -> float:
-    """How far runs whose speeds are as well known as those given lead from the usual one, mm; 0 where nowhere."""
+    """Distance, mm, between a run and runs with speeds changed within their uncertainty; 0 if they agree."""
     model, knots, start, times = problem
     found = 0.0
-    for finer in (1.0, CHECKS[0]):  # a run beside it may be off by its own steps
+    for finer in (1.0, CHECKS[0]):  # a difference may come from the step errors of the changed runs
         near = [(model, changed, start, times) for changed in commands_beside(knots)]
         try:
             beside = [_followed(each, tolerance_mm / finer, MOST_CHECK_STEPS)[0] for each in near]
@@ -112,7 +112,7 @@ def _beside_mm(problem: tuple[Any, Array, Array, Array], usual: Array, tolerance
 
 
 def moving_state(robot: Robot, command: Command, pose: State, at_s: float, run_index: int = 0) -> State:
-    """A pose with the velocity that the command has given the robot by at_s: run in from rest, RUN_IN_S before."""
+    """A pose with the velocity that the robot has at at_s under the command, after RUN_IN_S from rest."""
     still = State(pose.x_mm, pose.y_mm, pose.heading_rad)
     run_in = simulate(robot, command, [at_s - RUN_IN_S, at_s], start=still, run_index=run_index)
     return replace(
@@ -132,8 +132,7 @@ def _names(count: int) -> tuple[str, ...]:
 class Batch:
     """Runs of a batch: states (n, t, 6) as x, y, heading, u, v, yaw rate in mm, rad, s; NaN for a run that failed.
 
-    Where only summaries were asked for, t is 2: start and end. unsettled_mm: (n,), how far smaller errors of a step
-    lead away, as Run.unsettled_mm; 0 where nowhere, NaN where it was not checked.
+    For summaries, t is 2: start and end. unsettled_mm: (n,), see Run.unsettled_mm; NaN for runs that were not checked.
     """
 
     time_s: Array
@@ -147,7 +146,7 @@ class Batch:
 
     @property
     def is_converged(self) -> NDArray[np.bool_]:
-        """Whether a run was checked and smaller errors of a step lead nowhere else, (n,)."""
+        """Whether a run was checked and found to be converged, (n,)."""
         return np.equal(self.unsettled_mm, 0.0)
 
     @property
@@ -172,11 +171,10 @@ def simulate_batch(
     """Simulate n runs in parallel; robots, commands and starts each hold n entries, or one that all runs share.
 
     robots: Robots or records (n,) of one dtype; starts: (n, 6), (6,) or None for rest at the origin. summary: keep
-    start and end only, so that memory does not grow with the number of times. check: whether to work all out again with
-    smaller local errors, once more those that disagree, and the others with speeds as well known, as `simulate` does;
-    without it nothing is said of convergence. Where only start and end are kept, these are compared, and the way is
-    taken as their distance, so that rather too many runs of a circle are said to be unsettled. A run that cannot be
-    followed is NaN.
+    start and end only, so that memory does not grow with the number of times. check: test convergence as `simulate`
+    does, with smaller step errors and slightly different speeds. With summary, start and end are compared and their
+    distance is taken as the length of the path, so that runs on a circle are reported as unconverged too often. A run
+    whose integration fails is NaN.
     """
     times = _checked_times(times_s)
     kept = times[[0, -1]] if summary else times
@@ -204,9 +202,9 @@ def simulate_batch(
 
 @dataclass(frozen=True)
 class _Problems:
-    """Runs to integrate: records of robots, knots of commands one after the other, starts (n, 6), times of all.
+    """Runs to integrate: records of robots, concatenated knots of commands, starts (n, 6), common times.
 
-    model, command: (n,), number of each run's robot and command; first: where each command's knots begin.
+    model, command: (n,), index of each run's robot and command; first: index of each command's first knot.
     """
 
     models: NDArray[np.void]
@@ -218,7 +216,7 @@ class _Problems:
     times_s: Array
 
     def states(self, which: NDArray[np.int64], tolerance_mm: float, most_steps: int) -> Array:
-        """States (m, t, 6) of some of the runs at a tolerance; NaN where they cannot be followed."""
+        """States (m, t, 6) of some of the runs at a tolerance; NaN if the integration fails."""
         count, times = len(which), len(self.times_s)
         states = np.empty((count, times, 6))
         integrate_many(
@@ -240,9 +238,9 @@ class _Problems:
         return states
 
     def settle(self, states: Array, tolerance_mm: float) -> Array:
-        """How far each run is from where smaller errors of a step lead, (n,), 0 where they agree; see `simulate`.
+        """Distance between each run and its solutions with smaller step errors or changed speeds, (n,); see `simulate`.
 
-        Where they disagree the closer solution takes the place of the usual one in states.
+        0 if they agree; otherwise the more accurate solution replaces the usual one in states.
         """
         allowed_mm = settled_mm(self.models)[self.model]
         found, which = np.zeros(len(states)), np.arange(len(states))

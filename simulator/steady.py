@@ -21,15 +21,15 @@ from simulator.run import WheelStates
 from simulator.wheel_states import wheel_states
 
 Array = NDArray[np.float64]
-# Where Newton starts to look for every balance, as shares: forward speed of the surface speeds left and right (in
-# opposition the robot may follow either), yaw rate of that without slip, and distance of the pivot ahead of the centre
-# of half the wheelbase.
+# Initial values of Newton's method. Forward speed: shares of the surface speeds left and right (if they are opposite,
+# the robot may follow either). Yaw rate: share of that without slip. Pivot: distance ahead of the centre over half the
+# wheelbase.
 FORWARD = [(0.5, 0.5), (0.25, 0.25), (0.0, 0.0), (-0.25, -0.25), (0.95, 0.0), (0.0, 0.95)]
 STARTS = [(u, r, p) for u in FORWARD for r in (0.9, 0.5, 0.3, 0.1, 0.0, -0.3) for p in (0.0, 0.5, 0.9)]
-# Of a robot as small as the paper's. Relaxations last milliseconds, those from a near standstill tenths of a second.
+# For the paper's robot: relaxation takes milliseconds, from near standstill tenths of a second.
 SETTLING_S = np.array([0.0, 2.0])
 NO_PLAN = np.zeros((0, 3))
-SAME = 1e-6  # balances closer than this share of the largest surface speed are one
+SAME = 1e-6  # equilibria closer than this share of the largest surface speed are one
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class SteadyTurn:
 
 @dataclass(frozen=True)
 class SteadyMap:
-    """Steady turns over left rpm (n,) and ratio right/left (m,); arrays (n, m), NaN where it does not settle."""
+    """Steady turns over left rpm (n,) and ratio right/left (m,); arrays (n, m), NaN if the robot does not settle."""
 
     left_rpm: Array
     ratio: Array
@@ -71,11 +71,11 @@ class SteadyMap:
 
 
 def steady_turn(robot: Robot, left_rpm: float, right_rpm: float) -> SteadyTurn:
-    """The turn on which the robot settles from rest at constant commands; else an unstable balance, marked so.
+    """The turn on which the robot settles from rest at constant commands; else an unstable equilibrium (stable: False).
 
-    Forces that vary with place, heading or time are taken at the origin of the plate, heading 0, time 0. Of wheels that
-    turn against each other, tires have two stable turns, and the smallest disturbance at rest decides between them:
-    steady_turns gives both. Raises SimulationError where no balance is found.
+    Forces that vary with position, heading or time are evaluated at the origin of the plate, heading 0, time 0. With
+    wheels that turn against each other, the tire robot has two stable turns, and an arbitrarily small disturbance at
+    rest decides between them; steady_turns gives both. Raises SimulationError if no equilibrium is found.
     """
     models: Any = _frozen(robot)
     velocity, linear = np.zeros(3), np.zeros((4, 3))
@@ -88,7 +88,7 @@ def steady_turn(robot: Robot, left_rpm: float, right_rpm: float) -> SteadyTurn:
 
 
 def steady_turns(robot: Robot, left_rpm: float, right_rpm: float) -> list[SteadyTurn]:
-    """Balances, stable or not, in the order of yaw rate: what the robot settles on from rest, and what Newton finds."""
+    """All equilibria found, stable or not, by yaw rate: the one reached from rest, and those of Newton's method."""
     models: Any = _frozen(robot)
     units, linear = _units(models[0]), np.zeros((4, 3))
     per_rpm = float(models[0]["speed"].mean()) * units[0] * float(models[0]["time_unit"])
@@ -112,7 +112,7 @@ def steady_turns(robot: Robot, left_rpm: float, right_rpm: float) -> list[Steady
 def steady_map(robot: Robot, left_rpm: ArrayLike, ratios: ArrayLike) -> SteadyMap:
     """Steady turns for left rpm (n,) and ratios right/left (m,); negative ratios set the wheels against each other.
 
-    Ratios in order let each turn be followed from its neighbour; where that fails, the robot starts from rest.
+    Sort the ratios: each turn starts from its neighbour; if that fails, the robot starts from rest.
     """
     left, ratio = np.atleast_1d(np.asarray(left_rpm, dtype=float)), np.atleast_1d(np.asarray(ratios, dtype=float))
     found, model = np.full((len(left), len(ratio), 3), np.nan), _frozen(robot)[0]
@@ -129,10 +129,10 @@ def steady_map(robot: Robot, left_rpm: ArrayLike, ratios: ArrayLike) -> SteadyMa
 
 
 def settled(model: Any, left: float, right: float, velocity: Array, linear: Array) -> bool:
-    """Start from rest, and polish the velocity (3) the robot settles on; False where it does not settle.
+    """Simulate from rest and refine the final velocity (3) with Newton's method; False if the robot does not settle.
 
-    model: a record whose varies is 0; linear: (4, 3), takes the derivative by velocity in rows 1 to 3, in the units of
-    the kernels.
+    model: a record whose varies is 0; linear: (4, 3), receives the derivative by velocity in rows 1 to 3, in the units
+    of the kernels.
     """
     state, out = np.zeros(6), np.empty((2, 6))
     knots = np.array([[0.0, left, right]])
@@ -143,7 +143,7 @@ def settled(model: Any, left: float, right: float, velocity: Array, linear: Arra
 
 
 def balanced(model: Any, left: float, right: float, velocity: Array, linear: Array) -> bool:
-    """Newton's method from the velocity (3), in mm/s and rad/s, which becomes the balance if True is returned."""
+    """Newton's method from the velocity (3), mm/s and rad/s; if it returns True, velocity is the equilibrium."""
     units, time = _units(model), float(model["time_unit"])
     velocity /= units
     turning = held_drive(left * time, right * time, model)
@@ -158,7 +158,7 @@ def _units(model: Any) -> Array:
 
 
 def _frozen(robot: Robot) -> NDArray[np.void]:
-    """The record with forces that vary held at the origin."""
+    """The record of a robot with varying forces fixed at their values at the origin."""
     models = compile_robot(robot)
     models["varies"] = 0
     return models

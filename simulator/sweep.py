@@ -1,6 +1,6 @@
 """Sweeps: grids and random samples over robot keys, commands, start poses and effects, a row of results per run.
 
-Every run follows from its number alone, so that parts can be computed anywhere, in any order, repeatedly.
+Every run is determined by its number, so that parts can be computed anywhere and in any order.
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ def robot_of_sweep(sweep: Sweep) -> Robot:
 def changed(robot: Robot, point: dict[str, float]) -> Robot:
     """The robot with the keys of a point applied; command and start keys are left alone.
 
-    Raises SimulationError for a key that is none, pydantic.ValidationError for a value that cannot be.
+    Raises SimulationError for an unknown key, pydantic.ValidationError for an invalid value.
     """
     keys = {key: value for key, value in point.items() if key not in COMMAND_KEYS and key not in START_KEYS}
     if not keys:
@@ -198,8 +198,8 @@ def changed(robot: Robot, point: dict[str, float]) -> Robot:
 def run_part(sweep: Sweep, robot: Robot, start: int, stop: int) -> pd.DataFrame:
     """Simulate runs start to stop: a row each with its keys and the state at its end.
 
-    radius_mm is that of the path at the end, signed, infinite on a straight line. A run that cannot be has a reason in
-    status and NaN for its results.
+    radius_mm is that of the path at the end, signed, infinite on a straight line. A run that cannot be simulated has
+    the reason in status and NaN results.
     """
     import pandas as pd
 

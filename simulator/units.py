@@ -1,4 +1,4 @@
-"""Units by suffix: a key may end in any unit of its kind and is converted to the internal one."""
+"""Units by suffix: a key may end in any unit of its kind, and its value is converted to the internal unit."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
-# By the ending used inside: the other endings, and by what their values are multiplied. The longer endings stand first.
+# By internal suffix: other suffixes, and the factors for their values. Longer suffixes come first.
 OTHER_ENDINGS: dict[str, dict[str, float]] = {
     "g_mm2": {"kg_m2": 1e9},
     "rpm": {"rad_s": 60 / (2 * math.pi)},
@@ -19,7 +19,7 @@ OTHER_ENDINGS: dict[str, dict[str, float]] = {
 def in_standard_units(content: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
     """The content with every value under a key of `names`, which end in mm, g, mN, rpm or g_mm2.
 
-    Values may be numbers or lists of them; what is neither is left to the reader to refuse. Raises ValueError where a
+    Values may be numbers or lists of them; others are unchanged and left to later validation. Raises ValueError if a
     value is given in two units.
     """
     result = dict(content)
@@ -34,7 +34,7 @@ def in_standard_units(content: Mapping[str, Any], names: Collection[str]) -> dic
 
 
 def other_keys(name: str) -> dict[str, float]:
-    """Keys that say the same in another unit, and by what their values are multiplied; none for a key without unit."""
+    """Keys for the same quantity in other units, with the factors for their values; none for a key without unit."""
     for ending, others in OTHER_ENDINGS.items():
         if name == ending or name.endswith(f"_{ending}"):
             stem = name.removesuffix(ending)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from simulator.compilation import compiled
-from simulator.dynamics.contact import touch
+from simulator.dynamics.contact import update_contacts
 from simulator.dynamics.motors import END, command_segments, drive_at
 from simulator.dynamics.scale import scaled_knots, scaled_states
 from simulator.dynamics.terms import UN_PER_MN
@@ -44,7 +44,7 @@ def _fill(model: Any, knots: Any, times: Any, states: Any, table: Any) -> None:
         drive = drive_at(segments[number], times[row], model.lag)
         x, y, heading, u, v, r = states[row]
         place, rest = (x, y, math.cos(heading), math.sin(heading), times[row]), model.rest_speed
-        touch(u, v, r, drive, place, rest, model, contacts)
+        update_contacts(u, v, r, drive, place, rest, model, contacts)
         for wheel in range(len(model.wheel_x)):
             body_u, body_v = u - r * model.wheel_y[wheel], v + r * model.wheel_x[wheel]
             turned_cos, turned_sin = contacts[COS_STEER, wheel], contacts[SIN_STEER, wheel]

@@ -35,9 +35,9 @@ from calibration.gauge.geometry import Gauge
 
 Array = NDArray[np.float64]
 Outcome = Literal["holds", "changed", "no longer holds"]
-ALARM_SIGMA = 4.0  # two tests, and one false alarm in 16 000 checks
-HIGHEST_SIGMA = 37.0  # beyond it the probability is below the smallest number: said as "more than"
-# Focusing from infinity down to ten focal lengths changes the image distance by a tenth: two sigmas.
+ALARM_SIGMA = 4.0  # of two tests: one false alarm in 16 000 checks
+HIGHEST_SIGMA = 37.0  # beyond it the probability underflows, and the report says "more than"
+# Refocusing from infinity to ten focal lengths changes the image distance by 10 %: two sigmas.
 FOCUSING = 0.05
 LENS = tuple(name for name in PARAMETERS[6:] if name not in {"p1", "p2"})
 
@@ -66,7 +66,7 @@ class Check:
 
     @property
     def summary(self) -> str:
-        """The verdict in plain words with the next step."""
+        """The verdict in words, with the next step."""
         lens = self.lens_sigma > ALARM_SIGMA
         what = (
             "the lens has changed (refocused, zoomed or another lens)"
@@ -85,7 +85,7 @@ class Check:
 
     @property
     def _hidden(self) -> str:
-        """What the image cannot rule out, where that matters."""
+        """The change of lengths that the image cannot exclude, if it is relevant."""
         if self.unseen < SCALE_TOLERANCE:
             return ""
         return (
@@ -95,12 +95,12 @@ class Check:
 
 
 def _sigmas(value: float) -> str:
-    """A significance in words; beyond HIGHEST_SIGMA it is not known how much more it is."""
+    """A significance in words; beyond HIGHEST_SIGMA, "more than" this value."""
     return f"more than {HIGHEST_SIGMA:.0f} sigma" if value >= HIGHEST_SIGMA else f"{value:.1f} sigma"
 
 
 def _signed(value: float) -> str:
-    """A change with its sign and three decimals; what rounds to nothing has none."""
+    """A change with three decimals and its sign; without a sign if it rounds to 0."""
     text = f"{value:+.3f}"
     return "0.000" if float(text) == 0 else text.replace("-", "−")
 
@@ -118,10 +118,10 @@ def check_camera(
 ) -> Check:
     """Compare a camera with a new image of the gauge on the plate.
 
-    gauge_is_known: whether it is the gauge of the calibration, whose pitch error is then the same in both. variance: of
-    unit weight of the calibration. height_mm: plane on which lengths are compared. face_mm: coefficients
-    of the gauge's face, where the calibration found it bent. Raises
-    CalibrationError for an image that does not show the gauge or has another size.
+    gauge_is_known: whether it is the gauge of the calibration, so that both have the same pitch error. variance: of
+    unit weight of the calibration. height_mm: plane on which lengths are compared. face_mm: coefficients of the gauge's
+    face, if the calibration found it bent. Raises CalibrationError for an image that does not show the gauge or has
+    another size.
     """
     if image.shape[1::-1] != camera.size_px:
         raise CalibrationError(
@@ -175,7 +175,7 @@ def _pose(camera: Camera, view: View) -> tuple[State, View, Array, float]:
 
 
 def _unseen(camera: Camera, state: State, view: View, noise: float, height_mm: float) -> float:
-    """Change of lengths at a height that the image leaves open when its focal length and pose are free together."""
+    """Change of lengths at a height that the image cannot exclude if focal length and pose change together."""
     rows = view_rows(view, replace(state, free=("focal_px",)), 0)[2]
     flat = rows.reshape(-1, rows.shape[-1])
     normal = flat.T @ flat / noise
@@ -199,10 +199,10 @@ def _plane_slope(pose: Array) -> Array:
 
 
 def _pose_change(camera: Camera, state: State, view: View, noise: float) -> tuple[Array, Array]:
-    """Change of the plane (3,) and its covariance: of the old pose and lens, and of the new image's noise."""
+    """Change of the plane (3,) and its covariance, from the old pose and lens and from the noise of the new image."""
     _, _, by_pose, by_lens = _rows(state, view)
     inverse = np.linalg.inv(by_pose.T @ by_pose)
-    follows = -inverse @ by_pose.T @ by_lens  # how the fitted pose answers to an error of the lens
+    follows = -inverse @ by_pose.T @ by_lens  # derivative of the fitted pose by an error of the lens
     old, new = _plane_slope(camera.pose), _plane_slope(state.poses[0])
     lens = [PARAMETERS.index(name) for name in LENS]
     joint = np.zeros((3, len(PARAMETERS)))
@@ -213,11 +213,11 @@ def _pose_change(camera: Camera, state: State, view: View, noise: float) -> tupl
 
 
 def _lens_sigma(camera: Camera, state: State, view: View, noise: float) -> float:
-    """Significance of what the residuals show of another lens, beyond pose and calibration uncertainty."""
+    """Significance of a change of the lens in the residuals, given the uncertainties of pose and calibration."""
     white, _, by_pose, by_lens = _rows(state, view)
     q = np.linalg.qr(by_pose)[0]
     beyond = by_lens - q @ (q.T @ by_lens)
-    # directions of the lens that this image can see at all, in units of its noise
+    # lens parameters, as directions, that this image determines, in units of its noise
     u, strength, vt = np.linalg.svd(beyond, full_matrices=False)
     seen = strength > 1e-9 * strength.max(initial=1e-300)
     score = u[:, seen].T @ (white - q @ (q.T @ white))
@@ -236,13 +236,13 @@ def _rows(state: State, view: View) -> tuple[Array, State, Array, Array]:
 
 
 def _sigma(statistic: float, freedom: int) -> float:
-    """Two-sided normal sigmas as improbable as a chi-square."""
+    """Two-sided normal sigmas with the probability of a chi-square."""
     probability = float(special.chdtrc(freedom, statistic))
     return -float(special.ndtri(probability / 2)) if probability > sys.float_info.min else HIGHEST_SIGMA
 
 
 def _length_change(now: Camera, before: Camera, height_mm: float) -> float:
-    """Relative change of lengths where it is largest over the image: a tilt changes them toward the rim."""
+    """Largest relative change of lengths over the image; a tilt changes them most at its rim."""
     width, height = before.size_px
     arm = 0.05 * min(width, height)
     middle = np.stack(np.meshgrid(np.linspace(0.1, 0.9, 5) * width, np.linspace(0.1, 0.9, 5) * height), axis=-1)

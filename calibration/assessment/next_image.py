@@ -1,8 +1,8 @@
 """Information gained from each image of a set, and the most useful next image of the gauge.
 
-Every image adds its information about the lens, with the pose of its gauge eliminated (Schur complement). So an image
-can be taken out of a solved calibration, or one that does not exist yet can be added, without solving again, and the
-uncertainty of places at the height of the marks says what that would do. Camera frame: x right, y down, z away.
+Every image adds its information about the lens, with the pose of its gauge eliminated (Schur complement). An image can
+therefore be removed from a solved calibration, or a hypothetical one added, without solving again; the criterion is the
+uncertainty of positions at the height of the marks. Camera frame: x right, y down, z away from the camera.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from calibration.estimation.robust import huber_weights
 from calibration.lens import undistort
 
 Array = NDArray[np.float64]
-MAP = (32, 24)  # places, columns and rows, at which the uncertainty is looked at: as fine as it varies
-TILT_DEG = 30.0  # the middle of the 20 to 40 degrees that tell focal length from distance best
-WORTH = 0.9  # of the uncertainty: an image that leaves more of it is not worth a sentence
-NOTHING = 0.001  # relative gain below which an image adds nothing: where one image suffices, others still add 0.006
+MAP = (32, 24)  # columns and rows of the grid on which the uncertainty is evaluated: as fine as it varies
+TILT_DEG = 30.0  # the middle of the 20 to 40 degrees that separate focal length and distance best
+WORTH = 0.9  # of the uncertainty: an image after which more of it remains is not recommended
+NOTHING = 0.001  # relative gain below which an image adds nothing; even a redundant image adds 0.006
 COLUMNS, ROWS = ("left", "middle", "right"), ("upper", "middle", "lower")
 TOWARD = {  # which side of the gauge comes nearer to the camera: direction in the image
     "left edge": (-1, 0), "right edge": (1, 0), "upper edge": (0, -1), "lower edge": (0, 1),
@@ -45,12 +45,12 @@ TOWARD = {  # which side of the gauge comes nearer to the camera: direction in t
 
 @dataclass(frozen=True)
 class NextImage:
-    """The image of the gauge that lowers the uncertainty of places most.
+    """The image of the gauge that reduces the uncertainty of positions most.
 
-    place: part of the view for the middle of the gauge. lifted: the side of the gauge that is TILT_DEG nearer to the
-    camera, empty where it faces the camera. pose: (6,) of the gauge there, rotation vector and translation, mm, to the
-    camera frame. outline_px: (4, 2) corners of the array as it would be seen. before_mm, after_mm: RMS uncertainty of
-    places at the height of the marks (1 sigma) without it and with it.
+    place: part of the view for the middle of the gauge. lifted: the side of the gauge that is tilted toward the camera
+    by TILT_DEG, empty if the gauge faces the camera. pose: (6,) of the gauge there, rotation vector and translation,
+    mm, to the camera frame. outline_px: (4, 2) corners of the array in this image. before_mm, after_mm: RMS uncertainty
+    of positions at the height of the marks (1 sigma) without it and with it.
     """
 
     place: str
@@ -71,10 +71,10 @@ class NextImage:
 
 
 def place_sigmas_mm(camera: Camera, height_mm: float, grid: tuple[int, int] = MAP) -> Array:
-    """Uncertainty (rows, columns), mm, of places at a height against the middle of the image; NaN where not in view.
+    """Uncertainty (rows, columns), mm, of positions at a height relative to the middle of the image; NaN out of view.
 
-    1 sigma of a coordinate, of the calibration alone. Moving the whole plate frame changes no length, so what all
-    places share is left out. grid: columns, rows.
+    1 sigma of a coordinate, from the calibration alone. A common shift of all positions changes no length and is
+    excluded. grid: columns, rows.
     """
     relative = _relative_sensitivity(camera, height_mm, grid)
     covariance = relative @ camera.covariance @ np.swapaxes(relative, -1, -2)
@@ -83,7 +83,7 @@ def place_sigmas_mm(camera: Camera, height_mm: float, grid: tuple[int, int] = MA
 
 
 def _relative_sensitivity(camera: Camera, height_mm: float, grid: tuple[int, int]) -> Array:
-    """Derivative (places, 2, 16) of places against the middle of the image by the camera's parameters."""
+    """Derivative (places, 2, 16) of positions relative to the middle of the image by the camera's parameters."""
     columns, rows = grid
     width, tall = camera.size_px
     x, y = (np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * tall / rows
@@ -132,7 +132,7 @@ class Information:
     """Information of a calibration on the lens and the plate's pose, by image."""
 
     def __init__(self, found: Calibration, height_mm: float) -> None:
-        """Take the solution apart. height_mm: of the marks above the plate."""
+        """Compute the information of each image. height_mm: of the marks above the plate."""
         self._found = found
         fit = found.fit
         self._parts = []
@@ -159,19 +159,19 @@ class Information:
         self._plate = self._of_images(range(len(found.views)))
 
     def place_sigma_mm(self, more: Array | None = None, *, without: int | None = None) -> float:
-        """RMS uncertainty of places, mm, 1 sigma: with more information (shared, shared) or without one image."""
+        """RMS uncertainty of positions, mm, 1 sigma, with more information (shared, shared) or without one image."""
         fit, normal = self._found.fit, self._plate
         if without is not None:
             normal = self._of_images([k for k in range(len(self._parts)) if k != without])
         if more is not None:
             normal = normal.copy()
             normal[: len(more), : len(more)] += more
-        root = 1 / np.sqrt(np.diag(normal))  # millimetres, radians and pixels differ by ten powers of ten
+        root = 1 / np.sqrt(np.diag(normal))  # scales mm, rad and px, which differ by ten orders of magnitude
         covariance = np.linalg.inv(normal * root[:, None] * root) * max(fit.variance, 1.0)
         return float(np.sqrt(max(np.sum(self._square * root[:, None] * root * covariance), 0.0)))
 
     def _of_images(self, images: Sequence[int]) -> Array:
-        """The normal matrix of what some images share and of the plate's pose, the other poses eliminated."""
+        """Normal matrix of the shared parameters and the plate's pose from some images, other poses eliminated."""
         state = self._found.fit.state
         whole = self._prior.copy()
         for k in images:
@@ -184,7 +184,7 @@ class Information:
         return np.asarray(normal[:count, :count] - cross @ np.linalg.solve(rest, cross.T)) if len(rest) else normal
 
     def of_image(self, view: View, pose: Array) -> Array:
-        """Information (shared, shared) of an image of the gauge in a pose (6,), that pose unknown."""
+        """Information (shared, shared) of an image of the gauge in an unknown pose near `pose` (6,)."""
         state = replace(self._found.fit.state, poses=pose[None])
         rows = view_rows(view, state, 0)[2]
         flat = rows.reshape(-1, rows.shape[-1])
@@ -204,10 +204,10 @@ def gains(found: Calibration, height_mm: float) -> tuple[float, ...]:
 
 
 def next_image(found: Calibration, height_mm: float) -> NextImage | None:
-    """The best of 81 ways to show the gauge once more; None where none of them shows enough of it.
+    """The best of 81 further images of the gauge; None if none of them shows enough of it.
 
-    The middle of the gauge stands in one of nine parts of the view, as far from the camera as on the plate (in focus),
-    untilted or with one of eight sides nearer to the camera.
+    The middle of the gauge is in one of nine parts of the view, as far from the camera as the plate (in focus), and the
+    gauge is untilted or has one of eight sides tilted toward the camera.
     """
     known = Information(found, height_mm)
     before = known.place_sigma_mm()
@@ -229,7 +229,7 @@ def next_image(found: Calibration, height_mm: float) -> NextImage | None:
 
 
 def _whole_gauge(found: Calibration) -> View:
-    """All dots of the gauge, as uncertain in the image as those found are in the median."""
+    """All dots of the gauge, with the median image uncertainty of the dots found."""
     gauge = found.gauge
     there = gauge.present()
     points = gauge.positions_mm()[there]
@@ -248,7 +248,7 @@ def _whole_gauge(found: Calibration) -> View:
 
 
 def _pose(found: Calibration, whole: View, target_px: Array, direction: tuple[int, int]) -> Array:
-    """Pose (6,) of the gauge seen with its middle at an image point, one side (direction in the image) lifted."""
+    """Pose (6,) of the gauge with its middle at an image point and one side (direction in the image) tilted up."""
     camera = found.camera
     plate: Array = np.asarray(cv2.Rodrigues(np.ascontiguousarray(found.fit.state.poses[0][:3]))[0], dtype=float)
     middle = (whole.points_mm.max(axis=0) + whole.points_mm.min(axis=0)) / 2
@@ -256,7 +256,7 @@ def _pose(found: Calibration, whole: View, target_px: Array, direction: tuple[in
     facing = _turned(plate[:, 2], np.array([0.0, 0.0, -1.0])) @ plate
     if direction != (0, 0):
         toward = np.array(direction) / np.hypot(*direction)
-        axis = np.array([-toward[1], toward[0], 0.0])  # turning about it brings that side nearer: its z falls
+        axis = np.array([-toward[1], toward[0], 0.0])  # a rotation about it moves that side toward the camera
         facing = cv2.Rodrigues(np.radians(TILT_DEG) * axis)[0] @ facing
     ray = undistort(((target_px - camera.principal_px) / camera.focal_xy_px)[None], camera.distortion, camera.lens)[0]
     shift = depth * np.array([*ray, 1.0]) - facing @ middle
@@ -264,7 +264,7 @@ def _pose(found: Calibration, whole: View, target_px: Array, direction: tuple[in
 
 
 def _turned(start: Array, end: Array) -> Array:
-    """The smallest rotation (3, 3) that takes one unit vector to another."""
+    """The smallest rotation (3, 3) that maps one unit vector to another."""
     axis = np.cross(start, end)
     sine, cosine = float(np.linalg.norm(axis)), float(start @ end)
     if sine < 1e-12:

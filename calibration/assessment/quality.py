@@ -21,31 +21,31 @@ from calibration.gauge.geometry import Gauge
 Array = NDArray[np.float64]
 
 MARK_HEIGHT_MM = 6.5  # of the marks of the robot this project was made for
-# Turning radii are to be good to 0.5 %; a scale that takes more than a fifth of that is worth a sentence.
+# Turning radii are to be accurate to 0.5 %; a scale uncertainty above a fifth of that is reported.
 SCALE_TOLERANCE = 0.001
-# A parameter whose uncertainty is more than a quarter of its prior's was hardly measured by these images.
+# A parameter whose uncertainty is more than a quarter of its prior's is hardly determined by the images.
 LEARNED = 0.25
-FOCAL_TOLERANCE = 0.01  # 1 % of 4 % height correction is 0.04 % of a radius; sound sets reach 0.02 %
+FOCAL_TOLERANCE = 0.01  # 1 % of the 4 % height correction is 0.04 % of a radius; sound sets reach 0.02 %
 IMPLAUSIBLE = 3.0  # prior sigmas
-# Compression and interpolation correlate neighbouring pixels, which doubles residuals against white noise; beyond three
-# it is something else.
+# Residuals over their white-noise expectation. Compression and interpolation correlate neighbouring pixels and double
+# it; beyond three the model or the gauge file is wrong.
 MISFIT = 3.0
-SMALLEST_TILT_DEG = 5.0  # cos 5° = 0.996: foreshortening drowns in the scale of the pose
-# Below the first, corners are judged by what the covariance says of them; below the second not even that is believed,
-# since the choice of the lens model itself rests on the part that was seen.
+SMALLEST_TILT_DEG = 5.0  # cos 5° = 0.996: foreshortening cannot be separated from the scale of the pose
+# Below the first, the corners are judged by their covariance. Below the second, the covariance is not trusted either,
+# because the lens model was chosen from the visible part alone.
 MODEST_COVERAGE, SMALLEST_COVERAGE = 0.4, 0.2
-# Dots seen narrower or wider than that against their distance. Printing, blur and strong distortion make 0.85 to 1.05,
-# and ink that spreads by two dots of a printer of 600 dpi makes dots of 1 mm 1.08 times as wide; the plates of one
-# maker, of pitch 2.5 and 3 mm, differ by 1.2.
+# Limits of the ratio diameter/distance of the dots over that of gauge.toml. Printing, blur and strong distortion give
+# 0.85 to 1.05, ink that spreads by two dots of a 600 dpi printer 1.08 for dots of 1 mm; plates with pitches of 2.5 and
+# 3 mm from one maker differ by a factor of 1.2.
 NARROWEST, WIDEST = 0.8, 1.15
-LEFT_OUT = 0.02  # of the dots of one image: worth a note; at most a few thousandths of sound dots are
+LEFT_OUT = 0.02  # share of the dots of one image that is worth a note; of sound dots at most some 0.1 % are left out
 CELLS = (12, 9)
 
 
 def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> Verdict:
     """Judge a calibration for a plane mark_height_mm above the plate.
 
-    Raises CalibrationError where the camera that was found does not see that plane.
+    Raises CalibrationError if that plane is not in view of the camera found.
     """
     camera = calibration.camera
     scale = camera.scale_sigma(mark_height_mm)
@@ -83,7 +83,7 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
         else:
             notes.append(sparse)
     unchecked = len(calibration.views) == 1 and calibration.distance_mm is None
-    exact = camera.with_exact_pitch()  # an error of the pitch is the same at every height
+    exact = camera.with_exact_pitch()  # an error of the pitch acts equally at every height
     seen, seen_on_plate = exact.scale_sigma(mark_height_mm), exact.scale_sigma(calibration.gauge.dots.height_mm)
     if seen > 1.5 * seen_on_plate and (unchecked or seen > SCALE_TOLERANCE):
         reasons.append(_height_sentence(calibration, mark_height_mm, seen, seen_on_plate))
@@ -113,7 +113,7 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
 
 
 def _pitch_share(gauge: Gauge, exact: Camera, height_mm: float) -> str:
-    """What the sentence of the verdict owes to the pitch of the gauge, which no image can check."""
+    """Part of the verdict's sentence about the tolerance of the gauge's pitch, which no image can check."""
     if gauge.scale_sigma == 0:
         return "if the pitch of the gauge is exact"
     return (
@@ -123,7 +123,7 @@ def _pitch_share(gauge: Gauge, exact: Camera, height_mm: float) -> str:
 
 
 def worst_scale_sigma(camera: Camera, height_mm: float) -> float:
-    """The largest `Camera.scale_sigma` of the four corners; NaN where one does not see the plane."""
+    """The largest `Camera.scale_sigma` of the four corners; NaN if the plane is not visible at one of them."""
     width, height = camera.size_px
     arm = CHORD * min(width, height)
     corners = [np.array([x, y]) for x in (arm, width - 1 - arm) for y in (arm, height - 1 - arm)]
@@ -152,7 +152,7 @@ def coverage(calibration: Calibration) -> float:
 
 
 def _ill_conditioned(calibration: Calibration, spread: float) -> list[str]:
-    """Why several images do not determine the camera; empty where they do."""
+    """Reasons why several images do not determine the camera; empty if they do."""
     camera, why = calibration.camera, []
     width, height = camera.size_px
     prior = rough_prior(camera.size_px)
@@ -179,7 +179,7 @@ def _ill_conditioned(calibration: Calibration, spread: float) -> list[str]:
 
 
 def _wrong_size(calibration: Calibration) -> list[str]:
-    """Dots of another size than the file's: then its pitch may be as wrong, which no image can tell."""
+    """Reasons if dots differ in size from gauge.toml: its pitch may then be wrong as well, which no image can show."""
     ratio = float(np.median([sighting.size_ratio for sighting in calibration.sightings]))
     bloom = 1.0 + float(np.median([sighting.bloom for sighting in calibration.sightings]))
     if not (ratio / bloom > WIDEST or ratio * bloom < NARROWEST):
@@ -192,7 +192,7 @@ def _wrong_size(calibration: Calibration) -> list[str]:
 
 
 def _misfit(calibration: Calibration) -> list[str]:
-    """Residuals far beyond what the dots' own sharpness promises: then the model or the gauge file is wrong."""
+    """Reasons if residuals are far above the uncertainty of the dots: the model or the gauge file is then wrong."""
     excess = float(np.sqrt(calibration.fit.variance))
     if excess < MISFIT:
         return []
@@ -246,7 +246,7 @@ def _notes(calibration: Calibration) -> list[str]:
 
 
 def _flatness_notes(calibration: Calibration) -> list[str]:
-    """What was seen, promised or assumed of the gauge's flatness."""
+    """Notes on the measured, stated or assumed flatness of the gauge."""
     found = calibration.flatness
     if found is None:
         alone = (

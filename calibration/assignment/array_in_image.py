@@ -10,20 +10,20 @@ from calibration.assignment.lattice import NO_LATTICE, Lattice, assign_grid, row
 from calibration.assignment.regularity import evidence
 from calibration.detection.dots import Dots, detect_dots, every_dot
 
-# An array of at least so many dots, most of those found, is not improved by a slower search.
+# A slower search does not improve an array of at least CONVINCING dots that holds the share MOST of the dots found.
 CONVINCING, MOST = 25, 0.6
-WHOLE = 12  # dots: so many that fill whole rows and columns need no slower search either
-# An array of fewer dots than this that has holes is looked for again: its dots are large, and an uneven light (a shadow
-# across the sheet) or perspective takes some of them out of the one window that shows most. That costs half a second.
+WHOLE = 12  # dots: an array of so many that fills whole rows and columns needs no slower search either
+# An array with holes and fewer dots than this is searched again in all windows, which takes half a second: its dots are
+# large, and uneven light (a shadow on the sheet) or perspective may hide some of them in the best window.
 SMALL = 150
-# Dots of one array differ by less in diameter, perspective and fiducials included; specks between them by more.
+# Factor of diameter within which the dots of one array lie, including perspective and fiducials, but not specks.
 SIZE_CLASS = 4.0
 
 
 def find_array(
     image: NDArray[np.generic], color: str | None = None, background: str | None = None
 ) -> tuple[Dots, Lattice]:
-    """Find the dots of an image and the array they form; an empty lattice where they form none.
+    """Find the dots of an image and the array they form; an empty lattice if they form none.
 
     image: (h, w) or (h, w, 3) BGR. color, background: of dots and sheet, as in gauge.toml; without them both signs of
     contrast are tried.
@@ -41,7 +41,7 @@ def find_array(
 
 
 def _convinces(dots: Dots, lattice: Lattice) -> bool:
-    """Whether a slower search is not worth its time."""
+    """Whether an array is complete enough that a slower search is unnecessary."""
     if len(lattice) >= SMALL and len(lattice) >= MOST * len(dots):
         return True
     if len(lattice) < WHOLE:
@@ -54,7 +54,7 @@ def _convinces(dots: Dots, lattice: Lattice) -> bool:
 
 
 def _size_classes(dots: Dots) -> list[Dots]:
-    """The dots in overlapping classes of diameter, so that no specks stand between the dots of an array."""
+    """The dots in overlapping classes of diameter, which separates the dots of an array from specks between them."""
     if len(dots) == 0:
         return []
     smallest, largest = float(dots.diameter_px.min()), float(dots.diameter_px.max())
@@ -67,7 +67,7 @@ def _size_classes(dots: Dots) -> list[Dots]:
 
 
 def _alike(found: Dots, dots: Dots, lattice: Lattice) -> list[Dots]:
-    """The dots found that look like those of an array, which specks beside it then cannot keep from growing."""
+    """The dots that resemble those of an array, so that specks beside it do not stop its growth."""
     if not len(lattice):
         return []
     keep = np.ones(len(found), dtype=bool)
@@ -80,6 +80,6 @@ def _alike(found: Dots, dots: Dots, lattice: Lattice) -> list[Dots]:
 
 
 def _weight(dots: Dots, lattice: Lattice) -> float:
-    """Sum of the diameters of an array's dots, by how straight its rows are: it outweighs one that specks form."""
+    """Sum of the diameters of an array's dots, weighted by the straightness of its rows, low for arrays of specks."""
     straight = evidence(dots.centers_px[lattice.dot], lattice.index)
     return float(dots.diameter_px[lattice.dot].sum()) * straight

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-BASE = 16  # nearest dots that a prediction rests on: over more, a lens bends the lattice
+BASE = 16  # nearest dots used for a prediction: over a larger area, distortion is no longer a homography
 FEWEST_BASE = 6  # two more than a homography needs
-# Of the distance to the next place: strong distortion puts a dot up to 0.15 beside what six others predict.
+# Of the distance to the next place: with strong distortion a dot lies up to 0.15 from the prediction by six others.
 CATCH = 0.25
-# A dot of the array is at most so much wider or narrower than those next to it, and its contrast so much more or less.
+# Largest factors between diameters and between contrasts of neighbouring dots of the array.
 WIDER, DARKER = 1.5, 2.0
-OFF = 0.3  # of a pitch: members so far from what the others predict are none
-SMALLEST_PITCH_PX = 3.0  # no dots that can be fitted stand closer
+OFF = 0.3  # of a pitch: members farther from the prediction of the others are removed
+SMALLEST_PITCH_PX = 3.0  # dots with a smaller pitch cannot be fitted
 NEXT = np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
 
 
@@ -49,7 +49,7 @@ def completed(
 
 
 def without_strays(points: Array, dot: Integers, index: Integers) -> NDArray[np.bool_]:
-    """Which members lie where the others predict them; all of them where too few are left to tell."""
+    """Which members lie where the others predict them; all of them if too few remain for a prediction."""
     keep = np.ones(len(dot), dtype=bool)
     while keep.sum() > FEWEST_BASE + 1:
         off = np.zeros(len(dot))
@@ -66,14 +66,14 @@ def without_strays(points: Array, dot: Integers, index: Integers) -> NDArray[np.
 
 
 def _free_next_to(index: Integers) -> Integers:
-    """Places (k, 2) next to members that hold none."""
+    """Empty places (k, 2) next to members."""
     taken = set(map(tuple, index.tolist()))
     around = {tuple(place) for place in (index[:, None] + NEXT).reshape(-1, 2).tolist()}
     return np.array(sorted(around - taken), dtype=np.int64).reshape(-1, 2)
 
 
 def _predicted(points: Array, index: Integers, place: Integers) -> tuple[Array, float, NDArray[np.intp]] | None:
-    """Where a place lies, px, the distance to the next place there, and the members that say so."""
+    """Position of a place, px, the local pitch, and the members used for the prediction."""
     near = np.argsort(np.hypot(*(index - place).T), kind="stable")[:BASE]
     if np.ptp(index[near], axis=0).min() == 0:
         return None
@@ -92,7 +92,7 @@ def _predicted(points: Array, index: Integers, place: Integers) -> tuple[Array, 
 def _dot_at(
     points: Array, looks: tuple[Array, Array], dot: Integers, index: Integers, place: Integers, free: Integers
 ) -> tuple[float, int] | None:
-    """The free dot nearest to a place, and how far off it lies in pitches; None where none lies there."""
+    """The free dot nearest to a place, and its distance from it in pitches; None if there is none within reach."""
     predicted = _predicted(points[dot], index, place)
     if predicted is None or len(free) == 0:
         return None

@@ -19,22 +19,22 @@ SIZE_SIGMA = 0.06
 
 
 def of_equal_size(dots: Dots, lattice: Lattice, gauge: Gauge) -> Lattice:
-    """Leave out lattice members of no size the gauge has: specks and reflections that happen to lie on a place."""
+    """Remove lattice members whose size is not on the gauge: specks and reflections that happen to lie on a place."""
     size = _relative_size(dots, lattice)
     smallest = float(np.log(gauge.diameters_mm().min() / gauge.dots.diameter_mm))
     largest = float(np.log(gauge.diameters_mm().max() / gauge.dots.diameter_mm))
-    keep = (size > smallest - 0.35) & (size < largest + 0.35)  # a factor 1.4: closer sizes may be dirt on a true dot
+    keep = (size > smallest - 0.35) & (size < largest + 0.35)  # a factor of 1.4; less may be dirt on a dot
     return Lattice(lattice.dot[keep], lattice.index[keep], lattice.others)
 
 
 def _relative_size(dots: Dots, lattice: Lattice) -> Array:
-    """Logarithm of diameter over what the neighbours' lead to expect, (m,)."""
+    """Logarithm of the diameter over that expected from the neighbours, (m,)."""
     points = dots.centers_px[lattice.dot]
     return relative_size(points, dots.diameter_px[lattice.dot], nearest(points, 12)[1])
 
 
 def features_seen(dots: Dots, lattice: Lattice, gauge: Gauge) -> Array:
-    """What tells fiducials apart, in sigmas: relative size, then difference of colour from the neighbours. (4, m)."""
+    """Features of dots, (4, m), in sigmas: relative size, then difference of colour from the neighbours."""
     features = np.zeros((4, len(lattice)))
     features[0] = _relative_size(dots, lattice) / SIZE_SIGMA
     if any(fiducial.color for fiducial in gauge.fiducial):

@@ -20,28 +20,31 @@ from calibration.estimation.bundle_adjustment import View, whitening
 from calibration.estimation.flatness import face_terms
 from calibration.gauge.geometry import Gauge
 
-FEWEST_DOTS = 12  # six for the pose, twice over
-# A gauge of few dots must show so many of them; eight still overdetermine a pose, and hardly arise by chance.
+FEWEST_DOTS = 12  # twice the six that determine a pose and a lens roughly
+# For a gauge of few dots: share of them that must be visible, and absolute minimum. Eight dots still overdetermine a
+# pose and hardly arise by chance.
 FEWEST_SHARE, FEWEST_EVER = 2 / 3, 8
-# A dot blurred beyond its own size looks like a normal distribution, which the disc model fits with an edge of 0.6
-# radii on too wide a disc. Up to there centres are still good; from there on neighbours run into each other.
+# Limits of blur over radius and of the diameter ratio. A dot blurred beyond its own size resembles a Gaussian, which
+# the disc model fits with an edge of 0.6 radii and too large a diameter. Below, centres are still accurate; above,
+# neighbouring dots overlap.
 SMUDGE = (0.5, 1.2)
-# Of the radius: wider blur rounds every shape.
+# Blur over radius up to which the shape of a dot is visible.
 SHARP = 0.4
-# Dots so much wider or narrower are another plate's; less may be a wrong number in the file, which the verdict tells.
+# Dots wider or narrower than gauge.toml by this factor belong to another plate. A smaller deviation may be a wrong
+# number in the file, which the verdict reports.
 FOREIGN_SIZE = 1.8
-# Blurs by which the light side of an edge seems to reach farther: in a camera's gamma of 2.2 the flank on its dark side
-# is the longer one. Half its height lies half a blur beyond the edge, what fits it best 0.7 of a blur.
+# Apparent shift of an edge into its dark side, in units of the blur, at a camera gamma of 2.2: the edge is asymmetric,
+# its half height lies half a blur beyond the true edge, and the best fit 0.7 of a blur.
 BLOOM = 0.7
-IN_FOCUS = 0.15  # blur over radius: dots that are sharper are never seen so much too narrow that the verdict minds
+IN_FOCUS = 0.15  # blur over radius below which that shift is too small to affect the verdict
 
 
 @dataclass(frozen=True)
 class Sighting:
     """The gauge found in one image.
 
-    size_ratio: how many times as wide dots are seen, against their distance, as the gauge file has them. bloom: share
-    of their width by which that may be wrong, as they are out of focus.
+    size_ratio: ratio of dot diameter to dot distance in the image over that of the gauge file. bloom: relative error
+    that defocus may cause in it.
     """
 
     name: str
@@ -120,7 +123,7 @@ def _expected_diameter_px(dots: Dots, lattice: Lattice, gauge: Gauge) -> float:
 def view_of(sighting: Sighting, gauge: Gauge, *, on_plate: bool) -> View:
     """Dots of one image with their places, at the gauge's height where it lies on the plate.
 
-    Dots that something else reaches into are left out.
+    Dots disturbed by adjacent structures are left out.
     """
     match, dots = sighting.match, sighting.dots
     points = gauge.positions_mm()[match.row, match.column]

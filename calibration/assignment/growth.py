@@ -1,7 +1,7 @@
 """Growth of a lattice over scattered dots: from a seed with a local basis, neighbour by neighbour.
 
-Each step predicts where the next dot lies from the dots around it, so the lattice may bend (distortion), converge
-(perspective), have holes and end anywhere. Nothing is assumed about its size.
+Each step predicts the position of the next dot from the dots around it, so that the lattice may be curved (distortion),
+converge (perspective), have holes and end anywhere. Nothing is assumed about its size.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ from calibration.compilation import compiled
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# A dot is taken where it lies within this share of the shorter basis vector from its prediction: half would be the
-# neighbour's ground; lenses and tilt bend the lattice by a few percent per step.
+# A dot is accepted within this share of the shorter basis vector from its prediction. Half would reach the neighbour's
+# cell; lenses and tilt move dots by a few percent per step.
 CAPTURE = 0.28
-# A dot of another size than those around it may be a fiducial or dirt: it is taken only within this share of that
-# reach, an eighth of the basis vector, and nothing is predicted from it.
+# A dot of another size than those around it may be a fiducial or dirt: it is accepted only within this share of that
+# distance, an eighth of the basis vector, and not used for predictions.
 ODD_SHARE = 0.45
 OPPOSITE = 0.22  # mismatch of the two arms of a seed, as a share of an arm
-SLANTED = 0.45  # of a seed in a grid of few large dots seen at a slant, where steps shrink by a third from dot to dot
+SLANTED = 0.45  # the same, in an oblique view of few large dots, where the pitch shrinks by a third from dot to dot
 NEIGHBOURS = 12  # enough to see both directions of a lattice with pitches 1 : 2.5
-# Beside a hole the arms of a seed may reach over two pitches; then its cell is at least twice that of a sound seed
-# nearby, while perspective changes cells by some percent from dot to dot.
+# Beside a hole the arms of a seed may span two pitches; its cell is then at least twice that of a correct seed nearby,
+# while perspective changes cells by some percent from dot to dot.
 WIDE_CELL = 1.4
 STEPS = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1), (2, 0), (-2, 0), (0, 2), (0, -2))
 
 
 def seed_bases(points: Array, neighbours: Integers, opposite_share: float = OPPOSITE) -> tuple[Array, Array]:
-    """Local basis (n, 4) ux, uy, vx, vy of each dot, and how ill it suits a seed (n,), inf for none.
+    """Local basis (n, 4) ux, uy, vx, vy of each dot, and its mismatch as a seed (n,), infinite without a basis.
 
     points: (n, 2). neighbours: (n, k) nearest first. An arm is a neighbour with another one opposite to it, to
     opposite_share of its length.
@@ -61,7 +61,7 @@ def seed_bases(points: Array, neighbours: Integers, opposite_share: float = OPPO
 
 
 def bucket(points: Array, size: float) -> tuple[Integers, Integers, Array]:
-    """Linked cells of the given size, so that a neighbour is found without a search over all dots."""
+    """Linked cells of the given size, in which a neighbour is found without a search over all dots."""
     origin = points.min(axis=0)
     column, row = ((points - origin) // size).astype(np.int64).T
     cells, following = np.full((row.max() + 1, column.max() + 1), -1), np.full(len(points), -1)
@@ -139,11 +139,11 @@ def grow(points, seed, basis, odd, taken, cells, following, size, origin):  # ty
             if min(na, nb) < 3 or max(na, nb) > 2 * limit - 3 or grid[na, nb] >= 0:
                 continue
             if k >= 8 and grid[a + da // 2, b + db // 2] >= 0:
-                continue  # no hole to jump over: the nearer dot predicts better
+                continue  # no hole between: the nearer dot predicts better
             x = points[here, 0] + da * ux + db * vx
             y = points[here, 1] + da * uy + db * vy
             behind = grid[a - da, b - db]
-            if behind >= 0 and not odd[behind]:  # the lattice bends on as it bent: second differences vary slowly
+            if behind >= 0 and not odd[behind]:  # continue with constant second difference
                 x += 0.5 * (points[behind, 0] - points[here, 0] + da * ux + db * vx)
                 y += 0.5 * (points[behind, 1] - points[here, 1] + da * uy + db * vy)
             found = _nearest(points, odd, x, y, CAPTURE * shorter, cells, following, size, origin)

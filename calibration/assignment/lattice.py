@@ -1,4 +1,4 @@
-"""Dot centres → lattice indices, with no count given in advance: holes, partial views and distractors are normal.
+"""Dot centres → lattice indices, without a given count: holes, partial views and distractors are expected.
 
 Indices refer to a right-handed reduced basis as seen in the image (x right, y down); matching.py assigns them to the
 dots of the gauge.
@@ -21,23 +21,25 @@ from calibration.detection.dots import Dots
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-SEEDS = 12  # attempts: distractors may form small lattices of their own, a torn sheet several
-ODD = 0.26  # of ln(diameter) against the dots around: a factor 1.3, fiducials differ by more, equal dots by 0.05
+SEEDS = 12  # attempts: distractors may form small lattices, and a torn sheet several
+ODD = 0.26  # of ln(diameter) relative to the dots around: fiducials differ by more, equal dots by 0.05
 SPECK = 0.4  # of the diameter of the dots around: no gauge has fiducials that small
-# Of the median contrast: vignetting and uneven light leave 0.25 and more (0.4 on a real fisheye); the images of the
-# array in the dark surround of a lens are fainter, and lie pixels beside the places they seem to continue.
+# Of the median contrast. Vignetting and uneven light leave at least 0.25 (0.4 on a real fisheye); reflections of the
+# array in the dark surround of a lens have less, and lie pixels beside the places that they seem to continue.
 FAINT = 0.15
-# A place is bare where the image there is as bright as the sheet next to it, to this share of the dots' contrast.
+# A place without a dot shows the sheet if its brightness equals that of the sheet next to it within this share of the
+# dots' contrast.
 BARE = 0.35
-# A part split off by a cloth or a rod: dots of the main lattice beside it that predict its places, and how far, in
-# pitches, the dots may lie from them. Distortion bends a prediction over three pitches by a few percent.
+# For a part that is separated by a cloth or a rod: number of dots of the main lattice beside it that predict its
+# places, and largest distance of its dots from them, in pitches. Distortion shifts a prediction over three pitches by a
+# few percent.
 BESIDE, OFF_PLACE = 24, 0.2
-SMALLEST_LATTICE = 6  # dots; fewer make no lattice
-SECOND = 10  # dots: a second array of fewer may be chance
-FEW = 100  # dots: arrays that are worth a second look from every side
+SMALLEST_LATTICE = 6  # dots
+SECOND = 10  # dots: a smaller second array may be chance
+FEW = 100  # dots: smaller arrays are also searched with looser seeds
 
 
-@dataclass(frozen=True, eq=False)  # arrays have no one equality: a lattice is equal to itself alone
+@dataclass(frozen=True, eq=False)  # arrays cannot be compared by ==: lattices are equal if identical
 class Lattice:
     """Dots that form one lattice.
 
@@ -58,7 +60,7 @@ NO_LATTICE = Lattice(np.empty(0, dtype=np.int64), np.empty((0, 2), dtype=np.int6
 
 
 def assign_grid(dots: Dots) -> Lattice:
-    """Find the largest lattice among the dots; an empty one where there is none."""
+    """Find the largest lattice among the dots; an empty one if there is none."""
     points = np.ascontiguousarray(dots.centers_px)
     if len(points) < SMALLEST_LATTICE:
         return NO_LATTICE
@@ -77,7 +79,7 @@ def assign_grid(dots: Dots) -> Lattice:
 
 
 def _completed(dots: Dots, lattice: Lattice) -> Lattice:
-    """A small lattice with the dots that continue it, and without those that do not."""
+    """A small lattice with further dots that continue it, and without members that do not fit."""
     if not SMALLEST_LATTICE <= len(lattice) <= FEW:
         return lattice
     all_dots = dots.centers_px, dots.diameter_px, dots.contrast
@@ -94,7 +96,7 @@ def _same(one: Lattice, other: Lattice) -> bool:
 
 
 def _largest(dots: Dots, points: Array, opposite_share: float) -> Lattice:
-    """The largest lattice that grows from a seed, with its parts that something hidden splits off."""
+    """The largest lattice that grows from a seed, joined with parts that an occlusion separates from it."""
     distance, neighbours = nearest(points, NEIGHBOURS)
     bases, mismatch = seed_bases(points, neighbours, opposite_share)
     size = float(np.median(distance[:, 0]))
@@ -125,17 +127,17 @@ def _largest(dots: Dots, points: Array, opposite_share: float) -> Lattice:
             best = joined
             rest.remove(lattice)
     second = max(SECOND, len(best) / 2)
-    # The weave of a cloth beside the gauge is an array, too, but a faint one.
+    # The weave of a cloth beside the gauge also forms an array, with low contrast.
     plain = FAINT * np.median(dots.contrast[best.dot])
     rivals = (one for one in rest if len(one) >= second and np.median(dots.contrast[one.dot]) > plain)
     return replace(best, others=sum(map(len, rivals)))
 
 
 def _joined(points: Array, main: Lattice, part: Lattice) -> Lattice | None:
-    """One lattice of two that something hidden between them has split, None where the part does not continue the main.
+    """Join two parts of a lattice that an occlusion separates; None if the part does not continue the main one.
 
-    The homography of the main's dots next to the part predicts the indices of the part's dots: they must be whole
-    numbers and run as the part's own do.
+    The homography of the main's dots next to the part predicts the indices of the part's dots: these must be integers
+    and agree with the part's indices up to a shift.
     """
     middle = points[part.dot].mean(axis=0)
     near = np.argsort(np.hypot(*(points[main.dot] - middle).T))[:BESIDE]
@@ -160,7 +162,7 @@ def _joined(points: Array, main: Lattice, part: Lattice) -> Lattice | None:
 
 
 def _without_specks(dots: Dots, lattice: Lattice) -> Lattice:
-    """Drop members far smaller than those around them, and faint ones: dirt and reflections that lie near a place."""
+    """Remove members that are far smaller than those around them, or faint: dirt and reflections near a place."""
     _, neighbours = nearest(dots.centers_px[lattice.dot], 8)
     size, contrast = dots.diameter_px[lattice.dot], dots.contrast[lattice.dot]
     keep = (size > SPECK * np.median(size[neighbours], axis=1)) & (contrast > FAINT * np.median(contrast))
@@ -168,7 +170,7 @@ def _without_specks(dots: Dots, lattice: Lattice) -> Lattice:
 
 
 def _reduced(points: Array, index: Integers) -> Integers:
-    """Express indices in the shortest basis (Lagrange, Gauss): a seed beside a hole may have grown a skew one."""
+    """Express indices in the shortest basis (Lagrange, Gauss); growth from a seed beside a hole may give a skew one."""
     affine = np.linalg.lstsq(np.column_stack([index, np.ones(len(index))]), points, rcond=None)[0]
     u, v = affine[0], affine[1]
     change = np.eye(2, dtype=np.int64)  # rows: new basis in terms of the old
@@ -184,7 +186,7 @@ def _reduced(points: Array, index: Integers) -> Integers:
 
 
 def rows_and_columns(lattice: Lattice) -> tuple[str, Integers]:
-    """Layout that fills its bounding box best, and (m, 2) column and row in it, counted from 0.
+    """The layout that fills its bounding box best, and (m, 2) column and row in it, counted from 0.
 
     "square": column and row along the basis. "staggered": along its diagonals, odd rows shifted by half a pitch.
     """
@@ -215,15 +217,15 @@ def array_size(lattice: Lattice, points_px: Array) -> tuple[str, int, int]:
     layout, index = rows_and_columns(lattice)
     columns, rows = (int(count) for count in index.max(axis=0) + 1)
     step, *_ = np.linalg.lstsq(np.c_[index, np.ones(len(index))], points_px, rcond=None)
-    upright = abs(step[0, 1]) > abs(step[0, 0])  # what was counted as a column runs down the image
+    upright = abs(step[0, 1]) > abs(step[0, 0])  # the lattice's columns run down the image
     return (layout, rows, columns) if layout == "square" and upright else (layout, columns, rows)
 
 
 def places_without_dot(dots: Dots, lattice: Lattice) -> tuple[Integers, Array]:
-    """Lattice places next to dots seen, well inside the image, that hold no dot: (k, 2), and their light (k,).
+    """Lattice places without a dot, next to dots and well inside the image: (k, 2), and their light (k,).
 
-    The light is that above the sheet beside the nearest dots, in contrasts of those. A place within BARE of the sheet
-    shows it, so there is no dot; at the others something may hide one.
+    The light is relative to the sheet beside the nearest dots, in units of their contrast. A place within BARE of the
+    sheet shows the sheet and has no dot; at other places a dot may be hidden.
     """
     corner = lattice.index.min(axis=0) - 2
     extent = lattice.index.max(axis=0) - corner + 3

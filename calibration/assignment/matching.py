@@ -1,7 +1,7 @@
 """Matching of a lattice to the gauge, over all placements of the gauge's lattice on the observed one.
 
-A placement is scored by its inside: observed dots count for it, visible empty positions against it. Fiducials decide
-between equal scores, then the smallest rotation of the gauge in the image.
+The score of a placement counts observed dots inside the gauge for it and visible empty positions against it. Fiducials
+decide between equal scores, then the smallest rotation of the gauge in the image.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Integers = NDArray[np.int64]
 # The map from gauge to image stretches directions unequally by 1/cos(tilt), twice that at the near edge of a close
 # view.
 LARGEST_STRETCH = 2.5
-# Share of a lattice that may fall outside the gauge: glare and dirt add a few dots, a wrong gauge file whole rows.
+# Share of a lattice that may lie outside the gauge: glare and dirt add a few dots, a wrong gauge file whole rows.
 FOREIGN = 0.1
 
 
@@ -42,10 +42,10 @@ FOREIGN = 0.1
 class Match:
     """Dots of one image and the places of the gauge they are.
 
-    dot: (m,) indices into the Dots. column, row: (m,) of the gauge. certain: the placement is the only one, so that
-    origin and direction are those of the gauge. unseen: places of the gauge
-    that lie in view but show no dot. foreign: dots of the lattice that no place of the gauge explains. extent: how the
-    array ends along columns and rows; one that is "short" may be another plate's (wrong_gauge.py).
+    dot: (m,) indices into the Dots. column, row: (m,) of the gauge. certain: the placement is unique, so that origin
+    and direction are those of the gauge. unseen: number of places of the gauge in view without a dot. foreign: number
+    of dots of the lattice outside the gauge. extent: how the array ends along columns and rows; if it is "short", it
+    may belong to another plate (wrong_gauge.py).
     """
 
     dot: Integers
@@ -62,7 +62,7 @@ class Match:
 
 
 def match_gauge(dots: Dots, lattice: Lattice, gauge: Gauge) -> Match:
-    """Lay the gauge on the lattice. Raises CalibrationError where it does not fit."""
+    """Match the gauge to the lattice. Raises CalibrationError if it does not fit."""
     lattice = of_equal_size(dots, lattice, gauge)
     sites, there = _gauge_lattice(gauge), gauge.present()
     places, light = places_without_dot(dots, lattice)
@@ -86,7 +86,7 @@ def match_gauge(dots: Dots, lattice: Lattice, gauge: Gauge) -> Match:
     free = place_on_sheet(places @ best.turn.T + best.shift, gauge)
     if goes_on(seen, gauge):
         raise CalibrationError(does_not_fit(lattice, gauge))
-    # fiducials where they should be say that it is this gauge, whatever hides its lines
+    # fiducials in the right places prove that it is this gauge, even if lines are hidden
     told = bool(np.any(promised[:, match.row, match.column]))
     if told:
         return match
@@ -95,7 +95,7 @@ def match_gauge(dots: Dots, lattice: Lattice, gauge: Gauge) -> Match:
 
 
 def _mirrored(gauge: Gauge) -> str:
-    """Why only the mirror image of the gauge fits."""
+    """Message for an array that only the mirror image of the gauge fits."""
     if gauge.fiducial:
         return (
             "the image is mirrored: the fiducials of the gauge fit only the mirrored array; "
@@ -110,7 +110,7 @@ def _mirrored(gauge: Gauge) -> str:
 
 
 def _no_fiducials(dots: Dots, gauge: Gauge) -> str:
-    """Why the fiducials that should be in view are not seen."""
+    """Message for fiducials that should be in view and are not found."""
     if dots.color.shape[1] == 1 and any(fiducial.color for fiducial in gauge.fiducial):
         return (
             f'the fiducial dots of the gauge "{gauge.name}" differ by their color, which a grey image does not show; '
@@ -151,7 +151,7 @@ def _gauge_basis(gauge: Gauge) -> Array:
 
 
 def _turns(gauge: Gauge, basis_px: Array) -> list[tuple[Integers, float]]:
-    """Unimodular maps from lattice to gauge coordinates that a camera could see, and the turn of the plate's x axis.
+    """Unimodular maps from lattice to gauge coordinates that a camera view allows, and the turn of the plate's x axis.
 
     Right-handed ones show the gauge from the front, the others from behind.
     """
@@ -169,14 +169,15 @@ def _turns(gauge: Gauge, basis_px: Array) -> list[tuple[Integers, float]]:
             x_axis = image_from_gauge @ x_on_sheet
             turns.append((turn, float(long / short), float(np.arctan2(x_axis[1], x_axis[0]))))
     least = min((stretch for _, stretch, _ in turns), default=1.0)
-    # the least stretched kind is a view nearest to straight; symmetric ones tie within the tilt's own stretch
+    # the least stretched map is the view closest to vertical; symmetric ones differ by less than the stretch of the
+    # tilt
     return [(turn, angle) for turn, stretch, angle in turns if stretch < 1.6 * least]
 
 
 def _placements(
     turn: tuple[Integers, float], lattice: Lattice, empty: Integers, sites: Integers, features: Array, expected: Array
 ) -> list[_Placement]:
-    """The placements of one turn that put nearly as many dots inside the array as the best of them."""
+    """The placements of one turn with nearly as many dots inside the array as the best of them."""
     matrix, angle = turn
     seen, void = lattice.index @ matrix.T, empty @ matrix.T
     corner = np.minimum(seen.min(axis=0), void.min(axis=0, initial=10**9))
@@ -259,7 +260,7 @@ def _matched(best: _Placement, placements: list[_Placement], lattice: Lattice, g
             rows.append(row)
             columns.append(column)
             chosen.append(k)
-    # another placement as good, but shifted or turned otherwise than by half a turn, leaves the origin open
+    # an equally good placement, shifted or turned by other than half a turn, leaves the origin undetermined
     rivals = [
         other
         for other in placements

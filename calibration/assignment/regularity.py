@@ -1,7 +1,7 @@
 """Regularity of a lattice: three neighbouring dots of a row lie on a line from every viewpoint.
 
-Dots of an array leave the line by less than a hundredth of a pitch. Specks that happen to continue a lattice are taken
-wherever they lie within the reach of its growth, a quarter of a pitch, and leave it by as much.
+Dots of an array deviate from the line by less than 0.01 pitches. Specks that happen to continue a lattice are accepted
+within a quarter of a pitch from their predicted places, and deviate by as much.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 ROWS = np.array([(1, 0), (0, 1), (1, 1), (1, -1)])
-# Of a pitch: what chance takes within 0.28 of its place leaves its rows by 0.2, the luckiest of many dozen specks by
-# 0.08; the dots of photographs, fisheyes included, leave them by 0.0001 to 0.007.
+# Deviations in pitches. Specks accepted by chance within 0.28 of a place deviate by 0.2, the best of many dozen by
+# 0.08; dots in photographs, including fisheyes, by 0.0001 to 0.007.
 CHANCE, SOUND = 0.1, 0.01
-# A member that leaves all of its rows by more, and by so many times what is usual, is none; one that is less sharp than
-# the others already where it leaves them by more than dots do.
+# A member is removed if it deviates from all of its rows by more than OFF and by more than UNUSUAL times the usual
+# deviation; a member that is less sharp than the others, already beyond OFF_BLURRED.
 OFF, OFF_BLURRED, UNUSUAL = 0.05, 0.005, 6.0
-FEWEST = 6  # members that stand in rows, and rows: fewer tell nothing
+FEWEST = 6  # members in rows, and rows: fewer do not allow a test
 
 
 def _rows_of_three(points: Array, index: Integers) -> tuple[Integers, Array]:
-    """Members that stand side by side in a row (k, 3), and how far the middle one leaves it, in pitches, (k,)."""
+    """Neighbouring members of a row (k, 3), and the deviation of the middle one from its line, in pitches, (k,)."""
     at = index - index.min(axis=0) + 1
     grid = np.full(at.max(axis=0) + 2, -1)
     grid[at[:, 0], at[:, 1]] = np.arange(len(at))
@@ -42,7 +42,7 @@ def _rows_of_three(points: Array, index: Integers) -> tuple[Integers, Array]:
 
 
 def off_rows(points: Array, index: Integers) -> Array:
-    """How far each member leaves the straightest of its rows of three, in pitches, (m,); infinite without a row.
+    """Deviation of each member from the straightest of its rows of three, in pitches, (m,); infinite without a row.
 
     points: (m, 2) px. index: (m, 2) places.
     """
@@ -54,7 +54,7 @@ def off_rows(points: Array, index: Integers) -> Array:
 
 
 def regular(points: Array, covariance_px2: Array, index: Integers) -> NDArray[np.bool_]:
-    """Which members of a lattice belong to it, (m,): in a row with two others, straight as the rows of the others are.
+    """Which members of a lattice belong to it, (m,): those in a row with two others that is as straight as other rows.
 
     points: (m, 2) px. covariance_px2: (m, 2, 2) of these. index: (m, 2).
     """
@@ -65,7 +65,7 @@ def regular(points: Array, covariance_px2: Array, index: Integers) -> NDArray[np
         in_row = np.isfinite(off)
         if in_row.sum() < FEWEST:
             return keep
-        # Where dots are missing one may stand alone, but not beyond all rows of the others.
+        # Beside missing dots a member may have no row, but it must not lie outside all rows of the others.
         first, last = index[rows[in_row]].min(axis=0), index[rows[in_row]].max(axis=0)
         sharp = useful(covariance_px2[rows])
         off[~in_row & sharp & ((index[rows] >= first) & (index[rows] <= last)).all(axis=1)] = 0.0
@@ -77,7 +77,7 @@ def regular(points: Array, covariance_px2: Array, index: Integers) -> NDArray[np
 
 
 def evidence(points: Array, index: Integers) -> float:
-    """Logarithm of how much straighter the rows of a lattice are than chance makes them; 0 for what may be chance."""
+    """Logarithm of the straightness of the rows of a lattice relative to chance; 0 if chance explains it."""
     rows, off = _rows_of_three(points, index) if len(points) else (np.empty(0), np.empty(0))
     if len(rows) < FEWEST:
         return 0.0

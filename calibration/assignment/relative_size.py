@@ -8,17 +8,17 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-SURE = 0.1  # of ln(diameter): dots this near the median of those around need no closer look
-FEWEST = 5  # dots around: a plane through fewer follows each of them
-SOFTENING = 0.02  # of ln(diameter): scatter of equal dots, within which no dot outweighs another
+SURE = 0.1  # of ln(diameter): for dots closer to the median of those around, no plane is fitted
+FEWEST = 5  # dots around: a plane through fewer would follow each of them
+SOFTENING = 0.02  # of ln(diameter): scatter of equal dots, within which all dots have equal weight
 
 
 def relative_size(points: Array, diameters: Array, neighbours: Integers) -> Array:
-    """Logarithm of each diameter over what the dots around lead to expect, (n,).
+    """Logarithm of each diameter over that expected from the dots around, (n,).
 
-    points: (n, 2). diameters: (n,). neighbours: (n, k). Expected is their median. Where perspective makes dots grow
-    from row to row that is no measure, but the plane through their logarithms is, laid by least absolute deviations so
-    that single ones do not bend it. Of the two the one that fits better counts.
+    points: (n, 2). diameters: (n,). neighbours: (n, k). Two expectations are compared and the better one is used: the
+    median of the neighbours, and, for perspective that changes diameters from row to row, a plane through their
+    logarithms, fitted by least absolute deviations, which single dots do not affect.
     """
     size = np.log(diameters)
     around = size[neighbours]
@@ -31,7 +31,7 @@ def relative_size(points: Array, diameters: Array, neighbours: Integers) -> Arra
     rows = np.concatenate([np.ones((*arm.shape[:2], 1)), arm / scale[:, None, None]], axis=2)
     seen, weight = around[doubted], np.ones(arm.shape[:2])
     plane = np.zeros((len(doubted), 3, 1))
-    for _ in range(8):  # reweighting: each round halves the pull of what does not fit
+    for _ in range(8):  # iterative reweighting: each round halves the influence of misfits
         weighted = rows * weight[..., None]
         normal = np.swapaxes(weighted, 1, 2) @ rows + 1e-6 * np.eye(3)
         plane = np.linalg.solve(normal, (weighted * seen[..., None]).sum(axis=1)[..., None])

@@ -1,7 +1,7 @@
-"""Detection of an array that is not that of the gauge file, although a placement fits.
+"""Detection of an array that differs from the gauge file although a placement fits.
 
-An array that continues beyond the lines of the gauge is another one, and so is one that ends before them, unless the
-rest is hidden or another image of the set shows it.
+An array that continues beyond the lines of the gauge is a different one, and so is one that ends before them, unless
+the rest is hidden or another image of the set shows it.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from calibration.gauge.geometry import Gauge
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-# The array spans the gauge, ends before it, or goes on where nothing tells.
+# The array spans the gauge, ends before it, or its end is not visible.
 Extent = Literal["whole", "short", "open"]
 Side = Literal["open", "bare", "hidden"]
 
 # Share of the places along a side that must be in view for the side to be judged.
 IN_VIEW = 0.8
-# A line of dots beside the array: glare and dirt put some on single places, not on half a line.
+# Share of a line beside the array that must hold dots: glare and dirt fill single places, not half a line.
 LINE = 0.5
 FEWEST_IN_LINE = 3
-# Sheet beyond the array on either side is alike to this share of the dots' contrast: vignetting and slanted light
-# change it by some percent per pitch. A white cloth is seldom so like the sheet.
+# Largest difference of brightness of the sheet on both sides of the array, as a share of the dots' contrast: vignetting
+# and oblique light change it by some percent per pitch; a white cloth rarely matches the sheet so closely.
 UNLIKE = 0.12
 
 
@@ -36,10 +36,9 @@ def place_on_sheet(sites: Integers, gauge: Gauge) -> Integers:
 
 
 def row_offset(row: Integers, gauge: Gauge) -> Integers:
-    """By how much column numbers exceed the first lattice coordinate in a row.
+    """Difference between column number and first lattice coordinate in a row.
 
-    A staggered array has the basis (1, 0), (1/2, 1) in pitches; a row that is not shifted keeps its place against it
-    every second time.
+    A staggered array has the basis (1, 0), (1/2, 1) in pitches, so that the difference grows by 1 every second row.
     """
     if gauge.dots.layout == "square":
         return np.zeros_like(row)
@@ -63,10 +62,9 @@ def goes_on(seen: Integers, gauge: Gauge) -> bool:
 def ends_early(seen: Integers, free: Integers, light: Array, gauge: Gauge) -> tuple[Extent, Extent]:
     """How the array of the image ends along the columns and along the rows of the gauge.
 
-    seen: (n, 2) column and row of the dots. free: (k, 2) of places without a dot, light: (k,) of them, as
-    `places_without_dot` gives it.
-    Dots are missing to the left and right alike where a smaller plate ends; where a cloth or the rim of the image
-    hides the rest, one side differs, unless the cloth is as white as the sheet.
+    seen: (n, 2) column and row of the dots. free: (k, 2) of places without a dot, light: (k,) of them, as returned by
+    `places_without_dot`. If a smaller plate ends, dots are missing equally on both sides; if a cloth or the rim of the
+    image hides the rest, the sides differ, unless the cloth is as white as the sheet.
     """
     size = np.array([gauge.dots.columns, gauge.dots.rows])
     seen = seen[((seen >= 0) & (seen < size)).all(axis=1)]
@@ -88,7 +86,7 @@ def ends_early(seen: Integers, free: Integers, light: Array, gauge: Gauge) -> tu
 
 
 def shows_bare_line(seen: Integers, free: Integers, light: Array, gauge: Gauge) -> bool:
-    """Whether a line of the gauge next to the dots seen shows sheet instead of dots: then the dots may be shifted.
+    """Whether a line of the gauge next to the dots shows the sheet instead of dots; the placement may then be shifted.
 
     seen, free, light: as for `ends_early`.
     """
@@ -104,16 +102,16 @@ def shows_bare_line(seen: Integers, free: Integers, light: Array, gauge: Gauge) 
 
 
 def _side(light: Array, count: int) -> Side:
-    """What the places along one side of the array show."""
+    """Whether the places along one side of the array are out of view, bare sheet, or hidden."""
     if len(light) < IN_VIEW * count:
         return "open"
     return "bare" if (np.abs(light) < BARE).mean() > 0.5 else "hidden"
 
 
 def size_ratio(centers_px: Array, diameter_px: Array, column: Integers, row: Integers, gauge: Gauge) -> float:
-    """How many times as wide dots are seen, against their distance, as the gauge has them: median over (n,) dots.
+    """Ratio of dot diameter to dot distance in the image over that of the gauge: median over (n,) dots.
 
-    A dot's distance is the root of the cell that it spans with its next two; NaN where no dot has both.
+    The distance is the square root of the cell that a dot spans with its next two; NaN if no dot has both.
     """
     shape = (gauge.dots.rows + 1, gauge.dots.columns + 1)
     seen = np.full((*shape, 2), np.nan)
@@ -128,7 +126,7 @@ def size_ratio(centers_px: Array, diameter_px: Array, column: Integers, row: Int
 
 
 def does_not_fit(lattice: Lattice, gauge: Gauge) -> str:
-    """The sentence for an array that is not the gauge's."""
+    """Message for an array that differs from the gauge."""
     layout, index = rows_and_columns(lattice)
     columns, rows = index.max(axis=0) + 1
     return (

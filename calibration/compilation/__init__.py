@@ -12,19 +12,19 @@ from typing import Any, TypeVar, cast
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-# A kernel that is called with a number of the source text is compiled for this number, then for all; so it counts with
-# numbers made by this function, for which it is compiled once.
+# numba compiles a kernel that is called with a literal number twice: for this literal, then for all numbers. A number
+# from this function is not a literal.
 counter = int
 
 
 def compiled(*, shared: bool = False, **options: Any) -> Callable[[Function], Function]:
-    """Compile a function with numba.njit(**options) and keep it on disk; the type of the function is kept.
+    """Compile a function with numba.njit(**options) and cache it on disk; its static type does not change.
 
-    A kernel that another calls becomes a part of it, optimised there and nowhere else. shared: it is compiled and kept
-    on its own and then linked, which pays for a large kernel that several others call, or Python as well.
+    A kernel called by another one is compiled as a part of it and optimised only there. shared: the kernel is compiled
+    and cached separately and then linked, which pays for a large kernel that several others, or Python, call.
 
-    Division by zero gives infinity or NaN, as in numpy: one run out of thousands that leaves the model's range must not
-    stop the others.
+    Division by zero gives infinity or NaN, as in numpy, so that one run out of thousands that leaves the range of the
+    model does not stop the others.
     """
 
     def decorate(function: Function) -> Function:
@@ -33,7 +33,7 @@ def compiled(*, shared: bool = False, **options: Any) -> Callable[[Function], Fu
         from calibration.compilation.cache import keep_on_disk
         from calibration.compilation.parts import call_as_part
 
-        # No wrapper for C: only Python and other kernels call.
+        # No wrapper for C: kernels are called from Python and from other kernels only.
         wanted = {"error_model": "numpy", "no_cfunc_wrapper": True, **options}
         kernel = njit(**wanted)(function)
         if kernel is function:  # NUMBA_DISABLE_JIT: plain Python, to step through a kernel or to mutate it
@@ -47,9 +47,9 @@ def compiled(*, shared: bool = False, **options: Any) -> Callable[[Function], Fu
 
 
 def is_kept(kernel: Callable[..., Any]) -> bool:
-    """Whether the kernel is on disk, compiled from the present sources for whatever it was called with.
+    """Whether the kernel is on disk, compiled from the present sources for some types of arguments.
 
-    With NUMBA_DISABLE_JIT there is nothing to compile, and nothing to wait for.
+    True with NUMBA_DISABLE_JIT, where nothing is compiled.
     """
     from calibration.compilation.cache import kept
 

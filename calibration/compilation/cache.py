@@ -27,13 +27,13 @@ ROOT = Path(__file__).parents[2]  # of the packages
 IMPORTED = re.compile(
     r"^[ \t]*from[ \t]+((?:calibration|simulator|evaluator)[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|.*)", re.MULTILINE
 )
-OLD_S = 60 * 86400.0  # what was compiled so long ago goes when its kernel is compiled anew
-LONGEST_S = 120.0  # the largest kernel takes 18 s on an idle machine; on a busy one several times that
+OLD_S = 60 * 86400.0  # age at which files of a kernel are deleted when it is compiled again
+LONGEST_S = 120.0  # longest wait for a lock; the largest kernel takes 18 s on an idle machine, more on a busy one
 POLLED_S = 0.05
 
 
 def keep_on_disk(kernel: Any) -> None:
-    """Let a kernel be read from disk, or compiled by one process at a time and kept."""
+    """Make a kernel use the cache on disk: it is read from there, or compiled by one process at a time and stored."""
     on_disk = _OnDisk(kernel.py_func)
     kernel._cache = on_disk  # noqa: SLF001  # numba's own has no other place for files
     compile_now = kernel.compile
@@ -54,7 +54,7 @@ def kept(kernel: Any) -> bool:
 
 
 class _OnDisk:
-    """numba's cache of one kernel, made when it is first needed: a command pays for the kernels that it calls."""
+    """numba's cache of one kernel, created on first use, so that a command pays only for the kernels that it calls."""
 
     def __init__(self, function: Any) -> None:
         self._function = function
@@ -68,12 +68,12 @@ class _OnDisk:
 
     @property
     def index(self) -> Path | None:
-        """The file that lists what is kept of the kernel, None where nothing can be kept."""
+        """Index file of the kernel's cached versions; None if nothing can be cached."""
         path = self._cache.cache_path
         return path and Path(path) / f"{self._cache._impl.filename_base}.nbi"  # noqa: SLF001
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """Read what was compiled; what cannot be read, as after a disk error, is compiled anew."""
+        """Read a compiled version; None if it cannot be read, for instance after a disk error."""
         try:
             return self._cache.load_overload(signature, target)
         except Exception:  # noqa: BLE001  # a damaged pickle raises anything
@@ -82,8 +82,8 @@ class _OnDisk:
             return None
 
     def save_overload(self, signature: Any, result: Any) -> None:
-        """Keep what was compiled, where there is room, and drop what was compiled of this kernel long ago."""
-        with suppress(OSError):  # then it is compiled again the next time
+        """Store a compiled version if there is space, and delete old versions of this kernel."""
+        with suppress(OSError):  # without it, the kernel is compiled again next time
             self._cache.save_overload(signature, result)
         if self.index is not None:
             for file in self.index.parent.glob(f"{self.index.name.split('-')[0]}-*"):
@@ -96,14 +96,14 @@ class _OnDisk:
 
 
 class _Place(_CacheLocator):  # type: ignore[misc, unused-ignore]  # numba is untyped
-    """Folder and name of what is kept of a kernel."""
+    """Folder and file name of a kernel in the cache."""
 
     def __init__(self, folder: Path, stamp: str, source: str) -> None:
         self._folder, self._stamp, self._py_file = folder, stamp, source
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> _Place | None:
-        """The place of a function; None where nothing can be kept."""
+        """The location of a function; None if nothing can be cached."""
         del py_func
         source = Path(py_file)
         if not source.is_file():
@@ -116,11 +116,11 @@ class _Place(_CacheLocator):  # type: ignore[misc, unused-ignore]  # numba is un
         return str(self._folder)
 
     def get_source_stamp(self) -> str:
-        """What the sources are recognised by."""
+        """Digest that identifies the sources."""
         return self._stamp
 
     def get_disambiguator(self) -> str:
-        """What tells files of one kernel apart: versions of turnscope live side by side."""
+        """Suffix that distinguishes files of one kernel, since versions of turnscope may share the cache."""
         return self._stamp[:16]
 
 
@@ -152,7 +152,7 @@ def _read(source: Path) -> tuple[str, frozenset[Path]]:
         folder = ROOT.joinpath(*module.split("."))
         files |= {folder.with_suffix(".py"), folder / "__init__.py"}
         files |= {folder / f"{name}.py" for name in re.findall(r"\w+", names)}
-    # This file changes where kernels are kept, not what they are.
+    # This file affects where kernels are stored, not their content.
     return sha256(text).hexdigest(), frozenset(file for file in files if file.is_file() and file != Path(__file__))
 
 
@@ -171,7 +171,7 @@ def _folder(beside: Path) -> Path | None:
 
 
 def _user_cache() -> Path:
-    """Where the system keeps what programs can make again."""
+    """The system's folder for caches."""
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     if sys.platform == "darwin":
@@ -181,11 +181,11 @@ def _user_cache() -> Path:
 
 @contextmanager
 def _alone(index: Path | None) -> Iterator[None]:
-    """Hold the lock of a kernel, where the system has such locks: no other process compiles it.
+    """Hold the lock of a kernel, if the system has file locks, so that no other process compiles it.
 
-    A shared kernel is compiled while the lock of its caller is held, never the other way round, so that processes do
-    not wait for each other in a circle. A process that was suspended while it compiles is not waited for without end:
-    then the kernel is compiled twice.
+    A shared kernel is compiled while the lock of its caller is held, never the other way round, so that processes
+    cannot deadlock. After LONGEST_S, for instance if the process with the lock is suspended, the kernel is compiled
+    without the lock.
     """
     if index is None or sys.platform == "win32":
         yield
@@ -212,7 +212,7 @@ def _alone(index: Path | None) -> Iterator[None]:
 
 
 def _give_environments(kernel: Any) -> None:
-    """Give the parts in a kernel what their errors are made with; numba does so where it reads a kernel from disk."""
+    """Set the environments of the parts in a kernel, which their errors need; numba sets only that of the kernel."""
     for result in kernel.overloads.values():
         for environment in result._find_referenced_environments():  # noqa: SLF001
             result.library.codegen.set_env(environment.env_name, environment)

@@ -4,7 +4,7 @@ numba makes a library of every kernel: it links all callees, optimises the whole
 wrappers for Python and C. A function three calls down is therefore optimised and generated four times. A part is only
 typed and lowered; it is optimised within the kernel that Python calls.
 
-This uses internals of numba: a pipeline (documented), and the class of libraries that it fills.
+This uses internals of numba: its documented compiler pipeline, and the class of its code libraries.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numba.core.compiler import Compiler
 
 
 class _OptimizedLibrary(JITCodeLibrary):  # type: ignore[misc, unused-ignore]  # numba is untyped
-    """Code of a part with that of what it calls, never run on its own."""
+    """Code of a part and its callees, never run by itself."""
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
@@ -26,7 +26,7 @@ class _OptimizedLibrary(JITCodeLibrary):  # type: ignore[misc, unused-ignore]  #
 
 
 class _LoweredLibrary(_OptimizedLibrary):
-    """Code of a part as it was lowered."""
+    """Code of a part after lowering, not optimised."""
 
     def _optimize_functions(self, ll_module: Any) -> None:
         ll_module.data_layout = self._codegen._data_layout  # noqa: SLF001
@@ -43,13 +43,13 @@ class _PartCompiler(Compiler):  # type: ignore[misc, unused-ignore]
     ) -> None:
         flags = flags.copy()
         flags.no_compile = True
-        # Sums in any order are put in order here, so that the order does not depend on who calls.
+        # Functions that allow sums in any order are optimised here, so that the order does not depend on the caller.
         kind = _OptimizedLibrary if flags.fastmath else _LoweredLibrary
         library = kind(target.codegen(), "part")
         super().__init__(typing, target, library, args, returned, flags, *rest)
 
     def compile_extra(self, func: Any) -> Any:
-        """Compile, and tell numba where the code is under a key that stands for an address."""
+        """Compile, and register the code with numba under a key in place of an address."""
         result = super().compile_extra(func)
         module, library = result.fndesc.lookup_module(), result.library
         key = _dynfunc.make_function(module, "part", "", 0, result.environment, (library,))
@@ -58,7 +58,7 @@ class _PartCompiler(Compiler):  # type: ignore[misc, unused-ignore]
 
 
 def call_as_part(kernel: Any, options: dict[str, Any]) -> None:
-    """Let other kernels call this one as a part of theirs; Python calls it as before."""
+    """Make other kernels include this one as a part; calls from Python do not change."""
 
     @cache
     def part() -> Any:

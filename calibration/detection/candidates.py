@@ -19,15 +19,15 @@ Plane = NDArray[np.float32]
 # comes last: it is for dots that stand closer than ten pixels.
 WINDOWS = (31, 63, 127, 255, 511, 15)
 SMALLEST_AREA_PX = 9  # below 3 × 3 pixels ten parameters cannot be fitted
-# For a filled ellipse area = 4π√det(second moments). A square gives 0.955, an L-shaped letter below 0.8; pixel steps
-# and noise move small ellipses by some percent. The fit judges what passes here.
+# Limits of area/(4π√det(second moments)), which is 1 for a filled ellipse, 0.955 for a square, below 0.8 for an
+# L-shaped letter; pixel steps and noise change it by some percent for small ellipses. The fit tests further.
 FILLED = (0.85, 1.12)
-# For a search that leaves nothing out: dots wider than a quarter of the image's height, and dots so near to something
-# dark that no local mean lies between the two.
+# For an exhaustive search: windows for dots wider than a quarter of the image's height, and levels for dots so close to
+# dark structures that no local mean separates them.
 WIDE_WINDOWS = (1023, 2047, 4095)
 LEVELS = 12
-MOST_BLOBS = 3000  # of one mask, the largest: more are texture, and the time of a search stays bounded
-NOISE_SAMPLES = 50_000  # pixels that tell the noise to half a percent
+MOST_BLOBS = 3000  # largest blobs used of one mask: more are texture, and the limit bounds the time of a search
+NOISE_SAMPLES = 50_000  # pixels, which determine the noise to 0.5 %
 LONGEST_AXIS_RATIO = 4.0  # a circle seen at 75 degrees
 
 
@@ -66,16 +66,16 @@ def _sums(labels, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN20
 
 
 def candidates_by_window(plane: Plane, noise: float) -> Iterator[tuple[int, Candidates]]:
-    """Dark blobs of about elliptical shape, for each window in turn; noise: as `noise_of` tells it."""
+    """Dark blobs of about elliptical shape, window by window; noise: from `noise_of`."""
     for window in WINDOWS:
         if window <= 2 * min(plane.shape):
             yield window, _at_window(plane, window, noise)
 
 
 def all_candidates(plane: Plane, noise: float) -> Candidates:
-    """Dark blobs of about elliptical shape of all windows and of levels over the whole plane, each as often as found.
+    """Dark blobs of about elliptical shape from all windows and from global levels, with duplicates.
 
-    noise: as `noise_of` tells it.
+    noise: from `noise_of`.
     """
     found = [_at_window(plane, w, noise) for w in (*WINDOWS, *WIDE_WINDOWS) if w <= 2 * min(plane.shape)]
     levels = np.quantile(plane[:: max(1, plane.shape[0] // 500)], np.linspace(0, 1, LEVELS + 2)[1:-1])
@@ -87,7 +87,7 @@ def all_candidates(plane: Plane, noise: float) -> Candidates:
 
 
 def noise_of(plane: Plane) -> float:
-    """Standard deviation of white noise, from the median second difference along rows (flat ground prevails)."""
+    """Standard deviation of white noise, from the median second difference along rows (most of an image is smooth)."""
     step = max(1, plane.size // NOISE_SAMPLES)
     rows = plane[::step]
     second = rows[:, 2:] - 2 * rows[:, 1:-1] + rows[:, :-2]
@@ -103,7 +103,7 @@ def _at_window(plane: Plane, window: int, noise: float) -> Candidates:
 
 
 def _blobs(mask: NDArray[np.bool_]) -> Candidates:
-    """Regions of a mask that are about elliptical and wholly in view."""
+    """Regions of a mask that are about elliptical and completely in view."""
     count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4, ltype=cv2.CV_32S)
     sums = _sums(labels, count)
     sums = sums[sums[:, 0] >= SMALLEST_AREA_PX]

@@ -1,7 +1,7 @@
 """Image → sub-pixel centres of dots with a standard uncertainty each. Image frame, px.
 
-The centre is that of the ellipse that fits the dot's blurred edge; `disc.py` says where that lies for a disc of the
-gauge.
+The centre is that of the ellipse fitted to the dot's blurred edge; for its offset from the projected centre of the disc
+see calibration.estimation.disc_projection.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from calibration.detection.noise_correlation import correlation_factors
 
 Array = NDArray[np.float64]
 
-# A dot whose pixels leave the model by more than this share of its contrast, the image's white noise apart, is no
-# blurred disc: letters and corners leave 0.15 and more, dots at SNR 10 on JPEG images 0.12 with their noise.
+# Largest residual of a blurred disc, without the image's white noise, over its contrast. Letters and corners have 0.15
+# and more, dots at SNR 10 in JPEG images 0.12 including their noise.
 LARGEST_MISFIT = 0.14
-TRIALS = 50  # blobs fitted to judge a window: its share of dots to 7 %
-# So many dots, and so large a share of the blobs, and no dot wider than half the window: no other window can do better.
+TRIALS = 50  # blobs fitted to evaluate a window, which determine its share of dots to 7 %
+# The search stops at a window with so many dots, so large a share of the blobs, and no dot wider than half the window.
 PLENTY = (25, 0.8)
-SAME = 0.15  # of the radius: blobs of two thresholds that differ by less are one
+SAME = 0.15  # of the radius: blobs of two thresholds that are closer are one
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def detect_dots(image: NDArray[np.generic], color: str | None = None, background
     """Find all dots of an image.
 
     image: (h, w) or (h, w, 3) BGR, any number type. color, background: of dots and sheet, as in gauge.toml; without
-    them dots may be dark or bright, whichever shows more. No dots is a result, not an error.
+    them the sign of contrast that gives more dots is used. No dots is a result, not an error.
     """
     plane = dark_dots(image, color, background)
     signs = (1.0,) if color is not None and background is not None else (1.0, -1.0)
@@ -80,10 +80,10 @@ def detect_dots(image: NDArray[np.generic], color: str | None = None, background
 
 
 def every_dot(image: NDArray[np.generic], color: str | None = None, background: str | None = None) -> list[Dots]:
-    """Find whatever may be a dot, at all sizes: one set of dots for each sign of contrast that is possible.
+    """Find all possible dots of all sizes: one set of dots for each possible sign of contrast.
 
-    Arguments as for `detect_dots`, which stops at the one window that shows most and is faster by far: of a grid of few
-    large dots before a cluttered room that window may miss some.
+    Arguments as for `detect_dots`, which is much faster because it uses only the best window; that window may miss some
+    dots of a grid of few large dots in front of a cluttered background.
     """
     plane = dark_dots(image, color, background)
     noise = noise_of(plane)
@@ -99,7 +99,7 @@ def every_dot(image: NDArray[np.generic], color: str | None = None, background: 
 
 
 def _distinct(candidates: Candidates) -> Candidates:
-    """Leave out blobs found again by another threshold: their fits would end at one and the same dot."""
+    """Remove blobs found again by another threshold, whose fits would end at the same dot."""
     radius = np.sqrt(candidates.area_px / np.pi)
     keys = np.column_stack([candidates.center_px / (SAME * radius[:, None]), np.log(radius) / SAME])
     first = np.unique(np.floor(keys).astype(np.int64), axis=0, return_index=True)[1]
@@ -107,7 +107,7 @@ def _distinct(candidates: Candidates) -> Candidates:
 
 
 def _without_doubles(fitted: Array, noise: Array) -> NDArray[np.intp]:
-    """Indices of the fits that stand for different dots; of those about one place the one with least residual."""
+    """Indices of fits of distinct dots; of several fits at one place, the one with the smallest residual."""
     if len(fitted) == 0:
         return np.empty(0, dtype=np.intp)
     radius = np.sqrt(_area(fitted) / np.pi)
@@ -124,7 +124,7 @@ def _without_doubles(fitted: Array, noise: Array) -> NDArray[np.intp]:
 
 
 def _best_window(plane: Plane, noise: float) -> tuple[float, Candidates]:
-    """Candidates of the window that shows most dots, counted by their diameters: a dot outweighs many specks."""
+    """Candidates of the window with the most dots, weighted by diameter so that a dot outweighs many specks."""
     votes, best = 0.0, Candidates(np.empty((0, 2)), np.empty((0, 3)), np.empty(0))
     for window, candidates in candidates_by_window(plane, noise):
         every = max(1, len(candidates) // TRIALS)
@@ -136,7 +136,7 @@ def _best_window(plane: Plane, noise: float) -> tuple[float, Candidates]:
         plenty = len(area) >= max(PLENTY[0], PLENTY[1] * len(tried))
         if plenty and 2 * np.sqrt(np.median(area) / np.pi) < 0.5 * window:
             break
-        if vote < 0.5 * votes and window > WINDOWS[0]:  # wider windows only lose dots to uneven light
+        if vote < 0.5 * votes and window > WINDOWS[0]:  # wider windows lose dots in uneven light
             break
     return votes, best
 
@@ -146,7 +146,7 @@ def _fit(
 ) -> tuple[Array, Array, Array]:
     """Parameters (n, 10), covariance (n, 2, 2) and noise (n,) of the candidates that are dots.
 
-    correlated: whether to look if the noise of neighbouring pixels is alike.
+    correlated: whether to estimate the correlation of noise between pixels.
     """
     if len(candidates) == 0:
         return np.empty((0, 10)), np.empty((0, 2, 2)), np.empty(0)
@@ -170,7 +170,7 @@ def _fit(
 
 
 def _whole(fitted: Array, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Whether a dot's edge, blur and all, lies within the image: what the rim cuts is biased toward the middle."""
+    """Whether a dot's blurred edge lies within the image: a dot cut by the rim has a biased centre."""
     determinant = np.maximum(fitted[:, 2] * fitted[:, 4] - fitted[:, 3] ** 2, 1e-12)
     reach_x = np.sqrt(fitted[:, 4] / determinant) + 2.5 * fitted[:, 5]
     reach_y = np.sqrt(fitted[:, 2] / determinant) + 2.5 * fitted[:, 5]

@@ -6,9 +6,9 @@ Model of a pixel at x, with q² = (x-c)ᵀ A (x-c) and the distance to the edge 
     I(x) = (1 + g·(x-c)) · (b + a·Φ(-d/s))
 
 b: background, a: dot minus background, g: relative slope of the light, s: edge blur (lens and pixel together), Φ:
-normal distribution. The image of a disc under perspective is an ellipse; the centre c of a symmetric model is not
-touched by errors of the blur's form. Gauss-Newton on ten parameters; white noise makes it the maximum-likelihood
-estimate, and the inverse normal matrix times the residual variance its covariance.
+normal distribution. The image of a disc under perspective is an ellipse; in a symmetric model, errors of the shape of
+the blur do not affect the centre c. Gauss-Newton on ten parameters; for white noise it is the maximum-likelihood
+estimate, and the inverse normal matrix times the residual variance is its covariance.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ Array = NDArray[np.float64]
 PARAMETERS = 10  # cx, cy, A11, A12, A22, s, b, a, gx, gy
 ITERATIONS = 25
 ROOT_TWO_PI = 1 / sqrt(2 * pi)
-SHARED = 1000  # dots from which on threads are worth their start
-# Each step leaves an error 25 times smaller or less (measured at SNR 30), since the residuals are small against the
-# contrast: a step this short, and of the blur and contrast by so small a share, is the last, and leaves 2e-4 px.
+SHARED = 1000  # dots from which on threads are faster
+# Convergence: last step of the centre, px, and relative step of blur and contrast. Each step reduces the error at least
+# 25 times (measured at SNR 30), because residuals are small compared with the contrast, so that 2e-4 px remain.
 RESTS_PX, RESTS_SHARE = 5e-3, 0.03
 
 MOST_PIXELS = 500  # along a side of the square around a dot: its derivatives take 28 MB
@@ -55,8 +55,8 @@ def _tail(t, density):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
 def collect_pixels(plane, start, reach, longest, pixels):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Collect x, y and value of the pixels within reach of the start ellipse in (3, m) work space; returns their count.
 
-    They are chosen once, so that every iteration sees the same ones. Of a very large dot only every k-th in each row
-    and column is taken: MOST_PIXELS tell its centre better than anything else is known.
+    They are chosen once, so that every iteration uses the same pixels. For a very large dot only every k-th pixel in
+    each row and column is used: MOST_PIXELS² pixels determine its centre well enough.
     """
     x0, y0, half = round(start[0]), round(start[1]), int(longest + reach + 2.5)
     stride = 1 + int((2 * half + 1) / MOST_PIXELS)
@@ -77,7 +77,7 @@ def collect_pixels(plane, start, reach, longest, pixels):  # type: ignore[no-unt
 def derivatives(pixels, count, p, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Fill rows (11, pixels) with the ten derivatives of the model at the pixels, and the residual.
 
-    Nothing branches, so that the compiler takes several pixels at once. Four blurs from the edge it is flat.
+    Without branches, so that the compiler vectorises it. Four blurs from the edge the model is constant.
     """
     cx, cy, a11, a12, a22, s, b, a, gx, gy = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9]
     for k in range(count):
@@ -128,7 +128,7 @@ def _accumulate(pixels, count, p, rows, N, rhs):  # type: ignore[no-untyped-def]
 
 @compiled(fastmath=True)
 def _factor(N, damping, scale, L):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Cholesky factor of the scaled, damped normal matrix; False where it is not positive."""
+    """Cholesky factor of the scaled, damped normal matrix; False if it is not positive definite."""
     n = N.shape[0]
     for i in range(n):
         scale[i] = 1.0 / sqrt(N[i, i]) if N[i, i] > 0.0 else 0.0
@@ -179,7 +179,7 @@ def _center_covariance(L, scale, variance, rhs, step, cov):  # type: ignore[no-u
 
 @compiled(fastmath=True)
 def _moved(p, step, rhs, trial):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Set the trial a step away; returns by how much the sum of squares falls if the problem is linear."""
+    """Set the trial parameters after a step; returns the predicted decrease of the sum of squares (linear model)."""
     gain = 0.0
     for k in range(10):
         trial[k] = p[k] + step[k]
@@ -189,14 +189,14 @@ def _moved(p, step, rhs, trial):  # type: ignore[no-untyped-def]  # noqa: ANN001
 
 @compiled(fastmath=True)
 def _is_disc(trial, start, longest):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Whether a trial is still an ellipse with an edge, near where it started."""
+    """Whether trial parameters still describe an ellipse with an edge near the start."""
     ellipse = trial[5] > 0.15 and trial[2] > 0 and trial[2] * trial[4] > trial[3] * trial[3]
     return ellipse and abs(trial[0] - start[0]) < longest and abs(trial[1] - start[1]) < longest
 
 
 @compiled(fastmath=True)
 def _rests(p, step):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Whether a step is so short that it is the last."""
+    """Whether a step is short enough for convergence."""
     return (
         abs(step[0]) + abs(step[1]) < RESTS_PX
         and abs(step[5]) < RESTS_SHARE * p[5]
@@ -206,7 +206,7 @@ def _rests(p, step):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
 
 @compiled(fastmath=True)
 def _fit_one(plane, start, reach, p, cov):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Fit one dot in place; returns the residual standard deviation, NaN where the fit failed."""
+    """Fit one dot in place; returns the residual standard deviation, NaN if the fit failed."""
     N, L, work = np.empty((10, 10)), np.zeros((10, 10)), np.empty((4, 10))
     rhs, scale, step, trial = work[0], work[1], work[2], work[3]
     longest = sqrt(max(start[2], start[4]) / (start[2] * start[4] - start[3] * start[3]))
@@ -223,7 +223,7 @@ def _fit_one(plane, start, reach, p, cov):  # type: ignore[no-untyped-def]  # no
         _solve(L, scale, rhs, step)
         gain = _moved(p, step, rhs, trial)
         good = _is_disc(trial, start, longest)
-        rests = good and _rests(p, step)  # the normal matrix and what the step gains are known: no need to look again
+        rests = good and _rests(p, step)  # converged: the normal matrix of this step is used for the covariance
         before = total
         if rests:
             total -= gain
@@ -237,7 +237,7 @@ def _fit_one(plane, start, reach, p, cov):  # type: ignore[no-untyped-def]  # no
         else:
             damping = max(damping * 10.0, 1e-4)
             total = _accumulate(pixels, count, p, rows, N, rhs)
-            rests = abs(step[0]) + abs(step[1]) < 2e-3  # no better value within what the pixels can tell
+            rests = abs(step[0]) + abs(step[1]) < 2e-3  # no improvement at the resolution of the pixels
         if rests:
             done = True
             break
@@ -248,9 +248,9 @@ def _fit_one(plane, start, reach, p, cov):  # type: ignore[no-untyped-def]  # no
     return sqrt(variance)
 
 
-@compiled()  # not with fastmath, which takes it that nothing is NaN
+@compiled()  # not with fastmath, which assumes that there is no NaN
 def _fits_in(shape, start, reach):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Whether a start is an ellipse no larger than the image; a degenerate one would claim all memory there is."""
+    """Whether a start is an ellipse no larger than the image; a degenerate one would need unlimited memory."""
     determinant = start[2] * start[4] - start[3] * start[3]
     if not (determinant > 0.0 and start[2] > 0.0):
         return False
@@ -261,7 +261,7 @@ def _fits_in(shape, start, reach):  # type: ignore[no-untyped-def]  # noqa: ANN0
 
 @compiled(nogil=True)
 def _fit_some(plane, starts, reach, first, last, fitted, covariance, noise):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Fit the dots from first to before last into the arrays handed in."""
+    """Fit dots first to last (excluded); results are written to fitted, covariance and noise."""
     for i in range(first, last):
         if _fits_in(plane.shape, starts[i], reach[i]):
             noise[i] = _fit_one(plane, starts[i], reach[i], fitted[i], covariance[i])
@@ -270,8 +270,8 @@ def _fit_some(plane, starts, reach, first, last, fitted, covariance, noise):  # 
 def fit_dots(plane: NDArray[np.float32], starts: Array, reach: Array) -> tuple[Array, Array, Array]:
     """Fit all dots. plane: (h, w); starts: (n, 10); reach: (n,) px beyond the edge to use.
 
-    Returns parameters (n, 10), covariance of the centre (n, 2, 2) px², residual standard deviation (n,), NaN where a
-    fit failed.
+    Returns parameters (n, 10), covariance of the centre (n, 2, 2) px², residual standard deviation (n,), NaN if a fit
+    failed.
     """
     n = len(starts)
     found = np.full((n, PARAMETERS), np.nan), np.full((n, 2, 2), np.nan), np.full(n, np.nan)

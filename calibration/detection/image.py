@@ -1,7 +1,7 @@
 """Preparation of images for the detector: one plane, float32, dark dots.
 
-A colour image is projected on the colour axis that separates dots from their background best, so that coloured dots
-need no code of their own: the axis the gauge file states, or else the principal axis of the image's fine detail.
+A colour image is projected on the colour axis that separates dots and background best, so that coloured dots need no
+further code: the axis given by the gauge file, or else the principal axis of the image's fine detail.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def read_image(path: Path) -> NDArray[np.generic]:
 
 
 def _why_unreadable(start: bytes) -> str:
-    """Why a file is no image, by its first 16 bytes, and what to do."""
+    """Message for a file that is not a readable image, from its first 16 bytes, with what to do."""
     if start[4:8] == b"ftyp" and start[8:12] in HEIF:
         return "HEIC photographs cannot be read; save it as JPEG or PNG, or set the phone to JPEG"
     if start[:3] == b"\xff\xd8\xff" or start[:8] == b"\x89PNG\r\n\x1a\n":

@@ -1,7 +1,7 @@
-"""Start values of the dot fit: each blob is measured again at half height between its own core and its surroundings.
+"""Initial values of the dot fit: each blob is measured again at half height between its core and its surroundings.
 
-The threshold that finds blobs need not lie at half height; a blob that is blurred or crowded comes out too wide or too
-narrow, and a fit started there may fail.
+The threshold that finds blobs need not lie at half height, so that a blurred or crowded blob is measured too wide or
+too narrow, and a fit started from it may fail.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from calibration.compilation import compiled
 
 @compiled()
 def start_values(plane, centers, moments, gap):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Start parameters (n, 10) of fit_dots, the reach (n,) in px, and whether the blob survives (n,).
+    """Initial parameters (n, 10) of fit_dots, its reach (n,) in px, and whether the blob is valid (n,).
 
     plane: (h, w) float32, dots dark. centers: (n, 2), moments: (n, 3) of the blobs. gap: (n,) px to the next blob's
     centre.
@@ -42,7 +42,7 @@ def _longest(xx, xy, yy):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN20
 
 @compiled()
 def _ring(plane, cx, cy, radius):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Median of 16 pixels on a circle, those outside the image left out."""
+    """Median of 16 pixels on a circle, without those outside the image."""
     values = np.empty(16)
     count = 0
     for k in range(16):

@@ -16,15 +16,15 @@ from calibration.detection.ellipse_fit import MOST_PIXELS, collect_pixels, deriv
 
 Array = NDArray[np.float64]
 REACH = 3  # px: interpolation of single-chip colour reaches two, codecs mix blocks of eight
-SAMPLE = 24  # dots: their 7000 pixels tell the factor on white noise to 4 %
-SHAPES = 4  # of them that stand for what the fit does, which hardly differs from dot to dot
-SOUND = 1.2  # of the median residual: dots that nothing disturbs
+SAMPLE = 24  # dots, whose 7000 pixels determine the factor on white noise to 4 %
+SHAPES = 4  # of these dots for which the influence matrices are computed; they hardly differ from dot to dot
+SOUND = 1.2  # of the median residual, for undisturbed dots
 
 
 def correlation_factors(plane: NDArray[np.float32], fitted: Array, reach: Array, noise: Array) -> Array:
     """Factors (2,) on the standard deviations of x and y of all centres of an image, at least 1.
 
-    plane, reach: as for `fit_dots`; fitted (n, 10), noise (n,): what it gave.
+    plane, reach: as for `fit_dots`; fitted (n, 10), noise (n,): its results.
     """
     sound = np.flatnonzero(noise <= SOUND * np.median(noise)) if len(noise) else np.empty(0, dtype=np.int64)
     if len(sound) < SAMPLE // 3:
@@ -32,7 +32,7 @@ def correlation_factors(plane: NDArray[np.float32], fitted: Array, reach: Array,
     chosen = sound[np.linspace(0, len(sound) - 1, min(len(sound), SAMPLE)).astype(np.int64)]
     try:
         residual, own, influence = _autocorrelations(plane, fitted[chosen], reach[chosen], noise[chosen])
-    except np.linalg.LinAlgError:  # dots of so few pixels that these do not tell the ten parameters apart
+    except np.linalg.LinAlgError:  # dots with too few pixels to determine ten parameters
         return np.ones(2)
     correlation = np.median(residual, axis=0) + own
     correlation[REACH, REACH] = 1.0
@@ -42,7 +42,7 @@ def correlation_factors(plane: NDArray[np.float32], fitted: Array, reach: Array,
 def _autocorrelations(
     plane: NDArray[np.float32], fitted: Array, reach: Array, noise: Array
 ) -> tuple[Array, Array, Array]:
-    """Autocorrelations by lag: of residuals (n, 7, 7), what the fit takes out (7, 7), influence on it (2, 7, 7)."""
+    """Autocorrelations by lag: residuals (n, 7, 7), the part removed by the fit (7, 7), influence (2, 7, 7)."""
     n, size = len(fitted), 2 * REACH + 1
     residual, own, influence = np.zeros((n, size, size)), np.zeros((size, size)), np.zeros((2, size, size))
     every = max(1, n // SHAPES)
@@ -57,7 +57,7 @@ def _autocorrelations(
         residual[i] = _lags(places, rows[10:, :count] / noise[i], box)[0] / lags
         if i % every == 0:
             by = rows[:10, :count]
-            by /= np.sqrt((by**2).sum(axis=1))[:, None]  # of one size, for the factor's sake; no result depends on it
+            by /= np.sqrt((by**2).sum(axis=1))[:, None]  # equal scales for factorisation; no result depends on them
             normal = by @ by.T
             own += _lags(places, np.linalg.solve(np.linalg.cholesky(normal), by), box).sum(axis=0) / lags
             moved = _lags(places, np.ascontiguousarray(np.linalg.solve(normal, by)[:2]), box)
@@ -68,7 +68,7 @@ def _autocorrelations(
 
 @compiled(fastmath=True)
 def _rows_of(plane, p, reach, longest, pixels, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Fill pixels (3, m) and rows (11, m) with those of a fitted dot; returns how many there are."""
+    """Fill pixels (3, m) and rows (11, m) for a fitted dot; returns the number of pixels."""
     count = collect_pixels(plane, p, reach, longest, pixels)
     derivatives(pixels, count, p, rows)
     return count
@@ -76,7 +76,7 @@ def _rows_of(plane, p, reach, longest, pixels, rows):  # type: ignore[no-untyped
 
 @compiled(fastmath=True)
 def _lags(pixels, values, box):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Sums (m, 7, 7) over the pixels of each row of values (m, n) times itself at a lag; box: size that holds all."""
+    """Autocorrelation sums (m, 7, 7) by lag of each row of values (m, n) over the pixels; box: size of their grid."""
     found = np.zeros((len(values), 2 * REACH + 1, 2 * REACH + 1))
     image = np.zeros((box, box))
     for m in range(len(values)):

@@ -1,8 +1,8 @@
 """Roundness test of dots, because the fit of a blurred ellipse would accept squares and hexagons.
 
-About the fitted ellipse, in the coordinates that make it the unit circle, the rim is 1 + Σ εₙ cos n(θ - θₙ). Orders 0
-to 2 are the ellipse's own; 3 and up vanish for discs (perspective leaves (radius/distance)² of the third). All figures
-of a gauge are alike, so the orders of many dots are averaged with their phase: noise falls, a shape stays.
+In coordinates in which the fitted ellipse is the unit circle, the rim is 1 + Σ εₙ cos n(θ - θₙ). Orders 0 to 2 belong
+to the ellipse; higher ones vanish for discs (perspective leaves (radius/distance)² in the third). All figures of a
+gauge are equal, so that averaging the orders over many dots with their phase reduces noise but not a common shape.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ Integers = NDArray[np.int64]
 ORDERS = (3, 4, 5, 6)
 SAMPLE = 40  # dots
 FEWEST = 12  # dots
-# A square has 0.1 in its fourth order, a hexagon 0.05 in its sixth; of discs rendered with blur, noise, JPEG, colour
-# interpolation or motion over most of their width, and of real ones, none has 0.02; of 6 px drawn coarsely, 0.03.
+# Largest amplitude of a disc. A square has 0.1 in its fourth order, a hexagon 0.05 in its sixth. Discs rendered with
+# blur, noise, JPEG, colour interpolation or motion over most of their width, and real ones, have less than 0.02,
+# coarsely drawn discs of 6 px 0.03.
 OUT_OF_ROUND = 0.04
 NAMES = {3: "triangles", 4: "squares", 5: "pentagons", 6: "hexagons"}
 
@@ -53,7 +54,7 @@ def _harmonics(dots: Dots, k: int) -> NDArray[np.complex128]:
     t = (q * q - q) / slope / blur
     near = np.abs(t) < 3
     edge = dots.contrast[k] * np.exp(-(t[near] ** 2) / 2) / np.sqrt(2 * np.pi) / blur
-    # a rim at 1 + ε lies ε q / |∇q| farther out
+    # a rim at 1 + ε is displaced outward by ε q / |∇q|
     darker = -edge * (q * q / slope)[near]
     value, vector = np.linalg.eigh([[a11, a12], [a12, a22]])
     root = vector * np.sqrt(value) @ vector.T

@@ -1,8 +1,8 @@
 """Weighted, robust least squares over one camera and the pose of the gauge in each image.
 
-Levenberg and Marquardt on the normal equations, analytic derivatives; weak priors of real lenses keep parameters that
-the images do not determine at plausible values with honest, wide uncertainties. Plate frame of the plate image,
-gauge frame of the others.
+Levenberg-Marquardt on the normal equations with analytic derivatives. Weak priors from real lenses keep parameters that
+the images do not determine at plausible values with wide uncertainties. Frames: that of the plate for the plate image,
+that of the gauge for the others.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ DISC_REST_PX = 1e-5  # a hundredth of the best centre's uncertainty
 
 @dataclass(frozen=True)
 class View:
-    """Dots of one image: where they are seen and which places of the gauge they are.
+    """Dots of one image: image points and the corresponding places of the gauge.
 
-    centers_px: (n, 2). whitening: (n, 2, 2) lower triangles that turn a residual into standard deviations. points_mm:
+    centers_px: (n, 2). whitening: (n, 2, 2) lower triangles that convert a residual to standard deviations. points_mm:
     (n, 3) on the gauge where it is flat, z = its height. radius_mm: (n,). site: (n,) number of the place on the gauge.
     name: of the image, for messages. offset_px: (n, 2) from the image of a disc's centre to the centre of its image.
     terms: (n, k) values there of the terms of a face that is not flat (flatness.py).
@@ -75,9 +75,9 @@ def whitening(covariance_px2: Array) -> Array:
 class Prior:
     """Independent normal priors on lens parameters, mean and sigma (10,), and optionally on the camera's distance.
 
-    The focal length's is on its logarithm: sigma[0] / mean[0] is a factor. shortest_px: no lens is shorter; to a flat
-    model a bent gauge seen straight looks like a lens of no focal length. face_mm: sigma of each coefficient of the
-    gauge's face, about flat.
+    The prior on the focal length is on its logarithm, with sigma[0] / mean[0]. shortest_px: lower limit of the focal
+    length; with a flat model, a bent gauge seen from above would drive it to 0. face_mm: sigma of each coefficient of
+    the gauge's face, with mean 0 (flat).
     """
 
     mean: Array
@@ -91,7 +91,7 @@ class Prior:
 class State:
     """Pose (n_views, 6) of the gauge in each image, the lens (10,), its model and its free parameters.
 
-    face_mm: coefficients of the gauge's face that are free, of the first k terms; none where it is taken as flat.
+    face_mm: (k,) free coefficients of the gauge's face, of the first k terms; empty if it is assumed to be flat.
     """
 
     poses: Array
@@ -101,7 +101,7 @@ class State:
     face_mm: Array = field(default_factory=lambda: np.zeros(0))
 
     def parameters(self, view: int) -> Array:
-        """Camera parameters (16,) as seen from one image's gauge."""
+        """Camera parameters (16,) with the pose of one image's gauge."""
         return np.concatenate([self.poses[view], self.lens])
 
     @property
@@ -111,7 +111,7 @@ class State:
 
     @property
     def shared(self) -> int:
-        """Count of unknowns that all images share: they stand before the poses."""
+        """Number of unknowns common to all images; they precede the poses."""
         return len(self.free) + len(self.face_mm)
 
 
@@ -119,8 +119,8 @@ class State:
 class Fit:
     """A solved bundle. residual_px: per view (n, 2). normal: (shared + 6 n_views)² matrix.
 
-    variance: of unit weight: 1 where the stated dot uncertainties are right. cost: robust sum of squares. scale: of the
-    residuals from which on they weigh less, see huber_weights; the normal matrix holds these weights.
+    variance: of unit weight, 1 if the stated dot uncertainties are right. cost: robust sum of squares. scale: of the
+    residuals in huber_weights, which the normal matrix includes.
     """
 
     state: State
@@ -133,7 +133,7 @@ class Fit:
 
 
 def solve_discs(views: list[View], start: State, prior: Prior) -> tuple[Fit, list[View]]:
-    """Solve with the offsets of the discs' centres renewed until they rest; returns the views with them."""
+    """Solve repeatedly with updated offsets of the discs' centres until these converge; returns the views with them."""
     fit: Fit | None = None
     for _ in range(DISC_ROUNDS):
         state = start if fit is None else fit.state
@@ -148,13 +148,13 @@ def solve_discs(views: list[View], start: State, prior: Prior) -> tuple[Fit, lis
 
 
 def points_of(view: View, state: State) -> Array:
-    """Places of a view's dots (n, 3), mm, on the face of a state."""
+    """Positions of a view's dots on the gauge (n, 3), mm, with the face of a state."""
     raised = view.terms[:, : len(state.face_mm)] @ state.face_mm
     return view.points_mm + raised[:, None] * [0.0, 0.0, 1.0]
 
 
 def with_disc_offsets(views: list[View], state: State) -> list[View]:
-    """The views with the offsets that a state implies; they vary slowly, so a solve may hold them fixed."""
+    """The views with the disc offsets at a state; they vary slowly, so that a solve may keep them fixed."""
     renewed = []
     for k, view in enumerate(views):
         parameters = state.parameters(k)
@@ -166,7 +166,7 @@ def with_disc_offsets(views: list[View], state: State) -> list[View]:
 
 
 def solve(views: list[View], start: State, prior: Prior, *, steps: int = STEPS) -> Fit:
-    """Minimise from a start; always returns the best state met, whose cost says how good it is."""
+    """Minimise from a start; always returns the best state found, with its cost."""
     state, damping = start, 1e-4
     now = _normal(views, state, prior, 1.0)
     scale = robust_scale(now.whitened)
@@ -187,7 +187,7 @@ def solve(views: list[View], start: State, prior: Prior, *, steps: int = STEPS) 
                 scale = fresh
                 now = _normal(views, state, prior, scale)
         else:
-            # no better value within a thousandth of the step's own uncertainty: this is the bottom
+            # no improvement within 0.001 of the step's uncertainty: converged
             if float(step @ now.matrix @ step) < 1e-6:
                 break
             damping = max(damping * 10, 1e-8)
@@ -239,7 +239,7 @@ def view_rows(view: View, state: State, k: int) -> tuple[Array, Array, Array]:
 
 
 def places_of_view(state: State, k: int) -> NDArray[np.int64]:
-    """Where the columns of `view_rows` stand in the normal matrix."""
+    """Indices of the columns of `view_rows` in the normal matrix."""
     return np.concatenate([np.arange(state.shared), state.shared + POSE_COUNT * k + np.arange(POSE_COUNT)])
 
 

@@ -38,23 +38,23 @@ from calibration.estimation.model_choice import Trial, choose_model
 from calibration.gauge.geometry import Gauge
 
 Array = NDArray[np.float64]
-# Residuals of this share of the pitch are no lens: with the right gauge file the worst real set (a bent sheet of
-# paper) has 0.7 %, a wrong pitch ratio or layout 5 %.
+# Residual, as a share of the pitch, that no lens explains: with the right gauge file the worst real set (a bent sheet
+# of paper) has 0.7 %; a wrong pitch ratio or layout gives 5 %.
 FOREIGN_PITCH = 0.02
-# Glare and dirt spoil a tenth of the dots; a third is another camera, another plate or a bent one.
+# Largest share of outlying dots in an image: glare and dirt affect a tenth of the dots; a third means another camera,
+# another plate or a bent one.
 MOST_LEFT_OUT = 1 / 3
-FEWEST_IMAGES = 3  # that must remain where others are left out: fewer cannot tell which one is at fault
+FEWEST_IMAGES = 3  # that must remain if others are left out: fewer do not show which one is wrong
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """A camera with all that speaks for and against it.
+    """A camera with the evidence for its quality.
 
     camera: in the frame of the plate image. sightings: per image. fit: solved bundle over the dots used; views:
     those dots. trials: lens models tried, best first. rejected: per image, count of dots left out as outliers.
-    distance_mm: measured height of the lens and its sigma, where it was given. flatness: of the gauge; None for a
-    single image of a gauge whose flatness is not stated, which says nothing of it. left_out: images that were not
-    used, with the reason.
+    distance_mm: measured height of the lens and its sigma, if given. flatness: of the gauge; None for a single image of
+    a gauge without stated flatness, which does not determine it. left_out: images that were not used, with the reason.
     """
 
     camera: Camera
@@ -89,10 +89,9 @@ def calibrate(
 
     images: (h, w) or (h, w, 3) BGR each, all of one size. plate_index: the image in which the gauge lies on the
     plate; it defines the plate frame. names: of the images, for messages. distance_mm: measured height of the lens
-    above the plate and its standard uncertainty, where known. strict: whether one image that cannot be used is an
-    error; otherwise it is left out and named, as long as it is not that of the plate and FEWEST_IMAGES remain.
-    left_out: names of further images that are left out already, with the reason. Raises CalibrationError where images
-    and gauge do not allow a camera.
+    above the plate and its standard uncertainty, if known. strict: whether an unusable image is an error; otherwise it
+    is left out and named, unless it is that of the plate or fewer than FEWEST_IMAGES remain. left_out: further images
+    already left out, with the reason. Raises CalibrationError if images and gauge do not determine a camera.
     """
     if not images:
         raise CalibrationError("no images given; calibration needs at least one image of the gauge on the plate")
@@ -120,12 +119,12 @@ class Faults:
     """The images of a set that cannot be used."""
 
     def __init__(self, plate: str, count: int, *, strict: bool, known: Sequence[tuple[str, str]] = ()) -> None:
-        """Start a list. plate: name of the image that is needed. count: of all images. known: name and reason."""
+        """plate: name of the image that is required. count: of all images. known: faults so far, name and reason."""
         self._plate, self._count, self._strict = plate, count, strict
         self.found: tuple[tuple[str, str], ...] = tuple(known)
 
     def add(self, error: ImageError) -> None:
-        """Note an image that is left out; raises where it must not be or too few remain."""
+        """Record an image that is left out; raises its error if it is required or too few images remain."""
         if self._strict or self._count == 1:
             raise error
         if error.image == self._plate:
@@ -168,7 +167,7 @@ def _solved(
     plate_index: int,
     left_out: tuple[tuple[str, str], ...],
 ) -> Calibration:
-    """The camera from sightings of the gauge, that of the plate first. Raises ImageError for one at fault."""
+    """The camera from sightings of the gauge, that of the plate first. Raises ImageError for an unusable one."""
     _check_extent(sightings, gauge)
     views = [view_of(sighting, gauge, on_plate=k == 0) for k, sighting in enumerate(sightings)]
     size_px = sightings[0].dots.size_px
@@ -198,7 +197,7 @@ def _solved(
 
 
 def _check_extent(sightings: Sequence[Sighting], gauge: Gauge) -> None:
-    """Raise where images show the array end before the gauge's, and none shows the rest."""
+    """Raise if the array ends before that of the gauge in some images, and no image shows the rest."""
     for axis in (0, 1):
         short = [sighting for sighting in sightings if sighting.match.extent[axis] == "short"]
         if short and not any(sighting.match.extent[axis] == "whole" for sighting in sightings):
@@ -206,10 +205,10 @@ def _check_extent(sightings: Sequence[Sighting], gauge: Gauge) -> None:
 
 
 def _faces(gauge: Gauge, views: int) -> tuple[int, ...]:
-    """Counts of terms of the gauge's face to try.
+    """Numbers of terms of the gauge's face to try.
 
-    Where flatness is stated all terms are free within it. Else evidence decides, and a single image has none: it
-    cannot tell a bend of the gauge from distortion of the lens.
+    If flatness is stated, all terms are free within it. Otherwise cross-validation decides, except for a single image,
+    which cannot distinguish a bent gauge from lens distortion.
     """
     if gauge.tolerance.flatness_mm is not None:
         return (TERMS,)
@@ -217,7 +216,7 @@ def _faces(gauge: Gauge, views: int) -> tuple[int, ...]:
 
 
 def _flatness(fit: Fit, views: list[View], gauge: Gauge, prior: Prior) -> Flatness | None:
-    """The gauge's face as the images show it; where it was taken as flat, what bend they could have missed."""
+    """The gauge's face from the images; if it was assumed to be flat, the bend that they cannot exclude."""
     used = len(fit.state.face_mm) > 0
     if not used:
         if len(views) == 1:
@@ -229,7 +228,7 @@ def _flatness(fit: Fit, views: list[View], gauge: Gauge, prior: Prior) -> Flatne
 
 
 def _check_pitch(fit: Fit, views: list[View], gauge: Gauge) -> None:
-    """Raise where the dots leave the model by more than any lens or sheet explains: then it is another gauge."""
+    """Raise if residuals are larger than any lens or sheet explains, which means that it is another gauge."""
     for residual, view in zip(fit.residual_px, views, strict=True):
         pitch_px = float(np.median(nearest(view.centers_px, 1)[0]))
         rms = float(np.sqrt(np.mean(residual**2)))
@@ -244,7 +243,7 @@ def _check_pitch(fit: Fit, views: list[View], gauge: Gauge) -> None:
 def _solve_robustly(
     views: list[View], rough: list[Fit], prior: Prior, faces: tuple[int, ...]
 ) -> tuple[Fit, list[View], list[Trial]]:
-    """Choose the model with outliers held back by the robust cost, then leave them out and solve again."""
+    """Choose the model with a robust cost, then remove outliers and solve again."""
     used = with_disc_offsets(views, rough[0].state)
     trials = choose_model(used, rough, prior, faces)
     fit, used = solve_discs(used, trials[0].fit.state, prior)
@@ -259,7 +258,7 @@ def _solve_robustly(
 
 
 def _check_left_out(views: list[View], used: list[View]) -> None:
-    """Raise for an image most of whose dots contradict the rest."""
+    """Raise for an image in which too many dots are outliers."""
     for view, part in zip(views, used, strict=True):
         left_out = len(view) - len(part)
         if left_out > MOST_LEFT_OUT * len(view) or len(part) < FEWEST_DOTS // 2:

@@ -7,9 +7,9 @@ of an ellipse adds s·e to ρ, a change of its axes 1, cos 2t and sin 2t. The fi
 displaced by δ along its normal changes them by an amount that, squared and summed, is ∮ δ² dl to first order,
 whatever the blur. With δ = Rρ/|J⁻ᵀe| and dl = R |det J| |J⁻ᵀe| dt, the weight of ρ² is 1/|J⁻ᵀe(t)|: the fitted
 ellipse is the weighted least-squares fit of those five terms to ρ, and its centre F(c) + R J s. A second pass about
-the shifted centre leaves errors of order R⁴. (For a circle-preserving J this is the offset Heikkilä gave for
-perspective alone; see Mallon and Whelan 2007 for the two biases. The edge weighting is what a maximum-likelihood fit
-of the dot sees, not the centroid of its area.)
+the shifted centre leaves errors of order R⁴. (For a circle-preserving J this is the offset that Heikkilä derived for
+perspective alone; see Mallon and Whelan 2007 for the two biases. The edge weighting applies to a maximum-likelihood fit
+of the dot, not to the centroid of its area.)
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from calibration.camera import project
 from calibration.lens import LensModel, solve_2x2
 
 Array = NDArray[np.float64]
-SAMPLES = 16  # of the circle: harmonics to the seventh are separated, where the third already vanishes as R²
+SAMPLES = 16  # of the circle: separates harmonics up to the seventh; already the third vanishes as R²
 
 
 def fitted_centers(points_mm: Array, radius_mm: Array, parameters: Array, lens: LensModel) -> Array:

@@ -17,13 +17,14 @@ from calibration.gauge.geometry import Gauge
 Array = NDArray[np.float64]
 TERMS = 7
 QUADRATIC = 3
-# 95 % of random faces whose seven coefficients are equally normal have a peak to valley below so many of their sigmas
-# (drawn: 9.97 to 9.99 on arrays of 11 by 8 to 41 by 31 dots).
+# 95 % quantile of the peak to valley of random faces, in sigmas of their seven independent normal coefficients
+# (simulated: 9.97 to 9.99 on arrays of 11 by 8 to 41 by 31 dots).
 PEAK_TO_VALLEY_SIGMAS = 10.0
-WIDEST = 0.05  # of the array's half length: no plate bends more, a coefficient's sigma where nothing is stated
-DRAWS = 1000  # of the face, for the interval of its peak to valley: the limits are then good to a few percent
-# A rigid face touches the plate somewhere between its mean plane and its farthest point, which for a dome lies 2/3 of
-# the peak to valley away: two sigmas. A twisted one stands on three corners, and leans by half of it.
+WIDEST = 0.05  # of the array's half length: no plate bends more; a coefficient's sigma if flatness is not stated
+DRAWS = 1000  # of the face, which determine the limits of its peak to valley to a few percent
+# Sigmas over the peak to valley. A rigid face touches the plate between its mean plane and its farthest point, which
+# for a dome is 2/3 of the peak to valley away: two sigmas. A twisted face stands on three corners and leans by half of
+# it.
 REST, LEAN = 1 / 3, 1 / 4
 
 
@@ -38,7 +39,7 @@ def face_terms(gauge: Gauge) -> Array:
 
 
 def coefficient_sigma(gauge: Gauge) -> float:
-    """Prior standard deviation of each coefficient, mm: of the stated flatness, or wide."""
+    """Prior standard deviation of each coefficient, mm: from the stated flatness, else WIDEST."""
     stated = gauge.tolerance.flatness_mm
     if stated is None:
         return WIDEST * float(np.ptp(gauge.positions_mm().reshape(-1, 2), axis=0).max()) / 2
@@ -49,10 +50,10 @@ def coefficient_sigma(gauge: Gauge) -> float:
 class Flatness:
     """Flatness of the gauge from the images: peak to valley over the array with its 95 % interval, mm.
 
-    coefficients_mm: (k,), with their covariance_mm2 (k, k). used: whether the camera was solved with this face; else it
-    was taken as flat because the images speak for no bend, and high_mm bounds what they could have missed.
-    mean_square_mm2: of the peak to valley, its uncertainty included. slope_square: mean square of the face's slope,
-    likewise.
+    coefficients_mm: (k,), with their covariance_mm2 (k, k). used: whether the camera was solved with this face;
+    otherwise it was assumed to be flat, because the images show no bend, and high_mm bounds a bend that they cannot
+    exclude. mean_square_mm2: of the peak to valley, including its uncertainty. slope_square: mean square slope of the
+    face, including its uncertainty.
     """
 
     coefficients_mm: Array
@@ -70,7 +71,7 @@ def flatness_of(gauge: Gauge, coefficients_mm: Array, covariance_mm2: Array, *, 
     terms = face_terms(gauge)[..., : len(coefficients_mm)]
     value, vector = np.linalg.eigh(covariance_mm2)
     spread = vector * np.sqrt(np.maximum(value, 0.0))
-    # the same draws for everyone: an interval must not change from call to call
+    # fixed seed: an interval must not change from call to call
     normal = np.random.default_rng(0).standard_normal((DRAWS, len(coefficients_mm)))
     faces = np.tensordot(coefficients_mm + normal @ spread.T, terms, axes=(1, 2))
     drawn = np.ptp(faces, axis=(1, 2))
@@ -94,18 +95,18 @@ def _slope_square(gauge: Gauge, faces: Array) -> float:
 
 
 def bend_scale(flatness: Flatness) -> float:
-    """Relative doubt of lengths that a bend leaves: a sheet bent after printing keeps its lengths along the face.
+    """Relative uncertainty of lengths due to a bent gauge.
 
-    Seen from above it is then shorter by half the mean square slope; one printed bent is not. Half of that stands for
-    either.
+    A sheet bent after printing keeps its lengths along the face, and seen from above is shorter by half the mean square
+    slope; a sheet printed while bent is not. Half of this difference is the uncertainty.
     """
     return flatness.slope_square / 4
 
 
 def rest_covariance(flatness: Flatness, gauge: Gauge, pose: Array) -> Array:
-    """Covariance (6, 6) of the plate's pose in which a bent face leaves the plane that it lies on.
+    """Covariance (6, 6) of the plate's pose due to the unknown contact points of a bent gauge on the plate.
 
-    Pose parameters as in camera.py: a change of the plane's height and of its two tilts about the middle of the array.
+    Pose parameters as in camera.py. The plane's height and its two tilts about the middle of the array are uncertain.
     """
     bend = np.sqrt(flatness.mean_square_mm2)
     place = gauge.positions_mm().reshape(-1, 2)
@@ -125,9 +126,9 @@ def rest_covariance(flatness: Flatness, gauge: Gauge, pose: Array) -> Array:
 
 
 def _vector_beside(rotation: Array, vector: Array) -> Array:
-    """The rotation vector (3,) of a rotation that is nearest to another: near half a turn there are two, apart by 2π.
+    """The rotation vector (3,) of a rotation that is closest to another vector; near half a turn there are two.
 
-    A camera that looks straight down is half a turn from the plate's frame.
+    This matters because a camera that looks straight down is half a turn from the plate's frame.
     """
     found = cv2.Rodrigues(rotation)[0][:, 0]
     other = found * (1 - 2 * np.pi / max(float(np.linalg.norm(found)), 1e-9))

@@ -1,6 +1,6 @@
 """Propagation of errors of the gauge to the camera: of single dots, and of the common pitch.
 
-A dot that is out of place is so in every image, so its error does not average out over images as noise does. With
+A misplaced dot is misplaced in every image, so that its error does not average out over images like noise. With
 the normal matrix N, whitened derivatives A by the parameters and B by the gauge's coordinates, a displacement d of
 the dots moves the solution by -N⁻¹ Aᵀ B d (implicit function); summed over images this gives the covariance.
 """
@@ -43,7 +43,7 @@ def with_tolerance(views: list[View], state: State, tolerance: Tolerance) -> lis
 
 
 def covariance_with_tolerance(views: list[View], fit: Fit, tolerance: Tolerance) -> Array:
-    """Covariance of the free lens parameters and all poses: of noise, and of the places of single dots."""
+    """Covariance of the free lens parameters and all poses, due to noise and to the tolerance of single dots."""
     inverse = np.linalg.inv(fit.normal)
     if tolerance.dot_mm == 0:
         return np.asarray(inverse * fit.variance, dtype=float)
@@ -57,13 +57,13 @@ def covariance_with_tolerance(views: list[View], fit: Fit, tolerance: Tolerance)
             here[place[:, None], 2 * view.site + axis] = pull[:, :, axis].T
         common += here
         single += here @ here.T
-    # the noise term counts each image's share of the dots' errors as if they were independent: exchange it
+    # the noise term treats the dots' errors as independent between images: replace this part
     errors = tolerance.dot_mm**2 * (common @ common.T - single)
     return np.asarray(inverse * max(fit.variance, 1.0) + inverse @ errors @ inverse)
 
 
 def change_by_pitch(views: list[View], fit: Fit) -> Array:
-    """Derivative of the solution (shared + 6 n_views,) by a relative error of the pitch that all dots share."""
+    """Derivative of the solution (shared + 6 n_views,) by a common relative error of the pitch."""
     moved = np.zeros(len(fit.normal))
     for k, view in enumerate(views):
         place, pull = _pulls(view, fit, k)
@@ -72,7 +72,7 @@ def change_by_pitch(views: list[View], fit: Fit) -> Array:
 
 
 def _pulls(view: View, fit: Fit, k: int) -> tuple[NDArray[np.int64], Array]:
-    """Places of a view's unknowns in the normal matrix, and the pull on them (n, place, 2) of each dot's place."""
+    """Indices of a view's unknowns in the normal matrix, and the gradient (n, unknowns, 2) by each dot's position."""
     _, white, by_parameter = view_rows(view, fit.state, k)
     by_parameter = by_parameter * huber_weights(white, fit.scale)[:, None, None]  # those of the normal matrix
     by_dot = view.whitening @ _by_plane(view, fit.state, k)

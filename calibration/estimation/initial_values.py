@@ -13,17 +13,17 @@ from calibration.estimation.bundle_adjustment import Fit, Prior, State, View, so
 from calibration.lens import LensModel, undistort
 
 Array = NDArray[np.float64]
-# Focal lengths in widths of the image, from fisheye to long lens. The basin of the solve is wider than a step.
+# Focal lengths in widths of the image, from fisheye to long lens; a step is smaller than the range of convergence.
 LADDER: tuple[tuple[LensModel, float], ...] = (
     ("brown", 0.7), ("brown", 1.5), ("brown", 4.0), ("brown", 12.0),
     ("fisheye", 0.35), ("fisheye", 0.7), ("fisheye", 1.5),
 )  # fmt: skip
 SHORTEST = 0.2  # widths of the image: a fisheye of 180 degrees has 0.32
-FEW = 80  # dots per image that a rough start needs
+FEW = 80  # dots per image, sufficient for initial values
 
 
 def rough_prior(size_px: tuple[int, int]) -> Prior:
-    """Priors of real lenses, wide enough to be beaten by any image that says something.
+    """Priors from real lenses, wide enough that informative images dominate them.
 
     Principal point: within 8 % of the width of the middle (assembly tolerances of small cameras). Aspect: square
     pixels to 0.2 %. Focal length: a factor e about 1.5 widths. Distortion: up to strong fisheyes; decentring: 0.002.
@@ -35,7 +35,7 @@ def rough_prior(size_px: tuple[int, int]) -> Prior:
 
 
 def rough_start(views: list[View], size_px: tuple[int, int], prior: Prior) -> list[Fit]:
-    """Solved rough states, best first, with focal length and k1 free and the principal point in the middle."""
+    """Initial solutions, best first, with focal length and k1 free and the principal point in the middle."""
     few = [_spread(view) for view in views]
     fits = []
     for model, widths in LADDER:
@@ -57,7 +57,7 @@ def rough_pose(view: View, camera: Camera) -> Array:
 
 
 def _undistorted(points_px: Array, camera: Camera) -> Array:
-    """Image points as the same camera without distortion would see them."""
+    """Image points corrected for the distortion of the camera."""
     normalised = (points_px - camera.principal_px) / camera.focal_xy_px
     return undistort(normalised, camera.distortion, camera.lens) * camera.focal_xy_px + camera.principal_px
 

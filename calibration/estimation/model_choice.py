@@ -26,9 +26,9 @@ Array = NDArray[np.float64]
 FOLDS = 4
 ENOUGH = 2000  # dots over all images
 CENTER = ("principal_x_px", "principal_y_px")
-# From plain to rich. All free the principal point: fixing it would hide its uncertainty. A fisheye always has two
-# terms: with fewer the curve of the lens would fix the focal length by assumption, even in images that show no
-# perspective.
+# Lens models from simple to complex. The principal point is always free, because fixing it would hide its uncertainty.
+# A fisheye has at least two terms; with fewer, the assumed curve of the lens would determine the focal length even in
+# images without perspective.
 MODELS: tuple[tuple[LensModel, tuple[str, ...]], ...] = (
     ("brown", ("focal_px", *CENTER)),
     ("brown", ("focal_px", *CENTER, "k1")),
@@ -44,9 +44,9 @@ MODELS: tuple[tuple[LensModel, tuple[str, ...]], ...] = (
 
 @dataclass(frozen=True)
 class Trial:
-    """One model on trial: its fit to all dots and the mean squared whitened error on dots held out.
+    """A candidate model: its fit to all dots, and the mean squared whitened error of held-out dots.
 
-    face: count of terms of the gauge's face that were free.
+    face: number of free terms of the gauge's face.
     """
 
     model: LensModel
@@ -59,8 +59,8 @@ class Trial:
 def choose_model(views: list[View], rough: list[Fit], prior: Prior, faces: tuple[int, ...] = (0,)) -> list[Trial]:
     """Trials of all models: first the simplest of those that predict as well as the best.
 
-    faces: counts of terms of the gauge's face that may be free. Those after the first are tried only if the next one
-    predicts better than the best lens does without: most gauges are flat.
+    faces: numbers of free terms of the gauge's face to try. Those after the first are tried only if the next one
+    predicts better than the best lens without it: most gauges are flat.
     """
     views = [view.take(_every(view, views)) for view in views]
     trials = _trials(views, rough, prior, faces[0])
@@ -73,7 +73,7 @@ def choose_model(views: list[View], rough: list[Fit], prior: Prior, faces: tuple
     near = _near(trials, views)
     good = [trial for trial in trials if trial.held_out <= near]
     rest = [trial for trial in trials if trial.held_out > near]
-    # at equal merit the lens that takes nothing of its focal length from its form
+    # if equal, prefer the lens model whose form does not constrain the focal length
     good.sort(key=lambda trial: (trial.model == "fisheye", len(trial.free) + trial.face))
     return good + sorted(rest, key=lambda trial: trial.held_out)
 
@@ -85,7 +85,7 @@ def _trials(
     face: int,
     models: tuple[tuple[LensModel, tuple[str, ...]], ...] = MODELS,
 ) -> list[Trial]:
-    """Trials of lens models with so many free terms of the face, each started from the one before it."""
+    """Trials of lens models with `face` free terms of the gauge's face, each started from the previous one."""
     trials: list[Trial] = []
     for model, free in models:
         start = next((fit.state for fit in rough if fit.state.model == model), None)
@@ -104,19 +104,19 @@ def _trials(
 
 
 def _every(view: View, views: list[View]) -> NDArray[np.bool_]:
-    """Mask that thins dense arrays: thousands of dots decide no better than ENOUGH, only slower."""
+    """Mask that thins dense arrays to ENOUGH dots, which decide as well as thousands and faster."""
     step = max(1, sum(len(other) for other in views) // ENOUGH)
     return np.asarray(np.arange(len(view)) % step == 0)
 
 
 def _near(trials: list[Trial], views: list[View]) -> float:
-    """Held-out error that is as good as the best: a term must gain more than it costs by chance (two σ²)."""
+    """Held-out error that counts as equal to the best: a term must gain more than by chance (two σ²)."""
     best = min(trials, key=lambda trial: trial.held_out)
     return best.held_out + _chance(best, views)
 
 
 def _chance(best: Trial, views: list[View]) -> float:
-    """What a term gains by chance."""
+    """Gain of an unnecessary term by chance."""
     return 2 * best.fit.variance / max(sum(len(view) for view in views), 1)
 
 

@@ -1,4 +1,4 @@
-"""Residuals of dots weighed so that a few spoilt ones do not pull the solve: Huber (1964), Ann. Math. Stat. 35, 73."""
+"""Robust weights of residuals, so that disturbed dots hardly affect a fit: Huber (1964), Ann. Math. Stat. 35, 73."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Residuals beyond this many standard deviations pull with constant force (Huber); of 10 000 sound ones 27 are.
+# Standard deviations beyond which the influence of a residual is constant (Huber): 27 of 10 000 normal ones.
 HUBER = 3.0
-# After the fit, those beyond this are left out: of 10 000 sound dots 0.04 are.
+# Standard deviations beyond which dots are left out after the fit: 0.04 of 10 000 undisturbed dots.
 OUTLIER = 5.0
 
 

@@ -1,4 +1,4 @@
-"""The gauge as a printable sheet in true scale, SVG and PDF, with a ruler that shows whether the printer kept it.
+"""The gauge as a printable sheet in true scale, SVG and PDF, with a ruler to check the scale of the print.
 
 Sheet coordinates: mm from the top left corner, x right, y down. Both writers draw the same list of shapes.
 """
@@ -16,7 +16,7 @@ from calibration.detection.image import color_bgr
 from calibration.gauge.geometry import Gauge
 
 A4_MM = (210.0, 297.0)
-MARGIN_MM = 12.0  # what common printers leave blank, and a hand's hold
+MARGIN_MM = 12.0  # unprintable margin of common printers, and room to hold the sheet
 FOOT_MM = 26.0  # room for the ruler and the text
 MM_PER_INCH = 25.4
 POINTS_PER_MM = 72 / MM_PER_INCH
@@ -56,7 +56,7 @@ class Text:
 
 @dataclass(frozen=True)
 class Sheet:
-    """A page in mm and what is on it."""
+    """A page, mm, and the shapes on it."""
 
     width: float
     height: float
@@ -64,7 +64,7 @@ class Sheet:
 
 
 def gauge_sheet(gauge: Gauge) -> Sheet:
-    """Lay the gauge out, on A4 where it fits and on a page of its own size where not."""
+    """The sheet of a gauge: A4 if it fits, otherwise a page of the size needed."""
     places = gauge.sheet_mm() * (1, -1)
     diameters = gauge.diameters_mm()
     reach = np.abs(places).max(axis=(0, 1)) + diameters.max() / 2 + 0.5 * np.array(gauge.pitch_mm)
@@ -85,7 +85,7 @@ def gauge_sheet(gauge: Gauge) -> Sheet:
 
 
 def _ruler(gauge: Gauge, width: float, height: float) -> list[Bar | Text]:
-    """A scale in millimetres along the foot of the page, and what to do with it."""
+    """A ruler in millimetres along the foot of the page, with instructions."""
     length = min(10 * int((width - 2 * MARGIN_MM) / 10), 150)
     left, top = (width - length) / 2, height - MARGIN_MM - 8
     shapes: list[Bar | Text] = [Bar(left, top, length, 0.15)]
@@ -108,7 +108,7 @@ def svg(sheet: Sheet) -> bytes:
 
 
 def pdf(sheet: Sheet) -> bytes:
-    """Write the sheet as a one-page PDF that asks the viewer to print it unscaled."""
+    """Write the sheet as a one-page PDF with the preference to print it unscaled."""
     return _asking_for_no_scaling(_written(sheet, "pdf", {"CreationDate": None}))
 
 
@@ -137,7 +137,7 @@ def _written(sheet: Sheet, kind: str, metadata: dict[str, None]) -> bytes:
 
 
 def _asking_for_no_scaling(document: bytes) -> bytes:
-    """A PDF with the preference that viewers print it unscaled, which matplotlib cannot state: an update at its end."""
+    """Append to a PDF an update with the preference to print it unscaled, which matplotlib cannot write."""
     root = re.search(rb"/Root (\d+) 0 R", document)
     before = re.search(rb"startxref\s+(\d+)", document)
     size = re.search(rb"/Size (\d+)", document)

@@ -1,8 +1,8 @@
-"""Compliant axles: the steering angle at which compliance and force balance agree. Units: mm, s, g, µN, rad.
+"""Compliant axles: the steering angle that equals compliance times lateral force. Units: mm, s, g, µN, rad.
 
-The lateral force on an axle follows from force balance: from the longitudinal forces of the wheels and the forces on
-the body, by their moment about the other axle. (The slip law alone does not determine it, because a wheel that steers
-into its own force has several slip angles for one velocity.)
+The lateral force on an axle is computed from the balance of moments about the other axle, from the longitudinal forces
+of the wheels and the forces on the body. (The slip law alone does not determine it, because a wheel that steers into
+its own lateral force has several slip angles for one velocity.)
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import Any
 
 from simulator.compilation import compiled, counter
 from simulator.dynamics.body import Square, Triple, loads
-from simulator.dynamics.wheel import GIVEN, wheel_response
+from simulator.dynamics.wheel import AXLE_ANGLE, wheel_response
 from simulator.slip.magic_formula import VECTORS
 
-LEAST_DESCENT = 0.5  # of Newton's method, where an axle would turn into its own force
+LEAST_DESCENT = 0.5  # least diagonal of Newton's matrix, which vanishes where an axle steers into its own force
 
 
 @compiled(forceinline=True, fastmath=VECTORS)
@@ -24,7 +24,7 @@ def _axle(
 ) -> tuple[Triple, Triple, Triple, Triple, Triple]:
     """Forces on the front (0) or rear (1) axle, and their derivatives by u, v, r and the axle's angle.
 
-    Forces: forward, to the left, and the moment of those forward about the middle of the axle.
+    Forces: forward, to the left, and the moment of the forward forces about the middle of the axle.
     """
     along, across, twist = 0.0, 0.0, 0.0
     along_u, across_u, twist_u, along_v, across_v, twist_v = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -51,18 +51,21 @@ def _axle(
 
 @compiled(forceinline=True)
 def _lack(axle: int, forward: float, pressed: float, contacts: Any, model: Any) -> tuple[float, float, float]:
-    """Angle that an axle lacks, and how much of it comes of the force it is pressed with, and of that forward."""
+    """Compliance times lateral force minus the axle's angle, and its derivatives by the forces to the left and forward.
+
+    forward, pressed: force on the axle forward and to the left in the body frame, µN.
+    """
     given = 0.0
     for wheel in range(len(model.wheel_x)):
         if model.axle[wheel] == axle:
-            given = contacts[GIVEN, wheel]
+            given = contacts[AXLE_ANGLE, wheel]
     by_pressed, by_forward = model.compliance * math.cos(given), -model.compliance * math.sin(given)
     return by_pressed * pressed + by_forward * forward - given, by_pressed, by_forward
 
 
 @compiled(forceinline=True)
 def _balance(front: Any, rear: Any, body: Triple, contacts: Any, model: Any) -> Any:
-    """What both axles lack; the derivatives of that by the forces; minus those by the angles, (2, 2) in a row."""
+    """Residuals of both axles (see _lack), their derivatives by the forces, and minus those by the angles, (4)."""
     ahead, behind = model.axle_x[0], model.axle_x[1]
     per_length = 1.0 / (ahead - behind)
     twist = body[2] + front[0][2] + rear[0][2]
@@ -85,8 +88,8 @@ def _balance(front: Any, rear: Any, body: Triple, contacts: Any, model: Any) -> 
 
 
 @compiled()
-def give_way(u: float, v: float, r: float, place: Any, rest: float, model: Any, contacts: Any) -> float:
-    """Turn the axles by one step of Newton's method toward compliance times the force on each; the change, rad."""
+def turn_axles(u: float, v: float, r: float, place: Any, rest: float, model: Any, contacts: Any) -> float:
+    """Turn the axles by one Newton step toward compliance times lateral force; returns the largest change, rad."""
     front, rear = _axle(counter(0), u, v, r, contacts, rest, model), _axle(counter(1), u, v, r, contacts, rest, model)
     (a_lack, b_lack), _, (aa, ab, ba, bb) = _balance(front, rear, loads(u, v, r, place, rest, model), contacts, model)
     aa, bb = max(aa, LEAST_DESCENT), max(bb, LEAST_DESCENT)
@@ -96,23 +99,27 @@ def give_way(u: float, v: float, r: float, place: Any, rest: float, model: Any, 
     a_step, b_step = (bb * a_lack - ab * b_lack) / determinant, (aa * b_lack - ba * a_lack) / determinant
     for wheel in range(len(model.wheel_x)):
         if model.axle[wheel] == 0:
-            contacts[GIVEN, wheel] += a_step
+            contacts[AXLE_ANGLE, wheel] += a_step
         elif model.axle[wheel] == 1:
-            contacts[GIVEN, wheel] += b_step
+            contacts[AXLE_ANGLE, wheel] += b_step
     change: float = max(abs(a_step), abs(b_step))
     return change
 
 
 @compiled(forceinline=True)
 def _together(front: Triple, rear: Triple, model: Any) -> Triple:
-    """Forces on both axles as forces and moment on the robot."""
+    """Sum of the forces on both axles: forward, to the left, moment about the robot's centre."""
     moment = model.axle_x[0] * front[1] + model.axle_x[1] * rear[1] + front[2] + rear[2]
     return front[0] + rear[0], front[1] + rear[1], moment
 
 
 @compiled(forceinline=True)
 def _yielding(held: Any, body: Triple, by: Any, turned: Any, response: Any, model: Any) -> Triple:
-    """Derivative of the friction by a velocity, from those with axles held and of the body by it, and by the angles."""
+    """Derivative of the friction by a velocity where the axles follow.
+
+    held: derivatives of the axle forces by it at fixed angles; body: of the forces on the body; by, turned: see
+    _balance; response: derivatives of the axle forces by the angles.
+    """
     front, rear = held
     front_pressed, front_forward, rear_pressed, rear_forward = by
     (aa, ab, ba, bb), ahead, behind = turned, model.axle_x[0], model.axle_x[1]
@@ -133,9 +140,9 @@ def _yielding(held: Any, body: Triple, by: Any, turned: Any, response: Any, mode
 def axle_slopes(
     u: float, v: float, r: float, body: Triple, body_by: Square, contacts: Any, rest: float, model: Any
 ) -> tuple[Triple, Square]:
-    """Friction on the robot and its derivatives by u, v and r, where axles give way as it changes.
+    """Friction on the robot and its derivatives by u, v and r, where compliant axles turn as it changes.
 
-    body, body_by: the other forces and their derivatives; the contacts hold the angles of the balance.
+    body, body_by: the forces on the body and their derivatives; the contacts hold the axle angles in equilibrium.
     """
     front, rear = _axle(counter(0), u, v, r, contacts, rest, model), _axle(counter(1), u, v, r, contacts, rest, model)
     _, by, turned = _balance(front, rear, body, contacts, model)

@@ -29,16 +29,16 @@ from simulator.dynamics.terms import (
     Y,
 )
 
-# A yaw rate far below any that is measured (0.06 degrees over 10 s) rounds the sign of the yaw rate.
+# Smoothing width of the sign of the yaw rate: far below any yaw rate that is measured (0.06 degrees over 10 s).
 REST_YAW_RATE_RAD_S = 1e-4
-# The pull of a point is rounded off within 2 mm, half the wheelbase: nearer, no part of the robot is at its centre.
+# The attraction of a point is smoothed within 2 mm, half the wheelbase, where the robot is no longer a point.
 POINT_SIZE_MM = 2.0
-REFERENCE_MM = 10.0  # distance at which a pull that falls off has its stated size
+REFERENCE_MM = 10.0  # distance at which an attraction that falls off has its stated force
 
 
 @compiled()
 def sign(value: float, rest: float) -> float:
-    """Sign of a value, rounded over the width rest."""
+    """Sign of a value, smoothed over the width rest."""
     return value / math.sqrt(value * value + rest * rest)
 
 
@@ -72,7 +72,7 @@ def velocity_basis(basis: int, u: float, v: float, r: float, rest_speed: float) 
 def place_basis(
     basis: int, x: float, y: float, cos: float, sin: float, time: float, angle: float, point: tuple[float, float, float]
 ) -> float:
-    """Bases of place (mm), heading (its cosine and sine), time (s) and wheel angle (rad).
+    """Bases of position (mm), heading (its cosine and sine), time (s) and wheel angle (rad).
 
     point: x, y (mm) and fall-off of the bases toward a point.
     """

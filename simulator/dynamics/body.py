@@ -1,6 +1,6 @@
 """Forces and moments of effects on the body, apart from its wheels, and inertia.
 
-Units: mm, s, µN, rad. A place is x, y, cosine and sine of the heading, and the time.
+Units: mm, s, µN, rad. place: x, y, cosine and sine of the heading, and time.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from simulator.dynamics.terms import COS, FORCE_FORWARD, FORCE_LEFT, FORCE_PLATE
 Triple = tuple[float, float, float]
 Square = tuple[Triple, Triple, Triple]
 # Differences for derivatives: rounding over step, and step over curvature, stay below 1e-5 of the derivative.
-VELOCITY_STEP = 3e-10  # mm/s, rad/s; far below the rest speed, where forces bend most
+VELOCITY_STEP = 3e-10  # mm/s, rad/s; far below the rest speed, where forces are most curved
 
 
 @compiled()
@@ -46,7 +46,7 @@ def body_forces(u: float, v: float, r: float, place: Any, rest: float, model: An
 
 @compiled(forceinline=True)
 def loads(u: float, v: float, r: float, place: Any, rest: float, model: Any) -> Triple:
-    """Forces of body terms and the inertia of the turning frame: all that the wheels have to balance."""
+    """Forces of body terms and inertial forces of the rotating frame, which wheel friction has to balance."""
     along, across, moment = 0.0, 0.0, 0.0
     if model.body_terms > 0:
         along, across, moment = body_forces(u, v, r, place, rest, model)
@@ -60,9 +60,9 @@ def loads(u: float, v: float, r: float, place: Any, rest: float, model: Any) -> 
 
 @compiled(forceinline=True)
 def loads_slopes(u: float, v: float, r: float, place: Any, rest: float, model: Any) -> tuple[Triple, Square]:
-    """Loads that the wheels have to balance, and their derivatives by u, v and r."""
+    """Result of loads, and its derivatives by u, v and r."""
     here, mass, gravity_x, gravity_y = loads(u, v, r, place, rest, model), model.mass, model.gravity_x, model.gravity_y
-    if model.body_feels == 1:
+    if model.body_varies_with_velocity == 1:
         return here, (
             _grown(here, loads(u + VELOCITY_STEP, v, r, place, rest, model)),
             _grown(here, loads(u, v + VELOCITY_STEP, r, place, rest, model)),
@@ -77,7 +77,7 @@ def loads_slopes(u: float, v: float, r: float, place: Any, rest: float, model: A
 
 @compiled()
 def _grown(here: Triple, further: Triple) -> Triple:
-    """A derivative, of forces known here and a step further."""
+    """Forward difference of forces over VELOCITY_STEP."""
     return (
         (further[0] - here[0]) / VELOCITY_STEP,
         (further[1] - here[1]) / VELOCITY_STEP,

@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 from simulator.compilation import compiled
-from simulator.dynamics.axles import give_way
+from simulator.dynamics.axles import turn_axles
 from simulator.dynamics.bases import place_basis, slide_basis, velocity_basis
 from simulator.dynamics.body import Square, Triple
 from simulator.dynamics.terms import (
@@ -25,10 +25,10 @@ from simulator.dynamics.terms import (
     STIFFNESS,
 )
 from simulator.dynamics.wheel import (
+    AXLE_ANGLE,
     COS_STEER,
     DRAG_FORCE,
     DROOP,
-    GIVEN,
     GRIP_X,
     GRIP_Y,
     SIN_STEER,
@@ -42,15 +42,18 @@ from simulator.dynamics.wheel import (
 from simulator.slip.law import slip_ratio, wheel_force
 from simulator.slip.magic_formula import VECTORS
 
-GIVEN_RAD, MOST_PASSES = 1e-8, 40  # after a step of Newton's method as small as this, rounding alone is left
+AXLE_TOLERANCE_RAD, MOST_PASSES = 1e-8, 40  # Newton converges quadratically: only rounding is left
 LEAST_FACTOR = 0.02  # a term may weaken load, friction or stiffness of a wheel to 2 %, never reverse it
 
 
 @compiled(forceinline=True)
-def _touch_one(
+def _update_one(
     wheel: int, u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any
 ) -> None:
-    """The contact of one wheel; u, v: of its centre in the body frame; place: of the robot on the plate."""
+    """Update the contact of one wheel.
+
+    u, v: velocity of its centre in the body frame; place: of the robot, see simulator.dynamics.body.
+    """
     surface = model.by_left[wheel] * drive[0] + model.by_right[wheel] * drive[1]
     side = model.side[wheel]
     driven = model.driving[wheel] != 0.0
@@ -91,7 +94,7 @@ def _touch_one(
     across = max(across, LEAST_FACTOR)
     steep = stiffness / friction if model.stiffness_follows_load[wheel] else stiffness / (load * friction)
     scaled = (load * friction, load * friction * across, steep, steep / across)
-    steer += contacts[GIVEN, wheel]
+    steer += contacts[AXLE_ANGLE, wheel]
     cos_steer, sin_steer, wheel_u, wheel_v = 1.0, 0.0, u, v
     if steer != 0.0:
         cos_steer, sin_steer = math.cos(steer), math.sin(steer)
@@ -104,39 +107,43 @@ def _touch_one(
     contacts[DRAG_FORCE, wheel], contacts[DROOP, wheel] = drag, droop
 
 
-@compiled(forceinline=True)  # a call that hands an array on costs a count of its users, as long as this takes
-def touch(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
-    """Bring the contacts to a velocity, a drive and a place."""
+@compiled(forceinline=True)  # counting references to the arrays of a call takes as long as this function
+def update_contacts(
+    u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any
+) -> None:
+    """Update all contacts for a velocity, a drive and a place."""
     if model.general == 0:
         for wheel in range(len(model.wheel_x)):
             contacts[SURFACE, wheel] = model.by_left[wheel] * drive[0] + model.by_right[wheel] * drive[1]
     else:
-        touch_changed(u, v, r, drive, place, rest, model, contacts)
+        _update_with_effects(u, v, r, drive, place, rest, model, contacts)
 
 
 @compiled()
-def touch_changed(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
-    """Bring the contacts to a velocity, a drive and a place where effects change the wheels."""
-    _touch_all(u, v, r, drive, place, rest, model, contacts)
+def _update_with_effects(
+    u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any
+) -> None:
+    """Update all contacts where effects act on the wheels."""
+    _update_all(u, v, r, drive, place, rest, model, contacts)
     if model.compliance == 0.0:
         return
     for _ in range(MOST_PASSES):
-        change = give_way(u, v, r, place, rest, model, contacts)
-        _touch_all(u, v, r, drive, place, rest, model, contacts)
-        if change < GIVEN_RAD:
+        change = turn_axles(u, v, r, place, rest, model, contacts)
+        _update_all(u, v, r, drive, place, rest, model, contacts)
+        if change < AXLE_TOLERANCE_RAD:
             break
 
 
 @compiled()
-def _touch_all(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
+def _update_all(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> None:
     for wheel in range(len(model.wheel_x)):
         body_u, body_v = u - r * model.wheel_y[wheel], v + r * model.wheel_x[wheel]
-        _touch_one(wheel, body_u, body_v, r, drive, place, rest, model, contacts)
+        _update_one(wheel, body_u, body_v, r, drive, place, rest, model, contacts)
 
 
 @compiled(forceinline=True, fastmath=VECTORS)
 def friction(u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> Triple:
-    """Force forward, to the left, and moment of all wheels."""
+    """Friction of all wheels on the robot: force forward, to the left, and moment."""
     if model.sliding > 0.0:
         return _sliding_friction(u, v, r, contacts, rest, model)
     along, across, moment = 0.0, 0.0, 0.0
@@ -169,7 +176,7 @@ def friction(u: float, v: float, r: float, contacts: Any, rest: float, model: An
 
 @compiled()
 def _sliding_friction(u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> Triple:
-    """As friction, where a share of it opposes the sliding of each wheel."""
+    """Result of friction where the share model.sliding of it opposes the sliding velocity of each wheel."""
     along, across, moment = 0.0, 0.0, 0.0
     for wheel in range(len(model.wheel_x)):
         x, y = model.wheel_x[wheel], model.wheel_y[wheel]
@@ -186,7 +193,7 @@ def _sliding_friction(u: float, v: float, r: float, contacts: Any, rest: float, 
 
 @compiled(forceinline=True, fastmath=VECTORS)
 def friction_slopes(u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> tuple[Triple, Square]:
-    """Friction of all wheels, and its derivatives by u, v and r; the contacts are held, but speeds may droop."""
+    """Friction of all wheels and its derivatives by u, v and r; contacts are constant, but surface speeds droop."""
     along, across, moment = 0.0, 0.0, 0.0
     along_u, along_v, along_r, across_u, across_v, across_r = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     moment_u, moment_v, moment_r = 0.0, 0.0, 0.0

@@ -1,9 +1,9 @@
 """Forces on the robot and the derivative of its velocity: Eqs. (1) and (2) in the plane, in the body frame.
 
 Units: mm, s, g, µN = g·mm/s², rad. The velocity is (u, v, r): forward, to the left, yaw rate of the robot's centre.
-A drive is what the motors do at an instant: rpm of the left and right wheel, and the angles they have turned, rad.
-A place is x, y, cosine and sine of the heading, and the time. rest: width of the rounding at rest,
-mm/s; contacts: scratch, see simulator.dynamics.contact.
+drive: state of the motors, rpm of the left and right wheels and the angles they have turned, rad. place: x, y, cosine
+and sine of the heading, and time. rest: smoothing width of friction at rest, mm/s. contacts: work array, see
+simulator.dynamics.wheel.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from typing import Any
 from simulator.compilation import compiled
 from simulator.dynamics.axles import axle_slopes
 from simulator.dynamics.body import VELOCITY_STEP, Triple, loads, loads_slopes
-from simulator.dynamics.contact import friction, friction_slopes, touch
+from simulator.dynamics.contact import friction, friction_slopes, update_contacts
 
 
 @compiled(forceinline=True)
 def forces(u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any) -> Triple:
     """Forces and moment on the robot, the inertia of the turning frame among them."""
-    touch(u, v, r, drive, place, rest, model, contacts)
+    update_contacts(u, v, r, drive, place, rest, model, contacts)
     along, across, moment = friction(u, v, r, contacts, rest, model)
     more = loads(u, v, r, place, rest, model)
     return along + more[0], across + more[1], moment + more[2]
@@ -50,10 +50,10 @@ def slopes(
     u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any, out: Any
 ) -> None:
     """Accelerations into out[0], their derivatives by velocity into rows out[1:4]; the first three columns."""
-    if model.wheels_feel == 1:
+    if model.wheels_vary_with_velocity == 1:
         _differenced(u, v, r, drive, place, rest, model, contacts, out)
         return
-    touch(u, v, r, drive, place, rest, model, contacts)
+    update_contacts(u, v, r, drive, place, rest, model, contacts)
     more, more_by = loads_slopes(u, v, r, place, rest, model)
     if model.compliance == 0.0:
         total, by = friction_slopes(u, v, r, contacts, rest, model)
@@ -70,7 +70,7 @@ def slopes(
 def _differenced(
     u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any, out: Any
 ) -> None:
-    """Accelerations and their derivatives by differences, where wheels feel the velocity in more ways than slip."""
+    """Accelerations and their derivatives by differences, where terms on the wheels depend on the velocity."""
     step = VELOCITY_STEP
     held = accelerations(u, v, r, drive, place, rest, model, contacts)
     by_u = accelerations(u + step, v, r, drive, place, rest, model, contacts)

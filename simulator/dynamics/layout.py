@@ -17,15 +17,15 @@ from simulator.nominal_robot import NominalRobot, Wheel, four_wheels
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-MOST_LAYOUTS = 256  # a fit varies radius, wheelbase and track of a robot
+MOST_LAYOUTS = 256  # cached: a fit varies radius, wheelbase and track of a robot
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Wheels in their order; arrays over them are (n,), or (n, 2) for places in the body frame, and read-only.
+    """Wheels in their order; arrays over them are (n,), or (n, 2) for positions in the body frame, and read-only.
 
-    left, right, driving, rolling: which wheels the left, the right, either and no command drives; casters and balls are
-    in none of them. turning: of each wheel, surface speed per rpm in the units of the kernels, whether the left and the
+    left, right, driving, rolling: wheels driven by the left, the right, either and no command; casters and balls are in
+    none of them. turning: for each wheel, surface speed per rpm in the units of the kernels, whether the left and the
     right command drive it, and radius in mm times the unit of length in mm. time_unit_s: see simulator.dynamics.scale.
     """
 
@@ -52,13 +52,13 @@ class Layout:
         )
 
     def record(self, slots: int) -> NDArray[np.void]:
-        """A new record (1,) with room for so many wheels, which holds what no effect changes."""
+        """A new record (1,) with room for `slots` wheels, filled with the fields that no effect changes."""
         return _record(self, slots).copy().view(model_type(slots))
 
 
 @lru_cache(MOST_LAYOUTS)
 def _record(layout: Layout, slots: int) -> NDArray[np.int64]:
-    """The record as words, which numpy copies faster than fields."""
+    """The record as 64-bit words, which numpy copies faster than fields."""
     model, count, length = np.zeros(1, model_type(slots)), len(layout.wheels), layout.time_unit_s**2
     row = model[0]
     row["time_unit"], row["wheels"] = layout.time_unit_s, count

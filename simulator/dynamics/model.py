@@ -26,7 +26,7 @@ from simulator.robot import Robot
 from simulator.slip.law import REST_SPEED_MM_S
 
 NO_AXLE = 2  # 0: the front axle, 1: the rear axle
-# Of a wheel without friction.
+# Numbers of LAW for a wheel without friction.
 NO_FRICTION = (0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0)
 
 
@@ -38,9 +38,9 @@ def room_for(robots: Iterable[NominalRobot]) -> int:
 def record_of(draft: Draft, rest_speed_mm_s: float = REST_SPEED_MM_S, slots: int | None = None) -> NDArray[np.void]:
     """The robot of a draft compiled for the kernels, shape (1,) of dtype model_type(slots).
 
-    rest_speed_mm_s: of a robot of the usual size, see simulator.dynamics.scale; slots: room for more wheels than there
-    are, so that robots of different numbers of wheels make one batch. Raises SimulationError where no forces on the
-    wheels can balance the weight, where a wheel is left without friction, or where more terms act than fit.
+    rest_speed_mm_s: for a robot of the paper's size, see simulator.dynamics.scale; slots: number of wheels the record
+    has room for, so that robots with different numbers of wheels fit in one batch. Raises SimulationError if no forces
+    on the wheels can balance the weight, if a wheel has no friction, or if there are more than MOST_TERMS terms.
     """
     draft.finish()
     layout, unit = draft.layout, draft.layout.time_unit_s
@@ -57,7 +57,7 @@ def record_of(draft: Draft, rest_speed_mm_s: float = REST_SPEED_MM_S, slots: int
             flat += [EMPTY.get(name, 0.0)] * empty
     model.view(np.float64)[: len(flat)] = flat  # one assignment: a fit fills records by the thousand
     _fill_terms(row, draft, unit)
-    if draft.compliance_rad_per_mN != 0:  # axles give way to what the body presses them with
+    if draft.compliance_rad_per_mN != 0:  # axles turn under the forces on the body, which may vary
         _fill_axles(row, draft, unit)
         row["wheels_vary"] = row["varies"]
     changed = draft.droop_rpm_per_uN_mm or draft.compliance_rad_per_mN or draft.toe_rad.any()
@@ -66,7 +66,7 @@ def record_of(draft: Draft, rest_speed_mm_s: float = REST_SPEED_MM_S, slots: int
 
 
 def apply_effects(draft: Draft, entries: Sequence[EffectEntry]) -> None:
-    """Let the effects of a robot act on its draft. Raises SimulationError for faulty entries."""
+    """Apply the effects of a robot to its draft. Raises SimulationError for faulty entries."""
     if faults := faults_of_effects(entries):
         raise SimulationError(f"{draft.robot.name}: {'; '.join(faults)}")
     for entry in entries:
@@ -87,8 +87,8 @@ def compile_robot(
 ) -> NDArray[np.void]:
     """The record of a robot with its effects, shape (1,); see record_of.
 
-    run_index: number of the run within its session, from 0; extra: further terms of the grammar, for physics without
-    a name. Raises SimulationError for effects that the catalogue does not know or that cannot act on this robot.
+    run_index: number of the run within its session, from 0; extra: further terms, for physics that is not in the
+    catalogue. Raises SimulationError for effects that the catalogue does not know or that cannot act on this robot.
     """
     draft = Draft(robot, run_index)
     apply_effects(draft, robot.effect)
@@ -155,7 +155,7 @@ def _friction_of(
 
 
 def _numbers_of_motors(draft: Draft, unit: float) -> dict[str, Sequence[float]]:
-    """Commands come in revolutions per minute of the kernels' time, see simulator.dynamics.scale."""
+    """Numbers of the motors; commands are in revolutions per minute of the kernels' time unit (dynamics.scale)."""
     left, right = draft.speed_factor.tolist()
     droop, turning = draft.droop_rpm_per_uN_mm / unit, draft.layout.turning
     by_left = [per_rpm * left if on else 0.0 for per_rpm, on, _, _ in turning]
@@ -177,7 +177,7 @@ def _numbers_of_motors(draft: Draft, unit: float) -> dict[str, Sequence[float]]:
 
 
 def _fill_axles(row: Any, draft: Draft, unit: float) -> None:
-    """Which axle each wheel belongs to: wheels of one x make one. Raises SimulationError for other than two."""
+    """Assign wheels to axles: those with equal x share one. Raises SimulationError unless there are two axles."""
     places = sorted({wheel.x_mm for wheel in draft.layout.wheels if wheel.grips}, reverse=True)
     if len(places) != 2:
         raise SimulationError(
@@ -194,7 +194,7 @@ def _fill_terms(row: Any, draft: Draft, unit: float) -> None:
     terms, wheels = draft.terms, draft.layout.wheels
     if not terms:
         return
-    # Friction comes last: where it depends on the direction of sliding, speed and toe must be known.
+    # Friction comes last: its terms may depend on the direction of sliding, which needs speed and toe.
     ordered = sorted(terms, key=lambda term: (term.acts_on_wheels, term.channel == FRICTION))
     count = len(ordered)
     if count > MOST_TERMS:
@@ -202,8 +202,8 @@ def _fill_terms(row: Any, draft: Draft, unit: float) -> None:
     on_wheels = [term for term in ordered if term.acts_on_wheels]
     on_body = ordered[: count - len(on_wheels)]
     row["body_terms"], row["wheel_terms"] = len(on_body), len(on_wheels)
-    row["body_feels"] = any(term.depends_on_velocity for term in on_body)
-    row["wheels_feel"] = any(term.depends_on_velocity for term in on_wheels)
+    row["body_varies_with_velocity"] = any(term.depends_on_velocity for term in on_body)
+    row["wheels_vary_with_velocity"] = any(term.depends_on_velocity for term in on_wheels)
     row["wheels_vary"] = any(term.varies for term in on_wheels)
     row["varies"] = row["wheels_vary"] or any(term.varies for term in on_body)
     row["channel"][:count] = [term.channel for term in ordered]

@@ -1,7 +1,7 @@
 """Rotation of the motors between two breaks of the command, with limits, dead band, dead time and lag.
 
-A segment is a row: between two times the rotational frequency of each side is a + b·t + e·exp(-t/lag) in rpm, t from
-the start of the segment, and the motor has turned by an angle known in closed form.
+A segment is a row of numbers. Within it the rotational frequency of each side is a + b·t + e·exp(-t/lag) in rpm, with
+t from the start of the segment, and the angle that the motor has turned follows in closed form.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from simulator.compilation import compiled, counter
 # Columns of a segment. Per side: constant, slope, exponential (rpm), angle at the start (rad).
 BEGIN, END, STEADY, LEFT, RIGHT, COLUMNS = 0, 1, 2, 3, 7, 11
 RAD_PER_REVOLUTION_MINUTE = 2 * math.pi / 60
-# An exponential is over after so many time constants: exp(-36) is the rounding of a double.
+# Time constants after which an exponential is neglected: exp(-36) is the rounding error of a double.
 LASTING_LAGS = 36.0
-ROUNDED = 1e-12  # relative: a part of a command that is off by no more has met what it is told
+ROUNDED = 1e-12  # relative difference below which a ramped command counts as equal to its target
 
 
 @compiled()
@@ -51,9 +51,9 @@ def drive_at(segment: Any, time: float, lag: float) -> tuple[float, float, float
 def command_segments(knots: Any, begin: float, end: float, model: Any) -> Any:
     """Segments (n, COLUMNS) of a command from begin to end.
 
-    knots: (k, 3) time, left and right rpm. The lag starts settled on the first value.
+    knots: (k, 3) time, left and right rpm. The motors start settled at the first value.
     """
-    knots = _ramped(_told(knots, model.mix, model.limits), model.ramps)
+    knots = _ramped(_drive_commands(knots, model.mix, model.limits), model.ramps)
     count = len(knots)
     segments = np.zeros((12 * (count + 2), COLUMNS))
     used = counter(0)
@@ -77,40 +77,40 @@ def command_segments(knots: Any, begin: float, end: float, model: Any) -> Any:
 
 
 @compiled()
-def _told(knots: Any, mix: Any, limits: Any) -> Any:
-    """Knots as the motors are told them by a drive that mixes its sides and limits them.
+def _drive_commands(knots: Any, mix: Any, limits: Any) -> Any:
+    """Knots after the drive has mixed both sides and limited them.
 
     mix (8,), limits (3,): see simulator.effects.draft.Draft.
     """
     wheel, ahead, turn = limits[0], limits[1], limits[2]
-    told = np.empty((len(knots), 3))
+    commands = np.empty((len(knots), 3))
     for row in range(len(knots)):
         left, right = knots[row, 1], knots[row, 2]
-        told[row, 0] = knots[row, 0]
+        commands[row, 0] = knots[row, 0]
         for side in range(2):
             more = mix[4 * side] * left + mix[4 * side + 1] * right
             more += mix[4 * side + 2] * abs(left) + mix[4 * side + 3] * abs(right)
-            told[row, 1 + side] = knots[row, 1 + side] + more
-        left, right = told[row, 1], told[row, 2]
-        if max(abs(left), abs(right)) > min(wheel, ahead, turn):  # each part is at most as large as the larger side
+            commands[row, 1 + side] = knots[row, 1 + side] + more
+        left, right = commands[row, 1], commands[row, 2]
+        if max(abs(left), abs(right)) > min(wheel, ahead, turn):  # no part exceeds the larger side
             common, half = _within(0.5 * (left + right), ahead), _within(0.5 * (right - left), turn)
-            told[row, 1], told[row, 2] = _within(common - half, wheel), _within(common + half, wheel)
-    return told
+            commands[row, 1], commands[row, 2] = _within(common - half, wheel), _within(common + half, wheel)
+    return commands
 
 
 @compiled()
 def _ramped(knots: Any, ramps: Any) -> Any:
-    """Knots of a drive whose common part and half difference take ramps (2,) at least to change by 1 rpm.
+    """Knots after the drive has limited how fast mean and half difference of both sides change; ramps (2,): s per rpm.
 
-    Each part goes toward what it is told as fast as it may, and follows it from where it meets it. Straight lines stay
-    straight lines: a part bends where what it is told does, and where it meets that.
+    Each of the two parts approaches its target at the limit and follows it from the time at which it reaches it. The
+    result is piecewise linear: new knots arise where a part reaches its target.
     """
     if ramps[0] <= 0.0 and ramps[1] <= 0.0:
         return knots
     count = len(knots)
-    # Of each piece its beginning and its end, and where each part meets what it is told.
+    # For each piece its beginning, its end, and the times at which both parts reach their targets.
     bent = np.empty((4 * count, 3))
-    told, slope, part, speed = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    target, slope, part, speed = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     used = counter(0)
     _parts_of(knots, 0, part)
     for piece in range(count):
@@ -118,25 +118,25 @@ def _ramped(knots: Any, ramps: Any) -> Any:
         end = np.inf if last else knots[piece + 1, 0]
         if end <= at:
             continue
-        _parts_of(knots, piece, told)
+        _parts_of(knots, piece, target)
         slope[:] = 0.0
         if not last:
             _parts_of(knots, piece + 1, slope)
             for k in range(2):
-                slope[k] = (slope[k] - told[k]) / (end - at)
+                slope[k] = (slope[k] - target[k]) / (end - at)
         while at < end:
             meeting = end - at
             for k in range(2):
-                speed[k], soon = _nearing(told[k] - part[k], ROUNDED * (1.0 + abs(told[k])), slope[k], ramps[k])
+                speed[k], soon = _nearing(target[k] - part[k], ROUNDED * (1.0 + abs(target[k])), slope[k], ramps[k])
                 if soon > 0.0:
                     meeting = min(meeting, soon)
                 else:
-                    part[k] = told[k]
+                    part[k] = target[k]
             used = _knot(bent, used, at, part)
             if meeting == np.inf:
                 break
             for k in range(2):
-                told[k] += slope[k] * meeting
+                target[k] += slope[k] * meeting
                 part[k] += speed[k] * meeting
             at = at + meeting if meeting < end - at else end
         if not last:
@@ -146,7 +146,7 @@ def _ramped(knots: Any, ramps: Any) -> Any:
 
 @compiled()
 def _nearing(off: float, rounding: float, slope: float, ramp: float) -> tuple[float, float]:
-    """How fast a part moves that is off what it is told, and after what time it meets that: 0 where it follows it."""
+    """Rate of a part that differs from its target by off, and the time until it reaches it; 0 if it follows it."""
     if ramp <= 0.0 or (abs(off) <= rounding and abs(slope) * ramp <= 1.0):
         return slope, 0.0
     if abs(off) <= rounding:
@@ -158,23 +158,23 @@ def _nearing(off: float, rounding: float, slope: float, ramp: float) -> tuple[fl
 
 @compiled()
 def _knot(knots: Any, used: int, at: float, parts: Any) -> int:
-    """Write a knot of both sides from what they have in common and half of their difference."""
+    """Write a knot from mean and half difference of both sides; returns the number of knots."""
     knots[used, 0], knots[used, 1], knots[used, 2] = at, parts[0] - parts[1], parts[0] + parts[1]
     return used + 1
 
 
 @compiled()
 def _parts_of(knots: Any, row: int, parts: Any) -> None:
-    """Write what both sides of a knot have in common, and half of their difference, to parts (2,)."""
+    """Write mean and half difference of both sides of a knot to parts (2,)."""
     parts[0] = 0.5 * (knots[row, 1] + knots[row, 2])
     parts[1] = 0.5 * (knots[row, 2] - knots[row, 1])
 
 
 @compiled()
 def held_drive(left: float, right: float, model: Any) -> tuple[float, float]:
-    """Rotational frequencies, rpm, of motors that have been told one command for long."""
-    told = _told(np.array([[0.0, left, right]]), model.mix, model.limits)
-    return _banded(told[0, 1], model.dead_band), _banded(told[0, 2], model.dead_band)
+    """Rotational frequencies, rpm, at which the motors settle under a constant command."""
+    commands = _drive_commands(np.array([[0.0, left, right]]), model.mix, model.limits)
+    return _banded(commands[0, 1], model.dead_band), _banded(commands[0, 2], model.dead_band)
 
 
 @compiled()
@@ -196,7 +196,7 @@ def _slope(knots: Any, piece: int, side: int) -> float:
 
 @compiled()
 def _cuts(knots: Any, piece: int, low: float, high: float, dead_band: float, cuts: Any) -> int:
-    """Edges of the parts of a piece in which no side crosses the edge of the dead band."""
+    """Split a piece into parts in which no side crosses the edge of the dead band; returns the number of edges."""
     used = 1
     cuts[0] = low
     if dead_band > 0.0:
@@ -209,7 +209,7 @@ def _cuts(knots: Any, piece: int, low: float, high: float, dead_band: float, cut
                         cuts[used] = crossing
                         used += 1
     cuts[used] = high
-    for later in range(1, used + 1):  # a handful, mostly in order
+    for later in range(1, used + 1):  # insertion sort of at most six edges, mostly in order
         place = later
         while place > 0 and cuts[place] < cuts[place - 1]:
             cuts[place], cuts[place - 1] = cuts[place - 1], cuts[place]
@@ -231,7 +231,7 @@ def _add_part(
     turned: Any,
     model: Any,
 ) -> int:
-    """Append one part, split where its exponential has faded; lagged and turned are carried to its end."""
+    """Append one part, split where its exponential has decayed; lagged and turned are updated to its end."""
     row = segments[used]
     lag = model.lag
     length = stop - start
@@ -240,7 +240,7 @@ def _add_part(
         column = LEFT if side == 0 else RIGHT
         slope = _slope(knots, piece, side)
         value = knots[max(piece, 0), 1 + side]
-        if math.isinf(start):  # before the first knot all is settled
+        if math.isinf(start):  # before the first knot the motors are settled
             row[column] = lagged[side]
             continue
         value += slope * (start - low)
@@ -280,7 +280,7 @@ def _add_part(
 
 @compiled()
 def _advance(row: Any, by: float, lag: float) -> None:
-    """Let a segment's formulas start later."""
+    """Shift the start of a segment's formulas to a later time."""
     for column in (LEFT, RIGHT):
         row[column] += row[column + 1] * by
         if lag > 0.0:

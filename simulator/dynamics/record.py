@@ -1,4 +1,4 @@
-"""The record that the kernels see of a robot: its numbers, and how many of each. Units: simulator.dynamics.scale."""
+"""The record of a robot for the kernels: names, shapes and meaning of its fields. Units: simulator.dynamics.scale."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ WHEELS = "wheels"  # stands for a number per wheel
 NO_COMMAND = 2
 SIDES = {"left": 0, "right": 1, "none": NO_COMMAND}
 
-# What effects may change; filled in one go, in this order.
+# Fields that effects may change; filled in one assignment, in this order.
 NUMBERS: dict[str, int | str] = {
     "mass": 1,
     "inertia": 1,  # yaw, about the robot's centre
@@ -38,25 +38,25 @@ NUMBERS: dict[str, int | str] = {
     "dead_time": 1,
     "lag": 1,
     "compliance": 1,  # rad per µN
-    "mix": 8,  # added to the left, then to the right command, per rpm of left, right and their sizes
-    "sliding": 1,  # share of friction that opposes the velocity at which a wheel slides
-    "limits": 3,  # rpm, of each wheel, of what both sides have in common, and of half of their difference
-    "ramps": 2,  # s per rpm: how long the last two take at least to change by one; 0 where nothing limits them
+    "mix": 8,  # added to the left, then to the right command, per rpm of left, right, |left| and |right|
+    "sliding": 1,  # share of friction that opposes the sliding velocity of the wheel
+    "limits": 3,  # rpm: of each wheel, of the mean of both sides, and of half of their difference
+    "ramps": 2,  # s per rpm: least time in which mean and half difference change by 1 rpm; 0 without a limit
 }
 # Numbers of the slip law of one wheel, in the order above.
 LAW = (
     *("grip_x", "grip_y", "steep_x", "steep_y", "ratio", "shape_x", "shape_y", "decrease"),
     "stiffness_follows_load",
 )
-# In the slots beyond the wheels there is no grip, and nothing that friction is divided by is 0.
+# Values in the slots beyond the wheels: no grip, and no division by 0.
 EMPTY = dict.fromkeys(("steep_x", "steep_y", "ratio", "shape_x", "shape_y", "stiffness_follows_load"), 1.0)
 
 
 @cache
 def model_type(slots: int) -> np.dtype[np.void]:
-    """Type of the record of a robot of up to so many wheels.
+    """Type of the record of a robot with up to `slots` wheels.
 
-    It is a np.record, so that kernels that are not compiled find its fields by the same names.
+    It is a np.record, so that uncompiled kernels can use its fields as attributes, too.
     """
     changing: list[tuple[Any, ...]] = []
     for name, count in NUMBERS.items():
@@ -69,17 +69,17 @@ def model_type(slots: int) -> np.dtype[np.void]:
             ("wheel_x", float, slots),
             ("wheel_y", float, slots),
             ("driving", float, slots),  # 1, or 0 for a wheel that rolls freely
-            ("axle_x", float, 2),  # of the front and the rear axle, where axles give way
-            ("wheels", np.int64),  # how many there are; the slots beyond have no grip
+            ("axle_x", float, 2),  # of the front and the rear axle, where axles are compliant
+            ("wheels", np.int64),  # number of wheels; the slots beyond have no grip
             ("general", np.int64),  # 0: friction of the wheels is nominal
-            ("wheels_feel", np.int64),  # 1: what terms change about a wheel depends on the velocity
-            ("body_feels", np.int64),  # 1: forces of terms on the body do
+            ("wheels_vary_with_velocity", np.int64),  # 1: terms on the wheels depend on the velocity
+            ("body_varies_with_velocity", np.int64),  # 1: terms on the body depend on the velocity
             ("varies", np.int64),  # 1: forces change along a steady turn
-            ("wheels_vary", np.int64),  # 1: friction does
-            ("body_terms", np.int64),  # the first so many terms act on the body, the next on the wheels
+            ("wheels_vary", np.int64),  # 1: friction changes along a steady turn
+            ("body_terms", np.int64),  # number of terms on the body, which come first; those on the wheels follow
             ("wheel_terms", np.int64),
-            ("side", np.int64, slots),  # command that drives it: 0 left, 1 right, or NO_COMMAND
-            ("axle", np.int64, slots),  # 0 front, 1 rear, or none of them; where axles give way
+            ("side", np.int64, slots),  # command that drives the wheel: 0 left, 1 right, or NO_COMMAND
+            ("axle", np.int64, slots),  # 0 front, 1 rear, or NO_AXLE; where axles are compliant
             ("channel", np.int64, MOST_TERMS),
             ("basis", np.int64, MOST_TERMS),
             ("coefficient", float, MOST_TERMS),

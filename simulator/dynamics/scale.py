@@ -33,7 +33,7 @@ from simulator.dynamics.terms import (
 )
 
 USUAL_DISTANCE_MM = math.sqrt(8.0)  # of the paper's wheels from their middle, root mean square
-# Dimension of the bases that have one: powers of length and of time.
+# Dimensions of the bases, as powers of length and of time; bases that are not listed are dimensionless.
 DIMENSIONS = {
     U: (1, -1),
     V: (1, -1),
@@ -50,18 +50,18 @@ DIMENSIONS = {
 
 
 def time_unit_s(places_mm: NDArray[np.float64]) -> float:
-    """Unit of time of a robot with supports at (n, 2), a power of two; its unit of length in mm is the square."""
+    """Unit of time, s, of a robot with supports at (n, 2): a power of two. Its square is the unit of length, mm."""
     off = places_mm - places_mm.mean(axis=0)
     distance = math.sqrt(float((off * off).sum()) / len(off))
     return float(2.0 ** round(math.log(max(distance, 1e-9) / USUAL_DISTANCE_MM, 4)))
 
 
 def scaled_coefficient(term: Term, time_unit: float) -> float:
-    """A term's coefficient in the units of the kernels: that of a force is µN, of a moment µN times the length."""
+    """A term's coefficient in the units of the kernels: forces in µN, moments in µN times the unit of length."""
     length, time = DIMENSIONS.get(term.basis, (0, 0))
     power = 2.0 * length + time - (2 if term.channel == MOMENT else 0)
     if term.basis in (TOWARD_X, TOWARD_Y):
-        power -= 2.0 * term.falloff  # its size is stated at 10 mm, and the kernels take 10 of their units
+        power -= 2.0 * term.falloff  # stated at 10 mm, used by the kernels at 10 of their units
     return float(term.coefficient * time_unit**power)
 
 
@@ -84,8 +84,8 @@ def scaled_knots(knots: NDArray[np.float64], time_unit: float) -> NDArray[np.flo
 
 
 def most_slots(counts: Sequence[int]) -> int:
-    """How many wheels a record has room for so that robots of so many wheels fit: a multiple of four.
+    """Number of wheels that a record has room for, so that robots with these counts of wheels fit: a multiple of four.
 
-    The kernels are compiled anew for every such number, and work out four wheels as one vector.
+    Kernels are compiled for each such number, and process four wheels as one vector.
     """
     return 4 * math.ceil(max(counts) / 4)

@@ -18,7 +18,7 @@ from simulator.errors import SimulationError
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
-BALANCED = 1e-9  # of the weight: what rounding leaves of a balance
+BALANCED = 1e-9  # residual of a balance by rounding, as a share of the weight
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Rectangle:
         return Rectangle(middle, sides, corners)
 
     def shares(self, weight: float, gravity: Point) -> Array:
-        """Weight share of each support; the ends of both axles share alike."""
+        """Weight share of each support; both ends of an axle carry the same."""
         forward = 2 * (gravity[0] - self.middle[0]) / self.sides[0]
         sideways = 2 * (gravity[1] - self.middle[1]) / self.sides[1]
         quarter = weight / 4
@@ -72,9 +72,10 @@ def wheel_loads(
 
 
 def _stiff(places: Array, weight: float, gravity: Point) -> tuple[Array | None, Array]:
-    """Weight shares of equally stiff supports, None where they cannot balance; the plane (3,) that they follow.
+    """Weight shares of equally stiff supports, None if they cannot balance; and their plane (3,).
 
-    A share is (1, x, y) times the plane: the sinking of a rigid body. Lengths are relative to the layout's size.
+    A rigid body sinks by a linear function of position, so a share is (1, x, y) · plane. Lengths are relative to the
+    size of the layout.
     """
     size = float(np.abs(places - places.mean(axis=0)).max()) or 1.0
     levers = np.column_stack([np.ones(len(places)), (places - gravity) / size])
@@ -86,7 +87,7 @@ def _stiff(places: Array, weight: float, gravity: Point) -> tuple[Array | None, 
 
 
 def _lifted(name: str, places: Array, weight: float, gravity: Point, attraction: Array) -> tuple[Array, Array]:
-    """Weight shares and loads where some support lifts off: one leaves after the other, and those that press return."""
+    """Weight shares and loads where supports lift off: they are removed one by one; one that would press returns."""
     count = len(places)
     resting = np.ones(count, dtype=np.bool_)
     for _ in range(2 * count):

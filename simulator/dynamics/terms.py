@@ -2,7 +2,7 @@
 
 Channel: where it acts. Basis: what it depends on. Pattern over the wheels: common, left-right or front-rear.
 Units: mm, s, g, µN, rad. Body channels take the state of the robot's centre, wheel channels that of each wheel, camera
-channels the place of each mark.
+channels the position of each mark.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ UN_PER_MN = 1000.0  # files say mN, terms µN = g·mm/s²
 
 # Channels. Body: force in the body frame, moment, force in the plate frame (µN, µN·mm). Wheel: relative change of
 # surface speed, load, stiffness, friction coefficient, and of the latter across the wheel alone; toe angle (rad); force
-# along the wheel (µN). Camera: error of the measured place of a mark, mm. Drive: rotational frequency that is added to
-# what the left and the right driving wheels are commanded, rpm.
+# along the wheel (µN). Camera: error of the measured position of a mark, mm. Drive: rotational frequency added to the
+# commands of the left and the right driving wheels, rpm.
 FORCE_FORWARD, FORCE_LEFT, MOMENT, FORCE_PLATE_X, FORCE_PLATE_Y = range(5)
 SPEED, STEER, LOAD, STIFFNESS, DRAG, FRICTION, FRICTION_ACROSS = range(5, 12)
 CAMERA_X, CAMERA_Y = 12, 13
@@ -44,7 +44,7 @@ CHANNELS = {
 ONE, U, V, YAW, U_ABS, V_ABS, YAW_ABS, ABS_U, ABS_YAW, SIGN_U, SIGN_V, SIGN_YAW = range(12)
 COS, SIN, COS2, SIN2, X, Y, TIME, COS_ANGLE, SIN_ANGLE, TOWARD_X, TOWARD_Y, SLIDE_COS2, SLIDE_SIN2 = range(12, 25)
 X_CUBED, Y_CUBED = 25, 26
-# Of the drive alone: what both sides are commanded, rpm, and its size.
+# For drive channels only: the commands of both sides, rpm, and their absolute values.
 LEFT_COMMAND, RIGHT_COMMAND, ABS_LEFT_COMMAND, ABS_RIGHT_COMMAND = range(27, 31)
 BASES = {
     "one": ONE,
@@ -72,7 +72,7 @@ BASES = {
     "toward_y": TOWARD_Y,
     "cos_2_slide": SLIDE_COS2,  # of the direction in which the contact slides over the plate
     "sin_2_slide": SLIDE_SIN2,
-    "x_r_squared": X_CUBED,  # x·(x² + y²): what a lens leaves
+    "x_r_squared": X_CUBED,  # x·(x² + y²): residual radial distortion of a lens
     "y_r_squared": Y_CUBED,
     "left_command": LEFT_COMMAND,
     "right_command": RIGHT_COMMAND,
@@ -80,18 +80,18 @@ BASES = {
     "abs_right_command": ABS_RIGHT_COMMAND,
 }
 
-# Of what is fixed to the plate: where on it the robot is, or which way it looks or slides.
+# Channels and bases that depend on the robot's position, heading or sliding direction relative to the plate.
 _PLATE_CHANNELS = frozenset({FORCE_PLATE_X, FORCE_PLATE_Y, CAMERA_X, CAMERA_Y})
 _PLATE_BASES = frozenset({COS, SIN, COS2, SIN2, X, Y, TOWARD_X, TOWARD_Y, SLIDE_COS2, SLIDE_SIN2, X_CUBED, Y_CUBED})
 
 
 def is_of_plate(channel: int, basis: int) -> bool:
-    """Whether a term acts by the place or the direction of the robot on the plate."""
+    """Whether a term depends on the robot's position or direction on the plate."""
     return channel in _PLATE_CHANNELS or basis in _PLATE_BASES
 
 
 class Place(Protocol):
-    """What a pattern asks of a wheel: its centre in the body frame, mm, and which command drives it."""
+    """What a pattern needs to know of a wheel: its centre in the body frame, mm, and which command drives it."""
 
     @property
     def x_mm(self) -> float: ...  # noqa: D102
@@ -119,7 +119,7 @@ def _corner(ahead: int, side: int) -> Callable[[Place, Sequence[Place]], float]:
     return lambda wheel, wheels: float(_ahead(wheel, wheels) == ahead and _sign(wheel.y_mm) == side)
 
 
-# Weight of a wheel among all wheels. Left and right are those of the place, for driving wheels those of the command.
+# Weight of a wheel among all wheels. Left and right refer to its position, for driving wheels to its command.
 PATTERNS: dict[str, Callable[[Place, Sequence[Place]], float]] = {
     "common": lambda _wheel, _wheels: 1.0,
     "left-right": lambda wheel, _wheels: _sign(wheel.y_mm),
@@ -136,7 +136,7 @@ PATTERNS: dict[str, Callable[[Place, Sequence[Place]], float]] = {
 
 
 def pattern_weights(pattern: str | tuple[float, ...], wheels: Sequence[Place]) -> tuple[float, ...]:
-    """Weight of each wheel, by the name of a pattern or as it is given."""
+    """Weight of each wheel, from the name of a pattern or as given."""
     if isinstance(pattern, str):
         weigh = PATTERNS[pattern]
         return tuple(weigh(wheel, wheels) for wheel in wheels)
@@ -147,9 +147,8 @@ def pattern_weights(pattern: str | tuple[float, ...], wheels: Sequence[Place]) -
 class Term:
     """One term: channel and basis of this module, coefficient in the channel's unit per unit of the basis.
 
-    pattern: of wheel channels, the name of one of PATTERNS or the weight of each wheel; point_mm and falloff: for the
-    bases toward_x and toward_y, which are 1 in size at 10 mm from the point and go with the distance to the power of
-    -falloff.
+    pattern: for wheel channels, the name of one of PATTERNS or the weight of each wheel; point_mm and falloff: for the
+    bases toward_x and toward_y, whose magnitude is 1 at 10 mm from the point and proportional to distance^-falloff.
     """
 
     channel: int
@@ -166,7 +165,7 @@ class Term:
 
     @property
     def is_seen_only(self) -> bool:
-        """Whether the term is an error of the measurement: the robot does not feel it."""
+        """Whether the term is an error of the measurement, which does not act on the robot."""
         return self.channel in (CAMERA_X, CAMERA_Y)
 
     @property
@@ -176,12 +175,12 @@ class Term:
 
     @property
     def depends_on_place(self) -> bool:
-        """Whether the term changes with the place on the plate, whatever the heading."""
+        """Whether the term changes with the position on the plate at constant heading."""
         return self.basis in (X, Y, TOWARD_X, TOWARD_Y, X_CUBED, Y_CUBED)
 
     @property
     def depends_on_velocity(self) -> bool:
-        """Whether the term changes with the velocity while the place is held."""
+        """Whether the term changes with the velocity at constant position."""
         return ONE < self.basis < COS or self.basis >= SLIDE_COS2
 
     @property

@@ -1,8 +1,9 @@
-"""One wheel on the plate: its record, its friction, and the motor's droop under it.
+"""One wheel on the plate: its contact state, its friction, and motor droop under that friction.
 
-Units: mm, s, µN, rad. Contacts are an array (ROWS, n): rows SURFACE (speed, mm/s), COS_STEER and SIN_STEER, GRIP and
-STEEP (factors of a wheel's grip and steepness, along X and across Y), DRAG (µN), DROOP (loss of surface speed per µN),
-GIVEN (angle by which its axle has given way, rad); a column per wheel.
+Units: mm, s, µN, rad. Contacts are an array (ROWS, n), a column per wheel. Rows: SURFACE, surface speed, mm/s;
+COS_STEER, SIN_STEER, of the steering angle; GRIP_X, GRIP_Y and STEEP_X, STEEP_Y, factors of the nominal grip mu0·f_z
+and of the nominal K_y/(mu0·f_z), along and across the wheel; DRAG_FORCE, µN; DROOP, loss of surface speed per µN;
+AXLE_ANGLE, steering angle of a compliant axle, rad.
 """
 
 from __future__ import annotations
@@ -15,11 +16,11 @@ from simulator.compilation import compiled
 from simulator.slip.law import sliding_slopes, wheel_slopes
 from simulator.slip.magic_formula import VECTORS
 
-SURFACE, COS_STEER, SIN_STEER, GRIP_X, GRIP_Y, STEEP_X, STEEP_Y, DRAG_FORCE, DROOP, GIVEN, ROWS = range(11)
+SURFACE, COS_STEER, SIN_STEER, GRIP_X, GRIP_Y, STEEP_X, STEEP_Y, DRAG_FORCE, DROOP, AXLE_ANGLE, ROWS = range(11)
 
 
 def fresh_contacts(slots: int = 4) -> Any:
-    """Contacts of wheels without any effect, at rest; slots: of the record, see simulator.dynamics.model."""
+    """Contacts (ROWS, slots) at rest, without effects; slots: wheels that a record has room for."""
     contacts = np.zeros((ROWS, slots))
     reset_contacts(contacts)
     return contacts
@@ -27,7 +28,7 @@ def fresh_contacts(slots: int = 4) -> Any:
 
 @compiled()
 def reset_contacts(contacts: Any) -> None:
-    """Contacts of wheels without any effect, at rest, into an array of zeros."""
+    """Fill contacts, an array of zeros, with the state at rest without effects."""
     for wheel in range(contacts.shape[1]):
         contacts[COS_STEER, wheel] = 1.0
         for row in range(GRIP_X, STEEP_Y + 1):
@@ -36,7 +37,7 @@ def reset_contacts(contacts: Any) -> None:
 
 @compiled(forceinline=True, fastmath=VECTORS)
 def law_slopes(u: float, v: float, surface: float, wheel: int, scaled: Any, rest: float, model: Any) -> Any:
-    """Friction along and across one wheel, then its derivatives; see simulator.slip.law.wheel_slopes."""
+    """Friction along and across one wheel and its derivatives, in the order of simulator.slip.law.wheel_slopes."""
     if model.sliding > 0.0:
         return _sliding_law(u, v, surface, wheel, scaled, rest, model)
     return wheel_slopes(
@@ -58,7 +59,7 @@ def law_slopes(u: float, v: float, surface: float, wheel: int, scaled: Any, rest
 
 @compiled()
 def _sliding_law(u: float, v: float, surface: float, wheel: int, scaled: Any, rest: float, model: Any) -> Any:
-    """As law_slopes, of a mean of both laws: the share model.sliding is of friction that opposes the sliding."""
+    """law_slopes where the share model.sliding of the friction follows sliding_slopes, the rest wheel_slopes."""
     numbers = (
         *(model.driving[wheel], model.grip_x[wheel] * scaled[0], model.grip_y[wheel] * scaled[1]),
         *(model.steep_x[wheel] * scaled[2], model.steep_y[wheel] * scaled[3], model.ratio[wheel]),
@@ -79,10 +80,11 @@ def _sliding_law(u: float, v: float, surface: float, wheel: int, scaled: Any, re
 
 @compiled(forceinline=True, fastmath=VECTORS)
 def wheel_response(wheel: int, u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> Any:
-    """Force on a wheel and its derivatives at a velocity of the robot; callers pay for those that they use.
+    """Force on a wheel and its derivatives at a velocity of the robot, in the body frame.
 
-    Eight numbers in the body frame, forward and left by turns: force; derivatives by the velocity of the wheel's centre
-    forward, (x_u, x_v), and left, (y_u, y_v); by the angle about the vertical. Contacts are held, but speeds may droop.
+    Eight numbers: force forward and to the left; derivatives of the forward force by the wheel centre's velocity
+    forward and left, (x_u, x_v); likewise of the force to the left, (y_u, y_v); derivatives of both by the steering
+    angle. Contacts are constant, except that surface speeds droop. Inlined: unused numbers are never computed.
     """
     x, y = model.wheel_x[wheel], model.wheel_y[wheel]
     body_u, body_v = u - r * y, v + r * x
@@ -107,7 +109,7 @@ def wheel_response(wheel: int, u: float, v: float, r: float, contacts: Any, rest
 
 @compiled()
 def law(u: float, v: float, wheel: int, contacts: Any, rest: float, model: Any) -> tuple[float, float]:
-    """Friction along and across one wheel; u, v: of its centre in its own frame."""
+    """Friction along and across one wheel; u, v: velocity of its centre in the wheel frame."""
     scaled = (contacts[GRIP_X, wheel], contacts[GRIP_Y, wheel], contacts[STEEP_X, wheel], contacts[STEEP_Y, wheel])
     slopes = law_slopes(u, v, contacts[SURFACE, wheel], wheel, scaled, rest, model)
     return slopes[0], slopes[1]
@@ -117,9 +119,10 @@ def law(u: float, v: float, wheel: int, contacts: Any, rest: float, model: Any) 
 def drooping_speed(
     u: float, v: float, free: float, guess: float, wheel: int, scaled: Any, rest: float, model: Any
 ) -> float:
-    """Surface speed of a motor that yields to its load: the w with w = free - droop·F_x(w).
+    """Surface speed w of a wheel whose motor slows down under load: the root of w = free - droop·F_x(w).
 
-    F_x grows with w, so the root is one; Newton's method from a guess within a bracket that friction bounds.
+    F_x grows with w, so the root is unique. Newton's method starts from guess, within a bracket given by the largest
+    friction.
     """
     droop = model.droop[wheel]
     reach = droop * model.grip_x[wheel] * scaled[0]
@@ -133,7 +136,7 @@ def drooping_speed(
         else:
             low = speed
         newton = speed - excess / (1.0 + droop * slopes[6])
-        if abs(newton - speed) <= 1e-7 * max(abs(free), 1e-3):  # then as many digits more are right
+        if abs(newton - speed) <= 1e-7 * max(abs(free), 1e-3):  # convergence is quadratic: the error is its square
             return float(newton)
         speed = newton if low < newton < high else (low + high) / 2
     return float(speed)

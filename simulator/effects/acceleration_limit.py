@@ -14,18 +14,18 @@ AHEAD, TURN = (
     Parameter(name, "rpm/s", NO_LIMIT_RPM_S, 1.0, 0.0, NO_LIMIT_RPM_S, at_least=1e-3, shown=40.0)
     for name in ("ahead_rpm_s", "turn_rpm_s")
 )
-USUAL_RPM = 60.0  # of a session that commands nothing: some command for scale
-STEP_S = 0.01  # in which speed comes up: as much of a delay shows (command-lag)
-BEGUN_S = 0.5  # in which a usual speed comes up where a fit begins: half a second, as drives of a metre have it
+USUAL_RPM = 60.0  # scale for a session without any command
+STEP_S = 0.01  # time to reach full speed: a delay of this size is visible in the marks (command-lag)
+BEGUN_S = 0.5  # time to reach the usual speed at the start of a fit: typical of robots of a metre
 
 
 def _act(draft: Draft, values: Values) -> None:
-    told = (0.0 if values[item.name] >= NO_LIMIT_RPM_S else 1 / values[item.name] for item in (AHEAD, TURN))
-    draft.ramps_s_per_rpm = tuple(max(old, new) for old, new in zip(draft.ramps_s_per_rpm, told, strict=True))
+    ramps = (0.0 if values[item.name] >= NO_LIMIT_RPM_S else 1 / values[item.name] for item in (AHEAD, TURN))
+    draft.ramps_s_per_rpm = tuple(max(old, new) for old, new in zip(draft.ramps_s_per_rpm, ramps, strict=True))
 
 
 def _fitted(scene: Scene) -> Candidate:
-    """Inverses of both limits, s/rpm, 0 without a limit; a ramp is late by half its duration."""
+    """Inverses of both limits, s/rpm, which are 0 without a limit; a ramp delays motion by half its duration."""
     levels = [level for level in scene.command_levels_rpm if level > 0] or [USUAL_RPM]
     usual = float(np.median(levels))
     parts = tuple(

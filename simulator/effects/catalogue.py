@@ -28,24 +28,24 @@ def _declared() -> Iterator[Effect]:
 
 
 BUILT_IN: Mapping[str, Effect] = MappingProxyType({effect.id: effect for effect in _declared()})
-OWN: dict[str, Effect] = {}  # read from files or installed packages in this process: simulator.own_effects
+OWN: dict[str, Effect] = {}  # the user's, read from files or installed packages: simulator.own_effects
 EFFECTS: Mapping[str, Effect] = ChainMap(OWN, dict(BUILT_IN))
 
 
 def effect_values(entry: EffectEntry) -> dict[str, float]:
-    """Parameters of one [[effect]]; those not given are absent. The entry must be free of faults."""
+    """All parameters of one valid [[effect]]; those not given have the value at which the effect vanishes."""
     return EFFECTS[entry.id].absent() | {name: float(value) for name, value in entry.given.items()}
 
 
 def faults_of_effects(entries: Sequence[EffectEntry]) -> list[str]:
-    """Errors in the [[effect]] entries of a robot, a phrase each."""
+    """Errors in the [[effect]] entries of a robot, one phrase each."""
     faults = [fault for entry in entries for fault in _faults(entry)]
     ids = [entry.id for entry in entries if entry.id != free_form.ID]
     return faults + [f"effect {id_} is defined twice" for id_ in sorted(set(ids)) if ids.count(id_) > 1]
 
 
 def nearest_effect(id_: str) -> str | None:
-    """The id of [[effect]] entries that is nearest to a misspelt one; None where none is near."""
+    """The valid effect id that is most similar to a misspelt one; None if none is similar."""
     return next(iter(difflib.get_close_matches(id_, [*EFFECTS, free_form.ID], n=1, cutoff=0.4)), None)
 
 

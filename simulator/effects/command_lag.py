@@ -9,8 +9,8 @@ from simulator.effects.parameter import PAPER_SIZE, Parameter
 
 DEAD_TIME = Parameter("dead_time_s", "s", 0.0, 0.01, 0.0, 2.0, at_least=0.0, shown=0.5)
 TIME_CONSTANT = Parameter("time_constant_s", "s", 0.0, 0.01, 0.0, 2.0, at_least=0.0, shown=0.5)
-# Delay, s, and share from which a fit to a robot of a metre begins: drives of such size follow within some hundredths
-# of a second (servo drives) to half a second (speed controllers that ramp).
+# Initial values of a fit to a robot of a metre: delay, s, and share. Drives of this size follow within some hundredths
+# of a second (servo drives) to half a second (speed controllers with ramps).
 DELAYS = ((0.05, 0.5), (0.3, 0.5))
 
 
@@ -20,10 +20,11 @@ def _act(draft: Draft, values: Values) -> None:
 
 
 def _fitted(scene: Scene) -> Candidate:
-    """Delay and share: wheels follow late by the sum of both times; which of them it is shows in the constant's square.
+    """Coordinates: total delay (dead time + time constant), and the time constant's share of it.
 
-    (In the two times themselves every fit without a time constant is a stationary point.) On a robot of a metre half a
-    second of delay turns and shifts what follows by so much that the view from no delay at all does not show it.
+    To first order wheels follow late by the total; the share acts by the square of the time constant, so that in the
+    two times themselves every fit at time constant 0 would be a stationary point. For a robot of a metre, half a second
+    of delay moves the following path too far for a linearization at zero delay; hence the initial values.
     """
 
     def physical(values: tuple[float, ...]) -> Parameters:

@@ -1,7 +1,7 @@
 """The coordinates in which effects are fitted.
 
-A linear fit needs coordinates in which the response is smooth where the effect vanishes. Most effects are fitted in
-their own parameters. A size and a direction become Cartesian components, since the direction of nothing is undefined.
+Gauss-Newton fits need coordinates in which the response is smooth at zero effect. Most effects are fitted in their own
+parameters. A size and a direction become Cartesian components, because the direction is undefined at size zero.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Parameters = dict[str, float]
 class Coordinate:
     """One number of a candidate: its value where the effect is absent, a small visible step, and physical bounds.
 
-    closed: nothing lies beyond the bounds (a share is 0 to 1), so that a fit may end there as anywhere else.
+    closed: values beyond the bounds are impossible (a share is 0 to 1), so that a fit may end at a bound.
     """
 
     name: str
@@ -35,10 +35,10 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class Scene:
-    """What coordinates may depend on of the runs that are fitted.
+    """Properties of the fitted runs that coordinates may depend on.
 
-    reach_mm: how far from the origin of the plate the robot moved; command_levels_rpm: the different |rpm| commanded;
-    size: of the robot.
+    reach_mm: largest distance of the robot from the origin of the plate; command_levels_rpm: distinct values of
+    commanded |rpm|; size: of the robot.
     """
 
     reach_mm: float
@@ -48,14 +48,14 @@ class Scene:
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect as it is fitted: coordinates, the effect's parameters from them, and where a fit may begin.
+    """An effect as it is fitted: coordinates, the effect's parameters as a function of them, and initial values.
 
-    starts: full vectors of coordinates at which a linear fit is worth beginning where the response at the absent effect
-    says nothing (the place of an attraction whose force is zero). The first coordinate is the size: an effect acts
-    where it is not absent. stepwise: the response is not differentiable, only the starts are tried, and each stands for
-    the interval of `between` around it, as (low, high). begin: coordinates at which a fit begins as they are, besides
-    where a linear view leads; what an earlier fit found, or empty. usual, beside: the range of the size, and the effect
-    without which a size beyond it is not believed, as it does the same.
+    The first coordinate is the size; the effect acts where it differs from its absent value. starts: vectors of
+    coordinates at which the response is linearized if the one at zero effect carries no information (the position of an
+    attraction whose force is zero). begin: initial coordinates besides those from linearization, as found by an earlier
+    fit; or empty. stepwise: the response is not differentiable; only the starts are tried, and each stands for the
+    interval of `between` around it, (low, high). usual: range of the size in which the effect is accepted; beyond it
+    only together with the effect `beside`, which explains the same response.
     """
 
     id: str
@@ -69,7 +69,7 @@ class Candidate:
     beside: str = ""
 
     def believed(self, size: float, effects: AbstractSet[str]) -> bool:
-        """Whether a size is believed of it in a model of these effects."""
+        """Whether a size is accepted in a model with these effects; see usual and beside."""
         return self.usual[0] <= size <= self.usual[1] or self.beside in effects
 
     @property
@@ -83,7 +83,7 @@ class Candidate:
         return tuple(item.absent for item in self.coordinates)
 
     def acts_at(self, place: tuple[float, ...]) -> bool:
-        """Whether the effect does anything at a place."""
+        """Whether the effect acts at these coordinates."""
         return place[0] != self.coordinates[0].absent
 
     def clipped(self, values: tuple[float, ...]) -> tuple[float, ...]:
@@ -99,20 +99,20 @@ def coordinate(parameter: Parameter) -> Coordinate:
 def plain(effect_id: str, parameters: Sequence[Parameter]) -> Candidate:
     """An effect fitted in its own parameters."""
     names = [parameter.name for parameter in parameters]
-    told = any(parameter.begin is not None for parameter in parameters)
+    given = any(parameter.begin is not None for parameter in parameters)
     begin = (parameter.absent if parameter.begin is None else parameter.begin for parameter in parameters)
     return Candidate(
         effect_id,
         tuple(map(coordinate, parameters)),
         lambda values: dict(zip(names, map(float, values), strict=True)),
-        begin=tuple(begin) if told else (),
+        begin=tuple(begin) if given else (),
     )
 
 
 def polar(effect_id: str, size: Parameter, angle: Parameter) -> Candidate:
-    """An effect of a size and a direction, fitted in components; the size bounds each, the angle repeats by its period.
+    """An effect with a size and a direction, fitted in Cartesian components, each within the bounds of the size.
 
-    The direction, in degrees, lies between 0 and its period.
+    The direction is in degrees, from 0 to its period.
     """
     if angle.period is None:
         raise ValueError(f"{effect_id}: {angle.name} has no period, so it is no direction")

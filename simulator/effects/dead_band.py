@@ -15,10 +15,10 @@ def _act(draft: Draft, values: Values) -> None:
 
 
 def _fitted(scene: Scene) -> Candidate:
-    """The band lies between two commands that were given, or above the largest; where between, no run tells.
+    """The band lies between two commanded levels, or above the largest; no run determines it more closely.
 
-    Not above the largest on open ground: there the noise is what a model leaves, so that a robot that never moves may
-    be the best of several bad models, though every recording shows that it moved.
+    On open ground it is not tried above the largest command: there the noise is estimated from the misfit of the model,
+    so that a robot that never moves could be the best of several bad models although every recording shows motion.
     """
     levels = sorted({round(level, 6) for level in scene.command_levels_rpm if level > 0})
     gaps = tuple(zip(levels, [*levels[1:], 2 * levels[-1]], strict=True)) if levels else ()

@@ -1,4 +1,4 @@
-"""Definition of an effect: named physics with parameters, added to a robot's draft or to the view of its marks.
+"""Definition of an effect: named physics with parameters, which acts on a robot's draft or on the view of its marks.
 
 An effect is declared once, in its own file. Simulation, fit, report, catalogue page and command line read it there.
 """
@@ -24,9 +24,10 @@ Draws = Mapping[str, NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class SingleCause:
-    """When an effect and another one, found together, are one cause that needs saying once.
+    """Test whether this effect and another one, found together, have a single cause, which is then reported instead.
 
-    words: what that cause is, from draws of all parameters of both effects by name, (n,) each; "" where they are two.
+    words: name of that cause, from posterior draws of all parameters of both effects by name, (n,) each; "" if the
+    causes are separate.
     """
 
     other: str
@@ -35,17 +36,17 @@ class SingleCause:
 
 @dataclass(frozen=True)
 class Effect:
-    """A catalogued effect: what it is in words and in physics, its parameters, how it acts and how it is fitted.
+    """An effect of the catalogue: its description, its physics, its parameters, and how it is fitted.
 
     name: what is wrong, in a few words, for a verdict; sentence: what the effect does, with its parameters; law: its
-    formula; source: where the law is from; limits: where it stops being true.
+    formula; source: reference of the law; limits: of its validity.
     kind: "dynamics" and "command" act on the Draft of a robot; "observation" acts on the View of its marks.
-    varies_by_run: acts differently in each run of a session, by its number.
-    of_plate: acts by the place or the direction of the robot on the plate, so that only runs in one frame can show it.
-    of_ground: sought only in robots that drive on open ground: the few commands of runs on a plate cannot distinguish
-    it from others.
-    fitted: the coordinates of a fit; without it, the parameters themselves.
-    sum_of: of an effect that is a sum of terms, each with the parameter that it is times; else empty.
+    varies_by_run: depends on the number of the run in the session.
+    of_plate: depends on the robot's position or direction on the plate; only runs in a common frame can show it.
+    of_ground: sought only for robots on open ground; the few commands of runs on a plate cannot distinguish it from
+    other effects.
+    fitted: gives the coordinates of a fit; default: the parameters themselves.
+    sum_of: for an effect that is a sum of terms, each term with the name of the parameter that multiplies it.
     """
 
     id: str
@@ -70,7 +71,7 @@ class Effect:
         return {parameter.name: parameter.absent for parameter in self.parameters}
 
     def parameter(self, name: str) -> Parameter | None:
-        """The parameter of a name; None where there is none."""
+        """The parameter with a name; None if there is none."""
         return next((parameter for parameter in self.parameters if parameter.name == name), None)
 
     def candidate(self, scene: Scene) -> Candidate:

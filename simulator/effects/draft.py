@@ -19,13 +19,13 @@ NO_LIMIT_RPM = 1e6  # a limit that no wheel reaches
 
 @dataclass
 class Draft:
-    """What effects may change before a robot is compiled: factors over the wheels, offsets, and added terms.
+    """What effects may change before a robot is compiled: factors, offsets and added terms.
 
-    Arrays over wheels are in the order of the robot's, (n,); speed_factor: of the left and the right command.
-    across_factor: of the lateral friction of all wheels, besides friction_factor.
-    run_index counts the runs of a session from 0. mix: what is added to the left and right command per rpm of the left
-    and the right command and of their sizes. limits_rpm: of each wheel, of what both sides have in
-    common, and of half of their difference. ramps_s_per_rpm: how long the last two take at least to change by 1 rpm.
+    Arrays over wheels are (n,), in the robot's order. speed_factor: (2,), of the left and the right command.
+    across_factor: of the lateral friction of all wheels, besides friction_factor. run_index: number of the run in its
+    session, from 0. mix: (2, 4), added to the left and the right command per rpm of left, right, |left| and |right|.
+    limits_rpm: (3,), of each wheel, of the mean of both sides, and of half of their difference. ramps_s_per_rpm: (2,),
+    least time in which mean and half difference change by 1 rpm.
     """
 
     robot: NominalRobot
@@ -50,7 +50,7 @@ class Draft:
     ramps_s_per_rpm: tuple[float, ...] = (0.0,) * 2
 
     def __post_init__(self) -> None:
-        """Take wheels and centre of gravity from the robot."""
+        """Initialise factors for the robot's wheels, and its centre of gravity."""
         self.layout = Layout.of(self.robot)
         count = len(self.layout.wheels)
         self.attraction_factor, self.friction_factor, self.toe_rad = np.ones(count), np.ones(count), np.zeros(count)
@@ -65,11 +65,11 @@ class Draft:
                 self.terms.append(term)
 
     def finally_do(self, act: Callable[[Draft], None]) -> None:
-        """Let an effect act once all others have, where it needs the loads or the centre of gravity they leave."""
+        """Defer an effect that needs the loads or the centre of gravity until all others have acted."""
         self.last.append(act)
 
     def finish(self) -> None:
-        """Let act what waited for all other effects."""
+        """Apply the deferred effects."""
         for act in self.last:
             act(self)
         self.last.clear()

@@ -17,12 +17,12 @@ def _act(draft: Draft, values: Values) -> None:
 
 
 def _shares(ratio: Any) -> tuple[Any, Any]:
-    """Factors of the left and the right speed with this ratio and mean 1."""
+    """Factors on the left and the right speed with the given ratio and mean 1."""
     return 2 * ratio / (1 + ratio), 2 / (1 + ratio)
 
 
 def _one_wheel(draws: Draws) -> str:
-    """Which wheel alone is off: the one whose speed is not the commanded one where the other's may be (95 %)."""
+    """Name the single faulty wheel: its speed differs from the command (95 %), that of the other wheel may not."""
     left_sound, right_sound = (
         bool(np.percentile(speed, 2.5) <= 1.0 <= np.percentile(speed, 97.5))
         for speed in (draws["factor"] * share for share in _shares(draws["left_over_right"]))

@@ -57,14 +57,14 @@ _OF_DRIVES = (LEFT_COMMAND, RIGHT_COMMAND, ABS_LEFT_COMMAND, ABS_RIGHT_COMMAND)
 
 
 def scale_of_channel(channel: int) -> float:
-    """Kernel units (µN, µN·mm, rad, 1) per file unit (mN, µN·mm, deg, 1) of a channel's coefficient."""
+    """Factor from file units (mN, µN·mm, deg, 1) to kernel units (µN, µN·mm, rad, 1) for a channel's coefficient."""
     if channel in (FORCE_FORWARD, FORCE_LEFT, FORCE_PLATE_X, FORCE_PLATE_Y, DRAG):
         return UN_PER_MN
     return math.radians(1.0) if channel == STEER else 1.0
 
 
 def term_of(given: Mapping[str, Any]) -> Term:
-    """The term of an entry that is free of faults."""
+    """The term of a valid entry."""
     channel = CHANNELS[given["channel"]]
     x, y = given.get("point_mm", (0.0, 0.0))
     return Term(
@@ -77,7 +77,7 @@ def term_of(given: Mapping[str, Any]) -> Term:
 
 
 def faults(given: Mapping[str, Any]) -> Iterator[str]:
-    """What is wrong with an entry, a phrase each."""
+    """Errors of an entry, one phrase each."""
     known = [*_CHOICES, "coefficient", "point_mm"]
     for name in given:
         if name not in known:

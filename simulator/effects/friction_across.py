@@ -1,4 +1,4 @@
-"""Friction across the wheels larger or smaller than along them, beside what is stated."""
+"""Lateral friction of the wheels higher or lower than stated, relative to their longitudinal friction."""
 
 from __future__ import annotations
 

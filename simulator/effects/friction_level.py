@@ -10,13 +10,13 @@ from simulator.effects.draft import Draft
 from simulator.effects.parameter import PAPER_SIZE, Parameter
 
 FACTOR = Parameter("factor", "", 1.0, 0.01, 0.2, 5.0, at_least=0.01, shown=3.0)
-# Of tyres, sliding on ice and at most on dry asphalt (Wong 2008, Theory of Ground Vehicles, Table 1.3): a file that
-# states one may be driven on the other.
+# Friction of tyres: sliding on ice, and peak on dry asphalt (Wong 2008, Theory of Ground Vehicles, Table 1.3). A robot
+# file may state one surface and the robot drive on the other.
 ICE, ASPHALT = 0.07, 0.9
-# Beyond the bounds of the factor a robot gains speed as slowly as if its motors followed late, which those of every
-# robot of a metre do: wheels that hardly grip are believed beside that, not instead of it.
+# With friction beyond the usual range a robot accelerates as slowly as with motors that follow late, which is common in
+# robots of a metre: so little friction is accepted together with this effect only, not instead of it.
 LATE = "command-lag"
-# Factors from which a fit to a robot of a metre begins: grip hides how much of it there is until wheels spin.
+# Initial factors of a fit to a robot of a metre: the level of friction has no effect until wheels spin.
 BEGUN = (1.0, 0.5, 0.25, 0.125)
 
 
@@ -25,7 +25,7 @@ def _act(draft: Draft, values: Values) -> None:
 
 
 def _fitted(scene: Scene) -> Candidate:
-    """The factor on a plate; on ground, where it may be many times off, its logarithm."""
+    """The factor itself on a plate; its logarithm on ground, where it may be wrong by several times."""
     if scene.size == PAPER_SIZE:
         return plain("friction-level", (FACTOR,))
 

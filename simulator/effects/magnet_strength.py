@@ -17,9 +17,10 @@ def _act(draft: Draft, values: Values) -> None:
 
 
 def _fitted(scene: Scene) -> Candidate:
-    """Level and balance: a slip law that scales with the load tells the balance of the axles.
+    """Coordinates: inverse level, and balance of the axles.
 
-    Of the level, only weight and inertia tell, which are the smaller the stronger the magnets: hence its inverse.
+    With a slip law that scales with the load, motion depends on the balance, and on the level only through weight and
+    inertia relative to it; hence the inverse.
     """
     del scene
 

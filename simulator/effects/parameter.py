@@ -8,9 +8,9 @@ from math import inf
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of parameters: how names of parameters end in it (of gradients: begin), and how it is shown to people.
+    """A unit of parameters: the suffix of their names (for gradients the prefix), and how it is shown to people.
 
-    length, force: powers of length and of force in it.
+    length, force: its powers of length and of force.
     """
 
     ending: str
@@ -19,7 +19,7 @@ class Unit:
     force: int = 0
 
 
-# By the unit that a parameter declares. The longer endings stand before those that they end in.
+# Keys are the units that parameters declare. A suffix that ends in another one stands before it.
 UNITS = {
     "rpm/(µN·mm)": Unit("rpm_per_uN_mm", "rpm/(µN·mm)", -1, -1),
     "deg/mN": Unit("deg_per_mN", "°/mN", 0, -1),
@@ -42,38 +42,38 @@ UNITS = {
 
 @dataclass(frozen=True)
 class Size:
-    """How large a robot is beside the paper's: ratios of length and of the load on its wheels.
+    """Size of a robot relative to the paper's: ratios of length and of wheel load.
 
-    Steps and bounds of parameters are stated for the paper's robot; of another they are as many times as large. Times,
-    angles and rotational frequencies are alike: a robot of a metre moves as many of its lengths in a second.
+    Steps and bounds of parameters are declared for the paper's robot and scaled for others. Times, angles and
+    rotational frequencies are not scaled: a robot of a metre moves about as many of its lengths per second.
     """
 
     length: float = 1.0
     force: float = 1.0
 
     def of(self, unit: str) -> float:
-        """How many times as large a quantity with this unit, a key of UNITS, is on the robot."""
+        """Factor by which a quantity with this unit, a key of UNITS, is scaled for the robot."""
         return float(self.length ** UNITS[unit].length * self.force ** UNITS[unit].force)
 
 
 PAPER_SIZE = Size()
-# Metres of a lidar, of motion capture or of satellites hold to some per cent: a factor beyond a tenth is a wrong unit.
-# Quartz holds seconds to 1e-4: beyond a per cent a recording was played at another rate. Of a gauge laid on a plate and
-# of a frame rate anything may be stated.
+# Bounds on open ground. Lengths from lidar, motion capture or satellites are right to some per cent: a factor beyond 10
+# % is a wrong unit. Quartz clocks are right to 1e-4: beyond 1 %, a recording was replayed at another rate. On a plate
+# both are stated by the user (gauge, frame rate) and may be wrong by any factor.
 OF_METRES, OF_SECONDS = (0.9, 1.1), (0.99, 1.01)
-SHOWN_STEPS = 20  # a step shows in the marks; so many show in a small drawing
+SHOWN_STEPS = 20  # one step is visible in the marks, 20 in a small drawing
 
 
 @dataclass(frozen=True)
 class Parameter:
     """One number of an effect.
 
-    unit: a key of UNITS; absent: the value at which the effect vanishes, and which holds where an entry does not give
-    the parameter; step: a small change that shows in the marks, for differences and scaling; low, high: bounds of a
-    fit; at_least: values below make no sense and are refused; period: of an angle, in its unit, else None; shown: value
-    at which the catalogue draws the effect, without it SHOWN_STEPS steps from absent; on_ground: bounds of a fit to a
-    robot of another size than the paper's, where they are not in proportion; closed: see Coordinate; begin: of a user's
-    own effect, where a fit begins besides where a linear view leads.
+    unit: a key of UNITS; absent: the value at which the effect vanishes, which is also the default of an entry; step: a
+    small change that is visible in the marks, for finite differences and scaling; low, high: bounds of a fit; at_least:
+    smaller values are physically impossible and refused; period: of an angle, in its unit, else None; shown: value at
+    which the catalogue draws the effect, by default SHOWN_STEPS steps from absent; on_ground: bounds of a fit to a
+    robot of another size than the paper's, if they are not proportional to it; closed: see Coordinate; begin: initial
+    value of a fit of a user's effect, besides those from linearization.
     """
 
     name: str

@@ -6,7 +6,7 @@ from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
 from simulator.effects.parameter import Parameter
 
-LEAST_FACTOR = 0.01  # however long the session, the motors keep turning the commanded way
+LEAST_FACTOR = 0.01  # so that drift over a long session does not reverse the motors
 
 
 def _act(draft: Draft, values: Values) -> None:

@@ -13,8 +13,8 @@ WHEEL, AHEAD, TURN = (
     Parameter(name, "rpm", NO_LIMIT_RPM, 1.0, 0.0, NO_LIMIT_RPM, at_least=0.0, shown=20.0)
     for name in ("wheel_rpm", "ahead_rpm", "turn_rpm")
 )
-USUAL_RPM = 60.0  # of a session that commands nothing: some command for scale
-STEP = 0.005  # of a limit, relative: as much of a speed shows (drive-speed-scale)
+USUAL_RPM = 60.0  # scale for a session without any command
+STEP = 0.005  # relative, of a limit: a speed change of this size is visible in the marks (drive-speed-scale)
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -23,10 +23,10 @@ def _act(draft: Draft, values: Values) -> None:
 
 
 def _fitted(scene: Scene) -> Candidate:
-    """The inverses of the three limits, nought where there is none.
+    """Coordinates: inverses of the three limits, 0 without a limit.
 
-    A limit that nothing exceeds has no slope, and one that everything exceeds says no more than a slower drive. A fit
-    begins with all three at the median of the commanded speeds, which holds back as many as it lets through.
+    A limit above all commands has no effect, and one below all commands is the same as a slower drive. A fit begins
+    with all three at the median of the commanded speeds.
     """
     levels = [level for level in scene.command_levels_rpm if level > 0] or [USUAL_RPM]
     slowness = 1 / float(np.median(levels))

@@ -13,7 +13,7 @@ from simulator.effects.parameter import Parameter
 FORCE = Parameter("force_mN", "mN", 0.0, 0.05, 0.0, 20.0, shown=1.0)
 EXPONENT = Parameter("exponent", "", 2.0, 0.2, 0.0, 6.0, shown=2.0, closed=True)
 PLACE = (Parameter("x_mm", "mm", 0.0, 0.5, shown=8.0), Parameter("y_mm", "mm", 0.0, 0.5, shown=3.0))
-FARTHEST_REACHES = 4.0  # a point farther away pulls like a slope: that is plate-tilt's to say
+FARTHEST_REACHES = 4.0  # the force of a point farther away is nearly uniform: that is the effect plate-tilt
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -25,7 +25,10 @@ def _act(draft: Draft, values: Values) -> None:
 
 
 def _fitted(scene: Scene) -> Candidate:
-    """The parameters, from sixteen places in and around the area that the runs cover: without a force, none is felt."""
+    """The parameters, with sixteen initial positions in and around the area of the runs.
+
+    At zero force the response does not depend on the position, so that linearization there cannot find it.
+    """
     far = FARTHEST_REACHES * scene.reach_mm
     place = tuple(
         Coordinate(item.name, item.absent, item.sized(scene.size).step, -far, far, closed=True) for item in PLACE

@@ -12,8 +12,8 @@ from simulator.effects.parameter import Parameter
 
 STIFFNESS = Parameter("stiffness_mN_mm", "mN/mm", 0.0, 0.005, 0.0, 10.0, at_least=0.0, shown=0.1)
 ANCHOR = (Parameter("anchor_x_mm", "mm", 0.0, 2.0, shown=0.0), Parameter("anchor_y_mm", "mm", 0.0, 2.0, shown=30.0))
-PULL_STEP_MN = 0.05  # of tether-pull: a pull of this size shows in the marks
-SOFTEST_MN_MM = 1e-9  # a pull without stiffness is a soft spring from afar
+PULL_STEP_MN = 0.05  # as of tether-pull: a force of this size is visible in the marks
+SOFTEST_MN_MM = 1e-9  # a constant force is the limit of a soft spring with a distant anchor
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -27,9 +27,9 @@ def _act(draft: Draft, values: Values) -> None:
 
 
 def _fitted(scene: Scene) -> Candidate:
-    """Stiffness and the pull at the origin: linear in the force, where the anchor of no stiffness is undefined.
+    """Coordinates: stiffness, and force at the origin, in which the response is linear; stiffness 0 has no anchor.
 
-    A pull without stiffness is none of a spring, but tether-pull: a fit that comes to it has come to a bound.
+    A force without stiffness is not a spring but the effect tether-pull; a fit that reaches it has reached a bound.
     """
     size = scene.size
     softest_mN_mm = SOFTEST_MN_MM * size.of(STIFFNESS.unit)

@@ -11,16 +11,16 @@ from simulator.dynamics.terms import CAMERA_X, TIME, X_CUBED, Y_CUBED, Term, X, 
 
 Array = NDArray[np.float64]
 
-NEAREST_HORIZON = 0.05  # twenty times the scale of the middle: no camera that measures sees its plate so
+NEAREST_HORIZON = 0.05  # a scale twenty times that of the middle, which no measuring camera has
 
 
 @dataclass
 class View:
-    """Places of marks in the body frame, mm, and errors of the observation; effects of kind "observation" change it.
+    """Positions of marks in the body frame, mm, and errors of the observation; effects of kind "observation" change it.
 
-    A measured coordinate is the true one times scale times 1 + t + perspective · t²/(1 − t) with t = keystone · true
-    position: an even change of scale for perspective 0, a homography, 1/(1 − t), for 1. A measured time is the true one
-    times time_factor. errors: further errors of the measured place, terms of the camera channels.
+    A measured coordinate is the true one times scale times 1 + t + perspective · t²/(1 − t), where t = keystone · true
+    position: a linear change of scale for perspective 0, a homography, 1/(1 − t), for 1. A measured time is the true
+    one times time_factor. errors: further errors of the measured position, terms of the camera channels.
     """
 
     places_mm: tuple[tuple[float, float], ...]
@@ -32,12 +32,12 @@ class View:
 
     @property
     def is_plain(self) -> bool:
-        """Whether nothing but the scale acts on what is seen."""
+        """Whether the observation has no error but the scale."""
         return self.keystone_per_mm == (0.0, 0.0) and not self.errors
 
     @property
     def bends_with_place(self) -> bool:
-        """Whether a path is seen in another shape elsewhere on the plate; an error linear in place shifts it only."""
+        """Whether the shape of an observed path depends on its position; an error linear in position only shifts it."""
         return self.keystone_per_mm != (0.0, 0.0) or any(term.basis in (X_CUBED, Y_CUBED) for term in self.errors)
 
     def marks(
@@ -69,7 +69,7 @@ class View:
         tilt = points_mm[..., 0] * self.keystone_per_mm[0] + points_mm[..., 1] * self.keystone_per_mm[1]
         stretch = 1 + tilt
         if self.perspective:
-            # past the horizon, at tilt 1, nothing is seen; a fit that strays there must not divide by nothing
+            # beyond the horizon (t = 1) nothing is visible; a fit that reaches it must not divide by 0
             stretch = stretch + self.perspective * tilt**2 / np.maximum(1 - tilt, NEAREST_HORIZON)
         return np.asarray(self.scale * stretch[..., None] * points_mm)
 

@@ -40,7 +40,7 @@ class Contact:
 def contacts_in_turn(robot: Robot, left_rpm: float, right_rpm: float) -> tuple[SteadyTurn, tuple[Contact, ...]]:
     """The steady turn at a command, and every wheel's contact in it.
 
-    Raises SimulationError for a robot with effects, which no other simulator knows, and where it does not settle.
+    Raises SimulationError for a robot with effects, which other simulators do not have, and if it does not settle.
     """
     if robot.effect:
         names = ", ".join(entry.id for entry in robot.effect)

@@ -1,4 +1,4 @@
-"""What is lost in the export of a robot, in sentences."""
+"""Properties of a robot that its export omits, in sentences."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ SMALL_MM = 100.0
 
 
 def losses(robot: Robot, left_rpm: float, right_rpm: float, kind: str = "mjcf") -> tuple[str, ...]:
-    """What an exported robot ("mjcf" or "sdf") does not have of the robot, a sentence each."""
+    """Properties of the robot that its export ("mjcf" or "sdf") omits, one sentence each."""
     at = f"{left_rpm:g} / {right_rpm:g} rpm"
     friction = (
         f"Friction is creep in proportion to force, matched to the slip law at the turn of {at}: there the radius is "

@@ -12,38 +12,38 @@ from simulator.nominal_robot import GRAVITY_MM_S2, Wheel
 from simulator.robot import Robot
 
 SMALL_MM = 100.0
-SETTLES = 10.0  # steps within which a contact settles; the shortest that MuJoCo knows is two, and chatters
-SINKS = 1e-3  # of the smallest wheel's radius: how far the most heavily loaded robot may sink into the plate, about
-WHEEL_MASS = 1e-4  # of the robot's mass, each: the slip law's wheels have none
-ARMATURE = 0.1  # of mass times radius squared: inertia of the motors, without which wheels are too light to follow
-SHORTEST = 2.0  # steps, of time constants
-IMPEDANCE = 0.9  # of contacts, however deep
-LIMIT = 3.0  # friction of a contact over the robot's, so that it creeps and does not slide
+SETTLES = 10.0  # time constant of a contact, in steps; MuJoCo's minimum of two makes contacts chatter
+SINKS = 1e-3  # of the smallest wheel's radius: approximate depth to which the robot may sink into the plate
+WHEEL_MASS = 1e-4  # of the robot's mass, each: in the slip model wheels have no mass
+ARMATURE = 0.1  # of mass times radius squared: motor inertia, without which light wheels are numerically unstable
+SHORTEST = 2.0  # shortest time constant, in steps
+IMPEDANCE = 0.9  # of contacts, at any depth
+LIMIT = 3.0  # friction limit of a contact over the robot's, so that it creeps and does not slide
 CONTACTS = 2  # of a capsule with a plane
-NARROW = 1e-2  # of the radius: half the width of a wheel. A capsule, whose contact is aligned with its axle
-LAGS = 1e-4  # of the commanded rotation: what the motors lack under the load of their wheels
+NARROW = 1e-2  # of the radius: half the width of a wheel. Capsules, because their contact is aligned with the axle
+LAGS = 1e-4  # of the commanded rotation: loss of the motors under load
 
 
 @dataclass(frozen=True)
 class Units:
-    """Units of a model, in which its numbers are neither tiny nor huge: mm and g, or m and kg; per_N: forces."""
+    """Units in which a model's numbers are neither tiny nor huge: mm and g, or m and kg; per_N: newton in them."""
 
     length_mm: float
     mass_g: float
 
     @property
     def per_N(self) -> float:
-        """Size of a newton."""
+        """One newton in the unit of force."""
         return 1e6 / (self.length_mm * self.mass_g)
 
     @staticmethod
     def of(robot: Robot) -> Units:
-        """Metres and kilograms from a size of a tenth of a metre on."""
+        """Metres and kilograms for robots of 0.1 m or more."""
         return Units(1e3, 1e3) if max(robot.extent_mm) > SMALL_MM else Units(1.0, 1.0)
 
 
 def mjcf(robot: Robot, left_rpm: float, right_rpm: float) -> str:
-    """A model whose keyframe "turn" has the commands of a turn; its steady turn there is the robot's.
+    """A model whose keyframe "turn" holds the commands of a turn, with the robot's steady turn at these commands.
 
     Raises SimulationError as contacts_in_turn does.
     """
@@ -93,7 +93,7 @@ def _remark(units: Units, left_rpm: float, right_rpm: float) -> str:
 
 
 def _time_step_s(robot: Robot, contacts: tuple[Contact, ...], units: Units) -> float:
-    """A step so short that contacts, which settle in two of them, are stiff enough for the loads."""
+    """Time step so short that contacts, which settle in SETTLES steps, are stiff enough for the loads."""
     mass = robot.body.mass_g / units.mass_g
     pressed = sum((contact.load_N * units.per_N) for contact in contacts) / mass  # m/s²
     radius = min(contact.wheel.radius_mm for contact in contacts) / units.length_mm
@@ -150,7 +150,7 @@ def _wheel(chassis: ET.Element, contact: Contact, mass: float, units: Units) -> 
 
 @dataclass(frozen=True)
 class Creep:
-    """How a contact creeps: slope of friction along and across over its speed there, and inverse mass that it feels."""
+    """Creep of a contact: slopes of friction along and across by its speed, and its effective inverse mass."""
 
     along: float
     across: float
@@ -158,14 +158,14 @@ class Creep:
 
     @property
     def ratio(self) -> float:
-        """Root of the slope along over that across; 1 where only one of them is known."""
+        """Square root of the slope along over the slope across; 1 if only one of them is known."""
         return (self.along / self.across) ** 0.5 if self.along and self.across else 1.0
 
     @property
     def time(self) -> float:
-        """Time constant of the friction that makes it, s, where friction is as soft as the normal force; 0: none.
+        """Time constant that gives this creep, s, if friction is as soft as the normal force; 0: none.
 
-        MuJoCo lets a contact creep by R/B times its force, with B = 2/(d·t) and R = (1 - d)/d times the inverse mass.
+        A MuJoCo contact creeps by R/B times its force, with B = 2/(d·t) and R = (1 - d)/d times the inverse mass.
         """
         slope = (self.across or self.along) / CONTACTS
         return 2 / ((1 - IMPEDANCE) * slope * self.inverse_mass) if slope else 0.0
@@ -180,7 +180,7 @@ def _creep(contact: Contact, robot: Robot, units: Units) -> Creep:
 
 
 def _softness(creeps: Sequence[Creep], step: float) -> float:
-    """impratio: friction as soft as steps allow, so that it follows the creep and not the acceleration in a turn."""
+    """impratio: friction as soft as the time step allows, so that it follows creep instead of acceleration."""
     shortest = min((creep.time for creep in creeps if creep.time), default=0.0)
     return min(1.0, SETTLES * step / shortest) if shortest else 1.0
 
@@ -206,7 +206,7 @@ def _pair(pairs: ET.Element, contact: Contact, creep: Creep, step: float, softne
 
 
 def _inverse_mass(wheel: Wheel, robot: Robot, units: Units) -> float:
-    """Mean over all directions of the acceleration of a wheel's centre by a force of one on it."""
+    """Acceleration of a wheel's centre per unit force on it, averaged over all directions."""
     mass, (yaw, tilting) = robot.body.mass_g / units.mass_g, _inertia(robot, units)
     x, y = ((place - middle) / units.length_mm for place, middle in zip(
         (wheel.x_mm, wheel.y_mm), robot.body.center_of_gravity_mm, strict=True
@@ -217,7 +217,7 @@ def _inverse_mass(wheel: Wheel, robot: Robot, units: Units) -> float:
 
 
 def _inertia(robot: Robot, units: Units) -> tuple[float, float]:
-    """About the vertical, and about the horizontal axes, which a plane model leaves open."""
+    """Moments of inertia about the vertical, and about the horizontal axes, which a planar model does not define."""
     body, mass = robot.body, robot.body.mass_g / units.mass_g
     yaw = robot.yaw_inertia_g_mm2 / units.mass_g / units.length_mm**2
     box = mass * (max(body.length_mm, body.width_mm) ** 2 + body.height_mm**2) / 12 / units.length_mm**2
@@ -225,7 +225,7 @@ def _inertia(robot: Robot, units: Units) -> tuple[float, float]:
 
 
 def _motor(actuators: ET.Element, contact: Contact, units: Units) -> None:
-    """A motor that keeps its rotation under the friction of its wheel; its control is the rotation in rad/s."""
+    """A motor that holds its speed under the friction of its wheel; its control is the speed in rad/s."""
     wheel = contact.wheel
     most = contact.load_N * units.per_N * wheel.radius_mm / units.length_mm
     turning = max(abs(contact.rpm or 0.0), 1.0) * RAD_S_PER_RPM

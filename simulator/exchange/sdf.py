@@ -9,7 +9,7 @@ from simulator.nominal_robot import GRAVITY_MM_S2
 from simulator.robot import Robot
 
 MM_PER_M, G_PER_KG = 1e3, 1e3
-WHEEL_MASS = 1e-2  # of the robot's mass, each: Gazebo's solvers want no lighter parts
+WHEEL_MASS = 1e-2  # of the robot's mass, each: Gazebo's solvers need parts of similar mass
 LIMIT = 3.0  # friction of a contact over the robot's, so that it creeps and does not slide
 STEP_S = 1e-3
 

@@ -19,7 +19,7 @@ from simulator.integrator.workspace import copy, new_work
 
 @compiled()
 def unbalance(model: Any, left: float, right: float, velocity: Any, out: Any) -> float:
-    """Accelerations at a velocity (3) into out (3); returns their size."""
+    """Write the accelerations at a velocity (3) to out (3); returns their norm."""
     u, v, r = velocity[0], velocity[1], velocity[2]
     drive, place = (1.0 * left, 1.0 * right, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0, 0.0)
     holder = new_work(model)
@@ -31,7 +31,7 @@ def unbalance(model: Any, left: float, right: float, velocity: Any, out: Any) ->
 
 @compiled()
 def differentiate(model: Any, left: float, right: float, velocity: Any, residual: Any, linear: Any) -> None:
-    """Accelerations into residual, their derivative by velocity into rows 1 to 3 of linear (4, 3)."""
+    """Write the accelerations to residual (3), their derivative by velocity to rows 1 to 3 of linear (4, 3)."""
     drive, place = (1.0 * left, 1.0 * right, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0, 0.0)
     holder = new_work(model)
     work = holder[0]
@@ -45,7 +45,7 @@ def differentiate(model: Any, left: float, right: float, velocity: Any, residual
 
 @compiled()
 def newton(model: Any, left: float, right: float, velocity: Any, linear: Any) -> bool:
-    """Newton's method with backtracking from the velocity (3) handed in, which becomes the root if True is returned."""
+    """Newton's method with backtracking from the given velocity (3); if it returns True, velocity is the root."""
     largest = model.speed[0] * max(abs(left), abs(right), 1e-6)
     inverse, residual, trial, shifted, step = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     size = unbalance(model, left, right, velocity, residual)

@@ -19,16 +19,17 @@ from simulator.integrator.run_kernel import DONE, MOST_STEPS, integrate_run
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-TOLERANCE_MM = 1e-7  # local error of a step, as displacement; a run of 10 s ends within about ten of them
+TOLERANCE_MM = 1e-7  # local error of a step, as displacement; the global error of a 10 s run is about ten times that
 MOST_PLANNED = 1000
-SHARES_OF_A_THREAD = 8  # runs differ in length
+SHARES_OF_A_THREAD = 8  # chunks of work per thread, because runs differ in length
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Steps that a set of runs took: replayed, results are smooth functions of models and starts.
+    """Steps that a set of runs took; with these steps, results are smooth functions of models and starts.
 
-    steps: (n, m, 3) segment, size and method of each; count: (n,) how many are meant; tolerance_mm: what they hold.
+    steps: (n, m, 3) segment, length and method of each step; count: (n,) number of steps of each run; tolerance_mm: the
+    local error that they were chosen for.
     """
 
     steps: Array
@@ -37,9 +38,9 @@ class Plan:
 
 
 class Trials:
-    """Runs to be simulated again and again with changing models and starts, as fits do.
+    """Runs to be simulated repeatedly with changing models and starts, as in a fit.
 
-    commands: one per run; times_s: one increasing array per run, the first time is that of the start. Results are
+    commands: one per run; times_s: one increasing array per run, whose first time is that of the start. Results are
     stacked over runs: rows edges[k]:edges[k + 1] belong to run k.
     """
 
@@ -57,7 +58,7 @@ class Trials:
         return len(self.edges) - 1
 
     def plan(self, models: NDArray[np.void], starts: Array, tolerance_mm: float = TOLERANCE_MM) -> Plan:
-        """Steps for runs from starts (n, 6), each with its model (n,), or all with one (1,)."""
+        """Plan the steps of runs from starts (n, 6); models: (n,), or (1,) for all runs."""
         steps = np.zeros((len(self), MOST_PLANNED, 3))
         _, count = self._run(models, starts, tolerance_mm, steps, np.zeros(len(self), dtype=np.int64), replay=False)
         return Plan(steps, np.minimum(count, MOST_PLANNED), tolerance_mm)
@@ -116,11 +117,12 @@ def integrate_many(
     replay: bool,
     most_steps: int,
 ) -> Index:
-    """Run k: models[model_of[k]] under command command_of[k] from states[k]; times and outputs edges[k]:edges[k + 1].
+    """Integrate runs: run k has models[model_of[k]], command command_of[k] and start states[k].
 
-    steps, count: the plan to replay or to fill, steps (n, 0, 3) for none. Returns the number of steps taken; failed
-    runs, and those that need more than most_steps, are NaN in out and states. As many threads share the runs as numba
-    may use (numba.set_num_threads): a parallel kernel of numba would take three times as long to compile.
+    Its times and outputs are rows edges[k]:edges[k + 1]. steps, count: the plan to replay or to fill; steps (n, 0, 3)
+    for none. Returns the number of steps taken. Runs that fail or need more than most_steps are NaN in out and states.
+    Uses as many threads as numba may use (numba.set_num_threads); a parallel numba kernel would take three times as
+    long to compile.
     """
     runs = len(states)
     used: Index = np.zeros(runs, dtype=np.int64)
@@ -141,7 +143,7 @@ def integrate_many(
 
 @compiled(nogil=True)
 def integrate_some(begin: int, end: int, task: Any, replay: bool, most_steps: int, used: Any) -> None:
-    """Runs begin to before end of integrate_many, whose first arguments are the task; used (n,) takes the steps."""
+    """Integrate runs begin to end (excluded); task: arguments of integrate_many; used (n,) receives the step counts."""
     models, model_of, knots, knot_edges, command_of, states, times, edges, out, tolerance, steps, count = task
     for run in range(begin, end):
         command = command_of[run]

@@ -1,11 +1,11 @@
-"""Long steps along the slow manifold, where forces vary with place, heading, time or wheel angle, or the command does.
+"""Long steps along the slow manifold, where forces vary with position, heading, time or wheel angle, or the command.
 
-Once slip has relaxed, the velocity is a smooth function of time: at every instant wheel forces balance all others, the
-inertia of the slowly changing velocity among them. Over a long interval it is the polynomial that obeys the full
-dynamics at Chebyshev points, free of the initial relaxation, whose displacement is added in closed form (collocation
-for a stiff system: Hairer and Wanner, Solving ODEs II, VI.3). Each sweep integrates the path from the velocity, and
-then takes a step of Newton's method for the velocity at every point; forces that vary change the velocity little, so
-that few sweeps do. Outputs are the values of the polynomials in the plate frame.
+Once slip has relaxed, the velocity is a smooth function of time: at every instant the wheel forces balance all other
+forces, including the inertia of the slowly changing velocity. Over a long interval the velocity is approximated by the
+polynomial that satisfies the full dynamics at Chebyshev points (collocation for a stiff system: Hairer and Wanner,
+Solving ODEs II, VI.3); the displacement during the initial relaxation is added in closed form. Each sweep integrates
+the path from the velocity, then takes one Newton step for the velocity at every point. The velocity depends only weakly
+on forces that vary, so that few sweeps suffice. Outputs are the values of the polynomials in the plate frame.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from simulator.integrator.stability import is_stable
 from simulator.integrator.step_control import LEVER_MM
 from simulator.integrator.workspace import POINTS
 
-# Rows of the table of a step, a column per point: velocity; pose; rate of x and y over the plate; rate of the velocity;
-# and, for outputs, powers of the time within the step, -1 … 1, of the velocity or the rate of the pose.
+# Rows of the table of a step, a column per point: velocity; pose; rate of x and y in the plate frame; rate of the
+# velocity; and, for outputs, coefficients of velocity or pose rate by powers of the time within the step, -1 … 1.
 U, X, Y, HEADING, X_RATE, Y_RATE, CHANGE, POWERS = 0, 3, 4, 5, 6, 7, 8, 11
 LONGEST_TURN_RAD = 3.0  # within a step; over more, cosine and sine of the heading need more points
 MOST_SWEEPS = 12
-# Over shorter steps the rate of the velocity, by differences between points, counts too much for sweeps to converge.
+# Over shorter steps the rate of the velocity, a difference between points, is too large for sweeps to converge.
 SHORTEST_COLLOCATION_S = 5e-3
-LEAST_GAIN = 0.5  # of a sweep; slower ones do not pay
-# Sweeps stop where what is left, and steps are accepted where the last coefficients, move the robot by such a share of
-# the tolerance.
+LEAST_GAIN = 0.5  # least reduction of the residual by a sweep; slower convergence does not pay
+# As displacements over the tolerance: the residual at which sweeps stop, and the last coefficients of a step that is
+# accepted.
 SWEPT_SHARE, CUT_SHARE = 0.02, 0.5
 
 
@@ -64,9 +64,9 @@ def _apply(matrix: Any, table: Any, source: int, scale: float, start: float, tar
 
 @compiled()
 def _guess(time: float, length: float, model: Any, work: Any) -> None:
-    """Before the first sweep: velocities, and inverses of the derivatives by them, in proportion to the command.
+    """Initial values of the first sweep: velocities, and inverses of the derivatives by them, scaled with the command.
 
-    So friction alone has it, which depends on ratios of speeds.
+    Friction depends on ratios of speeds only, so that the balance of friction alone scales like this.
     """
     now = 0.0
     for point in range(POINTS):
@@ -83,7 +83,7 @@ def _guess(time: float, length: float, model: Any, work: Any) -> None:
 
 @compiled()
 def follow(length: float, work: Any) -> None:
-    """Integrate the path from the velocity at the points; it starts where what is left of the relaxation leads."""
+    """Integrate the path from the velocity at the points, starting after the rest of the relaxation."""
     table, y, inverse = work.table, work.y, work.inverse
     u, v, r = table[U, 0] - y[3], table[U + 1, 0] - y[4], table[U + 2, 0] - y[5]
     x, at_y, heading = moved(
@@ -103,9 +103,9 @@ def follow(length: float, work: Any) -> None:
 
 @compiled()
 def sweep(time: float, length: float, renew: bool, model: Any, work: Any) -> float:
-    """Correct the velocity at every point; returns the largest change, mm/s, infinity where it is not defined.
+    """Correct the velocity at every point; returns the largest change, mm/s; infinity if it is undefined.
 
-    renew: work out the derivatives by velocity anew, at every point.
+    renew: recompute the derivatives by velocity at every point.
     """
     table, bent = work.table, work.bent
     largest = 0.0
@@ -134,7 +134,7 @@ def sweep(time: float, length: float, renew: bool, model: Any, work: Any) -> flo
 
 @compiled()
 def cut_off(length: float, table: Any) -> float:
-    """What the polynomials of the rates lack, as displacement in mm: their last Chebyshev coefficients."""
+    """Truncation error of the polynomials, as displacement in mm, from their last Chebyshev coefficients."""
     largest = 0.0
     for row in (U + 2, X_RATE, Y_RATE):
         last, before = 0.0, 0.0
@@ -148,7 +148,7 @@ def cut_off(length: float, table: Any) -> float:
 
 @compiled()
 def _stays(end: float, tolerance: float, model: Any, work: Any) -> bool:
-    """Whether the manifold found is the one the velocity was near to, and still attracts it at the end."""
+    """Whether the manifold found is the one that the velocity was near, and is still attracting at the end."""
     table, last, away = work.table, POINTS - 1, work.spare[0]
     for row in range(3):
         away[row] = table[U + row, 0] - work.y[3 + row]
@@ -163,16 +163,16 @@ def _stays(end: float, tolerance: float, model: Any, work: Any) -> bool:
 
 @compiled()
 def collocate(time: float, length: float, tolerance: float, planned: int, model: Any, work: Any) -> tuple[int, float]:
-    """Fill the table for a step from work.y at twist 0: the number of sweeps, 0 where it fails; the length wanted next.
+    """Fill the table for a step from work.y at twist 0; returns the number of sweeps (0: failed) and the next length.
 
-    planned: so many sweeps, without control of the error, or 0. The inverse of the derivative of the accelerations by
-    velocity enters in work.inverse.
+    planned: number of sweeps to make without error control, or 0. work.inverse holds the inverse of the derivative of
+    the accelerations by velocity.
     """
     _guess(time, length, model, work)
     before, enough, used = math.inf, SWEPT_SHARE * tolerance / length, 0
     while used < (planned if planned > 0 else MOST_SWEEPS):
         follow(length, work)
-        change = sweep(time, length, used > 0 and model.wheels_feel == 0, model, work)
+        change = sweep(time, length, used > 0 and model.wheels_vary_with_velocity == 0, model, work)
         used += 1
         if planned > 0:
             continue
@@ -194,9 +194,9 @@ def collocate(time: float, length: float, tolerance: float, planned: int, model:
 def long_step(
     time: float, remaining: float, longest: float, tolerance: float, model: Any, work: Any
 ) -> tuple[int, float, float]:
-    """Take the longest step that is possible: sweeps, 0 where none is; its length, or that of the last try; the next.
+    """Take the longest possible step; returns its sweeps (0: none possible), its length (or the last tried), the next.
 
-    longest: length to begin with. Steps share what remains equally.
+    longest: length to begin with. The remaining time is divided into equal steps.
     """
     longest = min(longest, remaining, LONGEST_TURN_RAD / (abs(work.y[5]) + 1e-3))
     length = longest
@@ -221,7 +221,7 @@ def go_to_end(work: Any) -> None:
 def _write(
     out: Any, column: int, times: Any, rows: tuple[int, int], time: float, length: float, table: Any, powers: int
 ) -> None:
-    """A column of outputs: the polynomial of a row of powers."""
+    """Write a column of outputs: the polynomial with the coefficients of a row."""
     for row in range(rows[0], rows[1]):
         at = 2.0 * (times[row] - time) / length - 1.0
         value = table[powers, POINTS - 1]
@@ -234,7 +234,7 @@ def _write(
 def _write_integral(
     out: Any, column: int, times: Any, rows: tuple[int, int], time: float, length: float, table: Any, powers: int
 ) -> None:
-    """A column of outputs: what it is at the start, and the integral of the polynomial, whose powers are lost."""
+    """Write a column of outputs: its initial value plus the integral of the polynomial, whose coefficients are lost."""
     start = 0.0
     for power in range(POINTS):
         table[powers, power] *= 0.5 * length / (power + 1)
@@ -250,7 +250,7 @@ def _write_integral(
 
 @compiled()
 def write_polynomials(out: Any, times: Any, rows: tuple[int, int], time: float, length: float, table: Any) -> None:
-    """Outputs within a step: rows from the first to before the second."""
+    """Write the outputs within a step; rows: first and last (excluded)."""
     if rows[0] == rows[1]:
         return
     for item in range(3):

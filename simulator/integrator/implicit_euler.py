@@ -2,9 +2,9 @@
 
 There friction changes within a few nm/s of sliding speed, and a method with a single linearization needs tiny steps.
 Implicit Euler with converged Newton iteration is the classical time stepping of dry friction; two half steps are used
-and compared with one whole step. Starting from a sliding wheel, Newton's method can overshoot the sharp bend of
-friction; starting from a wheel at rest it does not. So it starts from the current motion, then from that motion with
-one wheel stopped.
+and compared with one whole step. Started from a sliding wheel, Newton's method can overshoot the transition of friction
+at rest; started from a wheel at rest it does not. It therefore starts from the current motion, then from that motion
+with one wheel stopped.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from simulator.integrator.rosenbrock import invert3, place_after
 from simulator.integrator.workspace import copy
 
 MOST_QUICK, MOST_PATIENT = 10, 60  # iterations
-SMALLEST_QUICK, SMALLEST_PATIENT = 0.2, 1e-9  # of a Newton step; friction bends on 1e-6 of the velocity
+SMALLEST_QUICK, SMALLEST_PATIENT = 0.2, 1e-9  # share of a Newton step; friction saturates within 1e-6 of the velocity
 LEVER_MM = 2.0
 
 
 @compiled()
 def excess(time: float, step: float, start: Any, guess: Any, model: Any, work: Any, out: Any) -> float:
-    """What the velocity of guess lacks to be an implicit Euler step from start, into out (3); returns its size.
+    """Write the residual of an implicit Euler step from start to guess to out (3), as velocity; returns its norm.
 
-    The derivative of the accelerations by velocity is left in work.bent.
+    The derivative of the accelerations by velocity is stored in work.bent.
     """
     for item in range(3):
         guess[item] = start[item] + 0.5 * step * (start[3 + item] + guess[3 + item])
@@ -41,7 +41,7 @@ def excess(time: float, step: float, start: Any, guess: Any, model: Any, work: A
 
 @compiled()
 def newton_change(step: float, residual: Any, work: Any, change: Any) -> bool:
-    """Newton's change of the velocity into change (3); False where the matrix is singular."""
+    """Write Newton's change of the velocity to change (3); False if the matrix is singular."""
     for row in range(3):
         for column in range(3):
             work.block[row, column] = (1.0 if row == column else 0.0) - step * work.bent[1 + row, column]
@@ -82,7 +82,7 @@ def descend(time: float, step: float, start: Any, patient: bool, model: Any, wor
 
 @compiled()
 def stop_wheel(wheel: int, start: Any, model: Any, out: Any) -> None:
-    """The velocity of start as an impulse on one wheel that stops it leaves it, into out."""
+    """Write to out the velocity of start after an impulse on one wheel that stops this wheel."""
     x, y = model.wheel_x[wheel], model.wheel_y[wheel]
     spin = model.mass * (y * start[3] - x * start[4]) + model.inertia * start[5]
     r = spin / (model.mass * (x * x + y * y) + model.inertia)
@@ -91,7 +91,7 @@ def stop_wheel(wheel: int, start: Any, model: Any, out: Any) -> None:
 
 @compiled()
 def slowest_wheel(but: int, start: Any, model: Any) -> int:
-    """The wheel whose centre moves least, but for one."""
+    """The wheel whose centre moves slowest, except wheel `but`."""
     least, chosen = math.inf, counter(-1)
     for wheel in range(model.wheels):
         u, v = start[3] - start[5] * model.wheel_y[wheel], start[4] + start[5] * model.wheel_x[wheel]
@@ -102,13 +102,13 @@ def slowest_wheel(but: int, start: Any, model: Any) -> int:
 
 @compiled()
 def euler(time: float, step: float, start: Any, model: Any, work: Any, out: Any) -> bool:
-    """One implicit Euler step from start (6: twist, velocity) into out (6), which enters as the first guess.
+    """One implicit Euler step from start (6: twist, velocity) to out (6), which holds the first guess.
 
-    False where Newton's method fails from every start.
+    False if Newton's method fails from every initial value.
     """
     tried = counter(-1)
     for attempt in range(5):
-        if 1 <= attempt <= 2:  # the wheels that move least are those that stop
+        if 1 <= attempt <= 2:  # the slowest wheels are the ones that stop
             tried = slowest_wheel(tried, start, model)
             stop_wheel(tried, start, model, out)
         elif attempt == 3:
@@ -122,7 +122,7 @@ def euler(time: float, step: float, start: Any, model: Any, work: Any, out: Any)
 
 @compiled()
 def euler_pair(time: float, step: float, model: Any, work: Any) -> bool:
-    """Two half steps from work.y into work.end, and how far one whole step differs. False where one fails."""
+    """Two half steps from work.y to work.end[0], and their difference from one step in work.end[1]; False if failed."""
     whole, half, start, end = work.spare[4], work.spare[5], work.spare[6], work.end
     copy(work.y, start)
     copy(start, whole)

@@ -1,4 +1,4 @@
-"""One step of a stiffly accurate Rosenbrock method for the full dynamics, and what it needs.
+"""One step of a stiffly accurate Rosenbrock method for the full dynamics.
 
 Method: RODAS of Hairer and Wanner (Solving ODEs II, IV.7): 6 stages, order 4, error estimate of order 3, L-stable.
 The pose within a step is the start pose times the exponential of a twist (a Lie group method on SE(2)): the twist obeys
@@ -50,7 +50,7 @@ DENSE = np.array(
     ]
 )
 PLACE_STEP = 1e-6  # mm, rad: differences whose error stays below 1e-5 of the derivative
-TIME_STEP_S = 1e-9  # likewise, while motors that start to turn pass through the rounding of rest
+TIME_STEP_S = 1e-9  # likewise; motors that start pass within microseconds through the smoothing at rest
 
 
 @compiled()
@@ -67,7 +67,7 @@ def moved(pose: Any, x: float, y: float, angle: float) -> tuple[float, float, fl
 
 @compiled()
 def place_after(pose: Any, x: float, y: float, angle: float, time: float, model: Any) -> Any:
-    """The place a twist leads to; the origin where no force varies with it."""
+    """The place (x, y, cosine, sine, time) after a twist; the origin if no force depends on it."""
     if model.varies == 0:
         return 0.0, 0.0, 1.0, 0.0, time
     at_x, at_y, heading = moved(pose, x, y, angle)
@@ -76,7 +76,7 @@ def place_after(pose: Any, x: float, y: float, angle: float, time: float, model:
 
 @compiled()
 def _gained(u: float, v: float, r: float, drive: Any, here: Triple, there: Any, model: Any, work: Any) -> Triple:
-    """What accelerations gain at another place; where no friction varies, only over the forces here on the body."""
+    """Change of the accelerations at another place; only that of the forces on the body if friction does not vary."""
     if model.wheels_vary == 1:
         at = accelerations(u, v, r, drive, there, model.rest_speed, model, work.contacts)
         return at[0] - work.linear[0, 0], at[1] - work.linear[0, 1], at[2] - work.linear[0, 2]
@@ -86,7 +86,7 @@ def _gained(u: float, v: float, r: float, drive: Any, here: Triple, there: Any, 
 
 @compiled()
 def linearize(time: float, varied: bool, model: Any, work: Any) -> None:
-    """Fill work.linear at work.y, whose twist is 0; derivatives by twist, where forces vary, only if asked."""
+    """Fill work.linear at work.y, whose twist is 0; varied: with the derivatives by twist and time."""
     u, v, r, rest, linear, pose = work.y[3], work.y[4], work.y[5], model.rest_speed, work.linear, work.pose
     place, drive = place_after(pose, 0.0, 0.0, 0.0, time, model), drive_at(work.segment, time, model.lag)
     slopes(u, v, r, drive, place, rest, model, work.contacts, linear)
@@ -117,7 +117,7 @@ def linearize(time: float, varied: bool, model: Any, work: Any) -> None:
 
 @compiled()
 def invert3(a: Any, out: Any) -> bool:
-    """Inverse of a 3 × 3 matrix into out; False where it is singular."""
+    """Write the inverse of a 3 × 3 matrix to out; False if it is singular."""
     c00 = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1]
     c01 = a[1, 2] * a[2, 0] - a[1, 0] * a[2, 2]
     c02 = a[1, 0] * a[2, 1] - a[1, 1] * a[2, 0]
@@ -137,7 +137,7 @@ def invert3(a: Any, out: Any) -> bool:
 
 @compiled()
 def factorize(step: float, varies: bool, work: Any) -> bool:
-    """Inverse of the velocity block for the stages of a step, into work.inverse.
+    """Write the inverse of the velocity block for the stages of a step to work.inverse; False if it is singular.
 
     The system is [[B, -1], [-G, W]]·(twist, velocity); B = 1/(gamma·step) - d twist'/d twist, G = d velocity'/d twist,
     the velocity block W - G·B⁻¹.
@@ -167,7 +167,7 @@ def untwist(diagonal: float, y: Any, x: float, at_y: float, angle: float) -> tup
 
 @compiled()
 def attempt(time: float, step: float, model: Any, work: Any) -> bool:
-    """Take one step from work.y into work.end. False where the step fails."""
+    """Take one step from work.y to work.end; False if it fails."""
     varies = model.varies == 1
     if not factorize(step, varies, work):
         return False
@@ -223,8 +223,8 @@ def between(share: float, work: Any, out: Any) -> None:
     """State at a share 0 … 1 of the step just taken (order 3)."""
     rest = 1.0 - share
     for item in range(6):
-        bend, twist = 0.0, 0.0
+        quadratic, cubic = 0.0, 0.0
         for stage in range(5):
-            bend += DENSE[0, stage] * work.stages[stage, item]
-            twist += DENSE[1, stage] * work.stages[stage, item]
-        out[item] = rest * work.y[item] + share * (work.end[0, item] + rest * (bend + share * twist))
+            quadratic += DENSE[0, stage] * work.stages[stage, item]
+            cubic += DENSE[1, stage] * work.stages[stage, item]
+        out[item] = rest * work.y[item] + share * (work.end[0, item] + rest * (quadratic + share * cubic))

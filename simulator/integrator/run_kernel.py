@@ -1,9 +1,9 @@
 """Integration of a whole run in one kernel: starts, stops and reversals, then along the slow manifold.
 
-After every break of the command the velocity relaxes onto a slow manifold within milliseconds; adaptive steps follow it
-there. Then a run with a constant command is a circular arc where no force varies with place, heading or time, and is
-followed by long steps of collocation where forces do, or the command. Where friction bends sharply on the way, as when
-a wheel stops or its sliding reverses, the adaptive steps take over.
+After every break of the command the velocity relaxes onto a slow manifold within milliseconds; adaptive steps follow
+this relaxation. After it, a run with constant command and forces is a circular arc, computed in closed form; if forces
+vary with position, heading or time, or the command varies, long collocation steps are used. Where friction changes
+abruptly on the way, because a wheel stops or reverses its sliding, adaptive steps take over.
 """
 
 from __future__ import annotations
@@ -24,14 +24,16 @@ from simulator.integrator.step_control import first_step, is_resting, short_step
 from simulator.integrator.workspace import copy, new_work
 
 MOST_STEPS = 20000
-CREEPING_STEP_S, MOST_CREEPING = 1e-5, 40  # so many such steps in a row mean that a wheel sticks or turns over
-# Steps grow with the time since the last break of the command, but where a method chatters over a bend for ever.
+CREEPING_STEP_S, MOST_CREEPING = 1e-5, 40  # so many short steps in a row mean that a wheel sticks or slides backward
+# Steps grow with the time since the last break of the command, unless the method chatters across a kink of friction:
+# a step below this share of that time counts as creeping, too.
 CHATTERING_SHARE = 3e-3
-# Nothing physical is faster than SHORTEST_STEP_S: many steps in a row a thousand times shorter mean that the forces
-# jump at this state (a motor that droops more than its load lets it settle), and that no motion follows from them.
+# Nothing physical is faster than SHORTEST_STEP_S. Many consecutive steps a thousand times shorter mean that the forces
+# are discontinuous at this state (extreme motor droop), and that the equations have no solution beyond it.
 STALLED_STEP_S, MOST_STALLED = 2e-9, 60
 DONE, FAILED = 0, 1
-# A plan is a row per step: number of the segment, length, and method: sweeps of collocation, or one of these.
+# Methods in a plan, which has a row per step (number of the segment, length, method): these, or the number of
+# collocation sweeps.
 ROSENBROCK, STICKING = 0, -1
 
 
@@ -47,25 +49,25 @@ def integrate_run(
     replay: bool,
     most_steps: int,
 ) -> tuple[int, int, float]:
-    """Integrate from state (6: pose, velocity) at times[0] to times[-1]; outputs (n, 6) into out; state is moved on.
+    """Integrate from state (6: pose, velocity) at times[0] to times[-1]; fills out (n, 6) and updates state.
 
     plan: (m, 3) of segment, step and method. It is filled with the accepted steps; with replay it prescribes them, so
-    that the result is a smooth function of model and state. Lengths and times are in mm and s, and worked out in the
-    units of the model (simulator.dynamics.scale); tolerance is in its unit of length. Returns DONE or FAILED, the
-    number of steps of the plan, and the logarithm of what a small disturbance of the velocity grows by after some break
-    of the command, at most.
+    that the result is a smooth function of model and state. Arguments are in mm and s and converted to the units of the
+    model (simulator.dynamics.scale); tolerance is in its unit of length. Returns DONE or FAILED, the number of steps in
+    the plan, and the logarithm of the largest factor by which a small disturbance of the velocity grows after a break
+    of the command.
     """
     holder = new_work(model)
     unit = model.time_unit
     if unit == 1.0:
         segments = command_segments(knots, times[0], times[-1], model)
         return _through(model, segments, state, times, out, tolerance, plan, replay, most_steps, holder)
-    inside = np.empty(len(times))  # by hand: arithmetic of whole arrays brings the text of its errors to compile
+    inside = np.empty(len(times))  # in a loop: array expressions would add error texts to the compiled code
     for row in range(len(times)):
         inside[row] = times[row] / unit
     segments = command_segments(_scaled_knots(knots, unit), inside[0], inside[-1], model)
     _scale_row(state, 1.0 / unit)
-    _scale_steps(plan, 1.0 / unit)  # units are powers of two: this is undone without a trace
+    _scale_steps(plan, 1.0 / unit)  # units are powers of two: undone later without rounding
     done, used, grown = _through(model, segments, state, inside, out, tolerance, plan, replay, most_steps, holder)
     _scale_steps(plan, unit)
     _scale_row(state, unit)
@@ -86,7 +88,7 @@ def _scaled_knots(knots: Any, unit: float) -> Any:
 
 @compiled()
 def _scale_row(state: Any, unit: float) -> None:
-    """A state (6) times the units of a robot with this unit of time; its unit of length is the square of it."""
+    """Multiply a state (6) by the units of a robot; unit: of time, its square is that of length."""
     state[0] *= unit * unit
     state[1] *= unit * unit
     state[3] *= unit
@@ -96,7 +98,7 @@ def _scale_row(state: Any, unit: float) -> None:
 
 @compiled()
 def _scale_steps(plan: Any, unit: float) -> None:
-    """Lengths of the steps of a plan (m, 3) times a unit."""
+    """Multiply the step lengths of a plan (m, 3) by a unit."""
     for row in range(len(plan)):
         plan[row, 1] *= unit
 
@@ -114,7 +116,7 @@ def _through(
     most_steps: int,
     holder: Any,
 ) -> tuple[int, int, float]:
-    """Integrate a run segment by segment; holder (1,): the record of the run, which its array keeps alive."""
+    """Integrate a run segment by segment; holder (1,): array that holds the record of the run (see workspace)."""
     work = holder[0]
     for item in range(3):
         work.pose[item], work.y[3 + item] = state[item], state[3 + item]
@@ -137,7 +139,7 @@ def _through(
 
 @compiled()
 def output_rows(times: Any, row: int, until: float, last: bool) -> int:
-    """The first row from row on whose time is not before until; with last, not until either."""
+    """Index of the first time, from row on, that is not before until; with last, that is after until."""
     while row < len(times) and (times[row] < until or (last and times[row] <= until)):
         row += 1
     return row
@@ -157,7 +159,7 @@ def _through_segment(
     most_steps: int,
     work: Any,
 ) -> int:
-    """Go through the segment in work, writing its rows of out; returns the steps used so far, negative if it fails."""
+    """Integrate the segment in work and write its rows of out; returns the steps used so far, negative on failure."""
     begin, end, row = work.segment[BEGIN], work.segment[END], rows[0]
     closed = work.segment[STEADY] == 1.0 and model.varies == 0
     time, step, longest, resume, creeping, stalled = begin, 0.0, math.inf, begin, 0, 0
@@ -202,34 +204,34 @@ def _through_segment(
 def _unvaried_step(tolerance: float) -> float:
     """The longest step for which derivatives of forces by place are not needed.
 
-    In h seconds forces that vary with place change by 0.01·h of themselves, and with them the velocity, for a
-    displacement of 0.01·h² mm or so: h is the square root of the tolerance in mm.
+    In h seconds, forces that vary with position change by about 0.01·h of themselves, and so does the velocity: a
+    displacement of about 0.01·h² mm. Hence h is the square root of the tolerance in mm.
     """
     return math.sqrt(tolerance)
 
 
 @compiled()
 def _creeping_step(since: float, tolerance: float) -> float:
-    """The longest step that counts as creeping, so long after a break of the command."""
+    """The longest step that counts as creeping; since: time after the last break of the command."""
     finer = shrinking(tolerance)
     return float(finer * max(CREEPING_STEP_S, finer * CHATTERING_SHARE * since))
 
 
 @compiled()
 def _asked_step(time: float, step: float, tolerance: float, model: Any, work: Any) -> float:
-    """The step to try: the one wanted, or a first one, and none that could rest on an unstable balance."""
+    """The step to try: the proposed one, or a first one, short enough not to stay on an unstable equilibrium."""
     if step == 0.0:
         step = min(first_step(work.linear, tolerance), _unvaried_step(tolerance))
     work.growth = 0.0
     if is_off(time, model, work):
-        return step  # an unstable balance is within the rounding of rest, and as good as rest
+        return step  # the unstable equilibrium lies within the smoothing at rest, and counts as rest
     work.growth = growth_rate(work.linear)
     return float(min(step, 1.0 / (work.growth + 1e-30)))
 
 
 @compiled()
 def _write_step(out: Any, times: Any, rows: tuple[int, int], time: float, step: float, method: int, work: Any) -> None:
-    """Outputs inside the step just taken; move the run to its end."""
+    """Write the outputs within the step just taken, and move the run to its end."""
     if method > 0:
         write_polynomials(out, times, rows, time, step, work.table)
         go_to_end(work)

@@ -17,22 +17,22 @@ from simulator.integrator.stability import is_stable
 from simulator.integrator.step_control import LEVER_MM, MOVING_RESTS
 from simulator.integrator.workspace import copy
 
-# Share of the velocity within which forces are linear to a few hundredths: friction bends at slips twenty times that.
+# Share of the velocity within which forces are linear to a few per cent: friction saturates at slips twenty times that.
 NEAR_SHARE = 1e-3
 
 
 @compiled()
 def near_manifold(tolerance: float, at_rest: bool, model: Any, work: Any) -> bool:
-    """Whether slip has all but relaxed: what is left of it moves the robot by less than the tolerance, and linearly.
+    """Whether slip has almost relaxed: the rest of it is linear and moves the robot by less than the tolerance.
 
-    work.linear holds the linearization at work.y; the inverse of the derivative by velocity is left in work.inverse.
-    at_rest: the manifold may lie within the rounding of rest. A robot whose wheels have just begun to turn against each
-    other is held there for a moment by the rounding alone.
+    work.linear holds the linearization at work.y; the inverse of the derivative by velocity is stored in work.inverse.
+    at_rest: whether the manifold may lie within the smoothing at rest, which alone holds a robot there for a moment
+    after its wheels have begun to turn against each other.
     """
     linear, inverse, lacking, to_go = work.linear, work.inverse, work.spare[0], work.spare[1]
     if not is_stable(linear) or not invert3(linear[1:4], inverse):
         return False
-    # On the manifold the acceleration is that of the balance, -J⁻¹·(derivative by time).
+    # On the manifold the acceleration is that of the moving equilibrium, -J⁻¹·(derivative by time).
     _times(inverse, linear[7], lacking)
     for row in range(3):
         lacking[row] += linear[0, row]
@@ -49,7 +49,7 @@ def is_off(time: float, model: Any, work: Any) -> bool:
 
 @compiled()
 def close(to_go: Any, tolerance: float, at_rest: bool, model: Any, work: Any) -> bool:
-    """Whether the velocity is close to one that differs by to_go (3): see near_manifold."""
+    """Whether the velocity is close to one that differs from it by to_go (3), by the criterion of near_manifold."""
     size, distance, displacement, moved_by = 0.0, 0.0, 0.0, work.spare[2]
     _times(work.inverse, to_go, moved_by)
     for row in range(3):
@@ -70,11 +70,11 @@ def _times(matrix: Any, vector: Any, out: Any) -> None:
 
 @compiled()
 def settle(time: float, model: Any, work: Any) -> bool:
-    """Move work.y from near the manifold to the steady turn and return True, False where it is not close after all.
+    """Move work.y from near the manifold to the steady turn; False if it turns out not to be close.
 
-    work.y enters linearized, at twist 0, with the inverse of near_manifold; it leaves with the velocity of the steady
-    turn and the twist that the rest of the relaxation, velocity' = J·(velocity - steady velocity), will have made:
-    -J⁻¹·(velocity - steady).
+    Before: work.y at twist 0, with its linearization and the inverse of near_manifold. After: the velocity of the
+    steady turn, and the twist by which the rest of the relaxation, velocity' = J·(velocity - steady velocity), moves
+    the robot: -J⁻¹·(velocity - steady velocity).
     """
     y, inverse = work.y, work.inverse
     steady, residual, step = work.spare[0], work.spare[1], work.spare[2]
@@ -84,7 +84,7 @@ def settle(time: float, model: Any, work: Any) -> bool:
         residual[row] = work.linear[0, row]
         size = max(size, (LEVER_MM if row == 2 else 1.0) * abs(y[3 + row]))
     drive, place = drive_at(work.segment, time, model.lag), place_after(work.pose, 0.0, 0.0, 0.0, time, model)
-    for number in range(12):  # the first Jacobian is good to a few hundredths, so that each pass gains digits
+    for number in range(12):  # the first Jacobian is accurate to a few per cent: each pass gains more than a digit
         _times(inverse, residual, step)
         change = 0.0
         for row in range(3):
@@ -99,7 +99,7 @@ def settle(time: float, model: Any, work: Any) -> bool:
             steady[3], steady[4], steady[5], drive, place, model.rest_speed, model, work.contacts
         )
     if not (change <= 1e-10 * size + 1e-15 and moved_by <= 2 * distance):
-        return False  # forces bend within the distance: not close after all
+        return False  # forces are not linear over the distance
     for row in range(3):
         residual[row] = steady[3 + row] - y[3 + row]
     _times(inverse, residual, y)
@@ -110,7 +110,7 @@ def settle(time: float, model: Any, work: Any) -> bool:
 
 @compiled()
 def write_arc(out: Any, times: Any, rows: tuple[int, int], time: float, step: float, work: Any) -> None:
-    """Outputs on the arc that starts at time, and its end: a twist work.y[:3] at once, then constant velocity."""
+    """Write the outputs on the arc that starts at time, and its end: the twist work.y[:3], then constant velocity."""
     pose, y = work.pose, work.y
     x, at_y, heading = moved(pose, y[0], y[1], y[2])
     u, v, r = y[3], y[4], y[5]

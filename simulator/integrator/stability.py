@@ -1,4 +1,4 @@
-"""Eigenvalues of the derivative of the accelerations by velocity, rows 1 to 3 of the linearization's work array."""
+"""Eigenvalues of the derivative of the accelerations by velocity, rows 1 to 3 of work.linear."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def is_stable(work: Any) -> bool:
 def growth_rate(work: Any) -> float:
     """Largest positive real eigenvalue of the derivative by velocity, 1/s; 0 where there is none.
 
-    An L-stable method with steps beyond its inverse would rest on an unstable balance, as a robot at rest whose wheels
-    turn against each other.
+    With steps longer than its inverse, an L-stable method would stay on an unstable equilibrium, such as a robot at
+    rest whose wheels turn against each other.
     """
     p, q, s = characteristic(work)
     if p >= 0.0 and q >= 0.0 and s >= 0.0:

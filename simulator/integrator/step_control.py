@@ -1,4 +1,4 @@
-"""One step with control of its error: order 4 where friction is smooth, implicit Euler where a wheel sticks."""
+"""One step with error control: order 4 where friction is smooth, implicit Euler where a wheel sticks."""
 
 from __future__ import annotations
 
@@ -9,39 +9,39 @@ from simulator.compilation import compiled
 from simulator.integrator.implicit_euler import euler_pair
 from simulator.integrator.rosenbrock import attempt, invert3
 
-LEVER_MM = 10.0  # an error of heading counts as the displacement it makes at this distance
-MOST_TRIES = 4  # rejections in a row mean that a wheel sticks or turns over
+LEVER_MM = 10.0  # a heading error counts as the displacement that it causes at this distance
+MOST_TRIES = 4  # more rejections in a row mean that a wheel sticks or reverses its sliding
 SHORTEST_STEP_S = 2e-6  # a fraction of the shortest relaxation of rolling wheels
-USUAL_TOLERANCE_MM = 1e-6  # for these two; below it, steps of order 4 shrink with its fourth root
-MOVING_RESTS = 100.0  # so many rest speeds are beyond the rounding of rest
-# Within it, the smallest part of the velocity may decide which of two turns a robot leaves rest for: each part is
-# followed to a share of itself, down to a share of the rest speed, by steps as short as that takes.
+USUAL_TOLERANCE_MM = 1e-6  # for which both were chosen; below it, steps of order 4 shrink with its fourth root
+MOVING_RESTS = 100.0  # rest speeds from which on the smoothing at rest no longer matters
+# Below, the smallest component of the velocity may decide which of two turns a robot takes from rest. Each component is
+# computed to DECIDING_SHARE of itself or DECIDING_RESTS of the rest speed, with steps as short as that needs.
 DECIDING_SHARE, DECIDING_RESTS, MOST_RESTING_TRIES = 1e-2, 1e-8, 60
-FINEST = 1e-3  # of the errors of the velocity at the usual tolerance; below, rounding within rest is all that counts
-# In the end a velocity error may move the robot by so many tolerances: rolling wheels forget within some steps anyway.
+FINEST = 1e-3  # least velocity error over that at the usual tolerance; below it rounding near rest dominates
+# A velocity error may finally displace the robot by REMEMBERED tolerances; rolling wheels correct it within some steps.
 REMEMBERED, LONGEST_MEMORY_S = 30.0, 1.0
 LONGEST_TURN_RAD = 1.0  # within one step, where the series for the twist is exact to 1e-9
 
 
 @compiled()
 def shrinking(tolerance: float) -> float:
-    """Share of the usual shortest steps that a tolerance below the usual one asks for."""
+    """Factor on the usual shortest steps for a tolerance below the usual one."""
     return float(min(1.0, (tolerance / USUAL_TOLERANCE_MM) ** 0.25))
 
 
 @compiled()
 def is_resting(state: Any, model: Any) -> bool:
-    """Whether the velocity of a state (6: twist, velocity) is within the rounding of rest."""
+    """Whether the velocity of a state (6: twist, velocity) is within the smoothing at rest."""
     return bool(max(abs(state[3]), abs(state[4]), abs(state[5])) < MOVING_RESTS * model.rest_speed)
 
 
 @compiled()
 def error_norm(step: float, tolerance: float, model: Any, work: Any) -> float:
-    """Error of a step over the tolerance, as displacement in mm: of the pose, and of the velocity over the step."""
+    """Error of a step over the tolerance: of the pose, and of the velocity times the step, as displacements in mm."""
     norm, size, y, end = 0.0, 0.0, work.y, work.end
     for item in range(3):
         size = max(size, abs(y[3 + item]), abs(end[0, 3 + item]))
-    # A velocity error that moves nothing yet must still not spoil the relaxation, nor how a wheel breaks loose.
+    # A velocity error that has not moved the robot yet must not disturb the relaxation, or how a wheel begins to slide.
     spoiling = (0.02 * size + 0.1 * model.rest_speed) * min(1.0, max(tolerance / USUAL_TOLERANCE_MM, FINEST))
     resting = is_resting(y, model) and is_resting(end[0], model)
     for item in range(3):
@@ -58,9 +58,10 @@ def error_norm(step: float, tolerance: float, model: Any, work: Any) -> float:
 
 @compiled()
 def _remembered(error: Any, work: Any) -> float:
-    """What an error of the velocity moves the robot by in the end, mm, until wheel forces have made up for it.
+    """Displacement, mm, that an error of the velocity finally causes, until wheel forces have corrected it.
 
-    Rolling wheels do so within milliseconds. Wheels that slide fast do not: their friction hardly depends on velocity.
+    Rolling wheels correct it within milliseconds; wheels that slide fast do not, since their friction hardly depends on
+    velocity.
     """
     linear, inverse, largest = work.linear, work.inverses[0], 0.0
     regular = invert3(linear[1:4], inverse)
@@ -87,7 +88,7 @@ def first_step(linear: Any, tolerance: float) -> float:
 def smooth_step(
     time: float, step: float, tolerance: float, planned: bool, model: Any, work: Any
 ) -> tuple[float, float]:
-    """Take a Rosenbrock step: the size accepted, 0 where friction bends too sharply, and the size wanted next."""
+    """Take a Rosenbrock step; returns its length, 0 where friction changes too abruptly, and the next length to try."""
     resting = is_resting(work.y, model)
     for _ in range(MOST_RESTING_TRIES if resting else MOST_TRIES):
         taken = attempt(time, step, model, work)
@@ -107,7 +108,7 @@ def smooth_step(
 def sticking_step(
     time: float, step: float, tolerance: float, planned: bool, model: Any, work: Any
 ) -> tuple[float, float]:
-    """Take a pair of implicit Euler steps: the size accepted, 0 where none was, and the size wanted next."""
+    """Take a pair of implicit Euler steps; returns the length, 0 if none was accepted, and the next length to try."""
     for _ in range(60):
         taken = euler_pair(time, step, model, work)
         if planned and taken:
@@ -131,7 +132,7 @@ def short_step(
     model: Any,
     work: Any,
 ) -> tuple[float, float, bool]:
-    """Take a step of either kind: the size accepted, 0 where none was; the size wanted next; whether a wheel sticks."""
+    """Take a step of either kind; returns its length (0: none accepted), the next length, whether a wheel sticks."""
     if not sticking:
         tried, wanted = smooth_step(time, min(step, remaining), tolerance, planned, model, work)
         if tried > 0.0:

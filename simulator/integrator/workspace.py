@@ -1,8 +1,8 @@
-"""The record in which a run is worked out: where it stands, and scratch of the kernels.
+"""The record with the state of a run during integration, and the work arrays of the kernels.
 
-One record stands for a dozen arrays in the arguments of the kernels, and costs them less: numba counts the users of an
-array at every call that hands it on, a record is handed on as its place in memory. So whoever makes a record must hold
-the array it stands in while the record is in use.
+One record replaces a dozen arrays in the arguments of the kernels and is faster: numba counts references to an array at
+every call, but passes a record as a pointer. Whoever makes a record must therefore keep its array alive while the
+record is in use.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ POINTS, TABLE_ROWS = 12, 16  # of a step by collocation, see simulator.integrato
 
 
 def work_type(slots: int) -> np.dtype[np.void]:
-    """Type of the record for robots of up to so many wheels."""
+    """Type of the record for robots with up to `slots` wheels."""
     return np.dtype(
         [
             ("pose", float, 3),  # x, y, heading at the start of the step
@@ -30,7 +30,7 @@ def work_type(slots: int) -> np.dtype[np.void]:
             ("end", float, (2, 6)),  # y at the end of the step, and the estimate of its error
             ("stages", float, (STAGES, 6)),
             ("linear", float, (8, 3)),  # accelerations; derivative by velocity (3 rows), by twist (3 rows), by time
-            ("bent", float, (8, 3)),  # the first four rows within an iteration
+            ("bent", float, (8, 3)),  # the first four rows of linear at an iterate of Newton's method
             ("inverse", float, (3, 3)),
             ("block", float, (3, 3)),
             ("contacts", float, (ROWS, slots)),  # see simulator.dynamics.contact
@@ -38,7 +38,7 @@ def work_type(slots: int) -> np.dtype[np.void]:
             ("table", float, (TABLE_ROWS, POINTS)),
             ("inverses", float, (POINTS, 3, 3)),
             ("growth", float),  # of a disturbance of the velocity at the start of the step, 1/s
-            ("grown", float),  # logarithm of what disturbances have grown by in the segment
+            ("grown", float),  # logarithm of the growth of disturbances in the segment
         ],
         align=True,
     )
@@ -61,6 +61,6 @@ def _new_work(model: Any) -> Any:
 
 @compiled()
 def copy(source: Any, target: Any) -> None:
-    """Copy numbers into the target (n,), by hand: an assignment of arrays brings the text of its errors to compile."""
+    """Copy numbers to target (n,), in a loop: an array assignment would add error texts to the compiled code."""
     for item in range(len(target)):
         target[item] = source[item]

@@ -1,1 +1,1 @@
-"""Effects of the user's own: read from files, and the files to begin with."""
+"""Effects that users define: their files, and templates for them."""

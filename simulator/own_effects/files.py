@@ -1,4 +1,4 @@
-"""Effects of a user's own: a TOML file of terms, or a Python file that declares an EFFECT as simulator.effects do.
+"""Effects of the user: a TOML file of terms, or a Python file that declares an EFFECT like those of simulator.effects.
 
     format = 1
     id = "mixed-drive"
@@ -7,17 +7,18 @@
 
     [[term]]
     channel = "left_drive"          # where it acts: simulator.dynamics.terms.CHANNELS
-    depends_on = "right_command"    # what it is multiplied with: simulator.dynamics.terms.BASES
+    depends_on = "right_command"    # quantity that it is multiplied by: simulator.dynamics.terms.BASES
     pattern = "common"              # of wheel channels: simulator.dynamics.terms.PATTERNS
     coefficient = "right_to_left"   # name of the parameter; terms may share one
     times = 1.0                     # factor of this term
-    unit = ""                       # of the parameter, as it is to be shown
+    unit = ""                       # of the parameter, for display
     low = -1.0                      # bounds of a fit
     high = 1.0
-    step = 0.01                     # a small change that shows in the marks
-    begin = 0.2                     # where a fit begins besides where the data point to: what an earlier one found
+    step = 0.01                     # a small change that is visible in the marks
+    begin = 0.2                     # additional initial value of a fit, from an earlier fit
 
-Without a parameter the effect vanishes. Entry points of the group turnscope.effects give effects, too.
+Parameters are 0 by default, where the effect vanishes. Entry points of the group turnscope.effects also provide
+effects.
 """
 
 from __future__ import annotations
@@ -63,10 +64,9 @@ _sources: dict[str, Path] = {}
 
 
 def load_own(path: Path) -> Effect:
-    """Read an effect from a TOML or a Python file and make it known to the process.
+    """Read an effect from a TOML or a Python file and register it in this process.
 
-    A Python file is run, as any program is: read only those that somebody named. Raises SimulationError, in one
-    sentence, and OSError.
+    A Python file is executed: load only files that the user has named. Raises SimulationError and OSError.
     """
     effect = _from_python(path) if path.suffix == ".py" else _from_toml(path)
     if effect.id in BUILT_IN:
@@ -77,12 +77,12 @@ def load_own(path: Path) -> Effect:
 
 
 def load_beside(folder: Path) -> tuple[str, ...]:
-    """Ids of the effects in TOML files of the folder `effects` in this one, read and known from now on."""
+    """Load the TOML files in the subfolder `effects` of a folder; returns the ids of their effects."""
     return tuple(load_own(path).id for path in sorted((folder / FOLDER).glob("*.toml")))
 
 
 def load_installed() -> tuple[str, ...]:
-    """Ids of the effects of installed packages: entry points of the group turnscope.effects, each an Effect."""
+    """Load effects of installed packages (entry points of the group turnscope.effects); returns their ids."""
     found = []
     for point in entry_points(group=GROUP):
         effect = point.load()
@@ -96,18 +96,18 @@ def load_installed() -> tuple[str, ...]:
 
 
 def forget_own() -> None:
-    """Forget every own effect that this process has read."""
+    """Unregister all effects of the user."""
     OWN.clear()
     _sources.clear()
 
 
 def is_built_in(effect: str) -> bool:
-    """Whether an effect is of the catalogue."""
+    """Whether an effect belongs to the catalogue."""
     return effect in BUILT_IN
 
 
 def file_of(effect: str) -> Path | None:
-    """The file that an own effect was read from; None for others."""
+    """The file of an effect of the user; None for other effects."""
     return _sources.get(effect)
 
 
@@ -137,12 +137,12 @@ def _from_toml(path: Path) -> Effect:
 
 
 def faults_of_content(content: Mapping[str, Any]) -> list[str]:
-    """What is wrong with the content of an effect's file, a phrase each."""
+    """Errors in the content of an effect's file, one phrase each."""
     return list(_faults(content))
 
 
 def effect_of(content: Mapping[str, Any]) -> Effect:
-    """The effect of a file's content that is free of faults."""
+    """The effect of a file's valid content."""
     rows = content["term"]
     parameters = {row["coefficient"]: _parameter(row) for row in reversed(rows)}
     drive_or_force = [(row["coefficient"], _term(row)) for row in rows]

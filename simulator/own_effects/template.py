@@ -1,4 +1,4 @@
-"""A commented file of an own effect, empty or filled in with terms that a diagnosis found."""
+"""Commented template for an effect of the user, empty or with the terms that a diagnosis found."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from simulator.dynamics.terms import BASES, CHANNELS, PATTERNS
 
 @dataclass(frozen=True)
 class TermRow:
-    """One [[term]] of the file: as in simulator.own_effects.files; value: where a fit begins, if told."""
+    """One [[term]] of the file, see simulator.own_effects.files; value: initial value of a fit, or None."""
 
     channel: str
     depends_on: str

@@ -1,4 +1,4 @@
-"""One line of the published-against-ours table: a number with its difference, or a statement that holds or not."""
+"""A row of the table published | ours: a number with its difference, or a statement that holds or not."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 
 AGREES, CLOSE, DIFFERS, HOLDS, FAILS = "agrees", "close", "differs", "holds", "fails"
 NOT_COMPUTED = "not computed"
-# What a row is worth: computed from the paper's equations and numbers alone; from a law that was fitted to this very
-# figure; a conjecture made after the number was known; a number or claim that the model does not give; no part of it.
+# Status of a row: computed from the paper's equations and numbers alone; computed with a law fitted to this figure; a
+# conjecture made after the number was known; a number or claim that the model does not reproduce; not computed.
 COMPUTED, FITTED, CONJECTURE = "computed", "fitted to this figure", "conjecture"
 NOT_REPRODUCED, OUT_OF_SCOPE = "not reproduced", "out of scope"
 AGREEMENT = 1e-3  # the project's aim: a published number met to 0.1 %
@@ -19,10 +19,10 @@ CLOSENESS = 0.03  # a number read off a figure or stated as "approximately"
 
 @dataclass(frozen=True)
 class Check:
-    """A published number or statement beside what the model gives.
+    """A published number or statement, and the result of the model.
 
     source: equation, figure or section; difference: in % of the published value, or empty for a statement; standing:
-    what the row is worth, COMPUTED and so on.
+    status of the row, COMPUTED and so on.
     """
 
     source: str
@@ -34,18 +34,18 @@ class Check:
     standing: str = COMPUTED
 
     def __post_init__(self) -> None:
-        """A row that misses what is published is not reproduced, whatever its law was fitted to."""
+        """Set the status of a row that differs from the publication to not reproduced."""
         if self.verdict in (DIFFERS, FAILS):
             object.__setattr__(self, "standing", NOT_REPRODUCED)
 
 
 def standing(checks: Iterable[Check], worth: str) -> list[Check]:
-    """Checks with another standing than computed; those that miss what is published stay not reproduced."""
+    """Checks with status `worth` instead of computed; rows that are not reproduced keep that status."""
     return [replace(check, standing=worth) for check in checks]
 
 
 def out_of_scope(source: str, quantity: str, published: str, reason: str) -> Check:
-    """Something published that is not computed, and why."""
+    """A published result that is not computed, with the reason."""
     return Check(source, quantity, published, reason, "", NOT_COMPUTED, OUT_OF_SCOPE)
 
 
@@ -65,5 +65,5 @@ def number(
 
 
 def statement(source: str, quantity: str, published: str, ours: str, holds: bool | np.bool_) -> Check:
-    """Compare words: what the paper says, what the model does."""
+    """Compare a statement of the paper with the behaviour of the model."""
     return Check(source, quantity, published, ours, "", HOLDS if holds else FAILS)

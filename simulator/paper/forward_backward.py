@@ -1,4 +1,4 @@
-"""What Section 6.1 says of forward and backward turns, Figures 19 to 22, and what of the paper is not computed."""
+"""Forward and backward turns: Section 6.1 and Figures 19 to 22; and results of the paper that are not computed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from simulator.paper.checks import Check, out_of_scope, statement
 if TYPE_CHECKING:
     from simulator.steady import SteadyTurn
 
-TIGHTER = 1e-3  # less is no "slightly smaller" radius that a measurement could show
+TIGHTER = 1e-3  # relative; a measurement could not show a smaller difference of radius
 
 
 def direction_checks() -> list[Check]:
@@ -30,7 +30,7 @@ def direction_checks() -> list[Check]:
 
 
 def _skid_checks(source: str, turn: SteadyTurn, command: str) -> list[Check]:
-    """The words of Section 6.1 on the wheels; left and right as seen in the direction of travel."""
+    """Statements of Section 6.1 about the wheels; left and right as seen in the direction of travel."""
     way = np.sign(turn.u_mm_s)
     slip, angle = way * turn.wheels.slip_ratio, way * np.degrees(turn.wheels.slip_angle_rad)
     return [
@@ -52,7 +52,7 @@ def _skid_checks(source: str, turn: SteadyTurn, command: str) -> list[Check]:
 
 
 def scope() -> list[Check]:
-    """What is published and not computed, each with the reason."""
+    """Published results that are not computed, each with the reason."""
     return [
         out_of_scope(
             "Eq. (2), Fig. 2",

@@ -1,4 +1,4 @@
-"""Every number and ordering of the paper's text, published against ours."""
+"""Every number and ordering in the paper's text, published and computed."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class PowerLaw:
 
 
 def power_law(ratio: pd.Series[float], radius_mm: pd.Series[float]) -> PowerLaw:
-    """Regression of ln(radius) on ln(ratio), the way spreadsheets draw a power curve through points."""
+    """Regression of ln(radius) on ln(ratio), as spreadsheets fit a power curve."""
     x, y = np.log(ratio.to_numpy(float)), np.log(radius_mm.to_numpy(float))
     exponent, level = np.polyfit(x, y, 1)
     rms = float(np.sqrt(np.mean((y - level - exponent * x) ** 2)))
@@ -151,7 +151,7 @@ def _spread_over_speed(table: pd.DataFrame) -> float:
 
 
 def _wheel_type_checks() -> list[Check]:
-    """Figure 22: barrel against column; the two laws were told apart by it."""
+    """Figure 22: barrel and column wheels; their slip laws were fitted to this difference."""
     table = tables.prototype_turns()
     paired = table[table["figure"] == "22"].pivot_table(index="difference_rpm", columns="wheel", values="radius_mm")
     gain = paired["barrel"] / paired["column"] - 1

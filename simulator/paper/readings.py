@@ -1,13 +1,13 @@
-"""Ways to read Eqs. (3) to (8), and the five published radii that each gives.
+"""Interpretations ("readings") of Eqs. (3) to (8), and the five published radii that each gives.
 
-A force balance of its own, with every doubtful choice replaceable; the reading "as shipped" is the kernels' law.
-Nearest: the slip angle counted in right angles where Eq. (5) lets friction decrease,
-mu = mu_0·(1 - K_mu·sqrt((2·alpha/pi)² + (s·cos alpha)²)), brings all five radii within 0.1 % with no number fitted.
+An independent force balance in which every ambiguous choice can be replaced; the reading "as shipped" is the law of the
+kernels. The closest reading measures the slip angle in right angles where Eq. (5) reduces friction:
+mu = mu_0·(1 - K_mu·sqrt((2·alpha/pi)² + (s·cos alpha)²)). It gives all five radii within 0.1 % without a fitted number.
 
-That is a conjecture, not a proof, chosen after the radii were known. None of 25,920 combinations of ordinary choices
-came under 0.16 %. The friction still missing then asked for about 2/3 of the printed decrease at the driven wheels, and
-2/pi was the natural factor near it; of some sixteen forms tried by hand, a plain 2/3 at the driven wheels alone came
-under 0.1 % as well. Four of the five radii miss the last published digit. The shipped tire keeps Eq. (5) as printed.
+This is a conjecture, not a proof, chosen after the radii were known. None of 25,920 combinations of ordinary choices
+came below 0.16 %. The remaining difference required about 2/3 of the printed decrease at the driven wheels, and 2/pi is
+the natural factor near it; of about sixteen forms tried by hand, a factor of 2/3 at the driven wheels alone also came
+below 0.1 %. Four of the five radii differ in the last published digit. The shipped tire keeps Eq. (5) as printed.
 Units: mm, s, mN, rad.
 """
 
@@ -40,10 +40,10 @@ def _in_right_angles(angle: Array, slip: Array) -> Array:
 
 @dataclass(frozen=True)
 class Reading:
-    """One choice for everything that the paper leaves open; the defaults are the shipped reading.
+    """One choice for every ambiguity of the paper; the defaults are the shipped reading.
 
-    denominator: of the slip ratio, from |u| and |r·phi'|; decreasing_slip: what Eq. (5) multiplies by K_mu, from slip
-    angle and ratio; friction: mu/mu_0 from K_mu times that; side_slip: what stands for sin(alpha) in Eqs. (4), (7).
+    denominator: of the slip ratio, from |u| and |r·phi'|; decreasing_slip: the slip that Eq. (5) multiplies by K_mu,
+    from slip angle and ratio; friction: mu/mu_0 from that product; side_slip: replaces sin(alpha) in Eqs. (4), (7).
     """
 
     name: str
@@ -122,7 +122,7 @@ def _radius(turn: PublishedTurn, reading: Reading) -> float:
         return [along.sum() + carried * v, across.sum() - carried * u, moment]
 
     forward = commanded[:2].mean()
-    guess = forward / turn.radius_mm  # only a start; the root does not depend on it
+    guess = forward / turn.radius_mm  # initial value; the root does not depend on it
     pivot = -guess if turn.radius_mm < 30 else 0.0  # sharp turns pivot ahead of the centre
     found: Any = root(balance, [forward, pivot, guess], tol=1e-12)
     u, v, r = found.x
@@ -133,7 +133,7 @@ def _friction(angle: Array, slip: Array, load: Array, share: float, reading: Rea
     """Eqs. (4) to (8) in a reading, mu_0 = 0.3, a = 1.2."""
     friction, shape = 0.3, 1.2
     side, slide = reading.side_slip(angle), slip * np.cos(angle)
-    sigma = np.hypot(side, slide) + 1e-15  # keeps 0/0 at no slip out
+    sigma = np.hypot(side, slide) + 1e-15  # avoids 0/0 without slip
     decrease = np.full(4, reading.decrease)
     if reading.driven_decrease is not None:
         decrease[~DRIVING] = reading.driven_decrease

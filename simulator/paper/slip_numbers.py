@@ -1,4 +1,4 @@
-"""What the text says of the slip characteristics in Figures 3, 7 and 8, against the shipped laws."""
+"""Statements of the text about the slip characteristics in Figures 3, 7 and 8, compared with the shipped laws."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from simulator.robot import load_robot
 from simulator.slip.curves import law_parameters, normalized_forces
 
 FLAT_RATIO = 0.4  # Figure 7 (a): flat beyond it
-FLATNESS = 0.05  # of the maximum; a change that a drawn curve would still be called flat with
+FLATNESS = 0.05  # of the maximum: largest change of a curve that is called flat
 SETTLED_ANGLE_DEG = 60.0  # where "afterwards" has been reached; the figures' angles go on to 75 and 90
 
 
@@ -32,7 +32,7 @@ class SlipShape:
 
 
 def slip_shape(slip: Slip) -> SlipShape:
-    """Measure a law's curves the way the text of Section 3 describes them."""
+    """Features of a law's curves as Section 3 describes them."""
     ratios, angles = np.linspace(0.0, 1.0, 1001), np.linspace(0.0, 90.0, 1801)
     along, _ = normalized_forces(law_parameters(slip), ratios, 0.0)
     _, across = normalized_forces(law_parameters(slip), 0.0, np.radians(angles))

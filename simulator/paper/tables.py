@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LEFT_RPM = tuple(range(20, 51, 5))  # Figure 13
-DIFFERENCES_RPM = np.arange(2.5, 36.0, 2.5)  # the paper does not say which; its ratios are taken as 0.1 to 0.7
+DIFFERENCES_RPM = np.arange(2.5, 36.0, 2.5)  # assumed: the paper does not list them; ratios from 0.1 to 0.7
 RATIO_RANGE = (0.1, 0.7)
 PROTOTYPE_RPM = (14.4, 33.3)  # left, right of Figures 19 to 21
 
 
 def radius_mm(robot: Robot, left_rpm: float, right_rpm: float) -> float:
-    """Turning radius of the robot's centre, mm; the model settles at once, so the minimum is the steady one."""
+    """Turning radius of the robot's centre, mm: the steady radius, which the model reaches at once, is the minimum."""
     return abs(steady_turn(robot, left_rpm, right_rpm).radius_mm)
 
 

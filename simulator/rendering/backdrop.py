@@ -1,4 +1,4 @@
-"""What does not move: the brushed plate, the light on it, reflections and wires, all in image pixels."""
+"""Static parts of a scene: the brushed plate, the light on it, reflections and wires, all in image pixels."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ STEEL = np.array([0.98, 1.0, 1.01], dtype=np.float32)  # brushed steel is nearly
 class Overlay:
     """Light on the way to the sensor: light = (scene · transmission) + veil, per pixel.
 
-    transmission: (h, w), share of the scene's light that arrives (light field, vignetting, not covered by a wire);
+    transmission: (h, w), share of the scene's light that arrives (lighting, vignetting, occlusion by wires);
     veil: (h, w, 3), light added by reflections and wires.
     """
 
@@ -45,7 +45,7 @@ def overlay(scene: SceneBase, size_px: tuple[int, int]) -> Overlay:
 
 
 def wire_cover(wires: Sequence[Wire], points_px: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which image points (..., 2) lie behind a wire."""
+    """Which image points (..., 2) lie behind a wire."""
     covered = np.zeros(points_px.shape[:-1], dtype=bool)
     for wire in wires:
         covered |= _distance_px(wire, points_px) < wire.width_px / 2

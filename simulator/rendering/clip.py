@@ -50,7 +50,7 @@ class RenderedFrame:
 
 @dataclass(frozen=True)
 class Stage:
-    """All that is the same in every frame of a scene."""
+    """What all frames of a scene share."""
 
     scene: Scene
     robot: Robot
@@ -62,7 +62,7 @@ class Stage:
 
 
 def set_stage(scene: Scene) -> Stage:
-    """Load what the scene names and work out where the robot is in every exposure."""
+    """Load the files that the scene names and compute the robot's pose in every exposure."""
     robot, camera = load_robot(scene.robot), scene.camera.camera()
     robot = robot.model_copy(update={"effect": robot.effect + scene.effect})
     view = view_of(robot, [mark.place_mm for mark in robot.layout])
@@ -160,7 +160,7 @@ class _Easel:
 
 
 def _through(stage: Stage, place: int) -> Array:
-    """Poses at the parts of an exposure, (k, 3): the parabola through its begin, middle and end."""
+    """Poses at the parts of an exposure, (k, 3), by a parabola through its beginning, middle and end."""
     begin, middle, end = stage.poses[place]
     seen = zip(stage.robot.layout, stage.view.marks(*stage.poses[place].T), strict=True)
     marks_px = np.stack([_project(stage, center, mark) for mark, center in seen], axis=1)
@@ -193,10 +193,10 @@ def render_clip(scene: Scene, video_path: Path, progress: Callable[[int, int], N
 def truth_of(stage: Stage) -> pd.DataFrame:
     """Exact truth, a row per exposure.
 
-    frame; field (only when interlaced: "top" or "bottom"); time_s, the middle of the exposure; presentation_s; x_mm,
-    y_mm, heading_deg of the robot's centre; per mark x_mm, y_mm in the plate frame, on the plane of the marks, and as
-    observation effects have it where the scene has such; x_px, y_px, the image of the mark's centre; visible, the
-    share of the mark in the image and before no wire.
+    Columns: frame; field (only if interlaced: "top" or "bottom"); time_s, the middle of the exposure; presentation_s;
+    x_mm, y_mm, heading_deg of the robot's centre; per mark x_mm, y_mm in the plate frame, on the plane of the marks,
+    including observation effects of the scene; x_px, y_px, the image of the mark's centre; visible, the share of the
+    mark that is in the image and not occluded.
     """
     scene = stage.scene
     x, y, heading = stage.poses[:, 1].T

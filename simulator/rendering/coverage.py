@@ -1,9 +1,9 @@
 """How much of each pixel a disc or a polygon covers, as the lens blurs it.
 
-Image frame, px. A disc lies on a plane that the camera sees under perspective and distortion, so its image is no
-ellipse. Its edge is found where it is: pixels are split into n × n parts, each part takes its plate coordinates from
-the second-order expansion of the plane map about its pixel and the exact share of a square cut by a straight edge;
-blur and pixel aperture then act as one separable filter. Tests check this against brute force.
+Image frame, px. Perspective and distortion make the image of a disc differ from an ellipse. Its edge is therefore
+computed on the plane: pixels are split into n × n parts; each part takes its plate coordinates from the second-order
+expansion of the plane map about its pixel, and its coverage is the exact share of a square cut by a straight edge. Blur
+and pixel aperture then act as one separable filter. Tests compare this with brute force.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ class Kernel:
 def blur_kernel(blur_px: float) -> Kernel:
     """Build the filter of a lens whose Gaussian blur has standard deviation blur_px.
 
-    The share covered of a part is itself an average over that part, a filter of variance 1/(12 parts²), which is
-    taken off the Gaussian's. Sharp images need finer parts: 8 below 1 px of blur, 4 below 3 px, else 2.
+    The coverage of a part is an average over that part: a filter of variance 1/(12 parts²), which is subtracted from
+    the variance of the Gaussian. Sharp images need finer parts: 8 below 1 px of blur, 4 below 3 px, else 2.
     """
     parts = 8 if blur_px < 1 else 4 if blur_px < 3 else 2
-    margin = math.ceil(4 * blur_px + 0.5)  # what lies beyond is 3e-5 of the light
+    margin = math.ceil(4 * blur_px + 0.5)  # beyond lies 3e-5 of the light
     at = (np.arange((2 * margin + 1) * parts) + 0.5) / parts - margin - 0.5
     rest = math.sqrt(max(blur_px**2 - 1 / (12 * parts**2), 0.0))
     if rest < 0.25 / parts:
@@ -162,9 +162,9 @@ def add_disc(
     """Add a disc's blurred coverage times share to out.
 
     map_x, map_y: plane coordinates at pixel centres, mm, with pad more pixels on every side than the image; box:
-    (left, top, right, bottom) px, right and bottom excluded, where out's first pixel lies and how far it reaches;
-    disc: (x_mm, y_mm, radius_mm, shading), shading being the loss of light at the disc's rim; parts, weights: of a
-    Kernel whose margin is at least one less than pad.
+    pixels of the image that out covers, (left, top, right, bottom), right and bottom excluded; disc: (x_mm, y_mm,
+    radius_mm, shading), where shading is the loss of light at the rim; parts, weights: of a Kernel whose margin is at
+    least one less than pad.
     """
     left, top, right, bottom = box
     margin = (len(weights) // parts - 1) // 2
@@ -217,8 +217,8 @@ def _span(edges: Array, row: float, depth: float, first: float, last: float) -> 
 def add_polygon(corners_px: Array, blur_px: float, box: tuple[int, int, int, int], share: float, out: Array) -> None:
     """Add a convex polygon's blurred coverage times share to out.
 
-    corners_px: (n, 2), clockwise on the image (y down). Edges are exact, corners are rounded by the blur: good
-    enough for bodies and sheets, whose corners nobody measures. blur_px: with the pixel aperture, as one Gaussian.
+    corners_px: (n, 2), clockwise on the image (y down). Edges are exact; corners are more rounded than by true blur,
+    which suffices for bodies and sheets. blur_px: standard deviation of blur and pixel aperture as one Gaussian.
     """
     left, top, right, bottom = box
     wide = math.sqrt(2 * (blur_px**2 + 1 / 12))

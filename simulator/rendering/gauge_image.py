@@ -75,7 +75,7 @@ def render_gauge_image(
 
 
 def printed_mm(scene: GaugeScene, gauge: Gauge) -> Array:
-    """Where the dots of a gauge truly are, (rows, columns, 2), mm in the gauge frame: nominal plus print errors."""
+    """True positions of the dots, (rows, columns, 2), mm in the gauge frame: nominal plus print errors."""
     nominal = gauge.positions_mm()
     rng = np.random.default_rng([scene.print_seed, 3])
     return np.asarray(nominal + scene.print_error_mm * rng.standard_normal(nominal.shape))
@@ -90,9 +90,9 @@ def gauge_truth(
 ) -> pd.DataFrame:
     """Exact truth, a row per dot.
 
-    positions_mm: true places of the dots on the gauge, where they are not the nominal ones. Columns: column, row; x_mm,
-    y_mm in the gauge frame; plate_x_mm, plate_y_mm, plate_z_mm; x_px, y_px of the image of the
-    dot's centre; visible, whether its centre is in the image and the dot is not missing.
+    positions_mm: true positions of the dots on the gauge, if they are not the nominal ones. Columns: column, row; x_mm,
+    y_mm in the gauge frame; plate_x_mm, plate_y_mm, plate_z_mm; x_px, y_px of the image of the dot's centre; visible,
+    whether the dot exists and its centre is in the image.
     """
     positions = gauge.positions_mm() if positions_mm is None else positions_mm
     rows, columns = positions.shape[:2]

@@ -1,4 +1,4 @@
-"""Where the robot is at any time: simulated, read from a CSV, or in closed form. Plate frame, mm, rad."""
+"""Pose of the robot at any time: simulated, read from a CSV, or in closed form. Plate frame, mm, rad."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ COLUMNS = ("time_s", "x_mm", "y_mm", "heading_deg")
 
 
 def poses_at(motion: Motion, robot: Robot, times_s: Array) -> Array:
-    """Pose of the robot's centre at times of any order: (n, 3) of x_mm, y_mm, heading_rad (unwrapped).
+    """Pose of the robot's centre at times in any order: (n, 3) of x_mm, y_mm, heading_rad (unwrapped).
 
-    Raises SimulationError for a pose file that cannot be used; OSError where it cannot be read.
+    Raises SimulationError for an invalid pose file, OSError if it cannot be read.
     """
     if isinstance(motion, Simulated):
         return _simulated(motion, robot, times_s)

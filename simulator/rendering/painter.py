@@ -31,7 +31,7 @@ CLEARANCE_MM = 0.2  # the body hangs a little above the plate, on its wheels
 
 @dataclass(frozen=True)
 class Disc:
-    """A flat disc at one moment: centre on its plane, mm; color of its light."""
+    """A flat disc at one moment: centre on its plane, mm; colour of its light."""
 
     plane: PlaneMap
     center_mm: tuple[float, float]
@@ -40,7 +40,7 @@ class Disc:
     color: Array
 
     def box(self, margin: int) -> Box | None:
-        """Pixels that it can reach, within the image; None if there are none."""
+        """Box of pixels that the blurred disc may cover, within the image; None if there are none."""
         angle = np.linspace(0, 2 * np.pi, 16, endpoint=False)
         ring = np.array(self.center_mm) + 0.55 * self.diameter_mm * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         return box_about(self.plane.image_from_plane(ring), margin, self.plane.camera.size_px)
@@ -103,10 +103,10 @@ def disc_cover(disc: Disc, kernel: Kernel, box: Box, share: float, out: Array) -
 
 @dataclass(frozen=True)
 class RobotLook:
-    """What is drawn of a robot: its box, and the marks on their planes."""
+    """The drawn parts of a robot: its body as a box, and its marks on their planes."""
 
     robot: Robot
-    view: View  # with observation effects: an untrue camera sees the robot where it measures it to be
+    view: View  # with observation effects, so that the measured positions have these errors
     lights: Sequence[Light]
     rim_loss: float
     planes: Sequence[PlaneMap]  # of each mark
@@ -206,7 +206,7 @@ def paint_disc(
 ) -> Box | None:
     """Draw one disc over the scene's light, averaged over its moments; returns the box that changed.
 
-    under: light of the ground that the disc moves along with, (3,), where it rides on something; else what is there.
+    under: light, (3,), of the surface that carries the disc; default: the light of the scene below it.
     """
     boxes = [box for disc in moments if (box := disc.box(kernel.margin + 1)) is not None]
     if not boxes:
@@ -231,6 +231,6 @@ def distractor_disc(distractor: Distractor, plane: PlaneMap, time_s: float, gain
 
 
 def moments_of_exposure(times_s: tuple[float, float], way_px: float) -> Array:
-    """Middles of equal parts of an exposure, enough that the image moves a quarter pixel or less in each."""
+    """Midpoints of equal parts of an exposure, in each of which the image moves by at most a quarter pixel."""
     count = math.ceil(min(max(4 * way_px, 1), 256))
     return times_s[0] + (np.arange(count) + 0.5) / count * (times_s[1] - times_s[0])

@@ -1,4 +1,4 @@
-"""Planes as the camera sees them: the plane coordinates of every pixel, computed once."""
+"""Planes in the camera's view: the plane coordinates of every pixel, computed once."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scipy.interpolate import RectBivariateSpline
 from calibration.camera import Camera
 
 Array = NDArray[np.float64]
-NOWHERE_MM = 1e9  # where a pixel's ray misses the plane, or the lens model folds over: nothing lies there
+NOWHERE_MM = 1e9  # coordinate of pixels whose ray misses the plane, or where the lens model folds over
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class PlaneMap:
 def plane_map(camera: Camera, height_mm: float, pad: int) -> PlaneMap:
     """Map the plane height_mm above the camera's plate (or gauge) frame.
 
-    The camera is asked at every eighth pixel, a quintic spline fills in (to 1e-6 px, see the tests); where the plane
-    ends within the image, every pixel is asked.
+    The camera model is evaluated at every eighth pixel and interpolated by a quintic spline (to 1e-6 px, see the
+    tests); if the plane ends within the image, it is evaluated at every pixel.
     """
     width, height = camera.size_px
     columns, rows = np.arange(-pad, width + pad, dtype=float), np.arange(-pad, height + pad, dtype=float)
@@ -56,7 +56,7 @@ def plane_map(camera: Camera, height_mm: float, pad: int) -> PlaneMap:
 
 
 def _points_seen(camera: Camera, height_mm: float, columns: Array, rows: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Plane points of a grid of image points, and whether the camera truly sees them there."""
+    """Plane points of a grid of image points, and whether they project back to these image points."""
     pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
     with np.errstate(all="ignore"):
         points = camera.plate_from_image(pixels, height_mm)

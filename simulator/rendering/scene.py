@@ -1,4 +1,4 @@
-"""scene.toml: what stands under which camera, how it moves, and how it is recorded.
+"""scene.toml: robot or gauge, camera, motion, and faults of the recording.
 
 A scene is a run of the robot (kind "run", the default: a video) or a gauge (kind "gauge": an image).
 """

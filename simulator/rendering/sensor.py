@@ -13,9 +13,9 @@ from scipy.special import ndtri
 from simulator.compilation import compiled
 from simulator.rendering.tables import Sensor
 
-# Normal quantiles at the middles of 65,536 equal shares: a 16-bit random number looks its value up (±4.2 sigma).
+# Normal quantiles at the midpoints of 65,536 equal shares: the table for 16-bit random numbers (±4.2 sigma).
 NORMAL = ndtri((np.arange(65536) + 0.5) / 65536).astype(np.float32)
-LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)  # a grey sensor's answer to red, green and blue
+LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)  # response of a grey sensor to red, green and blue
 
 
 @compiled()
@@ -40,9 +40,9 @@ def expose(
 ) -> None:
     """Turn light into digital numbers.
 
-    light: any shape, share of full scale at level 1; level: factor on light; black: share of full scale that stands
-    for darkness; full_well_e: electrons at full scale (0: no noise); top: highest number (255 for 8 bits); key: of
-    this frame's noise; normal: NORMAL; out: the shape of light, uint8 or uint16.
+    light: any shape, share of full scale at level 1; level: factor on light; black: black level as a share of full
+    scale; full_well_e: electrons at full scale (0: no noise); top: highest number (255 for 8 bits); key: of this
+    frame's noise; normal: NORMAL; out: the shape of light, uint8 or uint16.
     """
     flat, numbers = light.reshape(-1), out.reshape(-1)
     photon = np.float32(1 / full_well_e if full_well_e > 0 else 0.0)

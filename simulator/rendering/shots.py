@@ -1,4 +1,4 @@
-"""When each image is taken and when it is shown: frame rate, lost and repeated frames, jitter, fields."""
+"""Exposure and presentation time of each image: frame rate, lost and repeated frames, jitter, fields."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Shot:
 def shots(scene: Scene, rng: np.random.Generator, clock_factor: Fraction = Fraction(1)) -> list[Shot]:
     """Plan the exposures of a scene, in time order; frame k is exposed about k / frame_rate.
 
-    clock_factor: presentation times are the true ones times this, where the recorder's clock is off.
+    clock_factor: presentation times over true times, 1 for a correct clock of the recorder.
     """
     rate, timing = scene.frame_rate, scene.timing
     slots = max(round(scene.duration_s * rate), 1)
@@ -68,7 +68,7 @@ def clock_of(plan: Sequence[Shot], frame_rate: Fraction) -> Fraction:
 
 
 def _ticked(time: Fraction, factor: Fraction) -> Fraction:
-    """A time by a clock that is off, in its ticks; itself where the clock is true."""
+    """A time on a clock with this rate, rounded to its ticks; unchanged for factor 1."""
     return time if factor == 1 else Fraction(round(time * factor * TICKS), TICKS)
 
 

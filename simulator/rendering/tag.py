@@ -21,7 +21,7 @@ QUIET = 1.0  # cells of white around the black border
 
 
 def tag_number(mark: Mark) -> int:
-    """Number of a tag: said, or the one that its name ends in. Raises SimulationError where there is none."""
+    """Number of a tag: its id, or the number at the end of its name. Raises SimulationError if there is neither."""
     if mark.id is not None:
         return mark.id
     found = re.search(r"\d+$", mark.name)
@@ -31,11 +31,9 @@ def tag_number(mark: Mark) -> int:
 
 
 def tag_squares(mark: Mark) -> tuple[Array, Array, Array]:
-    """Corners of the white sheet and the black square (4, 2) on it, and of the white cells (n, 4, 2) in that.
+    """Corners of the white sheet (4, 2), of the black square on it (4, 2), and of the white cells in it (n, 4, 2).
 
-    mm from the tag's centre in the body frame.
-
-    Raises SimulationError for a number that the dictionary does not hold.
+    mm from the tag's centre in the body frame. Raises SimulationError for a number that is not in the dictionary.
     """
     dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES[mark.kind])
     number, count = tag_number(mark), dictionary.markerSize + 2

@@ -28,7 +28,7 @@ CONTAINERS = {
 
 
 def check_container(encoding: Encoding, path: Path) -> None:
-    """Raise SimulationError where frames of this codec do not go into a file of this ending."""
+    """Raise SimulationError if a file with this suffix cannot hold this codec."""
     if path.suffix.lstrip(".").lower() not in CONTAINERS[encoding.codec]:
         fit = ", ".join(f".{name}" for name in CONTAINERS[encoding.codec])
         raise SimulationError(f'{path}: codec "{encoding.codec}" goes into {fit}; use that suffix')
@@ -41,9 +41,9 @@ def encode(
     size_px: tuple[int, int],
     path: Path,
 ) -> None:
-    """Write frames (presentation time, image) to path; clock: what presentation times are multiples of.
+    """Write frames (presentation time, image) to path; clock: time unit of which presentation times are multiples.
 
-    Raises SimulationError where codec, container, bits and size do not go together.
+    Raises SimulationError if codec, container, bit depth and size are incompatible.
     """
     codec, pixel_format, options = _codec(scene.encoding, scene)
     check_container(scene.encoding, path)
@@ -52,7 +52,7 @@ def encode(
             f"an image of {size_px[0]} × {size_px[1]} px has an odd size, impossible with 4:2:0 colour; "
             f'set chroma = "444" or codec = "lossless" under [encoding]'
         )
-    # The edit list of an mp4 counts in a clock of its own, 1 ms if not told: too coarse for a first frame after 0.
+    # The edit list of an mp4 has its own clock, by default 1 ms, which is too coarse for a first frame after 0.
     muxing = (
         {"movie_timescale": str(clock.denominator * max(1, 1_000_000 // clock.denominator))}
         if path.suffix.lower() in {".mp4", ".mov"}
@@ -77,7 +77,7 @@ def encode(
 def _codec(encoding: Encoding, scene: Scene) -> tuple[str, str, dict[str, str]]:
     """Codec name, pixel format and options of FFmpeg."""
     deep, color = scene.sensor.bits > 8, scene.sensor.color
-    # One thread: from run to run x264's threads code fields differently (progressive images they code alike).
+    # One thread: with several, x264 encodes fields differently from run to run (progressive images do not differ).
     interlaced = {"flags": "+ildct+ilme", "threads": "1"} if scene.timing.interlaced != "no" else {}
     if encoding.codec == "lossless":
         if deep:
@@ -122,5 +122,5 @@ def _given_format(image: NDArray[np.uint8] | NDArray[np.uint16]) -> str:
 
 
 def _shifted(image: NDArray[np.uint8] | NDArray[np.uint16], bits: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    """Numbers of 10 and 12 bits, moved to the top of 16 as FFmpeg's formats have it."""
+    """Numbers of 10 and 12 bits, shifted to the top of 16 bits as in FFmpeg's formats."""
     return image if bits == 8 else np.asarray(image << (16 - bits), dtype=np.uint16)

@@ -10,9 +10,9 @@ Both torques are what the motors deliver (the meters stand between motor and whe
     T_w = r·f_x                                 the wheel is driven against the friction that pushes it forward
     T_D = -R·(f_x·cos alpha + f_y·sin alpha)    the disk takes the reaction, -f, along its own motion
 
-so f_x = T_w/r and f_y = -(T_D/R + T_w·cos(alpha)/r)/sin(alpha). The fourth line of Eq. (9) is this one, its lateral
-force counted positive against a positive slip angle (as Figures 7 and 8 draw it): it is right. The second line, with
-that force, lacks a minus sign before R: the disk's torque would have to change sign between the two lines.
+so f_x = T_w/r and f_y = -(T_D/R + T_w·cos(alpha)/r)/sin(alpha). The fourth line of Eq. (9) agrees with this, with the
+lateral force counted positive against a positive slip angle, as in Figures 7 and 8. The second line of Eq. (9) then
+lacks a minus sign before R: without it, the disk's torque would have opposite signs in the two lines.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ COLUMNS = ("slip_angle_deg", "wheel_rpm", "disk_rpm", "wheel_torque_mN_mm", "dis
 SIGMAS = ("wheel_torque_sigma_mN_mm", "disk_torque_sigma_mN_mm")
 LATERAL_OK = "ok"
 LATERAL_UNKNOWN = "slip angle 0: the lateral force does not act on the disk's torque"
-ALONG = 1e-9  # |sin alpha| below which the disk runs along the wheel, a tenth of a millionth of a degree
+ALONG = 1e-9  # |sin alpha| below which the slip angle counts as 0: less than 1e-7 degrees
 
 
 @dataclass(frozen=True)
@@ -57,9 +57,10 @@ PAPER_APPARATUS = Apparatus()
 
 
 def checked_bench(table: pd.DataFrame, name: str = "bench") -> pd.DataFrame:
-    """The columns of a bench recording as numbers; SIGMAS only where both are there.
+    """The columns of a bench recording as numbers; SIGMAS only if both are present.
 
-    Raises SimulationError for missing columns, cells that are not finite numbers, forces or sigmas not positive.
+    Raises SimulationError for missing columns, cells that are not finite numbers, and forces or sigmas that are not
+    positive.
     """
     import pandas as pd
 
@@ -102,7 +103,7 @@ def bench_slips(table: pd.DataFrame, apparatus: Apparatus = PAPER_APPARATUS) -> 
 
 
 def forces_from_torques(table: pd.DataFrame, apparatus: Apparatus = PAPER_APPARATUS) -> pd.DataFrame:
-    """Friction by Eq. (9): mN in the wheel frame, and over the normal force with the signs of Figures 7 and 8.
+    """Friction by Eq. (9): in mN in the wheel frame, and divided by the normal force with the signs of Figures 7 and 8.
 
     Columns: slip_ratio, slip_angle_deg, longitudinal_force_mN, lateral_force_mN, force_covariance_mN2 and their sigmas,
     longitudinal, lateral (over the normal force) and their sigmas, lateral_status. At slip angle 0 the lateral force is
@@ -142,7 +143,7 @@ def forces_from_torques(table: pd.DataFrame, apparatus: Apparatus = PAPER_APPARA
 
 
 def torques(parameters: Array, table: pd.DataFrame, apparatus: Apparatus = PAPER_APPARATUS) -> tuple[Array, Array]:
-    """Torques in mN·mm that motors of wheel and disk deliver under a slip law (`law_parameters`), row by row."""
+    """Torques, mN·mm, of the motors of wheel and disk under a slip law (`law_parameters`), one of each per row."""
     ratio, angle = bench_slips(table, apparatus)
     along, across = normalized_forces(parameters, ratio, angle)
     load, turned = table["normal_force_mN"].to_numpy(float), np.radians(table["slip_angle_deg"].to_numpy(float))
@@ -160,9 +161,9 @@ def virtual_bench(
     wheel_rpm_step: float = 10.0,
     apparatus: Apparatus = PAPER_APPARATUS,
 ) -> pd.DataFrame:
-    """Measure a known slip law as the paper did: 20 to 180 rpm on a disk matched at 100 rpm, eight slip angles.
+    """Simulate the paper's measurement of a slip law: 20 to 180 rpm on a disk matched at 100 rpm, eight slip angles.
 
-    Torque meters add Gaussian noise, by default 0.2 % of ranges of 5 and 20 mN·m. Rows as COLUMNS and SIGMAS say.
+    The torques have Gaussian noise, by default 0.2 % of ranges of 5 and 20 mN·m. Columns: COLUMNS and SIGMAS.
     """
     import pandas as pd
 

@@ -44,7 +44,8 @@ def normalized_forces(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Longitudinal and lateral friction over f_z, signed as in the figures, at slips that broadcast together.
 
-    parameters (7,): `law_parameters`, stiffness being divided by f_z. NaN slips give NaN forces. Eqs. (4) to (7).
+    parameters (7,): as from `law_parameters`, with stiffness divided by f_z. NaN slips give NaN forces. Eqs. (4) to
+    (7).
     """
     ratio, angle = np.broadcast_arrays(np.asarray(slip_ratio, float), np.asarray(slip_angle_rad, float))
     along, across = np.empty(ratio.size), np.empty(ratio.size)
@@ -55,8 +56,8 @@ def normalized_forces(
 def slip_curves(slip: Slip, angles_deg: Sequence[float] = BENCH_ANGLES_DEG, driving: bool = False) -> pd.DataFrame:
     """Data of Figures 3, 7, 8: rows of slip_ratio, slip_angle_deg, longitudinal, lateral (forces over f_z).
 
-    The curves of panel (a) at slip angles angles_deg, then those of panel (b) at slip ratios from 0 to 1. Panel (a)
-    runs from slip ratio 0 as in the figures, or from -1 where driving slips are wanted too.
+    First the curves of panel (a) at the slip angles angles_deg, then those of panel (b) at slip ratios from 0 to 1.
+    Panel (a) starts at slip ratio 0 as in the figures; driving: at -1, to include driving slip.
     """
     import pandas as pd
 

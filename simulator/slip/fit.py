@@ -1,7 +1,7 @@
-"""The slip law of a bench recording: least squares on the torques themselves, with intervals.
+"""The slip law of a bench recording: least squares on the measured torques, with intervals.
 
-Torques, not forces, are fitted: their noise is independent, and slip angle 0, where Eq. (9) cannot tell the lateral
-force, is a measurement like any other.
+Torques are fitted instead of forces: their noise is independent, and they are valid measurements also at slip angle 0,
+where Eq. (9) does not determine the lateral force.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ NAMES = (
 )
 DECREASE = NAMES.index("friction_decrease")
 SHAPES = [NAMES.index("longitudinal_shape"), NAMES.index("lateral_shape")]
-STEEPEST_SHAPE = 2.0  # of a slip law: beyond, friction would push a wheel that slides far
-MOST_FRICTION = 10.0  # no wheel grips so; a slip of units is a factor of a thousand
-START_SHAPES = (0.7, 1.1, 1.5)  # the sine of Eq. (6) rising, level and falling at large slip: one start for each
+STEEPEST_SHAPE = 2.0  # largest shape factor: beyond it, friction at large slip would act along the sliding
+MOST_FRICTION = 10.0  # no wheel has such friction, whereas a wrong unit makes a factor of a thousand
+START_SHAPES = (0.7, 1.1, 1.5)  # initial values for which Eq. (6) rises, is level and falls at large slip
 
 
 @dataclass(frozen=True)
 class SlipFit:
-    """A fitted slip law; value, low and high (7,) in the order of NAMES, low and high bounding 95 %.
+    """A fitted slip law; value, low and high (7,) in the order of NAMES, with low and high bounding 95 %.
 
-    misfit: root mean square of the residuals in sigmas, 1 where the law explains the torques; intervals are widened by
-    it where it exceeds 1. torque_sigma_mN_mm: standard uncertainty of a wheel and of a disk torque that was used;
-    sigmas_given: whether the recording stated it or the residuals had to.
+    misfit: root mean square of the residuals over their sigmas, 1 if the law explains the torques; intervals are
+    widened by it if it exceeds 1. torque_sigma_mN_mm: standard uncertainties of wheel and disk torque used in the fit;
+    sigmas_given: whether the recording states them; otherwise they are estimated from the residuals.
     """
 
     value: Array
@@ -64,8 +64,8 @@ class SlipFit:
 def fit_slip_law(table: pd.DataFrame, apparatus: Apparatus = PAPER_APPARATUS) -> SlipFit:
     """Fit mu0, K_mu, a and K of Eqs. (4) to (7) to a `checked_bench` recording, stiffness in proportion to load.
 
-    Raises SimulationError where the recording has fewer torques than the law has parameters, or slip in one direction
-    alone. A parameter that the recording says nothing of gets an interval without end.
+    Raises SimulationError if the recording has fewer torques than the law has parameters, or slip in one direction
+    only. A parameter that the recording does not determine has an infinite interval.
     """
     _check_enough(table)
     _check_units(table, apparatus)
@@ -79,7 +79,7 @@ def fit_slip_law(table: pd.DataFrame, apparatus: Apparatus = PAPER_APPARATUS) ->
 
     found = _best(residuals, _starts(table, apparatus))
     if not given:
-        for _ in range(3):  # each meter's noise from its own residuals; settles to a per cent in two rounds
+        for _ in range(3):  # estimate each meter's noise from its residuals; converges to 1 % in two rounds
             parts = np.split(residuals(found.x), 2)
             sigmas = [sigma * np.sqrt(np.mean(part**2)) for sigma, part in zip(sigmas, parts, strict=True)]
             found = _best(residuals, [found.x])
@@ -119,12 +119,12 @@ def _check_units(table: pd.DataFrame, apparatus: Apparatus) -> None:
 
 
 def _equal_sigmas(wheel: Array, disk: Array) -> list[Array]:
-    """First guess where none are given: a per cent of each meter's largest reading."""
+    """Initial sigmas if none are given: 1 % of each meter's largest reading."""
     return [np.full(len(torque), 0.01 * np.abs(torque).max() + 1e-12) for torque in (wheel, disk)]
 
 
 def _parameters(point: Array) -> Array:
-    """Law parameters from a point of the search: logarithms, but K_mu itself, which may be 0."""
+    """Law parameters from fit variables: their logarithms, except K_mu, which may be 0."""
     with np.errstate(over="ignore"):  # an interval without an upper end is infinite
         values = np.exp(point)
     values[DECREASE] = point[DECREASE]
@@ -132,7 +132,7 @@ def _parameters(point: Array) -> Array:
 
 
 def _starts(table: pd.DataFrame, apparatus: Apparatus) -> list[Array]:
-    """Frictions from the largest forces, stiffness from where half of them is reached."""
+    """Initial values: frictions from the largest forces, stiffness from the slip at half of them."""
     forces = forces_from_torques(table, apparatus)
     along, across = (forces[name].abs().to_numpy() for name in ("longitudinal", "lateral"))
     peak_x, peak_y = max(np.nanmax(along), 1e-3), max(np.nanmax(across), 1e-3)
@@ -149,7 +149,7 @@ def _starts(table: pd.DataFrame, apparatus: Apparatus) -> list[Array]:
 def _best(residuals: Any, starts: list[Array]) -> Any:
     from scipy.optimize import least_squares
 
-    low, high = np.full(7, -8.0), np.full(7, 8.0)  # e^±8: beyond any wheel; the search never leaves the numbers
+    low, high = np.full(7, -8.0), np.full(7, 8.0)  # e^±8: beyond any wheel, without overflow
     low[DECREASE], high[DECREASE] = 0.0, 2.0
     high[SHAPES] = np.log(STEEPEST_SHAPE)
     inside = [np.clip(start, low + 1e-9, high - 1e-9) for start in starts]

@@ -2,8 +2,8 @@
 
 Wheel frame: x along the wheel's rolling direction, y to its left. Forces act on the wheel.
 
-Rest is regularised by one small speed: |u| is replaced by sqrt(u² + REST_SPEED²), so that a wheel at rest has slip
-angle 0 and slip ratio 0, and a wheel that starts to spin at rest has slip ratio -1 and pulls forward.
+Rest is regularised by one small speed: |u| is replaced by sqrt(u² + REST_SPEED²). A wheel at rest then has slip angle 0
+and slip ratio 0; a wheel that starts to spin while the robot is at rest has slip ratio -1 and pulls forward.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from simulator.compilation import compiled
-from simulator.slip.magic_formula import VECTORS, bend, bend_and_cosine
+from simulator.slip.magic_formula import VECTORS, sine_and_cosine_of_atan, sine_of_atan
 
 LEAST_SQUARE = 1e-200  # keeps sigma from 0, where sin(a·atan(b·sigma))/sigma is its limit a·b to rounding
 REST_SPEED_MM_S = 1e-4  # far below the slowest speed in use (0.16 mm/s at 3 rpm); tests show that results hold
@@ -19,7 +19,7 @@ REST_SPEED_MM_S = 1e-4  # far below the slowest speed in use (0.16 mm/s at 3 rpm
 
 @compiled(forceinline=True, fastmath=VECTORS)
 def slip_ratio(u: float, surface_speed: float, rest_speed: float) -> float:
-    """Slip ratio s of Eq. (3): (u - r·phi') over the larger of |u| and |r·phi'|; mm/s."""
+    """Slip ratio s of Eq. (3): (u - r·phi') over the larger of |u| and |r·phi'|; arguments in mm/s."""
     return (u - surface_speed) / max(math.sqrt(u * u + rest_speed * rest_speed), abs(surface_speed))
 
 
@@ -49,7 +49,7 @@ def wheel_force(
     lateral, slide = v * per_speed, ratio * slip * forward * per_speed
     sigma = math.sqrt(lateral * lateral + slide * slide + LEAST_SQUARE)
     level = max(1.0 / sigma - decrease, 0.0)
-    along, across = bend(steep_x * sigma, shape_x), bend(steep_y * sigma, shape_y)
+    along, across = sine_of_atan(steep_x * sigma, shape_x), sine_of_atan(steep_y * sigma, shape_y)
     return -slide * level * grip_x * along, -lateral * level * grip_y * across
 
 
@@ -69,15 +69,15 @@ def wheel_slopes(
     decrease: float,
     rest_speed: float,
 ) -> tuple[float, float, float, float, float, float, float, float]:
-    """Both forces of wheel_force, then their derivatives: F_x and F_y by u, by v, by the surface speed.
+    """Both forces of wheel_force and their derivatives: F_x, F_y, then F_x by u, by v, F_y by u, by v, both by w.
 
-    driving: 1, or 0 for a wheel that rolls freely, whose slip ratio is 0.
+    w: surface speed, mm/s. driving: 1, or 0 for a wheel that rolls freely, whose slip ratio is 0.
     """
     forward = math.sqrt(u * u + rest_speed * rest_speed)
     per_speed = 1.0 / math.sqrt(forward * forward + v * v)
     along, lateral = forward * per_speed, v * per_speed  # cosine and sine of the slip angle
     side_u, side_v = -lateral * u * per_speed * per_speed, along * along * per_speed
-    # The slip ratio is over the larger of both speeds, and its derivatives differ with that.
+    # The denominator of the slip ratio is the larger of both speeds, so its derivatives have two cases.
     turning, rolls = abs(surface_speed), forward >= abs(surface_speed)
     scale = driving * ratio * along / max(forward, turning)
     slide = scale * (u - surface_speed)
@@ -115,12 +115,12 @@ def sliding_slopes(
     decrease: float,
     rest_speed: float,
 ) -> tuple[float, float, float, float, float, float, float, float]:
-    """Forces and derivatives as wheel_slopes has them, of friction that opposes the velocity at which a wheel slides.
+    """Forces and derivatives in the order of wheel_slopes, for friction that opposes the sliding velocity of a wheel.
 
-    Both slips are over one speed, the larger of the wheel's centre and of its surface: (u - r·phi', v) over it. Of a
-    wheel that rolls freely, and where it hardly slides sideways, this is the law of wheel_slopes. Where it does, in
-    a turn on the spot, that law has its slip angle from the wheel's centre however fast the wheel turns.
-    Source: theoretical slip, Pacejka (2012), Tire and Vehicle Dynamics, section 4.2.
+    Both slips have one denominator, the larger of the speeds of the wheel's centre and of its surface: they are
+    (u - r·phi', v) over it. For a wheel that rolls freely or hardly slides sideways this equals wheel_slopes. For a
+    wheel that slides sideways, as in a turn on the spot, the slip angle of wheel_slopes does not depend on the speed of
+    the wheel's surface. Source: theoretical slip, Pacejka (2012), Tire and Vehicle Dynamics, section 4.2.
     """
     speed = math.sqrt(u * u + v * v + rest_speed * rest_speed)
     turning = driving * abs(surface_speed)
@@ -151,10 +151,10 @@ def sliding_slopes(
 def _secant(
     sigma: float, per_sigma: float, grip: float, steep: float, shape: float, decrease: float
 ) -> tuple[float, float]:
-    """Friction over sigma, and its derivative by sigma."""
+    """Friction force over sigma, and the derivative of this ratio by sigma."""
     level = per_sigma - decrease
     bent = steep * sigma
-    sine, cosine = bend_and_cosine(bent, shape)
+    sine, cosine = sine_and_cosine_of_atan(bent, shape)
     force, gain = grip * sine, grip * cosine * shape * steep / (1.0 + bent * bent)
     slope = gain * level - force * per_sigma * per_sigma
     return force * max(level, 0.0), slope if level > 0.0 else 0.0

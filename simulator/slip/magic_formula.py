@@ -1,9 +1,9 @@
-"""The bend of Eq. (4), sin(a·atan(x)), without branches.
+"""The Magic Formula of Eq. (4), sin(a·atan(x)), without branches.
 
-A robot that turns asks for it eight times a right-hand side, with arguments of all sizes. The C library chooses among
-several polynomials by size, and a processor that guesses the choice wrong waits longer than the polynomial takes. Here
-both functions are one polynomial each (Chebyshev interpolation; relative error of atan 4e-17, of sin 3e-19), after
-atan(x) = atan(c) + atan((x - c)/(1 + c·x)) has brought the argument within tan(pi/8).
+A turning robot needs it eight times per right-hand side, with arguments of all sizes. The C library chooses between
+several polynomials by size, and a mispredicted branch costs more than the polynomial. Here each function is a single
+polynomial (Chebyshev interpolation; relative error of atan 4e-17, of sin 3e-19), after
+atan(x) = atan(c) + atan((x - c)/(1 + c·x)) has reduced the argument to tan(pi/8).
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import math
 
 from simulator.compilation import compiled
 
-# Four wheels are worked out as one vector: no branches, and sums in any order. What sums so is compiled into its
-# callers (forceinline), each of which puts its sums in order once.
+# Flags with which the compiler processes four wheels as one vector: sums in any order. Functions with these flags are
+# inlined (forceinline), so that the order of sums is fixed once for each caller.
 VECTORS = {"contract", "reassoc", "nsz"}
 QUARTER, HALF = math.pi / 4, math.pi / 2
 NEAR, FAR = math.tan(math.pi / 8), math.tan(3 * math.pi / 8)
-MOST_SHAPE = 2.0  # up to which a·atan(x) stays within pi; beyond, friction would push a wheel that slides far
+MOST_SHAPE = 2.0  # up to which a·atan(x) <= pi; beyond it, friction at large slip would act along the sliding
 
 
 @compiled(forceinline=True, fastmath=VECTORS)
@@ -52,14 +52,14 @@ def sine(x: float) -> float:
 
 
 @compiled(forceinline=True, fastmath=VECTORS)
-def bend(x: float, shape: float) -> float:
+def sine_of_atan(x: float, shape: float) -> float:
     """sin(shape·atan(x)) for x >= 0 and shape <= MOST_SHAPE."""
     angle = shape * arctangent(x)
     return sine(min(angle, math.pi - angle))
 
 
 @compiled(forceinline=True, fastmath=VECTORS)
-def bend_and_cosine(x: float, shape: float) -> tuple[float, float]:
+def sine_and_cosine_of_atan(x: float, shape: float) -> tuple[float, float]:
     """Sine and cosine of shape·atan(x) for x >= 0 and shape <= MOST_SHAPE."""
     angle = shape * arctangent(x)
     return sine(min(angle, math.pi - angle)), sine(HALF - angle)

@@ -11,7 +11,7 @@ import numpy as np
 
 from simulator.compilation import compiled
 from simulator.dynamics.body import loads
-from simulator.dynamics.contact import touch
+from simulator.dynamics.contact import update_contacts
 from simulator.dynamics.model import compile_robot
 from simulator.dynamics.wheel import fresh_contacts
 from simulator.effects.entry import EffectEntry
@@ -29,7 +29,7 @@ def _loads(u, v, r, place, rest, model):  # noqa: ANN001, ANN202
 
 @compiled()
 def _touch(u, v, r, drive, place, rest, model, contacts):  # noqa: ANN001, ANN202
-    touch(u, v, r, drive, place, rest, model, contacts)
+    update_contacts(u, v, r, drive, place, rest, model, contacts)
 
 
 def affected(robot: Robot, id_: str, **values: object) -> Robot:

@@ -24,7 +24,7 @@ PAIRS = list(combinations(sorted(EFFECTS), 2))
 # all others where they need the loads or the centre of gravity that these leave. An exception would be named here.
 ORDER_MATTERS: frozenset[tuple[str, str]] = frozenset()
 SETTINGS = settings(max_examples=4, deadline=None, derandomize=True)
-FLAGS = ("general", "wheels_feel", "body_feels", "varies", "wheels_vary")
+FLAGS = ("general", "wheels_vary_with_velocity", "body_varies_with_velocity", "varies", "wheels_vary")
 POSES = np.array([[3.0, -2.0, 0.7], [-20.0, 5.0, 2.0]]).T
 
 

@@ -10,7 +10,7 @@ from simulator.dynamics.model import compile_robot
 from simulator.dynamics.wheel import fresh_contacts
 from simulator.effects.entry import EffectEntry
 from simulator.robot import load_robot
-from simulator.slip.magic_formula import bend, bend_and_cosine
+from simulator.slip.magic_formula import sine_and_cosine_of_atan, sine_of_atan
 
 EFFECTS: list[dict[str, object]] = [
     {"id": "wheel-toe", "left_deg": 2.0, "right_deg": -1.0},
@@ -49,7 +49,7 @@ def test_derivative_by_velocity_is_that_of_the_accelerations(name: str, effect: 
 def test_bend_is_the_library_function_to_rounding(shape: float) -> None:
     x = np.concatenate([[0.0, 1.0], 10.0 ** np.linspace(-15, 5, 400)])
     angle = shape * np.arctan(x)
-    found = np.array([(bend(value, shape), *bend_and_cosine(value, shape)) for value in x])
+    found = np.array([(sine_of_atan(value, shape), *sine_and_cosine_of_atan(value, shape)) for value in x])
     assert np.allclose(found[:, 0], np.sin(angle), rtol=4e-15, atol=0)
     assert np.array_equal(found[:, 0], found[:, 1])
     assert np.allclose(found[:, 2], np.cos(angle), rtol=0, atol=1e-15)

@@ -131,7 +131,15 @@ def test_terms_of_the_body_add_up(barrel: Robot) -> None:
 
 def flags(robot: Robot, *added: Term) -> tuple[int, ...]:
     row = compile_robot(robot, extra=added)[0]
-    names = ("general", "body_feels", "wheels_feel", "varies", "wheels_vary", "body_terms", "wheel_terms")
+    names = (
+        "general",
+        "body_varies_with_velocity",
+        "wheels_vary_with_velocity",
+        "varies",
+        "wheels_vary",
+        "body_terms",
+        "wheel_terms",
+    )
     return tuple(int(row[name]) for name in names)
 
 

@@ -202,7 +202,7 @@ def test_axles_give_way_to_what_the_rest_of_the_robot_presses_them_with(velocity
     forces = [np.array(wheel.wheel_response(number, *velocity, contacts, REST, model))[:2] for number in range(4)]
     along = [force[0] for force in forces]
     twist = moment - sum(y * force for y, force in zip(WHEEL_Y, along, strict=True))  # about the robot's centre
-    angles = contacts[wheel.GIVEN]
+    angles = contacts[wheel.AXLE_ANGLE]
     assert angles[0] == angles[1]
     assert angles[2] == angles[3]
     for first, other_x in ((0, -2.0), (2, 2.0)):

@@ -34,7 +34,7 @@ def touched(
     plain("wheel").reset_contacts(contacts)
     contacts[plain("wheel").SURFACE] = surface
     place = pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2]), 1.0
-    plain("contact").touch(*velocity, (*rpm, *turned), place, REST, model, contacts)
+    plain("contact").update_contacts(*velocity, (*rpm, *turned), place, REST, model, contacts)
     return model, contacts
 
 

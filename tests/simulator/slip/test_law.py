@@ -146,7 +146,7 @@ def test_slopes_vanish_where_friction_has_fallen_to_nothing() -> None:
 @pytest.mark.parametrize("shape", [0.3, 1.0, 1.9])
 def test_plain_bend_is_that_of_the_library(shape: float) -> None:
     magic, x = plain("magic_formula"), np.concatenate([[0.0, 1.0, 2.4143], 10.0 ** np.linspace(-12, 5, 120)])
-    found = np.array([(magic.bend(value, shape), *magic.bend_and_cosine(value, shape)) for value in x])
+    found = np.array([(magic.sine_of_atan(value, shape), *magic.sine_and_cosine_of_atan(value, shape)) for value in x])
     angle = shape * np.arctan(x)
     np.testing.assert_allclose(found[:, 0], np.sin(angle), rtol=4e-15)
     np.testing.assert_allclose(found[:, 1], np.sin(angle), rtol=4e-15)
