@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field
 
-from evaluator.templates.formats import COMMAND, PAGE, _default, _type, notes_of, page
+from evaluator.templates.formats import COMMAND, PAGE, _default, _json_type, _type, notes_of, page
 from evaluator.turning import Turning
 
 
@@ -23,6 +23,19 @@ def test_keys_of_every_file_and_every_effect_are_there() -> None:
     for key in ("lateral_friction", "pitch_mm", "start_per_run_s", "hue_deg", "shifted_rows", "stiffness_mN_mm"):
         assert f"`{key}`" in text
     assert all(f"`{name}`" in text for name in Turning().to_row())
+
+
+def test_keys_of_diagnosis_json_are_there_each_with_the_object_that_holds_it() -> None:
+    text = page().split("## diagnosis.json")[1]
+    for place in ("effects", "effects.parameters", "gap.by_run", "next_experiment.runs"):
+        assert f"### `{place}`" in text
+    assert "| `held_out_gain_sigmas` | number or null | significance" in text
+    assert "| `nominal` | objects by name | by dotted key of robot.toml |" in text
+
+
+def test_types_of_json_in_words() -> None:
+    found = {kind: _json_type(kind) for kind in (list[str], dict[str, float | None], str | None, list[Literal["a"]])}
+    assert list(found.values()) == ["list of text", "number or null by name", "text or null", "list of text"]
 
 
 class Below(BaseModel):

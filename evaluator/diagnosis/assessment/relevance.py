@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,10 +31,6 @@ class Changes:
     def matter(self, relevant: Relevant) -> bool:
         """Whether any of them reaches what is stated as relevant."""
         return any(getattr(self, name) >= least for name, least in relevant.model_dump().items())
-
-    def to_json(self) -> dict[str, float]:
-        """The changes, three digits."""
-        return {name: float(f"{value:.3g}") for name, value in asdict(self).items()}
 
 
 def changes(problem: Problem, fit: Fit, effect: str) -> Changes:

@@ -1,12 +1,11 @@
-"""diagnosis.json: the verdict in the fields of the file contract, with sentences."""
+"""diagnosis.json: the verdict with its evidence, in the keys of `content`."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict
-from typing import Any
+from dataclasses import astuple
 
 import numpy as np
 import pandas as pd
@@ -17,25 +16,38 @@ from evaluator.diagnosis.assessment.disagreement import QUANTITIES, UNITS
 from evaluator.diagnosis.assessment.gap import rms
 from evaluator.diagnosis.assessment.knowledge import strained
 from evaluator.diagnosis.assessment.model_comparison import Set
+from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.diagnosis.assessment.verdict import carries_over
 from evaluator.diagnosis.design.next_runs import MOST_RUNS
 from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, is_shared
-from evaluator.diagnosis.output.effects_json import effects, rounded, told
+from evaluator.diagnosis.output.content import (
+    ChangesContent,
+    DiagnosisContent,
+    GapContent,
+    KnownTogetherContent,
+    NextExperimentContent,
+    NoiseContent,
+    NominalContent,
+    Number,
+    PairContent,
+    RivalContent,
+    WhereContent,
+)
+from evaluator.diagnosis.output.effects_json import effect_content, effects, rounded
 from evaluator.diagnosis.output.unlike_runs import unlike
 from evaluator.wording import power_of_ten
 from simulator.effects.catalogue import BUILT_IN, EFFECTS
 
 Floats = NDArray[np.float64]
-Json = dict[str, Any]
 
 RIVALS_LISTED = 8
 
 
-def record(diagnosis: Diagnosis) -> Json:
+def record(diagnosis: Diagnosis) -> DiagnosisContent:
     """The content of diagnosis.json."""
-    found: Json = {
+    found: DiagnosisContent = {
         "format": 1,
         "verdict": diagnosis.verdict,
         "reason": diagnosis.reason,
@@ -48,28 +60,28 @@ def record(diagnosis: Diagnosis) -> Json:
             }
             for item in diagnosis.session.mistakes
         ],
+        "effects": [],
+        "gap": None,
+        "negligible": [],
+        "known_to": [],
+        "where": [],
+        "disagrees": [],
+        "rivals": [],
+        "next_experiment": None,
+        "skipped_runs": dict(diagnosis.session.skipped),
+        "left_out_runs": dict(diagnosis.session.left_out),
     }
     if diagnosis.search is None:
-        return found | {
-            "effects": [],
-            "gap": None,
-            "negligible": [],
-            "known_to": [],
-            "where": [],
-            "disagrees": [],
-            "rivals": [],
-            "next_experiment": None,
-            "skipped_runs": dict(diagnosis.session.skipped),
-            "left_out_runs": dict(diagnosis.session.left_out),
-        }
+        return found
     table = disagreement(diagnosis)
     apart = [] if table is None or table.empty else disagreeing_runs(table)
-    return found | {
+    return {
+        **found,
         "effects": effects(diagnosis),
         "negligible": [
-            {"id": item["id"], "parameters": item["parameters"], "changes": diagnosis.changes[effect].to_json()}
+            {"id": item["id"], "parameters": item["parameters"], "changes": _changes(diagnosis.changes[effect])}
             for effect in sorted(diagnosis.negligible)
-            for item in [told(diagnosis, effect)]
+            for item in [effect_content(diagnosis, effect)]
         ],
         "known_to": [
             {
@@ -88,7 +100,16 @@ def record(diagnosis: Diagnosis) -> Json:
         "findings": [item.sentence for item in diagnosis.known if item.is_finding],
         "gap": _gap(diagnosis),
         "where": _where(diagnosis, apart),
-        "disagrees": [{**asdict(item), "size": rounded(item.size), "sigmas": rounded(item.sigmas)} for item in apart],
+        "disagrees": [
+            {
+                "run": item.run,
+                "phase": item.phase,
+                "quantity": item.quantity,
+                "size": rounded(item.size),
+                "sigmas": rounded(item.sigmas),
+            }
+            for item in apart
+        ],
         "rivals": _rivals(diagnosis),
         "next_experiment": _next(diagnosis),
         "constancy": {item.halves: rounded(item.probability) for item in diagnosis.constancy},
@@ -97,20 +118,23 @@ def record(diagnosis: Diagnosis) -> Json:
         "noise": _noise(diagnosis),
         "nominal": _nominal(diagnosis),
         "shared_errors_sigmas": _shared(diagnosis),
-        "skipped_runs": dict(diagnosis.session.skipped),
-        "left_out_runs": dict(diagnosis.session.left_out),
         "not_tried": _not_tried(diagnosis.session),
     }
 
 
+def _changes(found: Changes) -> ChangesContent:
+    """The changes with three significant digits."""
+    path, radius, speed = (float(f"{value:.3g}") for value in astuple(found))
+    return {"path_noise_floors": path, "radius_percent": radius, "speed_percent": speed}
+
+
 def _not_tried(session: Session) -> list[str]:
-    """Effects that act by the place on the plate, where every run has a frame of its own."""
+    """Effects that depend on the position on the plate, if the runs have no common frame; else none."""
     tried = (*BUILT_IN, *session.own)
     return [] if session.one_frame else sorted(effect for effect in tried if EFFECTS[effect].of_plate)
 
 
-def _together(diagnosis: Diagnosis) -> Json | None:
-    """All that is known to a tolerance at once, against chance; sentence: where it is farther off than that."""
+def _together(diagnosis: Diagnosis) -> KnownTogetherContent | None:
     found = diagnosis.known_together
     if found is None:
         return None
@@ -122,12 +146,7 @@ def _together(diagnosis: Diagnosis) -> Json | None:
     }
 
 
-def _where(diagnosis: Diagnosis, apart: Sequence[RunDisagreement]) -> list[Json]:
-    """What the disagreement with the robot file depends on; runs: those that disagree in this quantity.
-
-    after_sigmas: how much the same stands out of what the chosen model leaves over, with nominal values and all that is
-    known to a tolerance adjusted.
-    """
+def _where(diagnosis: Diagnosis, apart: Sequence[RunDisagreement]) -> list[WhereContent]:
     after = {(item.quantity, item.by, item.parity): item.sigmas for item in diagnosis.left}
     return [
         {
@@ -147,7 +166,7 @@ def _where(diagnosis: Diagnosis, apart: Sequence[RunDisagreement]) -> list[Json]
 
 
 def disagreement(diagnosis: Diagnosis) -> pd.DataFrame | None:
-    """The pieces of the runs with what the model misses before and after (columns after_…); None where none."""
+    """The pieces of the runs with their residuals before and after (columns after_…); None if there are none."""
     if diagnosis.pieces is None or diagnosis.pieces_after is None:
         return None
     renamed = {name: f"after_{name}" for name in QUANTITIES}
@@ -156,14 +175,14 @@ def disagreement(diagnosis: Diagnosis) -> pd.DataFrame | None:
     return both.assign(kept_aside=both["run"].isin(held))
 
 
-def _gap(diagnosis: Diagnosis) -> Json:
+def _gap(diagnosis: Diagnosis) -> GapContent:
     gap, search = diagnosis.gap, diagnosis.fit_search
     assert gap is not None
     assert search is not None
     ids = [run.id for run in diagnosis.session.data]
     held = diagnosis.held_out
 
-    def pair(values: Floats) -> Json:
+    def pair(values: Floats) -> PairContent:
         return {"fit": rounded(rms(values, search.runs)), "held_out": rounded(rms(values, held))}
 
     everything = range(len(ids))
@@ -179,17 +198,17 @@ def _gap(diagnosis: Diagnosis) -> Json:
         if math.isfinite(diagnosis.confirmation)
         else None,
         "by_run": {
-            effect: {"before": rounded(b), "after": rounded(a), "noise_floor": rounded(f)}
-            for effect, b, a, f in zip(ids, gap.before_mm, gap.after_mm, gap.floor_mm, strict=True)
+            run: {"before": rounded(b), "after": rounded(a), "noise_floor": rounded(f)}
+            for run, b, a, f in zip(ids, gap.before_mm, gap.after_mm, gap.floor_mm, strict=True)
         },
     }
 
 
-def _rivals(diagnosis: Diagnosis) -> list[Json]:
+def _rivals(diagnosis: Diagnosis) -> list[RivalContent]:
     table = diagnosis.standing
     assert table is not None
     best = table.of(diagnosis.chosen)
-    rivals: list[Json] = []
+    rivals: list[RivalContent] = []
     for ids, score, probability in zip(table.sets, table.scores, table.probability, strict=True):
         if ids != diagnosis.chosen and len(rivals) < RIVALS_LISTED:
             rivals.append(
@@ -206,21 +225,21 @@ def _rivals(diagnosis: Diagnosis) -> list[Json]:
 
 
 def _carries_over(diagnosis: Diagnosis, ids: Set) -> bool | None:
-    """Whether each effect of a set carries over to commands left out; None but on open ground, where it must."""
+    """Whether each effect of a set also predicts left-out commands; None except on open ground, where it must."""
     search = diagnosis.search
     assert search is not None
     return carries_over(search, ids) if search.problem.open_ground else None
 
 
 def _strains(diagnosis: Diagnosis, ids: Set) -> list[str]:
-    """Values that a set would move beyond what is known of them."""
+    """Quantities that a set moves beyond their tolerances."""
     search = diagnosis.search
     assert search is not None
     return sorted(strained(search.fits[ids], search.null, search.tolerance))
 
 
 def names(ids: Set) -> list[str]:
-    """Effect ids of a set, sorted; free-form terms keep their grammar."""
+    """Effect ids of a set, sorted; free-form terms in their notation."""
     return sorted(ids)
 
 
@@ -240,14 +259,13 @@ def _reason(diagnosis: Diagnosis, ids: Set, odds: float) -> str:
 
 
 def _times(odds: float) -> str:
-    """A factor for people, from the logarithm of its inverse."""
+    """A factor in words, from the logarithm of its inverse."""
     if -odds > math.log(1e4):
         return f"{power_of_ten(-odds / math.log(10))} times"
     return f"{math.exp(-odds):.{1 if -odds < math.log(10) else 0}f} times"
 
 
-def _next(diagnosis: Diagnosis) -> Json | None:
-    """Runs to make, each with how many times, what they would separate, and what no runs would."""
+def _next(diagnosis: Diagnosis) -> NextExperimentContent | None:
     following = diagnosis.next_runs
     if following is None:
         return None
@@ -271,30 +289,29 @@ def _next(diagnosis: Diagnosis) -> Json | None:
     }
 
 
-def _noise(diagnosis: Diagnosis) -> Json:
+def _noise(diagnosis: Diagnosis) -> NoiseContent:
     problem = diagnosis.problem
     assert problem is not None
     parts = problem.noise
     tau = diagnosis.fit.posterior.scatter
     common = problem.common_drift
     span_s = float(np.median([np.ptp(run.time_s) for run in problem.data]))
-    # the midpoint of two marks that err independently has half the variance of one of them; a common drift is the same
-    own = [math.sqrt(p[0].sigma_mm ** 2 - common.size_mm**2) for p in parts]
+    # the midpoint of two marks with independent errors has half the variance of one of them; a common drift does not
+    # average out
+    independent = [math.sqrt(p[0].sigma_mm ** 2 - common.size_mm**2) for p in parts]
     return {
-        "mark_sigma_mm": rounded(float(np.median(own)) * math.sqrt(2)),
-        # of both marks alike, a coordinate about its mean over a run
+        "mark_sigma_mm": rounded(float(np.median(independent)) * math.sqrt(2)),
         "common_drift_mm": rounded(common.about_mean_mm(span_s)),
-        "friction_in_10_mm": rounded(problem.friction_wander * math.sqrt(10.0)),  # change along the way, relative
+        "friction_in_10_mm": rounded(problem.friction_wander * math.sqrt(10.0)),
         "correlation_s": rounded(parts[0][0].correlation_s),
-        # on ground that is part of the noise
         "run_to_run": None
         if problem.open_ground
         else {"friction": rounded(float(tau[0])), "wheel_speed": rounded(float(tau[1]))},
     }
 
 
-def _nominal(diagnosis: Diagnosis) -> Json:
-    """Where nominal values went within their tolerances."""
+def _nominal(diagnosis: Diagnosis) -> dict[str, NominalContent]:
+    """Adjustments of nominal values within their tolerances."""
     fit = diagnosis.fit
     spread = np.sqrt(np.diag(fit.posterior.covariance))
     return {
@@ -308,8 +325,8 @@ def _nominal(diagnosis: Diagnosis) -> Json:
     }
 
 
-def _shared(diagnosis: Diagnosis) -> Json | None:
-    """How far the errors that runs share (of the camera) were moved, each in its sigmas; None where there are none."""
+def _shared(diagnosis: Diagnosis) -> dict[str, Number] | None:
+    """Fitted errors that runs share (of the camera), each over its sigma; None if there are none."""
     point = diagnosis.fit.point
     moved = {key: point.nominal.get(key, 0.0) / SHARED_UNIT for key in diagnosis.session.tolerance if is_shared(key)}
     return {key: rounded(value) for key, value in moved.items()} or None

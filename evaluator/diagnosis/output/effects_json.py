@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,28 +15,25 @@ from evaluator.diagnosis.assessment.verdict import may_be_right
 from evaluator.diagnosis.candidates.free_form import FreeTerm
 from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.inference.silence import silent_reaches
+from evaluator.diagnosis.output.content import Bounded, EffectContent
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.coordinates import Candidate
 
-Json = dict[str, Any]
 Floats = NDArray[np.float64]
 
 DRAWS = 4000
-DRAW_SEED = 20120612  # intervals of directions and anchors are read from draws; the same input gives the same output
+DRAW_SEED = 20120612  # fixed: the same input gives the same intervals
 
 
-def told(diagnosis: Diagnosis, effect: str) -> Json:
-    """One effect of the chosen set: id, name, sizes with intervals, effects that it may be instead, probability."""
-    return _effect(diagnosis, effect)
-
-
-def effects(diagnosis: Diagnosis) -> list[Json]:
-    """What was chosen; where no term that was fitted says what is unknown, the disagreement itself."""
+def effects(diagnosis: Diagnosis) -> list[EffectContent]:
+    """The chosen effects; if the verdict is "unknown" and no term was fitted, the disagreement itself."""
     if diagnosis.negligible:
         return []
-    said = diagnosis.verdict != "unknown" or (diagnosis.follows and any(map(is_free, diagnosis.chosen)))
-    if said or diagnosis.pieces is None or diagnosis.pieces.empty:
-        return _without_repetition([_effect(diagnosis, effect) for effect in sorted(diagnosis.chosen)], diagnosis)
+    fitted = diagnosis.verdict != "unknown" or (diagnosis.follows and any(map(is_free, diagnosis.chosen)))
+    if fitted or diagnosis.pieces is None or diagnosis.pieces.empty:
+        return _without_repetition(
+            [effect_content(diagnosis, effect) for effect in sorted(diagnosis.chosen)], diagnosis
+        )
     sizes = root_mean_squares(diagnosis.pieces)
     return [
         {
@@ -60,8 +56,8 @@ def effects(diagnosis: Diagnosis) -> list[Json]:
     ]
 
 
-def _without_repetition(found: list[Json], diagnosis: Diagnosis) -> list[Json]:
-    """Effects that are one cause are told once, where the declaration of one of them says so."""
+def _without_repetition(found: list[EffectContent], diagnosis: Diagnosis) -> list[EffectContent]:
+    """The effects without those that have a single cause with another one (Effect.single_cause), which names it."""
     if diagnosis.verdict != "effect":
         return found
     assert diagnosis.terms is not None
@@ -78,20 +74,21 @@ def _without_repetition(found: list[Json], diagnosis: Diagnosis) -> list[Json]:
     return [effect for effect in found if effect["id"] not in said]
 
 
-def _bounded(values: Interval) -> Json:
+def _bounded(values: Interval) -> Bounded:
     value, low, high = values
     return {"value": rounded(value), "low": rounded(low), "high": rounded(high)}
 
 
-def _effect(diagnosis: Diagnosis, effect: str) -> Json:
+def effect_content(diagnosis: Diagnosis, effect: str) -> EffectContent:
+    """One effect of the chosen set."""
     assert diagnosis.terms is not None
     assert diagnosis.standing is not None
     assert diagnosis.search is not None
     term, search = diagnosis.terms[effect], diagnosis.search
-    # a set that is refused, however probable by its evidence, is no alternative to what was chosen
+    # a refused set is no alternative to the chosen one, however probable it is
     sets = [ids for ids in diagnosis.standing.sets if ids == diagnosis.chosen or may_be_right(search, ids)]
     probability = diagnosis.standing.containing(effect, sets)
-    shown: Json = {
+    shown: EffectContent = {
         "id": "free-form" if is_free(effect) else effect,
         "name": term.describe() if isinstance(term, FreeTerm) else EFFECTS[effect].name,
         "parameters": parameters(diagnosis, term),
@@ -106,14 +103,14 @@ def _effect(diagnosis: Diagnosis, effect: str) -> Json:
 
 
 def equivalents(diagnosis: Diagnosis, effect: str) -> list[str]:
-    """Effects that these runs cannot tell from a named one, the nearest first."""
+    """Effects that these runs cannot distinguish from an effect, most similar first."""
     apart = dict((diagnosis.separation or {}).get(effect, {}))
     apart.pop("", None)
     near = sorted((distance, other) for other, distance in apart.items() if distance < SAME_SIGMAS)
     return [other for _, other in near]
 
 
-def parameters(diagnosis: Diagnosis, term: Candidate) -> Json:
+def parameters(diagnosis: Diagnosis, term: Candidate) -> dict[str, Bounded]:
     """Value and 95 % interval of every physical parameter of a term of the chosen set."""
     values = diagnosis.fit.point.terms[term.id]
     if term.stepwise:
@@ -123,11 +120,11 @@ def parameters(diagnosis: Diagnosis, term: Candidate) -> Json:
 
 
 def _drawn(diagnosis: Diagnosis, terms: Sequence[Candidate]) -> dict[str, Floats]:
-    """Draws of all physical parameters of some terms of the chosen set together, by name, (DRAWS,) each."""
+    """Joint draws of all physical parameters of some terms of the chosen set, by name, (DRAWS,) each."""
     fit = diagnosis.fit
     mean, covariance = np.array([fit.point.value(column) for column in fit.columns]), _covariance(diagnosis)
-    # the scatter is estimated from few runs: the spread over its grid is in the covariance, Student's tail is not
-    # nor is a covariance that rounding has made a little uneven (effects that all but stand for each other) an error
+    # the covariance includes the uncertainty of the scatter between runs, except the tails of Student's t; it may be
+    # slightly indefinite by rounding if two effects are almost equivalent, which is not an error
     draws = np.random.default_rng(DRAW_SEED).multivariate_normal(
         mean, covariance, DRAWS, check_valid="ignore", method="svd"
     )
@@ -146,7 +143,7 @@ def _drawn(diagnosis: Diagnosis, terms: Sequence[Candidate]) -> dict[str, Floats
 
 
 def _covariance(diagnosis: Diagnosis) -> Floats:
-    """Covariance of the parameters of the chosen set; on open ground it holds for other commands as well."""
+    """Covariance of the parameters of the chosen set; on open ground it includes the scatter between commands."""
     search, fit = diagnosis.search, diagnosis.fit
     assert search is not None
     if not search.problem.open_ground:
@@ -159,21 +156,21 @@ def _period(effect: str, name: str) -> float | None:
     return declared.period if declared else None
 
 
-def _interval(best: float, draws: Floats, period: float | None) -> Json:
-    """Value with the 95 % of its draws; those of an angle are taken by the shorter way around its period."""
+def _interval(best: float, draws: Floats, period: float | None) -> Bounded:
+    """Value with the 95 % interval of its draws; draws of an angle are moved to within half a period of the value."""
     if period is not None:
         draws = best + (draws - best + period / 2) % period - period / 2
     low, high = np.percentile(draws, [2.5, 97.5])
     return _bounded((best, float(low), float(high)))
 
 
-def _stepwise(term: Candidate, values: Sequence[float]) -> Json:
-    """Parameters of a response in steps: anywhere in the interval between two steps, no value likelier than another."""
+def _stepwise(term: Candidate, values: Sequence[float]) -> dict[str, Bounded]:
+    """Parameters of a stepwise response: every value between two steps is equally probable."""
     edges = next(gap for gap in term.between if gap[0] <= values[0] <= gap[1])
     best, low, high = (term.physical((value,)) for value in (values[0], *edges))
     return {name: _bounded((best[name], low[name], high[name])) for name in best}
 
 
 def rounded(value: float) -> float | None:
-    """Six significant digits; None for what JSON cannot say."""
+    """Six significant digits; None for a number that is not finite."""
     return float(f"{value:.6g}") if math.isfinite(value) else None

@@ -1,23 +1,20 @@
-"""Runs that the model follows, with friction or wheels unlike those of the others, for diagnosis.json."""
+"""Runs that the model explains with friction or wheel speeds that differ from the other runs, for diagnosis.json."""
 
 from __future__ import annotations
 
-from typing import Any
-
 from evaluator.diagnosis.assessment.adequacy import unlike_runs
 from evaluator.diagnosis.diagnosis import Diagnosis
+from evaluator.diagnosis.output.content import UnlikeRunsContent
 from evaluator.diagnosis.output.effects_json import rounded
-
-Json = dict[str, Any]
 
 WHEELS = {"left_gain": "the left wheels turn", "right_gain": "the right wheels turn"}
 
 
-def unlike(diagnosis: Diagnosis) -> list[Json]:
-    """One entry for runs that are unlike the others alike; of wheel speeds, by more than matters."""
+def unlike(diagnosis: Diagnosis) -> list[UnlikeRunsContent]:
+    """One entry for runs with the same deviation from the others; of wheel speeds, if it is relevant."""
     if diagnosis.leftover is None or not diagnosis.follows or diagnosis.verdict not in ("none", "effect"):
         return []
-    told = []
+    found: list[UnlikeRunsContent] = []
     for item in unlike_runs(diagnosis.leftover, diagnosis.fit.runs):
         percent = 100 * item.change
         if item.what in WHEELS and abs(percent) <= diagnosis.session.relevant.speed_percent:
@@ -27,7 +24,7 @@ def unlike(diagnosis: Diagnosis) -> list[Json]:
             seen = f"{WHEELS[item.what]} {abs(percent):.2g} % {'faster' if percent > 0 else 'slower'}"
         else:
             seen = f"friction is {abs(percent):.2g} % {'higher' if percent > 0 else 'lower'}"
-        told.append(
+        found.append(
             {
                 "runs": runs,
                 "quantity": item.what,
@@ -35,4 +32,4 @@ def unlike(diagnosis: Diagnosis) -> list[Json]:
                 "sentence": f"{', '.join(runs)}: {seen} than in the other runs",
             }
         )
-    return told
+    return found

@@ -13,6 +13,7 @@ from evaluator.diagnosis.diagnosis import diagnose as diagnose_session
 from evaluator.diagnosis.experiment import Session, session_of
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.watch import USUAL_SECONDS
+from evaluator.diagnosis.output.content import DiagnosisContent
 from evaluator.diagnosis.output.diagnosis_json import disagreement, record
 from evaluator.diagnosis.output.own_effect import own_effect
 from evaluator.diagnosis.output.robot_file import robot_text
@@ -144,10 +145,10 @@ def diagnose_experiment(
     if not found.stopped:
         keep(outputs, key, files)
         outputs.diagnosis_fits.unlink(missing_ok=True)
-    return found, content
+    return found, dict(content)
 
 
-def _written(found: Diagnosis, content: dict[str, Any], robot: str, outputs: Outputs) -> list[Path]:
+def _written(found: Diagnosis, content: DiagnosisContent, robot: str, outputs: Outputs) -> list[Path]:
     """Write the results; what an earlier diagnosis left and this one does not have is removed.
 
     robot: text of the robot file that was diagnosed.
