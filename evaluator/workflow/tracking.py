@@ -28,6 +28,7 @@ from evaluator.tracking import (
 )
 from evaluator.tracking.observation import UNLIKE
 from evaluator.wording import counted
+from evaluator.workflow.execution.precompile import precompile_tracker
 from evaluator.workflow.results.unchanged import CHANGED, AsFound
 
 Fields = Literal["auto", "none", "top", "bottom"]
@@ -99,6 +100,7 @@ def track_recording(
     read = AsFound.of([Path(video)])
     recording = open_recording(video, rate_hz=rate_hz, fields=fields)
     frames = recording if seen_by is None else AsCalibrated(recording, seen_by)
+    precompile_tracker()
     marks = track(frames, wanted, progress)
     if read.changed():
         raise InputError(f"{video}: {CHANGED}")

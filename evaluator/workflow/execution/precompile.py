@@ -28,11 +28,23 @@ def precompile(video: Path) -> None:
     if is_kept(integrate_some):
         return
     # In a thread: the first process waits until the libraries are imported.
-    Thread(target=_start, args=(video,), daemon=True).start()
+    Thread(target=_start, args=(simulate_run, partial(measure_turn, video)), daemon=True).start()
 
 
-def _start(video: Path) -> None:
-    for work in (simulate_run, partial(measure_turn, video)):
+def precompile_tracker() -> None:
+    """Start a process that compiles what the tracker needs later, unless it is on disk.
+
+    The fit of a mark takes about half of the time. Whoever tracks compiles it meanwhile.
+    """
+    from calibration.compilation import is_kept
+    from evaluator.tracking.uncertainty import rim
+
+    if not is_kept(rim._rim_power):  # noqa: SLF001 - the last one that it calls
+        Thread(target=_start, args=(measure_mark,), daemon=True).start()
+
+
+def _start(*works: Callable[[], None]) -> None:
+    for work in works:
         PROCESSES.Process(target=_quietly, args=(work,), daemon=True).start()
 
 
@@ -42,6 +54,28 @@ def _quietly(work: Callable[[], None]) -> None:
     os.dup2(quiet, 1)
     os.dup2(quiet, 2)
     work()
+
+
+def measure_mark() -> None:
+    """Call what the tracker calls after it has fitted a mark, in a blank frame of eight bits."""
+    import numpy as np
+
+    from evaluator.tracking.detection.color_kernels import color_window
+    from evaluator.tracking.refinement import kernels
+    from evaluator.tracking.refinement.disc import make_disc
+    from evaluator.tracking.refinement.occluded_pixels import CORE
+    from evaluator.tracking.refinement.occlusion import fit_uncovered
+    from evaluator.tracking.uncertainty.rim import rim_power
+
+    disc = make_disc(6.0, 0.8, (0.0, 0.0), (100.0, 30.0), 1.0)
+    fitted = np.zeros(kernels.RESULTS)
+    fitted[: kernels.BASE + 1] = 20.0, 20.0, disc.amplitude, disc.base
+    luma, chroma = np.zeros((41, 41), np.uint8), np.zeros((21, 21), np.uint8)
+    shape = disc.numbers(), disc.table, np.array([disc.noise, 4.0])
+    color_window(chroma, chroma, np.ones(4), 20.0, 20.0, 6.0, np.ones(6), np.zeros(5))
+    fit_uncovered(luma, 0, 1, fitted, *shape, np.zeros(kernels.RESULTS), None, CORE, 1.0)
+    rim_power(luma, 0, 1, fitted, *shape)
+    kernels.interior_slope(luma, 0, 1, 20.0, 20.0, 4.0, np.zeros(2))
 
 
 def simulate_run() -> None:
