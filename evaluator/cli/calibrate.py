@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from evaluator.wording import counted
+
 FILE = click.Path(path_type=Path, dir_okay=False)
 
 
@@ -67,7 +69,7 @@ def calibrate(
     dots = sum(len(view) for view in found.views)
     lens = ", ".join(name for name in found.fit.state.free if name[0] in "kp" and len(name) == 2) or "no distortion"
     click.echo(
-        f"{len(found.views)} images, {dots} dots, residual {found.rms_px:.3f} px RMS, "
+        f"{counted(len(found.views), 'image')}, {counted(dots, 'dot')}, residual {found.rms_px:.3f} px RMS, "
         f"{found.fit.state.model} lens, {lens}"
     )
     click.echo(verdict.summary)

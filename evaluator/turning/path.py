@@ -43,12 +43,18 @@ class PointPath:
     turned_deg: float = NAN
     scatter: float = NAN
 
+    @property
+    def straight(self) -> bool:
+        """Whether the path cannot be distinguished from a straight line; status then gives its curvature."""
+        return self.status.startswith("straight")
+
     def summary(self, unit: str) -> str:
         """Text of one line; unit: of lengths."""
         if not np.isfinite(self.radius):
             if not np.isfinite(self.speed):
                 return self.status
-            return f"{self.status} 1/{unit}; {self.scatter:.2g} {unit} RMS from its line, at {self.speed:.3g} {unit}/s"
+            ending = f" 1/{unit}; {self.scatter:.2g} {unit} RMS from its line, at" if self.straight else ";"
+            return f"{self.status}{ending} {self.speed:.3g} {unit}/s"
         said = "" if self.status == "ok" else f"{self.status}; "
         radius, low, high = with_bounds(self.radius, self.low, self.high)
         return (
@@ -99,6 +105,8 @@ def measure_path(
     )
     wider = curvature.with_systematic(abs(curvature.value) * float(np.hypot(scale_sigma, spread)))
     radius, low, high = wider.radius_mm()
+    if not np.isfinite(radius):
+        status += "; no single radius"
     return PointPath(status, radius, low, high, speed, turned, found.scatter)
 
 

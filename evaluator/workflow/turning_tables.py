@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -210,6 +211,11 @@ def _each_mark(
     suffix = {"px": "px"}.get(unit, "mm")
     row: dict[str, Any] = {"radius_status": f"{why}: paths of marks, no heading and no radius of the robot's centre"}
     lines = [f"{name} mark: {found.summary(suffix)}" for name, found in paths.items()]
+    lines += [
+        f"{first} and {second} are at the same places in every frame; is one mark in both columns?"
+        for first, second in combinations(paths, 2)
+        if np.array_equal(points[first], points[second], equal_nan=True)
+    ]
     for name, found in paths.items():
         row |= {f"{name}_radius_{suffix}": found.radius, f"{name}_radius_low_{suffix}": found.low}
         row |= {f"{name}_radius_high_{suffix}": found.high, f"{name}_speed_{suffix}_s": found.speed}

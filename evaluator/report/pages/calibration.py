@@ -27,6 +27,7 @@ from evaluator.report.figures.quality import camera_uncertainty
 from evaluator.report.numbers import number
 from evaluator.report.pages.html import Page, Section, Table, page_html
 from evaluator.report.style import Figure
+from evaluator.wording import counted
 
 FACES = {0: "flat", QUADRATIC: "bent, second order", TERMS: "bent, third order"}
 
@@ -46,8 +47,8 @@ def write_calibration_page(
         kind="Calibration",
         title=calibration.gauge.name,
         facts=(
-            f"{len(calibration.views)} images",
-            f"{sum(len(view) for view in calibration.views)} dots",
+            counted(len(calibration.views), "image"),
+            counted(sum(len(view) for view in calibration.views), "dot"),
             f"residual {calibration.rms_px:.3g} px RMS",
             f"{camera.lens} lens",
         ),

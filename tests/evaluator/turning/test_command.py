@@ -110,6 +110,16 @@ def test_one_mark_has_a_path_radius_and_no_heading(tmp_path: Path) -> None:
     assert row["green_speed_mm_s"] == pytest.approx(np.linalg.norm(arm) * 2 * np.pi / (199 / 60), rel=1e-3)
 
 
+def test_two_marks_at_the_same_places_are_told(tmp_path: Path) -> None:
+    both = circle()
+    both[["yellow_x_mm", "yellow_y_mm"]] = both[["green_x_mm", "green_y_mm"]]
+    write_marks(both, tmp_path / "both.csv")
+    said = "green and yellow are at the same places in every frame"
+    assert said in CliRunner().invoke(turning, [str(tmp_path / "both.csv")]).output
+    write_marks(circle(), tmp_path / "two.csv")
+    assert said not in CliRunner().invoke(turning, [str(tmp_path / "two.csv")]).output
+
+
 def in_pixels(px_per_mm: float) -> pd.DataFrame:
     """The circle as an image shows it: y down."""
     table = circle()

@@ -151,6 +151,16 @@ def test_summary_of_a_straight_path_has_units_and_says_how_far_the_places_lie_fr
     assert re.fullmatch(straight, said)
 
 
+def test_path_that_turns_one_way_and_then_the_other_has_no_single_radius_and_no_curvature() -> None:
+    turns = np.radians(np.repeat([0.0, 3.0, 0.0, 3.0], 60))
+    heading = np.cumsum(turns)
+    places = np.cumsum(np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    said = measure_path(FRAME_S * np.arange(240), places).summary("mm")
+    assert re.fullmatch(
+        r"varies: the curvature scatters by \d+ % from quarter to quarter; no single radius; \S+ mm/s", said
+    )
+
+
 @pytest.mark.parametrize("sense", [1, -1])
 @pytest.mark.parametrize("from_deg", [0, 100, -140])
 def test_fit_of_a_circle_begins_with_it_and_that_of_a_line_with_the_line(sense: int, from_deg: float) -> None:
