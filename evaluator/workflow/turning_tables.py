@@ -160,7 +160,7 @@ def _phase_line(phase: dict[str, Any]) -> str:
         radius = f", radius {value} mm, 95 % from {low} to {high}"
     speed = f", {phase['speed_mm_s']:.3g} mm/s" if np.isfinite(phase["speed_mm_s"]) else ""
     when = f"{phase['start_s']:.2f} to {phase['stop_s']:.2f} s"
-    return f"{when}: {phase['kind']}{radius}, {phase['turned_deg']:.0f} degrees{speed}"
+    return f"{when}: {phase['kind']}{radius}, {phase['turned_deg']:z.0f} degrees{speed}"
 
 
 def together(rows: Sequence[dict[str, Any]]) -> str:

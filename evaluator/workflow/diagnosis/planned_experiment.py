@@ -67,7 +67,7 @@ def write_planned(
         lines += ["", "[[run]]", f'id = "{log.stem}"']
         if starts_mm_deg:
             x, y, heading = starts_mm_deg[number]
-            lines.append(f"# Put the robot's centre at x = {x:.1f} mm, y = {y:.1f} mm, heading {heading:g} degrees.")
+            lines.append(f"# Put the robot's centre at x = {x:z.1f} mm, y = {y:z.1f} mm, heading {heading:g} degrees.")
         lines += [
             *(f"left_rpm = {run.left_rpm:g}", f"right_rpm = {run.right_rpm:g}"),
             *(f"start_s = {START_S:g}", f"stop_s = {START_S + run.duration_s:g}", f'video = "{log.stem}.mp4"'),
