@@ -18,7 +18,7 @@ KERNELS = (
     *("simulator.slip.magic_formula", "simulator.slip.law"),
     *(f"simulator.dynamics.{name}" for name in ("bases", "body", "wheel", "axles", "contact", "equations", "motors")),
     *(f"simulator.integrator.{name}" for name in ("workspace", "rosenbrock", "stability", "implicit_euler")),
-    *("simulator.integrator.step_control", "simulator.integrator.slow_manifold"),
+    *(f"simulator.integrator.{name}" for name in ("step_control", "slow_manifold", "collocation", "run_kernel")),
 )
 
 
