@@ -1,0 +1,107 @@
+"""Limits of what tells an error of a centre from motion, each from either side, in closed form."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.tracking.uncertainty import motion_changes
+from evaluator.tracking.uncertainty.codec import _shared_out, hidden_variance
+from evaluator.tracking.uncertainty.exposure import exposed
+from evaluator.tracking.uncertainty.rigid_pair import _off_course
+from evaluator.tracking.uncertainty.rim import Rim
+from tests.evaluator.tracking.test_combine_formulas import COUNT, FRAME_S, TIME_S, circle, numbers_of
+
+
+def changed(marks: list[dict[int, float]], monkeypatch: pytest.MonkeyPatch, **singles: float) -> list[int]:
+    """Frames that are told to run across a change of motion, of courses of 200 frames.
+
+    marks: of each mark, in variances, how much of the errors around some frames a bend explains, median elsewhere.
+    singles: how much one frame alone explains.
+    """
+    bent, _ = motion_changes._patterns()
+    courses: list[Any] = []
+    for mark in marks:
+        change, single = np.full(COUNT, np.log(4.0)), np.zeros(COUNT)  # the median of a variance of one
+        for frame, variances in mark.items():
+            change[frame] = variances
+        for name, variances in singles.items():
+            single[int(name.removeprefix("at"))] = variances
+        courses.append(SimpleNamespace(known=np.ones(COUNT, bool), error=(0.3 * change, 0.3 * single)))
+    monkeypatch.setattr(motion_changes, "_likeness", lambda error, pattern: error[int(pattern is not bent)])
+    return np.flatnonzero(motion_changes.changes_of_motion(courses)).tolist()
+
+
+def test_a_change_of_motion_is_told_from_five_sigmas_on_that_all_marks_of_a_body_have_seen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    around = list(range(45, 56))
+    assert changed([{50: 25.5}], monkeypatch) == around
+    assert changed([{50: 24.5}], monkeypatch) == []
+    assert changed([{50: 30.0}, {50: 20.5}], monkeypatch) == around  # of two, 25 each on average
+    assert changed([{50: 30.0}, {50: 19.5}], monkeypatch) == []
+    assert changed([{50: 90.0}, {50: 4.1}], monkeypatch) == around  # and two sigmas of each
+    assert changed([{50: 90.0}, {50: 3.9}], monkeypatch) == []
+    assert changed([{50: 30.0, 54: 40.0}], monkeypatch) == list(range(49, 60))  # the largest around
+    assert changed([{50: 30.0}], monkeypatch, at54=31.0) == []  # one frame's error explains more
+    assert changed([{50: 30.0}], monkeypatch, at54=29.0) == around
+    often = dict.fromkeys((30, 70, 110, 150), 30.0)
+    assert changed([often], monkeypatch) == []  # what recurs is the codec's
+    assert len(changed([dict(list(often.items())[:3])], monkeypatch)) == 33
+
+
+def test_no_kind_of_frame_has_less_than_a_third_of_what_all_have_in_common() -> None:
+    kinds = np.repeat(np.eye(2), 50, axis=1)  # 50 frames of each, whose neighbours count for nothing
+    assert _shared_out(kinds, kinds, np.repeat([0.0, 2.0], 50)) == pytest.approx([1 / 3, 2.0])
+    assert _shared_out(kinds, kinds, np.repeat([-3.0, 2.0], 50)) == pytest.approx([0.0, 2.0])
+
+
+def test_frames_whose_variance_is_three_times_the_usual_tell_nothing_of_the_codec() -> None:
+    rng = np.random.default_rng(6)
+    for times, told in ((2.5, True), (3.5, False)):
+        places, variances = circle() + 0.01 * rng.normal(size=(COUNT, 2)), np.full(COUNT, 1e-4)
+        odd = np.arange(COUNT) % 8 == 0
+        variances[odd] *= times
+        places[odd] += 0.3 * rng.normal(size=(odd.sum(), 2))
+        extra = hidden_variance(TIME_S, places, variances, np.full(COUNT, "P"))
+        assert (np.nanmedian(extra[~odd]) > 1e-4) == told
+
+
+def test_a_frame_beside_a_gap_is_exposed_for_no_longer_than_one_in_the_midst() -> None:
+    times = np.delete(TIME_S, [100, 101])
+    places = np.stack([500.0 * times**2, 0.0 * times], axis=1)
+    shift = exposed(times, places, np.full((len(times), 2), 1e-8), (0.5, 0.0))[0][:, 0]
+    usual = 1000.0 * (0.5 * FRAME_S) ** 2 / 24
+    assert shift[50] == pytest.approx(usual, rel=1e-6)
+    assert (shift[98:102] < 2.5 * usual).all()
+
+
+def test_how_far_a_mark_is_off_its_course_counts_its_own_variance_and_those_of_its_neighbours() -> None:
+    """The cubic through five frames on either side."""
+    mark = numbers_of(np.stack([0.01 * np.arange(40.0) ** 3, np.arange(40.0)], axis=1))
+    mark[20, 0] += 1.0
+    usable = np.arange(40) != 20
+    since = np.delete(np.arange(-5.0, 6.0), 5)
+    weights = np.linalg.pinv(np.vander(since, 4, increasing=True))[0]
+    sigma = 0.01 * np.sqrt(1 + np.sum(weights**2))
+    assert _off_course(FRAME_S * np.arange(40), mark, usable, 20) == pytest.approx(1 / sigma, rel=1e-6)
+    mark[22] = np.nan, np.nan, 1e-4, 1e-4, 0.0
+    usable[18] = False
+    mark[18, 0] += 50.0  # is not to be used
+    assert _off_course(FRAME_S * np.arange(40), mark, usable, 20) == pytest.approx(1 / sigma, rel=0.2)
+    usable[:15] = usable[27:] = False
+    assert np.isnan(_off_course(FRAME_S * np.arange(40), mark, usable, 20))  # fewer than ten
+
+
+@pytest.mark.parametrize(("odd", "shown"), [(1.1, 4.0), (0.9, 0.9)])
+def test_a_rim_whose_even_harmonics_are_three_times_the_odd_ones_is_that_of_a_shape_that_is_not_round(
+    odd: float, shown: float
+) -> None:
+    """All harmonics have 4 px² on the mean, noise 0.1: of a square or oblong mark only odd ones count."""
+    rim = Rim()
+    for _ in range(40):
+        rim.note((4.0, odd), 0.1)
+    assert rim.extra_px2 == pytest.approx(1.5 * (shown - 0.1))
