@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluator.tracking.uncertainty import motion_changes
+from evaluator.tracking.uncertainty import motion_changes, shared_errors
 from evaluator.tracking.uncertainty.codec import _shared_out, hidden_variance
+from evaluator.tracking.uncertainty.course import Course
 from evaluator.tracking.uncertainty.exposure import exposed
 from evaluator.tracking.uncertainty.rigid_pair import _off_course
 from evaluator.tracking.uncertainty.rim import Rim
@@ -105,3 +106,34 @@ def test_a_rim_whose_even_harmonics_are_three_times_the_odd_ones_is_that_of_a_sh
     for _ in range(40):
         rim.note((4.0, odd), 0.1)
     assert rim.extra_px2 == pytest.approx(1.5 * (shown - 0.1))
+
+
+@pytest.mark.parametrize(
+    ("squares", "straight", "shared"),
+    [
+        ((1.2, 1.2, 1.2), 99.0, 0.0),  # less than its own standard error, a fifth, beyond what is known
+        ((1.3, 1.2, 1.2), 99.0, 0.3),
+        ((1.3, 1.5, 1.4), 99.0, 0.5),  # the largest
+        ((1.3, 1.5, 2.0), 40.0, 1.0),
+        ((1.3, 1.5, 2.0), 39.0, 0.5),  # the widest course leaves the path
+        ((1.3, 1.5, 2.0), 9.0, 0.0),
+    ],
+)
+def test_what_neighbours_share_is_what_wider_courses_show_beyond_what_is_known(
+    squares: tuple[float, ...], straight: float, shared: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = iter(squares)
+    monkeypatch.setattr(shared_errors, "straight_frames", lambda _: straight)
+    monkeypatch.setattr(shared_errors, "_square", lambda *_: (next(given), 0.2))
+    near: Any = Course(TIME_S, circle())
+    found = shared_errors.shared_variance(TIME_S, circle(), near, near.known, 1.0)
+    assert found == pytest.approx(shared)
+
+
+def test_what_two_marks_do_together_bounds_what_either_shares_by_the_largest_and_its_error(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for values, bound in (((1.0, 1.5, 2.0, 0.0), 1.4), ((3.0, 1.5, 2.0, 1.0), 0.0), ((1.0, 0.0, 0.0, 0.0), np.inf)):
+        given = iter(values)
+        monkeypatch.setattr(shared_errors, "_square", lambda *_, given=given: (next(given), 0.2))
+        assert shared_errors.of_distance(TIME_S, np.full(COUNT, 40.0)) == pytest.approx(bound)
