@@ -194,6 +194,29 @@ def test_height_correction_is_open_where_lengths_at_the_marks_are_half_again_as_
     assert slight.level == "sound"
 
 
+@pytest.mark.parametrize(
+    ("sigma_mm", "views", "distance_mm", "said"),
+    [
+        (0.05, 1, None, "relies on the perspective of a single image, without a check: turning radii at 44 mm are"),
+        (0.2, 1, None, "a single image without tilt cannot determine the height correction: turning radii at 44"),
+        (0.2, 5, None, "these images do not determine the height correction: turning radii at 44 mm are"),
+        (0.2, 1, 120.0, "a single image without tilt cannot determine"),
+        (0.05, 1, 120.0, None),
+    ],
+)
+def test_an_open_height_correction_is_told_with_its_cause(
+    sigma_mm: float, views: int, distance_mm: float | None, said: str | None
+) -> None:
+    found = calibration(known(translation_z_mm=sigma_mm), distance_mm=distance_mm)
+    found.views = found.views[:views]
+    reasons = assess(found, mark_height_mm=44.0).reasons
+    assert len(reasons) == (said is not None)
+    if said is not None:
+        doubt = f"uncertain by {100 * sigma_mm / (DISTANCE - 44):.2g} % (1 sigma), on the plane of the gauge by"
+        assert said in reasons[0]
+        assert f"{doubt} {100 * sigma_mm / DISTANCE:.2g} %" in reasons[0]
+
+
 def test_coverage_is_the_share_of_cells_whose_middle_lies_within_the_dots() -> None:
     left = SimpleNamespace(centers_px=np.array([[-1.0, -1.0], [200.0, -1.0], [200.0, 301.0], [-1.0, 301.0]]))
     lower = SimpleNamespace(centers_px=np.array([[-1.0, 200.0], [401.0, 200.0], [401.0, 301.0], [-1.0, 301.0]]))
