@@ -9,7 +9,19 @@ import numpy as np
 import pytest
 
 from calibration.assessment import camera_check
-from calibration.assessment.camera_check import Check, _lens_sigma, _pose, _pose_change, _unseen, check_camera
+from calibration.assessment.camera_check import (
+    Check,
+    _length_change,
+    _lens_sigma,
+    _plane,
+    _pose,
+    _pose_change,
+    _sigma,
+    _sigmas,
+    _signed,
+    _unseen,
+    check_camera,
+)
 from calibration.camera import PARAMETERS, Camera, camera_above
 from calibration.errors import CalibrationError
 from calibration.estimation.bundle_adjustment import State, View, with_disc_offsets
@@ -159,3 +171,44 @@ def test_a_change_is_told_from_four_sigmas_on(sigma: float, told: bool, monkeypa
     if told:
         assert "the camera has moved" in by_pose.summary
         assert "the lens has changed" in by_lens.summary
+
+
+@pytest.mark.parametrize("sigmas", [0.5, 4.0, 20.0])
+def test_significance_is_that_of_a_normal_deviation_as_improbable(sigmas: float) -> None:
+    assert _sigma(sigmas**2, 1) == pytest.approx(sigmas, rel=1e-6)
+    assert _sigma(sigmas**2, 3) < sigmas
+    assert _sigma(1e4, 1) == 37.0
+    assert _sigmas(36.94) == "36.9 sigma"
+    assert _sigmas(37.0) == "more than 37 sigma"
+    assert (_signed(0.0006), _signed(-0.0004)) == ("+0.001", "0.000")
+
+
+def test_plane_is_seen_at_its_tilt_and_distance() -> None:
+    assert _plane(above().pose) == pytest.approx([0.0, 0.0, DISTANCE], abs=1e-9)
+    shifted = above(center_mm=(7.0, -3.0), turn_deg=50)
+    assert _plane(shifted.pose) == pytest.approx([0.0, 0.0, DISTANCE], abs=1e-9)  # where on the plate says nothing
+    tilted = above(tilt_deg=4.0)
+    assert np.hypot(*_plane(tilted.pose)[:2]) == pytest.approx(np.sin(np.radians(4.0)))
+    assert _plane(tilted.pose)[2] == pytest.approx(DISTANCE * np.cos(np.radians(4.0)))
+
+
+@pytest.mark.parametrize("higher_mm", [0.5, -0.5])
+def test_lengths_change_with_the_distance_of_the_camera_from_the_height_of_the_marks(higher_mm: float) -> None:
+    moved = above(distance_mm=DISTANCE + higher_mm)
+    assert _length_change(moved, above(), 6.5) == pytest.approx(higher_mm / (DISTANCE - 6.5), rel=1e-6)
+    assert _length_change(moved, above(), 0.0) == pytest.approx(higher_mm / DISTANCE, rel=1e-6)
+
+
+def test_lengths_change_along_one_axis_where_the_aspect_does() -> None:
+    parameters = above().parameters.copy()
+    parameters[PARAMETERS.index("aspect")] = 1.01
+    assert _length_change(replace(above(), parameters=parameters), above(), 0.0) == pytest.approx(
+        1 / 1.01 - 1, rel=1e-6
+    )
+
+
+def test_length_change_of_a_tilt_is_that_near_the_rim() -> None:
+    """To first order by 2·tilt·tan(angle off the axis) along the tilt, at 0.4 of the width."""
+    tilted = above(tilt_deg=0.2)
+    change = _length_change(tilted, above(), 0.0)
+    assert abs(change) == pytest.approx(2 * np.radians(0.2) * 0.4 * 400 / FOCAL, rel=0.05)

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from calibration.assessment import quality
-from calibration.assessment.camera_check import _length_change, _plane, _sigma, _sigmas, _signed
 from calibration.assessment.next_image import Advice, NextImage, _turned, image_notes, place_sigmas_mm
 from calibration.assessment.quality import (
     _ill_conditioned,
@@ -243,43 +242,6 @@ def test_dots_left_out_are_worth_a_note_from_a_fiftieth_of_an_image_on(rejected:
     if noted:
         assert found[0].startswith("3 of 200 dots left out")
         assert found[0].endswith("3 of 100")
-
-
-@pytest.mark.parametrize("sigmas", [0.5, 4.0, 20.0])
-def test_significance_is_that_of_a_normal_deviation_as_improbable(sigmas: float) -> None:
-    assert _sigma(sigmas**2, 1) == pytest.approx(sigmas, rel=1e-6)
-    assert _sigma(sigmas**2, 3) < sigmas
-    assert _sigma(1e4, 1) == 37.0
-    assert _sigmas(36.94) == "36.9 sigma"
-    assert _sigmas(37.0) == "more than 37 sigma"
-    assert (_signed(0.0006), _signed(-0.0004)) == ("+0.001", "0.000")
-
-
-def test_plane_is_seen_at_its_tilt_and_distance() -> None:
-    assert _plane(CAMERA.pose) == pytest.approx([0.0, 0.0, DISTANCE], abs=1e-9)
-    shifted = camera_above(size_px=SIZE, focal_px=FOCAL, distance_mm=DISTANCE, center_mm=(7.0, -3.0), turn_deg=50)
-    assert _plane(shifted.pose) == pytest.approx([0.0, 0.0, DISTANCE], abs=1e-9)  # where on the plate says nothing
-    tilted = camera_above(size_px=SIZE, focal_px=FOCAL, distance_mm=DISTANCE, tilt_deg=4.0)
-    assert np.hypot(*_plane(tilted.pose)[:2]) == pytest.approx(np.sin(np.radians(4.0)))
-    assert _plane(tilted.pose)[2] == pytest.approx(DISTANCE * np.cos(np.radians(4.0)))
-
-
-@pytest.mark.parametrize("higher_mm", [0.5, -0.5])
-def test_lengths_change_with_the_distance_of_the_camera_from_the_height_of_the_marks(higher_mm: float) -> None:
-    moved = camera_above(size_px=SIZE, focal_px=FOCAL, distance_mm=DISTANCE + higher_mm)
-    assert _length_change(moved, CAMERA, 6.5) == pytest.approx(higher_mm / (DISTANCE - 6.5), rel=1e-6)
-    assert _length_change(moved, CAMERA, 0.0) == pytest.approx(higher_mm / DISTANCE, rel=1e-6)
-
-
-def test_lengths_change_along_one_axis_where_the_aspect_does() -> None:
-    assert _length_change(with_values(aspect=1.01), CAMERA, 0.0) == pytest.approx(1 / 1.01 - 1, rel=1e-6)
-
-
-def test_length_change_of_a_tilt_is_that_near_the_rim() -> None:
-    """To first order by 2·tilt·tan(angle off the axis) along the tilt, at 0.4 of the width."""
-    tilted = camera_above(size_px=SIZE, focal_px=FOCAL, distance_mm=DISTANCE, tilt_deg=0.2)
-    change = _length_change(tilted, CAMERA, 0.0)
-    assert abs(change) == pytest.approx(2 * np.radians(0.2) * 0.4 * 400 / FOCAL, rel=0.05)
 
 
 def test_uncertainty_of_places_grows_from_the_middle_with_the_focal_lengths() -> None:
