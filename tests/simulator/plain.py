@@ -18,7 +18,10 @@ KERNELS = (
     *("simulator.slip.magic_formula", "simulator.slip.law"),
     *(f"simulator.dynamics.{name}" for name in ("bases", "body", "wheel", "axles", "contact", "equations", "motors")),
     *(f"simulator.integrator.{name}" for name in ("workspace", "rosenbrock", "stability", "implicit_euler")),
-    *(f"simulator.integrator.{name}" for name in ("step_control", "slow_manifold", "collocation", "run_kernel")),
+    *(
+        f"simulator.integrator.{name}"
+        for name in ("step_control", "slow_manifold", "collocation", "run_kernel", "balance")
+    ),
 )
 
 
