@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from evaluator.interchange.commands import Told
+from evaluator.interchange.commands import RunCommand
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.pose import Poses, poses_from_marks
 from evaluator.robot_geometry import mark_geometry
@@ -44,7 +44,7 @@ BESIDE = (
 )
 
 
-def simulated_poses(robot: Robot, told: Told, poses: Poses, run_index: int = 0) -> tuple[Motion, Poses]:
+def simulated_poses(robot: Robot, run_command: RunCommand, poses: Poses, run_index: int = 0) -> tuple[Motion, Poses]:
     """Motion of a run simulated from its measured start pose, and its poses as they would be measured.
 
     A robot with errors of the observation (marks elsewhere, millimetres or seconds off by a factor) rests where its
@@ -53,11 +53,11 @@ def simulated_poses(robot: Robot, told: Told, poses: Poses, run_index: int = 0) 
     """
     view, geometry = view_of(robot), mark_geometry(robot)
     factor = view.time_factor
-    command = told.command.retimed(1 / factor)
+    command = run_command.command.retimed(1 / factor)
     first = float(poses.time_s[0])
-    start_s = told.start_s if told.starts_at_rest and told.start_s is not None else first
-    start = State(*resting_pose(view, geometry, start_pose(poses, start_s, at_rest=told.starts_at_rest)))
-    if not told.starts_at_rest:
+    start_s = run_command.start_s if run_command.starts_at_rest and run_command.start_s is not None else first
+    start = State(*resting_pose(view, geometry, start_pose(poses, start_s, at_rest=run_command.starts_at_rest)))
+    if not run_command.starts_at_rest:
         start = moving_state(robot, command, start, first / factor, run_index)
     motion = simulate(robot, command, poses.time_s / factor, start=start, run_index=run_index)
     return motion, poses_from_marks(marks_of_run(robot, motion), geometry)

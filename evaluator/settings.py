@@ -18,7 +18,7 @@ from simulator.mark_layout import Mark, Marks, checked_layout
 from simulator.robot import Robot, shipped_robot_text, shipped_robots
 
 if TYPE_CHECKING:
-    from evaluator.interchange.commands import Told
+    from evaluator.interchange.commands import RunCommand
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -84,7 +84,7 @@ class Run(Table):
         assert found is not None  # held by the model of the file
         return found
 
-    def told(self) -> Told:
+    def run_command(self) -> RunCommand:
         """Command over the time of the recording. Raises InputError if the log or the clock cannot be read."""
         from evaluator.interchange.commands import constant, from_log
 

@@ -1,5 +1,5 @@
 """Compilation of the simulator's kernels, by calibration.compilation."""
 
-from calibration.compilation import compiled, counter, is_kept
+from calibration.compilation import compiled, counter, is_cached
 
-__all__ = ["compiled", "counter", "is_kept"]
+__all__ = ["compiled", "counter", "is_cached"]

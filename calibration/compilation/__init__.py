@@ -46,11 +46,11 @@ def compiled(*, shared: bool = False, **options: Any) -> Callable[[Function], Fu
     return decorate
 
 
-def is_kept(kernel: Callable[..., Any]) -> bool:
+def is_cached(kernel: Callable[..., Any]) -> bool:
     """Whether the kernel is on disk, compiled from the present sources for some types of arguments.
 
     True with NUMBA_DISABLE_JIT, where nothing is compiled.
     """
-    from calibration.compilation.cache import kept
+    from calibration.compilation.cache import is_on_disk
 
-    return not hasattr(kernel, "py_func") or kept(kernel)
+    return not hasattr(kernel, "py_func") or is_on_disk(kernel)

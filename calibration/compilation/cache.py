@@ -47,7 +47,7 @@ def keep_on_disk(kernel: Any) -> None:
     kernel.compile = compile_alone
 
 
-def kept(kernel: Any) -> bool:
+def is_on_disk(kernel: Any) -> bool:
     """Whether something compiled from the present sources of the kernel is on disk."""
     index = kernel._cache.index  # noqa: SLF001
     return index is not None and index.exists()

@@ -155,15 +155,15 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
 
 
 def _run_data(run: Run, order: int, time_s: Floats, marks_mm: Floats) -> RunData:
-    """One run with what its motors were told. Raises InputError for a log that cannot be read."""
-    told, first, last = run.told(), float(time_s[0]), float(time_s[-1])
-    left, right = told.main(first, last)
+    """One run with its commands. Raises InputError for a log that cannot be read."""
+    command, first, last = run.run_command(), float(time_s[0]), float(time_s[-1])
+    left, right = command.main(first, last)
     start_s = first
-    if told.starts_at_rest:
-        start_s = told.start_s if told.start_s is not None else run.start_s if run.poses is None else first
-    single = told.starts_at_rest and len(told.driven) <= 1
-    known = (run.id, left, right, start_s, told.stop_s, time_s, marks_mm, order)
-    return RunData(*known, log=None if single else told, from_poses=run.poses is not None)
+    if command.starts_at_rest:
+        start_s = command.start_s if command.start_s is not None else run.start_s if run.poses is None else first
+    single = command.starts_at_rest and len(command.driven) <= 1
+    known = (run.id, left, right, start_s, command.stop_s, time_s, marks_mm, order)
+    return RunData(*known, log=None if single else command, from_poses=run.poses is not None)
 
 
 def _check_tolerances(robots: Sequence[Robot]) -> None:

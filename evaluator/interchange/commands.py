@@ -14,7 +14,7 @@ from simulator.errors import SimulationError
 
 
 @dataclass(frozen=True)
-class Told:
+class RunCommand:
     """Command of a run over the time of its recording.
 
     starts_at_rest: whether the robot rests when its motors are first switched on. logged: whether the command comes
@@ -32,18 +32,18 @@ class Told:
 
     @property
     def start_s(self) -> float | None:
-        """When the motors are first switched on; None where they were on before, or never are."""
+        """Time at which the motors are first switched on; None if they were on before, or never are."""
         begin = min((item.begin_s for item in self.driven), default=-math.inf)
         return begin if math.isfinite(begin) else None
 
     @property
     def stop_s(self) -> float | None:
-        """When the motors are switched off for good; None where they are not."""
+        """Time at which the motors are finally switched off; None if they are not."""
         end = max((item.end_s for item in self.driven), default=math.inf)
         return end if math.isfinite(end) else None
 
     def main(self, first_s: float, last_s: float) -> tuple[float, float]:
-        """Left and right rpm held longest with a motor on between two times; 0, 0 where none is."""
+        """The command held longest between two times with a motor on, left and right rpm; 0, 0 if there is none."""
         held: dict[tuple[float, float], float] = {}
         for item in self.driven:
             key = item.left_rpm, item.right_rpm
@@ -53,14 +53,16 @@ class Told:
 
 def constant(
     left_rpm: float, right_rpm: float, start_s: float, stop_s: float | None, *, starts_at_rest: bool = True
-) -> Told:
-    """One constant command; start_s says nothing where the robot moves already."""
+) -> RunCommand:
+    """One constant command; start_s has no meaning if the robot already moves."""
     if starts_at_rest:
-        return Told(Command.constant(left_rpm, right_rpm, start_s, stop_s))
-    return Told(Command.always(left_rpm, right_rpm, stop_s), starts_at_rest=False)
+        return RunCommand(Command.constant(left_rpm, right_rpm, start_s, stop_s))
+    return RunCommand(Command.always(left_rpm, right_rpm, stop_s), starts_at_rest=False)
 
 
-def from_log(path: Path, zero_s: float = 0.0, *, starts_at_rest: bool = True, topics: Topics | None = None) -> Told:
+def from_log(
+    path: Path, zero_s: float = 0.0, *, starts_at_rest: bool = True, topics: Topics | None = None
+) -> RunCommand:
     """The commands of a log or a bag whose clock reads 0 at zero_s of the recording.
 
     topics: of a bag. Raises InputError that names the file.
@@ -76,4 +78,4 @@ def from_log(path: Path, zero_s: float = 0.0, *, starts_at_rest: bool = True, to
         command = read_with(read, path)
     except SimulationError as error:
         raise InputError(str(error)) from error
-    return Told(command.retimed(later_s=zero_s), starts_at_rest, logged=True)
+    return RunCommand(command.retimed(later_s=zero_s), starts_at_rest, logged=True)

@@ -31,7 +31,7 @@ def report_html(analysis: Analysis) -> str:
     runs = views_of(analysis, robot)
     diagnosis = known_diagnosis(analysis.experiment, analysis.outputs)
     provenance = json.loads(analysis.outputs.provenance.read_text(encoding="utf-8"))
-    right = [run for run in runs if run.run not in analysis.set_aside]
+    right = [run for run in runs if run.run not in analysis.excluded_runs]
     page = Page(
         kind="turning report",
         title=analysis.experiment.name,

@@ -46,7 +46,7 @@ def sections(
     runs: Sequence[RunView], robot: Robot, cameras: Sequence[Path], diagnosis: DiagnosisView | None, analysis: Analysis
 ) -> tuple[Section, ...]:
     """All sections for which these runs have data."""
-    right = [run for run in runs if run.run not in analysis.set_aside]
+    right = [run for run in runs if run.run not in analysis.excluded_runs]
     turning = [run for run in right if run.turns]
     there = [
         *diagnosis_sections(diagnosis),
@@ -67,7 +67,7 @@ def sections(
         _quality(runs, analysis.notes),
         _budget(turning, analysis),
         *(_calibration(path, robot) for path in cameras),
-        _run_table(runs, analysis.set_aside),
+        _run_table(runs, analysis.excluded_runs),
     ]
     return tuple(section for section in there if section is not None)
 
@@ -176,10 +176,10 @@ def _mark_sigma_um(run: RunView, mark: str) -> float:
     return 1000 * float(np.nanmedian(run.marks[names].to_numpy()))
 
 
-def _run_table(runs: Sequence[RunView], set_aside: AbstractSet[str]) -> Section:
+def _run_table(runs: Sequence[RunView], excluded: AbstractSet[str]) -> Section:
     unit = unit_of(runs)
     columns: dict[str, Callable[[RunView], str]] = {
-        "run": lambda run: f"{run.id} (left out)" if run.run in set_aside else run.id,
+        "run": lambda run: f"{run.id} (left out)" if run.run in excluded else run.id,
         "left / right, rpm": lambda run: command_text(run.left_rpm, run.right_rpm),
         f"radius, {unit.name}": lambda run: run.length("radius_mm") if run.turns else UNKNOWN,
         f"95 %, {unit.name}": lambda run: (

@@ -47,8 +47,8 @@ def summary(
 def mistakes_first(analysis: Analysis) -> list[str]:
     """Mistakes of the experiment, for the top of the report."""
     sentences = [as_sentence(item.sentence) for item in analysis.mistakes]
-    if analysis.set_aside:
-        runs = ", ".join(run.id for run in analysis.experiment.run if run.id in analysis.set_aside)
+    if analysis.excluded_runs:
+        runs = ", ".join(run.id for run in analysis.experiment.run if run.id in analysis.excluded_runs)
         sentences.append(f"Left out of all results below until this is corrected: {runs}.")
     return sentences
 

@@ -57,7 +57,7 @@ class Analysis:
     changed: tuple[Path, ...] = ()
 
     @property
-    def set_aside(self) -> frozenset[str]:
+    def excluded_runs(self) -> frozenset[str]:
         """Runs with mistakes in the experiment file: measured, but left out of every comparison of runs."""
         return frozenset(run for item in self.mistakes if not item.everywhere for run in item.runs)
 
@@ -124,7 +124,7 @@ def analyze(
     reused = sum(result.reused for result in results.values())
     empty = turning.iloc[:0]
     measured = Analysis(described, outputs, turning, empty, empty, comparison, faults, notes, reused, mistakes, changed)
-    pooled, directions = _pool(turning[~turning["run"].isin(measured.set_aside)], outputs)
+    pooled, directions = _pool(turning[~turning["run"].isin(measured.excluded_runs)], outputs)
     return replace(measured, pooled=pooled, directions=directions)
 
 

@@ -76,7 +76,7 @@ def _faults_of_bags(run: Run) -> Iterator[str]:
         if run.poses is not None and is_bag(run.poses):
             read_poses(run.poses, run.topics)
         if run.commands is not None and is_bag(run.commands):
-            run.told()
+            run.run_command()
     except InputError as error:
         yield str(error)
 
@@ -90,10 +90,10 @@ def _outside(run: Run) -> str | None:
     try:
         if run.video is not None:
             last = open_recording(run.video, rate_hz=run.rate_hz).expected_s
-            return outside_recording(run, run.told(), 0.0, last) if last is not None else None
+            return outside_recording(run, run.run_command(), 0.0, last) if last is not None else None
         if run.marks is not None and program_of(run.marks) == "turnscope":
             time = read_marks(run.marks)["time_s"]
-            return outside_recording(run, run.told(), float(time.iloc[0]), float(time.iloc[-1]))
+            return outside_recording(run, run.run_command(), float(time.iloc[0]), float(time.iloc[-1]))
     except (InputError, OSError):
         return None  # said of the file itself
     return None

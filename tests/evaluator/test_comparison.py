@@ -16,7 +16,7 @@ from evaluator.comparison import (
     start_pose,
     trajectory_gap,
 )
-from evaluator.interchange.commands import Told
+from evaluator.interchange.commands import RunCommand
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.pose import Poses
 from evaluator.robot_geometry import robot_shape
@@ -111,7 +111,7 @@ def barrel(*effects: dict[str, object]) -> Robot:
     return load_robot("barrel").model_copy(update={"effect": tuple(EffectEntry.model_validate(e) for e in effects)})
 
 
-RUN = Told(Command.constant(33.0, 20.0, 1.0, 3.0))
+RUN = RunCommand(Command.constant(33.0, 20.0, 1.0, 3.0))
 
 
 def at_rest(seconds: float = 5.0) -> Poses:
@@ -150,10 +150,10 @@ def test_clock_that_runs_fast_sees_the_same_start_and_a_slower_robot() -> None:
 
 
 def test_run_that_does_not_start_at_rest_has_the_speed_of_its_command_at_its_first_pose() -> None:
-    told = Told(Command.constant(33.0, 20.0, -1.0), starts_at_rest=False)
+    told = RunCommand(Command.constant(33.0, 20.0, -1.0), starts_at_rest=False)
     motion, seen = simulated_poses(barrel(), told, at_rest())
     np.testing.assert_allclose(motion.u_mm_s, motion.u_mm_s[-1], rtol=1e-4)
-    resting, _ = simulated_poses(barrel(), Told(told.command), at_rest())
+    resting, _ = simulated_poses(barrel(), RunCommand(told.command), at_rest())
     assert resting.u_mm_s[0] == 0.0
     assert (seen.x_mm[0], seen.y_mm[0], seen.heading_rad[0]) == pytest.approx((3.0, -2.0, 0.7), abs=1e-6)
     again = simulated_poses(barrel(), told, seen)[1]  # of the moving robot: 0.03 mm a frame
@@ -161,7 +161,7 @@ def test_run_that_does_not_start_at_rest_has_the_speed_of_its_command_at_its_fir
 
 
 def test_counterpart_is_read_by_the_same_estimator() -> None:
-    long = Told(Command.constant(33.0, 20.0, 1.0))
+    long = RunCommand(Command.constant(33.0, 20.0, 1.0))
     motion, seen = simulated_poses(barrel(), long, at_rest(8.0))
     (phase,) = phases_of(long, at_rest(8.0))
     turning = phase.measured(seen, robot_shape(barrel()))

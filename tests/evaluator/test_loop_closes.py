@@ -101,7 +101,7 @@ def _gap(measured_with: Robot, model: Robot) -> float:
     gaps = []
     for command in COMMANDS:
         run, poses = _measured(measured_with, command)
-        _, seen = simulated_poses(model, run.told(), poses, RUN_INDEX)
+        _, seen = simulated_poses(model, run.run_command(), poses, RUN_INDEX)
         gaps.append(trajectory_gap(poses, seen)["gap_rms_mm"])
     return float(np.sqrt(np.mean(np.square(gaps))))
 

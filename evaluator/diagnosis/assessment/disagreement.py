@@ -69,7 +69,7 @@ def pieces(problem: Problem, point: Point) -> pd.DataFrame:
         end = run.time_s[-1] if run.stop_s is None else min(run.stop_s, run.time_s[-1])
         begin = max(run.start_s, run.time_s[0])
         count = max(int((end - begin) / PIECE_S), 1)
-        command = run.told.command
+        command = run.run_command.command
         for low, high in pairwise(np.linspace(begin, end, count + 1)):
             inside = (run.time_s >= low) & (run.time_s <= high) & np.isfinite(residual).all(axis=1)
             if inside.sum() < FEWEST_FRAMES:

@@ -137,7 +137,7 @@ def _predicted_gap(run: RunData, robot: Robot, measured_by: Robot) -> float:
     pair = reference_pair(measured_by) or ()
     table = pd.DataFrame(np.column_stack([run.time_s, run.marks_mm]), columns=["time_s", *columns_of(pair)])
     poses = poses_from_marks(table, mark_geometry(measured_by).only(pair))
-    _, seen = simulated_poses(robot, run.told, poses, run.order)
+    _, seen = simulated_poses(robot, run.run_command, poses, run.order)
     return trajectory_gap(poses, seen)["gap_rms_mm"]
 
 

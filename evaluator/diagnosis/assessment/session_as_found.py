@@ -37,8 +37,8 @@ def later_started(data: Sequence[RunData], known: Sequence[Quantity], point: Poi
         return tuple(data)
     result = []
     for run in data:
-        told = replace(run.told, command=run.told.command.retimed(later_s=late_s))
-        result.append(replace(run, start_s=run.start_s + late_s, log=told))
+        delayed = replace(run.run_command, command=run.run_command.command.retimed(later_s=late_s))
+        result.append(replace(run, start_s=run.start_s + late_s, log=delayed))
     return tuple(result)
 
 

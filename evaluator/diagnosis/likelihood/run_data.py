@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.interchange.commands import Told, constant
+from evaluator.interchange.commands import RunCommand, constant
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -49,11 +49,11 @@ class RunData:
     order: int
     systematic: Mapping[str, Floats] = field(default_factory=dict)
     line_rad: float = np.pi / 2
-    log: Told | None = None
+    log: RunCommand | None = None
     from_poses: bool = False
 
     @property
-    def told(self) -> Told:
+    def run_command(self) -> RunCommand:
         """What the motors were told."""
         return self.log or constant(self.left_rpm, self.right_rpm, self.start_s, self.stop_s)
 

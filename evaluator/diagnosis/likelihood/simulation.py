@@ -61,9 +61,9 @@ class Simulated:
         self._data = tuple(data)
         self._errors = [SharedErrors(run, self.known) for run in data]
         self._terms = {UNEVEN_FRICTION.id: UNEVEN_FRICTION, **terms}
-        told = [run.told for run in data]
-        self._knots = [item.command.knots for item in told]
-        self._from_rest = np.array([item.starts_at_rest for item in told], dtype=np.bool_)
+        run_commands = [run.run_command for run in data]
+        self._knots = [item.command.knots for item in run_commands]
+        self._from_rest = np.array([item.starts_at_rest for item in run_commands], dtype=np.bool_)
         self._variants = variants or Variants(self.robots, self._terms, self.known)
         self._paths = Paths()
         on_ground = any(size_of(robot) != PAPER_SIZE for robot in self.robots)

@@ -10,7 +10,7 @@ import numpy as np
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.correction import Correction
 from evaluator.diagnosis.mistakes.recognised import Kind
-from evaluator.interchange.commands import Told
+from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 
 FRAMES = 80  # of a run that are compared: a path is smooth
@@ -86,7 +86,7 @@ def thinned(run: RunData) -> RunData:
 
 def _same_speeds(run: RunData) -> list[Alternative]:
     """The wheels as fast as the file says, but the other way round, or left for right."""
-    command = run.told.command
+    command = run.run_command.command
     found = []
     if command.left_rpm.any() or command.right_rpm.any():
         backward = _driven(run, -1.0, exchanged=False)
@@ -117,7 +117,7 @@ def _other_commands(run: RunData, data: Sequence[RunData]) -> list[Alternative]:
         words += f", not {left:g} / {right:g}" if run.log is None else ", not as its log says"
         changed = replace(run, left_rpm=command[0], right_rpm=command[1], log=None)
         found.append(Alternative("wrong-command", changed, words))
-    logs: list[Told] = [run.log] if run.log is not None else []
+    logs: list[RunCommand] = [run.log] if run.log is not None else []
     for other in data:
         if other.log is None or other.id == run.id or any(_alike(other.log, log) for log in logs):
             continue
@@ -128,7 +128,7 @@ def _other_commands(run: RunData, data: Sequence[RunData]) -> list[Alternative]:
     return found
 
 
-def _alike(first: Told, second: Told) -> bool:
+def _alike(first: RunCommand, second: RunCommand) -> bool:
     """Whether two logs hold the same commands."""
     one, other = first.command.knots, second.command.knots
     return one.shape == other.shape and bool(np.allclose(one, other))

@@ -24,7 +24,7 @@ def copies(data: Sequence[RunData]) -> list[Found]:
         seen = run.marks_mm[np.isfinite(run.marks_mm).all(axis=1)]
         if len(seen) < FEWEST or not np.ptp(seen, axis=0).any():
             continue
-        key = seen.tobytes(), tuple((stretch.left_rpm, stretch.right_rpm) for stretch in run.told.driven)
+        key = seen.tobytes(), tuple((stretch.left_rpm, stretch.right_rpm) for stretch in run.run_command.driven)
         if key in first:
             words = f"has the same marks as {first[key]}, frame for frame, and counts once"
             found.append(Found(run.id, "duplicate", words, "is it the right recording?"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from evaluator.interchange.commands import Told
+from evaluator.interchange.commands import RunCommand
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Correction:
     """
 
     command: tuple[float, float] | None = None
-    log: Told | None = None
+    log: RunCommand | None = None
     later_s: float = 0.0
     seconds_times: float = 1.0
     marks_exchanged: bool = False

@@ -89,7 +89,7 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
             seen = f"start_s = {run.start_s:g} s lies after the end of the recording ({first:.2f} to {last:.2f} s)"
             found.append(Found(run.id, "late-start", seen, "correct start_s in experiment.toml"))
             continue
-        from_rest = run.told.starts_at_rest and bool(run.left_rpm or run.right_rpm)
+        from_rest = run.run_command.starts_at_rest and bool(run.left_rpm or run.right_rpm)
         begins = onset(run) if from_rest else None
         if begins is not None:
             late[run.id], sigma[run.id] = begins.time_s - run.start_s, begins.sigma_s

@@ -130,7 +130,7 @@ def reading_of(run: RunData, others: Sequence[RunData], robot: Robot) -> Found |
 
 def kin(run: RunData) -> tuple[tuple[float, float], ...]:
     """The wheel speeds of a run, slower first, whichever side and way they turn, in the order of its commands."""
-    stretches = run.told.driven
+    stretches = run.run_command.driven
     return tuple((min(pair), max(pair)) for pair in ((abs(s.left_rpm), abs(s.right_rpm)) for s in stretches))
 
 

@@ -30,7 +30,7 @@ def has_kin(run: RunData, others: Sequence[RunData]) -> bool:
 
 
 def _pairs(run: RunData) -> list[tuple[float, float]]:
-    return [(stretch.left_rpm, stretch.right_rpm) for stretch in run.told.driven]
+    return [(stretch.left_rpm, stretch.right_rpm) for stretch in run.run_command.driven]
 
 
 def _drive(pair: tuple[float, float]) -> tuple[float, float, float]:

@@ -28,7 +28,7 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     standing = standing_runs(data, robots)  # of a dead band: nothing tells what they were commanded
     moving = [(run, robot) for run, robot in zip(data, robots, strict=True) if run.id not in standing]
     read = [run for run, _ in moving], [robot for _, robot in moving]
-    turning = sum(any(s.left_rpm != s.right_rpm for s in run.told.driven) for run in data)
+    turning = sum(any(s.left_rpm != s.right_rpm for s in run.run_command.driven) for run in data)
     logs = {run.id for run in data if run.log is not None}
     if logs:  # a log that is not this run's puts its phases elsewhere, where they look like pushes
         found += [item for item in _of_the_rest(misread_runs, *read, found) if item.run in logs]

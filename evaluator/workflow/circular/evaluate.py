@@ -61,7 +61,7 @@ def circular_test_of(analysis: Analysis, robot: Robot) -> CircularResult:
     Raises InputError where there is no turn.
     """
     turns = analysis.turning
-    right = turns[~turns["run"].isin([*analysis.set_aside, *analysis.faults])]
+    right = turns[~turns["run"].isin([*analysis.excluded_runs, *analysis.faults])]
     measured = circular_test(right, _wheelbase(robot), robot.track_mm)
     return CircularResult(measured, _simulated(robot, measured.points, measured))
 

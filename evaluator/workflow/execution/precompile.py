@@ -22,10 +22,10 @@ def precompile(video: Path) -> None:
 
     video: a recording that the tracker is tried on. Whoever needs a kernel of the simulator earlier waits for it.
     """
-    from calibration.compilation import is_kept
+    from calibration.compilation import is_cached
     from simulator.integrator.batch import integrate_some
 
-    if is_kept(integrate_some):
+    if is_cached(integrate_some):
         return
     # In a thread: the first process waits until the libraries are imported.
     Thread(target=_start, args=(simulate_run, partial(measure_turn, video)), daemon=True).start()
@@ -36,10 +36,10 @@ def precompile_tracker() -> None:
 
     The fit of a mark takes about half of the time. Whoever tracks compiles it meanwhile.
     """
-    from calibration.compilation import is_kept
+    from calibration.compilation import is_cached
     from evaluator.tracking.uncertainty import rim
 
-    if not is_kept(rim._rim_power):  # noqa: SLF001 - the last one that it calls
+    if not is_cached(rim._rim_power):  # noqa: SLF001 - the last one that it calls
         Thread(target=_start, args=(measure_mark,), daemon=True).start()
 
 

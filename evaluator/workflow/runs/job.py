@@ -13,7 +13,7 @@ from typing import Any
 
 from calibration.errors import CalibrationError
 from evaluator.errors import InputError
-from evaluator.interchange.commands import Told
+from evaluator.interchange.commands import RunCommand
 from evaluator.interchange.tracks import Tracks, program_of
 from evaluator.settings import MeasuredRobot, Run
 from evaluator.workflow.results.outputs import Outputs
@@ -142,20 +142,20 @@ def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterat
         )
 
 
-def outside_recording(run: Run, told: Told, first_s: float, last_s: float) -> str | None:
+def outside_recording(run: Run, run_command: RunCommand, first_s: float, last_s: float) -> str | None:
     """Say that the motors start after a recording from first_s to last_s, or stop before it; None where they do not."""
     named = run.source.name
-    key = "commands: motors on at" if told.logged else "start_s ="
-    start_s = run.start_s if not told.logged else told.start_s
+    key = "commands: motors on at" if run_command.logged else "start_s ="
+    start_s = run.start_s if not run_command.logged else run_command.start_s
     if start_s is not None and start_s >= last_s:
         return (
             f"run {run.id}: {key} {start_s:g} s, but {named} ends at {last_s:.2f} s; "
             "give the time in the recording at which the motors were commanded on"
         )
-    key = "commands: motors off at" if told.logged else "stop_s ="
-    if told.stop_s is not None and told.stop_s <= first_s:
+    key = "commands: motors off at" if run_command.logged else "stop_s ="
+    if run_command.stop_s is not None and run_command.stop_s <= first_s:
         return (
-            f"run {run.id}: {key} {told.stop_s:g} s, but {named} begins at {first_s:.2f} s; "
+            f"run {run.id}: {key} {run_command.stop_s:g} s, but {named} begins at {first_s:.2f} s; "
             "give the time in the recording at which the motors were commanded off"
         )
     return None

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.interchange.commands import Told
+from evaluator.interchange.commands import RunCommand
 from evaluator.pose import Poses
 from evaluator.turning import RobotShape, Turning, measure_turning
 from evaluator.turning.clock import CommandDelay, command_delay
@@ -57,35 +57,35 @@ class Phase:
         )
 
 
-def phases_of(told: Told, poses: Poses) -> tuple[Phase, ...]:
+def phases_of(run_command: RunCommand, poses: Poses) -> tuple[Phase, ...]:
     """The phases of a run, in time; of a run with a log, those in which a motor is on and that are long enough.
 
     Where the motion is later than the log, by clocks that differ or motors that wait, the phases are as late. Frames
     that may belong to a change of command are in no phase.
     """
     first, last = float(poses.time_s[0]), float(poses.time_s[-1])
-    if not told.logged:
-        left, right = told.main(first, last)
-        start_s = told.start_s if told.starts_at_rest else None
-        return (Phase(slice(None), left, right, start_s, told.stop_s),)
-    late = command_delay_of(told, poses)
-    return tuple(_stretches(told, poses.time_s, late))
+    if not run_command.logged:
+        left, right = run_command.main(first, last)
+        start_s = run_command.start_s if run_command.starts_at_rest else None
+        return (Phase(slice(None), left, right, start_s, run_command.stop_s),)
+    late = command_delay_of(run_command, poses)
+    return tuple(_stretches(run_command, poses.time_s, late))
 
 
-def command_delay_of(told: Told, poses: Poses) -> CommandDelay:
+def command_delay_of(run_command: RunCommand, poses: Poses) -> CommandDelay:
     """Delay of a run's motion after its command log."""
     there = poses.measured
     if there.sum() < FEWEST_FRAMES:
         return CommandDelay()
     pose = np.column_stack([poses.x_mm, poses.y_mm, poses.heading_rad])[there]
-    changes = [item.begin_s for item in told.command.stretches() if math.isfinite(item.begin_s)]
+    changes = [item.begin_s for item in run_command.command.stretches() if math.isfinite(item.begin_s)]
     return command_delay(poses.time_s[there], pose, changes)
 
 
-def _stretches(told: Told, time_s: NDArray[np.float64], late: CommandDelay) -> Iterator[Phase]:
+def _stretches(run_command: RunCommand, time_s: NDArray[np.float64], late: CommandDelay) -> Iterator[Phase]:
     low, high = (late.low_s, late.high_s) if late.is_known else (0.0, 0.0)
     number = 0
-    for item in told.driven:
+    for item in run_command.driven:
         begin, end = item.begin_s + high, item.end_s + low
         frames = slice(int(np.searchsorted(time_s, begin)), int(np.searchsorted(time_s, end, side="right")))
         if frames.stop - frames.start < FEWEST_FRAMES:

@@ -19,7 +19,7 @@ from evaluator.comparison import comparison_row, simulated_poses
 from evaluator.errors import InputError
 from evaluator.files import read_with, write_text
 from evaluator.files.csv_tables import write_table
-from evaluator.interchange.commands import Told
+from evaluator.interchange.commands import RunCommand
 from evaluator.interchange.poses import poses_of, read_poses, with_marks
 from evaluator.interchange.tracks import read_any_marks
 from evaluator.marks import read_marks, write_marks
@@ -99,12 +99,12 @@ class _Stages:
         return poses_from_marks(marks, mark_geometry(self.job.robot), camera=self.camera)
 
     @cached_property
-    def told(self) -> Told:
-        return self.run.told()
+    def run_command(self) -> RunCommand:
+        return self.run.run_command()
 
     @cached_property
     def phases(self) -> tuple[Phase, ...]:
-        return phases_of(self.told, self.poses)
+        return phases_of(self.run_command, self.poses)
 
     def _track(self) -> tuple[list[Path], dict[str, Any]]:
         path, thumbnails = self.out.marks(self.run.id), self.out.thumbnails(self.run.id)
@@ -136,7 +136,7 @@ class _Stages:
         return [path, thumbnails], {"notes": [*report.notes, *by_hand], "last_s": float(report.last or 0)}
 
     def _turn(self) -> tuple[list[Path], dict[str, Any]]:
-        fault = outside_recording(self.run, self.told, float(self.poses.time_s[0]), float(self.poses.time_s[-1]))
+        fault = outside_recording(self.run, self.run_command, float(self.poses.time_s[0]), float(self.poses.time_s[-1]))
         if fault is not None:
             raise InputError(fault)
         count = len(self.job.robot.points_mm)  # the path of a single mark is measured, without a heading
@@ -152,7 +152,7 @@ class _Stages:
         if self.run.poses is None and len(self.job.robot.points_mm) == 1:
             raise InputError(f"run {self.run.id}: {NO_HEADING}; a comparison with the simulation needs two marks")
         assert isinstance(self.job.robot, Robot)  # jobs that simulate have a whole one
-        motion, seen = simulated_poses(self.job.robot, self.told, self.poses, self.job.order)
+        motion, seen = simulated_poses(self.job.robot, self.run_command, self.poses, self.job.order)
         path, shape = self.out.simulated(self.run.id), robot_shape(self.job.robot)
         write_table(motion.to_table(), path)
         measured = self.record.stages["turn"]["values"]["rows"]

@@ -12,12 +12,12 @@ from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.mistakes.alternatives import OFFSETS_S, alternatives, thinned
 from evaluator.diagnosis.mistakes.hypotheses import _extent, _misfit, kin, misread_runs
 from evaluator.diagnosis.mistakes.phases import phases_of
-from evaluator.interchange.commands import Told
+from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 from simulator.robot import load_robot
 from tests.evaluator.diagnosis.marks_of_motion import TIME, moving, recorded
 
-LOG = Told(Command.steps([(0.0, 0.0, 0.0), (0.5, 30.0, 20.0), (1.5, 0.0, 0.0), (2.0, -20.0, 30.0)]), logged=True)
+LOG = RunCommand(Command.steps([(0.0, 0.0, 0.0), (0.5, 30.0, 20.0), (1.5, 0.0, 0.0), (2.0, -20.0, 30.0)]), logged=True)
 
 
 def test_phases_of_a_log_are_its_commands_with_a_motor_on() -> None:
@@ -96,7 +96,7 @@ def test_a_run_of_another_frame_interval_may_be_at_the_rate_that_this_says() -> 
 
 def test_a_log_may_be_reversed_exchanged_that_of_another_run_or_up_to_two_seconds_off() -> None:
     run = replace(recorded(moving(TIME)), log=LOG, start_s=0.5)
-    other = replace(run, id="other", log=Told(Command.steps([(0.0, 10.0, 10.0)]), logged=True))
+    other = replace(run, id="other", log=RunCommand(Command.steps([(0.0, 10.0, 10.0)]), logged=True))
     found = ways_of(run, other, replace(other, id="same as other"), replace(run, id="same"))
     (backward,), (swapped,) = found["reversed"], found["sides-swapped"]
     assert backward.log is not None

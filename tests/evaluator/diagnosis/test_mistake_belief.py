@@ -17,7 +17,7 @@ from evaluator.diagnosis.mistakes.hypotheses import (
     _usual_kinds,
     misread_runs,
 )
-from evaluator.interchange.commands import Told
+from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 from tests.evaluator.diagnosis.straight_session import ROBOT, driven, kinds
 
@@ -60,7 +60,7 @@ def test_of_mistakes_that_fit_alike_the_usual_one_is_told() -> None:
 def test_logs_that_are_late_in_most_runs_are_a_lag_and_none_of_them_is_told(
     late: int, told: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    log = Told(Command.steps([(0.0, 30.0, 20.0)]), logged=True)
+    log = RunCommand(Command.steps([(0.0, 30.0, 20.0)]), logged=True)
     data = [replace(driven(number), log=log) for number in range(4)]
     judgements = [
         Judgement(

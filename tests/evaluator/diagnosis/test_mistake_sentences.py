@@ -17,7 +17,7 @@ from evaluator.diagnosis.mistakes.correction import Correction
 from evaluator.diagnosis.mistakes.hypotheses import Judgement, _judged, misread_runs, reading_of
 from evaluator.diagnosis.mistakes.outlying import has_kin, outlying_run
 from evaluator.diagnosis.mistakes.recognised import Found, mistakes_of
-from evaluator.interchange.commands import Told
+from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 from simulator.robot import load_robot
 from tests.evaluator.diagnosis.marks_of_motion import TIME, moving, recorded
@@ -45,7 +45,7 @@ def test_what_puts_the_files_of_a_run_right(kind: Any, changes: dict[str, Any], 
 
 
 def test_a_run_with_a_log_is_put_right_by_a_log_and_never_by_one_command() -> None:
-    run, log = recorded(moving(TIME)), Told(Command.constant(30.0, 20.0, 0.5), logged=True)
+    run, log = recorded(moving(TIME)), RunCommand(Command.constant(30.0, 20.0, 0.5), logged=True)
     logged = Alternative(None, replace(run, log=log))
     assert correction_to(Alternative("late-start", replace(run, log=log)), logged) == Correction(log=log)
     assert correction_to(Alternative("wrong-command", run), logged) is None
@@ -104,7 +104,7 @@ def test_a_lag_that_logs_have_in_common_is_no_late_start_of_those_in_which_it_te
     """Of five runs with logs all fit best later, two of them far better; six runs without a log say nothing of it."""
 
     def judged(number: int, later_s: float, stated: float) -> Judgement:
-        log = Told(Command.steps([(0.0, 30.0, 20.0)]), logged=True) if number < 5 else None
+        log = RunCommand(Command.steps([(0.0, 30.0, 20.0)]), logged=True) if number < 5 else None
         run = replace(driven(number), log=log)
         ways = [Alternative(None, run), Alternative("late-start", run, "follows late", later_s=later_s)]
         return Judgement(ways, np.array([stated, 0.1]), 10.0, ((20.0, 30.0 + number),))

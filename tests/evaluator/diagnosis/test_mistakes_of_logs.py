@@ -10,7 +10,7 @@ import pytest
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.recognise import recognise
-from evaluator.interchange.commands import Told
+from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 from simulator.observation import marks_of_run
 from simulator.robot import load_robot
@@ -30,7 +30,7 @@ def driven(number: int, command: Command) -> RunData:
     time = np.arange(180) / 30
     run = simulate(ROBOT, command, time, State(*rng.uniform(-8, 8, 2), rng.uniform(-3, 3)))
     marks = marks_of_run(ROBOT, run).iloc[:, 1:].to_numpy() + rng.normal(0, SIGMA_MM, (len(time), 4))
-    told = Told(command, logged=True)
+    told = RunCommand(command, logged=True)
     left, right = told.main(0.0, 6.0)
     assert told.start_s is not None
     return RunData(f"r{number}", left, right, told.start_s, None, time, marks, number, log=told)

@@ -14,7 +14,7 @@ from evaluator.diagnosis.likelihood import simulation
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData, Task, aligned_starts
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.likelihood.variants import depends_on_place, varied_robot
-from evaluator.interchange.commands import Told
+from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 from simulator.effects.entry import EffectEntry
 from simulator.integrator.batch import integrate_many
@@ -236,8 +236,8 @@ def test_a_run_that_does_not_start_at_rest_has_the_velocity_of_its_command_at_it
     body, magnets = BARREL.body.model_copy(update={"mass_g": 50.0}), type(BARREL.magnetic_attraction)()
     slippery = BARREL.model_copy(update={"slip": slip, "body": body, "magnetic_attraction": magnets})
     command = Command.always(LEFT, RIGHT)
-    moving = replace(RUN, log=Told(command, starts_at_rest=False), start_s=0.0, systematic={})
-    resting = replace(moving, log=Told(command))
+    moving = replace(RUN, log=RunCommand(command, starts_at_rest=False), start_s=0.0, systematic={})
+    resting = replace(moving, log=RunCommand(command))
     simulated = Simulated([slippery] * 2, [moving, resting], {})
     of_moving, of_resting = simulated.marks([task(), replace(task(), run=1)])
     start = moving_state(slippery, command, State(*POSE), -1e-3)

@@ -73,7 +73,7 @@ def test_a_run_that_is_not_what_the_file_says_is_named_first_and_in_no_compariso
         table.iloc[:, 1:5] += noise.normal(0, 0.002, (len(table), 4))
     found = analyze(write_experiment(tmp_path, runs), tmp_path / "out", simulate=True, workers=1)
     assert [(item.runs, item.kind) for item in found.mistakes] == [(("r2",), "sides-swapped")]
-    assert found.set_aside == {"r2"}
+    assert found.excluded_runs == {"r2"}
     assert set(found.turning["run"]) == {"r0", "r1", "r2", "r3"}
     assert not (found.pooled[["left_rpm", "right_rpm"]] == [22.0, 33.0]).all(axis=1).any()
     summary = re.search(r'<ul class="summary"><li>(.*?)</li><li>(.*?)</li>', report_html(found), re.DOTALL)
@@ -100,7 +100,7 @@ def test_phases_of_a_run_that_is_set_aside_are_in_no_result_and_count_as_one_run
     text = path.read_text(encoding="utf-8").replace("left_rpm = 33.0\nright_rpm = 5.0", 'commands = "r2_commands.csv"')
     path.write_text(text, encoding="utf-8")
     found = analyze(path, tmp_path / "out", simulate=True, workers=1)
-    assert (found.set_aside, len(found.turning)) == ({"r2"}, 5)
+    assert (found.excluded_runs, len(found.turning)) == ({"r2"}, 5)
     page = report_html(found)
     summary = re.search(r'<ul class="summary">(.*?)</ul>', page, re.DOTALL)
     assert summary is not None

@@ -50,7 +50,7 @@ def test_processes_are_started_where_kernels_are_not_kept_and_nowhere_else(
 ) -> None:
     tried: Queue[tuple[object, ...]] = Queue()
     monkeypatch.setattr(precompile, "_start", lambda *works: tried.put(works))
-    monkeypatch.setattr(compilation, "is_kept", lambda kernel: kept and kernel is asked)
+    monkeypatch.setattr(compilation, "is_cached", lambda kernel: kept and kernel is asked)
     start()
     if kept:
         with pytest.raises(Empty):
