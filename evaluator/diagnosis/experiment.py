@@ -163,7 +163,9 @@ def _run_data(run: Run, order: int, time_s: Floats, marks_mm: Floats) -> RunData
         start_s = command.start_s if command.start_s is not None else run.start_s if run.poses is None else first
     single = command.starts_at_rest and len(command.driven) <= 1
     known = (run.id, left, right, start_s, command.stop_s, time_s, marks_mm, order)
-    return RunData(*known, log=None if single else command, from_poses=run.poses is not None)
+    stated = run.poses is not None or run.commands is not None or "start_s" in run.model_fields_set
+    log = None if single else command
+    return RunData(*known, log=log, from_poses=run.poses is not None, start_is_stated=stated)
 
 
 def _check_tolerances(robots: Sequence[Robot]) -> None:

@@ -36,7 +36,8 @@ class RunData:
     (n, 4) by key, what one standard deviation of an error that runs share (of their camera, of how a mark looks) does
     to the marks, mm. log: what the motors were told, where it is more than one command from rest; left_rpm and
     right_rpm are then what was held longest, start_s and stop_s the first and the last moment with a motor on.
-    from_poses: marks stand for poses: their distance says nothing.
+    from_poses: marks stand for poses: their distance says nothing. start_is_stated: whether the file gives start_s,
+    which is 0 where it does not.
     """
 
     id: str
@@ -51,6 +52,7 @@ class RunData:
     line_rad: float = np.pi / 2
     log: RunCommand | None = None
     from_poses: bool = False
+    start_is_stated: bool = True
 
     @property
     def run_command(self) -> RunCommand:

@@ -11,6 +11,7 @@ from evaluator.diagnosis.mistakes.correction import Correction
 from evaluator.diagnosis.mistakes.motion import (
     WINDOW_S,
     Motion,
+    Onset,
     displacement_in_gap,
     displacement_over,
     jump,
@@ -78,11 +79,13 @@ def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
 
 
 def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
-    """Runs that start at another time than the file says, against the other runs of the session, or outside."""
+    """Runs that start at another time than the file says, against the other runs of the session, or outside.
+
+    Where the file says nothing, against the 0 that is taken then: no lag of a motor is asked for.
+    """
     del robots
     found: list[Found] = []
-    late: dict[str, float] = {}
-    sigma: dict[str, float] = {}
+    late: dict[str, Onset] = {}
     for run in data:
         first, last = float(run.time_s[0]), float(run.time_s[-1])
         if run.start_s >= last:
@@ -92,21 +95,31 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
         from_rest = run.run_command.starts_at_rest and bool(run.left_rpm or run.right_rpm)
         begins = onset(run) if from_rest else None
         if begins is not None:
-            late[run.id], sigma[run.id] = begins.time_s - run.start_s, begins.sigma_s
-    if not late:
-        return found
+            late[run.id] = Onset(begins.time_s - run.start_s, begins.sigma_s)
     # what is common to all runs, a lag of the motors or of the clock, is the diagnosis's to find
-    usual = float(np.median(list(late.values()))) if len(late) > 2 else 0.0
-    spread = 1.4826 * float(np.median(np.abs(np.array(list(late.values())) - usual))) if len(late) > 2 else 0.0
-    starts = {run.id: run.start_s for run in data}
-    for run_id, value in late.items():
-        if abs(value - usual) > max(LATE_S, LATE_SPREADS * spread, LATE_SIGMAS * sigma[run_id]):
-            at_s = starts[run_id] + value - usual
-            way = "later" if value > usual else "earlier"
-            seen = f"motion begins at about {at_s:.2f} s, {abs(value - usual):.2f} s {way} than start_s says"
-            correction = Correction(later_s=value - usual)
-            found.append(Found(run_id, "late-start", seen, f"set start_s = {at_s:.2f}", correction=correction))
+    usual, spread = _usual([item.time_s for item in late.values()]) if len(late) > 2 else (0.0, 0.0)
+    for run in data:
+        if run.id not in late:
+            continue
+        begins = late[run.id]
+        later_s = begins.time_s - usual if run.start_is_stated else begins.time_s
+        least_s = max(LATE_S, LATE_SIGMAS * begins.sigma_s, LATE_SPREADS * spread if run.start_is_stated else 0.0)
+        if abs(later_s) > least_s:
+            at_s = run.start_s + later_s
+            words = f"{abs(later_s):.2f} s {'later' if later_s > 0 else 'earlier'} than start_s says"
+            remedy = f"set start_s = {at_s:.2f}"
+            if not run.start_is_stated:
+                words = f"and start_s, which is not given, counts as {run.start_s:g}"
+                remedy += f", or write start_s = {run.start_s:g} if the motors were switched on then"
+            seen, correction = f"motion begins at about {at_s:.2f} s, {words}", Correction(later_s=later_s)
+            found.append(Found(run.id, "late-start", seen, remedy, correction=correction))
     return found
+
+
+def _usual(values: Sequence[float]) -> tuple[float, float]:
+    """Median of some values, and their spread about it (median absolute deviation, as a standard deviation)."""
+    middle = float(np.median(values))
+    return middle, 1.4826 * float(np.median(np.abs(np.array(values) - middle)))
 
 
 def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:

@@ -90,6 +90,15 @@ def test_a_lag_of_all_runs_is_no_late_start_and_a_start_after_the_end_is() -> No
     assert "after the end of the recording (0.00 to 2.98 s)" in found[0].seen
 
 
+@pytest.mark.parametrize(("late_s", "told"), [(0.07, False), (0.5, True)])
+def test_starts_that_the_file_leaves_out_are_said_to_be_late_though_all_are(late_s: float, told: bool) -> None:
+    runs = [driven(number, start_s=0.5, begins_s=0.5 + late_s) for number in range(8)]
+    found = late_starts([replace(run, start_is_stated=False) for run in runs], [ROBOT] * 8)
+    assert kinds(found) == [(f"r{number}", "late-start") for number in range(8 * told)]
+    assert all("start_s, which is not given, counts as 0.5" in item.seen for item in found)
+    assert all(abs(item.correction.later_s - late_s) < 0.03 for item in found if item.correction)
+
+
 @pytest.mark.parametrize(("share", "stands"), [(0.0485, True), (0.0515, False)])
 def test_a_run_stands_that_covers_less_than_a_twentieth_of_what_its_wheels_roll(share: float, stands: bool) -> None:
     run = driven(0, speed=share * ROLLED_MM_S / 0.94)  # the 95th percentile of 2.48 s of the way
