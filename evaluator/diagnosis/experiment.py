@@ -14,6 +14,7 @@ from evaluator.diagnosis.likelihood.known_to import LEVEL, Quantity, quantities,
 from evaluator.diagnosis.likelihood.noise.outliers import without_outliers
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData
 from evaluator.diagnosis.likelihood.shared_errors import Sighting, plane_errors, shared_errors
+from evaluator.diagnosis.mistakes.handling import between_hands
 from evaluator.diagnosis.mistakes.recognise import recognise
 from evaluator.diagnosis.mistakes.recognised import Mistake
 from evaluator.errors import InputError
@@ -131,6 +132,9 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
         except InputError as error:
             skipped[run.id] = str(error)
             continue
+        own = between_hands(shown)
+        shown = replace(shown, time_s=shown.time_s[own], marks_mm=shown.marks_mm[own])
+        inside = slice(inside.start + own.start, inside.start + own.stop)
         line = reference_line(robots[name])
         data.append(replace(shown, line_rad=float(np.arctan2(line[1], line[0]))))
         used.append(robots[name])

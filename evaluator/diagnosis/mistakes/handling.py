@@ -1,0 +1,56 @@
+"""Frames in which a hand moves the robot: it is laid down while the film runs already, or taken away after its stop.
+
+That is no mistake, and no motion of the robot's own: the run is what lies between.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.motion import MOVING_FRAMES, ONSET_LEAST_MM, ONSET_SIGMAS
+
+RESTS_S = 0.1  # the least rest between a hand and the motors: no hand lets go and switches on faster
+# Starts are known to better than the one (disturbances.LATE_S), and motors run down within the other.
+BEFORE_START_S, AFTER_STOP_S = 0.1, 0.5
+CARRIED_SHARE = 0.1  # of the distance of the marks, a third of a millimetre: hands carry a robot farther
+
+
+def between_hands(run: RunData) -> slice:
+    """Frames of a run from where the robot rests once it was laid down, to where it is taken away after its stop."""
+    time, (on_s, off_s) = run.time_s, (run.run_command.start_s, run.run_command.stop_s)
+    begin, end = 0, len(time)
+    if run.run_command.starts_at_rest and on_s is not None:
+        rest_s = on_s - BEFORE_START_S - RESTS_S
+        carried = _carried(run, rest_s, time < rest_s)
+        if len(carried):
+            laid_down_s = float(time[carried[-1] + MOVING_FRAMES - 1])
+            begin = int(np.searchsorted(time, min(laid_down_s + RESTS_S, rest_s)))
+    if off_s is not None:
+        carried = _carried(run, off_s + AFTER_STOP_S, time > off_s + AFTER_STOP_S + RESTS_S)
+        if len(carried):
+            end = int(carried[0])
+    return slice(begin, end)
+
+
+def _carried(run: RunData, rest_s: float, outside: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Frames at which some in a row outside begin that are off the place where the robot rests for RESTS_S.
+
+    None where it does not rest there, or is never off as far as a hand carries it.
+    """
+    resting = (run.time_s >= rest_s) & (run.time_s <= rest_s + RESTS_S)
+    seen = np.isfinite(run.marks_mm).all(axis=1)
+    nowhere = np.zeros(0, dtype=np.int64)
+    if (resting & seen).sum() < MOVING_FRAMES or not (outside & seen).any():
+        return nowhere
+    off = run.marks_mm - np.median(run.marks_mm[resting & seen], axis=0)
+    scatter = 1.4826 * float(np.median(np.abs(np.diff(run.marks_mm[seen], n=2, axis=0)))) / 6**0.5
+    away = np.nan_to_num(np.maximum(np.hypot(off[:, 0], off[:, 1]), np.hypot(off[:, 2], off[:, 3])))
+    moved = away > ONSET_SIGMAS * scatter + ONSET_LEAST_MM
+    apart_mm = float(np.median(np.hypot(*(run.marks_mm[seen, :2] - run.marks_mm[seen, 2:]).T)))
+    in_a_row = np.lib.stride_tricks.sliding_window_view(moved & outside, MOVING_FRAMES).all(axis=1)
+    far = np.lib.stride_tricks.sliding_window_view(away, MOVING_FRAMES).min(axis=1) > CARRIED_SHARE * apart_mm
+    if moved[resting & seen].any() or not (in_a_row & far).any():
+        return nowhere
+    return np.flatnonzero(in_a_row)

@@ -1,0 +1,72 @@
+"""Frames in which a hand moves the robot are no part of its run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis import experiment
+from evaluator.diagnosis.experiment import session_of
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.handling import between_hands
+from evaluator.settings import load_experiment
+
+START_S, STOP_S = 1.0, 2.0
+
+
+def filmed(
+    *, laid_down_s: float = 0.0, taken_away_s: float = 9.0, hand_mm_s: float = 8.0, begins_s: float = START_S
+) -> RunData:
+    """A run straight ahead at 4 mm/s, with a hand before and after."""
+    time = np.arange(0, 4, 1 / 60)
+    way = 4.0 * np.clip(time - begins_s, 0.0, STOP_S - begins_s)
+    by_hand = hand_mm_s * (np.clip(laid_down_s - time, 0, None) + np.clip(time - taken_away_s, 0, None))
+    marks = np.stack([way + by_hand, 1.83 + by_hand, way + by_hand, by_hand - 1.83], axis=1)
+    marks += np.random.default_rng(0).normal(0.0, 0.003, marks.shape)
+    return RunData("r", 10, 10, START_S, STOP_S, time, marks, 0)
+
+
+def kept_s(run: RunData) -> tuple[float, float]:
+    own = between_hands(run)
+    return float(run.time_s[own.start]), float(run.time_s[own.stop - 1])
+
+
+def test_run_begins_where_the_robot_rests_after_it_was_laid_down() -> None:
+    assert kept_s(filmed(laid_down_s=0.5)) == pytest.approx((0.6, 3.98), abs=0.04)
+
+
+def test_run_ends_where_the_robot_is_taken_away() -> None:
+    assert kept_s(filmed(taken_away_s=3.0)) == pytest.approx((0.0, 3.0), abs=0.04)
+
+
+@pytest.mark.parametrize(
+    "run",
+    [
+        filmed(),
+        filmed(begins_s=0.5),  # motors on before the file says so: for late_starts
+        filmed(laid_down_s=0.95),  # no rest before the motors tells hand and motors apart
+        filmed(laid_down_s=0.5, hand_mm_s=0.5),  # a quarter of a millimetre: no hand
+    ],
+)
+def test_all_frames_count_where_no_hand_is_seen(run: RunData) -> None:
+    assert between_hands(run) == slice(0, len(run.time_s))
+
+
+def test_diagnosis_reads_a_run_without_hands_and_whether_its_start_is_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(experiment, "recognise", lambda *_: [])  # both runs are read from one file
+    run = filmed(laid_down_s=0.5)
+    table = np.column_stack([run.time_s, run.marks_mm])
+    head = "time_s,green_x_mm,green_y_mm,yellow_x_mm,yellow_y_mm"
+    np.savetxt(tmp_path / "r.csv", table, delimiter=",", header=head, comments="")
+    text = 'format = 1\nname = "e"\nrobot = "barrel"\n'
+    for name, start in (("a", f"start_s = {START_S}\n"), ("b", "")):
+        text += f'[[run]]\nid = "{name}"\nleft_rpm = 76\nright_rpm = 76\n{start}marks = "r.csv"\n'
+    (tmp_path / "experiment.toml").write_text(text)
+    marks = dict.fromkeys("ab", tmp_path / "r.csv")
+    read = session_of(load_experiment(tmp_path / "experiment.toml"), marks)
+    assert [(item.id, item.start_is_stated) for item in read.data] == [("a", True), ("b", False)]
+    assert read.data[0].time_s[0] == pytest.approx(0.6, abs=0.04)
