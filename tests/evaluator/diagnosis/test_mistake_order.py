@@ -15,13 +15,13 @@ from evaluator.diagnosis.mistakes import recognise as module
 from evaluator.diagnosis.mistakes.disturbances import _unlike
 from evaluator.diagnosis.mistakes.motion import Motion
 from evaluator.diagnosis.mistakes.recognised import Found, Kind
-from evaluator.interchange.commands import Told
+from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 from simulator.robot import Robot, load_robot
 from tests.evaluator.diagnosis.straight_session import ROBOT, driven
 
 HUSKY = load_robot(Path(__file__).parents[2] / "driven_robot" / "husky.toml")
-LOG = Told(Command.constant(30.0, 30.0), logged=True)
+LOG = RunCommand(Command.constant(30.0, 30.0), logged=True)
 SEARCHES: dict[str, Kind] = {
     "copies": "duplicate",
     "wrong_scale": "wrong-unit",
