@@ -8,6 +8,7 @@ import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.correction import Correction
+from evaluator.diagnosis.mistakes.handling import moved_before_start_mm
 from evaluator.diagnosis.mistakes.motion import (
     WINDOW_S,
     Motion,
@@ -96,6 +97,10 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
         begins = onset(run) if from_rest else None
         if begins is not None:
             late[run.id] = Onset(begins.time_s - run.start_s, begins.sigma_s)
+        elif from_rest and (moved_mm := moved_before_start_mm(run)):
+            seen = f"moves by {moved_mm:.2g} mm before its motors are switched on at start_s = {run.start_s:g} s"
+            remedy = "correct start_s, or cut the frames in which a hand moves the robot"
+            found.append(Found(run.id, "late-start", seen, remedy, ("pushed",)))
     # what is common to all runs, a lag of the motors or of the clock, is the diagnosis's to find
     usual, spread = _usual([item.time_s for item in late.values()]) if len(late) > 2 else (0.0, 0.0)
     for run in data:

@@ -34,6 +34,29 @@ def between_hands(run: RunData) -> slice:
     return slice(begin, end)
 
 
+def moved_before_start_mm(run: RunData) -> float:
+    """How far, mm, a mark goes from the first frames to the last that are surely before start_s.
+
+    0 where no farther than noise and a camera that settles take it, or where there are too few frames.
+    """
+    on_s = run.run_command.start_s
+    if not run.run_command.starts_at_rest or on_s is None:
+        return 0.0
+    seen = np.isfinite(run.marks_mm).all(axis=1)
+    time, marks = run.time_s[seen], run.marks_mm[seen]
+    before = time < on_s - BEFORE_START_S
+    if before.sum() < 2 * MOVING_FRAMES:
+        return 0.0
+    places = [np.median(marks[before][part], axis=0) for part in (slice(MOVING_FRAMES), slice(-MOVING_FRAMES, None))]
+    off = places[1] - places[0]
+    way = max(float(np.hypot(off[0], off[1])), float(np.hypot(off[2], off[3])))
+    return way if way > CARRIED_SHARE * _apart_mm(marks) else 0.0
+
+
+def _apart_mm(marks_mm: NDArray[np.float64]) -> float:
+    return float(np.median(np.hypot(*(marks_mm[:, :2] - marks_mm[:, 2:]).T)))
+
+
 def _carried(run: RunData, rest_s: float, outside: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Frames at which some in a row outside begin that are off the place where the robot rests for RESTS_S.
 
@@ -48,9 +71,10 @@ def _carried(run: RunData, rest_s: float, outside: NDArray[np.bool_]) -> NDArray
     scatter = 1.4826 * float(np.median(np.abs(np.diff(run.marks_mm[seen], n=2, axis=0)))) / 6**0.5
     away = np.nan_to_num(np.maximum(np.hypot(off[:, 0], off[:, 1]), np.hypot(off[:, 2], off[:, 3])))
     moved = away > ONSET_SIGMAS * scatter + ONSET_LEAST_MM
-    apart_mm = float(np.median(np.hypot(*(run.marks_mm[seen, :2] - run.marks_mm[seen, 2:]).T)))
     in_a_row = np.lib.stride_tricks.sliding_window_view(moved & outside, MOVING_FRAMES).all(axis=1)
-    far = np.lib.stride_tricks.sliding_window_view(away, MOVING_FRAMES).min(axis=1) > CARRIED_SHARE * apart_mm
+    far = np.lib.stride_tricks.sliding_window_view(away, MOVING_FRAMES).min(axis=1) > CARRIED_SHARE * _apart_mm(
+        run.marks_mm[seen]
+    )
     if moved[resting & seen].any() or not (in_a_row & far).any():
         return nowhere
     return np.flatnonzero(in_a_row)

@@ -10,8 +10,10 @@ import pytest
 from evaluator.diagnosis import experiment
 from evaluator.diagnosis.experiment import session_of
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.handling import between_hands
+from evaluator.diagnosis.mistakes.disturbances import late_starts
+from evaluator.diagnosis.mistakes.handling import between_hands, moved_before_start_mm
 from evaluator.settings import load_experiment
+from simulator.robot import load_robot
 
 START_S, STOP_S = 1.0, 2.0
 
@@ -52,6 +54,18 @@ def test_run_ends_where_the_robot_is_taken_away() -> None:
 )
 def test_all_frames_count_where_no_hand_is_seen(run: RunData) -> None:
     assert between_hands(run) == slice(0, len(run.time_s))
+
+
+@pytest.mark.parametrize("run", [filmed(laid_down_s=0.95), filmed(begins_s=-0.5)])
+def test_run_that_moves_before_its_start_is_said_to(run: RunData) -> None:
+    (found,) = late_starts([run], [load_robot("barrel")])
+    assert (found.kind, found.equivalent) == ("late-start", ("pushed",))
+    assert found.seen.endswith("mm before its motors are switched on at start_s = 1 s")
+
+
+@pytest.mark.parametrize("run", [filmed(), filmed(laid_down_s=0.5, hand_mm_s=0.5)])
+def test_run_that_rests_before_its_start_is_not(run: RunData) -> None:
+    assert moved_before_start_mm(run) == 0.0
 
 
 def test_diagnosis_reads_a_run_without_hands_and_whether_its_start_is_given(
