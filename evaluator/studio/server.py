@@ -22,7 +22,7 @@ def serve(folder: Path, port: int, opened: Callable[[str], None]) -> None:
     Raises OSError where the folder is not there or the port is taken.
     """
     listening = listening_on(port)
-    server, link = server_of(folder, listening)
+    server, link = server_of(folder, listening, prepared=True)
     opened(link)
     server.run(sockets=[listening])
 
@@ -40,11 +40,11 @@ def listening_on(port: int) -> socket.socket:
     return listening
 
 
-def server_of(folder: Path, listening: socket.socket) -> tuple[uvicorn.Server, str]:
-    """The server of a folder and the link that opens it."""
+def server_of(folder: Path, listening: socket.socket, *, prepared: bool = False) -> tuple[uvicorn.Server, str]:
+    """The server of a folder and the link that opens it. prepared: see `application`."""
     port, secrets = listening.getsockname()[1], Secrets()
     config = uvicorn.Config(
-        application(folder, port, secrets),
+        application(folder, port, secrets, prepared=prepared),
         http=Impatient,
         ws="none",
         log_level="error",

@@ -46,6 +46,10 @@ class Decoder:
         """Start the process before the first request."""
         self._child.start()
 
+    def prepare(self) -> None:
+        """Load what finds dots, so that the first image of a gauge does not wait for it. Raises InputError."""
+        self._child.ask("prepare")
+
     def contents(self, path: Path, rate_hz: float | None = None) -> dict[str, Any]:
         """Times (s) of all frames, numbers of key frames, size in px. Raises InputError."""
         found: dict[str, Any] = self._child.ask("contents", path, rate_hz)
@@ -93,6 +97,8 @@ def _answer(opened: OrderedDict[tuple[Any, ...], Any], kind: str, *rest: Any) ->
         path, rate_hz = rest
         contents = _frames_of(opened, path, rate_hz).contents
         return {"time_s": contents.time_s, "key_frames": contents.key_frames, "size_px": contents.size_px}
+    if kind == "prepare":
+        return _prepare()
     if kind in ("image", "dots"):
         from evaluator.workflow.viewing.cameras import dots_of_image, image_jpeg
 
@@ -109,6 +115,19 @@ def _answer(opened: OrderedDict[tuple[Any, ...], Any], kind: str, *rest: Any) ->
     numbers = range(wanted.first, max(min(wanted.first + wanted.count, last), wanted.first + 1))
     chosen = [frames.key_frame(wanted.first)] if wanted.near else numbers
     return [(number, jpeg(frames.image(number), wanted.most_px)) for number in chosen]
+
+
+def _prepare() -> None:
+    """Find the dots of a small gauge."""
+    import cv2
+    import numpy as np
+
+    from evaluator.workflow.viewing.cameras import gauge_in
+
+    image = np.full((160, 200), 230, np.uint8)
+    for row, column in np.ndindex(6, 8):
+        cv2.circle(image, (20 + 22 * column, 20 + 22 * row), 6, (20,), cv2.FILLED, cv2.LINE_AA)
+    gauge_in(image)
 
 
 def _frames_of(opened: OrderedDict[tuple[Any, ...], Any], path: Path, rate_hz: float | None) -> Any:
