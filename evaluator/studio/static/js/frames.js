@@ -14,6 +14,7 @@ export class Frames {
     this.wanted = null;
     this.asking = false;
     this.fetching = new Set();
+    this.shown = -1;
     signal.addEventListener("abort", () => { for (const one of this.bitmaps.values()) one.close(); this.bitmaps.clear(); });
   }
 
@@ -43,7 +44,11 @@ export class Frames {
   show(index, near = false) {
     const there = this.bitmaps.get(index);
     this.wanted = { index, near };
-    if (there) { this.drawn(index, there, true); return; }
+    if (there) {
+      this.drawn(index, there, true);
+      if (!near) this.#beside(index);
+      return;
+    }
     if (!this.asking) this.#ask();
   }
 
@@ -61,12 +66,26 @@ export class Frames {
         const last = this.wanted && this.wanted.index === index && this.wanted.near === near;
         this.drawn(number, bitmap, number === index);
         if (last) this.wanted = null;
+        if (last && number === index) this.#beside(index);
       }
     } catch (error) {
       this.wanted = null;
       if (error.name !== "AbortError") this.failed?.(error);
     } finally {
       this.asking = false;
+    }
+  }
+
+  // Have the frames beside one at hand, so that a step is shown at once; first the one in the direction of the last step.
+  async #beside(index) {
+    const way = index < this.shown ? -1 : 1;
+    this.shown = index;
+    for (const next of [index + way, index - way]) {
+      if (this.fetching.size || this.asking || this.shown !== index) return;
+      if (next < 0 || next >= this.count || this.bitmaps.has(next)) continue;
+      this.fetching.add(next);
+      try { await this.#unpack(await bytes(`${this.base}/frames?first=${next}&count=1&px=${this.px}`, this.signal), index); } catch { return; } // it is asked for again when it is wanted
+      finally { this.fetching.delete(next); }
     }
   }
 
