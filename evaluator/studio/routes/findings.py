@@ -63,11 +63,18 @@ def diagnosis(studio: Studio, asked: Asked) -> Json:
         "pieces": found.pieces,
         "can_add": bool(found.robot_with_effect),
         "lines": [],
+        "parameters": {},
     }
     if found.content is not None:
         from evaluator.report.verdict import verdict_lines
 
         told["lines"] = verdict_lines(found.content)
+        named = {effect["id"] for effect in found.content["effects"]}
+        told["parameters"] = {
+            one.id: {slider.key: {"words": slider.words, "unit": slider.unit} for slider in one.sliders}
+            for one in effect_sliders(path)
+            if one.id in named
+        }
     robot = robot_file(path)
     in_robot = effects_of(path)
     return {

@@ -55,18 +55,32 @@ def test_tab_leads_through_one_row_to_its_recording(studio: Serving, open_page: 
         go_to(page, "Frame of right")
 
 
-def test_what_is_drawn_anew_keeps_the_focus(studio: Serving, open_page: OpenPage) -> None:
-    """Calibrate becomes Calibrate again: who pressed it is not thrown back to the top of the page."""
+def test_what_is_drawn_anew_keeps_the_focus_and_the_chosen_images(
+    studio: Serving, tmp_path: Path, open_page: OpenPage
+) -> None:
+    """Calibrate becomes Calibrate again: who pressed it is not thrown back to the top of the page.
+
+    The images lie in a folder that is not around that of the gauge.
+    """
+    identifier, photos = studio.get("/api/home")["experiments"][0]["id"], tmp_path / "folder" / "photos"
+    photos.mkdir()
+    for image in sorted((tmp_path / "folder").glob("*.png")):
+        image.rename(photos / image.name)
     with open_page(studio.link) as page:
-        page.goto(f"{studio.origin}/#/camera")
+        page.goto(f"{studio.origin}/#/x/{identifier}/camera")
         page.locator("h2", has_text="Verdict").wait_for()
+        left_out = page.get_by_label("Use gauge-4-tilted.png")
+        left_out.uncheck()
         button = page.get_by_role("button", name="Calibrate again")
         button.focus()
         button.evaluate("(one) => { one.dataset.old = 1; }")
         page.keyboard.press("Enter")
         page.locator("[data-old]").wait_for(state="detached")
         page.wait_for_function("() => document.activeElement !== document.body")
+        assert not left_out.is_checked()
         go_to(page, "Calibrate again")
+        page.get_by_role("link", name="Back to the runs").click()
+        page.locator("[aria-label='Frame of left']").wait_for()
 
 
 @pytest.mark.exam

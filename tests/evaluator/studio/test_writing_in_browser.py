@@ -19,7 +19,10 @@ from tests.waiting import HANGS_S
 pytestmark = needs_browser()
 
 
-def test_the_form_of_an_unknown_verdict_becomes_an_effect_by_keyboard_and_is_undone(
+NEXT = {"left_rpm": 30.0, "right_rpm": 10.0, "x_mm": 1.0, "y_mm": -2.0, "heading_deg": 90.0, "duration_s": 5.0}
+
+
+def test_the_form_of_an_unknown_verdict_becomes_an_effect_by_keyboard_and_is_undone_and_the_next_runs_are_written(
     studio: Serving, tmp_path: Path, open_page: OpenPage
 ) -> None:
     from simulator.own_effects.template import template
@@ -29,7 +32,8 @@ def test_the_form_of_an_unknown_verdict_becomes_an_effect_by_keyboard_and_is_und
     (out / "own_effect.toml").write_text(template("found-by-diagnosis"))
     empty: dict[str, Any] = {name: [] for name in ("effects", "negligible", "known_to", "where", "rivals", "mistakes")}
     told = {"format": 1, "verdict": "unknown", "reason": "no known effect explains the runs", "gap": None}
-    rest: dict[str, Any] = {"findings": [], "skipped_runs": {}, "runs_not_followed": [], "next_experiment": None}
+    rest: dict[str, Any] = {"findings": [], "skipped_runs": {}, "runs_not_followed": []}
+    rest["next_experiment"] = {"runs": [{**NEXT, "times": 2}], "separation_sigmas": {}, "inseparable_sigmas": {}}
     (out / "diagnosis.json").write_text(json.dumps({**told, **empty, **rest}))
     identifier = studio.get("/api/home")["experiments"][0]["id"]
     file = tmp_path / "folder" / "effects" / "mixed-drive.toml"
@@ -56,6 +60,10 @@ def test_the_form_of_an_unknown_verdict_becomes_an_effect_by_keyboard_and_is_und
         page.keyboard.press("Control+z")
         finished(page, "Undone: the effect mixed-drive")
         assert not file.exists()
+        page.get_by_label("The next runs on the plate").wait_for()
+        page.get_by_role("button", name="Write it out").press("Enter")
+        page.get_by_label("notes, run n02").wait_for()
+        assert page.get_by_label("right, rpm, run n02").input_value() == "10"
 
 
 def test_a_form_in_which_somebody_types_stays_when_a_job_ends(
@@ -86,6 +94,7 @@ def test_an_image_is_taken_from_a_live_camera_and_undone(studio: Serving, tmp_pa
         page.get_by_label("Camera", exact=True).select_option("recording camera.mkv in place of a camera")
         page.get_by_role("button", name="Start", exact=True).click()
         page.get_by_text("Focus: edges").wait_for(timeout=1000 * HANGS_S)
+        page.get_by_label("calibrate after each image").uncheck()
         page.locator("h1").click()
         page.keyboard.press("t")
         finished(page, "Taken: gauge-5.png")
@@ -241,11 +250,11 @@ def test_marks_are_placed_and_exclusions_drawn_by_keyboard(
             frame.press(key)
         page.get_by_role("button", name="Remove exclusion 1").wait_for()
         page.get_by_text("Saved in tracking.toml").wait_for()
-        page.get_by_role("button", name="Place it by hand").press("Enter")
+        page.get_by_role("button", name="Place by hand").press("Enter")
         frame.press("ArrowRight")
         frame.press("Enter")
         page.get_by_text("placed by hand at").wait_for()
-        assert page.locator(".clock").inner_text().endswith("frame 0")  # no arrow stepped a frame
+        assert "frame 0 of" in page.locator(".clock").inner_text()  # no arrow stepped a frame
         page.locator("h1").click()
         slowly(page)
         for key in ("ArrowRight", "Delete", "ArrowRight", "Delete"):  # the second before the first is answered

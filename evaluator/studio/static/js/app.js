@@ -1,4 +1,4 @@
-// Which screen is shown. Addresses: #/, #/camera, #/sandbox, #/x/EXPERIMENT/SCREEN.
+// Which screen is shown. Addresses: #/, #/camera, #/sandbox, and #/x/EXPERIMENT/SCREEN for all but the first.
 
 import { fill, h } from "./dom.js";
 import { get, GONE, Refused } from "./api.js";
@@ -14,9 +14,9 @@ const SCREENS = {
   diagnosis: () => import("./diagnosis.js"),
   sandbox: () => import("./sandbox.js"),
 };
-const OF_EXPERIMENT = [["runs", "Runs"], ["marks", "Marks"], ["results", "Results"], ["diagnosis", "Diagnosis"], ["sandbox", "Sandbox"]];
-const EVERYWHERE = [["home", "Home"], ["camera", "Camera"]];
-const ALONE = [...EVERYWHERE, ["sandbox", "Sandbox"]];
+const OF_EXPERIMENT = [["camera", "Camera"], ["runs", "Runs"], ["marks", "Marks"], ["results", "Results"], ["diagnosis", "Diagnosis"], ["sandbox", "Sandbox"]];
+const HOME = ["home", "Home"];
+const ALONE = [HOME, ["camera", "Camera"], ["sandbox", "Sandbox"]];
 
 let leaving = new AbortController();
 
@@ -55,11 +55,11 @@ async function show() {
 let names = new Map();
 async function top_bar(screen, id) {
   const bar = document.getElementById("top");
-  const link = ([name, words]) => h("a", { href: id && OF_EXPERIMENT.some(([own]) => own === name) ? `#/x/${id}/${name}` : name === "home" ? "#/" : `#/${name}`, "aria-current": name === screen ? "page" : null }, words);
+  const link = ([name, words]) => h("a", { href: name === "home" ? "#/" : id ? `#/x/${id}/${name}` : `#/${name}`, "aria-current": name === screen ? "page" : null }, words);
   const draw = () => fill(bar,
     h("a", { class: "brand", href: "#/", "aria-label": "turnscope studio, first screen" }, h("img", { src: "/static/icon.svg", alt: "" }), "turnscope"),
-    id && h("span", { class: "where" }, names.get(id) ?? ""),
-    h("nav", { "aria-label": "Screens" }, (id ? [...EVERYWHERE, ...OF_EXPERIMENT] : ALONE).map(link)));
+    id && h("span", { class: "where", title: names.get(id) ?? "" }, names.get(id) ?? ""),
+    h("nav", { "aria-label": "Screens" }, (id ? [HOME, ...OF_EXPERIMENT] : ALONE).map(link)));
   draw();
   if (id && !names.has(id)) {
     try {

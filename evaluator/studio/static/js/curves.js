@@ -4,7 +4,8 @@
 import { color, h, labels, whenThemeChanges } from "./dom.js";
 
 // lines: [{label, values, ink, dash}] over times; seek(time) is called for a click.
-export function curvePlot(title, times, lines, signal, seek) {
+// timed: whether the times are written below it, as below the last of several.
+export function curvePlot(title, times, lines, { signal, seek, timed }) {
   const box = h("div", { class: "curve", role: "img", "aria-label": title });
   const rem = parseFloat(labels(1)), tall = () => box.clientHeight;
   let plot = null, head = null, shown = null;
@@ -12,11 +13,11 @@ export function curvePlot(title, times, lines, signal, seek) {
     width, height: tall(), title: null, legend: { show: false }, cursor: { points: { show: false }, drag: { x: false, y: false } },
     scales: { x: { time: false } },
     series: [{}, ...lines.map((line) => ({ label: line.label, stroke: () => color(line.ink), width: 1.5, dash: line.dash, points: { show: false } }))],
-    axes: [axis(null), axis(title)],
+    axes: [{ ...axis((value) => (timed ? `${value} s` : "")), size: (timed ? 1.7 : 0.5) * rem }, { ...axis((value) => value), label: title, labelSize: 1.1 * rem, labelFont: labels(), size: 3.4 * rem, space: 1.4 * rem }],
   });
-  const axis = (label) => ({
-    label, labelSize: 1.1 * rem, size: label ? 3.4 * rem : 1.7 * rem, stroke: () => color("soft"), font: labels(), labelFont: labels(),
-    values: (_, splits) => splits.map((split) => split.toLocaleString("en").replace("-", "−")),
+  const axis = (words) => ({
+    stroke: () => color("soft"), font: labels(),
+    values: (_, splits) => splits.map((split) => words(split.toLocaleString("en").replace("-", "−"))),
     grid: { stroke: () => color("faint"), width: 1 }, ticks: { stroke: () => color("faint"), width: 1, size: 4 },
   });
   const build = () => {

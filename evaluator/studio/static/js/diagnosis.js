@@ -10,6 +10,8 @@ import { own_effects } from "./owneffects.js";
 import { undoing } from "./undo.js";
 
 const VERDICTS = { effect: "A missing effect was found", none: "No effect is missing", unknown: "An unknown effect is missing", insufficient: "The data cannot decide" };
+// The length of a bar, as a share of the longest; the rest is for its number.
+const bar_of = (share) => ({ width: `calc((100% - 10.5rem) * ${Math.max(share, 0.008)})` });
 const MENDED = { reversed: "Turn both commands round", "sides-swapped": "Swap left and right" };
 
 export async function show(view, { id, signal }) {
@@ -21,7 +23,7 @@ export async function show(view, { id, signal }) {
     ({ typing = false } = {}) => Promise.all([get(`/api/experiments/${id}/diagnosis`, signal), effects(typing)]),
     ([found, own]) => {
       shown = own;
-      fill(view, h("div", { class: "stack", style: { gap: "1.4rem" } }, found.content ? screen(found, id, signal, { load, own, undo }) : nothing(id), own.box, h("div", { class: "row" }, undo.undo, undo.redo)));
+      fill(view, h("div", { class: "stack", style: { gap: "1.4rem" } }, found.content ? screen(found, id, signal, { load, own, undo }) : nothing(id, undo), own.box));
     },
   );
   onJobs((_, ended) => { if (ended.some((job) => job.experiment === id)) undo.make(() => load({ typing: true })).catch(say); }, signal);
@@ -30,8 +32,8 @@ export async function show(view, { id, signal }) {
 
 const start = (id, kind) => () => { say(""); post(`/api/experiments/${id}/jobs`, { kind }).catch(say); };
 
-function nothing(id) {
-  return h("div", { class: "stack" }, h("div", {}, h("p", { class: "kind" }, "Diagnosis"), h("h1", {}, "Why do model and robot differ?")),
+function nothing(id, undo) {
+  return h("div", { class: "stack" }, h("div", { class: "row end" }, h("div", {}, h("p", { class: "kind" }, "Diagnosis"), h("h1", {}, "Why do model and robot differ?")), h("div", { class: "row" }, undo.undo, undo.redo)),
     h("div", { class: "empty" }, h("h2", {}, "No diagnosis yet"), h("p", {}, "The diagnosis tests every effect of the catalogue, and free-form terms, on all runs together, and checks the result on held-out runs. This takes one to a few minutes."),
       h("p", {}, h("button", { class: "main", disabled: Boolean(jobOf(id)), onclick: start(id, "diagnose") }, "Diagnose"))));
 }
@@ -48,10 +50,10 @@ function screen(found, id, signal, { load, own, undo }) {
   return h("div", { class: "stack", style: { gap: "1.4rem" } },
     h("div", { class: "row end" },
       h("div", {}, h("p", { class: "kind" }, "Diagnosis"), h("h1", {}, VERDICTS[content.verdict] ?? content.verdict)),
-      again),
+      h("div", { class: "row" }, again, undo.undo, undo.redo)),
     notice,
     mistakes(content, id, load, undo),
-    h("div", { class: "two" }, h("div", { class: "stack" }, ...content.effects.map((effect) => effect_card(effect)), offer(own), add(found, id, load, undo), words(found)), gaps(content)),
+    h("div", { class: "two" }, h("div", { class: "stack" }, ...content.effects.map((effect) => effect_card(effect, found.parameters[effect.id] ?? {})), offer(own), add(found, id, load, undo), words(found)), gaps(content)),
     content.where.length || Object.keys(found.pieces).length ? h("section", { class: "card stack" }, h("h2", {}, "Where model and robot disagree"), h("ul", { class: "plainlist" }, content.where.slice(0, 5).map((one) => h("li", {}, one.sentence.replaceAll(" -", " −")))), found.pieces.run ? matrix(found.pieces, id, signal) : null) : null,
     h("div", { class: "two" }, rivals(content), known(content)),
     next_runs(content, id, signal));
@@ -71,14 +73,15 @@ function mistakes(content, id, load, undo) {
     h("div", { class: "row end" }, h("p", {}, "Or correct all of them in a copy; runs that cannot be corrected are left out."), h("button", { onclick: copy }, "Write a mended experiment")));
 }
 
-function sizeRow(name, parameter) {
+// said: words and unit of a parameter, as the catalogue has them.
+function sizeRow(name, parameter, said) {
   const [value, low, high] = withBounds(parameter);
-  return h("tr", {}, h("th", { scope: "row" }, name), h("td", {}, h("strong", {}, value)), h("td", { class: "soft" }, `95 %: ${low} to ${high}`));
+  return h("tr", {}, h("th", { scope: "row", title: name }, said.words ?? name), h("td", {}, h("strong", {}, said.unit ? `${value} ${said.unit}` : value)), h("td", { class: "soft" }, `95 %: ${low} to ${high}`));
 }
 
-function effect_card(effect) {
+function effect_card(effect, said) {
   return h("section", { class: "card found" }, h("p", { class: "kind" }, effect.id), h("h2", {}, effect.name),
-    h("table", { class: "parameters" }, h("tbody", {}, Object.entries(effect.parameters).map((one) => sizeRow(...one)))),
+    h("table", { class: "parameters" }, h("tbody", {}, Object.entries(effect.parameters).map(([name, one], _, all) => sizeRow(name, one, { ...said[name], ...(all.length === 1 && { words: "size" }) })))),
     effect.equivalent?.length ? h("p", { class: "small soft" }, `These runs cannot distinguish it from: ${effect.equivalent.join(", ")}.`) : null);
 }
 
@@ -117,7 +120,7 @@ function gaps(content) {
   const groups = [["start pose and random effects of each run fitted", gap], ["predicted from the start pose alone", gap.predicted]].filter(([, one]) => one?.before);
   const bars = groups.flatMap(([words, one]) => [["fitted runs", "fit"], ["held-out runs", "held_out"]].filter(([, key]) => one.before[key] !== null).map(([who, key]) => ({ words: `${who}, ${words}`, before: one.before[key], after: one.after[key] })));
   const most = Math.max(...bars.flatMap((bar) => [bar.before, bar.after]), gap.noise_floor);
-  const bar = (value, ink) => h("div", { class: "measure" }, h("i", { class: ink, style: { width: `${Math.max((100 * value) / most, 0.6)}%` } }), h("span", {}, length(value)));
+  const bar = (value, ink) => h("div", { class: "measure" }, h("i", { class: ink, style: bar_of(value / most) }), h("span", {}, length(value)));
   return h("section", { class: "card stack" }, h("h2", {}, "RMS distance of simulated and measured marks, before and after"),
     bars.map((one) => h("div", {}, h("p", { class: "small" }, one.words), bar(one.before, "vermillion"), bar(one.after, "green"))),
     h("p", { class: "legend small soft" }, h("i", { class: "vermillion" }), "before", h("i", { class: "green" }), "after"),
@@ -131,7 +134,7 @@ function rivals(content) {
   const lowest = Math.min(...rows.map((row) => row.log_odds), -1);
   return h("section", { class: "card stack" }, h("h2", {}, "Alternatives"), h("p", { class: "small soft" }, "Bar: logarithm of the odds against it, relative to the verdict."),
     rows.map((row) => h("div", {}, h("p", { class: "small" }, h("strong", {}, row.effects.join(" + ") || "no effect"), ` — ${row.reason}`),
-      h("div", { class: "measure" }, h("i", { class: row === chosen ? "green" : "soft", style: { width: `${Math.max((70 * Math.log1p(-row.log_odds)) / Math.log1p(-lowest), 0.6)}%` } }), h("span", {}, row === chosen ? "verdict" : `${fixed(row.log_odds / Math.LN10, 1)} powers of ten`)))));
+      h("div", { class: "measure" }, h("i", { class: row === chosen ? "green" : "soft", style: bar_of(Math.log1p(-row.log_odds) / Math.log1p(-lowest)) }), h("span", {}, row === chosen ? "verdict" : `${fixed(row.log_odds / Math.LN10, 1)} powers of ten`)))));
 }
 
 function known(content) {
@@ -140,8 +143,8 @@ function known(content) {
     const reach = 3 * one.taken, at = (value) => `${50 + 50 * Math.max(-1, Math.min(1, value / reach))}%`;
     return h("tr", {}, h("td", {}, one.name), h("td", { class: "strip" }, h("div", { class: "band", title: `known to ${num(one.taken)} ${one.unit}; found ${num(one.found)}` },
       h("i", { class: "zone", style: { left: at(-one.taken), right: `calc(100% - ${at(one.taken)})` } }), h("i", { class: "span", style: { left: at(one.low), right: `calc(100% - ${at(one.high)})` } }), h("i", { class: "mid", style: { left: at(one.found) } }))),
-      h("td", { class: "small soft" }, `± ${num(one.taken)} ${one.unit === "1" ? "" : one.unit}`));
+      h("td", { class: "small soft nowrap" }, `± ${num(one.taken)} ${one.unit === "1" ? "" : one.unit}`));
   };
-  return h("section", { class: "card" }, h("h2", {}, "Quantities known to a tolerance"), h("p", { class: "small soft" }, "Band: stated tolerance, 1 sigma. Line: fitted value, 95 %."), h("div", { class: "scroll tall" }, h("table", { class: "words" }, h("tbody", {}, content.known_to.map(made)))));
+  return h("section", { class: "card" }, h("h2", {}, "Quantities known to a tolerance"), h("p", { class: "small soft" }, "Band: stated tolerance, 1 sigma. Line: fitted value, 95 %."), h("div", { class: "scroll tall", tabindex: 0, role: "region", "aria-label": "Quantities known to a tolerance" }, h("table", { class: "words" }, h("tbody", {}, content.known_to.map(made)))));
 }
 

@@ -5,7 +5,8 @@ import { counted, fill, h, num, surface } from "./dom.js";
 import { outline_dots } from "./dots.js";
 import { say } from "./say.js";
 
-// seen(): dots of the images that there are, drawn faintly: what is covered. take(source): takes a new one.
+// seen(): dots of the images that there are, drawn faintly: what is covered. take(source, calibrate): takes a new one, and
+// calibrates with it where that is wished.
 export async function live_camera(signal, { seen, take: take_from }) {
   const { cameras, files } = await get("/api/live", signal);
   const state = { on: false, bitmap: null, found: null, sharpest: Infinity, frames: 0, began: 0 };
@@ -15,8 +16,6 @@ export async function live_camera(signal, { seen, take: take_from }) {
   const size = h("input", { "aria-label": "Size", placeholder: "its own size", size: 10, autocomplete: "off" });
   const rate = h("input", { "aria-label": "Frames per second", placeholder: "its own rate", size: 10, inputmode: "decimal", autocomplete: "off" });
   const view = surface((context, width, height) => {
-    context.fillStyle = "#000";
-    context.fillRect(0, 0, width, height);
     if (!state.bitmap) return;
     const [wide, tall] = state.found.size_px, scale = Math.min(width / wide, height / tall);
     context.translate((width - wide * scale) / 2, (height - tall * scale) / 2);
@@ -62,7 +61,7 @@ export async function live_camera(signal, { seen, take: take_from }) {
     const wish = query();
     Object.assign(state, { on: wish, found: null, sharpest: Infinity, frames: 0, began: performance.now() });
     toggle.textContent = "Stop";
-    fill(body, h("div", { class: "split" }, view.canvas, h("section", { class: "stack" }, help, h("div", { class: "row" }, take))));
+    fill(body, h("div", { class: "split" }, view.canvas, h("section", { class: "stack" }, help, h("div", { class: "row" }, take, h("label", {}, calibrate, "calibrate after each image")))));
     tell();
     follow(wish).catch((error) => { if (state.on === wish) { stop(); say(error); } });
   };
@@ -77,20 +76,21 @@ export async function live_camera(signal, { seen, take: take_from }) {
     if (take.disabled) return;
     take.disabled = true;
     try {
-      const made = await take_from(Object.fromEntries(new URLSearchParams(query())));
+      const made = await take_from(Object.fromEntries(new URLSearchParams(query())), calibrate.checked);
       say(`Taken: ${made.name}.`, true);
     } catch (error) { say(error); }
     take.disabled = !state.on;
   };
   const toggle = h("button", { onclick: () => (state.on ? stop() : start()) }, "Start");
   const take = h("button", { class: "main", disabled: true, title: "Take image (t)", onclick: shoot }, "Take image");
+  const calibrate = h("input", { type: "checkbox", checked: true });
   const body = h("div");
   document.addEventListener("keydown", (event) => {
     if (event.key !== "t" || event.ctrlKey || event.metaKey || event.altKey || event.target.closest?.("input, select, textarea")) return;
     shoot();
   }, { signal });
   signal.addEventListener("abort", () => { if (state.on) stop(); state.bitmap?.close(); });
-  return h("details", { class: "card stack" }, h("summary", {}, "Live camera"),
+  return h("details", { class: "card" }, h("summary", {}, "Live camera"),
     cameras.length + files.length ? [h("div", { class: "row", style: { margin: ".7rem 0" } }, pick, size, rate, toggle), body]
       : h("p", { class: "soft" }, "No camera was found on this computer, and no recording in this folder to use in its place. Connect a camera and open this screen again."));
 }

@@ -10,7 +10,13 @@ import { undoing } from "./undo.js";
 
 const HALF_HUE = 25; // degrees to either side of a clicked colour: half the distance of neighbouring named hues
 const SHEET = 8;
-const TOOLS = [["color", "Set its colour"], ["region", "Draw the region"], ["mask", "Draw an exclusion"], ["place", "Place it by hand"]];
+const TOOLS = [["color", "Set the colour"], ["region", "Draw the region"], ["mask", "Draw an exclusion"], ["place", "Place by hand"]];
+const HINTS = {
+  color: (mark) => `Click the ${mark} mark to have its colour searched for in all frames.`,
+  region: () => "Drag over the part of the image in which marks are searched for.",
+  mask: () => "Drag over what is not to be searched, for example a reflection.",
+  place: (mark) => `Click the centre of the ${mark} mark; this holds for this frame only.`,
+};
 
 export async function show(view, { id, rest, signal }) {
   const [table, file] = await Promise.all([get(`/api/experiments/${id}`, signal), get(`/api/experiments/${id}/tracking`, signal)]);
@@ -45,7 +51,7 @@ async function workbench(place, id, run, file, signal) {
   const go = (index, dragging = false) => {
     state.index = Math.max(0, Math.min(frames.count - 1, index));
     scrub.value = state.index;
-    clock.textContent = `${fixed(frames.times[state.index], 3)} s · frame ${state.index}`;
+    clock.textContent = `${fixed(frames.times[state.index], 3)} s · frame ${state.index} of ${frames.count - 1}`;
     frames.show(state.index, dragging);
     if (!dragging) look();
     screen.redraw();
@@ -107,6 +113,7 @@ async function workbench(place, id, run, file, signal) {
         one && one.status !== "ok" && one.blobs.length ? h("ul", { class: "plainlist small soft" }, one.blobs.slice(0, 3).map((blob) => h("li", {}, `at ${Math.round(blob.x_px)}, ${Math.round(blob.y_px)}: ${blob.verdict}`))) : null);
     }));
     boxes();
+    hint.textContent = HINTS[state.tool](state.mark.replaceAll("_", " "));
   };
 
   const save = (said) => {
@@ -177,15 +184,16 @@ async function workbench(place, id, run, file, signal) {
   }, { signal });
 
   const path = h("p", { class: "small soft" }, file.version ? `Settings: ${file.path}` : "No settings yet: the tracker uses its defaults.");
-  const tools = h("div", { class: "row", role: "group", "aria-label": "What a click does" }, TOOLS.map(([tool, words]) => h("button", { "aria-pressed": String(tool === state.tool), onclick: (event) => { state.tool = tool; for (const one of tools.children) one.setAttribute("aria-pressed", String(one === event.currentTarget)); } }, words)));
+  const tools = h("div", { class: "row", role: "group", "aria-label": "What a click does" }, TOOLS.map(([tool, words]) => h("button", { "aria-pressed": String(tool === state.tool), onclick: (event) => { state.tool = tool; for (const one of tools.children) one.setAttribute("aria-pressed", String(one === event.currentTarget)); tell(); } }, words)));
+  const hint = h("p", { class: "small soft" });
   const shapes = h("div", { class: "row" });
   const boxes = () => fill(shapes,
     state.said.region_px && h("button", { class: "small", onclick: () => { const { region_px: _, ...other } = state.said; save(other); } }, "Remove the region"),
     (state.said.mask_px ?? []).map((_, k) => h("button", { class: "small", onclick: () => save({ ...state.said, mask_px: state.said.mask_px.filter((__, other) => other !== k) }) }, `Remove exclusion ${k + 1}`)),
     state.rows.some((row) => row.frame === state.index && row.mark === state.mark) && h("button", { class: "small", onclick: () => correct() }, "Undo the correction here"));
   fill(place, h("div", { class: "split" },
-    h("section", { class: "stack" }, tools, screen.canvas, h("div", { class: "row" }, h("span", { style: { flex: "1 1 14rem" } }, scrub), clock),
-      h("div", { class: "row" }, h("label", {}, h("input", { type: "checkbox", checked: true, onchange: (event) => { state.showMask = event.target.checked; screen.redraw(); } }), "Show pixels of this colour"), h("button", { onclick: () => correct(null, null), title: "This mark is not to be used in this frame (Delete)" }, "Drop it in this frame"), undo.undo, undo.redo), shapes, path),
+    h("section", { class: "stack" }, h("div", {}, tools, hint), screen.canvas, h("div", { class: "row" }, h("span", { style: { flex: "1 1 14rem" } }, scrub), clock),
+      h("div", { class: "row" }, h("label", {}, h("input", { type: "checkbox", checked: true, onchange: (event) => { state.showMask = event.target.checked; screen.redraw(); } }), "Show the mask"), h("button", { onclick: () => correct(null, null), title: "Do not use the chosen mark in this frame (Delete)" }, "Drop the mark in this frame"), undo.undo, undo.redo), shapes, path),
     h("section", { class: "stack" }, readout, h("h2", {}, "Eight frames"), sheet)));
   tell();
   go(0);

@@ -28,7 +28,7 @@ export function matrix(pieces, id, signal) {
     context.font = labels();
     context.fillStyle = color("soft");
     runs.forEach((run, row) => context.fillText(shortened(context, run, LEFT - 8), 0, row * ROW + 0.72 * ROW));
-    const inks = [color("blue"), color("vermillion")];
+    const inks = [color("vermillion"), color("blue")];
     pieces.run.forEach((run, k) => {
       const span = widths.get(run), row = runs.indexOf(run);
       context.globalAlpha = Math.min(1, Math.abs(column[k]) / most) * 0.95 + 0.05;
@@ -70,5 +70,5 @@ export function matrix(pieces, id, signal) {
   const sides = h("button", { "aria-pressed": "false", onclick: () => { after = !after; sides.setAttribute("aria-pressed", String(after)); tell(); } }, "After the finding");
   tell();
   return h("div", { class: "stack", style: { gap: ".6rem" } }, h("div", { class: "row" }, h("span", { class: "row", role: "group", "aria-label": "Quantity" }, Object.keys(QUANTITIES).filter((key) => pieces[key]).map(choice)), pieces[`after_${quantity}`] ? sides : null, said),
-    made.canvas, h("p", { class: "small soft" }, "Vermillion: measured more than simulated; blue: less. Full colour: among the largest before the effects are included."));
+    made.canvas, h("p", { class: "small soft" }, "Blue: measured more than simulated; vermillion: less. Full colour: among the largest before the effects are included."));
 }

@@ -6,13 +6,11 @@ const INKS = { green: "#5aff78", yellow: "#ffeb3c" };
 export const inkOf = (name) => INKS[name.split("_")[0]] ?? "#78c8ff";
 export const markNames = (marks) => Object.keys(marks).filter((key) => key.endsWith("_x_px")).map((key) => key.slice(0, -5));
 
-// Lays a frame in the middle of a canvas, black around it, and leaves the context at its corner (saved: restore it).
+// Lays a frame in the middle of a canvas and leaves the context at its corner (saved: restore it).
 // Returns canvas px per px of the frame; 0 where there is no frame yet, and nothing is saved.
 export function drawFrame(context, width, height, bitmap, frames) {
-  context.fillStyle = "#000";
-  context.fillRect(0, 0, width, height);
   if (!bitmap) {
-    context.fillStyle = "#a2a9b1";
+    context.fillStyle = color("soft");
     context.font = labels(0.9);
     context.textAlign = "center";
     context.fillText("reading the frame …", width / 2, height / 2);

@@ -47,7 +47,7 @@ export async function player(place, experiment, run, { signal, changed, at }) {
     for (const [title, column] of [["heading, °", "heading_deg"], ["speed, mm/s", "speed_mm_s"], ["turn rate, °/s", "yaw_rate_deg_s"]]) {
       const lines = [{ label: "measured", values: curves.poses[column], ink: "blue" }];
       if (curves.simulated.time_s?.length === curves.poses.time_s.length) lines.push({ label: "simulated", values: curves.simulated[column], ink: "vermillion", dash: [6, 4] });
-      const plot = curvePlot(title, curves.poses.time_s, lines, signal, (time) => go(frames.indexAt(time)));
+      const plot = curvePlot(title, curves.poses.time_s, lines, { signal, seek: (time) => go(frames.indexAt(time)), timed: column === "yaw_rate_deg_s" });
       plots.append(plot.box);
       heads.push(plot);
     }
@@ -105,7 +105,7 @@ export async function player(place, experiment, run, { signal, changed, at }) {
   };
   document.addEventListener("keydown", keys, { signal });
 
-  const overlay = h("button", { "aria-pressed": "true", title: "Show what was measured (o)", onclick: () => {
+  const overlay = h("button", { class: "small", "aria-pressed": "true", title: "Show what was measured (o)", onclick: () => {
     state.overlay = !state.overlay;
     overlay.setAttribute("aria-pressed", String(state.overlay));
     screen.redraw();
@@ -114,8 +114,8 @@ export async function player(place, experiment, run, { signal, changed, at }) {
   fill(place, screen.canvas, axis.canvas,
     h("div", { class: "row" }, step(-1, "One frame back (←)", "‹"), play, step(1, "One frame on (→)", "›"), clock,
       h("span", { class: "push row" }, overlay,
-        h("button", { onclick: here("start_s"), title: "The motors start in this frame (s)" }, "Start here"),
-        h("button", { onclick: here("stop_s"), title: "The motors stop in this frame (e)" }, "Stop here"))),
+        h("button", { class: "small", onclick: here("start_s"), title: "The motors start in this frame (s)" }, "Start here"),
+        h("button", { class: "small", onclick: here("stop_s"), title: "The motors stop in this frame (e)" }, "Stop here"))),
     curves.poses.time_s ? [h("p", { class: "legend small soft" }, h("i", { class: "blue" }), "measured", h("i", { class: "vermillion dashed" }), "simulated"), plots]
       : h("p", { class: "soft" }, "Not analysed yet: the curves and the overlay appear after “Analyse”."));
   go(at !== undefined ? frames.indexAt(at) : 0);

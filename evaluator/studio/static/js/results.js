@@ -1,7 +1,7 @@
 // The Results screen: radius against difference of speed, trajectories, and the numbers of every run.
 
 import { get, latest, post } from "./api.js";
-import { color, fill, fixed, h, labels, length, num, surface } from "./dom.js";
+import { color, counted, fill, fixed, h, labels, length, num, surface } from "./dom.js";
 import { jobOf, onJobs } from "./jobs.js";
 import { boundsOf, dot, grid, path as draw_path, view as view_of } from "./plate.js";
 import { say } from "./say.js";
@@ -15,11 +15,12 @@ export async function show(view, { id, rest, signal }) {
   await load();
 }
 
+const start = (id) => () => post(`/api/experiments/${id}/jobs`, { kind: "analyse" }).catch(say);
+
 function nothing(found, id) {
-  const start = () => post(`/api/experiments/${id}/jobs`, { kind: "analyse" }).catch(say);
   return h("div", { class: "stack" }, h("div", {}, h("p", { class: "kind" }, "Results"), h("h1", {}, found.name)),
     h("div", { class: "empty" }, h("h2", {}, "Nothing is measured yet"), h("p", {}, "The analysis tracks the marks in every recording, measures each turn, and simulates each run."),
-      h("p", {}, h("button", { class: "main", disabled: Boolean(jobOf(id)), onclick: start }, "Analyse all runs"))));
+      h("p", {}, h("button", { class: "main", disabled: Boolean(jobOf(id)), onclick: start(id) }, "Analyse all runs"))));
 }
 
 function screen(found, id, wanted, signal) {
@@ -47,9 +48,17 @@ function screen(found, id, wanted, signal) {
       rows.push(row);
       return row;
     })));
+  const notice = h("div");
+  // Whether it is up to date is shown later, because every recording has to be read.
+  get(`/api/experiments/${id}/state`, signal).then((state) => {
+    const stale = Object.values(state.outdated).filter((steps) => steps.length).length;
+    fill(notice, stale > 0 && h("p", { class: "notice row end" }, `The experiment, its robot or its recordings changed after this analysis of ${counted(stale, "run")}.`,
+      h("button", { disabled: Boolean(jobOf(id)), onclick: start(id) }, "Analyse again")));
+  }).catch(say);
   const box = h("div", { class: "stack" },
     h("div", { class: "row end" }, h("div", {}, h("p", { class: "kind" }, "Results"), h("h1", {}, found.name)),
       h("dl", { class: "figures" }, figure("runs measured", runs.length), figure("gap of model and robot", found.gap_mm === null ? "–" : length(found.gap_mm), "gap", found.gap_mm))),
+    notice,
     h("div", { class: "two" },
       h("section", { class: "card" }, h("h2", {}, "Radius against difference of speed"), points.canvas, h("p", { class: "legend small soft" }, h("i", { class: "blue" }), "measured, 95 % interval", h("i", { class: "vermillion dashed" }), "simulated (square)"), h("p", { class: "small soft" }, "Where a square lies outside the interval, model and robot disagree. Click a point to see its run.")),
       h("section", { class: "card" }, h("h2", {}, "Trajectory"), plate.canvas, h("p", { class: "legend small soft" }, h("i", { class: "ink" }), "measured centre", h("i", { class: "vermillion dashed" }), "simulated", h("i", { class: "blue" }), "circle of minimum radius"), h("p", { class: "small soft" }, "Click a point of the path to see its frame."))),

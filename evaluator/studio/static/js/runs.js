@@ -15,7 +15,7 @@ const COLUMNS = [
   { key: "right_rpm", title: "right, rpm", kind: "number" },
   { key: "start_s", title: "start, s", kind: "number" },
   { key: "stop_s", title: "stop, s", kind: "number" },
-  { key: "video", title: "video", kind: "text", list: "recordings" },
+  { key: "video", title: "video", kind: "text", list: "recordings", path: true },
   { key: "group", title: "group", kind: "text" },
   { key: "notes", title: "notes", kind: "text" },
 ];
@@ -69,11 +69,13 @@ export async function show(view, { id, rest, signal }) {
     const job = jobOf(id);
     const start = (kind) => () => { say(""); post(`${path}/jobs`, { kind }).catch(say); };
     const fault = found.faults.some((one) => one.key !== "video");
+    const no_camera = found.faults.some((one) => one.key === "camera"), idle = Boolean(job) || fault || !found.rows.length;
     const todo = outdated ? Object.values(outdated).filter((steps) => steps.length).length : null;
     fill(work,
-      h("button", { class: "main", disabled: Boolean(job) || fault || !found.rows.length, onclick: start("analyse"), title: fault ? "Mend what is marked in the table first" : "Track, measure and simulate every run that is not up to date" },
+      no_camera && h("a", { class: "button", href: `#/x/${id}/camera` }, "Calibrate the camera"),
+      h("button", { class: todo === 0 ? "" : "main", disabled: idle, onclick: start("analyse"), title: fault ? "Mend what is marked in the table first" : "Track, measure and simulate every run that is not up to date" },
         job ? "Working …" : todo ? `Analyse ${todo} of ${found.rows.length} runs` : "Analyse"),
-      h("button", { disabled: Boolean(job) || fault || !found.rows.length, onclick: start("diagnose"), title: "Find the effect that the model lacks" }, "Diagnose"));
+      h("button", { class: todo === 0 ? "main" : "", disabled: idle, onclick: start("diagnose"), title: "Find the effect that the model lacks" }, "Diagnose"));
   };
   const asked = latest(() => get(`${path}/state`, signal), (state) => {
     outdated = state.outdated;
@@ -122,7 +124,8 @@ export async function show(view, { id, rest, signal }) {
     for (const job of mine) {
       const faults = Object.entries(job.summary?.faults ?? {});
       if (faults.length) say(`${faults[0][0]}: ${faults[0][1]}${faults.length > 1 ? ` (and ${faults.length - 1} more runs)` : ""}`);
-      else if (job.state === "done") say(job.kind === "diagnose" ? "The diagnosis is done: see “Diagnosis”." : "All runs are analysed: see “Results”.", true);
+      else if (job.state === "done" && job.kind === "diagnose") say("The diagnosis is done.", true, ["See the diagnosis", `#/x/${id}/diagnosis`]);
+      else if (job.state === "done") say("All runs are analysed.", true, ["See the results", `#/x/${id}/results`]);
     }
     tell();
     if (mine.length) { refresh(); choose(shown ?? 0); }

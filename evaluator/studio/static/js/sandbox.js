@@ -95,5 +95,5 @@ function screen(found, source, signal, undo) {
     h("section", { class: "stack" }, plate.canvas,
       h("div", { class: "row end" }, h("p", { class: "legend small soft" }, h("i", { class: "soft" }), "as it is", h("i", { class: "vermillion" }), "with the changes"), took, h("div", { class: "row" }, add, undo && [undo.undo, undo.redo])),
       slider({ words: "duration", unit: "s", low: 2, high: 30, step: 1, value: 8 }, (value) => { state.duration = value; base = []; }).row,
-      h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ["left / right, rpm", "radius, mm", "with changes", "", "speed, mm/s"].map((text) => h("th", { scope: "col" }, text)))), table))));
+      h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ["left / right, rpm", "radius, mm", "with changes, mm", "change", "speed, mm/s"].map((text) => h("th", { scope: "col" }, text)))), table))));
 }

@@ -3,9 +3,10 @@
 import { fill, h } from "./dom.js";
 
 const MOST_NAMED = 5; // runs with one fault: the cells are marked as well
+const to_end = (input) => requestAnimationFrame(() => { input.scrollLeft = input.scrollWidth; }); // a path is told apart by its end
 const listed = (runs) => (runs.length > MOST_NAMED ? `${runs.slice(0, MOST_NAMED).join(", ")} and ${runs.length - MOST_NAMED} more` : runs.join(", "));
 
-// columns: [{key, title, kind: "number" | "text", list, width}]. edit(edits) writes; chosen(row) when a row is entered.
+// columns: [{key, title, kind: "number" | "text", list, path}]. edit(edits) writes; chosen(row) when a row is entered.
 export function sheet(columns, { edit, chosen, signal }) {
   const body = h("tbody");
   const problems = h("ul", { class: "problems", "aria-live": "polite" });
@@ -35,7 +36,8 @@ export function sheet(columns, { edit, chosen, signal }) {
     let pointed = false; // by the keyboard a cell is entered whole, and typing replaces it
     input.addEventListener("pointerdown", () => { pointed = true; });
     input.addEventListener("focus", () => { if (!pointed) input.select(); pointed = false; if (active !== index) { active = index; mark(); chosen(index); } });
-    return { input, box: h("td", {}, input), text: "" };
+    if (column.path) input.addEventListener("blur", () => to_end(input));
+    return { input, box: h("td", {}, input), text: "", path: column.path };
   };
   const line = (index) => {
     const dot = h("span", { role: "img" }), cells = columns.map((column) => cell(index, column));
@@ -53,7 +55,8 @@ export function sheet(columns, { edit, chosen, signal }) {
       if (input === document.activeElement) input.select();
     }
     input.setCustomValidity("");
-    input.title = fault ?? "";
+    input.title = fault ?? (one.path ? text : "");
+    if (one.path) to_end(input);
     one.box.className = fault ? "fault" : "";
     if (fault) input.setAttribute("aria-invalid", "true"); else input.removeAttribute("aria-invalid");
   };

@@ -5,7 +5,12 @@ import { fill, h } from "./dom.js";
 import { say } from "./say.js";
 
 const AXES = ["x", "y", "z"]; // of a value that is a list
-const words = (key) => String(key).replaceAll("_", " ");
+const UNITS = { percent: "%", g_mm2: "g·mm²" }; // of those that are written otherwise in a file
+const UNIT = /_(percent|g_mm2|mm|m|g|kg|mN|N|deg|rpm|s)$/;
+const words = (key) => {
+  const [, unit] = String(key).match(UNIT) ?? [];
+  return `${String(key).replace(UNIT, "").replaceAll("_", " ")}${unit ? `, ${UNITS[unit] ?? unit}` : ""}`;
+};
 const label = (keys) => keys.map((key) => (typeof key === "number" ? (AXES[key] ?? key + 1) : words(key))).join(", ");
 const heading = (keys) => keys.map((key) => (typeof key === "number" ? key + 1 : words(key))).join(" ");
 
@@ -44,7 +49,7 @@ export function values_form(title, path, signal, { make, changed }) {
     fill(place, [...tables].map(([name, fields]) => {
       const at = JSON.parse(name), entry = typeof at.at(-1) === "number";
       return h("fieldset", { class: "term" }, at.length ? h("legend", { class: "small" }, heading(at)) : null, fields,
-        entry && h("button", { class: "small", "aria-label": `Take ${heading(at)} away`, onclick: () => write(at, null) }, "Take away"));
+        entry && h("button", { class: "small", "aria-label": `Take away ${heading(at)}`, onclick: () => write(at, null) }, "Take away"));
     }));
   };
   const load = async () => { found = await get(path, signal); draw(); };
