@@ -26,7 +26,6 @@ from simulator.run import Run, State
 from simulator.wheel_states import wheel_states
 
 Array = NDArray[np.float64]
-_NO_PLAN = np.zeros((0, 3))
 LARGEST_LOGARITHM = 700.0  # of a double
 # Slip relaxes within milliseconds for a robot of a gram, and within some tenths of a second for one of 50 kg; the state
 # of the motors after earlier commands is known in closed form.
@@ -84,9 +83,7 @@ def _followed(problem: tuple[Any, Array, Array, Array], tolerance_mm: float, mos
     model, knots, state, times = problem
     states = np.empty((len(times), 6))
     # Writable copies: for read-only arrays the kernel would be compiled again.
-    done, steps, grown = integrate_run(
-        model, knots, state.copy(), times.copy(), states, tolerance_mm, _NO_PLAN, False, most_steps
-    )
+    done, steps, grown = integrate_run(model, knots, state.copy(), times.copy(), states, tolerance_mm, most_steps)
     if done != DONE:
         raise SimulationError(
             f"the simulation did not finish within {steps} steps; are the sizes of the effects plausible?"
@@ -230,9 +227,6 @@ class _Problems:
             np.arange(count + 1) * times,
             states.reshape(-1, 6),
             tolerance_mm,
-            np.zeros((count, 0, 3)),
-            np.zeros(count, dtype=np.int64),
-            False,
             most_steps,
         )
         return states

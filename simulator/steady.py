@@ -28,7 +28,6 @@ FORWARD = [(0.5, 0.5), (0.25, 0.25), (0.0, 0.0), (-0.25, -0.25), (0.95, 0.0), (0
 STARTS = [(u, r, p) for u in FORWARD for r in (0.9, 0.5, 0.3, 0.1, 0.0, -0.3) for p in (0.0, 0.5, 0.9)]
 # For the paper's robot: relaxation takes milliseconds, from near standstill tenths of a second.
 SETTLING_S = np.array([0.0, 2.0])
-NO_PLAN = np.zeros((0, 3))
 SAME = 1e-6  # equilibria closer than this share of the largest surface speed are one
 
 
@@ -137,7 +136,7 @@ def settled(model: Any, left: float, right: float, velocity: Array, linear: Arra
     state, out = np.zeros(6), np.empty((2, 6))
     knots = np.array([[0.0, left, right]])
     settling_s = SETTLING_S * float(model["time_unit"])
-    done, _, _ = integrate_run(model, knots, state, settling_s, out, TOLERANCE_MM, NO_PLAN, False, MOST_STEPS)
+    done, _, _ = integrate_run(model, knots, state, settling_s, out, TOLERANCE_MM, MOST_STEPS)
     velocity[:] = state[3:]
     return bool(done == DONE and balanced(model, left, right, velocity, linear) and is_stable(linear))
 

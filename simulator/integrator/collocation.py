@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from simulator.compilation import compiled, counter
+from simulator.compilation import compiled
 from simulator.dynamics.equations import accelerations, slopes
 from simulator.dynamics.motors import drive_at
 from simulator.integrator.rosenbrock import invert3, moved
@@ -162,39 +162,34 @@ def _stays(end: float, tolerance: float, model: Any, work: Any) -> bool:
 
 
 @compiled()
-def collocate(time: float, length: float, tolerance: float, planned: int, model: Any, work: Any) -> tuple[int, float]:
-    """Fill the table for a step from work.y at twist 0; returns the number of sweeps (0: failed) and the next length.
+def collocate(time: float, length: float, tolerance: float, model: Any, work: Any) -> tuple[bool, float]:
+    """Fill the table for a step from work.y at twist 0; returns whether it is accurate, and the next length to try.
 
-    planned: number of sweeps to make without error control, or 0. work.inverse holds the inverse of the derivative of
-    the accelerations by velocity.
+    work.inverse holds the inverse of the derivative of the accelerations by velocity.
     """
     _guess(time, length, model, work)
     before, enough, used = math.inf, SWEPT_SHARE * tolerance / length, 0
-    while used < (planned if planned > 0 else MOST_SWEEPS):
+    while used < MOST_SWEEPS:
         follow(length, work)
         change = sweep(time, length, used > 0 and model.wheels_vary_with_velocity == 0, model, work)
         used += 1
-        if planned > 0:
-            continue
         if not change <= LEAST_GAIN * before or cut_off(length, work.table) > 100.0 * CUT_SHARE * tolerance:
-            return 0, 0.3 * length
+            return False, 0.3 * length
         if used > 1 and change * change <= enough * before:
             break
         before = change
     follow(length, work)
-    if planned > 0:
-        return planned, length
     if used == MOST_SWEEPS or not _stays(time + length, tolerance, model, work):
-        return 0, 0.3 * length
+        return False, 0.3 * length
     factor = 0.9 * (CUT_SHARE * tolerance / (cut_off(length, work.table) + 1e-300)) ** (1.0 / POINTS)
-    return (used if factor > 0.9 else 0), length * min(2.0, max(0.3, factor))
+    return factor > 0.9, length * min(2.0, max(0.3, factor))
 
 
 @compiled()
 def long_step(
     time: float, remaining: float, longest: float, tolerance: float, model: Any, work: Any
-) -> tuple[int, float, float]:
-    """Take the longest possible step; returns its sweeps (0: none possible), its length (or the last tried), the next.
+) -> tuple[bool, float, float]:
+    """Take the longest possible step; returns whether one was possible, its length (or the last tried), the next one.
 
     longest: length to begin with. The remaining time is divided into equal steps.
     """
@@ -202,10 +197,10 @@ def long_step(
     length = longest
     while longest >= SHORTEST_COLLOCATION_S:
         length = remaining / math.ceil(remaining / longest - 1e-9)
-        sweeps, longest = collocate(time, length, tolerance, counter(0), model, work)
-        if sweeps > 0:
-            return sweeps, length, longest
-    return 0, length, length
+        accurate, longest = collocate(time, length, tolerance, model, work)
+        if accurate:
+            return True, length, longest
+    return False, length, length
 
 
 @compiled()

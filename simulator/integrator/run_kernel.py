@@ -16,8 +16,8 @@ import numpy as np
 from simulator.compilation import compiled, counter
 from simulator.dynamics.motors import BEGIN, END, STEADY, command_segments
 from simulator.dynamics.wheel import reset_contacts
-from simulator.integrator.collocation import collocate, go_to_end, long_step, write_polynomials
-from simulator.integrator.rosenbrock import between, invert3, linearize, moved
+from simulator.integrator.collocation import go_to_end, long_step, write_polynomials
+from simulator.integrator.rosenbrock import between, linearize, moved
 from simulator.integrator.slow_manifold import is_off, near_manifold, settle, write_arc
 from simulator.integrator.stability import growth_rate
 from simulator.integrator.step_control import first_step, is_resting, short_step, shrinking
@@ -32,9 +32,6 @@ CHATTERING_SHARE = 3e-3
 # are discontinuous at this state (extreme motor droop), and that the equations have no solution beyond it.
 STALLED_STEP_S, MOST_STALLED = 2e-9, 60
 DONE, FAILED = 0, 1
-# Methods in a plan, which has a row per step (number of the segment, length, method): these, or the number of
-# collocation sweeps.
-ROSENBROCK, STICKING = 0, -1
 
 
 @compiled(shared=True)
@@ -45,31 +42,25 @@ def integrate_run(
     times: Any,
     out: Any,
     tolerance: float,
-    plan: Any,
-    replay: bool,
     most_steps: int,
 ) -> tuple[int, int, float]:
     """Integrate from state (6: pose, velocity) at times[0] to times[-1]; fills out (n, 6) and updates state.
 
-    plan: (m, 3) of segment, step and method. It is filled with the accepted steps; with replay it prescribes them, so
-    that the result is a smooth function of model and state. Arguments are in mm and s and converted to the units of the
-    model (simulator.dynamics.scale); tolerance is in its unit of length. Returns DONE or FAILED, the number of steps in
-    the plan, and the logarithm of the largest factor by which a small disturbance of the velocity grows after a break
-    of the command.
+    Arguments are in mm and s and converted to the units of the model (simulator.dynamics.scale); tolerance is in its
+    unit of length. Returns DONE or FAILED, the number of steps taken, and the logarithm of the largest factor by which
+    a small disturbance of the velocity grows after a break of the command.
     """
     holder = new_work(model)
     unit = model.time_unit
     if unit == 1.0:
         segments = command_segments(knots, times[0], times[-1], model)
-        return _through(model, segments, state, times, out, tolerance, plan, replay, most_steps, holder)
+        return _through(model, segments, state, times, out, tolerance, most_steps, holder)
     inside = np.empty(len(times))  # in a loop: array expressions would add error texts to the compiled code
     for row in range(len(times)):
         inside[row] = times[row] / unit
     segments = command_segments(_scaled_knots(knots, unit), inside[0], inside[-1], model)
     _scale_row(state, 1.0 / unit)
-    _scale_steps(plan, 1.0 / unit)  # units are powers of two: undone later without rounding
-    done, used, grown = _through(model, segments, state, inside, out, tolerance, plan, replay, most_steps, holder)
-    _scale_steps(plan, unit)
+    done, used, grown = _through(model, segments, state, inside, out, tolerance, most_steps, holder)
     _scale_row(state, unit)
     for row in range(len(out)):
         _scale_row(out[row], unit)
@@ -97,13 +88,6 @@ def _scale_row(state: Any, unit: float) -> None:
 
 
 @compiled()
-def _scale_steps(plan: Any, unit: float) -> None:
-    """Multiply the step lengths of a plan (m, 3) by a unit."""
-    for row in range(len(plan)):
-        plan[row, 1] *= unit
-
-
-@compiled()
 def _through(
     model: Any,
     segments: Any,
@@ -111,8 +95,6 @@ def _through(
     times: Any,
     out: Any,
     tolerance: float,
-    plan: Any,
-    replay: bool,
     most_steps: int,
     holder: Any,
 ) -> tuple[int, int, float]:
@@ -127,7 +109,7 @@ def _through(
         copy(segments[number], work.segment)
         work.grown = 0.0
         rows = row, output_rows(times, row, segments[number, END], number == len(segments) - 1)
-        used = _through_segment(model, number, times, rows, out, tolerance, plan, replay, used, most_steps, work)
+        used = _through_segment(model, times, rows, out, tolerance, used, most_steps, work)
         row = rows[1]
         if used < 0:
             return FAILED, -used, grown
@@ -148,13 +130,10 @@ def output_rows(times: Any, row: int, until: float, last: bool) -> int:
 @compiled()
 def _through_segment(
     model: Any,
-    number: int,
     times: Any,
     rows: tuple[int, int],
     out: Any,
     tolerance: float,
-    plan: Any,
-    replay: bool,
     used: int,
     most_steps: int,
     work: Any,
@@ -165,37 +144,28 @@ def _through_segment(
     time, step, longest, resume, creeping, stalled = begin, 0.0, math.inf, begin, 0, 0
     while time < end:
         remaining = end - time
-        planned = replay and used < len(plan) and int(plan[used, 0]) == number
-        expected, method = min(remaining, plan[used, 1] if planned else step), int(plan[used, 2]) if planned else 0
-        linearize(time, expected > _unvaried_step(tolerance), model, work)
-        length, wanted = expected, 0.0
-        if planned and method > 0:
-            invert3(work.linear[1:4], work.inverse)
-            collocate(time, length, tolerance, method, model, work)
-        elif not planned and near_manifold(tolerance, closed or is_off(time, model, work), model, work):
+        linearize(time, min(remaining, step) > _unvaried_step(tolerance), model, work)
+        length, wanted, collocated = 0.0, 0.0, False
+        if near_manifold(tolerance, closed or is_off(time, model, work), model, work):
             if closed and settle(time, model, work):
                 write_arc(out, times, (row, rows[1]), time, remaining, work)
                 return used
             if not closed and time >= resume:
-                method, length, longest = long_step(time, remaining, longest, tolerance, model, work)
-                resume = time if method > 0 else time + length
-        if method <= 0:
-            sticking = method == STICKING if planned else creeping >= MOST_CREEPING
-            asked = expected if planned else _asked_step(time, step, tolerance, model, work)
-            length, wanted, sticking = short_step(time, asked, remaining, tolerance, planned, sticking, model, work)
-            method = STICKING if sticking else ROSENBROCK
+                collocated, length, longest = long_step(time, remaining, longest, tolerance, model, work)
+                resume = time if collocated else time + length
+        if not collocated:
+            asked = _asked_step(time, step, tolerance, model, work)
+            length, wanted = short_step(time, asked, remaining, tolerance, creeping >= MOST_CREEPING, model, work)
             work.grown += work.growth * length
             moving = not is_resting(work.y, model)
             creeping = creeping + 1 if moving and length < _creeping_step(time - begin, tolerance) else 0
             stalled = stalled + 1 if moving and length < STALLED_STEP_S * min(shrinking(tolerance), remaining) else 0
         if length == 0.0 or stalled >= MOST_STALLED or used >= most_steps:
             return -used - 1
-        if not replay and used < len(plan):
-            plan[used, 0], plan[used, 1], plan[used, 2] = number, length, method
         used += 1
         following = end if length >= remaining * (1.0 - 1e-12) else time + length
         until = rows[1] if following == end else output_rows(times, row, following, following == end)
-        _write_step(out, times, (row, until), time, length, method, work)
+        _write_step(out, times, (row, until), time, length, collocated, work)
         row, time, step = until, following, wanted
     return used
 
@@ -230,9 +200,11 @@ def _asked_step(time: float, step: float, tolerance: float, model: Any, work: An
 
 
 @compiled()
-def _write_step(out: Any, times: Any, rows: tuple[int, int], time: float, step: float, method: int, work: Any) -> None:
+def _write_step(
+    out: Any, times: Any, rows: tuple[int, int], time: float, step: float, collocated: bool, work: Any
+) -> None:
     """Write the outputs within the step just taken, and move the run to its end."""
-    if method > 0:
+    if collocated:
         write_polynomials(out, times, rows, time, step, work.table)
         go_to_end(work)
         return

@@ -85,15 +85,11 @@ def first_step(linear: Any, tolerance: float) -> float:
 
 
 @compiled()
-def smooth_step(
-    time: float, step: float, tolerance: float, planned: bool, model: Any, work: Any
-) -> tuple[float, float]:
+def smooth_step(time: float, step: float, tolerance: float, model: Any, work: Any) -> tuple[float, float]:
     """Take a Rosenbrock step; returns its length, 0 where friction changes too abruptly, and the next length to try."""
     resting = is_resting(work.y, model)
     for _ in range(MOST_RESTING_TRIES if resting else MOST_TRIES):
         taken = attempt(time, step, model, work)
-        if planned and taken:
-            return step, step
         norm = error_norm(step, tolerance, model, work) if taken else 1e6
         factor = min(6.0, max(0.15, 0.9 * (norm + 1e-12) ** -0.25))
         if norm <= 1.0:
@@ -105,14 +101,10 @@ def smooth_step(
 
 
 @compiled()
-def sticking_step(
-    time: float, step: float, tolerance: float, planned: bool, model: Any, work: Any
-) -> tuple[float, float]:
+def sticking_step(time: float, step: float, tolerance: float, model: Any, work: Any) -> tuple[float, float]:
     """Take a pair of implicit Euler steps; returns the length, 0 if none was accepted, and the next length to try."""
     for _ in range(60):
         taken = euler_pair(time, step, model, work)
-        if planned and taken:
-            return step, step
         norm = error_norm(step, tolerance, model, work) if taken else 1e6
         factor = min(4.0, max(0.2, 0.9 * (norm + 1e-12) ** -0.5))
         if norm <= 1.0:
@@ -127,18 +119,16 @@ def short_step(
     step: float,
     remaining: float,
     tolerance: float,
-    planned: bool,
     sticking: bool,
     model: Any,
     work: Any,
-) -> tuple[float, float, bool]:
-    """Take a step of either kind; returns its length (0: none accepted), the next length, whether a wheel sticks."""
+) -> tuple[float, float]:
+    """Take a step of either kind; returns its length (0: none accepted) and the next length to try."""
     if not sticking:
-        tried, wanted = smooth_step(time, min(step, remaining), tolerance, planned, model, work)
+        tried, wanted = smooth_step(time, min(step, remaining), tolerance, model, work)
         if tried > 0.0:
-            return tried, wanted, False
-    if not planned:
-        step = max(step, SHORTEST_STEP_S * shrinking(tolerance))
-    tried, wanted = sticking_step(time, min(step, remaining), tolerance, planned, model, work)
+            return tried, wanted
+    step = max(step, SHORTEST_STEP_S * shrinking(tolerance))
+    tried, wanted = sticking_step(time, min(step, remaining), tolerance, model, work)
     work.stages[:] = 0.0  # outputs within the step are on the straight line
-    return tried, wanted, True
+    return tried, wanted

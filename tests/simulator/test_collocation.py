@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot
 from simulator.effects.entry import EffectEntry
-from simulator.integrator.batch import Trials
+from simulator.integrator.run_kernel import DONE, MOST_STEPS, integrate_run
 from simulator.robot import Robot
 from simulator.simulation import simulate
 from tests.simulator.effect_probe import with_effects
@@ -93,29 +94,34 @@ def test_runs_with_effects_agree_with_independent_solvers(solver: Solver, id_: s
 )
 def test_half_a_run_over_a_varying_plate_is_one_step_beyond_those_of_the_start(effect: dict[str, object]) -> None:
     times = np.linspace(0.0, 10.0, 601)
-    trials = Trials([Command.steps([(0.0, LEFT, RIGHT), (5.0, -LEFT, -RIGHT)])], [times])
-    model = compile_robot(with_effects("barrel", effect))
-    plan = trials.plan(model, np.zeros(6), 1e-6)
-    steps = plan.steps[0, : plan.count[0]]
-    assert (steps[:, 1] > 1.0).sum() == 2
-    assert len(steps) < 40
-    # Outputs within the two steps are as good as their ends.
-    truth = trials.states(model, np.zeros(6), tolerance_mm=1e-10)
-    assert np.abs(trials.states(model, np.zeros(6), plan) - truth)[:, :2].max() < 5e-6
-    assert np.abs(trials.states(model, np.zeros(6), plan) - truth)[10:300, 3:].max() < 1e-6
+    model = compile_robot(with_effects("barrel", effect))[0]
+    command = Command.steps([(0.0, LEFT, RIGHT), (5.0, -LEFT, -RIGHT)])
+    states, steps = states_and_steps(model, command, times, 1e-6)
+    assert steps < 40
+    # Outputs within the long steps are as good as their ends.
+    truth, _ = states_and_steps(model, command, times, 1e-10)
+    assert np.abs(states - truth)[:, :2].max() < 5e-6
+    assert np.abs(states - truth)[10:300, 3:].max() < 1e-6
 
 
 def test_wheel_that_turns_over_on_a_varying_plate_is_stepped_over_and_collocation_goes_on() -> None:
     # The right command goes through zero halfway; there friction bends within microseconds.
     robot = with_effects("barrel", {"id": "plate-tilt", "angle_deg": 4.0, "azimuth_deg": 40.0})
-    trials = Trials([Command(np.array([0.0, 2.0]), np.array([30.0, 30.0]), np.array([-20.0, 20.0]))], [TIMES_S])
-    model = compile_robot(robot)
-    plan = trials.plan(model, np.zeros(6), 1e-8)
-    steps = plan.steps[0, : plan.count[0]]
-    long = np.flatnonzero(steps[:, 2] > 0)
-    assert (np.diff(long) > 1).any()
-    truth = trials.states(model, np.zeros(6), tolerance_mm=1e-10)
-    assert np.abs(trials.states(model, np.zeros(6), plan) - truth)[:, :2].max() < 1e-6
+    command = Command(np.array([0.0, 2.0]), np.array([30.0, 30.0]), np.array([-20.0, 20.0]))
+    model = compile_robot(robot)[0]
+    states, ramp = states_and_steps(model, command, TIMES_S, 1e-8)
+    truth, _ = states_and_steps(model, command, TIMES_S, 1e-10)
+    assert np.abs(states - truth)[:, :2].max() < 1e-6
+    _, steps = states_and_steps(model, command, 6 * TIMES_S, 1e-8)
+    assert steps < ramp + 4  # short steps alone take 48 more for the next 10 s
+
+
+def states_and_steps(model: Any, command: Command, times_s: np.ndarray, tolerance_mm: float) -> tuple[np.ndarray, int]:
+    """States (n, 6) of a run from rest, and how many steps it took."""
+    out = np.empty((len(times_s), 6))
+    done, steps, _ = integrate_run(model, command.knots, np.zeros(6), times_s.copy(), out, tolerance_mm, MOST_STEPS)
+    assert done == DONE
+    return out, steps
 
 
 def test_robot_whose_wheels_begin_to_turn_against_each_other_leaves_rest_at_once() -> None:

@@ -28,8 +28,7 @@ ONE_KIND = """
 import numpy as np
 from simulator.command import Command
 from simulator.simulation import simulate, simulate_batch
-from simulator.integrator.batch import Trials, integrate_some
-from simulator.dynamics.model import compile_robot
+from simulator.integrator.batch import integrate_some
 from simulator.integrator.run_kernel import integrate_run
 from simulator.robot import load_robot
 from simulator.steady import steady_turn
@@ -39,9 +38,6 @@ robot, command, times = load_robot("barrel"), Command.constant(20.0, 30.0), np.l
 steady_turn(robot, 20.0, 30.0)
 simulate(robot, command, times).to_table()
 simulate_batch([robot], [command] * 2, times, summary=True)
-trials = Trials([command], [times])
-plan = trials.plan(compile_robot(robot), np.zeros(6))
-trials.states(compile_robot(robot), np.zeros(6), plan)
 print([len(kernel.signatures) for kernel in (integrate_run, integrate_some, _fill)])
 """
 

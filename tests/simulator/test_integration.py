@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot
-from simulator.integrator.batch import Trials
 from simulator.robot import load_robot
 from simulator.run import Run, State
 from simulator.simulation import simulate, simulate_batch
@@ -133,7 +132,7 @@ def test_ramp_and_command_log_give_what_their_integral_says(tmp_path: Path) -> N
         assert run.x_mm[-1] == pytest.approx(1.5 * 30 * 2 * np.pi * 0.5 / 60, rel=1e-3)
 
 
-def test_batch_and_trials_repeat_single_runs_exactly() -> None:
+def test_a_batch_repeats_single_runs_exactly() -> None:
     robot = load_robot("barrel")
     commands = [Command.constant(20.0 + k, 30.0 - 2 * k) for k in range(5)]
     starts = np.zeros((5, 6))
@@ -143,27 +142,6 @@ def test_batch_and_trials_repeat_single_runs_exactly() -> None:
     assert np.array_equal(batch.states[:, :, :3], singles)
     ends = simulate_batch([robot], commands, TIMES_S, starts, summary=True)
     assert np.allclose(ends.final, batch.final, atol=1e-12)
-    trials = Trials(commands, [TIMES_S] * 5)
-    stacked = trials.states(compile_robot(robot), starts).reshape(5, -1, 6)
-    assert np.array_equal(stacked[:, :, :3], singles)
-
-
-def test_replayed_plan_is_a_smooth_function_of_an_effect() -> None:
-    robot = load_robot("barrel")
-    commands = [Command.steps([(0.0, 33.3, 14.4), (1.0, -20.0, -35.0)]), Command.constant(50.0, 45.0, 0.2)]
-    trials = Trials(commands, [TIMES_S] * 2)
-
-    def seen(angle: float) -> np.ndarray:
-        tilted = with_effects(robot, {"id": "plate-tilt", "angle_deg": angle, "azimuth_deg": 40.0})
-        return trials.states(compile_robot(tilted), np.zeros(6), plan)[:, :3]
-
-    base = with_effects(robot, {"id": "plate-tilt", "angle_deg": 2.0, "azimuth_deg": 40.0})
-    plan = trials.plan(compile_robot(base), np.zeros(6))
-    slopes = [(seen(2.0 + step) - seen(2.0 - step)) / (2 * step) for step in (1e-3, 1e-4)]
-    assert np.abs(slopes[1]).max() > 1e-3
-    assert np.abs(slopes[0] - slopes[1]).max() < 3e-4 * np.abs(slopes[1]).max()
-    free = trials.states(compile_robot(base), np.zeros(6))[:, :3]
-    assert np.abs(seen(2.0) - free).max() < 1e-9
 
 
 def test_second_process_does_not_compile() -> None:

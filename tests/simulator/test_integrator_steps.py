@@ -198,9 +198,9 @@ def test_a_step_is_tried_again_by_the_root_of_its_error_and_grows_by_it(
 ) -> None:
     take, fast = getattr(CONTROL, kind), worked((5.0, 0.0, 0.0))
 
-    def sizes(taken: list[bool], norms: list[float], planned: bool = False) -> tuple[list[float], Any]:
+    def sizes(taken: list[bool], norms: list[float]) -> tuple[list[float], Any]:
         tried = stepping(monkeypatch, name, taken, norms)
-        found = take(0.0, 1.0, 1e-6, planned, MODEL, fast)
+        found = take(0.0, 1.0, 1e-6, MODEL, fast)
         return tried, found
 
     for norm in (1.0, 0.5, 1e-9):
@@ -211,7 +211,6 @@ def test_a_step_is_tried_again_by_the_root_of_its_error_and_grows_by_it(
     shrunk = [1.0, 0.9 * 5.0**-power, 0.7 * 0.9 * 5.0**-power, least * 0.7 * 0.9 * 5.0**-power]
     assert tried == pytest.approx(shrunk)
     assert (step, wanted) == pytest.approx((shrunk[-1], shrunk[-1] * min(0.9 * 0.2**-power, most)))
-    assert sizes([False, True], [0.0, 1e9], planned=True) == ([1.0, least], (least, least))
     assert sizes([False, False, True], [0.5])[0] == pytest.approx([1.0, least, least**2])
 
 
@@ -219,13 +218,13 @@ def test_a_smooth_step_gives_up_after_four_tries_or_below_two_microseconds_but_n
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     tried = stepping(monkeypatch, "attempt", [True], [3.0])
-    assert CONTROL.smooth_step(0.0, 1.0, 1e-6, False, MODEL, worked((5.0, 0.0, 0.0))) == (0.0, 0.0)
+    assert CONTROL.smooth_step(0.0, 1.0, 1e-6, MODEL, worked((5.0, 0.0, 0.0))) == (0.0, 0.0)
     assert len(tried) == 4
     tried = stepping(monkeypatch, "attempt", [True], [3.0])
-    assert CONTROL.smooth_step(0.0, 4e-6, 1e-6, False, MODEL, worked((5.0, 0.0, 0.0))) == (0.0, 0.0)
+    assert CONTROL.smooth_step(0.0, 4e-6, 1e-6, MODEL, worked((5.0, 0.0, 0.0))) == (0.0, 0.0)
     assert len(tried) == 2  # 2.7e-6 and 1.9e-6
     tried = stepping(monkeypatch, "attempt", [True], [3.0])
-    assert CONTROL.smooth_step(0.0, 4e-6, 1e-6, False, MODEL, worked((0.0, 0.0, 0.0))) == (0.0, 0.0)
+    assert CONTROL.smooth_step(0.0, 4e-6, 1e-6, MODEL, worked((0.0, 0.0, 0.0))) == (0.0, 0.0)
     assert len(tried) == 60
 
 
@@ -235,22 +234,22 @@ def test_a_sticking_step_follows_where_no_smooth_one_is_taken(monkeypatch: pytes
     def kind(name: str, tried: float) -> Callable[..., tuple[float, float]]:
         return lambda _time, step, *_: asked.append((name, step)) or (tried, 2 * tried)
 
-    def short(smooth: float, step: float, *, planned: bool = False, sticking: bool = False) -> Any:
+    def short(smooth: float, step: float, *, sticking: bool = False) -> Any:
         asked.clear()
         monkeypatch.setattr(CONTROL, "smooth_step", kind("smooth", smooth))
         monkeypatch.setattr(CONTROL, "sticking_step", kind("sticking", 0.3))
         work.stages[:] = 1.0
-        return CONTROL.short_step(0.0, step, 0.5, 1e-6, planned, sticking, MODEL, work)
+        return CONTROL.short_step(0.0, step, 0.5, 1e-6, sticking, MODEL, work)
 
     work = worked((5.0, 0.0, 0.0))
-    assert short(0.2, 0.7) == (0.2, 0.4, False)
+    assert short(0.2, 0.7) == (0.2, 0.4)
     assert asked == [("smooth", 0.5)]  # what remains
     assert work.stages.all()
-    assert short(0.0, 1e-7) == (0.3, 0.6, True)
+    assert short(0.0, 1e-7) == (0.3, 0.6)
     assert asked == [("smooth", 1e-7), ("sticking", pytest.approx(2e-6))]
     assert not work.stages.any()
-    assert short(0.2, 1e-7, planned=True, sticking=True) == (0.3, 0.6, True)
-    assert asked == [("sticking", 1e-7)]
+    assert short(0.2, 0.4, sticking=True) == (0.3, 0.6)
+    assert asked == [("sticking", 0.4)]
 
 
 def test_the_end_of_a_relaxation_is_the_steady_velocity_and_the_way_that_is_left(

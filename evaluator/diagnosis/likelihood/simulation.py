@@ -197,7 +197,6 @@ def _integrated(
     tolerance_mm: float,
 ) -> Floats:
     """States (edges[-1], 6) of runs from states (n, 6) at the first of their times; chosen: their models and knots."""
-    count = len(states)
     out = np.empty((len(times_s), 6))
     integrate_many(
         models,
@@ -210,9 +209,6 @@ def _integrated(
         edges,
         out,
         tolerance_mm,
-        np.zeros((count, 0, 2)),
-        np.zeros(count, dtype=np.int64),
-        False,
         MOST_STEPS,
     )
     return out

@@ -83,14 +83,12 @@ def simulate_run() -> None:
     import numpy as np
 
     from simulator.command import Command
-    from simulator.dynamics.model import compile_robot
-    from simulator.integrator.batch import Trials
     from simulator.robot import load_robot
-    from simulator.simulation import simulate
+    from simulator.simulation import simulate, simulate_batch
 
     robot, command, times_s = load_robot("barrel"), Command.constant(33.3, 14.4), np.linspace(0.0, 1.0, 61)
     simulate(robot, command, times_s).to_table()
-    Trials([command], [times_s]).states(compile_robot(robot), np.zeros(6))
+    simulate_batch([robot], [command], times_s)
 
 
 def measure_turn(video: Path) -> None:
