@@ -28,7 +28,7 @@ from simulator.dynamics.model import compile_robot
 from simulator.dynamics.wheel import fresh_contacts
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.entry import EffectEntry
-from simulator.integrator.batch import Trials
+from simulator.integrator.run_kernel import MOST_STEPS, integrate_run
 from simulator.robot import Robot, load_robot
 from simulator.simulation import simulate, simulate_batch
 from simulator.steady import steady_map
@@ -135,23 +135,21 @@ def batches() -> None:
 
 def effects() -> None:
     """A run as fits see it: nominal, with several effects, and with each effect of the catalogue."""
-    numba.set_num_threads(1)  # one run needs no second thread, and waiting for one would be all that is measured
-    robot = load_robot("barrel")
-    trials = Trials([Command.steps([(0.0, 33.3, 14.4), (5.0, -33.3, -14.4)])], [TIMES_S])
+    robot, command = load_robot("barrel"), Command.steps([(0.0, 33.3, 14.4), (5.0, -33.3, -14.4)])
+    out = np.empty((len(TIMES_S), 6))
 
-    def replay(chosen: dict[str, dict[str, float]]) -> Callable[[], object]:
+    def run_with(chosen: dict[str, dict[str, float]]) -> Callable[[], object]:
         entries = tuple(EffectEntry.model_validate({"id": id_, **values}) for id_, values in chosen.items())
-        model = compile_robot(robot.model_copy(update={"effect": entries}))
-        plan = trials.plan(model, np.zeros(6), 1e-6)
-        return lambda: trials.states(model, np.zeros(6), plan)
+        model = compile_robot(robot.model_copy(update={"effect": entries}))[0]
+        return lambda: integrate_run(model, command.knots, np.zeros(6), TIMES_S, out, 1e-6, MOST_STEPS)
 
-    calls = {"nominal": replay({}), f"with {', '.join(SEVERAL)}": replay(SEVERAL)}
+    calls = {"nominal": run_with({}), f"with {', '.join(SEVERAL)}": run_with(SEVERAL)}
     for id_, effect in EFFECTS.items():
         if effect.kind != "observation":
-            calls[id_] = replay({id_: {item.name: item.absent + 5 * item.step for item in effect.parameters}})
+            calls[id_] = run_with({id_: {item.name: item.absent + 5 * item.step for item in effect.parameters}})
     taken = in_turns(calls, dict.fromkeys(calls, 300))
     nominal = taken.pop("nominal")
-    print(f"\nreplayed run of 10 s for fits: nominal {1e3 * nominal[0]:.3f} ms")
+    print(f"\nrun of 10 s for fits: nominal {1e3 * nominal[0]:.3f} ms")
     for label, (wall, _) in taken.items():
         print(f"  {label:22s} {wall / nominal[0]:5.2f}x nominal")
 
