@@ -39,6 +39,8 @@ TIMES_S = np.linspace(0.0, 10.0, 601)
 CASES = (("tire", 70.0, 100.0), ("barrel", 33.3, 14.4))
 SEVERAL = {"plate-tilt": {"angle_deg": 2.0, "azimuth_deg": 40.0}, "magnet-imbalance": {"left_over_right": 1.1}}
 SEVERAL |= {"tether-pull": {"x_mN": 0.1, "y_mN": 0.2}}
+# Five steps from the robot's start a magnet catches the robot, whose wheels then chatter.
+FAR = {"stray-magnet": {"x_mm": 20.0, "y_mm": 15.0}}
 DIAGNOSED: list[list[str]] = [
     [],
     ["plate-tilt", "drive-speed-mismatch"],
@@ -146,7 +148,8 @@ def effects() -> None:
     calls = {"nominal": run_with({}), f"with {', '.join(SEVERAL)}": run_with(SEVERAL)}
     for id_, effect in EFFECTS.items():
         if effect.kind != "observation":
-            calls[id_] = run_with({id_: {item.name: item.absent + 5 * item.step for item in effect.parameters}})
+            sizes = {item.name: item.absent + 5 * item.step for item in effect.parameters}
+            calls[id_] = run_with({id_: sizes | FAR.get(id_, {})})
     taken = in_turns(calls, dict.fromkeys(calls, 300))
     nominal = taken.pop("nominal")
     print(f"\nrun of 10 s for fits: nominal {1e3 * nominal[0]:.3f} ms")
