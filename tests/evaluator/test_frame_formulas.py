@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evaluator.errors import InputError
 from evaluator.recording import seek
 from evaluator.recording.fields import field_order, fields_of
 from evaluator.recording.frame import Frame
 from evaluator.recording.groups import Groups, groups_of
+from evaluator.recording.images import _planes
 from evaluator.recording.layout import _same
 from evaluator.recording.seek import Contents, Frames, _Seeking
 from evaluator.recording.timing import clock_runs, in_order, summarise
@@ -48,6 +50,20 @@ def test_colours_come_back_from_the_equations_of_their_standard(
     image = seen.to_rgb()
     assert image.shape == (3, 12, 3)
     assert np.abs(image[1].astype(float) - np.repeat(COLORS, 2, axis=0)).max() <= 2.0
+
+
+@pytest.mark.parametrize("depth", [8, 16])
+def test_an_image_is_the_frame_that_shows_its_colours(depth: int) -> None:
+    kind, unit = (np.uint8, 1) if depth == 8 else (np.uint16, 257)
+    image = (unit * np.tile(COLORS[:, ::-1], (2, 1, 1))).astype(kind)  # blue, green, red
+    luma, u, v, found = _planes(image, "a.png")
+    assert found == depth
+    assert np.abs(frame(luma, u, v, depth, full_range=True).to_rgb().astype(float) - COLORS).max() <= 2.0
+    grey, *colors = _planes(image[..., 0], "a.png")
+    np.testing.assert_array_equal(grey, image[..., 0])
+    assert colors == [None, None, depth]
+    with pytest.raises(InputError, match="float32"):
+        _planes(image.astype(np.float32), "a.png")
 
 
 def test_grey_frames_and_fields_have_their_time_size_and_lines() -> None:

@@ -86,7 +86,7 @@ def _pieces(jumps: NDArray[np.bool_], still: NDArray[np.bool_]) -> list[slice]:
         while after < len(still) and still[after]:
             after += 1
         # The first frame of a rest is where the mark truly was.
-        cuts |= {before + 1 if before < k else int(k) + 1, after + 1 if after > k + 1 else int(k) + 1}
+        cuts |= {before + 1, after + 1 if after > k + 1 else int(k) + 1}
     ordered = sorted(cuts)
     return [slice(first, last) for first, last in pairwise(ordered)]
 

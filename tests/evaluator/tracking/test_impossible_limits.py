@@ -7,8 +7,9 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from evaluator.tracking.following.background import on_one_body, stays, strangers
-from evaluator.tracking.following.jumps import off_course
+from evaluator.tracking.following import jumps as module
+from evaluator.tracking.following.background import on_one_body, stays, strangers, travels
+from evaluator.tracking.following.jumps import _pieces, off_course
 
 TIMES = np.arange(120) / 30.0
 
@@ -78,3 +79,42 @@ def test_two_that_part_by_three_fifths_of_their_steps_are_no_body(share: float, 
     along = sqrt((part / share) ** 2 - (part / 2) ** 2)  # each step: 1 / share
     one, other = (np.stack([side * (20.0 + part / 2 * k), along * k], axis=1) for side in (-1.0, 1.0))
     assert strangers(one, other, 6.0) == apart
+
+
+@pytest.mark.parametrize(("turn_deg", "moves"), [(27.0, True), (31.0, False), (-27.0, True)])
+def test_a_mark_that_steps_by_more_than_its_radius_travels_where_it_turns_by_28_degrees_a_frame_at_most(
+    turn_deg: float, *, moves: bool
+) -> None:
+    """Steps of 20 px that turn so differ by half of themselves: 2·sin(14.5°)."""
+    steps = 20.0 * np.exp(1j * np.radians(turn_deg) * np.arange(119))
+    way = np.concatenate([[0.0], np.cumsum(steps)])
+    assert travels(np.stack([way.real, way.imag], axis=1), 6.0) == moves
+
+
+def test_a_track_is_cut_at_a_jump_and_where_standing_beside_it_begins_and_ends() -> None:
+    """The first frame of a rest is where the mark truly was, and the first that moves again is, too."""
+
+    def frames(jumps: list[int], still: list[int]) -> list[tuple[int, int]]:
+        flags = [np.isin(np.arange(19), rows) for rows in (jumps, still)]
+        return [(piece.start, piece.stop) for piece in _pieces(flags[0], flags[1])]
+
+    assert frames([5], []) == [(0, 6), (6, 20)]
+    assert frames([5], [3, 4]) == [(0, 4), (4, 6), (6, 20)]
+    assert frames([5], [6, 7]) == [(0, 6), (6, 9), (9, 20)]
+    assert frames([5], [3, 4, 6, 7]) == [(0, 4), (4, 6), (6, 9), (9, 20)]
+    assert frames([0, 18], [1, 17]) == [(0, 1), (1, 3), (3, 18), (18, 19), (19, 20)]
+    assert frames([5], [2, 9]) == [(0, 6), (6, 20)]
+
+
+@pytest.mark.parametrize(("share", "stands"), [(0.2, True), (0.3, False)])
+def test_a_mark_stands_that_moves_less_than_a_quarter_of_its_usual_step(
+    share: float, *, stands: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[np.ndarray] = []
+    monkeypatch.setattr(module, "_pieces", lambda jumps, still: seen.append(still) or _pieces(jumps, still))
+    step = np.full(119, 4.0)
+    step[50:55] = share * 4.0
+    step[55] = 40.0
+    points = np.stack([np.concatenate([[0.0], np.cumsum(step)]), np.full(120, 50.0)], axis=1)
+    off_course(TIMES, points, 2.0)
+    assert seen[0][50:55].all() == seen[0].any() == stands
