@@ -1,0 +1,137 @@
+"""Phases of a log, runs of a circular test and lines about tables, in closed form and without files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evaluator.errors import InputError
+from evaluator.interchange.commands import RunCommand
+from evaluator.mark_geometry import MarkGeometry
+from evaluator.turning.clock import CommandDelay
+from evaluator.workflow.circular import runs as circular
+from evaluator.workflow.runs import phases
+from evaluator.workflow.runs.phases import _stretches, rows_of
+from evaluator.workflow.turning_tables import _mm_per_px, _phase_line
+from simulator.command import Command
+
+TIME_S = np.arange(301) / 60
+STEPS = [(0.0, 30.0, 20.0), (1.0, 0.0, 0.0), (2.0, -20.0, 30.0), (2.2, 50.0, 50.0)]
+LOG = RunCommand(Command.steps(STEPS), logged=True)
+
+
+@pytest.mark.parametrize(
+    ("late", "limits"),
+    [
+        (CommandDelay(), [(0.0, 1.0), (2.0, 2.2), (2.2, 5.0)]),
+        (CommandDelay(0.05, 0.0, 0.1), [(0.1, 1.0), (2.3, 5.0)]),  # six frames are no phase
+        (CommandDelay(-0.06, -0.11, -0.01), [(0.0, 0.89), (2.19, 5.0)]),
+    ],
+)
+def test_phases_are_as_late_as_the_motion_and_leave_out_what_may_belong_to_a_change(
+    late: CommandDelay, limits: list[tuple[float, float]]
+) -> None:
+    found = list(_stretches(LOG, TIME_S, late))
+    assert [(TIME_S[one.frames.start], TIME_S[one.frames.stop - 1]) for one in found] == [
+        pytest.approx((begin, end), abs=1.01 / 60) for begin, end in limits
+    ]
+    for number, (one, (begin, end)) in enumerate(zip(found, limits, strict=True), 1):
+        inside = TIME_S[one.frames]
+        assert begin - 1e-9 <= inside[0]
+        assert inside[-1] <= end + 1e-9
+        assert (one.head["phase"], one.head["phase_start_s"], one.head["phase_stop_s"]) == (
+            number,
+            inside[0],
+            inside[-1],
+        )
+        assert (
+            (one.head["left_rpm"], one.head["right_rpm"])
+            == (one.left_rpm, one.right_rpm)
+            == LOG.command.at(begin + 0.05)
+        )
+        assert (one.head["late_s"], one.head["late_low_s"], one.head["late_high_s"]) == (
+            pytest.approx((late.value_s, late.low_s, late.high_s), nan_ok=True)
+        )
+
+
+@pytest.mark.parametrize(("frames", "is_one"), [(11, False), (12, True)])
+def test_a_phase_has_twelve_frames(frames: int, is_one: bool) -> None:
+    assert bool(list(_stretches(LOG, TIME_S[:frames], CommandDelay()))) == is_one
+
+
+def test_a_log_without_a_phase_says_why() -> None:
+    poses: Any = SimpleNamespace(measured=np.arange(40) < 33)
+    (row,) = rows_of([], poses, None)
+    assert row["radius_status"] == (
+        "its log of commands holds nothing with a motor on for 12 frames of the recording, which has 33 with a pose"
+    )
+
+
+def test_a_delay_is_told_by_the_changes_of_the_log_and_the_poses_that_are_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def delay(times: np.ndarray, pose: np.ndarray, changes: list[float]) -> CommandDelay:
+        assert changes == [0.0, 1.0, 2.0, 2.2]
+        np.testing.assert_array_equal(pose, np.column_stack([times, 2 * times, 3 * times]))
+        return CommandDelay(0.1, 0.0, 0.2)
+
+    monkeypatch.setattr(phases, "command_delay", delay)
+    for count, known in ((12, True), (11, False)):
+        there = np.arange(301) < count
+        poses: Any = SimpleNamespace(
+            measured=there, time_s=TIME_S, x_mm=TIME_S, y_mm=2 * TIME_S, heading_rad=3 * TIME_S
+        )
+        assert phases.command_delay_of(LOG, poses).is_known == known
+
+
+def turning(monkeypatch: pytest.MonkeyPatch, yaw: float, **said: float) -> None:
+    usual = {"u_mm_s": -4.0, "v_mm_s": 1.0, "yaw_rate_rad_s": yaw, "speed_mm_s": 4.1, "radius_mm": -8.0}
+    monkeypatch.setattr(circular, "steady_turn", lambda *_: SimpleNamespace(**usual | said))
+
+
+@pytest.mark.parametrize(("yaw", "seconds"), [(1.0, 7.9), (-0.5, 15.7), (9.0, 3.0), (0.01, 60.0)])
+def test_a_run_of_a_circular_test_lasts_a_circle_and_a_quarter(
+    yaw: float, seconds: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    turning(monkeypatch, yaw)
+    robot: Any = None
+    assert circular._run(robot, 20.0, 30.0) == circular.CircularRun(20.0, 30.0, seconds, 8.0, 4.1)
+
+
+def test_simulated_turns_have_their_way_and_slip(monkeypatch: pytest.MonkeyPatch) -> None:
+    turning(monkeypatch, -0.5)
+    robot: Any = None
+    table = circular.simulated_turns(
+        robot, pd.DataFrame({"left_rpm": [-30.0] * 2, "right_rpm": [-20.0] * 2}, index=[4, 7])
+    )
+    assert table.index.tolist() == [4, 7]
+    assert table.loc[7].tolist() == pytest.approx([-30, -20, -4.1, np.degrees(-0.5), np.degrees(np.arctan2(1, 4))])
+
+
+def test_commands_of_a_circular_test_are_of_both_sides_and_both_ways() -> None:
+    cells = list(circular._cells([(30.0, 0.43), (15.0, -0.3)]))
+    assert cells[:4] == [(12.9, 30.0), (30.0, 12.9), (-12.9, -30.0), (-30.0, -12.9)]
+    assert cells[4:] == [(-4.5, 15.0), (15.0, -4.5), (4.5, -15.0), (-15.0, 4.5)]
+
+
+def test_a_phase_is_told_with_what_is_known_of_it() -> None:
+    phase = {"start_s": 0.5, "stop_s": 2.25, "kind": "turn", "turned_deg": 92.6, "speed_mm_s": 4.0512}
+    radius = {"radius_mm": 8.1234, "radius_low_mm": 8.0, "radius_high_mm": 8.25}
+    assert _phase_line({**phase, **radius}) == (
+        "0.50 to 2.25 s: turn, radius 8.12 mm, 95 % from 8.00 to 8.25, 93 degrees, 4.05 mm/s"
+    )
+    unknown = {**phase, "radius_mm": np.nan, "speed_mm_s": np.nan}
+    assert _phase_line(unknown) == "0.50 to 2.25 s: turn, 93 degrees"
+
+
+def test_a_pixel_is_as_large_as_the_distance_of_the_marks_says() -> None:
+    geometry = MarkGeometry({"green": (-1.55, 1.83), "yellow": (-1.55, -1.83)}, height_mm=6.5)
+    marks = pd.DataFrame({"green_x_mm": [3.0, np.nan, 99.0], "green_y_mm": 4.0, "yellow_x_mm": 0.0, "yellow_y_mm": 0.0})
+    assert _mm_per_px(Path("a"), marks.iloc[:2], geometry) == pytest.approx(3.66 / 5)
+    with pytest.raises(InputError, match="one position"):
+        _mm_per_px(Path("a"), 0 * marks.iloc[:1], geometry)
