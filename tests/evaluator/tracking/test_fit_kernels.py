@@ -28,11 +28,11 @@ def drawn(state: np.ndarray, row_origin: float = 0.0, row_step: float = 1.0, sha
     return state[3] + state[2] * profile + state[4] * dx + state[5] * dy
 
 
-def summed(luma: np.ndarray, state: np.ndarray, *, sloping: bool, softness: float = 1e3) -> Any:
+def summed(luma: np.ndarray, state: np.ndarray, *, sloping: bool, softness: float = 1e3, window: Any = WINDOW) -> Any:
     """Normal equations and right hand side (symmetric), squares, weight and count, of noise of 4."""
     normal, right = np.zeros((6, 6)), np.zeros(6)
     sums = kernels.accumulate.py_func(
-        luma, 0.0, 1.0, state, state if sloping else None, WINDOW, DISC.numbers(), DISC.table, None,
+        luma, 0.0, 1.0, state, state if sloping else None, window, DISC.numbers(), DISC.table, None,
         np.array([4.0, softness]), normal, right,
     )  # fmt: skip
     size = 6 if sloping else 4
@@ -48,6 +48,20 @@ def test_a_step_by_the_normal_equations_takes_back_a_small_change_of_each_unknow
         move = np.linalg.solve(normal, right)
         scale = np.array([0.02, 0.02, 0.5, 0.5, 0.02, 0.02])[: len(move)]
         np.testing.assert_allclose(move / scale, -change[: len(move)] / scale, atol=0.15)
+
+
+def test_normal_equations_of_a_mark_that_is_cut_are_the_change_of_their_right_side_by_each_unknown() -> None:
+    """Cut by half: no product of two slopes cancels over the pixels."""
+    luma, cut = drawn(STATE), (6, 22, 6, 22)
+    normal = summed(luma, STATE, sloping=True, window=cut)[0]
+    size = np.sqrt(np.diag(normal))
+    assert np.abs(normal / np.outer(size, size)).min() > 0.02
+    for place, step in enumerate([0.05, 0.05, 0.5, 0.5, 0.02, 0.02]):
+        change = step * np.eye(6)[place]
+        right = [summed(luma, STATE + sign * change, sloping=True, window=cut)[1] for sign in (1, -1)]
+        np.testing.assert_allclose(
+            (right[0] - right[1]) / (-2 * step) / size, normal[place] / size, atol=0.035 * size[place]
+        )
 
 
 def test_normal_equations_are_of_the_noise_and_weights_halve_at_the_softness() -> None:
