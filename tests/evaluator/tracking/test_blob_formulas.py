@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ from evaluator.tracking.refinement.blob import (
     elongation,
 )
 from tests.evaluator.tracking.synthetic import coverage, frames_in_memory
+from tests.evaluator.tracking.test_detection_colors import stored
 
 
 def test_elongation_is_the_ratio_of_the_axes_without_the_smear() -> None:
@@ -116,3 +119,29 @@ def test_highlight_on_a_sticker_does_not_move_its_centre() -> None:
     (blob,) = blobs_around(frame, np.array([1.0, 1.0, 0.0, 0.0]), color, center, 40.0, 100.0)
     assert np.hypot(*np.subtract(blob.center_px, center)) < 0.3  # by its colour alone 2.6 px
     assert blob.area_px2 == pytest.approx(np.pi * radius**2, rel=0.02)
+
+
+@pytest.mark.parametrize(("origin", "step"), [(0, 1), (1, 2)])
+def test_a_sticker_is_found_at_its_place_in_the_frame_by_subsampled_colours(origin: int, step: int) -> None:
+    """24 by 12 px of a field or a frame whose colours are stored for two by two pixels; another beside it."""
+    rgb = np.full((40, 80, 3), 90.0)
+    rgb[12:24, 20:44] = 60.0, 150.0, 70.0
+    rgb[30:36, 60:70] = 60.0, 150.0, 70.0
+    whole = stored(rgb)
+    assert whole.u is not None
+    assert whole.v is not None
+    u, v = (np.ascontiguousarray(plane[::2, ::2]) for plane in (whole.u, whole.v))
+    seen = replace(whole, u=u, v=v, row_origin=origin, row_step=step)
+    cell = np.array([2.0, 2.0 * step, 0.5, origin + 0.5 * step])
+    toward = np.array([float(u[8, 15]) - 128, float(v[8, 15]) - 128])
+    color = np.array([128.0, 128.0, *(toward / np.hypot(*toward)), 0.45 * np.hypot(*toward), 0.8])
+    place = 31.5, origin + step * 17.5
+    blobs = sorted(blobs_around(seen, cell, color, place, 60.0, 20.0), key=lambda one: one.area_px2)
+    assert len(blobs) == 2
+    assert blobs[1].center_px == pytest.approx(place, abs=0.02)
+    assert blobs[1].area_px2 == pytest.approx(24 * 12 * step, rel=0.02)
+    assert blobs[0].center_px == pytest.approx((64.5, origin + step * 32.5), abs=0.02)
+    assert blobs[1].strength == pytest.approx(np.hypot(*toward), rel=0.01)
+    assert [one.whole for one in blobs] == [True, True]
+    near = blobs_around(seen, cell, color, place, 14.0, 20.0)
+    assert [one.center_px for one in near] == [pytest.approx(blobs[1].center_px)]
