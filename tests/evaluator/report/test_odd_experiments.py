@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from evaluator.report.build import report_html
-from evaluator.workflow import analyze
+from evaluator.workflow import Analysis, analyze
 from simulator import Command, load_robot, marks_of_run, simulate
 from tests.evaluator.synthetic import circling_marks, write_experiment
 
@@ -32,12 +32,12 @@ def seen_in(share: float) -> pd.DataFrame:
 
 EXPERIMENTS = {
     "one turn": [("a", 14.4, 33.3, TURN)],
-    "turns commanded straight": [("a", 33.3, 33.3, TURN), ("b", -20.0, -20.0, TURN)],
+    "turns commanded straight, by one wheel, by wheels opposed, mostly without marks": [
+        *(("a", 33.3, 33.3, TURN), ("b", -20.0, -20.0, TURN), ("c", 0.0, 33.3, TURN), ("d", -30.0, 30.0, TURN)),
+        ("e", 14.4, 33.3, seen_in(0.05)),
+    ],
     "no motion": [("a", 14.4, 33.3, resting())],
     "no command": [("a", 0.0, 0.0, resting())],
-    "one wheel": [("a", 0.0, 33.3, TURN)],
-    "wheels opposed": [("a", -30.0, 30.0, TURN)],
-    "marks mostly missing": [("a", 14.4, 33.3, seen_in(0.05)), ("b", 14.4, 33.3, TURN)],
     "four frames": [("a", 14.4, 33.3, TURN.iloc[:4])],
     "two frames": [("a", 14.4, 33.3, TURN.iloc[:2])],
     "nearly straight": [("a", 33.0, 33.3, circling_marks(5000.0))],
@@ -58,31 +58,9 @@ def test_a_run_whose_marks_are_never_seen_together_has_its_reason(tmp_path: Path
     assert found.faults["a"].endswith("a.csv: no frame has a pose (green: absent); does it show both marks?")
 
 
-def test_a_run_that_is_not_what_the_file_says_is_named_first_and_in_no_comparison(tmp_path: Path) -> None:
-    robot = load_robot("barrel")
-    commands = [(33.3, 14.4), (14.4, 33.3), (33.0, 22.0), (30.0, 30.0)]
-    times = [frame / 60 for frame in range(240)]
-    runs = [
-        (f"r{number}", left, right, marks_of_run(robot, simulate(robot, Command.constant(left, right), times)))
-        for number, (left, right) in enumerate(commands)
-    ]
-    identifier, left, right, marks = runs[2]
-    runs[2] = (identifier, right, left, marks)  # whoever wrote the file exchanged the sides of one run
-    noise = np.random.default_rng(3)
-    for *_, table in runs:
-        table.iloc[:, 1:5] += noise.normal(0, 0.002, (len(table), 4))
-    found = analyze(write_experiment(tmp_path, runs), tmp_path / "out", simulate=True, workers=1)
-    assert [(item.runs, item.kind) for item in found.mistakes] == [(("r2",), "sides-swapped")]
-    assert found.excluded_runs == {"r2"}
-    assert set(found.turning["run"]) == {"r0", "r1", "r2", "r3"}
-    assert not (found.pooled[["left_rpm", "right_rpm"]] == [22.0, 33.0]).all(axis=1).any()
-    summary = re.search(r'<ul class="summary"><li>(.*?)</li><li>(.*?)</li>', report_html(found), re.DOTALL)
-    assert summary is not None
-    assert summary[1].startswith("r2: turns as if left and right were exchanged")
-    assert summary[2].endswith("Left out of all results below until this is corrected: r2.")
-
-
-def test_phases_of_a_run_that_is_set_aside_are_in_no_result_and_count_as_one_run(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def set_aside(tmp_path_factory: pytest.TempPathFactory) -> tuple[Analysis, str]:
+    """Of five runs, whoever wrote the files exchanged the sides of r2 and of the log of r4, and its page."""
     robot, times = load_robot("barrel"), [frame / 60 for frame in range(300)]
     noise = np.random.default_rng(3)
 
@@ -93,17 +71,40 @@ def test_phases_of_a_run_that_is_set_aside_are_in_no_result_and_count_as_one_run
 
     commands = [(33.3, 14.4), (14.4, 33.3), (33.0, 22.0), (30.0, 30.0)]
     runs = [(f"r{k}", left, right, marks(Command.constant(left, right))) for k, (left, right) in enumerate(commands)]
-    runs[2] = ("r2", 33.0, 5.0, marks(Command.steps([(0.0, 33.0, 5.0), (2.5, 33.0, 8.0)])))
-    path = write_experiment(tmp_path, runs)
-    swapped = "time_s,left_rpm,right_rpm\n0.0,5.0,33.0\n2.5,8.0,33.0\n"  # whoever wrote the log exchanged its sides
-    (tmp_path / "r2_commands.csv").write_text(swapped, encoding="utf-8")
-    text = path.read_text(encoding="utf-8").replace("left_rpm = 33.0\nright_rpm = 5.0", 'commands = "r2_commands.csv"')
+    runs[2] = ("r2", 22.0, 33.0, runs[2][3])
+    runs.append(("r4", 33.0, 5.0, marks(Command.steps([(0.0, 33.0, 5.0), (2.5, 33.0, 8.0)]))))
+    folder = tmp_path_factory.mktemp("set_aside")
+    path = write_experiment(folder, runs)
+    swapped = "time_s,left_rpm,right_rpm\n0.0,5.0,33.0\n2.5,8.0,33.0\n"
+    (folder / "r4_commands.csv").write_text(swapped, encoding="utf-8")
+    text = path.read_text(encoding="utf-8").replace("left_rpm = 33.0\nright_rpm = 5.0", 'commands = "r4_commands.csv"')
     path.write_text(text, encoding="utf-8")
-    found = analyze(path, tmp_path / "out", simulate=True, workers=1)
-    assert (found.excluded_runs, len(found.turning)) == ({"r2"}, 5)
-    page = report_html(found)
+    found = analyze(path, folder / "out", simulate=True, workers=1)
+    return found, report_html(found)
+
+
+def test_runs_that_are_not_what_the_file_says_are_named_first_and_in_no_comparison(
+    set_aside: tuple[Analysis, str],
+) -> None:
+    found, page = set_aside
+    assert [(item.runs, item.kind) for item in found.mistakes] == [((run,), "sides-swapped") for run in ("r2", "r4")]
+    assert found.excluded_runs == {"r2", "r4"}
+    assert set(found.turning["run"]) == {"r0", "r1", "r2", "r3", "r4"}
+    assert not (found.pooled[["left_rpm", "right_rpm"]] == [22.0, 33.0]).all(axis=1).any()
+    summary = re.search(r'<ul class="summary"><li>(.*?)</li><li>(.*?)</li><li>(.*?)</li>', page, re.DOTALL)
+    assert summary is not None
+    for number, run in ((1, "r2"), (2, "r4")):
+        assert summary[number].startswith(f"{run}: turns as if left and right were exchanged")
+    assert summary[3].endswith("Left out of all results below until this is corrected: r2, r4.")
+
+
+def test_phases_of_a_run_that_is_set_aside_are_in_no_result_and_count_as_one_run(
+    set_aside: tuple[Analysis, str],
+) -> None:
+    found, page = set_aside
+    assert len(found.turning) == 6
     summary = re.search(r'<ul class="summary">(.*?)</ul>', page, re.DOTALL)
     assert summary is not None
-    assert "r2 (" not in summary[1]  # though it turns tightest by far
-    assert "r2 (1) (left out)" in page
-    assert re.search(r"\b4 runs, from marks", page)
+    assert "r4 (" not in summary[1]  # though it turns tightest by far
+    assert "r4 (1) (left out)" in page
+    assert re.search(r"\b5 runs, from marks", page)
