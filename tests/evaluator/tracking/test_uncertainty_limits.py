@@ -8,12 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evaluator.tracking.refinement import kernels
+from evaluator.tracking.refinement.disc import PER_PX, make_disc
+from evaluator.tracking.refinement.motion_blur import mean_over, path_of
 from evaluator.tracking.uncertainty import motion_changes, shared_errors
 from evaluator.tracking.uncertainty.codec import _shared_out, hidden_variance
 from evaluator.tracking.uncertainty.course import Course
 from evaluator.tracking.uncertainty.exposure import exposed
+from evaluator.tracking.uncertainty.outline import _scatter
 from evaluator.tracking.uncertainty.rigid_pair import _off_course
-from evaluator.tracking.uncertainty.rim import Rim
+from evaluator.tracking.uncertainty.rim import Rim, rim_power
 from tests.evaluator.tracking.test_combine_formulas import COUNT, FRAME_S, TIME_S, circle, numbers_of
 
 
@@ -137,3 +141,51 @@ def test_what_two_marks_do_together_bounds_what_either_shares_by_the_largest_and
         given = iter(values)
         monkeypatch.setattr(shared_errors, "_square", lambda *_, given=given: (next(given), 0.2))
         assert shared_errors.of_distance(TIME_S, np.full(COUNT, 40.0)) == pytest.approx(bound)
+
+
+def bumpy(harmonic: int, smear: tuple[float, float], tilt: tuple[float, float]) -> tuple[float, float]:
+    """Power of the rim of a disc of 8 px that is off by 0.2 px times the cosine of some turns of the direction."""
+    disc = make_disc(8.0, 1.2, (0.0, 0.0), (120.0, 60.0), 4.0)
+    numbers, (x, y) = disc.numbers(smear), (24.3, 23.6)
+    path = path_of(numbers)
+
+    def share(dx: float, dy: float) -> float:
+        if path is not None:
+            return float(getattr(mean_over, "py_func", mean_over)(path, disc.table, numbers[7], dx, dy, dx, dy)[0])
+        return float(np.interp(np.hypot(dx, dy), np.arange(len(disc.profile)) / PER_PX, disc.profile, right=0.0))
+
+    luma = np.zeros((48, 48))
+    for (j, i), _ in np.ndenumerate(luma):
+        dx, dy = i - x, j - y
+        r, angle = np.hypot(dx, dy), np.arctan2(dy, dx)
+        off = 1.0 - 0.2 * np.cos(harmonic * angle) / max(r, 1.0)
+        luma[j, i] = 60.0 + 120.0 * share(off * dx, off * dy) + tilt[0] * dx + tilt[1] * dy
+    result = np.zeros(kernels.RESULTS)
+    result[[kernels.X, kernels.Y, kernels.AMPLITUDE, kernels.BASE]] = x, y, 120.0, 60.0
+    result[[kernels.SLOPE_X, kernels.SLOPE_Y]] = tilt
+    return rim_power(np.rint(luma).astype(np.uint8), 0, 1, result, numbers, disc.table, np.array([4.0, 20.0]))
+
+
+@pytest.mark.parametrize("tilt", [(0.0, 0.0), (1.5, -1.0)])
+def test_a_rim_shows_its_harmonics_by_half_the_square_of_each(tilt: tuple[float, float]) -> None:
+    """Of three odd and even ones; light that slopes is none of the rim."""
+    third, fourth = bumpy(3, (0.0, 0.0), tilt), bumpy(4, (0.0, 0.0), tilt)
+    assert third == pytest.approx((0.02 / 3, 0.02 / 2), rel=0.1)
+    assert fourth == pytest.approx((0.02 / 3, 0.0), abs=5e-4)
+    assert max(bumpy(1, (0.0, 0.0), tilt)) < 5e-4
+
+
+def test_of_a_smeared_rim_only_odd_harmonics_count() -> None:
+    """Its sides are as steep as ever and its ends are not: a bump all around is seen for the most part."""
+    every, odd = bumpy(3, (5.0, -4.0), (0.0, 0.0))
+    assert every == odd
+    assert odd == pytest.approx(0.02 / 2, rel=0.35)
+    assert bumpy(4, (5.0, -4.0), (0.0, 0.0))[0] < 1e-3
+
+
+def test_the_scatter_of_a_length_counts_what_its_usual_course_takes_of_it() -> None:
+    """Thirty lengths, and seven terms of place and direction that are fitted to them."""
+    rng = np.random.default_rng(8)
+    usual = np.column_stack([np.ones(30), rng.normal(size=(30, 6))])
+    squares = [_scatter(20.0 + rng.normal(size=30), usual)[0] ** 2 for _ in range(99)]
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.1)
