@@ -35,7 +35,7 @@ def budget_section(run: RunView, budget: Budget) -> Section:
 
 def _sentence(budget: Budget) -> str:
     radius, measured = budget.turning.radius_mm, budget.combined(measured_only=True)
-    largest = max(budget.contributions, key=lambda item: item.radius_mm)
+    largest = max(budget.contributions, key=lambda item: np.nan_to_num(item.radius_mm))  # NaN: unknown for this run
     return (
         f"Standard uncertainty of the radius from the measurement: "
         f"{significant(100 * measured.radius_mm / radius, 2)} %. "
@@ -66,7 +66,7 @@ def _bars(run: RunView, budget: Budget) -> Figure:
             axes.barh(places[chosen], np.maximum(percent[chosen], LEAST_PERCENT), color=color, height=0.6, label=label)
         axes.set_yticks(places, names)
         axes.set_xscale("log")
-        axes.set_xlim(LEAST_PERCENT, max(3 * float(percent.max()), 10 * LEAST_PERCENT))
+        axes.set_xlim(LEAST_PERCENT, max(3 * float(np.nan_to_num(percent).max()), 10 * LEAST_PERCENT))
         axes.grid(visible=False, axis="y")
         axes.set_xlabel("standard uncertainty of the radius, %")
         axes.legend(loc="lower right")

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
+from unittest.mock import MagicMock
+
+import pytest
 
 from evaluator.report.runs import RunView
 from evaluator.workflow.results.outputs import Outputs
@@ -33,3 +39,20 @@ def turned(
     compared = {"radius_difference_percent": off, "simulated_radius_mm": simulated}
     bounds = {"radius_mm": radius, "radius_low_mm": radius - half, "radius_high_mm": radius + half}
     return shown(run, 30.0, 20.0, compared, **{"turned_deg": 90.0, **bounds, **values})
+
+
+def undrawn(monkeypatch: pytest.MonkeyPatch, *modules: ModuleType) -> list[MagicMock]:
+    """Let figures of some modules be drawn on axes that only note what they are asked for; gives these axes."""
+    used: list[MagicMock] = []
+
+    @contextmanager
+    def drawing(*_: object, **__: object) -> Iterator[MagicMock]:
+        axes = MagicMock()
+        axes.get_ylim.return_value = axes.get_xlim.return_value = (1.0, 2.0)
+        used.append(axes)
+        canvas = MagicMock(axes=(axes,), svg="<svg/>")
+        yield canvas
+
+    for module in modules:
+        monkeypatch.setattr(module, "drawing", drawing)
+    return used

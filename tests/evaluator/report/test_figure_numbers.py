@@ -15,6 +15,8 @@ import pandas as pd
 import pytest
 
 from evaluator.marks import columns_of
+from evaluator.report.figures import agreement, gap, speed, wheel_states
+from evaluator.report.figures import repetitions as repetitions_module
 from evaluator.report.figures.agreement import radius_agreement
 from evaluator.report.figures.gap import gap_before_after
 from evaluator.report.figures.radius import radius_against_ratio
@@ -29,10 +31,11 @@ from evaluator.report.summary import headline
 from evaluator.workflow.results.outputs import Outputs
 from simulator.robot import load_robot
 from simulator.steady import steady_turn
-from tests.evaluator.report.shown import Shown, shown
+from tests.evaluator.report.shown import Shown, shown, undrawn
 
 
-def test_theory_of_a_straight_run_is_the_rim_of_a_wheel_that_does_not_slip() -> None:
+def test_theory_of_a_straight_run_is_the_rim_of_a_wheel_that_does_not_slip(monkeypatch: pytest.MonkeyPatch) -> None:
+    undrawn(monkeypatch, speed)
     runs = [
         shown("slow", 30.0, 30.0, green_speed_mm_s=1.5, yellow_speed_mm_s=1.6),
         shown("back", -60.0, -60.0, green_speed_mm_s=-3.1, yellow_speed_mm_s=-3.0),
@@ -47,7 +50,11 @@ def test_theory_of_a_straight_run_is_the_rim_of_a_wheel_that_does_not_slip() -> 
     assert found.data["yellow_mm_s"].tolist() == [1.6, -3.0]
 
 
-def test_a_simulated_radius_is_set_against_the_interval_of_the_measured_one_in_percent() -> None:
+def test_a_simulated_radius_is_set_against_the_interval_of_the_measured_one_in_percent(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    undrawn(monkeypatch, agreement)
+
     def run(name: str, radius: float, off: float, low: float, high: float, turned: float = 90.0) -> Shown:
         compared = {"radius_difference_percent": off}
         bounds = {"radius_mm": radius, "radius_low_mm": low, "radius_high_mm": high, "turned_deg": turned}
@@ -62,7 +69,10 @@ def test_a_simulated_radius_is_set_against_the_interval_of_the_measured_one_in_p
     assert found.data["measured_high_percent"].tolist() == pytest.approx([2.0, inf])
 
 
-def test_of_many_runs_those_that_disagree_most_are_shown_in_the_order_of_the_experiment() -> None:
+def test_of_many_runs_those_that_disagree_most_are_shown_in_the_order_of_the_experiment(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    undrawn(monkeypatch, agreement)
     bounds = {"radius_mm": 10.0, "radius_low_mm": 9.0, "radius_high_mm": 11.0, "turned_deg": 90.0}
     runs = [
         shown(f"r{k}", 30.0, 20.0, {"radius_difference_percent": (-1) ** k * (k % 21)}, **bounds) for k in range(1, 43)
@@ -73,7 +83,8 @@ def test_of_many_runs_those_that_disagree_most_are_shown_in_the_order_of_the_exp
     assert found.data["run"].tolist() == [run.id for run in runs if run.id not in left_out]
 
 
-def test_the_gap_of_every_run_is_shown_in_micrometres_the_largest_first() -> None:
+def test_the_gap_of_every_run_is_shown_in_micrometres_the_largest_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    undrawn(monkeypatch, gap)
     by_run = {
         "small": {"before": 0.02, "after": 0.004, "noise_floor": 0.005},
         "large": {"before": 0.4, "after": 0.006, "noise_floor": 0.005},
@@ -124,7 +135,8 @@ def test_poses_show_no_marks(tmp_path: Path) -> None:
     assert replace(run, from_poses=True).mark_names == ()
 
 
-def test_repetitions_lie_about_the_mean_of_their_command_in_percent() -> None:
+def test_repetitions_lie_about_the_mean_of_their_command_in_percent(monkeypatch: pytest.MonkeyPatch) -> None:
+    undrawn(monkeypatch, repetitions_module)
     pooled = pd.DataFrame(
         [{"group": "", "left_rpm": 30.0, "right_rpm": 20.0, "radius_mm": 8.0, "radius_between_mm": 0.4}]
     )
@@ -139,7 +151,10 @@ def test_repetitions_lie_about_the_mean_of_their_command_in_percent() -> None:
     assert found.data["between_percent"].tolist() == pytest.approx([5.0, 5.0])
 
 
-def test_wheels_move_with_the_body_they_are_on_and_are_drawn_as_seen_from_above() -> None:
+def test_wheels_move_with_the_body_they_are_on_and_are_drawn_as_seen_from_above(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    undrawn(monkeypatch, wheel_states)
     robot = load_robot("barrel")  # wheels at ±2 mm
     forces = SimpleNamespace(
         slip_ratio=np.array([0.1, -0.1, 0.0, 0.0]), slip_angle_rad=np.full(4, pi / 6),
