@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from evaluator.recording import open_recording
 from evaluator.tracking import TrackingSettings, track
-from evaluator.tracking.following import tracker
-from evaluator.tracking.following.second_look import SecondLook
+from evaluator.tracking.following import second_look, tracker
+from evaluator.tracking.following.second_look import SecondLook, at_place_of
 from evaluator.tracking.following.tracker import Tracker
 from evaluator.tracking.observation import MISTAKEN, Sighting
 from tests.evaluator.tracking.plain_video import (
@@ -111,3 +111,66 @@ def test_what_is_followed_is_doubted_until_both_marks_have_travelled_as_one_body
     look.begin()
     assert look._doubtful(settings, at(green, yellow))
     assert look._doubtful(settings, {})
+
+
+def looked(
+    monkeypatch: pytest.MonkeyPatch, indices: list[int], *, known: tuple[int, ...] = (), score: float = 0.0,
+    whole: bool = True, followed: tuple[str, ...] = ("green", "yellow"), seen: int = 2,
+) -> tuple[list[int], list[int], SecondLook]:  # fmt: skip
+    """Frames that are searched, those in which another pair is given, and what looked at them.
+
+    known: frames that show the pair that is followed. score, whole: of the pair found. seen: marks that are found.
+    """
+    look, searched, at = SecondLook(), list[int](), [0]
+    found: Any = SimpleNamespace(
+        chosen=dict.fromkeys(["green", "yellow"][:seen], SimpleNamespace(whole=whole)), blobs=[]
+    )
+    monkeypatch.setattr(second_look, "find_marks", lambda *_: searched.append(at[0]) or found)
+    monkeypatch.setattr(second_look, "choose", lambda *_: ({}, score))
+    monkeypatch.setattr(second_look, "alike", lambda *_: ["pair"])
+    monkeypatch.setattr(second_look, "_followed", lambda *_: at[0] in known)
+    monkeypatch.setattr(SecondLook, "_doubtful", lambda *_: True)
+    given = []
+    for index in indices:
+        at[0] = index
+        frame: Any = SimpleNamespace(index=index, time_s=index / 60)
+        if look.better(frame, TrackingSettings(), cast("Any", dict.fromkeys(followed))) is not None:
+            given.append(index)
+    return searched, given, look
+
+
+def test_another_pair_is_followed_that_three_frames_in_a_row_show(monkeypatch: pytest.MonkeyPatch) -> None:
+    frames = list(range(14, 40))
+    assert looked(monkeypatch, frames)[:2] == ([16, 17, 18, 32, 33, 34], [18, 34])
+    assert looked(monkeypatch, frames, followed=("green",))[0][:7] == [16, 17, 18, 20, 21, 22, 24]
+    searched, given, look = looked(monkeypatch, frames, known=(17, 33))
+    assert (searched, given, look.plausible) == ([16, 17, 32, 33], [], True)
+    for odd in ({"score": -4.1}, {"whole": False}, {"seen": 1}):
+        searched, given, look = looked(monkeypatch, frames, **cast("Any", odd))
+        assert (searched, given, look.plausible) == ([16, 32], [], False)
+
+
+@pytest.mark.parametrize(("apart_px", "same"), [(15.9, True), (16.1, False)])
+def test_a_blob_is_the_mark_that_is_followed_within_two_radii_beside_its_way(apart_px: float, *, same: bool) -> None:
+    """Three pixels of radius, and a way of 10 px in a frame."""
+    follower: Any = SimpleNamespace(position=(0.0, 0.0), predicted=lambda _time: (10.0, 0.0))
+    blob: Any = SimpleNamespace(center_px=(10.0, apart_px), radius_px=3.0)
+    assert at_place_of(blob, follower, 0.0) == same
+    assert not at_place_of(blob, None, 0.0)
+    other: Any = SimpleNamespace(position=None, predicted=lambda _time: None)
+    assert not at_place_of(blob, other, 0.0)
+
+
+def test_a_pair_is_plausible_that_looks_like_one_or_whose_places_were_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    pair: Any = {"green": None, "yellow": None}
+    place = {"region_px": (0, 0, 9, 9)}
+    for score, marks, plausible in (
+        (-3.9, {}, True),
+        (-4.1, {}, False),
+        (-9.0, {"green": place, "yellow": place}, True),
+        (-9.0, {"green": place, "yellow": {}}, False),
+    ):
+        monkeypatch.setattr(second_look, "choose", lambda *_, score=score: ({}, score))
+        look = SecondLook()
+        look.note(pair, TrackingSettings.model_validate({"mark": marks} if marks else {}))
+        assert look.plausible == plausible
