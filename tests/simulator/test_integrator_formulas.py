@@ -190,6 +190,21 @@ def test_error_of_the_velocity_may_not_spoil_two_hundredths_of_it() -> None:
     assert CONTROL.error_norm(1e-9, 1e-3, MODEL, work) == pytest.approx(1e-3 / (0.02 * 2.0 + 1e-5))
 
 
+@pytest.mark.parametrize(("axis", "velocity"), [(0, 5e-3), (1, -5e-3), (2, 2e-4)])
+def test_how_a_robot_leaves_rest_may_err_by_a_share_of_each_velocity_and_of_the_speed_of_rest(
+    axis: int, velocity: float
+) -> None:
+    work = stepped(0.0)
+    work.linear[1:4] = -1e6 * np.eye(3)
+    work.y[3 + axis] = 0.5 * velocity
+    work.end[0, 3 + axis], work.end[1, 3 + axis] = velocity, 1e-6
+    allowed = CONTROL.DECIDING_SHARE * abs(velocity) + CONTROL.DECIDING_RESTS * 1e-4
+    assert allowed < 0.02 * abs(velocity) + 1e-5
+    assert CONTROL.error_norm(1e-9, 1e-3, MODEL, work) == pytest.approx(1e-6 / allowed)
+    work.y[3], work.end[0, 3] = 0.02, 0.02  # it has left it
+    assert CONTROL.error_norm(1e-9, 1e-3, MODEL, work) == pytest.approx(1e-6 / (0.02 * 0.02 + 1e-5))
+
+
 @pytest.mark.parametrize(("speed", "resting"), [(0.99e-2, True), (1.01e-2, False)])
 def test_a_robot_rests_below_a_hundred_rest_speeds(speed: float, resting: bool) -> None:
     for place in (3, 4, 5):
