@@ -14,13 +14,13 @@ import pandas as pd
 
 from evaluator.errors import InputError
 
-# A hand places a cross to about half a pixel; the centre then has no better uncertainty than that.
+# Standard uncertainty of a centre placed by hand.
 HAND_SIGMA_PX = 0.5
 PLACED, REMOVED = "corrected", "absent by hand"
 
 
 def read_corrections(path: Path) -> pd.DataFrame:
-    """Read corrections: frame, mark, x, y, with x and y NaN for absent. Raises InputError naming the line at fault."""
+    """Read corrections: frame, mark, x, y, with x and y NaN for absent. Raises InputError that names the line."""
     try:
         table = pd.read_csv(path, dtype=str, skipinitialspace=True).rename(columns=str.strip)
     except FileNotFoundError as error:
@@ -42,7 +42,7 @@ def read_corrections(path: Path) -> pd.DataFrame:
 
 
 def correct(table: pd.DataFrame, corrections: pd.DataFrame, source: str = "corrections") -> pd.DataFrame:
-    """Put corrections into a table of `track`; the status says so. Raises InputError for frames or marks not in it."""
+    """Apply corrections to a table of `track`; the status says so. Raises InputError for unknown frames or marks."""
     corrected = table.copy()
     rows = {int(frame): row for row, frame in enumerate(table["frame"])}
     for line, (frame, mark, x, y) in enumerate(corrections.itertuples(index=False), start=2):

@@ -13,10 +13,10 @@ from evaluator.recording import Frame
 
 
 class AsCalibrated:
-    """A recording whose frames must have the size of the images that its camera was calibrated with."""
+    """Frames of a recording, checked to have the size of the images with which the camera was calibrated."""
 
     def __init__(self, recording: Iterable[Frame], camera: Camera) -> None:
-        """Look at nothing yet; iteration raises InputError at a frame of another size."""
+        """Store the arguments; iteration raises InputError at a frame of another size."""
         self._recording, self._camera = recording, camera
         self.name = str(getattr(recording, "name", "the recording"))
         self.expected_frames = int(getattr(recording, "expected_frames", 0))
@@ -30,7 +30,7 @@ class AsCalibrated:
 
 
 def of_another_size(frame_px: tuple[int, int], camera_px: tuple[int, int]) -> str:
-    """What is wrong, and what to do."""
+    """Message for frames of another size, with what to do."""
     found = f"frames of {frame_px[0]}×{frame_px[1]} px, but the camera was calibrated with images of "
     found += f"{camera_px[0]}×{camera_px[1]} px"
     if frame_px == camera_px[::-1]:

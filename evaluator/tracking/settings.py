@@ -52,7 +52,7 @@ class MarkSettings(Table):
 
     @property
     def said(self) -> bool:
-        """Whether the settings say its colour by numbers, rather than by a name."""
+        """Whether the settings give its colour by numbers instead of a name."""
         return self.hue_deg is not None or (self.color or "").startswith("#")
 
     def hue_range(self, name: str) -> tuple[float, float]:
@@ -70,13 +70,13 @@ class MarkSettings(Table):
 
 
 class TrackingSettings(Table):
-    """All of tracking.toml. Marks not named are not sought; none named: those of the robot.
+    """All of tracking.toml. Only the named marks are searched; without any, those of the robot.
 
-    mark: by name; a name begins with its colour (red, blue_left …) unless color or hue_deg says it. body: marks that
-    sit on one rigid body; by default those of the robot. region_px: search here only. mask_px: boxes never to look at.
+    mark: by name; a name begins with its colour (red, blue_left …) unless color or hue_deg states it. body: marks on
+    one rigid body; by default those of the robot. region_px: search only here. mask_px: boxes to ignore.
     distance_diameters: distance of the two marks of a body over their diameter, used to choose between candidates in
-    the first frame (3.66 on the paper's robot). exposure: share of the frame interval that the shutter is open; learnt
-    from fast marks where it is not said.
+    the first frame (3.66 on the paper's robot). exposure: share of the frame interval that the shutter is open; by
+    default learnt from fast marks.
     """
 
     format: Literal[1] = 1
@@ -113,18 +113,18 @@ class TrackingSettings(Table):
 
     @property
     def pair(self) -> tuple[str, ...]:
-        """The two coloured marks of one body, where these are all that is sought; else nothing."""
+        """The two coloured marks of one body, if no other marks are searched; else empty."""
         colored = all(mark.kind == "color" for mark in self.mark.values())
         return self.rigid if colored and len(self.rigid) == len(self.mark) == 2 else ()
 
     @property
     def twins(self) -> tuple[str, ...]:
-        """The pair, where both have one colour; else nothing."""
+        """The pair, if both have the same colour; else empty."""
         return self.pair if len({self.mark[name].hue_range(name) for name in self.pair}) == 1 else ()
 
     @property
     def pair_distance(self) -> float | None:
-        """Distance of the pair over the diameter, where it is known: the default is that of the default marks."""
+        """Distance of the pair over the diameter, if known; the default holds for the default marks only."""
         said = "distance_diameters" in self.model_fields_set or set(self.pair) == set(DEFAULT_MARKS)
         return self.distance_diameters if said else None
 
@@ -134,7 +134,7 @@ class TrackingSettings(Table):
 
 
 def with_marks(settings: TrackingSettings, marks: dict[str, MarkSettings]) -> TrackingSettings:
-    """The settings with other marks. Raises pydantic.ValidationError for a mark whose colour nobody says."""
+    """The settings with other marks. Raises pydantic.ValidationError for a mark of unknown colour."""
     content = {name: getattr(settings, name) for name in settings.model_fields_set if name != "mark"}
     return TrackingSettings.model_validate({**content, "mark": marks})
 

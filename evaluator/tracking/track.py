@@ -32,7 +32,7 @@ def track(
     Returns a row per frame: frame, time_s, and per mark of the settings NAME_x_px, NAME_y_px, NAME_x_sigma_px,
     NAME_y_sigma_px, NAME_xy_cov_px2 (standard uncertainties and covariance of this frame's centre) and NAME_status:
     "ok", or why the mark is absent (its numbers are then NaN). Image coordinates, px. Of a tag also NAME_corner1 to 4.
-    progress: told the numbers of frames done and expected. Raises InputError for a recording without colour.
+    progress: called with the numbers of frames done and expected. Raises InputError for a recording without colour.
     """
     wanted = settings or TrackingSettings()
     watched = _Watched(recording, wanted)
@@ -70,7 +70,7 @@ def track(
 
 
 def _put_in_order(time_s: Array, marks: list[tuple[Array, list[str]]]) -> None:
-    """Give two marks of one colour back their names where these were exchanged, in place."""
+    """Correct exchanged names of two marks of one colour, in place."""
     (one, its), (other, their) = marks
     swapped, unknown = exchanged(time_s, one[:, :2], other[:, :2])
     one[swapped], other[swapped] = other[swapped], one[swapped].copy()
@@ -81,7 +81,7 @@ def _put_in_order(time_s: Array, marks: list[tuple[Array, list[str]]]) -> None:
 
 
 class _Watched:
-    """A recording whose tags and lights are measured while its frames pass; found: theirs by number of the frame."""
+    """A recording whose tags and lights are measured during iteration; found: results by frame number."""
 
     def __init__(self, recording: Iterable[Frame], settings: TrackingSettings) -> None:
         self._recording = recording

@@ -18,25 +18,25 @@ from evaluator.tracking.refinement.occluded_pixels import CORE_EXPECTED
 from evaluator.tracking.refinement.occlusion import NOTABLE, fit_uncovered
 
 Array = NDArray[np.float64]
-# Sigmas beyond which a pixel is taken for something else than mark or background. Noise loses nothing (weights fall as
-# 1/(1 + (r/5)⁴): 0.4 % of the information), a wire or a glint loses its pull.
+# Scale of the outlier weights 1/(1 + (r/SOFT)⁴), in sigmas: Gaussian noise loses 0.4 % of its information, a wire or a
+# glint its influence.
 SOFTNESS = 5.0
-# Times that a shape is learnt anew without what covers it: the first shape bends toward that, and hides half of it.
+# Number of times that a shape is learnt again without occluded pixels, since the first shape adapts to the occlusion.
 CLEARINGS = 3
-SEVERAL = 3  # patches: fewer do not tell what covers a mark from what it is
-SELDOM = 0.5  # of the patches: a shape is no other one for what fewer show
-NO_DISC = 0.5  # share of the information on its centre that a mark has lost where it is no disc at all
-ROUGH = 0.1  # of the amplitude: what a shape that was learnt without the edge may be off by
+SEVERAL = 3  # patches: fewer do not distinguish an occlusion from the mark's shape
+SELDOM = 0.5  # share of the patches that must show a feature for it to change the shape
+NO_DISC = 0.5  # lost share of the information on its centre from which a mark counts as no disc
+ROUGH = 0.1  # of the amplitude: error of a shape that was learnt without the edge
 RIM = 1.6  # radii
-ENOUGH = 1009  # samples of a patch that a shape is learnt from: all of a mark of 8 px radius
+ENOUGH = 1009  # samples of a patch used to learn a shape: all of a mark of 8 px radius
 
 
 @dataclass(frozen=True)
 class Appearance:
     """Colour and shape of one mark.
 
-    color: as `color_kernels.is_color` takes it. area_px2: area of the pixels that have the colour when the whole mark
-    shows. disc: its shape in the luma.
+    color: argument of `color_kernels.is_color`. area_px2: area of the pixels of this colour when the whole mark is
+    visible. disc: its shape in the luma.
     """
 
     color: Array
@@ -45,7 +45,7 @@ class Appearance:
 
 
 def learn_color(candidate: Candidate, others_uv: Sequence[tuple[float, float]], neutral: tuple[float, float]) -> Array:
-    """Direction and extent of a mark's colour in (u, v), as `color_kernels.is_color` takes it.
+    """Direction and extent of a mark's colour in (u, v), the argument of `color_kernels.is_color`.
 
     others_uv: mean colours of the other marks; the half angle ends midway to the nearest of them.
     """
@@ -62,16 +62,17 @@ def learn_color(candidate: Candidate, others_uv: Sequence[tuple[float, float]], 
 
 
 def patch_of(frame: Frame, center_px: tuple[float, float], radius_px: float) -> Patch:
-    """Luma around a mark, with the rim that learning needs."""
+    """Luma around a mark, with the surroundings that learning needs."""
     return cut_patch(frame.luma, (frame.row_origin, frame.row_step), center_px, RIM * radius_px + 5.0)
 
 
 def learn_shape(
     patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0, *, smeared: bool = False
 ) -> Steps[Disc | None]:
-    """Learn the disc from patches around the mark; returns None where there is none of about that radius.
+    """Learn the disc from patches around the mark; returns None if there is none of about that radius.
 
-    smeared: it moves so fast that an edge beside it is smeared in another way in each patch, and cannot be taken out.
+    smeared: the mark moves so fast that the motion blur of an edge beside it differs between patches, so that the edge
+    cannot be removed.
     """
     whole = [patch for patch in patches if len(patch.value) > 30]
     if not whole:
@@ -88,7 +89,7 @@ def learn_shape(
 
 
 def _learn_clear(patches: list[Patch], first: Disc) -> Steps[Disc]:
-    """Learn a disc anew without what covers it; the first one where nothing does, or so much that it is no disc."""
+    """Learn a disc again without occluded pixels; returns the first one if nothing, or too much, is occluded."""
     disc = first
     for _ in range(CLEARINGS):
         clear, occluded = [], []
@@ -107,7 +108,7 @@ def _learn_clear(patches: list[Patch], first: Disc) -> Steps[Disc]:
 
 
 def _learn_beside_edge(patches: list[Patch], first: Disc) -> Steps[Disc]:
-    """Learn a disc anew without what shines into it from beyond the edge of its body; the first one where none does."""
+    """Learn a disc again without light from beyond the edge of its body; returns the first one if there is none."""
     disc, other, least, edge = first, first, np.inf, first.edge
     for _ in range(CLEARINGS):
         cleared, left, rough = list[Patch](), list[float](), max(other.noise, (ROUGH * other.amplitude) ** 2)
@@ -130,7 +131,7 @@ def _learn_beside_edge(patches: list[Patch], first: Disc) -> Steps[Disc]:
 
 
 def _fitted(patch: Patch, disc: Disc, *, sloping: bool) -> tuple[NDArray[np.unsignedinteger], tuple[int, int], Array]:
-    """Fit a disc in a patch (a whole rectangle); its luma, origin and step of the rows, what `fit_disc` gives.
+    """Fit a disc in a patch (a whole rectangle); returns its luma, origin and step of the rows, results of `fit_disc`.
 
     Columns count from the patch's own first one.
     """
@@ -146,7 +147,7 @@ def _fitted(patch: Patch, disc: Disc, *, sloping: bool) -> tuple[NDArray[np.unsi
 
 
 def _uncovered(patch: Patch, disc: Disc) -> tuple[NDArray[np.bool_], float]:
-    """Which samples of a patch nothing lies across, (n,); what share of the information is lost."""
+    """Which samples of a patch are not occluded, (n,), and the lost share of the information."""
     luma, rows, fitted = _fitted(patch, disc, sloping=True)
     shown, noise = np.ones(luma.shape, bool), np.array([disc.noise, SOFTNESS])
     shape, share, table = disc.numbers(), 0.0, disc.table
@@ -161,12 +162,12 @@ def _part(patch: Patch, kept: NDArray[np.bool_] | NDArray[np.intp]) -> Patch:
 
 
 def _thinned(patch: Patch) -> Patch:
-    """At most ENOUGH samples, spread evenly: an error of the shape does not move the centre of a large mark."""
+    """At most ENOUGH samples, spread evenly, which suffice because shape errors do not move a large mark's centre."""
     if len(patch.value) <= ENOUGH:
         return patch
     return _part(patch, np.linspace(0, len(patch.value) - 1, ENOUGH).astype(int))
 
 
 def with_disc(look: Appearance, disc: Disc) -> Appearance:
-    """The appearance of a mark whose shape is now known better; its area is at least 0.8 of the disc's."""
+    """The appearance of a mark with another disc; its colour area is at least 0.8 of the disc's area."""
     return replace(look, disc=disc, area_px2=max(look.area_px2, 0.8 * np.pi * disc.radius_px**2))

@@ -14,28 +14,28 @@ import numpy as np
 from calibration.compilation import compiled
 
 single = np.float32
-# Liberties of floating point that let sums of a row be taken several samples at once; NaN stays what it is.
+# Floating-point flags that allow sums of a row to be vectorised; NaN is still respected.
 SUMS = {"contract", "arcp", "nsz", "reassoc"}
 
-# Places of the numbers that `color_window` gives.
+# Indices of the results of `color_window`.
 AREA, CENTER_X, CENTER_Y, STRENGTH, CLIPPED = range(5)
 
 
 @compiled(nogil=True, fastmath=SUMS)
 def color_window(u, v, cell, x, y, half, color, found):
-    """Weigh the pixels of a colour in a square window around (x, y); fills found.
+    """Moments of the pixels of a colour in a square window around (x, y), written to found.
 
-    cell: width and height in px that a chroma sample covers, and where the first one's centre lies (x, y). color: see
-    `is_color`. found: area of the pixels that have the colour, px²; their centre; their mean chroma; share of the
-    window that lies outside the image.
+    cell: width and height of a chroma sample in px, and the centre (x, y) of the first one. color: see `is_color`.
+    found: area of the pixels of the colour, px²; their centre; their mean chroma; share of the window outside the
+    image.
     """
     rows, columns = u.shape
     first_i, last_i = math.floor((x - half - cell[2]) / cell[0]), math.ceil((x + half - cell[2]) / cell[0])
     first_j, last_j = math.floor((y - half - cell[3]) / cell[1]), math.ceil((y + half - cell[3]) / cell[1])
-    # Comparisons stand where Python has words for them: each min and max takes numba as long as a loop.
+    # Comparisons instead of min and max, each of which takes numba as long to compile as a loop.
     left, right = first_i if first_i > 0 else 0, last_i + 1 if last_i < columns else columns
     top, bottom = first_j if first_j > 0 else 0, last_j + 1 if last_j < rows else rows
-    # In single precision, without branches: several samples at once.
+    # In single precision and without branches, so that it is vectorised.
     neutral_u, neutral_v, toward_u, toward_v = single(color[0]), single(color[1]), single(color[2]), single(color[3])
     least, tangent, none, one = single(color[4]), single(color[5]), single(0.0), single(1.0)
     count = weights = sum_x = sum_y = 0.0
@@ -63,7 +63,7 @@ def color_window(u, v, cell, x, y, half, color, found):
 
 @compiled(nogil=True, inline="always")
 def is_color(u, v, color):
-    """Chroma along a colour's direction if (u, v) is of that colour, else 0.
+    """Chroma along a colour's direction if (u, v) has that colour, else 0.
 
     color: neutral u, v; unit vector of the colour from it; least chroma; tangent of the half angle about the direction.
     """
@@ -78,7 +78,7 @@ def is_color(u, v, color):
 def color_scan(u, v, allowed, color, least, mask):
     """Mark all allowed pixels of a colour in mask; returns their number and bounds (rows, then columns, inclusive).
 
-    least: the chroma asked for in place of color's own.
+    least: minimum chroma, which replaces that of color.
     """
     rows, columns = u.shape
     count, top, bottom, left, right = 0, rows, -1, columns, -1
@@ -88,7 +88,7 @@ def color_scan(u, v, allowed, color, least, mask):
     mask[:, :] = 0
     for j in range(rows):
         for i in range(columns):
-            # Few cells are colourful at all: the first comparison settles nearly all of them.
+            # Few cells are colourful: the first comparison excludes nearly all of them.
             if (u[j, i] - neutral_u) * toward_u + (v[j, i] - neutral_v) * toward_v <= least or not allowed[j, i]:
                 continue
             if is_color(u[j, i], v[j, i], wanted) > 0.0:
@@ -100,7 +100,7 @@ def color_scan(u, v, allowed, color, least, mask):
 
 @compiled(nogil=True, fastmath=SUMS)
 def chroma_plane(luma, u, v, to_rgb, chroma):
-    """Fill chroma: the largest less the smallest of the R, G, B that to_rgb (3, 4) gives of luma, u, v and 1."""
+    """Fill chroma: largest minus smallest of R, G, B = to_rgb (3, 4) · (luma, u, v, 1)."""
     rows, columns = chroma.shape
     for j in range(rows):
         for i in range(columns):

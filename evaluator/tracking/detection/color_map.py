@@ -1,7 +1,7 @@
 """A frame's colours, balanced, at the resolution of its colour planes.
 
-White balance: what most of the frame shows (plate, field) is taken as neutral, so that hues mean the same under any
-lamp; a balance of 0 takes the camera's own.
+White balance: the most common colour of the frame (plate, field) is taken as neutral, so that hues do not depend on the
+lamp; a balance of 0 keeps that of the camera.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from evaluator.tracking.detection import color_kernels
 from evaluator.tracking.settings import Box, MarkSettings, TrackingSettings
 
 Array = NDArray[np.float64]
-SAMPLE = 1 << 14  # cells that medians are taken of: known to a hundredth of their spread
-# Chroma up to which a scene's own colours can raise the least one: stickers have 70 and more in fair light. What is
-# coloured all over (wood, skin, a carpet) would leave none of them otherwise.
+SAMPLE = 1 << 14  # cells used for medians, which are then known to 1 % of their spread
+# Largest minimum chroma that the colours of a scene may cause: stickers have 70 and more in good light. Without this
+# limit, a scene that is coloured everywhere (wood, skin, a carpet) would exclude them.
 STICKER = 56.0
 
 
@@ -28,10 +28,10 @@ STICKER = 56.0
 class ColorMap:
     """A frame's colours at the resolution of its colour planes.
 
-    chroma: (rows, columns), largest minus smallest of the balanced R, G, B, levels of 8 bits. floor: chroma that the
-    frame's own noise and tints reach. colorful: (m,), the cells above it, counted along the rows; hue_deg: (m,),
-    their HSV hue against the neutral. u, v: the planes, levels of their own depth. motley: so many colours that their
-    middle tells little of the lamp.
+    chroma: (rows, columns), largest minus smallest of the balanced R, G, B, levels of 8 bits. floor: chroma of the
+    frame's noise and tints. colorful: (m,), flat indices of the cells above it; hue_deg: (m,), their HSV hue relative
+    to the neutral. u, v: the planes, in levels of their bit depth. motley: whether the frame has so many colours that
+    their median does not show the tint of the lamp.
     """
 
     chroma: NDArray[np.float32]
@@ -54,8 +54,8 @@ def cell_of(frame: Frame) -> tuple[int, int]:
 def color_map(frame: Frame, allowed: NDArray[np.bool_], balance: float = 1.0, share_of_floor: float = 1.0) -> ColorMap:
     """Balance a frame's colours.
 
-    allowed: (rows, columns) of the colour planes, where to look. balance: share of the plate's tint that the lamp has.
-    share_of_floor: from which cells count as colourful.
+    allowed: (rows, columns) of the colour planes, where to look. balance: share of the plate's tint that is due to the
+    lamp. share_of_floor: of the floor, from which cells count as colourful.
     """
     assert frame.u is not None
     assert frame.v is not None
@@ -89,7 +89,7 @@ def _rgb(to_rgb: Array, luma: Plane, u: Plane, v: Plane) -> NDArray[np.float32]:
 
 
 def neutral_of(frame: Frame, allowed: NDArray[np.bool_], balance: float = 1.0) -> tuple[float, float]:
-    """(u, v) that a balance of `color_map` takes for grey, in levels of the planes' own depth."""
+    """(u, v) that is grey for a balance of `color_map`, in levels of the planes' bit depth."""
     assert frame.u is not None
     assert frame.v is not None
     sample, grey = sampled(allowed), 128.0 * 2.0 ** (frame.depth - 8)
@@ -98,7 +98,7 @@ def neutral_of(frame: Frame, allowed: NDArray[np.bool_], balance: float = 1.0) -
 
 
 def sampled(allowed: NDArray[np.bool_]) -> tuple[NDArray[np.intp], ...]:
-    """Every so many of the allowed cells, as an index of a plane: what is usual in a frame takes no more."""
+    """About SAMPLE of the allowed cells, evenly spaced, as an index of a plane, for medians over a frame."""
     step = max(int(np.count_nonzero(allowed)) // SAMPLE, 1) | 1  # odd, and so in all columns
     return np.unravel_index(step * np.flatnonzero(allowed.ravel()[::step]), allowed.shape)
 
@@ -114,7 +114,7 @@ def _hue(rgb: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def allowed_cells(frame: Frame, settings: TrackingSettings, mark: MarkSettings | None = None) -> NDArray[np.bool_]:
-    """Where colour may be sought: the regions, less the masks."""
+    """Cells in which marks may be searched: the regions without the masks."""
     assert frame.u is not None
     across, down = cell_of(frame)
     allowed = np.ones(frame.u.shape, bool)

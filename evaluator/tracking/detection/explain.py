@@ -13,14 +13,14 @@ from evaluator.tracking.detection.find import LARGEST_RATIO, SMALLEST_RATIO, STR
 from evaluator.tracking.detection.selection import Candidate
 from evaluator.tracking.settings import TrackingSettings
 
-PALE = 0.5  # of the least chroma: what is paler is not listed
-MOST = 8  # blobs listed a mark
-SAME_PLACE = 1.0  # radii within which a blob is the one that was chosen
+PALE = 0.5  # of the minimum chroma: paler blobs are not listed
+MOST = 8  # blobs listed per mark
+SAME_PLACE = 1.0  # radii within which a blob is identified with the chosen one
 
 
 @dataclass(frozen=True)
 class Explained:
-    """A coloured blob, its hue (degrees), and what the search for one mark made of it: chosen, or why not."""
+    """A coloured blob, its hue (degrees), and the result of the search for one mark: chosen, or the reason why not."""
 
     blob: Candidate
     hue_deg: float
@@ -30,10 +30,10 @@ class Explained:
 
 @dataclass(frozen=True)
 class Seen:
-    """What the search for one mark saw in a frame.
+    """Evidence of the search for one mark in a frame.
 
-    mask: (rows, columns) of the colour planes, cells of its colour where it is sought. cell_px, origin_px: of a cell.
-    hue_range_deg, floor: hues and least chroma asked for. blobs: the most colourful ones, of any hue.
+    mask: (rows, columns) of the colour planes, cells of its colour in the searched area. cell_px, origin_px: of a cell.
+    hue_range_deg, floor: required hues and minimum chroma. blobs: the most colourful ones, of any hue.
     """
 
     mark: str
@@ -46,7 +46,7 @@ class Seen:
 
 
 def explain(frame: Frame, settings: TrackingSettings) -> list[Seen]:
-    """What a search of the whole frame sees of every mark, as if none had been seen before."""
+    """Evidence of a search of the whole frame for every mark, without knowledge of earlier frames."""
     settings = settings.model_copy(update={"mark": settings.of_kind("color")})
     if frame.u is None or not settings.mark:
         return []
@@ -90,7 +90,7 @@ def _of_mark(
 
 
 def _is_part(chosen: Candidate, blob: Candidate) -> bool:
-    """Whether a blob is about what was chosen, which may be its brighter part."""
+    """Whether a blob is the chosen one, or contains it as its brighter part."""
     apart = float(np.hypot(*np.subtract(chosen.center_px, blob.center_px)))
     return apart < SAME_PLACE * max(chosen.radius_px, 0.3 * blob.radius_px)
 
@@ -107,7 +107,7 @@ def _refusal(
     blob: Candidate, hue_deg: float, wanted: tuple[float, float], floor: float, diameter_px: float | None,
     *, allowed: bool,
 ) -> str:  # fmt: skip
-    """Why a blob is not the mark, with the number and the setting that would change it."""
+    """Why a blob was rejected, with the number and the setting that would change it."""
     low, high = wanted
     if not allowed:
         return "outside region_px, or under mask_px"

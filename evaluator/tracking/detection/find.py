@@ -1,7 +1,7 @@
 """First search for marks in a whole frame: coloured blobs, their shape, the most probable pair.
 
-Works on the colour planes at their own resolution. Where the balance of `color_map` gives no good pair, the plate
-itself may be coloured, and the camera's own balance is taken.
+Works on the colour planes at their resolution. If the white balance of `color_map` gives no good pair, the plate itself
+may be coloured, and the balance of the camera is used.
 """
 
 from __future__ import annotations
@@ -19,24 +19,23 @@ from evaluator.tracking.settings import MarkSettings, TrackingSettings
 
 LEAST_AREA_PX2 = 6.0  # a mark of 1.4 px radius: below that no shape can be distinguished from noise
 LEVELS = 5  # doublings of the least chroma: from the faintest tint to the strongest colour that 8 bits hold
-SAME = 1.25  # blobs of two levels are one where their radii differ by less, and their centres by half a radius
-# Share of the plate's tint that the lamp has, degrees by which hues lie beyond their usual ranges, and the log odds
-# against it: a plate may be coloured itself, a camera may render yellow as orange.
+SAME = 1.25  # blobs of two levels are one if their radii differ by a smaller factor, and their centres by half a radius
+# Alternatives for unusual colours: share of the plate's tint that is due to the lamp, degrees by which hues lie outside
+# their usual ranges, and their log odds. A plate may be coloured, and a camera may render yellow as orange.
 UNUSUAL = ((0.0, 0.0, 2.0), (1.0, 15.0, 4.0), (0.0, 15.0, 6.0))
-GOOD = -4.0  # log-likelihood of two blobs that look like marks (98 % of pairs that are): nothing unusual is tried
-# Chroma of a blob over the level that cuts it off: nearer to it are the noisy summits of a blob of the level below.
+GOOD = -4.0  # log-likelihood of a pair (98 % of true pairs) from which no alternative is tried
+# Least chroma of a blob over the level that delimits it; below are noise peaks of a blob of the level below.
 SUMMIT = 1.15
-STRIPE = 6.0  # longer than a sticker, or a disc smeared by twice its diameter, is
-SMALLEST_RATIO, LARGEST_RATIO = 0.6, 1.7  # of a blob's diameter over diameter_px: about, as thresholds tell it
-MOST = 12  # blobs looked at a mark: the most colourful ones, and as many of the likeliest pairs
-UNSEEN = 30.0  # as bad as a mark can score, and more
+STRIPE = 6.0  # aspect ratio above that of a sticker, or of a disc with a motion blur of twice its diameter
+SMALLEST_RATIO, LARGEST_RATIO = 0.6, 1.7  # of a blob's diameter at its threshold over diameter_px
+MOST = 12  # blobs examined per mark: the most colourful ones, and as many from the most probable pairs
+UNSEEN = 30.0  # penalty of a mark that is not found, above that of the worst candidate
 
 
 class Reading(NamedTuple):
-    """What a frame shows under one reading of its colours.
+    """Result of the search in a frame with one white balance.
 
-    chosen: the likeliest blob of each mark, as far as there is one. blobs: all that could be marks. balance: of
-    `color_map`.
+    chosen: the most probable blob of each mark, if there is one. blobs: all candidates. balance: of `color_map`.
     """
 
     chosen: dict[str, Candidate]

@@ -1,7 +1,7 @@
 """Lookalike pairs at the first detection; motion shows which of them is the robot.
 
-Until then its marks are ambiguous: choosing by chance would be a guess dressed as a measurement. A region or a mask in
-the settings decides at once. What was not chosen is remembered as a place where no lost mark is sought.
+Until then the marks are reported as ambiguous instead of guessed. A region or a mask in the settings decides at once.
+Positions of rejected blobs are remembered, so that a lost mark is not searched there.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ Pair = dict[str, Candidate]
 # A pair has moved where a blob of it is farther from where it was first than this, in radii; as one body, where its
 # distance changed by less than this share of the way: two things that move on their own seldom keep it.
 MOVED, RIGID = 1.5, 0.1
-STEP = 2.0  # radii that a blob moves from frame to frame at most, to be known again
+STEP = 2.0  # radii: largest motion between frames with which a blob is recognised
 # Of the strongest chroma: fainter is noise. px by which what rests seems to move. Ratio of sizes and of chroma of one
 # thing in two frames.
 FAINT, RESTING_PX, ALIKE_WITHIN = 0.4, 1.5, 1.4
-APART_PX = 3.0  # change of a pair's distance from which its blobs are on no one body: more than blobs jitter
+APART_PX = 3.0  # change of a pair's distance, beyond the jitter of blobs, from which they are not on one body
 
 
 @dataclass
 class _Rival:
-    """A pair where it was first seen and where it was seen last."""
+    """A candidate pair with its first and its last position."""
 
     first: Pair
     last: Pair
 
     def follow(self, pairs: list[Pair]) -> None:
-        """Take over the pair that is where this one was."""
+        """Update with the pair found at the position of this one."""
         for pair in pairs:
             if all(_apart(pair[name], self.last[name]) < STEP * pair[name].radius_px for name in pair):
                 self.last = pair
@@ -41,7 +41,7 @@ class _Rival:
 
     @property
     def change_px(self) -> float:
-        """How much farther apart its blobs are than at first."""
+        """Change of the distance of its blobs since the first frame."""
         return abs(_apart(*self.last.values()) - _apart(*self.first.values()))
 
     @property
@@ -52,7 +52,7 @@ class _Rival:
 
 
 class Rivals:
-    """Pairs that look alike, from the first frame that shows them until one of them moves."""
+    """Similar pairs, from the first frame that shows them until one of them moves."""
 
     def __init__(self) -> None:
         """Start with none."""
@@ -61,11 +61,11 @@ class Rivals:
 
     @property
     def undecided(self) -> bool:
-        """Whether pairs were found that only motion can tell apart."""
+        """Whether pairs were found that only motion can distinguish."""
         return bool(self._rivals)
 
     def decide(self, found: list[Candidate], settings: TrackingSettings, chosen: Pair) -> Pair:
-        """Give the pair that is the robot's marks; nothing while several may be.
+        """The pair that is the robot's marks; empty while several pairs are possible.
 
         found: all blobs of the frame. chosen: its likeliest pair.
         """
@@ -85,16 +85,16 @@ class Rivals:
         return moved[0].last
 
     def exclude(self, blobs: list[Candidate]) -> None:
-        """Remember blobs that are none of the robot's marks."""
+        """Remember blobs that are not marks of the robot."""
         self._others += blobs
 
     def there(self, place: Point, radius_px: float) -> bool:
-        """Whether a place is that of a blob that was told to be none of the robot's marks."""
+        """Whether a blob at this position was excluded."""
         return any(math.dist(place, one.center_px) < radius_px for one in self._others)
 
 
 def mover(before: list[Candidate], after: list[Candidate]) -> tuple[Candidate | None, list[Candidate]]:
-    """Give the blob, as it was before, that has moved, and those that rest; None where none or several have moved.
+    """The blob, as it was before, that has moved, and those at rest; None if none or several have moved.
 
     before, after: all blobs of a mark's colour in two frames.
     """
@@ -104,7 +104,7 @@ def mover(before: list[Candidate], after: list[Candidate]) -> tuple[Candidate | 
     ]
     come = [one for one in after if not any(_resting(one, other) for other in before)]
     found = [one for one in gone if any(_alike(one, other) for other in come)]
-    # One thing gives a blob at every level of chroma.
+    # One object gives a blob at every level of chroma.
     found.sort(key=lambda one: -one.radius_px)
     alone = all(_apart(one, found[0]) < found[0].radius_px for one in found)
     resting = [one for one in before if any(_resting(one, other) for other in after)]

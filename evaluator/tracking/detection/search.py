@@ -1,4 +1,4 @@
-"""Look for a known mark in the whole image."""
+"""Search for a known mark in the whole image."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Array = NDArray[np.float64]
 
 # Longer side over shorter one of a bounding box: discs, whose threshold grows them by their blur; oblong stickers.
 ROUND, OBLONG = 3.0, 8.0
-WEAKER = 0.5  # of the usual least chroma: a blurred mark is weaker at its rim
+WEAKER = 0.5  # of the usual minimum chroma: a blurred mark is paler at its rim
 
 
 class Search:
-    """Finds blobs of a learnt colour and size; keeps its masks from frame to frame."""
+    """Finds blobs of a learnt colour and size; reuses its masks from frame to frame."""
 
     def __init__(self, frame: Frame, settings: TrackingSettings, cell: Array) -> None:
         """frame: any frame of the recording, for its size."""
@@ -34,7 +34,7 @@ class Search:
     def places(
         self, name: str, frame: Frame, follower: Follower | BlobFollower, light: float
     ) -> list[tuple[float, float]]:
-        """Centres of the blobs that may be the mark, likeliest size first; light: of what there was."""
+        """Centres of the blobs that may be the mark, most probable size first; light: over that when it was learnt."""
         color, area, cell = follower.color, follower.look.area_px2, self._cell
         longest = OBLONG if isinstance(follower, BlobFollower) else ROUND
         count, top, bottom, left, right = color_kernels.color_scan(

@@ -12,10 +12,11 @@ from evaluator.tracking.settings import MarkSettings, TrackingSettings
 Array = NDArray[np.float64]
 # Spread of the logarithm of a pair's distance in diameters: of one robot, as coloured blobs show it; of all robots.
 SAID, OTHER = 0.05, 0.2
-USUAL, ANY_ROBOT = 3.0, 1.0  # distance in diameters where nobody says it, and the spread of its logarithm
-CUT = -4.0  # log odds of a mark that the border of the image cuts: floors and walls are cut, too
-OBLONG = -2.0  # log odds of a mark that is a sticker of any shape, not a disc
-# Log-likelihood by which two pairs of the same geometry differ: blobs are 2 % uncertain (0.1), light 10 % uneven (0.4).
+USUAL, ANY_ROBOT = 3.0, 1.0  # default distance in diameters, and the spread of its logarithm
+CUT = -4.0  # log odds of a mark that is cut by the border of the image, as floors and walls often are
+OBLONG = -2.0  # log odds of a mark that is a sticker of any shape instead of a disc
+# Log-likelihood difference of two pairs of equal geometry, from 2 % uncertainty of blobs (0.1) and light that is uneven
+# by 10 % (0.4).
 ALIKE = 0.7
 
 
@@ -23,8 +24,8 @@ ALIKE = 0.7
 class Candidate:
     """A coloured blob.
 
-    center_px: (x, y); radius_px: of the disc of equal area; chroma_uv: mean (u, v) of its core. whole: the border of
-    the image does not cut it.
+    center_px: (x, y); radius_px: of the disc of equal area; chroma_uv: mean (u, v) of its core. whole: not cut by the
+    border of the image.
     """
 
     mark: str
@@ -37,7 +38,7 @@ class Candidate:
 
 
 def choose(found: list[Candidate], settings: TrackingSettings) -> tuple[dict[str, Candidate], float]:
-    """Choose a candidate for each mark: the best pair where two of one body are sought, else the best of each.
+    """Choose a candidate for each mark: the best pair if two marks of one body are searched, else the best of each.
 
     Returns them with their log-likelihood, up to a constant.
     """
@@ -60,12 +61,12 @@ def choose(found: list[Candidate], settings: TrackingSettings) -> tuple[dict[str
 
 
 def _same_place(one: Candidate, other: Candidate) -> bool:
-    """Whether two candidates are one blob: marks of one colour are different things."""
+    """Whether two candidates are the same blob, which two marks of one colour must not share."""
     return float(np.hypot(*np.subtract(one.center_px, other.center_px))) < max(one.radius_px, other.radius_px)
 
 
 def alike(found: list[Candidate], settings: TrackingSettings) -> list[dict[str, Candidate]]:
-    """Pairs of the two marks that share no blob and are about as likely as the best one, which comes first."""
+    """Pairs of the two marks that share no blob and are about as probable as the best one, which comes first."""
     first, second = settings.pair
     ones, others = ([one for one in found if one.mark == name] for name in settings.pair)
     scores = _pair_scores(ones, others, settings, max((one.chroma for one in found), default=1.0))
@@ -80,7 +81,7 @@ def alike(found: list[Candidate], settings: TrackingSettings) -> list[dict[str, 
 
 
 def _own_score(one: Candidate, mark: MarkSettings, strongest: float) -> float:
-    """Log-likelihood, up to a constant, of a blob being a mark; spreads are those of real marks."""
+    """Log-likelihood, up to a constant, that a blob is a mark; spreads are those of real marks."""
     round_or_not = np.logaddexp(-0.5 * (np.log(one.elongation) / 0.3) ** 2, OBLONG)
     score = round_or_not + 2.0 * np.log(one.chroma / strongest) + CUT * (not one.whole)
     if mark.diameter_px is not None:
@@ -93,10 +94,10 @@ def _own_score(one: Candidate, mark: MarkSettings, strongest: float) -> float:
 
 
 def shortlist(found: list[Candidate], settings: TrackingSettings, most: int) -> list[Candidate]:
-    """Blobs worth a closer look: the most colourful of each mark, which come first, and those of the likeliest pairs.
+    """Blobs to examine: first the most colourful ones for each mark, then those of the most probable pairs.
 
-    most: of either kind, a mark. Colour alone would leave out the marks where something stronger has many parts, such
-    as letters that a camera writes into its frames.
+    most: of either kind, per mark. By colour alone, marks would be missed beside more colourful objects with many
+    parts, such as text that a camera writes into its frames.
     """
     by_mark = [[one for one in found if one.mark == name] for name in settings.pair or settings.mark]
     ranked = [sorted(blobs, key=lambda blob: -blob.chroma * min(blob.radius_px, 3.0)) for blobs in by_mark]
@@ -110,7 +111,7 @@ def shortlist(found: list[Candidate], settings: TrackingSettings, most: int) -> 
 
 
 def _pair_scores(ones: list[Candidate], others: list[Candidate], settings: TrackingSettings, strongest: float) -> Array:
-    """Log-likelihoods (n, m) of two blobs being the marks of one robot: equal size, the known distance in diameters.
+    """Log-likelihoods (n, m) that two blobs are the marks of one robot: equal size, known distance in diameters.
 
     ones, others: of the two marks of settings.pair, in its order.
     """
@@ -128,9 +129,9 @@ def _pair_scores(ones: list[Candidate], others: list[Candidate], settings: Track
 
 
 def _log_odds(off: Array) -> Array:
-    """Log-likelihood, up to a constant, of the logarithm of a pair's distance over what it should be.
+    """Log-likelihood, up to a constant, of the logarithm of a pair's distance over the expected one.
 
-    Either the robot is the one that was said, or another: near it then, but bounded, for it may be any.
+    A mixture: the stated robot, or another one with a similar distance; the latter bounds the penalty.
     """
     said, other = np.exp(-0.5 * (off / SAID) ** 2) / SAID, np.exp(-np.minimum(0.5 * (off / OTHER) ** 2, 20.0)) / OTHER
     return np.asarray(np.log(said + other) - np.log(1.0 / SAID + 1.0 / OTHER))

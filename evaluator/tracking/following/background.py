@@ -1,8 +1,8 @@
 """Background objects of a mark's colour that do not move with the robot.
 
-The two marks of one robot keep their distance, apart from perspective. Where one of them never moves while the other
-travels, and their distance changes by more than perspective does, the one at rest belongs to the background. A robot
-that turns about one of its marks leaves that at rest, too, but not their distance.
+The two marks of one robot keep their distance, apart from perspective. If one of them never moves while the other
+travels, and their distance changes by more than perspective explains, the one at rest belongs to the background. When a
+robot turns about one of its marks, this mark is also at rest, but the distance does not change.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from evaluator.tracking.following.pair import TOLERANCE
 
 Array = NDArray[np.float64]
 
-STILL_PX = 1.5  # about its median: what noise and codec move a thing at rest by at most
-TRAVELS = 3.0  # radii that a robot's mark must move by before what rests beside it is judged
-APART = 2.0  # times TOLERANCE that distances differ by, largest over smallest, of what is on no one body
+STILL_PX = 1.5  # largest deviation from its median, by noise and codec, of an object at rest
+TRAVELS = 3.0  # radii that a mark must move before an object at rest beside it is judged
+APART = 2.0  # times TOLERANCE: ratio of largest and smallest distance from which objects are not on one body
 # Change of the distance of two marks over their steps: a body that turns, seen at 60 degrees, reaches 0.5.
 APART_STEPS = 0.6
 STEADY_STEP = 0.5  # change of a step over the step: a robot that turns by 28 degrees a frame, or starts in two
@@ -24,7 +24,7 @@ FEW = 4  # frames in which the other mark must be seen
 
 
 def background(rest_px: Array, mover_px: Array, radius_px: float) -> NDArray[np.bool_]:
-    """Frames in which a mark is something at rest that is not on the body of the other mark; (n,).
+    """Frames in which a mark is an object at rest that is not on the body of the other mark; (n,).
 
     rest_px, mover_px: (n, 2), NaN where absent. radius_px: of the marks.
     """
@@ -46,9 +46,9 @@ def background(rest_px: Array, mover_px: Array, radius_px: float) -> NDArray[np.
 
 
 def strangers(one_px: Array, other_px: Array, radius_px: float) -> bool:
-    """Whether two moving things are on no one body: their distance changes as much as they move; (n, 2) each.
+    """Whether two moving objects are not on one body: their distance changes as much as they move; (n, 2) each.
 
-    Of what mostly rests, steps and changes are noise: the distance itself must differ by more than perspective makes.
+    If they mostly rest, steps and changes are noise, and the distance must differ by more than perspective explains.
     """
     step = [np.hypot(*np.diff(places, axis=0).T) for places in (one_px, other_px)]
     distance = np.hypot(*(one_px - other_px).T)
@@ -61,7 +61,7 @@ def strangers(one_px: Array, other_px: Array, radius_px: float) -> bool:
 
 
 def on_one_body(rest_px: Array, mover_px: Array, radius_px: float) -> bool:
-    """Whether something at rest (2,) may be on the body of a mark that is seen at several places (m, 2)."""
+    """Whether an object at rest (2,) may be on the body of a mark seen at several positions (m, 2)."""
     if np.ptp(mover_px, axis=0).max() < TRAVELS * radius_px:
         return True
     apart = np.hypot(*(mover_px - rest_px).T)
@@ -69,13 +69,13 @@ def on_one_body(rest_px: Array, mover_px: Array, radius_px: float) -> bool:
 
 
 def _steady(distance_px: Array) -> bool:
-    """Whether distances (n,) differ by no more than perspective and noise make those of one body differ."""
+    """Whether perspective and noise explain the variation of distances (n,)."""
     near, far = np.quantile(distance_px, (0.1, 0.9))
     return bool(far < near * (1.0 + APART * TOLERANCE) + 2.0)
 
 
 def travels(places_px: Array, radius_px: float) -> bool:
-    """Whether a mark goes a way from frame to frame, rather than resting or jumping to and fro; places_px: (n, 2)."""
+    """Whether a mark travels from frame to frame, instead of resting or jumping back and forth; places_px: (n, 2)."""
     for rows, _ in stays(places_px, radius_px):
         low, high = np.quantile(places_px[rows], (0.05, 0.95), axis=0)
         if (high - low).max() > TRAVELS * radius_px:

@@ -12,12 +12,12 @@ from evaluator.tracking.refinement.disc import shaped_as
 UNEQUAL = 0.08  # radii of equal marks differ by less: halation of a brighter mark, learning from noisy frames
 UNEQUAL_NOISE = 4.0  # and so does their noise: light and codec treat them alike
 UNEQUAL_SLANT = 0.02  # and they are slanted alike: a rim that something cuts looks slanted alone
-MORE_OCCLUDED = 0.05  # of its information, from which a mark tells less of its shape than its partner
+MORE_OCCLUDED = 0.05  # difference in occluded information from which the partner's shape is more reliable
 DAZZLED = 2.0  # noise over squared contrast of one over the other; by their colours alone they differ by less
 
 
 def agree(followers: Mapping[str, Motion], pair: Sequence[str], take: Callable[[Follower, Appearance], None]) -> None:
-    """Give the two marks of a robot one shape where one of them was partly hidden: they are equal discs."""
+    """Give both marks of a robot the same shape if one of them was partly hidden, since they are equal discs."""
     marks = [mark for name in sorted(pair) if isinstance(mark := followers.get(name), Follower)]
     if not pair or len(marks) < len(pair):
         return

@@ -1,4 +1,4 @@
-"""Follow one mark from frame to frame: predict, look for its colour there, fit its disc, judge what came out."""
+"""Follow one mark from frame to frame: predict its position, find its colour there, fit its disc, check the result."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ Array = NDArray[np.float64]
 # A disturbance that looked just like a shift would move the centre by √pixels times its own share of the noise; real
 # ones (wires, glare, shadows) reach a third of that.
 LIKENESS = 0.11
-HOPELESS = 8.0  # residual at which a disc is no longer what is seen
+HOPELESS = 8.0  # residual above which the mark is not a disc
 
-LATELY = 4.0  # intervals since a mark was seen from which its place then tells no longer how fast it is
+LATELY = 4.0  # intervals since a mark was last seen up to which that position is used for its velocity
 # Shares of an interval that are tried as the shutter's: within a step of the right one the residual is a parabola.
 SHUTTERS, SHUTTER_STEP = (0.1, 0.3, 0.5, 0.7, 0.9, 1.1), 0.2
 SMEARED_PX = 2.0  # motion in an interval from which the share matters
-STEADY = 2.0  # ratio of speeds, either way, beyond which a mark starts, stops or was pushed: that is no turn
+STEADY = 2.0  # ratio of successive speeds beyond which a mark starts, stops or is pushed, instead of turning
 
-VAGUE = 0.2  # of the radius: uncertainty of a centre where the disc is hardly what is seen
+VAGUE = 0.2  # of the radius: uncertainty of a centre above which the mark hardly resembles the disc
 VIEW_EVERY = 10
-RELEARN_AT = (60, 240)  # frames in which a mark was seen: a second and four seconds of most recordings
+RELEARN_AT = (60, 240)  # number of frames with the mark: one and four seconds of most recordings
 
 
 @dataclass
 class Follower(Motion):
-    """Where one disc was last and how it moves.
+    """Tracker of one disc: last position and velocity, appearance, fits.
 
-    look: what it looks like. exposure: share of the interval that the shutter is open, None to learn it. turn_rad_s:
-    how fast a velocity turns that smears the mark.
+    look: its appearance. exposure: share of the frame interval that the shutter is open, None to learn it. turn_rad_s:
+    rotation rate of the velocity, for motion blur.
     """
 
     look: Appearance
@@ -55,7 +55,7 @@ class Follower(Motion):
     turn_rad_s: float = 0.0
 
     def __post_init__(self) -> None:
-        """Make the arrays the kernels read and fill."""
+        """Allocate the arrays of the kernels."""
         # Share of the interval that the shutter is open, and its standard uncertainty: any share is as likely.
         self.shutter = (0.5, 12**-0.5) if self.exposure is None else (self.exposure, 0.0)
         self._found, self._result = np.zeros(5), np.zeros(kernels.RESULTS)
@@ -68,7 +68,7 @@ class Follower(Motion):
         self.take_look(self.look)
 
     def take_look(self, look: Appearance) -> None:
-        """Change what the mark looks like."""
+        """Replace the appearance of the mark."""
         disc = look.disc
         self.look = look
         self._disc, self._table = disc.numbers(), disc.table
@@ -83,14 +83,14 @@ class Follower(Motion):
         self.color = look.color.copy()
 
     def take_shape(self, look: Appearance) -> None:
-        """Change the shape of a mark that is being followed: its light and noise are what they were just seen to be."""
+        """Replace the shape of a followed mark; its light and noise are those measured last."""
         level, noise = self._usual[[fast_path.U_AMPLITUDE, fast_path.U_BASE]].copy(), self._noise[0]
         self.take_look(look)
         self._usual[[fast_path.U_AMPLITUDE, fast_path.U_BASE]] = level
         self._noise[0] = max(noise, self._usual[fast_path.U_LEAST_NOISE])
 
     def _turned(self, velocity: Point, lapse_s: float) -> Point:
-        """Velocity after a lapse, turned on as it turned last: on a curve no smear along the last step fits."""
+        """Velocity after a lapse, extrapolated with its last rotation rate, so that motion blur fits on a curve."""
         if self.turn_rad_s == 0.0:
             return velocity
         (x, y), cos, sin = velocity, math.cos(self.turn_rad_s * lapse_s), math.sin(self.turn_rad_s * lapse_s)
@@ -99,10 +99,10 @@ class Follower(Motion):
     def look_again(
         self, frame: Frame, cell: Array, place: Point, interval_s: float, guide: Point, light: float
     ) -> Sighting:
-        """Measure a mark that was lost where the whole frame was searched for it.
+        """Measure a lost mark at a position found by a search of the whole frame.
 
-        It may be faster than it was. guide: velocity, px/s, of the body it is on. light: of what there was when it was
-        last seen.
+        Its velocity may have changed. guide: velocity, px/s, of its body. light: mean light of the frame over that when
+        the mark was last seen.
         """
         color, velocity, usual = self.color[4], self.velocity, self._usual.copy()
         turn_rad_s, self.turn_rad_s = self.turn_rad_s, 0.0
@@ -131,9 +131,9 @@ class Follower(Motion):
         return one
 
     def look_at(self, frame: Frame, cell: Array, place: Point, reach_px: float, interval_s: float) -> Sighting:
-        """Measure the mark near a place of the frame; reach_px: how far from it the mark may be.
+        """Measure the mark near a position of the frame; reach_px: largest distance of the mark from it.
 
-        cell: of the chroma samples, as `color_kernels.color_window` takes it.
+        cell: of the chroma samples, see `color_kernels.color_window`.
         """
         x_px_s, y_px_s = self._turned(self.velocity, frame.time_s - self.time_s + 0.5 * interval_s)
         result, exposure_s = self._result, self.shutter[0] * interval_s
@@ -157,7 +157,7 @@ class Follower(Motion):
         return self._judged(frame, cell, place, reach_px)
 
     def _explain_disturbance(self, frame: Frame, interval_s: float) -> None:
-        """Fit anew where a long exposure or a light switched on explains what is disturbed."""
+        """Fit again if a long exposure or a change of light explains the disturbance."""
         result, start, usual = self._result, self._start, self._usual
         residual = result[kernels.RESIDUAL]
         if residual > fast_path.DISTURBED and self.exposure is None and interval_s > 0:
@@ -171,7 +171,7 @@ class Follower(Motion):
             self._slow_path.fit(frame, start)
 
     def _learn_exposure(self, frame: Frame, start: Array, interval_s: float) -> float:
-        """See from a mark that moves fast which share of the interval the shutter is open; returns the residual."""
+        """Estimate the exposure, as a share of the interval, from a fast mark; returns the residual."""
         lapse = frame.time_s - self.time_s
         velocity = self._turned(self.velocity, lapse + 0.5 * interval_s)
         if self.position is not None and self.missed == 0 and lapse > 0 and np.isfinite(self._result[0]):
@@ -189,7 +189,7 @@ class Follower(Motion):
         return left(self.shutter[0])
 
     def _judged(self, frame: Frame, cell: Array, place: Point, reach_px: float) -> Sighting:
-        """Say why what was fitted is not the mark, or give it."""
+        """The fitted mark, or the reason why the fit is not the mark."""
         x, y, amplitude, _, _, _, _, residual, used, inside, _, _, _ = self._result.tolist()
         colored, seen_x, seen_y, _, _ = self._found.tolist()
         slack = 0.5 * self.radius_px + 1.0
@@ -210,7 +210,7 @@ class Follower(Motion):
         return ABSENT[reason] if reason else self._measured(frame, with_rim=True)
 
     def _measured(self, frame: Frame, *, with_rim: bool = False) -> Sighting:
-        """Give what was fitted, with its uncertainty; with_rim: look along the rim, too."""
+        """The fitted mark with its uncertainty; with_rim: evaluate the rim, too."""
         self._fitted = self._result.tolist()
         x, y, _, _, var_x, var_y, cov_xy, residual, _, _, pixels, slope, _ = self._fitted
         self.light.note_fit(frame.time_s, sloped=slope != 0.0)
@@ -233,7 +233,7 @@ class Follower(Motion):
         return Sighting(x, y, var_x, var_y, cov_xy, OK)
 
     def keep_view(self, frame: Frame) -> None:
-        """Keep some clear views of the mark, for learning its shape anew once it was seen in other places."""
+        """Store some undisturbed views of the mark, to learn its shape again from several positions."""
         self.seen += 1
         if (
             self.seen % VIEW_EVERY == 0
@@ -243,25 +243,25 @@ class Follower(Motion):
             self.views.append(patch_of(frame, self.position or (0.0, 0.0), self.radius_px))
 
     def learn_anew(self, patches: Sequence[Patch], interval_s: float) -> Steps[Disc | None]:
-        """Learn the shape from patches of the mark as it moves now."""
+        """Learn the shape from patches of the moving mark."""
         return learn_shape(
             patches, self.radius_px, self.look.disc.blur_px, smeared=self.step_px(interval_s) > SMEARED_PX
         )
 
     def looks_changed(self) -> bool:
-        """Whether residuals are no longer what they were while the shape was learnt: then it is worth learning anew."""
+        """Whether residuals have changed since the shape was learnt, so that it should be learnt again."""
         ratio = self._noise[0] / self.look.disc.noise
         return bool(not 0.6 < ratio < 1.6)
 
     def note_light(self, frame: Frame) -> None:
-        """Note how unevenly the mark is lit where it was just seen, unless it is a wire that makes it uneven."""
+        """Record the gradient of light at the mark, unless a wire causes it."""
         if self._slow_path.occluded:
             return
         if not self.missed and self.position is not None and self._fitted[kernels.SLOPE_X] == 0.0:
             self.light.note(frame, self.position)
 
     def _crowd(self, frame: Frame, cell: Array, place: Point, slack: float) -> str:
-        """Why the colour right around a fitted centre speaks against it, or nothing."""
+        """Reason why the colour around a fitted centre contradicts the fit, or ""."""
         found, area = self._found, self.look.area_px2
         color_kernels.color_window(frame.u, frame.v, cell, place[0], place[1], self.radius_px, self.color, found)
         if found[0] < 0.5 * area:
@@ -270,7 +270,7 @@ class Follower(Motion):
         return "ambiguous" if beside else ""
 
     def accept(self, sighting: Sighting, time_s: float) -> None:
-        """Take over a measurement, or count a miss."""
+        """Update the state with a measurement, or count a miss."""
         before, lapse = self.velocity, time_s - self.time_s
         vague = sighting.status == OK and sighting.var_x + sighting.var_y > 2.0 * (VAGUE * self.radius_px) ** 2
         unlike = vague or sighting.status in {"no disc", "partly hidden", "not seen"}
@@ -283,7 +283,7 @@ class Follower(Motion):
             fast_path.settle(self._usual, self._noise, self.color, self._found, self._result)
 
     def _turn(self, before: Point, lapse_s: float) -> float:
-        """How fast the velocity has turned since the one before, rad/s; 0 where the mark is slow, starts or stops."""
+        """Rotation rate of the velocity since the previous one, rad/s; 0 if the mark is slow, starts or stops."""
         if self.step_px(lapse_s) < SMEARED_PX:
             return 0.0
         (x, y), (old_x, old_y) = self.velocity, before
@@ -292,7 +292,7 @@ class Follower(Motion):
 
 
 def _least(tried: list[tuple[float, float]]) -> float:
-    """Share of least residual, of pairs of residual and share: by the parabola through the least and its neighbours."""
+    """Share with the smallest residual, from pairs (residual, share): by a parabola through the three lowest."""
     squares = np.nan_to_num([square for square, _ in tried], nan=np.inf)
     k = int(np.argmin(squares))
     best = tried[k][1]

@@ -1,4 +1,4 @@
-"""Follow a mark that is no disc: a sticker, a coloured roof, a ball smeared by its own speed."""
+"""Follow a mark that is not a disc: a sticker, a coloured roof, a ball with motion blur."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SHUTTER = (0.5, 12**-0.5)  # share of the interval that the shutter is open, any
 
 
 class Look(NamedTuple):
-    """What a search needs to know of a blob; as of `Appearance`."""
+    """Properties of a blob that a search needs; fields as in `Appearance`."""
 
     area_px2: float
 
@@ -36,7 +36,7 @@ class Look(NamedTuple):
 def start_blob(
     frame: Frame, cell: Array, place: Point, radius_px: float, color: Array, exposure: float | None
 ) -> BlobFollower:
-    """Begin to follow what was found at a place; its radius is that of a threshold, which may cut most of it off."""
+    """Begin to follow a blob found at a position; its radius is that at a threshold, which may exclude most of it."""
     reach = max(2.0 * radius_px, SMALLEST_PX)
     blobs = blobs_around(frame, cell, color, place, reach, SOUGHT * np.pi * radius_px**2)
     near = [one for one in blobs if np.hypot(*np.subtract(one.center_px, place)) < reach]
@@ -48,9 +48,9 @@ def start_blob(
 
 @dataclass
 class BlobFollower(Motion):
-    """Where one blob was last and how it moves.
+    """Tracker of one blob: last position, velocity and size.
 
-    color: as `color_kernels.is_color` takes it. area_px2: usual soft area. radius_px: of the disc of that area.
+    color: argument of `color_kernels.is_color`. area_px2: usual soft area. radius_px: of the disc of that area.
     """
 
     color: Array
@@ -69,7 +69,7 @@ class BlobFollower(Motion):
     outline: list[tuple[float, float, float, float]] = field(default_factory=list)  # as `widen_by_outline` takes it
 
     def __post_init__(self) -> None:
-        """Work out what follows from the arguments."""
+        """Compute what follows from the arguments."""
         self.shutter = SHUTTER if self.exposure is None else (self.exposure, 0.0)
         self.strength = self.color[4] / 0.45  # as `learn_color` sets it
         self.long_px = self.long_px or 2.0 * self.radius_px
@@ -81,7 +81,7 @@ class BlobFollower(Motion):
 
     @property
     def look(self) -> Look:
-        """What a search for it goes by."""
+        """Properties that a search for it uses."""
         return Look(self.area_px2)
 
     def look_at(self, frame: Frame, cell: Array, place: Point, reach_px: float, interval_s: float) -> Sighting:
@@ -121,12 +121,12 @@ class BlobFollower(Motion):
         return Sighting(*best.center_px, var_x, var_y, cov_xy, OK)
 
     def _unlike(self, one: Blob, place: Point, slack: float) -> float:
-        """How little a blob is like the mark in size and place."""
+        """Dissimilarity of a blob to the mark, in size and position."""
         far = float(np.hypot(*np.subtract(one.center_px, place))) / slack
         return far + abs(float(np.log(one.area_px2 / self.area_px2)))
 
     def accept(self, sighting: Sighting, time_s: float) -> None:
-        """Take over a measurement, or count a miss."""
+        """Update the state with a measurement, or count a miss."""
         self.move(sighting, time_s)
         if sighting.status == OK and self.blob is not None:
             self.seen += 1
@@ -142,7 +142,7 @@ class BlobFollower(Motion):
             self.outline.append((time_s, *sides, float(np.arctan2(axes[1, 1], axes[0, 1]))))
 
     def _note_area(self, log_area: float) -> None:
-        """Learn how unsteady the area is, apart from slow changes of slant and distance."""
+        """Update the variance of the area, without slow changes of slant and distance."""
         self.areas = (*self.areas[-2:], log_area)
         if len(self.areas) == 3:
             first, middle, last = self.areas

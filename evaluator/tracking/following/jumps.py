@@ -1,9 +1,9 @@
 """Impossible jumps of a mark, from codec residue or a wrong object.
 
-A codec that saves bits skips blocks: a mark then stands where it was while its robot drives on, and jumps when the
-block is coded again; or a faded copy of it stays and is found now and then. Every single frame of that looks like a
-mark. Between frames it shows: a body has no jumps. A track is cut where it jumps, and where it stands still beside a
-jump; of the pieces those are right that one body can have passed through, as many frames of them as possible.
+A codec that saves bits skips blocks: the image of a mark then stands still while the robot drives on, and jumps when
+the block is coded again; or a faded copy remains and is found now and then. Each single frame looks valid, but a body
+does not jump. A track is cut at jumps and at standstills beside jumps; accepted are the pieces that one body can have
+passed through, with as many frames as possible.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-AROUND = 10  # steps on either side that tell how fast a mark is there
+AROUND = 10  # steps on either side that determine the usual step
 # A step longer than this many of the usual ones and this share of the mark's radius is a jump: what stands for two
 # frames and catches up takes three steps at once.
 FASTER, SHARE, LEAST_PX = 1.8, 0.35, 1.5
@@ -27,7 +27,7 @@ JUMP, STANDING = 15.0, 1.0 / 3.0
 
 
 def off_course(time_s: Array, centers_px: Array, radius_px: float) -> NDArray[np.bool_]:
-    """Frames in which a mark is where it cannot have come to; (n,).
+    """Frames in which a mark is at a position that it cannot have reached; (n,).
 
     time_s: (n,). centers_px: (n, 2), NaN where absent. radius_px: of the mark.
     """
@@ -55,7 +55,7 @@ def off_course(time_s: Array, centers_px: Array, radius_px: float) -> NDArray[np
 
 
 def _usual(steps: Array, room: float) -> Array:
-    """How long steps are around each: the median of those before or after that are no rest, the larger one; (n,)."""
+    """Usual step around each step: the larger of the medians of the moving steps before and after it; (n,)."""
     padded = np.pad(steps, AROUND, constant_values=np.nan)
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
     usual = np.zeros_like(steps)
@@ -70,13 +70,13 @@ def _usual(steps: Array, room: float) -> Array:
 
 
 def _ranked(rows: Array, share: float) -> Array:
-    """Value of each row below which a share of its known ones lie, NaN where none is known; rows: (n, m), (n,)."""
+    """Quantile `share` of the finite values of each row (n, m); NaN for rows without any; (n,)."""
     count = np.isfinite(rows).sum(axis=1)
     return np.asarray(np.sort(rows, axis=1)[np.arange(len(rows)), (share * np.maximum(count - 1, 0)).astype(int)])
 
 
 def _pieces(jumps: NDArray[np.bool_], still: NDArray[np.bool_]) -> list[slice]:
-    """Cut at jumps, and where standing that ends or begins with a jump begins or ends; slices of the frames seen."""
+    """Cut at jumps, and at both ends of standstills beside a jump; slices of the frames with the mark."""
     cuts = {0, len(jumps) + 1}
     for k in np.flatnonzero(jumps):
         cuts.add(int(k) + 1)
@@ -92,7 +92,7 @@ def _pieces(jumps: NDArray[np.bool_], still: NDArray[np.bool_]) -> list[slice]:
 
 
 def _worth(pieces: list[slice], centers_px: Array, room: float) -> Array:
-    """Frames that each piece counts for."""
+    """Weight of each piece, in frames."""
     counts = np.array([piece.stop - piece.start for piece in pieces], float)
     stands = np.array([float(np.ptp(centers_px[piece], axis=0).max()) < room for piece in pieces])
     if stands.all():
@@ -102,7 +102,7 @@ def _worth(pieces: list[slice], centers_px: Array, room: float) -> Array:
 
 
 def _likeliest(pieces: list[slice], time_s: Array, centers_px: Array, usual_px_s: Array, room: float) -> set[int]:
-    """Pieces on the course of one body: most frames, less JUMP for every jump between them."""
+    """Pieces on the path of one body: those with the most frames, minus JUMP for every jump between them."""
     worth = _worth(pieces, centers_px, room)
     best, before = worth.copy(), np.full(len(pieces), -1)
     for k, piece in enumerate(pieces):

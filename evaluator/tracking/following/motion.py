@@ -14,7 +14,7 @@ def beyond(frame: Frame, place: Point, radius_px: float) -> bool:
 
 
 class Motion:
-    """Place and speed of one mark.
+    """Position and velocity of one mark.
 
     position, velocity: px and px/s at time_s (the mean since the frame before), None while never seen. missed: frames
     since it was measured. seen: frames in which it was. last_sighting: place and time of the last frame in
@@ -29,25 +29,25 @@ class Motion:
     last_sighting: tuple[Point | None, float]
 
     def predicted(self, time_s: float) -> Point | None:
-        """Where the mark should be at a time, at constant velocity."""
+        """Predicted position at a time, at constant velocity."""
         if self.position is None:
             return None
         lapse = time_s - self.time_s
         return self.position[0] + self.velocity[0] * lapse, self.position[1] + self.velocity[1] * lapse
 
     def step_px(self, interval_s: float) -> float:
-        """How far the mark moves in an interval, along both axes together."""
+        """Motion of the mark in an interval: sum over both axes."""
         return (abs(self.velocity[0]) + abs(self.velocity[1])) * interval_s
 
     def may_be_at(self, place: Point, interval_s: float, slack_px: float) -> bool:
-        """Whether it can have come to a place since it was lost; slack_px: beside twice the way it went."""
+        """Whether it can have reached a position since it was lost; slack_px: added to twice its predicted motion."""
         if self.position is None:
             return True
         reach = slack_px + 2.0 * self.step_px(interval_s) * (1 + self.missed)
         return abs(place[0] - self.position[0]) + abs(place[1] - self.position[1]) < reach
 
     def move(self, sighting: Sighting, time_s: float) -> bool:
-        """Take over a place, or count a miss; whether it was measured in the frame before, too."""
+        """Update position and velocity, or count a miss; returns whether it was measured in the previous frame, too."""
         if sighting.status != OK:
             self.missed += 1
             return False

@@ -1,6 +1,6 @@
-"""The two marks of one robot keep their distance: where a lost one can be, and which of two places it cannot be at.
+"""Constant distance of the two marks of a robot, which limits the positions of a lost one.
 
-Only for finding marks: what is measured stays what one mark's own pixels say.
+Used only to find marks; every measurement uses the pixels of one mark alone.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ SHARE = 0.05  # of a new distance in the running mean
 
 
 class Body:
-    """What is known of the marks' distance in the frame, px; before that everything fits."""
+    """The marks' distance in the frame, px, as far as it is known; until then every position is accepted."""
 
     def __init__(self) -> None:
-        """Start with nothing known."""
+        """Start without knowledge."""
         self._count, self.distance_px = 0, 0.0
         self._shortest, self._longest = math.inf, 0.0
         self.confirmed = False  # both marks were seen at their distance since one of them was found anew
@@ -36,7 +36,7 @@ class Body:
         return self._count >= ENOUGH
 
     def note(self, one: Point, other: Point) -> None:
-        """Learn from a frame that shows both marks."""
+        """Update with a frame that shows both marks."""
         apart = math.hypot(one[0] - other[0], one[1] - other[1])
         if self.known and not self._near(apart):
             return
@@ -50,11 +50,11 @@ class Body:
         return not self.known or self._near(math.hypot(one[0] - other[0], one[1] - other[1]))
 
     def at_one_place(self, one: Point, other: Point) -> bool:
-        """Whether one mark is taken for both; NaN where one is absent."""
+        """Whether both names are at one mark; positions are NaN if absent."""
         return self.known and math.dist(one, other) < HALFWAY * self._shortest
 
     def paired(self, mine: Sequence[Place], others: Sequence[Sequence[float]]) -> list[Place]:
-        """Of my places those that have a fitting place of the other mark."""
+        """Those of my positions that are at the right distance from a position of the other mark."""
         return [one for one in mine if any(self.fits(one, other) for other in others)]
 
     def _near(self, apart: float) -> bool:

@@ -1,9 +1,9 @@
 """Repeated frames, detected from the motion of the marks.
 
-A recorder that fills a gap repeats a frame, and a codec then stores it anew, not quite the same. What gives it away:
-every mark stands still for a frame in the midst of motion and then makes up for it in one step. At the end of a
-recording that repeats frames no step is left: there it is enough that every mark stands still no longer than in the
-repeated frames before.
+A recorder that fills a gap repeats a frame, which a codec then stores again, slightly changed. A repeated frame is
+detected because all marks stand still for a frame during motion and then catch up in one step. At the end of a
+recording with repeated frames there is no such step: it suffices that all marks stand still no longer than in earlier
+repeated frames.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ LONGEST = 5  # frames repeated in a row
 
 
 def repeated_frames(marks_px: list[Array]) -> list[Flags]:
-    """Per mark the frames in which it moves, but all marks that move are seen to stand still and then to catch up.
+    """Repeated frames, per mark that moves: frames in which all moving marks stand still and then catch up.
 
-    marks_px: (n, 2) each, NaN where absent. A mark at rest is where it is seen, shown again or not.
+    marks_px: (n, 2) each, NaN where absent. Marks at rest do not matter: their position is right in a repeated frame.
     """
     if not marks_px:
         return []
@@ -41,13 +41,13 @@ def repeated_frames(marks_px: list[Array]) -> list[Flags]:
 
 
 def _longest_run(flags: Flags) -> int:
-    """Most flags in a row."""
+    """Length of the longest run of true flags."""
     ends = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
     return int(np.max(ends[1::2] - ends[::2], initial=0))
 
 
 def _of_mark(points: Array) -> tuple[Flags, Flags, Flags]:
-    """Where a mark moves around a frame, where it is shown again, and where the recording ends as it stands still."""
+    """Frames around which a mark moves, frames that repeat it, and standstills at the end of the recording."""
     n = len(points)
     moving, shown, ending = np.zeros(n, bool), np.zeros(n, bool), np.zeros(n, bool)
     step = np.concatenate([[np.nan], np.hypot(*np.diff(points, axis=0).T)])
@@ -81,7 +81,7 @@ def _of_mark(points: Array) -> tuple[Flags, Flags, Flags]:
 
 
 def _pace_before(points: Array, first: int) -> float:
-    """Mean step up to the frame before one that stands still: a mark that rests before it sets off is not repeated."""
+    """Mean step before a standstill, which distinguishes a repeated frame from a mark that rests before it starts."""
     end = first - 1
     begin = max(end - PACED, 0)
     return float(np.hypot(*(points[end] - points[begin]))) / (end - begin) if end > begin else 0.0

@@ -1,8 +1,8 @@
 """Identity of two marks of one colour on a body, from the rotation of the body.
 
-The names are given by chance when the marks are found first. Where something hides them they may be found again the
-other way round. A body does not turn about within a few frames: where the line between the marks does, the names are
-exchanged back. Where it was out of view for so long that it may have turned by a right angle, nobody can tell.
+When the marks are first found, the names are assigned by chance. After an occlusion they may be found again in the
+other order. A body does not turn around within a few frames: if the line between the marks does, the names are
+exchanged back. If it was out of view for so long that it may have turned by a right angle, the order is unknown.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 
-LATELY = 10  # frames that show both marks, from which the rate of turning is taken: those of a third of a second
-NEARER = 0.5  # of the usual distance: two marks nearer to each other are one that was taken for both
+LATELY = 10  # frames with both marks that determine the yaw rate: a third of a second
+NEARER = 0.5  # of the usual distance: below it, one mark was found twice
 
 
 def exchanged(time_s: Array, one_px: Array, other_px: Array) -> tuple[Rows, Rows]:
-    """Rows in which two marks of one body bear each other's name, and rows in which their names are anybody's guess.
+    """Rows in which the names of two marks of one body are exchanged, and rows in which their order is unknown.
 
     time_s: (n,). one_px, other_px: (n, 2), NaN where absent; both results (n,).
     """

@@ -1,8 +1,8 @@
 """Check whether the followed marks are those that a search of the whole frame would choose now.
 
-What is in view when a recording begins (a cup, a sleeve, one mark taken for the other in the dark) may be the likeliest
-pair there and then, and is none once the robot comes in or a lamp is lit. Until two marks have travelled as one body,
-frames are searched anew; where some in a row show a good pair elsewhere, that pair is followed.
+When a recording begins, other objects in view (a cup, a sleeve, one mark taken for the other in the dark) may be the
+most probable pair, until the robot appears or a lamp is switched on. Until two marks have travelled as one body, frames
+are therefore searched again; if several in a row show a good pair elsewhere, that pair is followed.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ Followers = Mapping[str, Follower | BlobFollower]
 # A search takes as long as ten frames of following: of a robot at rest, every sixteenth frame is searched; of
 # marks one of which is sought anyway, every fourth.
 SELDOM_MASK, OFTEN_MASK = 15, 3
-IN_A_ROW = 3  # frames that show another pair before it is believed: blinks and residues of a codec last for less
-NEARBY = 2.0  # radii that a mark lies from where it should be, beside the way that it goes in a frame
+IN_A_ROW = 3  # frames that show another pair before it is accepted; flicker and codec residue are shorter
+NEARBY = 2.0  # radii: tolerance of a predicted position, besides the motion in a frame
 
 
 class SecondLook:
-    """Doubts what is followed until both marks have travelled as one body."""
+    """Checks the followed marks until both have travelled as one body."""
 
     def __init__(self) -> None:
         """Start with nothing followed.
@@ -43,16 +43,16 @@ class SecondLook:
         self._in_a_row = 0
 
     def begin(self) -> None:
-        """Note that a mark begins to be followed."""
+        """Record that a mark begins to be followed."""
         self._began, self._sure = {}, False
 
     def note(self, pair: Pair, settings: TrackingSettings) -> None:
-        """Note how a pair looks that is followed from now on; a user who says where each mark is vouches for it."""
+        """Record the plausibility of a pair that is followed from now on; regions from the user make it plausible."""
         said = all(settings.mark[name].region_px is not None for name in pair)
         self.plausible |= said or choose(list(pair.values()), settings)[1] > GOOD
 
     def better(self, frame: Frame, settings: TrackingSettings, followers: Followers) -> Reading | None:
-        """Give the pair to follow from this frame on, None while what is followed may stay."""
+        """The pair to follow from this frame on; None while the followed pair is kept."""
         if not followers or not settings.pair or not self._doubtful(settings, followers):
             return None
         alone = len(followers) < len(settings.pair)
@@ -82,7 +82,7 @@ class SecondLook:
 
 
 def at_place_of(one: Candidate, follower: Follower | BlobFollower | None, time_s: float) -> bool:
-    """Whether a blob is where a mark is followed."""
+    """Whether a blob is at the position of a followed mark."""
     place = None if follower is None else follower.predicted(time_s)
     if follower is None or place is None:
         return False
@@ -91,5 +91,5 @@ def at_place_of(one: Candidate, follower: Follower | BlobFollower | None, time_s
 
 
 def _followed(pair: Pair, followers: Followers, time_s: float) -> bool:
-    """Whether all marks that are followed are those of a pair."""
+    """Whether all followed marks belong to a pair."""
     return all(at_place_of(pair[name], follower, time_s) for name, follower in followers.items())

@@ -28,9 +28,9 @@ Tried = tuple[BlobFollower, list[Sighting]] | None  # a follower after some fram
 
 # A disc seen at 45 degrees is 1.41 as long as wide; more is told apart from the shortest smear that leaves it rounder.
 OBLONG = 1.45
-SHUTTERS = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of the interval that the smear is tried for
-FEW = 3  # frames that tell
-SELDOM = 0.5  # of the frames that show the blob: where no more hold a disc, it is none
+SHUTTERS = (0.0, 0.25, 0.5, 0.75, 1.0)  # exposures, as shares of the interval, tried for motion blur
+FEW = 3  # frames needed for a decision
+SELDOM = 0.5  # share of the frames with the blob in which a disc must be found
 # Frames, one after the other, in which a mark is unlike its disc, and its area then, of what it was, from which it is
 # another view of it.
 UNLIKE, SMALLER = 6, 0.7
@@ -45,11 +45,11 @@ def try_blob(
     start: BlobFollower, first: int, held: Sequence[tuple[Frame, Sighting]], cell: Array,
     *, surely: bool = False,
 ) -> Tried:  # fmt: skip
-    """Follow a mark as a blob through the first frames; None where a disc describes it and shows.
+    """Follow a mark as a blob through the first frames; None if it is a disc that is visible in the luma.
 
-    start: where it was found first, in the frame of index first. held: all of these frames, with what the disc gave.
-    surely: it is followed so even where a disc might describe it. Returns the follower as it is after them, and what it
-    measured.
+    start: blob where it was first found, in the frame of index first. held: all of these frames, with the measurements
+    as a disc. surely: follow it as a blob even if it may be a disc. Returns the follower after these frames, and its
+    measurements.
     """
     blob = replace(start, color=start.color.copy(), outline=[])
     sightings, ratios, interval_s, before = list[Sighting](), list[float](), 0.0, start.time_s
@@ -80,10 +80,10 @@ def _variance(sightings: Sequence[Sighting]) -> float:
 
 
 def resized(follower: Follower, frame: Frame, cell: Array, one: Sighting) -> BlobFollower | None:
-    """Go on as a blob where a mark has long been unlike its disc and is smaller: seen at a slant it went away.
+    """Continue as a blob if a mark has long differed from its disc and is smaller, because it is seen more obliquely.
 
-    one: what was measured in the frame. What hides a part of a mark makes it smaller, too, but seldom for so long, and
-    one that was hidden altogether is not believed to be smaller until it was seen whole.
+    one: measurement in the frame. An occlusion also makes a mark smaller, but rarely for so long; a mark that was
+    completely hidden counts as smaller only after it was seen whole.
     """
     if follower.unlike < UNLIKE or follower.hidden:
         return None
@@ -102,10 +102,10 @@ def resized(follower: Follower, frame: Frame, cell: Array, one: Sighting) -> Blo
 def try_mover(
     name: str, held: Sequence[tuple[Frame, Sighting]], settings: TrackingSettings, cell: Array
 ) -> tuple[Tried, list[Candidate]]:
-    """Follow what moves instead of what rests, where a mark without a partner was taken for the one at rest.
+    """Follow a moving blob instead of one at rest, if a single mark was confused with an object at rest.
 
-    held: the first frames, with what was measured. Returns what `try_blob` does, and the blobs that rest; None and none
-    where nothing else moves.
+    held: the first frames, with their measurements. Returns the result of `try_blob` and the blobs at rest; None and an
+    empty list if nothing else moves.
     """
     places = np.array([(one.x, one.y) for _, one in held if one.status == OK])
     if len(places) < FEW or float(np.ptp(places, axis=0).max()) > RESTING_PX:
@@ -122,7 +122,7 @@ def try_mover(
 
 
 def learn_anew(followers: Followers, settings: TrackingSettings, held: Sequence[Held], cell: Array) -> None:
-    """Learn the shapes of discs from all the frames held, and measure in those once more; in place."""
+    """Learn the shapes of discs from all held frames, and measure in these again; in place."""
     marks = [followers.get(name) for name in settings.mark]
     discs = [(k, mark) for k, mark in enumerate(marks) if isinstance(mark, Follower)]
     interval_s = float(np.median(np.diff([frame.time_s for frame, _ in held]))) if len(held) > 1 else 0.0
@@ -137,7 +137,7 @@ def learn_anew(followers: Followers, settings: TrackingSettings, held: Sequence[
 
 
 def measure_anew(followers: Followers, settings: TrackingSettings, held: Sequence[Held], cell: Array) -> None:
-    """Measure discs once more where they were seen, with the shapes that are known by now; in place."""
+    """Measure discs again at their positions, with the shapes known by now; in place."""
     for frame, sightings in held:
         for k, name in enumerate(settings.mark):
             follower, one = followers.get(name), sightings[k]
@@ -148,7 +148,7 @@ def measure_anew(followers: Followers, settings: TrackingSettings, held: Sequenc
 def choose_shapes(
     followers: Followers, settings: TrackingSettings, held: Sequence[Held], cell: Array, starts: Starts, rivals: Rivals
 ) -> None:
-    """Follow marks that are no discs as blobs, from the first frame held on; in place."""
+    """Follow marks that are not discs as blobs, from the first held frame on; in place."""
     for k, name in enumerate(settings.mark):
         follower, mine = followers.get(name), [(frame, sightings[k]) for frame, sightings in held]
         tried = None

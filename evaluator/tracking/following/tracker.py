@@ -1,4 +1,4 @@
-"""Find, learn, follow and find again all marks of a recording, one frame after the other."""
+"""Find, learn, follow and recover all marks of a recording, frame by frame."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ NOT_SEEN, AGAIN, AMBIGUOUS = ABSENT["not seen"], ABSENT[REPEATED], ABSENT["ambig
 
 
 class Tracker:
-    """Follows all marks through a recording; what it has learnt stays readable in `followers`."""
+    """Follows all marks through a recording; `followers` holds what it has learnt."""
 
     def __init__(self, settings: TrackingSettings) -> None:
-        """Start with nothing learnt."""
+        """Start without knowledge."""
         self.settings = settings
         self.names = list(settings.mark)
         self.followers: dict[str, Follower | BlobFollower] = {}
@@ -70,9 +70,9 @@ class Tracker:
         self.began: dict[str, int] = {}  # index of the frame before which something else was taken for a mark
 
     def run(self, recording: Iterable[Frame]) -> Iterator[tuple[Frame, list[Sighting]]]:
-        """Give every frame with the sightings of its marks, in the order of `names`.
+        """Yield every frame with the sightings of its marks, in the order of `names`.
 
-        The first LEARNING_FRAMES frames with a mark are held back until its shape is learnt from them.
+        The first LEARNING_FRAMES frames with a mark are delayed until its shape is learnt from them.
         """
         self._source = getattr(recording, "name", self._source)
         held: list[Held] = []
@@ -93,7 +93,7 @@ class Tracker:
         yield from self._learnt(unlearnt, held)
 
     def _learnt(self, unlearnt: list[Held], held: list[Held]) -> list[Held]:
-        """Give the first frames with marks, measured anew with the shapes that are learnt from those held."""
+        """The first frames with marks, measured again with the shapes learnt from the held ones."""
         learn_anew(self.followers, self.settings, held, self.cell)
         measure_anew(self.followers, self.settings, unlearnt, self.cell)
         self._settled = True
@@ -128,7 +128,7 @@ class Tracker:
         return sightings
 
     def _note(self, name: str, frame: Frame, one: Sighting) -> None:
-        """Gather what is learnt on the way: shape from more places, light; give up what never fitted anything."""
+        """Update what is learnt during tracking: shape from more positions, light; drop marks that never fit."""
         follower = self.followers[name]
         if isinstance(follower, Follower) and self._settled and (blob := resized(follower, frame, self.cell, one)):
             self.followers[name] = blob
@@ -171,9 +171,9 @@ class Tracker:
         return follower.look_at(frame, self.cell, place, reach, self.interval_s)
 
     def _recover(self, frame: Frame, sightings: list[Sighting]) -> None:
-        """Look in the whole image for marks that are not where they should be; in place.
+        """Search the whole image for marks that are not at their predicted positions; in place.
 
-        Two marks of one robot are found at their distance only, or alone where the robot can have come to.
+        Two marks of one robot are accepted only at their distance, or one of them where the robot can be.
         """
         pair, body = bool(self.settings.pair), self.body
         lost = [k for k, one in enumerate(sightings) if one.status != OK and self.names[k] in self.followers]
@@ -197,7 +197,7 @@ class Tracker:
                 self._leave_lookalike(frame, sightings, k, places[k])
 
     def _leave_lookalike(self, frame: Frame, sightings: list[Sighting], k: int, mine: list[Point]) -> None:
-        """Where a mark was found alone and its partner lies elsewhere, follow the pair that fits instead; in place."""
+        """If a mark was found alone but a consistent pair exists elsewhere, follow that pair instead; in place."""
         name, other = self.names[k], self.names[1 - k]
         theirs = self._places(other, frame)
         for key, places in ((1 - k, self.body.paired(theirs, mine)), (k, self.body.paired(mine, theirs))):
@@ -215,7 +215,7 @@ class Tracker:
     def _found_again(
         self, follower: Follower | BlobFollower, frame: Frame, places: list[Point], guide: Point, miss: Sighting
     ) -> Sighting:
-        """Measure a mark in the likeliest of the places that it may be at."""
+        """Measure a mark at the most probable of its possible positions."""
         expected = follower.predicted(frame.time_s)
         if expected is not None and follower.missed < NEAR_MISSES:
             places = sorted(places, key=lambda place: abs(place[0] - expected[0]) + abs(place[1] - expected[1]))
@@ -232,7 +232,7 @@ class Tracker:
             self.body.note(sightings[0][:2], sightings[1][:2])
 
     def _discover(self, frame: Frame) -> None:
-        """Find marks that were never seen yet, and a likelier pair than the one that is followed."""
+        """Find marks that have not been seen yet, and a more probable pair than the followed one."""
         if better := self.second_look.better(frame, self.settings, self.followers):
             self._begin_anew(frame, better)
         wanted = [name for name in self.names if name not in self.followers]
@@ -249,7 +249,7 @@ class Tracker:
         self._start_all(frame, chosen, balance)
 
     def _begin_anew(self, frame: Frame, better: Reading) -> None:
-        """Follow another pair: what was followed elsewhere was something else."""
+        """Follow another pair; what was followed elsewhere was not the robot."""
         known, self._lessons, self.body = dict(self.followers), [], Body()
         self.followers.clear()
         for name, one in better.chosen.items():
@@ -297,7 +297,7 @@ class Tracker:
         self.followers[name] = follower
 
     def _learn_on(self) -> None:
-        """Take some steps in learning a shape anew: no frame waits for all of it."""
+        """Take some steps in learning a shape again, so that no frame waits for all of them."""
         follower, steps = self._lessons[0]
         try:
             for _ in range(STEPS):

@@ -26,7 +26,7 @@ SAME_PLACE = 0.5  # of half a diagonal: outlines nearer than this to each other 
 
 @dataclass(frozen=True)
 class Thing:
-    """Something in a frame that may be a mark: its place and half its extent (px), what it is, and the verdict.
+    """A candidate in a frame: its position and half its extent (px), what it is, and the verdict.
 
     number: of a tag that was read, else None.
     """
@@ -41,10 +41,10 @@ class Thing:
 
 @dataclass(frozen=True)
 class SeenInLuma:
-    """What the search for one tag, or for one of the lights, saw in a frame.
+    """Evidence of the search for one tag, or for one of the lights, in a frame.
 
-    mask: (rows, columns) of the luma, what is bright (lights) or darker than around it (tags). cell_px, origin_px: of
-    a sample, as of `Seen`. sought: what was sought, in words. things: the likeliest first.
+    mask: (rows, columns) of the luma, bright (lights) or darker than the surroundings (tags). cell_px, origin_px: of a
+    sample, as in `Seen`. sought: the target of the search, in words. things: most probable first.
     """
 
     mark: str
@@ -56,7 +56,7 @@ class SeenInLuma:
 
 
 def explain_luma(frame: Frame, settings: TrackingSettings) -> list[SeenInLuma]:
-    """What a search of the whole frame sees of every light and tag, as if none had been seen before."""
+    """Evidence of a search of the whole frame for every light and tag, without knowledge of earlier frames."""
     lights, tags = settings.of_kind("light"), settings.of_kind("aruco", "apriltag")
     seen = [_of_light(name, frame, settings, len(lights)) for name in lights]
     return seen + [_of_tag(name, mark, frame) for name, mark in tags.items()]
@@ -118,7 +118,7 @@ def _of_tag(name: str, mark: MarkSettings, frame: Frame) -> SeenInLuma:
 
 
 def _read_thing(found: int, number: int, dictionary: str, corners: Array, luma: Image, frame: Frame) -> Thing:
-    """A tag that was read with one of the dictionaries that were tried."""
+    """A tag that was read with one of the tried dictionaries."""
     thing = replace(_square(corners, frame), what=f"tag {found} of {_short(dictionary)}", number=found)
     if found != number:
         return replace(thing, verdict=f"not number {number}: say id = {found} if it is the mark")
@@ -140,7 +140,7 @@ def _square(corners: Array, frame: Frame) -> Thing:
 
 
 def _tags_of_other_families(tried: tuple[str, ...], number: int, luma: Image, frame: Frame) -> list[Thing]:
-    """Tags that are read with dictionaries which were not tried."""
+    """Tags that other dictionaries than the tried ones read."""
     things = []
     for kind, families in FAMILIES.items():
         for family in families:
@@ -158,7 +158,7 @@ def _tags_of_other_families(tried: tuple[str, ...], number: int, luma: Image, fr
 
 
 def _add(things: list[Thing], thing: Thing) -> None:
-    """List a thing; of things in one place the one that is chosen, or else read, stays."""
+    """Add a candidate; of several at one position, keep the chosen one, or else one that was read."""
     for k, other in enumerate(things):
         if np.hypot(*np.subtract(other.center_px, thing.center_px)) < SAME_PLACE * other.radius_px:
             if (thing.chosen, thing.number is not None) > (other.chosen, other.number is not None):
@@ -168,7 +168,7 @@ def _add(things: list[Thing], thing: Thing) -> None:
 
 
 def _in_frame(place: tuple[float, float], frame: Frame) -> tuple[float, float]:
-    """Place in the full frame of one in its luma."""
+    """Position in the full frame of a position in its luma."""
     return place[0], frame.row_origin + frame.row_step * place[1]
 
 

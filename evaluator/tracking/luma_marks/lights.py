@@ -1,8 +1,8 @@
 """Light-emitting diodes: bright compact blobs of any colour, followed from frame to frame.
 
-Which blobs are the lights is decided by number: as many as are sought, or, where there are more, those that move while
-the others (a glare on the plate) rest. Several lights look alike: their names go from left to right where they are
-first told, unless region_px says which is which.
+If there are as many blobs as lights, these are the lights; if there are more, those that move while the others (glare
+on the plate) rest. Several lights look alike: they are named from left to right when they are first identified, unless
+region_px assigns them.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from evaluator.tracking.settings import Box, MarkSettings, TrackingSettings
 
 Array = NDArray[np.float64]
 NOT_SEEN, AMBIGUOUS, OUTSIDE = ABSENT["not seen"], ABSENT["ambiguous"], ABSENT["outside the image"]
-HALF = 0.4  # of the way from the background to the brightest: what is brighter is the core of a light
-WEAKEST = 0.35  # of the light of the weakest that is sought: what has less is none of them
-NOISES = 8.0  # standard deviations of the background that a light stands out by
+HALF = 0.4  # level of a light's core between the background (0) and the brightest pixel (1)
+WEAKEST = 0.35  # of the light of the weakest light: blobs with less are rejected
+NOISES = 8.0  # standard deviations of the background: least height of a light
 LEAST_AREA, LARGEST_SHARE, STRIPE = 3, 0.02, 4.0  # px; share of the frame; length over width
 WINDOW = 2.5  # radii of the core that its halo is weighed in
 MOVED, STEP = 1.5, 3.0  # radii: moved on from where it was first; from frame to frame, beside its usual step
@@ -30,7 +30,7 @@ SATURATED_PX = 0.03  # a clipped core hides the middle of a light; floor of its 
 MOST = 24  # blobs followed at first
 # Of a light's height over the background, below which it has no weight: as spot sensors threshold their centroids.
 WINGS = 0.15
-RING, FEW = 0.8, 8  # of the window, from where it shows the surroundings; pixels that tell what they are like
+RING, FEW = 0.8, 8  # share of the window beyond which lie the surroundings; least number of their pixels
 
 
 @dataclass
@@ -47,7 +47,7 @@ class _Blob:
     missed: int = 0
 
     def expected(self) -> tuple[float, float]:
-        """Where it is going to."""
+        """Predicted position."""
         return tuple(p + (1 + self.missed) * v for p, v in zip(self.place, self.velocity, strict=True))  # type: ignore[return-value]
 
 
@@ -84,7 +84,7 @@ class LightFinder:
         return {name: found[name] for name in self.names}
 
     def _decide(self, blobs: list[_Blob], frame: Frame) -> None:
-        """Choose the lights among the blobs, or follow all that may be lights until some of them move."""
+        """Choose the lights among the blobs, or follow all candidates until some of them move."""
         if self._rivals:
             free = list(blobs)
             followed = []
@@ -128,7 +128,7 @@ def _has_moved(blob: _Blob) -> bool:
 
 
 def _nearest(light: _Blob, blobs: list[_Blob]) -> _Blob | None:
-    """The blob that a light has become: near where it was going to, of about its size."""
+    """The blob that continues a light: near its predicted position, of about its size."""
     expected = light.expected()
     reach = (STEP * light.radius + math.hypot(*light.velocity)) * (1 + light.missed)
     near = [b for b in blobs if math.dist(b.place, expected) < reach and 0.4 < b.radius / light.radius < 2.5]
@@ -136,7 +136,7 @@ def _nearest(light: _Blob, blobs: list[_Blob]) -> _Blob | None:
 
 
 def _moved_on(light: _Blob, blob: _Blob) -> _Blob:
-    """The blob as what the light is now."""
+    """The light updated with its blob."""
     step = np.subtract(blob.place, light.place) / (1 + light.missed)
     blob.velocity = float(step[0]), float(step[1])
     blob.first, blob.missed = light.first, 0
@@ -147,8 +147,8 @@ def _moved_on(light: _Blob, blob: _Blob) -> _Blob:
 class BrightBlobs:
     """Bright compact blobs of a frame, in px of its luma.
 
-    level: luma above which a pixel is bright; mask: where. refused: boxes (left, top, width, height) and areas of what
-    is bright but no light, by `shape_fault`.
+    level: luma above which a pixel is bright; mask: bright pixels. refused: boxes (left, top, width, height) and areas
+    of bright regions that `shape_fault` rejects.
     """
 
     blobs: list[_Blob]
@@ -158,7 +158,7 @@ class BrightBlobs:
 
 
 def shape_fault(box: tuple[int, int, int, int, int], size: int) -> str:
-    """Why a bright blob is no light, by its box and area; empty if it may be one. size: pixels of the frame."""
+    """Why a bright blob is not a light, by its box and area; empty if it may be one. size: pixels of the frame."""
     _, _, wide, high, area = box
     if area < LEAST_AREA:
         return f"too small: {area} px, at least {LEAST_AREA} are needed"
@@ -192,7 +192,7 @@ def _weighed(
     luma: NDArray[np.unsignedinteger], labels: NDArray[np.int32], label: int, box: tuple[int, int, int, int],
     base: float, noise: float,
 ) -> _Blob:  # fmt: skip
-    """Centre of a blob by its light, halo and all, without that of its neighbours."""
+    """Centre of a blob weighted by its light, including its halo, without that of its neighbours."""
     left, top, wide, high = box
     radius = max(wide, high) / 2
     x, y = left + (wide - 1) / 2, top + (high - 1) / 2
@@ -225,7 +225,7 @@ def _sighting(blob: _Blob, frame: Frame) -> Sighting:
 
 
 def allowed(place: tuple[float, float], frame: Frame, settings: TrackingSettings) -> bool:
-    """Whether the settings let a light be sought at a place, px of the luma."""
+    """Whether the settings allow a light at a position, px of the luma."""
     within = settings.region_px is None or _inside(place, settings.region_px, frame)
     return within and not any(_inside(place, box, frame) for box in settings.mask_px)
 

@@ -1,7 +1,7 @@
 """Corners and centre of a square tag from the lines of its black border, with their covariance.
 
-Image coordinates of the luma, px. Along each side the edge is sought on many normals; a line through these points
-is known far better than a corner, which blur rounds off.
+Image coordinates of the luma, px. Along each side the edge is located on many normals; a line through these points is
+much more accurate than a corner, which blur rounds off.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ MOST_SCATTER_PX = 0.6  # of the points of a line: more is no straight border
 
 
 def measured_tag(luma: Image, corners: Array) -> tuple[Array, Array] | None:
-    """Centre and corners (5, 2) with covariances (5, 2, 2); None where the borders are no lines.
+    """Centre and corners (5, 2) with covariances (5, 2, 2); None if the borders are not straight.
 
     corners: (4, 2) as OpenCV finds them, to about a pixel, clockwise.
     """
@@ -98,9 +98,9 @@ def _line(luma: Image, start: Array, end: Array) -> tuple[Array, Array, Array] |
 
 
 def _centered(rising: Array, depth: Array, start: Array, reach: float) -> Array:
-    """Depth of each edge: the centre of its rise within a window about itself, so that no neighbour counts; (n,).
+    """Depth of each edge: the centre of its rise within a window, which excludes neighbouring edges; (n,).
 
-    rising: change of the luma from sample to sample on the way out (n, m) at a depth (m,), px. start: first guess (n,).
+    rising: (n, m) change of the luma between samples, outward, at depths (m,), px. start: (n,) initial depths.
     """
     offset = start
     for _ in range(STEPS):
@@ -120,7 +120,7 @@ def _points(lines: Array, frames: Array) -> Array:
 
 
 def _meet(a: Array, b: Array, c: Array, d: Array) -> Array:
-    """Where the line through a and b meets the one through c and d; NaN for parallels."""
+    """Intersection of the line through a and b with that through c and d; NaN for parallels."""
     first, second = b - a, d - c
     across = first[0] * second[1] - first[1] * second[0]
     if abs(across) < 1e-9:

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 NOT_SEEN, NO_SHAPE = ABSENT["not seen"], ABSENT["disturbed"]
 CORNERS = 4
-AROUND = 1.5  # sides of a tag that are looked at around where it was, before the whole frame is
+AROUND = 1.5  # sides of a tag: range around its last position that is searched before the whole frame
 # Families that are tried, most used first, until one of them shows a tag that is sought. A dictionary is the first so
 # many tags of its family: the smallest that holds the number is read most safely.
 FAMILIES = {
@@ -34,7 +34,7 @@ SLANTING = 2.0**0.5  # OpenCV counts the pixels of an outline: a slanting side h
 
 
 def tag_names(name: str) -> list[str]:
-    """Names of what is measured of a tag: its centre and its corners, in the order of OpenCV."""
+    """Names of the measured points of a tag: its centre and its corners, in the order of OpenCV."""
     return [name, *(f"{name}_corner{k}" for k in range(1, CORNERS + 1))]
 
 
@@ -64,7 +64,7 @@ class TagFinder:
         return found
 
     def _near(self, name: str, luma: Image) -> Array | None:
-        """Corners where the tag was, or nothing."""
+        """Corners near the last position of the tag; None if it is not there."""
         last = self._last.get(name)
         if last is None:
             return None
@@ -78,7 +78,7 @@ class TagFinder:
         return None if corners is None else corners + low
 
     def _anywhere(self, name: str, luma: Image, seen: dict[int, dict[int, Array]]) -> Array | None:
-        """Corners in the whole frame; the family that shows the tag first is the family of the tag."""
+        """Corners in the whole frame; the family with which the tag is first read becomes that of the tag."""
         for way in self._ways[name]:
             if id(way) not in seen:
                 seen[id(way)] = _detected(way, luma)
@@ -108,7 +108,7 @@ class TagFinder:
 
 
 def luma_of_8_bits(frame: Frame) -> Image:
-    """Luma as OpenCV's detectors take it."""
+    """Luma as 8-bit image for OpenCV's detectors."""
     luma: Image = frame.luma if frame.depth == 8 else np.asarray(frame.luma >> (frame.depth - 8))
     return np.ascontiguousarray(luma, np.uint8)
 
@@ -124,7 +124,7 @@ def number_of(name: str, mark: MarkSettings) -> int:
 
 
 def dictionaries(name: str, mark: MarkSettings, number: int) -> tuple[str, ...]:
-    """Dictionaries that may hold a tag, the likeliest first. Raises InputError for one that there is not."""
+    """Dictionaries that may contain a tag, most probable first. Raises InputError for an unknown dictionary."""
     if mark.dictionary is not None:
         wanted = f"DICT_{mark.dictionary.upper().removeprefix('DICT_')}"
         known = [item for item in dir(cv2.aruco) if item.startswith("DICT_")]
@@ -159,7 +159,7 @@ def _detector(name: str) -> cv2.aruco.ArucoDetector:
 def outlines(
     dictionary: str, luma: Image, least_side_px: float = LEAST_SIDE_PX
 ) -> tuple[list[tuple[int, Array]], list[Array]]:
-    """Tags of a dictionary in an image as number and corners (4, 2), and corners of squares that are none of them."""
+    """Tags of a dictionary in an image, as numbers and corners (4, 2), and corners of other squares."""
     return _outlines(_detector(dictionary), luma, least_side_px)
 
 
@@ -177,7 +177,7 @@ def _outlines(
 
 
 def _detected(detector: cv2.aruco.ArucoDetector, luma: Image, least_side_px: float = LEAST_SIDE_PX) -> dict[int, Array]:
-    """Corners (4, 2) of the tags in an image by their number; of one number the largest."""
+    """Corners (4, 2) of the tags in an image by number; of several with one number, the largest."""
     found: dict[int, Array] = {}
     for number, place in _outlines(detector, luma, least_side_px)[0]:
         if number not in found or _size(place) > _size(found[number]):

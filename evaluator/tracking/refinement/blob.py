@@ -1,8 +1,8 @@
-"""Centre of a mark of any shape: the centroid of its colour, each pixel by the share of it that the mark covers.
+"""Centre of a mark of any shape: the centroid of its colour, each pixel weighted by the share that the mark covers.
 
-The share is what a linear discriminant of luma and chroma tells (Fisher): between the colour of the blob's core and
-that of the ring around it, in the direction that the ring varies in least. An edge pixel then counts in part, a floor
-that varies in luma alone speaks through chroma, and the centroid needs no model of the shape.
+The share is a linear discriminant of luma and chroma (Fisher) between the colour of the blob's core and that of the
+ring around it, in the direction in which the ring varies least. Edge pixels count in part, chroma dominates on a floor
+that varies in luma, and no model of the shape is needed.
 
 Image coordinates, px.
 """
@@ -47,7 +47,7 @@ class Blob:
 
 
 def elongation(spread_px2: Array, path_px: tuple[float, float] = (0.0, 0.0)) -> float:
-    """Longer over shorter axis, without the smear along a path while the shutter is open; at least 1."""
+    """Longer over shorter axis, corrected for motion blur along a path; at least 1."""
     smear = np.outer(path_px, path_px) / 12.0
     small, large = np.linalg.eigvalsh(spread_px2 - smear)
     return float(np.sqrt(max(large, SHORTEST) / max(small, SHORTEST)))
@@ -56,7 +56,7 @@ def elongation(spread_px2: Array, path_px: tuple[float, float] = (0.0, 0.0)) -> 
 def blobs_around(
     frame: Frame, cell: Array, color: Array, place: tuple[float, float], half_px: float, least_px2: float
 ) -> list[Blob]:
-    """Blobs of a colour within half_px of a place, of at least least_px2; cell, color: as `color_window` takes them."""
+    """Blobs of a colour within half_px of a position, of at least least_px2; cell, color: see `color_window`."""
     assert frame.u is not None
     assert frame.v is not None
     rows, columns = frame.u.shape
@@ -99,7 +99,7 @@ def _span(middle: float, half: float, origin: float, size: float, count: int) ->
 
 
 def _members(u: Single, v: Single, color: Array) -> tuple[Single, Mask]:
-    """Chroma along the colour, and the samples that are of it, as `color_kernels.is_color` says."""
+    """Chroma along the colour, and the samples that have it by `color_kernels.is_color`."""
     du, dv = u - np.float32(color[0]), v - np.float32(color[1])
     along = du * np.float32(color[2]) + dv * np.float32(color[3])
     across = np.abs(dv * np.float32(color[2]) - du * np.float32(color[3]))
@@ -109,7 +109,7 @@ def _members(u: Single, v: Single, color: Array) -> tuple[Single, Mask]:
 def _measured(
     frame: Frame, cell: Array, color: Array, part: tuple[slice, slice], own: Mask, strength: float, *, whole: bool
 ) -> Blob | None:
-    """Measure the blob that own marks in a part of the chroma planes; None where nothing around it is to be seen."""
+    """Measure the blob in the mask `own` of a part of the chroma planes; None if no surroundings are visible."""
     assert frame.u is not None
     assert frame.v is not None
     across, down = round(cell[0]), round(cell[1] / frame.row_step)
@@ -160,7 +160,7 @@ def _grown(mask: Mask, by_px: int) -> Mask:
 
 
 def _share(planes: Single, core: NDArray[np.bool_], around: NDArray[np.bool_]) -> Array:
-    """Share of each pixel that is of the core's colour rather than of that around; planes: (3, rows, columns)."""
+    """Share of the core's colour in each pixel, the rest being that of the surroundings; planes: (3, rows, columns)."""
     inside, outside = planes[:, core].astype(float), planes[:, around].astype(float)
     middle, apart = outside.mean(axis=1), inside.mean(axis=1) - outside.mean(axis=1)
     scatter = np.cov(outside) + np.cov(inside) + LEAST_VARIANCE * np.eye(3)

@@ -77,11 +77,11 @@ class Disc:
 
     @property
     def unclear(self) -> float:
-        """Variance of the noise over the square of the contrast."""
+        """Variance of the noise over the squared contrast."""
         return self.noise / max(self.amplitude**2, 1e-9)
 
     def unlike(self, other: Disc) -> float:
-        """How differently two discs are slanted, beyond three sigmas of what noise makes of that where it is learnt."""
+        """Difference of the slants of two discs beyond three sigmas of their noise."""
         return float(np.hypot(self.e1 - other.e1, self.e2 - other.e2)) - 3.0 * (self._unsure() + other._unsure())
 
     def _unsure(self) -> float:
@@ -115,20 +115,20 @@ def tabulate(radius_px: float, blur_px: float) -> Array:
 def make_disc(
     radius_px: float, blur_px: float, slant: tuple[float, float], level: tuple[float, float], noise: float
 ) -> Disc:
-    """Build a disc with its tables. slant: e1, e2; level: amplitude, base; noise: variance."""
+    """A disc with its tables. slant: e1, e2; level: amplitude, base; noise: variance."""
     profile, slope, _ = tabulate(radius_px, blur_px)
     return Disc(radius_px, blur_px, *slant, *level, noise, profile, slope, by_square(radius_px, profile, slope))
 
 
 def shaped_as(own: Disc, shape: Disc) -> Disc:
-    """A disc of its own levels with the shape, and the noise, of another."""
+    """A disc with the levels of `own` and the shape and noise of `shape`."""
     levels = own.amplitude, own.base
     disc = make_disc(shape.radius_px, shape.blur_px, (shape.e1, shape.e2), levels, shape.noise)
     return replace(disc, edge=own.edge)
 
 
 def by_square(radius_px: float, profile: Array, slope: Array) -> NDArray[np.float32]:
-    """Profile, and slope over radius, against the square of the radius: neither root nor direction is then needed."""
+    """Profile, and slope over radius, against the squared radius, which avoids square roots in the kernels."""
     radii = np.arange(len(profile)) / PER_PX
     r = np.sqrt(np.arange(int(radii[-1] ** 2 * _per_px2(radius_px))) / _per_px2(radius_px))
     over_radius = slope / np.maximum(radii, 1e-9)

@@ -1,8 +1,8 @@
-"""A mark beside the edge of its body: out of focus or smeared, what lies beyond the edge shines into the mark's rim.
+"""A mark beside the edge of its body, where blur mixes light from beyond the edge into the mark's rim.
 
-To a fit before an even or sloping background that light is a shift of the mark, of a pixel and more where the lens
-blurs by a fifth of the mark. So the edge is fitted with the disc, blurred as the disc is, or two that meet in a right
-corner: their direction, their distances, and how much lighter or darker it is beyond.
+A fit with uniform or linear background would be shifted by this light, by a pixel and more if the blur is a fifth of
+the mark. Therefore the edge, or two edges that meet at a right angle, are fitted together with the disc, with the same
+blur: their direction, their distances, and the difference of light beyond them.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ TURNED = 0.3  # rad: a step of the edge's direction
 
 @dataclass(frozen=True)
 class View:
-    """What an edge is fitted to: pixels around a mark, its disc and smear; noise: variance, softness."""
+    """Data of the fit: pixels around a mark, its disc and motion blur; noise: variance, softness."""
 
     patch: Patch
     disc: Disc
@@ -43,10 +43,10 @@ class View:
 
 
 def find_edge(view: View, plain: Array, sloped: Array, last: Edge | None = None) -> tuple[Array, Edge] | None:
-    """Fit a disc and an edge beside it where they explain what is seen better than a sloping background does.
+    """Fit a disc and an edge beside it, if they explain the pixels better than a linear background does.
 
-    plain, sloped: what `kernels.fit_disc` gives without and with slopes. last: the edge as it was seen before. Returns
-    the numbers of `kernels.fit_disc`, and the edge; None where there is none beside the mark.
+    plain, sloped: results of `kernels.fit_disc` without and with slopes. last: the edge in an earlier frame. Returns
+    results as of `kernels.fit_disc`, and the edge; None if there is no edge beside the mark.
     """
     disc, patch = view.disc, view.patch
     reach = disc.outer_px + AROUND * disc.blur_px
@@ -66,31 +66,31 @@ def find_edge(view: View, plain: Array, sloped: Array, last: Edge | None = None)
 
 
 def matters(plain: Array, sloped: Array) -> bool:
-    """Whether the light beside a mark slopes so that its edge may shift it; as of `find_edge`."""
+    """Whether the slope of the background is so large that an edge may shift the mark; arguments of `find_edge`."""
     shift = sloped[: kernels.Y + 1] - plain[: kernels.Y + 1]
     return bool(shift @ shift > SHIFTED**2 * plain[[kernels.VAR_X, kernels.VAR_Y]].sum())
 
 
 def _thinned(patch: Patch) -> Patch:
-    """Some samples, spread evenly: enough to tell where to begin."""
+    """Some samples, spread evenly, sufficient for initial values."""
     every = slice(None, None, 1 + len(patch.value) // (20 * UNKNOWNS))
     return replace(patch, x=patch.x[every], y=patch.y[every], value=patch.value[every])
 
 
 def _left(fitted: Array) -> float:
-    """Squares over the noise that are left of a fit with an edge."""
+    """Residual squares over the noise of a fit with an edge."""
     return float(fitted[kernels.RESIDUAL] * (fitted[kernels.USED] * fitted[kernels.PIXELS] - UNKNOWNS))
 
 
 def without_edge(patch: Patch, disc: Disc, fitted: Array, edge: Edge) -> Patch:
-    """The patch as it would be if its even background went on beyond the edge."""
+    """The patch corrected to a uniform background beyond the edge."""
     state = np.array([*fitted[: kernels.BASE + 1], *edge])
     beyond = _beyond(patch.x - state[0], patch.y - state[1], (disc.blur_px, disc.blur_px), state)[0]
     return replace(patch, value=patch.value - edge.height * beyond)
 
 
 def _anywhere(disc: Disc, sloped: Array) -> list[tuple[float, float, float]]:
-    """Angles and distances to begin with: an edge or a corner on the light or the dark side of the slope."""
+    """Initial angles and distances: an edge or a corner on the light or the dark side of the slope."""
     across = float(np.arctan2(sloped.item(kernels.SLOPE_Y), sloped.item(kernels.SLOPE_X)))
     far = disc.outer_px + FAR * disc.blur_px
     starts = []
@@ -102,7 +102,7 @@ def _anywhere(disc: Disc, sloped: Array) -> list[tuple[float, float, float]]:
 
 
 class _Model:
-    """Luma of a disc beside an edge; what is unknown: x, y, amplitude, base, angle, distance, aside, height."""
+    """Luma of a disc beside an edge; unknowns: x, y, amplitude, base, angle, distance, aside, height."""
 
     def __init__(self, view: View) -> None:
         self._view = view
@@ -112,7 +112,7 @@ class _Model:
         self._radii = np.arange(len(view.disc.profile)) / PER_PX
 
     def __call__(self, state: Array) -> tuple[Array, Array]:
-        """Luma, (n,), and its slopes by what is unknown, (n, UNKNOWNS)."""
+        """Luma, (n,), and its derivatives by the unknowns, (n, UNKNOWNS)."""
         disc, offsets = self._view.disc, self._offsets
         dx, dy = self._x - state[0], self._y - state[1]
         profile, steep_x, steep_y = np.zeros_like(dx), np.zeros_like(dx), np.zeros_like(dx)
@@ -140,25 +140,25 @@ class _Model:
         return tuple(float(np.sqrt(self._view.disc.blur_px**2 + path / 12.0)) for path in across)  # type: ignore[return-value]
 
     def levelled(self, state: Array) -> tuple[float, Array]:
-        """The state with the amplitude, base and height that fit best, after the squares that are left of it."""
+        """Residual squares, and the state with the best amplitude, base and height."""
         levels, state = [2, 3, HEIGHT], state.copy()
         shown = self(state)[1][:, levels]
         state[levels] = np.linalg.lstsq(shown, self._value, rcond=None)[0]
         return float(np.sum((self._value - shown @ state[levels]) ** 2)), state
 
     def _cost(self, residual: Array) -> float:
-        """Squares whose growth ends where their weight does: the integral of 2r/(1 + (r/s)⁴)."""
+        """Robust cost with bounded growth: the integral of 2r/(1 + (r/s)⁴)."""
         far = self._view.noise[0] * self._view.noise[1] ** 2
         return float(np.sum(far * np.arctan(residual**2 / far)))
 
     def cost_of_slope(self, sloped: Array) -> float:
-        """Squares over the noise that a disc before a sloping background leaves; sloped: of `kernels.fit_disc`."""
+        """Residual squares over the noise of a disc on a linear background; sloped: result of `kernels.fit_disc`."""
         even = np.array([*sloped[: kernels.BASE + 1], 0.0, np.inf, np.inf, 0.0])
         tilt = sloped[kernels.SLOPE_X] * (self._x - even[0]) + sloped[kernels.SLOPE_Y] * (self._y - even[1])
         return self._cost(self._value - self(even)[0] - tilt) / self._view.noise[0]
 
     def fit(self, state: Array) -> tuple[Array, Edge] | None:
-        """Fit all by Levenberg and Marquardt; as `find_edge` returns it."""
+        """Fit all unknowns by Levenberg-Marquardt; returns as `find_edge`."""
         (noise, softness), disc = self._view.noise, self._view.disc
         damping, best, cost = 1e-3, state, np.inf
         largest = LARGEST * disc.radius_px

@@ -1,7 +1,7 @@
 """The fast path: processing of a mark in a frame without anything unusual.
 
-`fit_mark` looks for the mark's colour where it should be, fits its disc there, and says whether anything is unusual:
-`follow` then takes the slow path. Afterwards `settle` lets what is usual follow what was measured.
+`fit_mark` finds the mark's colour near its predicted position, fits its disc there, and reports whether anything is
+unusual; `follow` then takes the slow path. Afterwards `settle` updates the usual values with the measurement.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def fit_mark(
     reach: float, path_x: float, path_y: float, color: Array, usual: Array, disc: Array, table: NDArray[np.float32],
     noise: Array, start: Array, found: Array, result: Array,
 ) -> int:  # fmt: skip
-    """Look for a mark within reach of (x, y), px, and fit its disc there.
+    """Find a mark within reach of (x, y), px, and fit its disc there.
 
     cell, color, found: of `color_window`. path_x, path_y: px that it moves while the shutter is open. usual: see the
     names at the top. disc, table, noise, start, result: of `fit_disc`; start and disc's smear are filled here.
@@ -73,13 +73,13 @@ def fit_mark(
 
 
 def smear(disc: Array, path_x: float, path_y: float) -> None:
-    """Smear the disc as its motion does. Beyond a diameter it is a wrong velocity sooner than a fast mark."""
+    """Set the motion blur of a disc, at most a diameter: beyond it the velocity is probably wrong."""
     keep = min(1.0, 2.0 * disc.item(0) / (math.sqrt(path_x * path_x + path_y * path_y) + 1e-9))
     disc[5], disc[6] = path_x * keep, path_y * keep
 
 
 def settle(usual: Array, noise: Array, color: Array, found: Array, result: Array) -> None:
-    """Let what is usual of a mark follow what was just measured of it."""
+    """Update the usual values of a mark with its last measurement."""
     amplitude, base, scatter, least, _ = usual.tolist()
     measured, residual = result.item(AMPLITUDE), result.item(RESIDUAL)
     # Lights change slowly, or at once.
@@ -100,5 +100,5 @@ def settle(usual: Array, noise: Array, color: Array, found: Array, result: Array
 
 
 def _follow_rate(measured: float, usual: float) -> float:
-    """Share of a new value in what is usual."""
+    """Weight of a new value in the usual one."""
     return 0.1 if usual and 1.0 / BRIGHTER < measured / usual < BRIGHTER else 1.0

@@ -1,4 +1,4 @@
-"""Compiled inner loops: where exactly a disc is in the luma.
+"""Compiled inner loops: sub-pixel position of a disc in the luma.
 
 Image coordinates, px. Luma row j lies at y = row_origin + row_step·j. Numbers only in and
 out; the meaning is in disc.py and follow.py.
@@ -56,7 +56,7 @@ def fit_disc(
 
 @compiled(nogil=True)
 def _fit_disc(luma, row_origin, row_step, start, sloping, disc, table, path, noise, result, work):
-    """Do what `fit_disc` does but for INSIDE; returns whether the frame's border cuts what was fitted.
+    """Do what `fit_disc` does except for INSIDE; returns whether the frame's border cuts the fitted pixels.
 
     path: of `path_of`, or None. work: (WORK_ROWS, UNKNOWNS), zeros. One kernel with and without slopes, with a loop
     over the pixels for either.

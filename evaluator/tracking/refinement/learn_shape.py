@@ -1,4 +1,4 @@
-"""The shape of a mark, learnt from frames of it: one disc in all, its centre, levels and slopes free in each."""
+"""The shape of a mark, learnt from several frames: one disc for all, with centre, levels and slopes free in each."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def cut_patch(
 
 @dataclass(frozen=True)
 class _Samples:
-    """Those of all patches in turn. x, y, value, weight: (n,). first: where each patch's begin, (m + 1,)."""
+    """Samples of all patches, concatenated. x, y, value, weight: (n,). first: (m + 1,), first sample of each patch."""
 
     x: Array
     y: Array
@@ -58,10 +58,10 @@ class _Samples:
 def learn_disc(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0) -> Steps[Disc]:
     """Learn radius, blur and slant common to all patches, with centre, amplitude and background free in each.
 
-    Gives way after every step of the fit, and returns the disc: run it by `finished`, or a step a frame. The
-    background may slope in each patch: glare that was there from the start is no part of the shape. radius_px, blur_px:
-    about what they are. Where some pixels are not the disc's (a wire, a glint), they lose their weight in a second and
-    third round. Raises LinAlgError where the patches do not determine a disc.
+    A generator that yields after every step of the fit and returns the disc: run it by `finished`, or one step per
+    frame. The background may slope in each patch, so that constant glare does not change the shape. radius_px,
+    blur_px: initial values. Pixels that do not belong to the disc (a wire, a glint) lose their weight in a second and
+    third round. Raises LinAlgError if the patches do not determine a disc.
     """
     x, y, value = (np.concatenate([getattr(patch, name) for patch in patches]) for name in ("x", "y", "value"))
     first = np.cumsum([0, *(len(patch.value) for patch in patches)])
@@ -87,7 +87,7 @@ def learn_disc(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0)
 
 
 def finished(steps: Steps[Learnt]) -> Learnt:
-    """Take all steps of something at once; returns what it returns."""
+    """Run all steps of a generator; returns its result."""
     while True:
         try:
             next(steps)
@@ -96,9 +96,9 @@ def finished(steps: Steps[Learnt]) -> Learnt:
 
 
 def _solve(samples: _Samples, shared: Array, own: Array) -> Steps[tuple[Array, Array, Array]]:
-    """Variable projection by Levenberg and Marquardt: each patch's own unknowns are eliminated (Schur complement).
+    """Variable projection by Levenberg-Marquardt: the unknowns of each patch are eliminated (Schur complement).
 
-    Returns what is shared, what is each patch's own (m, OWN), and the residuals, NaN beyond the pixels used.
+    Returns the shared unknowns, those of each patch (m, OWN), and the residuals, NaN beyond the pixels used.
     """
     damping, cost = 1e-3, np.inf
     best, pixels, keep = (shared, own, samples.value), 1, None
@@ -139,7 +139,7 @@ def _levels(patch: Patch, radius_px: float) -> tuple[float, float]:
 def _pooled(
     samples: _Samples, shared: Array, own: Array
 ) -> tuple[tuple[Array, Array, Array, Array], float, Array, int]:
-    """Normal equations of the shared unknowns, with each patch's own step at no move and its derivative by the move.
+    """Normal equations of the shared unknowns, and each patch's step at fixed shared ones with its derivative by them.
 
     Returns these four, the sum of the weighted squares, the residuals, NaN beyond the pixels used, and their number.
     """

@@ -1,9 +1,9 @@
-"""Compiled: what a disc looks like that moves while the shutter is open: the mean of it over its path.
+"""Compiled: motion blur of a disc, the mean of its image over its path during the exposure.
 
-Close to a straight edge that mean is an edge with more blur; beyond some blurs' length it is not, and with a path of a
-radius or more a mark has neither edge nor flat inside any more. So it is summed, at the two points of Gauss in each of
-equal parts of the path: of parts no longer than two blurs the sum is exact to 0.14 % of the amplitude, whatever the
-length (0.7 % with three, 0.04 % with one).
+For a short path the mean of an edge is an edge with more blur; for longer ones it is not, and with a path of a radius
+or more a mark has neither an edge nor a flat interior. The mean is therefore computed at the two Gauss points in each
+of equal parts of the path: for parts no longer than two blurs it is exact to 0.14 % of the amplitude at any length
+(0.7 % with three, 0.04 % with one).
 """
 # mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
 # ruff: noqa: ANN001, ANN201, ANN202 - numba infers the types
@@ -19,16 +19,15 @@ from calibration.compilation import compiled
 
 PART = 2.0  # blurs
 GAUSS = 0.5 / math.sqrt(3.0)  # of a part: from its middle to its two points
-# Square of a path over that of the blur up to which it is no smear: what it adds to the variance of the edge, 1/24 of
-# that of the blur, shifts nothing.
+# Squared path over squared blur up to which motion blur is neglected: it adds 1/24 to the variance of the edge.
 SHORT = 0.5
 
 
 def path_of(disc: NDArray[np.float64]) -> NDArray[np.float32] | None:
-    """Points of a disc's path: displacement from its middle along x and y, px, and what a slant makes of it; (n, 4).
+    """Points of a disc's path: displacement from its middle along x and y, px, without and with the slant; (n, 4).
 
-    disc: as `kernels.fit_disc` takes it. None where it moves so little that it is not smeared: kernels are compiled for
-    smeared discs only where there is one.
+    disc: see `kernels.fit_disc`. None if motion blur is negligible, so that kernels for motion blur are compiled only
+    when needed.
     """
     _, blur, _, _, _, along_x, along_y, _ = disc.tolist()
     length2 = along_x * along_x + along_y * along_y

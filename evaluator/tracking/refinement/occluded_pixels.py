@@ -73,7 +73,7 @@ def smooth(planes):
 
 
 def stands_out(planes: Array, used: Mask, amplitude: float, noise: float, core: tuple[float, float]) -> bool:
-    """Whether anything across the mark is beyond doubt, and more than a small shift explains."""
+    """Whether an occlusion is significant and not explained by a small shift of the mark."""
     most = _excess(planes, used)
     return bool(
         most > core[1] * abs(amplitude) and most > core[0] * trimmed(planes, LEFT, used, 2.0 * math.sqrt(noise))
@@ -81,13 +81,13 @@ def stands_out(planes: Array, used: Mask, amplitude: float, noise: float, core: 
 
 
 def _excess(planes: Array, used: Mask) -> float:
-    """Most that a mean of 3 × 3 residuals is beyond what a small shift explains."""
+    """Largest 3 × 3 mean of the residuals beyond that of a small shift."""
     steep = np.sqrt(planes[ALONG_X] ** 2 + planes[ALONG_Y] ** 2)
     return float(np.max(np.abs(planes[MEAN]) - CORE_OFF_PX * steep, initial=0.0, where=used))
 
 
 def trimmed(planes: Array, plane: int, used: Mask, scale: float) -> float:
-    """Sigma of the values used of a plane, without those far off; scale: more than it is."""
+    """Sigma of the used values of a plane, without outliers; scale: an upper bound of it."""
     squares = planes[plane][used] ** 2
     for _ in range(3):
         near = squares[squares < (2.5 * scale) ** 2]
@@ -96,14 +96,14 @@ def trimmed(planes: Array, plane: int, used: Mask, scale: float) -> float:
 
 
 def scale_of(planes: Array, used: Mask, noise: float) -> float:
-    """Sigma of the mean of 3 × 3 residuals, without those far off: what the frame's own errors have in common."""
+    """Sigma of the 3 × 3 means of the residuals, without outliers: errors of the frame shared by neighbours."""
     least = math.sqrt(noise) / 3.0
     return float(min(max(trimmed(planes, MEAN, used, 6.0 * least), least), MOST * least))
 
 
 @compiled(nogil=True)
 def cover(planes, used, scale, off_px, covered):  # noqa: C901 - one loop
-    """Mark the pixels that are covered, and those beside them; returns the share of the information they have."""
+    """Mark occluded pixels and those beside them; returns their share of the information."""
     tall, wide = used.shape
     total = lost = 0.0
     for j in range(tall):

@@ -1,14 +1,14 @@
 """Fit of the visible part of a mark that is occluded by a wire, a glint or a scratch.
 
-Weights that single pixels lose as outliers keep the inside of a wire out of a fit, but not its blurred flanks, each of
-whose pixels is within the noise: together they pull. What lies across shows in residuals that neighbouring pixels
-share. Where their mean over 3 × 3 pixels is more than noise and a small shift of the mark explain, it and the pixels
-around it (the blur's reach) are left out, and the rest is fitted; the shift that is allowed for shrinks from step to
-step, since at first it is the mark that may be off.
+Outlier weights of single pixels exclude the inside of a wire from a fit, but not its blurred flanks: each of their
+pixels is within the noise, but together they shift the fit. An occlusion shows in residuals that neighbouring pixels
+share. If their mean over 3 × 3 pixels is larger than noise and a small shift of the mark explain, it and the pixels
+around it (within the blur) are excluded and the rest is fitted. The allowed shift decreases from step to step, since
+the initial position may be wrong.
 
-What remains are errors that the pixels of one part of the rim share. Parts of the rim err independently, so that the
-steps that the centre makes as each of them is left out (the jackknife) tell its uncertainty, whatever the errors
-within a part have in common.
+The remaining errors are shared by the pixels of one part of the rim. Different parts are independent, so that the
+changes of the centre when each part is left out (the jackknife) give its uncertainty, whatever the correlation within a
+part.
 """
 # mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
 # ruff: noqa: ANN001, ANN202 - numba infers the types
@@ -99,7 +99,7 @@ def _fit_window(
     luma: Array, place: tuple[float, float, int], fitted: Array, disc: Array, table: NDArray[np.float32], noise: Array,
     result: Array, covered: NDArray[np.bool_], core: tuple[float, float], least: float,
 ) -> tuple[float, float]:  # fmt: skip
-    """Do what `fit_uncovered` does, in a window; place: y of its first row, step of its rows, its first column.
+    """`fit_uncovered` in a window; place: y of its first row, step of its rows, its first column.
 
     Its kernels are compiled one by one, most of them only where something stands out: in one piece they took a third of
     all that the tracker compiles.
@@ -151,7 +151,7 @@ def _fit_window(
 class Parts:
     """Normal equations of each part of the rim: products (PARTS, 6, 6) and right hand sides, pulls (PARTS, 6).
 
-    normal: (6, 6), sum of them, and its factor below; move: (6,), the step that they make.
+    normal: (6, 6), their sum, with its Cholesky factor in the lower triangle; move: (6,), the resulting step.
     """
 
     products: Array
@@ -160,11 +160,11 @@ class Parts:
     move: Array
 
     def step(self, size: int, without: int = -1) -> bool:
-        """Solve for the step of the first unknowns that all parts but one (-1: all) make; False where singular."""
+        """Solve for the step of the first `size` unknowns from all parts but one (-1: from all); False if singular."""
         return bool(_step(self.products, self.pulls, without, size, self.normal, self.move, np.empty(6)))
 
     def sloping(self) -> bool:
-        """Whether the light behind the mark slopes: whether two more unknowns bring the squares down by SLOPING."""
+        """Whether the background slopes: whether two slopes reduce the squares by SLOPING."""
         trial, fall = replace(self, move=np.zeros(6)), 0.0
         for size in (4, 6):
             if not trial.step(size):
@@ -173,7 +173,7 @@ class Parts:
         return fall > SLOPING
 
     def jackknife(self, size: int) -> float:
-        """Sum of the squares, px², of the steps that the centre makes as each part of the rim is left out."""
+        """Sum of squares, px², of the changes of the centre when each part of the rim is left out."""
         total = 0.0
         for part in range(PARTS):
             if self.products[part, 0, 0] + self.products[part, 1, 1] > 0.0:
@@ -240,7 +240,7 @@ def _pull(planes, used, covered, state, noise, top_y, row_step, left, split, pro
 
 @compiled(nogil=True)
 def _step(products, pulls, without, size, normal, move, right):
-    """Solve for the step that all parts of the rim make but one (-1: all); False where singular. Fills normal, too."""
+    """Solve for the step from all parts of the rim except one (-1: from all); False if singular. Fills normal, too."""
     for m in range(size):
         right[m] = 0.0
         for n in range(m, size):

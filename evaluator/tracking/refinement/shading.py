@@ -1,4 +1,4 @@
-"""Uneven light shifts the fitted centre of a mark toward its brighter side; measured inside the mark and taken out.
+"""Uneven light, which shifts the fitted centre of a mark toward its brighter side: measured inside the mark, corrected.
 
 A disc whose luma is (base + amplitude·P)·(1 + β·d), d from its centre, is fitted by the even model with its centre
 shifted by β·(½∫P² + (base/amplitude)∫P) / (π∫P'²r dr), about √π·s·R·β: 0.01 px at R = 20, s = 0.8 where the light falls
@@ -19,8 +19,8 @@ from evaluator.tracking.refinement.disc import PER_PX, Disc
 
 Array = NDArray[np.float64]
 
-# What lenses and lamps do (1 sigma): light changes by 0.1 % a pixel, and that by 1e-3 over 200 px. Without enough
-# frames the prior wins, and nothing is taken out.
+# Prior (1 sigma) from lenses and lamps: light changes by 0.1 % per pixel, and this slope by 1e-3 over 200 px. Without
+# enough frames the prior dominates, and nothing is corrected.
 PRIOR = np.diag([1e-3, 5e-6, 5e-6]) ** 2
 LEAST = 8
 FAR, ROUNDS = 4.0, 3  # sigmas beyond which a slope is not the light's; fits, each without the last one's outliers
@@ -43,16 +43,16 @@ class Shading:
 
 
 def interior_px(disc: Disc) -> float:
-    """Radius within which the blurred edge takes less than 1 % of the luma; 0 where that is too small to measure.
+    """Radius within which the blurred edge changes the luma by less than 1 %; 0 if that is too small to measure.
 
-    Below 4 px a codec's blocks and the blur itself look like slopes, and the shift they stand for is below 0.005 px.
+    Below 4 px, codec blocks and blur look like slopes, and the corresponding shift is below 0.005 px.
     """
     inner = disc.radius_px - 2.5 * disc.blur_px
     return inner if inner > 4.0 else 0.0
 
 
 class LightNotes:
-    """Slopes of the luma inside a mark, gathered on its way."""
+    """Slopes of the luma inside a mark, collected during tracking."""
 
     def __init__(self) -> None:
         """Start with none."""
@@ -63,11 +63,11 @@ class LightNotes:
         self._sloped: set[float] = set()
 
     def note_fit(self, time_s: float, *, sloped: bool) -> None:
-        """Note whether the fit at a time took out a slope itself: what it gives is not shifted any more."""
+        """Record whether the fit at a time included a slope, so that its centre is not shifted."""
         (self._sloped.add if sloped else self._sloped.discard)(time_s)
 
     def shifted(self, time_s: Array) -> NDArray[np.bool_]:
-        """Whether uneven light shifts the centres that were fitted at times (n,)."""
+        """Whether the centres fitted at times (n,) are shifted by uneven light."""
         return ~np.isin(time_s, list(self._sloped))
 
     def note(self, frame: Frame, place: tuple[float, float]) -> None:
@@ -80,7 +80,7 @@ class LightNotes:
         self._slopes.append((float(self._slope[0]), float(self._slope[1])))
 
     def learnt(self, disc: Disc) -> Shading | None:
-        """Uneven light as far as all notes tell; disc: of the mark."""
+        """Uneven light from all records; disc: of the mark."""
         if not self._places:
             return None
         return learn_shading(disc, self._black, np.array(self._places), np.array(self._slopes))
@@ -99,7 +99,7 @@ def learn_shading(disc: Disc, black: float, centers_px: Array, slopes: Array) ->
     basis, beta = _basis(centers_px[seen], origin), slopes[seen] / light
     usual = np.median(beta, axis=0)
     for _ in range(ROUNDS):
-        # A wire or a glare that passes makes slopes thirty times those of the light: they have no say.
+        # A passing wire or glare causes slopes thirty times those of the light: outliers.
         off = beta - usual
         spread = 1.4826 * np.median(np.abs(off), axis=0) + 1e-9
         kept = (np.abs(off) < FAR * spread).all(axis=1)

@@ -1,4 +1,4 @@
-"""The slow path of a mark that was just fitted: whether light slopes across it, what covers it."""
+"""The slow path of a fitted mark: sloping background, occlusion, edge of the body."""
 
 from __future__ import annotations
 
@@ -61,23 +61,23 @@ class SlowPath:
     occluded: bool = False
 
     def __post_init__(self) -> None:
-        """Make the arrays that the kernels read and fill."""
+        """Allocate the arrays of the kernels."""
         self.edge: Edge | None = None
         self.edge_lately = 0 if self.shape.edge is None else WATCHED
         self.sloped, self.unoccluded = np.zeros(kernels.RESULTS), np.zeros(kernels.RESULTS)
 
     def begin(self, frame: Frame) -> bool:
-        """Forget the frame before; whether this one takes the slow path even if the mark looks well."""
+        """Reset for a new frame; returns whether it takes the slow path even if the mark looks normal."""
         self.occluded = False
         return self.watch > 0 or self.edge_lately > 0 or self.regular(frame)
 
     @staticmethod
     def regular(frame: Frame) -> bool:
-        """Whether a frame takes the slow path by its number, though nothing is odd."""
+        """Whether a frame takes the slow path because of its number, without any anomaly."""
         return not frame.index & LOOKOUT_MASK
 
     def fit(self, frame: Frame, start: Array) -> None:
-        """Fit the disc before a level background."""
+        """Fit the disc on a uniform background."""
         self._fit(frame, start, sloping=False, result=self.result)
 
     def _fit(self, frame: Frame, start: Array, *, sloping: bool, result: Array) -> None:
@@ -85,9 +85,9 @@ class SlowPath:
         kernels.fit_disc(*where, start, sloping, self.disc, self.table, self.noise, result)
 
     def refit(self, frame: Frame, *, suspicious: bool) -> bool:
-        """Fit a sloping background too, or what shows beside something in the way; keep the one that is there.
+        """Also fit a sloping background, an edge, or the visible part of the mark, and accept the one that is present.
 
-        Returns whether one was kept.
+        Returns whether one was accepted.
         """
         result, sloped = self.result, self.sloped
         if not result[kernels.X] < np.inf:
@@ -111,7 +111,7 @@ class SlowPath:
         return True
 
     def _keep_slope(self, frame: Frame, *, suspicious: bool) -> bool:
-        """Keep the fit with a slope where the slope is there: the onset of glare or shadow; else the plain one."""
+        """Accept the fit with a slope if the slope is significant (glare or shadow); else the plain one."""
         residual = self.result.item(kernels.RESIDUAL)
         sloping = self._sloping()
         taken = (sloping and (suspicious or self._glares(frame))) or (suspicious and residual >= fast_path.DISTURBED)
@@ -122,18 +122,18 @@ class SlowPath:
         return taken
 
     def _sloping(self) -> bool:
-        """Whether the light slopes across the mark by more than chance."""
+        """Whether the slope of the light across the mark is significant."""
         result, sloped = self.result, self.sloped
         fall = result.item(kernels.RESIDUAL) - sloped.item(kernels.RESIDUAL)
         return bool(fall * result.item(kernels.PIXELS) > SLOPING)
 
     def _share(self, share: float, other: Array) -> tuple[float, float]:
-        """Share of the way from the plain fit's centre to another's, px."""
+        """A share of the vector from the plain fit's centre to another's, px."""
         x, y = share * (other[: kernels.Y + 1] - self.result[: kernels.Y + 1])
         return float(x), float(y)
 
     def _fit_beside_edge(self, frame: Frame) -> Array | None:
-        """Fit the edge of the body beside the mark; None where nothing slopes, or a slope explains it as well."""
+        """Fit the edge of the body beside the mark; None without a slope, or if a slope explains the pixels as well."""
         sloping = self._sloping() and matters(self.result, self.sloped)
         if self.edge_lately < 0 or not (self.edge_lately or sloping):
             return None
@@ -158,7 +158,7 @@ class SlowPath:
         return fitted
 
     def _keep_edge(self, edge: Array) -> bool:
-        """Keep the fit beside an edge."""
+        """Accept the fit beside an edge."""
         self.occluded, self.occluded_lately, self.watch = False, self.occluded_lately - 1, WATCHED
         self.edge_lately = WATCHED
         self.shift = self._share(EDGED, edge)
@@ -166,19 +166,19 @@ class SlowPath:
         return True
 
     def _fit_unoccluded(self, frame: Frame, fitted: Array, least: float) -> tuple[float, float]:
-        """Fit what shows beside something that covers the mark; least, and what is returned: of `fit_uncovered`."""
+        """Fit the visible part of an occluded mark; least and results: see `fit_uncovered`."""
         where = frame.luma, frame.row_origin, frame.row_step
         core = CORE_EXPECTED if self.occluded_lately > 0 else CORE
         return fit_uncovered(*where, fitted, self.disc, self.table, self.noise, self.unoccluded, None, core, least)
 
     def _sound(self, share: float) -> bool:
-        """Whether a fit beside something that covers a share of the mark tells where the mark is."""
+        """Whether the fit of a mark that is occluded by this share is reliable."""
         unoccluded = self.unoccluded
         sure = unoccluded[kernels.VAR_X] + unoccluded[kernels.VAR_Y] < 2.0 * (AGREED * self.shape.blur_px) ** 2
         return bool(0.0 < share < 1.0 - LEFT and sure and unoccluded[kernels.RESIDUAL] < fast_path.DISTURBED)
 
     def _glares(self, frame: Frame) -> bool:
-        """Whether the fitted slope is a reflection: strong enough, and inside the mark too, unlike a body's edge."""
+        """Whether the fitted slope is a reflection: large enough, and also inside the mark, unlike a body's edge."""
         x, y, slope = self.sloped[0], self.sloped[1], self.sloped[kernels.SLOPE_X : kernels.SLOPE_Y + 1]
         inner, inside = self.inner_px, np.zeros(2)
         if inner < SMALLEST_PX or np.hypot(*slope) < GLARING * abs(self.sloped[kernels.AMPLITUDE]):
